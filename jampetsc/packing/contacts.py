@@ -1,0 +1,149 @@
+"""Contacts of a packing: bond vectors to the last bit, overlaps, forces, rattlers, pressure and stress."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.neighbours import neighbour_pairs
+
+TOUCH = 1e-6  # a contact that carries less than this fraction of p·d only just touches and does not count
+ROUNDING = 1e-14  # … nor does one whose force is within rounding of none, in units of k·d
+RIGID = 3  # fewer contacts than this cannot hold a disk in two dimensions
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """M contacts, structure of arrays. Bond vectors point from i to j: r = x_j − x_i + image · cell."""
+
+    i: np.ndarray  # (M,)
+    j: np.ndarray  # (M,)
+    r: np.ndarray  # (M, 2) bond vector
+    distance: np.ndarray  # (M,) |r|
+    overlap: np.ndarray  # (M,) δ = ρ_i + ρ_j − |r| > 0
+    sigma: np.ndarray  # (M,) ρ_i + ρ_j
+    force: np.ndarray  # (M,) f = −dV/dr
+    stiffness: np.ndarray  # (M,) d²V/dr², the k of BT eq. 4
+
+    def __len__(self):
+        return len(self.i)
+
+    def __getitem__(self, selection) -> "Contacts":
+        """The contacts of a mask or an index array."""
+        return Contacts(*(getattr(self, f.name)[selection] for f in fields(self)))
+
+    @property
+    def normal(self):
+        """n = r/|r|, (M, 2)."""
+        return self.r / self.distance[:, None]
+
+    @property
+    def transverse(self):
+        """t = ẑ × n, (M, 2)."""
+        n = self.normal
+        return np.column_stack((-n[:, 1], n[:, 0]))
+
+
+def bond_vectors(disks: Disks, i, j, image):
+    """x_j − x_i + image · cell, (M, 2), rounded once: the bases cancel exactly, the offsets are tiny."""
+    shift_base = image @ disks.cell_base
+    shift_offset = image @ disks.cell_offset
+    coarse = (disks.base[j] - disks.base[i]) + shift_base
+    return coarse + ((disks.offset[j] - disks.offset[i]) + shift_offset)
+
+
+def find_contacts(disks: Disks, rows=None) -> Contacts:
+    """All overlapping pairs, just touching ones included; `rows` as for `neighbour_pairs`."""
+    i, j, image = neighbour_pairs(disks.positions, disks.radii, disks.cell, skin=1e-9 * disks.radii.max(), rows=rows)
+    r = bond_vectors(disks, i, j, image)
+    distance = np.hypot(r[:, 0], r[:, 1])
+    sigma = disks.radii[i] + disks.radii[j]
+    overlap = sigma - distance
+    touching = overlap > 0
+    i, j, r, distance, sigma, overlap = (a[touching] for a in (i, j, r, distance, sigma, overlap))
+    law = disks.potential
+    return Contacts(
+        i, j, r, distance, overlap, sigma, law.force(overlap, sigma), law.contact_stiffness(overlap, sigma)
+    )
+
+
+def force_threshold(disks: Disks, pressure: float) -> float:
+    """Force above which a contact counts: max(1e-6 p d, 1e-14 k d), with d the mean diameter.
+
+    Disks that only just touch carry no load, yet would add their stiffness to K and shift G* by per cents.
+    """
+    d = 2.0 * float(np.mean(disks.radii))
+    return max(TOUCH * pressure * d, ROUNDING * disks.potential.k * d)
+
+
+def virial_pressure(contacts: Contacts, area: float) -> float:
+    """p = Σ f r / (2V)."""
+    return float(np.dot(contacts.force, contacts.distance)) / (2.0 * area)
+
+
+def stress_tensor(contacts: Contacts, area: float):
+    """σ_ab = −Σ f r_a r_b / (|r| V), (2, 2): compression is negative, p = −tr σ / 2."""
+    weighted = contacts.r * (contacts.force / contacts.distance)[:, None]
+    return -(weighted.T @ contacts.r) / area
+
+
+def find_rattlers(n: int, contacts: Contacts):
+    """Mask (N,) of disks with fewer than three contacts, after removing such disks again and again."""
+    rattler = np.zeros(n, bool)
+    alive = np.ones(len(contacts), bool)
+    while True:
+        count = np.bincount(contacts.i[alive], minlength=n) + np.bincount(contacts.j[alive], minlength=n)
+        loose = (count < RIGID) & ~rattler
+        if not loose.any():
+            return rattler
+        rattler |= loose
+        alive &= ~(rattler[contacts.i] | rattler[contacts.j])
+
+
+def net_forces(n: int, contacts: Contacts):
+    """Sum of contact forces on each disk, (N, 2)."""
+    pull = contacts.normal * contacts.force[:, None]
+    forces = np.empty((n, 2))
+    for axis in range(2):
+        forces[:, axis] = np.bincount(contacts.j, pull[:, axis], minlength=n)
+        forces[:, axis] -= np.bincount(contacts.i, pull[:, axis], minlength=n)
+    return forces
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Static state of a packing: what `pack` records and `info` prints."""
+
+    contacts: Contacts  # the load-bearing ones, between disks that are not rattlers
+    rattlers: np.ndarray  # (N,) mask
+    pressure: float  # p = Σ f r / (2V) over all overlaps
+    energy: float  # U, total
+    stress: np.ndarray  # (2, 2)
+    max_force: float  # largest net force on a disk that is not a rattler
+    threshold: float  # force above which a contact counts
+
+    @property
+    def coordination(self) -> float:
+        """Z = 2 N_c / (N − N_rattlers)."""
+        held = int(np.count_nonzero(~self.rattlers))
+        return 2.0 * len(self.contacts) / held if held else 0.0
+
+
+def measure(disks: Disks) -> State:
+    """Contacts, rattlers, p, U, stress and force residual of a packing."""
+    every = find_contacts(disks)
+    pressure = virial_pressure(every, disks.area)
+    threshold = force_threshold(disks, pressure)
+    loaded = every[every.force > threshold]
+    rattlers = find_rattlers(disks.n, loaded)
+    backbone = loaded[~(rattlers[loaded.i] | rattlers[loaded.j])]
+    residual = net_forces(disks.n, every)[~rattlers]
+    return State(
+        contacts=backbone,
+        rattlers=rattlers,
+        pressure=pressure,
+        energy=float(np.sum(disks.potential.energy(every.overlap, every.sigma))),
+        stress=stress_tensor(every, disks.area),
+        max_force=float(np.hypot(residual[:, 0], residual[:, 1]).max()) if len(residual) else 0.0,
+        threshold=threshold,
+    )

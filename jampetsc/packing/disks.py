@@ -1,0 +1,125 @@
+"""The packing as data: disks in a periodic, possibly sheared cell, with positions finer than one double.
+
+At low pressure an overlap (~ p) is far smaller than a coordinate (~ √N), so rounding coordinates to one double would
+set the force residual (Vågberg, thesis sec. 4.7). Every coordinate is therefore a sum base + offset: `base` is a
+multiple of GRID, so that differences of bases and cell vectors are exact, and `offset` (|offset| ≤ GRID/2) carries the rest.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from jampetsc.errors import InputError
+from jampetsc.packing.potentials import Potential
+
+GRID = 2.0**-24  # exact for coordinates below 2**29; leaves offsets a resolution of 1e-24
+
+
+def split(high, low=0.0):
+    """(base, offset) of the number high + low: base on the grid, offset the exact remainder plus low."""
+    base = np.round(np.asarray(high, float) / GRID) * GRID
+    offset = (high - base) + low
+    carry = np.round(offset / GRID) * GRID
+    return base + carry, offset - carry
+
+
+def join(base, offset):
+    """(high, low) with high = the double nearest to base + offset and low what it cannot hold."""
+    high = base + offset
+    return high, offset - (high - base)
+
+
+@dataclass(frozen=True, eq=False)
+class Disks:
+    """N soft disks in a periodic cell. Arrays are float64 and never changed in place.
+
+    Make one with `Disks.from_positions`, which checks its input.
+    """
+
+    base: np.ndarray  # (N, 2) coordinates, multiples of GRID
+    offset: np.ndarray  # (N, 2) remainder
+    radii: np.ndarray  # (N,)
+    cell_base: np.ndarray  # (2, 2) rows a1 = (Lx, 0), a2 = (γ Ly, Ly), multiples of GRID
+    cell_offset: np.ndarray  # (2, 2)
+    potential: Potential = field(default_factory=Potential)
+    record: dict = field(default_factory=dict)  # how it was made: pressure, phi, seed, protocol, …
+
+    @classmethod
+    def from_positions(
+        cls, positions, radii, cell, potential=None, *, positions_low=None, cell_low=None, record=None
+    ):
+        """Disks from coordinates (N, 2), radii (N,) and cell rows (2, 2).
+
+        Raises InputError for wrong shapes, values that are not finite, radii ≤ 0 or a cell of no area.
+        """
+        positions, radii, cell = (np.asarray(a, float) for a in (positions, radii, cell))
+        n = len(radii) if radii.ndim == 1 else 0
+        if n == 0 or positions.shape != (n, 2) or cell.shape != (2, 2):
+            raise InputError(
+                f"positions {positions.shape}, radii {radii.shape}, cell {cell.shape}: need (N, 2), (N,) and (2, 2)"
+            )
+        low = np.zeros((n, 2)) if positions_low is None else np.asarray(positions_low, float)
+        cell_rest = np.zeros((2, 2)) if cell_low is None else np.asarray(cell_low, float)
+        if low.shape != positions.shape or cell_rest.shape != cell.shape:
+            raise InputError(f"positions_low {low.shape}, cell_low {cell_rest.shape}: shapes of positions and cell")
+        for name, array in (("positions", positions), ("radii", radii), ("cell", cell), ("positions_low", low)):
+            if not np.isfinite(array).all():
+                row = int(np.argwhere(~np.isfinite(array))[0][0])
+                raise InputError(f"{name}[{row}] = {array[row]}: must be finite; was the file written completely?")
+        if (radii <= 0).any():
+            row = int(np.argmax(radii <= 0))
+            raise InputError(f"radii[{row}] = {radii[row]}: must be positive")
+        if cell[0, 1] != 0 or cell[0, 0] <= 0 or cell[1, 1] <= 0:
+            raise InputError(f"cell {cell.tolist()}: need rows (Lx, 0) and (γ Ly, Ly) with Lx, Ly > 0")
+        if np.abs(positions).max() > 2.0**28 or cell.max() > 2.0**28:
+            raise InputError("positions or cell beyond 2^28 in units of length: scale them to disks of size about one")
+        disks = cls(
+            *split(positions, low), radii, *split(cell, cell_rest), potential or Potential(), dict(record or {})
+        )
+        smallest = float(np.min(disks.heights))
+        if 2 * radii.max() > smallest:
+            raise InputError(
+                f"cell of height {smallest:.6g} with a disk of diameter {2 * radii.max():.6g}: a disk would touch its own "
+                "image; use more disks"
+            )
+        return disks
+
+    @property
+    def n(self) -> int:
+        """Number of disks N."""
+        return len(self.radii)
+
+    @property
+    def positions(self):
+        """Coordinates rounded to one double, (N, 2)."""
+        return self.base + self.offset
+
+    @property
+    def cell(self):
+        """Cell rows rounded to one double, (2, 2)."""
+        return self.cell_base + self.cell_offset
+
+    @property
+    def area(self) -> float:
+        """V = Lx Ly."""
+        cell = self.cell
+        return float(cell[0, 0] * cell[1, 1])
+
+    @property
+    def heights(self):
+        """Distances between opposite faces of the cell, (2,)."""
+        cell = self.cell
+        return self.area / np.array([np.hypot(*cell[1]), np.hypot(*cell[0])])
+
+    @property
+    def phi(self) -> float:
+        """Packing fraction Σ π ρ² / V, overlaps counted twice (the field's convention)."""
+        return float(np.pi * np.sum(self.radii**2) / self.area)
+
+    def with_record(self, **entries) -> "Disks":
+        """The same disks with `entries` added to the record."""
+        return replace(self, record={**self.record, **entries})
+
+    def reordered(self, order) -> "Disks":
+        """The same packing with its disks in another order."""
+        return replace(self, base=self.base[order], offset=self.offset[order], radii=self.radii[order])

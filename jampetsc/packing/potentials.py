@@ -1,0 +1,56 @@
+"""Pair potentials of soft disks: harmonic and Hertzian, in both stiffness conventions.
+
+With σ = ρ_i + ρ_j the sum of the radii, δ = σ − r the overlap and α = 2 (harmonic) or 5/2 (Hertzian):
+
+    constant                  V = (k/α) δ^α           (d = 1 sets the length; BT: U = ½ k δ²)
+    inverse-square-diameter   V = (k/α) (δ/σ)^α       (Vågberg, thesis eq. 4.7, k = k_e)
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jampetsc.errors import InputError
+
+EXPONENTS = {"harmonic": 2.0, "hertzian": 2.5}
+STIFFNESSES = ("constant", "inverse-square-diameter")
+
+
+@dataclass(frozen=True)
+class Potential:
+    """A repulsive contact potential. Raises InputError for an unknown name or k ≤ 0."""
+
+    kind: str = "harmonic"  # harmonic | hertzian
+    stiffness: str = "constant"  # constant | inverse-square-diameter
+    k: float = 1.0  # contact stiffness k, or k_e where the stiffness is k_e/σ²
+
+    def __post_init__(self):
+        if self.kind not in EXPONENTS:
+            raise InputError(f"potential {self.kind!r}: choose one of {', '.join(EXPONENTS)}")
+        if self.stiffness not in STIFFNESSES:
+            raise InputError(f"stiffness {self.stiffness!r}: choose one of {', '.join(STIFFNESSES)}")
+        if not (np.isfinite(self.k) and self.k > 0):
+            raise InputError(f"stiffness k = {self.k}: must be a positive number")
+
+    @property
+    def alpha(self) -> float:
+        """Exponent of the potential: 2 or 5/2."""
+        return EXPONENTS[self.kind]
+
+    def scale(self, sigma):
+        """Length by which overlaps are measured: σ, or the unit of length (shape of sigma)."""
+        return sigma if self.stiffness == "inverse-square-diameter" else np.ones_like(sigma)
+
+    def energy(self, overlap, sigma):
+        """V(δ) per contact; overlap δ ≥ 0 and sigma are arrays (M,)."""
+        return self.k / self.alpha * (overlap / self.scale(sigma)) ** self.alpha
+
+    def force(self, overlap, sigma):
+        """Repulsive force f = −dV/dr ≥ 0 per contact, (M,)."""
+        scale = self.scale(sigma)
+        return self.k / scale * (overlap / scale) ** (self.alpha - 1.0)
+
+    def contact_stiffness(self, overlap, sigma):
+        """d²V/dr² per contact, (M,): the k of BT eq. 4."""
+        scale = self.scale(sigma)
+        return self.k * (self.alpha - 1.0) / scale**2 * (overlap / scale) ** (self.alpha - 2.0)
