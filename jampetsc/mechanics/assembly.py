@@ -1,0 +1,188 @@
+"""Hessian K, damping matrix B and the γ border of a contact network, as distributed PETSc matrices.
+
+Unknowns are the non-affine displacements ũ = u − γ y x̂ and, where the law couples to them, the angles θ, interleaved (x, y, θ) per
+disk. A contact contributes squares of linear forms in the unknowns and the strain γ:
+
+    a∥  = n·(ũ_j − ũ_i) + γ n_x r_y,    a⊥ = t·(ũ_j − ũ_i) + γ t_x r_y,    a⊥ᶜ = a⊥ − ρ_i θ_i − ρ_j θ_j
+    K:  k (a∥)² − (f/r) (a⊥)²           (BT eqs. 4, 11)
+    B:  kτ₁ [(a∥)² + β (a⊥ᶜ)²]          (BT eqs. 5, 6)     or     kτ₁ Σ|ũ_i|² + η_F V γ²   (BT eqs. 7, 8)
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array
+
+from jampetsc.mechanics.laws import Law
+from jampetsc.mechanics.network import Network, Pieces, find_pieces
+from jampetsc.session import current
+
+
+@dataclass(frozen=True, eq=False)
+class Pencil:
+    """K + sB and its border for one law on one network. Matrices and vectors are distributed alike.
+
+    Moves that cost nothing (translations of each piece and gear modes under contact damping) are held by one pinned
+    unknown each: its row and column are those of the identity (times k) in K and zero in B, and its border entries
+    are zero. The answer does not depend on it, because K, B and the border vanish on such moves. Under Stokes drag
+    nothing is pinned: there translations cost something, and `project` removes them instead.
+    """
+
+    network: Network
+    law: Law
+    pieces: Pieces
+    K: object  # PETSc.Mat
+    B: object  # PETSc.Mat, same nonzero pattern as K (explicit zeros)
+    k_gamma: object  # PETSc.Vec
+    b_gamma: object  # PETSc.Vec
+    k_gg: float  # k_γγ
+    b_gg: float  # b_γγ
+    pins: np.ndarray  # pinned unknowns, global numbers
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns, pinned ones included."""
+        return self.network.n * self.law.dofs
+
+    def project(self, x):
+        """Remove the mean displacement of each piece from x, in place, where nothing pins it. Collective."""
+        if self.law.kind != "stokes":
+            return
+        network, dofs = self.network, self.law.dofs
+        root, piece = np.unique(self.pieces.label, return_inverse=True)
+        local = x.getArray().reshape(-1, dofs)
+        mine = piece[network.first : network.last]
+        total = np.zeros((len(root), dofs), local.dtype)
+        np.add.at(total, mine, local)
+        mean = network.sum(total) / np.bincount(piece)[:, None]
+        x.setArray((local - mean[mine]).ravel())
+
+    def destroy(self):
+        """Free the PETSc objects. Collective."""
+        for item in (self.K, self.B, self.k_gamma, self.b_gamma):
+            item.destroy()
+
+
+def linear_forms(network: Network, dofs: int):
+    """Coefficients of a∥, a⊥ and a⊥ᶜ: for each a triple (on disk i, on disk j, on γ) of shapes (M, dofs) ×2 and (M,)."""
+    c = network.contacts
+    n, t = c.normal, c.transverse
+    zero = np.zeros((len(c), dofs - 2))
+    along = (np.hstack((-n, zero)), np.hstack((n, zero)), n[:, 0] * c.r[:, 1])
+    across = (np.hstack((-t, zero)), np.hstack((t, zero)), t[:, 0] * c.r[:, 1])
+    if dofs == 2:
+        return along, across, across
+    turn = [-network.radii[end][:, None] for end in (c.i, c.j)]
+    sliding = (np.hstack((-t, turn[0])), np.hstack((t, turn[1])), across[2])
+    return along, across, sliding
+
+
+def weights(network: Network, law: Law):
+    """Weights of (a∥)², (a⊥)², (a⊥ᶜ)² per contact, complex (M, 3): those of K in the real, of B in the imaginary part."""
+    c = network.contacts
+    w = np.zeros((len(c), 3), complex)
+    w[:, 0] = c.stiffness
+    if law.prestress:
+        w[:, 1] = -c.force / c.distance
+    if law.kind == "contact":
+        damping = network.k * law.tau1
+        w[:, 0] += 1j * damping
+        w[:, 2] += 1j * damping * law.beta
+    return w
+
+
+def assemble(network: Network, law: Law) -> Pencil:
+    """K, B and the border, in the scalar type of the running PETSc. Collective."""
+    dofs, c = law.dofs, network.contacts
+    m, rows = len(c), (network.last - network.first) * dofs
+    forms, w = linear_forms(network, dofs), weights(network, law)
+    # One complex array carries K (real part) and B (imaginary part) through the same sums: same pattern, half the work.
+    near = np.zeros((m, dofs, dofs), complex)
+    far = np.zeros((m, dofs, dofs), complex)
+    border = np.zeros((m, dofs), complex)
+    corner = 0j
+    for (on_i, on_j, on_gamma), weight in zip(forms, w.T, strict=True):
+        weighted = weight[:, None] * on_i
+        near += weighted[:, :, None] * on_i[:, None, :]
+        far += weighted[:, :, None] * on_j[:, None, :]
+        border += weighted * on_gamma[:, None]
+        corner += np.sum(weight * on_gamma**2)
+    corner = network.sum(corner) / 2.0  # each contact is seen from both ends
+
+    local = c.i - network.first
+    own = np.arange(network.last - network.first)
+    starts = np.searchsorted(local, own)  # contacts come ordered by i, and every disk here has at least three
+    diagonal = np.add.reduceat(near, starts)
+    gamma = np.add.reduceat(border, starts)
+    if law.kind == "stokes":
+        diagonal += 1j * network.k * law.tau1 * np.eye(dofs)
+        corner += 1j * network.k * law.tau1 * law.eta_f * network.area
+
+    component = np.arange(dofs)
+    row = np.r_[own, local][:, None, None] * dofs + component[None, :, None]
+    column = np.r_[own + network.first, c.j][:, None, None] * dofs + component[None, None, :]
+    shape = (len(own) + m, dofs, dofs)
+    matrix = coo_array(
+        (
+            np.concatenate((diagonal, far)).ravel(),
+            (np.broadcast_to(row, shape).ravel(), np.broadcast_to(column, shape).ravel()),
+        ),
+        shape=(rows, network.n * dofs),
+    ).tocsr()
+    matrix.sort_indices()
+    gamma = gamma.ravel()
+
+    pieces = find_pieces(network)
+    pins = _pins(law, pieces)
+    _pin(matrix, gamma, pins, network.first * dofs, network.k)
+    return Pencil(
+        network, law, pieces,
+        _matrix(network.comm, matrix, matrix.data.real), _matrix(network.comm, matrix, matrix.data.imag),
+        _vector(network.comm, gamma.real), _vector(network.comm, gamma.imag),
+        float(corner.real), float(corner.imag), pins,
+    )  # fmt: skip
+
+
+def _pins(law, pieces):
+    """Unknowns that hold the moves without cost: (x, y) of a disk of each piece, θ of one of each bipartite piece."""
+    if law.kind == "stokes":
+        return np.zeros(0, int)
+    roots = pieces.roots
+    held = [roots * law.dofs, roots * law.dofs + 1]
+    if law.couples_rotations:
+        held.append(roots[pieces.bipartite[roots]] * law.dofs + 2)
+    return np.sort(np.concatenate(held))
+
+
+def _pin(matrix, gamma, pins, offset, k):
+    """Turn rows and columns of pinned unknowns into the identity's (times k in K), in place."""
+    if len(pins) == 0:
+        return
+    matrix.data[np.isin(matrix.indices, pins)] = 0.0
+    for row in pins - offset:
+        if 0 <= row < matrix.shape[0]:
+            entries = slice(matrix.indptr[row], matrix.indptr[row + 1])
+            matrix.data[entries] = np.where(matrix.indices[entries] == row + offset, k, 0.0)
+            gamma[row] = 0.0
+
+
+def _matrix(comm, csr, values):
+    PETSc = current().PETSc
+    rows, columns = csr.shape
+    matrix = PETSc.Mat().createAIJ(
+        ((rows, columns), (rows, columns)),
+        csr=(
+            csr.indptr.astype(PETSc.IntType),
+            csr.indices.astype(PETSc.IntType),
+            values.astype(PETSc.ScalarType),
+        ),
+        comm=comm,
+    )
+    matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    matrix.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, True)
+    return matrix
+
+
+def _vector(comm, values):
+    PETSc = current().PETSc
+    return PETSc.Vec().createWithArray(values.astype(PETSc.ScalarType), comm=comm)

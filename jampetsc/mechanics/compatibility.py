@@ -1,0 +1,75 @@
+"""Compatibility matrix C: what the contacts feel of a displacement, and the forms of K and B as sums of squares.
+
+A row of C turns unknowns into one of the relative motions a∥, a⊥, a⊥ᶜ of one contact, g holds what a unit shear strain adds:
+
+    a = C x + γ g ,      K = Cᵀ W_K C ,      B = Cᵀ W_B C   (+ kτ₁ 1 under Stokes drag).
+
+Sums over contacts of W a² lose no digits where the assembled matrices would: at low pressure the relative motions are far
+smaller than the displacements, and only here the difference is rounded once, contact by contact.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from jampetsc.mechanics.assembly import Pencil, linear_forms, weights
+from jampetsc.session import current
+
+
+@dataclass(frozen=True, eq=False)
+class Compatibility:
+    """C, g and the weights. Rows are distributed with the contacts (each contact once, with the lower-numbered disk)."""
+
+    pencil: Pencil
+    C: object  # PETSc.Mat, one row per form and contact
+    forms: int  # rows per contact: a∥, a⊥ and, where disks roll, a⊥ᶜ
+    g: np.ndarray  # (rows,) local, per unit strain
+    w_K: np.ndarray  # (rows,) local weights of a² in K
+    w_B: np.ndarray  # (rows,) local weights of a² in B
+    drag: float  # kτ₁ under Stokes drag, else 0: the part of B that acts on disks, not contacts
+    drag_gg: float  # the part of b_γγ that does not come from contacts, kτ₁ η_F V
+
+    def destroy(self):
+        """Free C. Collective."""
+        self.C.destroy()
+
+
+def build_compatibility(pencil: Pencil) -> Compatibility:
+    """C of a pencil, with zero columns for its pinned unknowns. Collective."""
+    network, law = pencil.network, pencil.law
+    once = network.contacts.i < network.contacts.j
+    i, j = network.contacts.i[once], network.contacts.j[once]
+    along, across, sliding = linear_forms(network, law.dofs)
+    w = weights(network, law)[once]
+    if law.couples_rotations:
+        forms = (along, across, sliding)
+    else:  # a⊥ᶜ is a⊥: one row serves both
+        forms = (along, across)
+        w = np.column_stack((w[:, 0], w[:, 1] + w[:, 2]))
+    m, f, d = len(i), len(forms), law.dofs
+    values = np.empty((m, f, 2 * d))
+    g = np.empty((m, f))
+    for row, (on_i, on_j, on_gamma) in enumerate(forms):
+        values[:, row, :d], values[:, row, d:], g[:, row] = on_i[once], on_j[once], on_gamma[once]
+    columns = np.concatenate((i[:, None] * d + np.arange(d), j[:, None] * d + np.arange(d)), axis=1)
+    columns = np.broadcast_to(columns[:, None, :], values.shape)
+    values[np.isin(columns, pencil.pins)] = 0.0
+    local = csr_array(
+        (values.ravel(), columns.ravel(), np.arange(m * f + 1) * 2 * d), shape=(m * f, pencil.unknowns)
+    )
+    local.sort_indices()
+    PETSc = current().PETSc
+    C = PETSc.Mat().createAIJ(
+        ((m * f, None), ((network.last - network.first) * d, pencil.unknowns)),
+        csr=(
+            local.indptr.astype(PETSc.IntType),
+            local.indices.astype(PETSc.IntType),
+            local.data.astype(PETSc.ScalarType),
+        ),
+        comm=network.comm,
+    )
+    stokes = network.k * law.tau1 if law.kind == "stokes" else 0.0
+    return Compatibility(
+        pencil, C, f, g.ravel(), w.real.ravel(), w.imag.ravel(), stokes, stokes * law.eta_f * network.area
+    )

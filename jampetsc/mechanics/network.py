@@ -1,0 +1,165 @@
+"""The contact network of a packing, spread over the ranks by ranges of disks along a space-filling curve.
+
+Every rank knows the coordinates of all disks (a few MB at N = 1e5), but searches and keeps only the contacts that touch its own range.
+A contact between two ranks is kept by both, each seeing it from its own end, so that matrices assemble without
+communication.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from jampetsc.errors import InputError
+from jampetsc.packing.contacts import RIGID, Contacts, find_contacts, force_threshold
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.neighbours import spatial_order
+
+
+@dataclass(frozen=True, eq=False)
+class Network:
+    """Load-bearing contacts between n disks (rattlers left out), this rank's share.
+
+    Disks are renumbered 0 … n−1 along the curve; this rank owns first … last−1. `contacts` has an entry for each
+    contact of an owned disk, seen from that disk (its i is owned), ordered by i.
+    """
+
+    comm: object  # mpi4py communicator
+    n: int  # disks that bear load, on all ranks
+    first: int
+    last: int
+    particles: np.ndarray  # (last − first,) numbers of the owned disks in the packing file
+    contacts: Contacts
+    radii: np.ndarray  # (n,) of all disks, in the new numbering
+    area: float  # V
+    k: float  # contact stiffness constant of the potential
+    pressure: float  # p = Σ f r / (2V) over all overlaps
+    rattlers: int  # number of disks left out
+    threshold: float  # force above which a contact counts
+
+    def sum(self, value):
+        """Sum over ranks of a number or an array. Collective."""
+        return self.comm.allreduce(value)
+
+    @property
+    def contact_count(self) -> int:
+        """Number of contacts N_c on all ranks. Collective."""
+        return self.sum(len(self.contacts)) // 2
+
+    @property
+    def coordination(self) -> float:
+        """Z = 2 N_c / n, rattlers left out. Collective."""
+        return 2.0 * self.contact_count / self.n if self.n else 0.0
+
+
+def _range(n, rank, size):
+    """First and last + 1 of this rank's share of n items."""
+    return rank * n // size, (rank + 1) * n // size
+
+
+def _rattlers(comm, n, rows, contacts):
+    """Mask (n,) of disks with fewer than three contacts, removed again and again. Collective."""
+    first, last = rows
+    rattler = np.zeros(n, bool)
+    alive = np.ones(len(contacts), bool)
+    while True:
+        count = np.bincount(contacts.i[alive] - first, minlength=last - first)
+        loose = np.concatenate(comm.allgather(count < RIGID))
+        if np.array_equal(loose, rattler):
+            return rattler
+        rattler = loose
+        alive = ~(rattler[contacts.i] | rattler[contacts.j])
+
+
+def build_network(disks: Disks, comm) -> Network:
+    """The network of a packing that every rank has read. Collective.
+
+    Raises InputError when too few contacts are left to be rigid: n disks in a periodic cell need at
+    least 2n − 2 (Maxwell's count), and each missing one leaves a floppy mode.
+    """
+    order = spatial_order(disks.positions, disks.cell)
+    disks = disks.reordered(order)
+    rows = _range(disks.n, comm.rank, comm.size)
+    every = find_contacts(disks, rows)
+    pressure = comm.allreduce(float(np.dot(every.force, every.distance))) / (4.0 * disks.area)
+    threshold = force_threshold(disks, pressure)
+    loaded = every[every.force > threshold]
+    rattler = _rattlers(comm, disks.n, rows, loaded)
+
+    contacts = loaded[~(rattler[loaded.i] | rattler[loaded.j])]
+    number = np.cumsum(~rattler) - 1
+    owned = ~rattler[rows[0] : rows[1]]
+    before = int(np.count_nonzero(~rattler[: rows[0]]))
+    renumbered = Contacts(
+        number[contacts.i],
+        number[contacts.j],
+        *(
+            getattr(contacts, name)
+            for name in ("r", "distance", "overlap", "sigma", "force", "stiffness")
+        ),
+    )
+    network = Network(
+        comm=comm,
+        n=int(number[-1]) + 1,
+        first=before,
+        last=before + int(np.count_nonzero(owned)),
+        particles=order[rows[0] : rows[1]][owned],
+        contacts=renumbered,
+        radii=disks.radii[~rattler],
+        area=disks.area,
+        k=disks.potential.k,
+        pressure=pressure,
+        rattlers=int(np.count_nonzero(rattler)),
+        threshold=threshold,
+    )
+    _require_rigid(network, disks.n)
+    return network
+
+
+def _require_rigid(network, total):
+    contacts = network.contact_count
+    if network.n == 0:
+        raise InputError(
+            f"no load-bearing contacts among {total} disks: below jamming, nothing resists shear; raise the pressure"
+        )
+    floppy = 2 * network.n - 2 - contacts
+    if floppy > 0:
+        raise InputError(
+            f"{contacts} contacts between {network.n} disks leave at least {floppy} floppy modes: below jamming; "
+            "raise the pressure or finish the quench"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """Connected pieces of the contact graph; each moves freely as a whole."""
+
+    label: np.ndarray  # (n,) lowest disk number of the piece each disk belongs to
+    bipartite: np.ndarray  # (n,) whether that piece is bipartite, so that its disks can turn like gears
+
+    @property
+    def roots(self):
+        """One disk of each piece, the lowest in number."""
+        return np.unique(self.label)
+
+
+def find_pieces(network: Network) -> Pieces:
+    """Connected pieces and whether each is bipartite. Collective.
+
+    Uses the double cover, two copies v⁺ and v⁻ of each disk with edges i⁺j⁻ and i⁻j⁺: a piece is bipartite exactly
+    where v⁺ and v⁻ stay apart. Labels spread over ranks by taking minima until nothing changes.
+    """
+    n, i, j = network.n, network.contacts.i, network.contacts.j
+    edges = coo_array((np.ones(2 * len(i), bool), (np.r_[i, i + n], np.r_[j + n, j])), shape=(2 * n, 2 * n))
+    _, piece = connected_components(edges, directed=False)
+    label = np.arange(2 * n)
+    while True:
+        lowest = np.full(piece.max() + 1, 2 * n)
+        np.minimum.at(lowest, piece, label)
+        joined = np.min(network.comm.allgather(lowest[piece]), axis=0)
+        if np.array_equal(joined, label):
+            break
+        label = joined
+    plus, minus = label[:n], label[n:]
+    return Pieces(label=np.minimum(plus, minus), bipartite=plus != minus)

@@ -1,0 +1,146 @@
+"""One complex solve per frequency: (K + iωB) x = −(k_γ + iω b_γ) with KSP, certified one by one.
+
+The matrix is scaled symmetrically to a unit diagonal first: the θ block is of order ω and would drown otherwise. The symbolic
+factorisation is done once, because the pattern never changes. Options have the prefix `freq_`.
+"""
+
+import numpy as np
+
+from jampetsc.errors import ConvergenceError
+from jampetsc.mechanics import mumps
+from jampetsc.mechanics.assembly import Pencil
+from jampetsc.mechanics.compatibility import build_compatibility
+from jampetsc.response.certificate import Certified, Functional
+from jampetsc.session import current
+
+PREFIX = "freq_"
+DEFAULTS = {
+    "freq_ksp_type": "preonly",
+    "freq_pc_type": "cholesky",  # LDLᵀ of a complex symmetric matrix, not LDLᴴ
+    "freq_pc_factor_mat_solver_type": "mumps",
+    "freq_mat_mumps_icntl_7": 2,  # approximate minimum fill: faster here than the orderings MUMPS would choose
+}
+REFINEMENTS = 6  # one or two are usual; more means the factorisation is too poor
+DIGITS = 1e-12  # refinement stops when the bound is this small, relative to the smaller of G' and G''
+
+
+class FrequencySolver:
+    """K + iωB for one frequency after another. Every method is collective."""
+
+    def __init__(self, pencil: Pencil):
+        session = current()
+        PETSc = session.PETSc
+        session.set_defaults(DEFAULTS)
+        self.pencil = pencil
+        self.compatibility = build_compatibility(pencil)
+        self.functional = Functional(self.compatibility)
+        self.A = pencil.K.duplicate(copy=True)
+        self.scale, self.x, self.r, self.z, self.scaled = (self.A.createVecRight() for _ in range(5))
+        self.ksp = PETSc.KSP().create(pencil.network.comm)
+        self.ksp.setOptionsPrefix(PREFIX)
+        self.ksp.setOperators(self.A)
+        self.ksp.setFromOptions()
+        # With -freq_ksp_reuse_preconditioner the factor of an earlier frequency serves until it no longer converges.
+        self.reuse = PETSc.Options(PREFIX).getBool("ksp_reuse_preconditioner", False)
+        self.factorised = False
+        self.iterations = 0
+        self.factorisations = 0
+
+    def solve(self, omega: float, accuracy: float) -> Certified:
+        """G* at ω with its bound; the field stays in `x`.
+
+        Raises ConvergenceError with the solver's reason where the bound is not ≤ accuracy for each of G' and G''.
+        """
+        self.iterations = 0
+        fresh = not (self.reuse and self.factorised)
+        self._set_matrix(omega, fresh)
+        if fresh:
+            self._factorise(omega)
+        try:
+            return self._refine(omega, accuracy)
+        except ConvergenceError:
+            if fresh:
+                raise
+        self._set_matrix(omega, fresh=True)
+        self._factorise(omega)
+        return self._refine(omega, accuracy)
+
+    def _set_matrix(self, omega, fresh):
+        """A ← D (K + iωB) D; D follows ω only when the factorisation does."""
+        same = current().PETSc.Mat.Structure.SAME_NONZERO_PATTERN
+        self.pencil.K.copy(self.A, structure=same)
+        self.A.axpy(1j * omega, self.pencil.B, structure=same)
+        if fresh:
+            self.A.getDiagonal(self.scale)
+            self.scale.setArray(1.0 / np.sqrt(np.abs(self.scale.getArray())))
+        self.A.diagonalScale(self.scale, self.scale)
+
+    def _factorise(self, omega):
+        """Factorise A; where MUMPS ran out of workspace, start afresh with twice as much."""
+        pc = self.ksp.getPC()
+        what = f"K + iωB at ω = {omega:g}"
+        for attempt in range(5):
+            pc.setReusePreconditioner(False)
+            self.ksp.setOperators(self.A)
+            self.ksp.setUp()
+            self.factorisations += 1
+            code = mumps.failure(pc) if pc.getType() in ("cholesky", "lu") else 0
+            if not code or code > 0:
+                break
+            if code not in mumps.WORKSPACE or attempt == 4:
+                raise mumps.explain(code, what)
+            # A PC stays broken after such a failure until it is reset.
+            option = f"{PREFIX}mat_mumps_icntl_14"
+            options = current().PETSc.Options()
+            options.setValue(option, 2 * options.getInt(option, 20))
+            self.ksp.reset()
+            self.ksp.setFromOptions()
+        pc.setReusePreconditioner(self.reuse)
+        self.factorised = True
+
+    def _apply_inverse(self, omega, rhs, out):
+        """out ← A⁻¹ rhs to the accuracy of the KSP, scaling undone."""
+        self.scaled.pointwiseMult(self.scale, rhs)
+        self.ksp.solve(self.scaled, out)
+        self.iterations += self.ksp.getIterationNumber()
+        reason = self.ksp.getConvergedReason()
+        if reason < 0:
+            raise ConvergenceError(
+                f"ω = {omega:g}: KSP stopped with {_reason_name(reason)} after {self.ksp.getIterationNumber()} iterations; try another "
+                "options file, such as options/mumps.opts"
+            )
+        out.pointwiseMult(self.scale, out)
+        self.pencil.project(out)
+
+    def _refine(self, omega, accuracy):
+        """x ← x − A⁻¹(c + A x) from x = 0, until the bound is met; each step squares away what is left of the error."""
+        self.x.zeroEntries()
+        result = None
+        for _ in range(REFINEMENTS):
+            self.functional.residual(omega, self.x, self.r)
+            self._apply_inverse(omega, self.r, self.z)
+            previous, result = result, self.functional.certify(omega, self.x, self.z, self.r)
+            smaller = min(abs(result.G.real), abs(result.G.imag))
+            if result.error <= DIGITS * smaller:
+                break
+            if previous is not None and result.error > 0.25 * previous.error:
+                break
+            self.x.axpy(-1.0, self.z)
+        if not result.error <= accuracy * smaller:  # also catches nan
+            raise ConvergenceError(
+                f"ω = {omega:g}: error of G* only bounded by {result.error:.1e} ({result.error / abs(result.G):.1e} of |G*|) after "
+                f"refinement; the matrix is too ill-conditioned for this solver"
+            )
+        return result
+
+    def destroy(self):
+        """Free all solver objects. Collective."""
+        self.functional.destroy()
+        self.compatibility.destroy()
+        for item in (self.ksp, self.A, self.scale, self.x, self.r, self.z, self.scaled):
+            item.destroy()
+
+
+def _reason_name(code):
+    reasons = current().PETSc.KSP.ConvergedReason
+    return next((name for name in dir(reasons) if getattr(reasons, name) == code), str(code))
