@@ -1,0 +1,174 @@
+"""Quench by FIRE: damped dynamics towards a minimum of the enthalpy, with the cell as one or two more coordinates.
+
+FIRE: Bitzek et al., PRL 97, 170201 (2006), in the form of Guénolé et al., Comput. Mater. Sci. 175, 109584 (2020).
+The coordinates are the offsets o of the disks and, at fixed pressure, the strain ε = ln λ of the cell and its shear g
+(see `forces`), scaled by √N so that they are about as stiff as a disk:
+
+    −∂H/∂o = Fᵀ f,    −∂H/∂ε = Σ f r − 2 p V,    −∂H/∂g = Σ (f/r) r_x r_y,    H = U + p V
+"""
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.forces import FAST, PairList, deformed, law_constants, pair_forces
+
+STEP = 0.5  # largest time step, in units of √(m/k): the stiffest mode, ω² ≈ 8–12 k/m, is stable up to 0.6
+DELAY = 20  # steps downhill before the time step grows
+MIXING = 0.25
+SKIN_RANGE = (0.02, 0.5)  # skin of the pair list in units of d
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What is held fixed while the energy is minimised."""
+
+    pressure: float | None = None  # target p; None keeps the cell as it is
+    shear: bool = False  # also relax the shear of the cell to σ_xy = 0
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def _descend(i, j, r0, sigma, law, o, v, f, box, moving, target, slack, limit, clock, steps):
+    """FIRE steps until max |F| ≤ limit[0] and |box force| ≤ limit[1], a stale list, or `steps`.
+
+    box (2, 2): ε, g and their velocities; moving: which of them move; target = (pV at ε = 0, √N, σ_max); slack: skin;
+    clock = [dt, mixing, steps downhill, dt_max]. Returns steps done, status (0 more, 1 converged, 2 stale list),
+    max |F|, box force per d.
+    """
+    pv, scale, largest = target
+    n2 = 2 * len(o)
+    flat_o = o.reshape(n2)
+    flat_v = v.reshape(n2)
+    flat_f = f.reshape(n2)
+    for step in range(steps):
+        dt, mixing = clock[0], clock[1]
+        strain, shear = box[0, 0], box[0, 1]
+        energy, wxx, wxy, wyy = pair_forces(i, j, r0, sigma, o, strain, shear, law, f)
+        growth = np.exp(strain)
+        g_strain = (wxx + wyy - 2.0 * pv * growth * growth) / scale if moving[0] else 0.0
+        # ∂r/∂g = e^ε (y, 0) and r_y = e^ε y
+        g_shear = wxy / scale if moving[1] else 0.0
+        worst = 0.0
+        for q in range(len(o)):
+            here = f[q, 0] * f[q, 0] + f[q, 1] * f[q, 1]
+            worst = here if here > worst else worst
+            f[q, 1] = growth * (f[q, 1] + shear * f[q, 0])
+            f[q, 0] = growth * f[q, 0]
+        worst = np.sqrt(worst)
+        box_force = max(abs(g_strain), abs(g_shear)) * scale
+        if worst <= limit[0] and box_force <= limit[1]:
+            return step + 1, 1, worst, box_force
+        power = g_strain * box[1, 0] + g_shear * box[1, 1]
+        ff = g_strain * g_strain + g_shear * g_shear
+        vv = box[1, 0] * box[1, 0] + box[1, 1] * box[1, 1]
+        for q in range(n2):
+            power += flat_f[q] * flat_v[q]
+            ff += flat_f[q] * flat_f[q]
+            vv += flat_v[q] * flat_v[q]
+        if power > 0.0:
+            clock[2] += 1.0
+            if clock[2] > DELAY:
+                dt = min(dt * 1.1, clock[3])
+                mixing *= 0.99
+            keep = 1.0 - mixing
+            push = dt + mixing * np.sqrt(vv / ff)
+            back = 0.0
+        else:
+            # Uphill: go half a step back, stop, and start again more slowly.
+            clock[2] = 0.0
+            back = 0.5 * dt
+            dt = max(0.5 * dt, 0.02 * clock[3])
+            mixing = MIXING
+            keep = 0.0
+            push = dt
+        clock[0], clock[1] = dt, mixing
+        for b in range(2):
+            g = g_strain if b == 0 else g_shear
+            box[0, b] -= back * box[1, b] / scale
+            box[1, b] = keep * box[1, b] + push * g
+            box[0, b] += dt * box[1, b] / scale
+        for q in range(n2):
+            w = keep * flat_v[q] + push * flat_f[q]
+            flat_o[q] += dt * w - back * flat_v[q]
+            flat_v[q] = w
+        far = 0.0
+        for q in range(len(o)):
+            here = o[q, 0] * o[q, 0] + o[q, 1] * o[q, 1]
+            far = here if here > far else far
+        # No unlisted pair can touch while s (σ + skin − 2 max|o|) ≥ σ, s the least stretch of F.
+        squeeze = np.exp(box[0, 0]) * (1.0 - abs(box[0, 1]))
+        if squeeze * (largest + slack - 2.0 * np.sqrt(far)) < largest:
+            return step + 1, 2, worst, box_force
+    return steps, 0, worst, box_force
+
+
+class Quench:
+    """A packing on its way to a minimum; `evaluations` counts force evaluations."""
+
+    def __init__(self, disks: Disks, goal: Goal):
+        self.goal = goal
+        self.evaluations = 0
+        self.rebuilds = 0
+        self.skin = 0.3 * self._diameter(disks)
+        self.set_disks(disks)
+        self.rest()
+
+    @staticmethod
+    def _diameter(disks):
+        return 2.0 * float(np.mean(disks.radii))
+
+    def set_disks(self, disks: Disks):
+        """Start from these coordinates: new list, zero offsets and strain."""
+        self._disks = disks
+        self.pairs = PairList.build(disks, self.skin)
+        self.offsets = np.zeros((disks.n, 2))
+        self.box = np.vstack((np.zeros(2), getattr(self, "box", np.zeros((2, 2)))[1]))
+        self.rebuilds += 1
+
+    def rest(self):
+        """Forget all velocities."""
+        self.velocities = np.zeros((self._disks.n, 2))
+        self.box[1] = 0.0
+        self.clock = np.array([0.2 * STEP, MIXING, 0.0, STEP])
+
+    @property
+    def disks(self) -> Disks:
+        """The packing as it is now."""
+        return deformed(self._disks, self.offsets, self.box[0, 0], self.box[0, 1])
+
+    def fold(self):
+        """Put offsets and strain into the coordinates and list the pairs anew."""
+        self.set_disks(self.disks)
+
+    def descend(self, force_limit, box_limit, max_evaluations):
+        """FIRE until max |F| ≤ force_limit and the box force ≤ box_limit; returns (converged, max |F|, box force)."""
+        goal, pairs = self.goal, self.pairs
+        n = self._disks.n
+        moving = np.array([goal.pressure is not None, goal.shear])
+        limit = np.array([force_limit, box_limit])
+        forces = np.empty((n, 2))
+        law = law_constants(self._disks.potential)
+        diameter = self._diameter(self._disks)
+        budget = self.evaluations + max_evaluations
+        while True:
+            pairs = self.pairs
+            target = ((goal.pressure or 0.0) * self._disks.area, np.sqrt(n), 2.0 * self._disks.radii.max())
+            done, status, worst, box_force = _descend(
+                pairs.i, pairs.j, pairs.r0, pairs.sigma, law, self.offsets, self.velocities, forces, self.box, moving,
+                target, pairs.skin, limit, self.clock, min(2000, budget - self.evaluations),
+            )  # fmt: skip
+            self.evaluations += done
+            if status == 2:
+                # A rebuild costs about twenty steps; a wide skin costs a few per cent of every step.
+                if done < 60:
+                    self.skin = min(1.3 * self.skin, SKIN_RANGE[1] * diameter)
+                elif done > 400:
+                    self.skin = max(0.7 * self.skin, SKIN_RANGE[0] * diameter)
+                self.fold()
+            elif done >= 2000 and self.skin > SKIN_RANGE[0] * diameter:
+                self.skin = max(0.5 * self.skin, SKIN_RANGE[0] * diameter)
+                self.fold()
+            if status == 1 or self.evaluations >= budget:
+                return status == 1, worst, box_force
