@@ -1,7 +1,7 @@
 """Output files that are complete or absent: temporary name, fsync, rename, fsync of the folder.
 
-HDF5 writes through a Python stream that remembers the first failed write and swallows those after it, so that the
-library closes in good order. By itself it crashes the interpreter at exit after a full disk (HDF5 1.10.8).
+HDF5 writes through a Python stream that remembers the first failed write and swallows those after it, so that
+the library closes in good order. By itself it crashes the interpreter at exit after a full disk (HDF5 1.10).
 """
 
 import errno
@@ -33,7 +33,7 @@ def write_error(path, error: OSError) -> JampetscError:
 
 def check_writable(path) -> None:
     """Raise InputError unless a file could be put at `path` now. Call it before long work."""
-    path = Path(path)
+    path = follow(path)
     if path.is_dir():
         raise InputError(f"{path}: is a folder: give a file name with --out")
     if not path.parent.is_dir():
@@ -50,20 +50,36 @@ def check_writable(path) -> None:
 
 
 def sync_folder(folder) -> None:
-    """Make renames and removals in `folder` durable."""
+    """Make renames and removals in `folder` durable, where its file system can."""
     handle = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(handle)
+    except OSError:  # some network file systems refuse it; the rename itself has happened
+        pass
     finally:
         os.close(handle)
+
+
+def follow(path) -> Path:
+    """The file a symbolic link stands for, so that the link survives; any other path as it is."""
+    return Path(os.path.realpath(path)) if Path(path).is_symlink() else Path(path)
 
 
 def remove_abandoned(folder, name="*") -> None:
     """Remove temporary files of `name` (a glob pattern) that a killed process of this machine left behind."""
     for leftover in Path(folder).glob(f".{name}.{glob.escape(socket.gethostname())}.*.partial"):
-        pid = leftover.name.split(".")[-2]
-        if pid.isdigit() and not os.path.exists(f"/proc/{pid}") and os.path.exists("/proc/self"):
+        if not _alive(leftover.name.split(".")[-2]):
             leftover.unlink(missing_ok=True)
+
+
+def _alive(pid: str) -> bool:
+    try:
+        os.kill(int(pid), 0)
+    except ProcessLookupError:
+        return False
+    except (PermissionError, ValueError, OverflowError):  # another user's, or not one of our names
+        return True
+    return True
 
 
 def _temporary_name(path) -> Path:
@@ -103,8 +119,8 @@ class OutputFile:
     """
 
     def __init__(self, path):
-        self.path = Path(path)
-        self.temporary = _temporary_name(path)
+        self.path = follow(path)
+        self.temporary = _temporary_name(self.path)
         remove_abandoned(self.path.parent, glob.escape(self.path.name))
         try:
             self._stream = _Stream(self.temporary, "w+b")

@@ -1,23 +1,203 @@
 """`load`: any jampetsc file as an object with numpy arrays. Needs neither PETSc nor MPI."""
 
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import h5py
+import numpy as np
+
 from jampetsc.errors import InputError
 from jampetsc.storage.hdf5 import attributes, check_format, open_file, reading
 from jampetsc.storage.packing_file import packing_from
+from jampetsc.storage.parts import GROUP, PartList
+from jampetsc.storage.provenance import law_of
 
-LOADERS = {"jampetsc-packing": packing_from}  # format -> loader(h5, path)
+_SAME = 1e-12  # two frequencies that differ by less, relatively, are the same
+
+
+class StoredArray:
+    """A dataset that stays in its file: `array[…]` reads what is asked for, `numpy.asarray(array)` all of it.
+
+    Raises InputError on reading if the file was replaced, or one of its parts went, since it was loaded.
+    """
+
+    def __init__(self, path, name, h5):
+        self._path, self._name, self._run_id = Path(path).resolve(), name, h5.attrs.get("run_id", "")
+        self.shape, self.dtype = h5[name].shape, h5[name].dtype
+
+    def __getitem__(self, selection):
+        with open_file(self._path) as h5:
+            parts = PartList(h5, self._path)
+            if parts.run_id != self._run_id:
+                raise InputError(
+                    f"{self._path}: was replaced by another run since it was loaded: load it again"
+                )
+            with reading(self._path):
+                values = h5[self._name][selection]
+            parts.check_present()
+        return values
+
+    def __len__(self):
+        return self.shape[0]
+
+    def __array__(self, dtype=None, copy=None):
+        return np.asarray(self[...], dtype=dtype)
+
+    def __repr__(self):
+        return f"<{self._name} {self.shape} {self.dtype} in {self._path.name}>"
+
+
+class Result(Mapping):
+    """A result file: `attributes` (how it came about), and a mapping of dataset names to numpy arrays.
+
+    An array is read when it is asked for; `stored(name)` leaves it in the file, to read slices of it.
+    """
+
+    def __init__(self, h5, path):
+        self.path = Path(path).resolve()
+        self.attributes = attributes(h5)
+        self._arrays = {}
+
+        def collect(name, item):
+            if isinstance(item, h5py.Dataset) and not name.startswith(f"{GROUP}/"):
+                self._arrays[name] = StoredArray(path, name, h5)
+
+        with reading(path):
+            h5.visititems(collect)
+
+    def __getitem__(self, name):
+        return self.stored(name)[...]
+
+    def stored(self, name) -> StoredArray:
+        """A dataset without reading it. Raises InputError if there is none of this name."""
+        if name not in self._arrays:
+            raise InputError(f"{self.path}: no dataset {name}: it holds {', '.join(self._arrays) or 'none'}")
+        return self._arrays[name]
+
+    def __iter__(self):
+        return iter(self._arrays)
+
+    def __len__(self):
+        return len(self._arrays)
+
+    def __contains__(self, name):
+        return name in self._arrays
+
+    @property
+    def format(self) -> str:
+        """What kind of file it is, such as "jampetsc-modes"."""
+        return self.attributes["format"]
+
+    @property
+    def law(self) -> dict:
+        """The damping law and its parameters: {"law": "contact", "beta": 1.0, …}."""
+        return law_of(self.attributes)
+
+
+class Fields:
+    """Displacement fields of a sweep per unit strain, read on demand. F frequencies, n disks."""
+
+    def __init__(self, result):
+        self.omega = result["fields/omega"]  # (F,)
+        self.displacement = result.stored("fields/displacement")  # (F, n, 2) complex, non-affine
+        self.rotation = (
+            result.stored("fields/rotation") if "fields/rotation" in result else None
+        )  # (F, n) complex
+
+
+class SweepResult(Result):
+    """G*(ω) of a packing: `omega` (M,), `G` (M,) complex, `error_bound` (M,) on |ΔG*|, units k and 1/τ₁."""
+
+    def __init__(self, h5, path):
+        super().__init__(h5, path)
+        self.omega, self.G, self.error_bound = (self[name] for name in ("omega", "G", "error_bound"))
+
+    @property
+    def G_storage(self):
+        """G' = Re G*, (M,)."""
+        return self.G.real
+
+    @property
+    def G_loss(self):
+        """G'' = Im G*, (M,)."""
+        return self.G.imag
+
+    @property
+    def fields(self) -> Fields:
+        """The stored displacement fields. Raises InputError if the sweep was run without --fields."""
+        if "fields/omega" not in self:
+            raise InputError(f"{self.path}: holds no fields: run the sweep with --fields w1,w2,…")
+        return Fields(self)
+
+    def modulus(self, omega):
+        """G*(ω), complex, in the shape of `omega`: the stored value where there is one.
+
+        Elsewhere from the pencil that a rational sweep stores, group `reduced` with K, B (m, m), k, b (m,)
+        and scalars k_gg, b_gg, area:  G* V = (k_gg + s b_gg) − (k + s b)ᵀ (K + sB)⁻¹ (k + s b), s = iω.
+        Raises InputError for a frequency that is not stored if there is no pencil.
+        """
+        wanted = np.atleast_1d(np.asarray(omega, float))
+        nearest = np.abs(wanted[..., None] - self.omega).argmin(axis=-1)
+        values = self.G[nearest]
+        elsewhere = np.abs(self.omega[nearest] - wanted) > _SAME * np.abs(wanted)
+        if elsewhere.any():
+            values[elsewhere] = self._from_pencil(wanted[elsewhere])
+        return values.reshape(np.shape(omega))[()]
+
+    def _from_pencil(self, omega):
+        if "reduced/K" not in self:
+            raise InputError(
+                f"{self.path}: omega = {omega[0]:g} is not one of its {len(self.omega)} frequencies, "
+                f"{self.omega.min():g} to {self.omega.max():g}: a sweep with --method rational gives any"
+            )
+        names = ("K", "B", "k", "b", "k_gg", "b_gg", "area")
+        K, B, k, b, k_gg, b_gg, area = (self[f"reduced/{name}"] for name in names)
+        s = 1j * omega
+        load = k + s[:, None] * b
+        relaxed = np.linalg.solve(K + s[:, None, None] * B, load[..., None])[..., 0]
+        return (k_gg + s * b_gg - np.sum(load * relaxed, axis=1)) / area
+
+
+LOADERS = {  # format -> loader(h5, path); a new format needs a line here
+    "jampetsc-packing": packing_from,
+    "jampetsc-sweep": SweepResult,
+    "jampetsc-quasistatic": Result,
+    "jampetsc-modes": Result,
+    "jampetsc-correlation": Result,
+}
 
 
 def load(path):
-    """Open a jampetsc file: Disks for a packing.
+    """Open a jampetsc file: Disks for a packing, SweepResult for a sweep, Result for the others.
 
     Raises InputError naming the file, what is wrong with it and the remedy.
     """
+    while True:
+        before = _identity(path)
+        try:
+            return _load(path)
+        except InputError:
+            if _identity(path) == before:
+                raise  # otherwise a run replaced the file under us: look at the new one
+
+
+def _load(path):
     with open_file(path) as h5:
         with reading(path):
             attrs = attributes(h5)
         name = check_format(path, attrs)
         if name not in LOADERS:
             raise InputError(
-                f"{path}: format {name}: this jampetsc knows {', '.join(LOADERS)}; use a newer one"
+                f"{path}: format {name}: this jampetsc reads {', '.join(LOADERS)}; use a newer one"
             )
+        PartList(h5, path).check()
         return LOADERS[name](h5, path)
+
+
+def _identity(path):
+    try:
+        status = os.stat(path)
+    except OSError:
+        return None
+    return status.st_ino, status.st_mtime_ns

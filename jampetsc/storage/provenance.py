@@ -1,0 +1,68 @@
+"""How a result came about: the attributes that every result file carries."""
+
+import datetime
+import re
+import shlex
+import sys
+from pathlib import Path
+
+LAW_PARAMETERS = ("beta", "rotations", "eta_f", "prestress", "alpha", "stress")
+
+
+def provenance(*, versions, scalar_type, petsc_options, ranks, packing, law, wall_seconds, argv=None) -> dict:
+    """Attributes of a result, for `ResultWriter.attributes(**…)`.
+
+    versions: {"petsc": "3.18.5", "slepc": …, "mumps": …}; petsc_options: the options as one string;
+    packing: (name, sha256) from `packing_identity`; law: {"law": "contact", "beta": 1.0, …}, entries of None
+    left out; argv: the full command line (default: that of this process).
+    """
+    from jampetsc import __version__
+
+    unknown = set(law) - {"law", *LAW_PARAMETERS}
+    if unknown:
+        raise ValueError(
+            f"law parameters {sorted(unknown)} would be lost on reading: add them to LAW_PARAMETERS"
+        )
+    return {
+        "jampetsc_version": __version__,
+        "git_commit": git_commit(),
+        **{f"{library}_version": version for library, version in versions.items()},
+        "python_version": sys.version.split()[0],
+        "scalar_type": scalar_type,
+        "argv": shlex.join(sys.argv if argv is None else argv),
+        "petsc_options": petsc_options,
+        "ranks": ranks,
+        "packing": packing[0],
+        "packing_sha256": packing[1],
+        **{name: value for name, value in law.items() if value is not None},
+        "wall_seconds": float(wall_seconds),
+        "date": datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
+    }
+
+
+def law_of(attributes) -> dict:
+    """The law and its parameters out of the attributes of a result."""
+    return {name: attributes[name] for name in ("law", *LAW_PARAMETERS) if name in attributes}
+
+
+def git_commit(root=None) -> str | None:
+    """Commit of the checkout that the package runs from, None outside of one.
+
+    Read from git's files: a process of an MPI job should not fork.
+    """
+    git = Path(root or Path(__file__).resolve().parents[2]) / ".git"
+    try:
+        if git.is_file():  # a linked work tree
+            git = (git.parent / git.read_text().removeprefix("gitdir:").strip()).resolve()
+        common = git / (git / "commondir").read_text().strip() if (git / "commondir").is_file() else git
+        head = (git / "HEAD").read_text().strip()
+        if not head.startswith("ref:"):
+            return head
+        name = head.removeprefix("ref:").strip()
+        if (common / name).is_file():
+            return (common / name).read_text().strip()
+        packed = (common / "packed-refs").read_text()
+        found = re.search(rf"^([0-9a-f]{{40,64}}) {re.escape(name)}$", packed, re.MULTILINE)
+        return found and found[1]
+    except (OSError, UnicodeDecodeError):
+        return None
