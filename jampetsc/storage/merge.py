@@ -1,0 +1,60 @@
+"""A joint file and its parts as one plain file."""
+
+from pathlib import Path
+
+import h5py
+
+from jampetsc.storage.atomic import OutputFile, check_writable
+from jampetsc.storage.hdf5 import attributes, check_format, open_file, reading
+from jampetsc.storage.parts import GROUP, PartList
+
+_BLOCK_BYTES = 1 << 25  # copied at a time
+
+
+def merge(path, out=None) -> int:
+    """Write the result at `path` as one plain file at `out`, or in place and remove its parts.
+
+    Returns the number of parts that were joined (0: it was a plain file already). Raises InputError for a
+    file or part that is missing or damaged, JampetscError if writing fails; then everything is as it was.
+    """
+    target = Path(path if out is None else out)
+    in_place = out is None or (target.exists() and target.samefile(path))
+    with open_file(path) as h5:
+        with reading(path):
+            check_format(path, attributes(h5))
+        parts = PartList(h5, path)
+        parts.check()
+        if in_place and not parts:
+            return 0
+        check_writable(target)
+        with OutputFile(target) as merged:
+            _copy(h5, merged, path)
+            parts.check_present()
+    if in_place:
+        parts.remove()
+    return len(parts.sizes)
+
+
+def _copy(source, target, path):
+    def copy(name, item):
+        if name == GROUP or name.startswith(f"{GROUP}/"):
+            return
+        if isinstance(item, h5py.Dataset):
+            _copy_dataset(item, target, name)
+        else:
+            target.require_group(name)
+        target[name].attrs.update(item.attrs)
+
+    with reading(path):
+        target.attrs.update(source.attrs)
+        source.visititems(copy)
+
+
+def _copy_dataset(item, target, name):
+    if item.ndim == 0 or item.size == 0:
+        target.create_dataset(name, data=item[...], dtype=item.dtype)
+        return
+    copied = target.create_dataset(name, shape=item.shape, dtype=item.dtype)
+    rows = max(1, _BLOCK_BYTES * item.shape[0] // item.nbytes)
+    for start in range(0, item.shape[0], rows):
+        copied[start : start + rows] = item[start : start + rows]
