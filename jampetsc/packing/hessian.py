@@ -1,0 +1,119 @@
+"""The exact Hessian of the enthalpy in the coordinates of a quench, on the pattern of its pair list.
+
+With r the bond vectors of a freshly folded list (o = 0, F = 1), M = k n nᵀ − (f/r) t tᵀ (BT eqs. 4, 11), s = (r_y, 0):
+
+    ∂²H/∂o∂o   blocks M                      ∂²H/∂ε²   Σ (k r² − f r) + 4 p V
+    ∂²H/∂o∂ε   Σ (k r − f) n                 ∂²H/∂g²   Σ sᵀ M s
+    ∂²H/∂o∂g   Σ M s − f (0, n_x)            ∂²H/∂ε∂g  Σ (k r − f) n_x r_y
+"""
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from jampetsc.packing.forces import PairList
+
+
+@dataclass(frozen=True, eq=False)
+class Bonds:
+    """Forces and stiffnesses of all listed pairs, zero for those that do not touch."""
+
+    pairs: PairList
+    normal: np.ndarray  # (2, M)
+    distance: np.ndarray  # (M,)
+    overlap: np.ndarray  # (M,) negative for gaps
+    force: np.ndarray  # (M,)
+    stiffness: np.ndarray  # (M,)
+
+    @classmethod
+    def of(cls, pairs: PairList, potential) -> "Bonds":
+        """State of the pairs of a freshly folded list."""
+        distance = np.hypot(pairs.r0[0], pairs.r0[1])
+        overlap = pairs.sigma - distance
+        touching = overlap > 0
+        depth = np.where(touching, overlap, 0.0)
+        force = potential.force(depth, pairs.sigma)
+        stiffness = np.where(touching, potential.contact_stiffness(depth, pairs.sigma), 0.0)
+        return cls(pairs, pairs.r0 / distance, distance, overlap, force, stiffness)
+
+    def on_disks(self, bond_forces, n):
+        """Sum over pairs of the forces (2, M) on j, and of their opposites on i, (N, 2)."""
+        total = np.empty((n, 2))
+        for axis in range(2):
+            total[:, axis] = np.bincount(self.pairs.j, bond_forces[axis], minlength=n)
+            total[:, axis] -= np.bincount(self.pairs.i, bond_forces[axis], minlength=n)
+        return total
+
+
+class Pattern:
+    """Upper triangle, as CSR, of a matrix with a 2×2 block for every disk and every listed pair."""
+
+    def __init__(self, pairs: PairList, n: int):
+        key = pairs.i.astype(np.int64) * n + pairs.j
+        unique, slot = np.unique(key, return_inverse=True)  # one block for all images of a pair
+        i, j = unique // n, (unique % n).astype(np.int32)
+        count = np.bincount(i, minlength=n)
+        widths = np.column_stack((2 + 2 * count, 1 + 2 * count)).ravel()
+        self.indptr = np.zeros(2 * n + 1, np.int32)
+        np.cumsum(widths, out=self.indptr[1:])
+        top, bottom = self.indptr[:-1:2], self.indptr[1:-1:2]
+        place = np.arange(len(unique)) - (np.cumsum(count) - count)[i]
+        upper, lower = top[i] + 2 + 2 * place, bottom[i] + 1 + 2 * place
+        self.indices = np.empty(self.indptr[-1], np.int32)
+        disk = np.arange(n, dtype=np.int32)
+        self.indices[top], self.indices[top + 1], self.indices[bottom] = 2 * disk, 2 * disk + 1, 2 * disk + 1
+        for row in (upper, lower):
+            self.indices[row], self.indices[row + 1] = 2 * j, 2 * j + 1
+        self.diagonal = np.column_stack((top, top + 1, bottom)).astype(np.int64)  # (N, 3): xx, xy, yy
+        self.blocks = np.column_stack((upper, lower)).astype(np.int64)[slot]  # (M, 2): first entries of the two rows
+
+    def fill(self, bonds: Bonds, free, shift=0.0):
+        """Values of K + shift for the disks in the mask `free`; unit rows for the others. (nonzeros,)"""
+        values = np.zeros(self.indptr[-1])
+        pairs = bonds.pairs
+        across = bonds.force / bonds.distance
+        _fill(values, pairs.i, pairs.j, bonds.normal, bonds.stiffness, across, free, self.diagonal, self.blocks)
+        values[self.diagonal[free][:, [0, 2]]] += shift
+        values[self.diagonal[~free][:, [0, 2]]] = 1.0
+        return values
+
+
+@numba.njit(cache=True)
+def _fill(values, i, j, normal, stiffness, across, free, diagonal, blocks):
+    for p in range(len(i)):
+        a, b = i[p], j[p]
+        nx, ny = normal[0, p], normal[1, p]
+        xx = stiffness[p] * nx * nx - across[p] * ny * ny
+        xy = (stiffness[p] + across[p]) * nx * ny
+        yy = stiffness[p] * ny * ny - across[p] * nx * nx
+        for disk in (a, b):
+            if free[disk]:
+                values[diagonal[disk, 0]] += xx
+                values[diagonal[disk, 1]] += xy
+                values[diagonal[disk, 2]] += yy
+        if free[a] and free[b]:
+            upper, lower = blocks[p, 0], blocks[p, 1]
+            values[upper] -= xx
+            values[upper + 1] -= xy
+            values[lower] -= xy
+            values[lower + 1] -= yy
+
+
+def border(bonds: Bonds, n: int, area: float, pressure: float):
+    """(∂²H/∂o∂(ε, g), ∂²H/∂(ε, g)²): (N, 2, 2) with the last axis ε, g, and (2, 2)."""
+    nx, ny = bonds.normal
+    r, f, k = bonds.distance, bonds.force, bonds.stiffness
+    across = f / r
+    ry = bonds.pairs.r0[1]
+    along_s, across_s = k * nx * ry, -across * -ny * ry  # M s = along_s n + across_s t, t = (−n_y, n_x)
+    strain_row = bonds.on_disks((k * r - f) * bonds.normal, n)
+    shear_row = bonds.on_disks(np.stack((along_s * nx - across_s * ny, along_s * ny + across_s * nx - f * nx)), n)
+    mixed = np.sum((k * r - f) * nx * ry)
+    corner = np.array(
+        [
+            [np.sum(k * r * r - f * r) + 4.0 * pressure * area, mixed],
+            [mixed, np.sum((k * nx * nx - across * ny * ny) * ry * ry)],
+        ]
+    )
+    return np.stack((strain_row, shear_row), axis=-1), corner

@@ -1,0 +1,146 @@
+"""The last digits of a quench: Newton's method with the exact Hessian, disks and cell together.
+
+Disks that are held (rattlers, and one pinned against translations) keep unit rows, so the pattern never changes and a
+successful Cholesky factorisation proves that K without rattlers has no negative eigenvalue. The cell is eliminated by
+its Schur complement. The factorisation is passed in (`solver`), so that this package needs no PETSc:
+
+    solver.factorise(indptr, indices, values) -> bool    upper triangle as CSR; False if not positive definite
+    solver.solve(b) -> x
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jampetsc.packing.contacts import RIGID, force_threshold
+from jampetsc.packing.fire import Quench
+from jampetsc.packing.hessian import Bonds, Pattern, border
+
+STEPS = 12  # quadratic convergence needs far fewer: then FIRE should do some more
+REACH = 0.3  # no disk may move by more than this in one Newton step, in units of d
+
+
+@dataclass(frozen=True)
+class Residual:
+    """How far a packing is from equilibrium."""
+
+    force: float  # max |F| over disks that are not rattlers
+    pressure: float  # |p − p_target|, 0 at fixed cell
+    shear_stress: float  # |σ_xy| where the shear of the cell is free, else 0
+
+    def within(self, limits: "Residual") -> bool:
+        """Whether every part is at most that of `limits`."""
+        return (
+            self.force <= limits.force
+            and self.pressure <= limits.pressure
+            and self.shear_stress <= limits.shear_stress
+        )
+
+
+def limits(disks, pressure, tolerance) -> Residual:
+    """What counts as converged: relative to p, but never below the rounding of bonds, r ~ d.
+
+    One force is uncertain by about 1e-16 k d, the pressure, a mean over N bonds, by 1/√N of that.
+    """
+    d = 2.0 * float(np.mean(disks.radii))
+    k = float(disks.potential.k)
+    stress = max(tolerance * pressure, 4e-16 * k / np.sqrt(disks.n))
+    return Residual(max(tolerance * pressure * d, 2e-15 * k * d), stress, stress)
+
+
+class Polish:
+    """Newton steps on a quench; `steps` counts factorisations."""
+
+    def __init__(self, quench: Quench, solver):
+        self.quench, self.solver = quench, solver
+        self.steps = 0
+        self.modulus = None
+
+    def look(self):
+        """Fold the quench and evaluate bonds, rattlers and residual there."""
+        quench = self.quench
+        quench.fold()
+        disks = quench.disks
+        self.disks, self.n, self.area = disks, disks.n, disks.area
+        self.bonds = bonds = Bonds.of(quench.pairs, disks.potential)
+        self.pressure = float(np.dot(bonds.force, bonds.distance)) / (2.0 * self.area)
+        self.forces = bonds.on_disks(bonds.force * bonds.normal, self.n)
+        self.rattlers = self._rattlers()
+        self.drive = np.array([0.0, float(np.sum(bonds.force * bonds.normal[0] * bonds.pairs.r0[1]))])
+        if quench.goal.pressure is not None:
+            self.drive[0] = 2.0 * self.area * (self.pressure - quench.goal.pressure)
+        held = self.forces[~self.rattlers]
+        self.residual = Residual(
+            force=float(np.sqrt((held**2).sum(axis=1).max())) if len(held) else 0.0,
+            pressure=abs(self.drive[0]) / (2.0 * self.area),
+            shear_stress=abs(self.drive[1]) / self.area if quench.goal.shear else 0.0,
+        )
+        return self.residual
+
+    def _rattlers(self):
+        i, j = self.bonds.pairs.i, self.bonds.pairs.j
+        alive = self.bonds.force > force_threshold(self.disks, self.pressure)
+        rattlers = np.zeros(self.n, bool)
+        while True:
+            count = np.bincount(i[alive], minlength=self.n) + np.bincount(j[alive], minlength=self.n)
+            loose = (count < RIGID) & ~rattlers
+            if not loose.any():
+                return rattlers
+            rattlers |= loose
+            alive &= ~(rattlers[i] | rattlers[j])
+
+    def step(self) -> bool:
+        """One Newton step from the state seen by `look`. False if K is not positive definite or the step is too long."""
+        free = ~self.rattlers
+        if not free.any():
+            return False
+        free[np.argmax(free)] = False
+        pattern = Pattern(self.bonds.pairs, self.n)
+        self.steps += 1
+        if not self.solver.factorise(pattern.indptr, pattern.indices, pattern.fill(self.bonds, free)):
+            return False
+        rows, corner = border(self.bonds, self.n, self.area, self.quench.goal.pressure or 0.0)
+        rows[~free] = 0.0
+        forces = np.where(free[:, None], self.forces, 0.0)
+        solve = self.solver.solve
+        response = np.stack([solve(rows[..., b].ravel()).reshape(self.n, 2) for b in range(2)], axis=-1)
+        schur = corner - np.einsum("nab,nac->bc", rows, response)
+        self.modulus = float(schur[1, 1]) / self.area
+        moving = [b for b, moves in enumerate((self.quench.goal.pressure is not None, self.quench.goal.shear)) if moves]
+        move = solve(forces.ravel()).reshape(self.n, 2)
+        strain = np.zeros(2)
+        if moving:
+            inner = schur[np.ix_(moving, moving)]
+            if np.linalg.eigvalsh(inner)[0] <= 0:
+                return False
+            strain[moving] = np.linalg.solve(inner, (self.drive - np.einsum("nab,na->b", rows, move))[moving])
+            move -= response @ strain
+        reach = REACH * 2.0 * float(np.mean(self.disks.radii))
+        if not np.isfinite(move).all() or np.abs(move).max() > reach or np.abs(strain).max() > 0.05:
+            return False
+        self.quench.offsets += move
+        self.quench.box[0] += strain
+        return True
+
+    def converge(self, wanted: Residual) -> bool:
+        """Newton to `wanted`. True when there, with `negative_modes = 0` proved; else the quench is where it was.
+
+        Gives up as soon as a step does not halve the residual: then contacts still change and FIRE should go on.
+        """
+        start = self.quench.disks
+        last = self.look()
+        for _ in range(STEPS):
+            done = last.within(wanted)
+            if not self.step():
+                break
+            if done:
+                # The factorisation just made proves that this is a minimum: do not take the step.
+                self.quench.set_disks(self.disks)
+                return True
+            here = self.look()
+            if not here.within(wanted) and (here.force > 0.5 * last.force and here.pressure > 0.5 * last.pressure):
+                break
+            last = here
+        self.quench.set_disks(start)
+        self.quench.rest()
+        return False
