@@ -1,0 +1,139 @@
+"""Published packings from other programs: jamBashbulk text and jax-md netCDF4, told apart by their content.
+
+jamBashbulk writes `N = …, L1 = {…}, L2 = {…}, P = …` and a line `x, y, r` per disk; U = ½ δ² (k = 1).
+jax-md's data files hold many packings; positions are fractions of the box, U = ½ (1 − r/σ)².
+"""
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from jampetsc.errors import InputError
+from jampetsc.packing.contacts import measure
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.potentials import Potential
+from jampetsc.storage.hdf5 import open_file, reading
+
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_NUMBER = r"([-+.\deE]+|[-+]?nan|[-+]?inf)"
+_AGREE = 1e-6  # relative difference from a stored value that still counts as the same packing
+_STRESS = ("xx", "xy", "yx", "yy")
+_MODULI = ("xxxx", "yyyy", "xyxy", "xxyy", "xxxy", "yyxy")  # for a symmetric linear strain
+
+
+def import_packing(path, index=0) -> Disks:
+    """Read packing number `index` of a file of another program.
+
+    The record holds pressure, phi, energy and max_force as computed here, and what the file states as
+    published_pressure, published_energy, … Raises InputError for a file of neither program, a damaged one, a
+    wrong index, or one whose stored pressure or energy its positions do not have.
+    """
+    try:
+        with open(path, "rb") as file:
+            start = file.read(len(_HDF5))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    read = _read_jaxmd if start == _HDF5 else _read_jambashbulk
+    try:
+        disks = read(path, index)
+    except InputError as error:
+        text = str(error)
+        raise InputError(text if text.startswith(f"{path}: ") else f"{path}: {text}") from None
+    return _measured(path, disks)
+
+
+def _measured(path, disks):
+    state = measure(disks)
+    found = {"pressure": state.pressure, "energy": state.energy}
+    for name, value in found.items():
+        published = disks.record.get(f"published_{name}")
+        if published is not None and not abs(value - published) <= _AGREE * abs(published):
+            raise InputError(
+                f"{path}: {name} is {value:.9g} with these positions but stored as {published:.9g}: "
+                "another potential or unit than assumed, or a damaged file"
+            )
+    return disks.with_record(**found, phi=disks.phi, max_force=state.max_force)
+
+
+def _pick(path, index, count):
+    if not 0 <= index < count:
+        raise InputError(f"{path}: --index {index}: it holds {count} packings, numbered from 0")
+    return index
+
+
+def _read_jambashbulk(path, index):
+    try:
+        text = Path(path).read_text()
+    except UnicodeDecodeError:
+        text = ""
+    packings = re.split(r"(?m)^(?=[ \t]*N\s*=)", re.sub(r"(?m)^\s*#.*$", "", text))[1:]
+    if not packings or "L1" not in packings[0]:
+        raise InputError(f"{path}: neither jamBashbulk text nor jax-md netCDF4: these two can be imported")
+    packing = packings[_pick(path, index, len(packings))]
+    n = int(_find(path, packing, "N", r"\bN\s*=\s*(\d+)")[0])
+    cell = [
+        _find(path, packing, a, rf"\b{a}\s*=\s*\{{\s*{_NUMBER}\s*,\s*{_NUMBER}\s*\}}") for a in ("L1", "L2")
+    ]
+    pressure = _find(path, packing, "P", rf"\bP\s*=\s*{_NUMBER}")[0]
+    body = re.search(r"\{([^{}]*)(\}?)\s*\Z", packing)
+    rows = re.findall(rf"{_NUMBER}\s*,\s*{_NUMBER}\s*,\s*{_NUMBER}", body[1]) if body else []
+    if len(rows) != n or not body[2]:
+        raise InputError(
+            f"{path}: {len(rows)} lines x, y, r for N = {n} disks: truncated or edited; get it again"
+        )
+    table = np.array([_floats(path, row) for row in rows])
+    return Disks.from_positions(
+        table[:, :2],
+        table[:, 2],
+        cell,
+        Potential("harmonic", "constant", 1.0),
+        record={"protocol": "jamBashbulk", "imported_from": Path(path).name, "published_pressure": pressure},
+    )
+
+
+def _find(path, text, name, pattern):
+    match = re.search(pattern, text)
+    if match is None:
+        raise InputError(f"{path}: no {name} = … in the header: truncated or edited; get it again")
+    return _floats(path, match.groups())
+
+
+def _floats(path, words):
+    try:
+        return [float(word) for word in words]
+    except ValueError:
+        raise InputError(f"{path}: {', '.join(words)}: not numbers; get the file again") from None
+
+
+def _read_jaxmd(path, index):
+    with open_file(path) as h5, reading(path):
+        if str(h5.attrs.get("format", "")).startswith("jampetsc"):
+            raise InputError(f"{path}: is a {h5.attrs['format']} file already: nothing to import")
+        missing = [name for name in ("pos", "rad", "box") if name not in h5]
+        if missing:
+            raise InputError(f"{path}: no variable {', '.join(missing)}: not a packing file of jax-md")
+        _pick(path, index, len(h5["pos"]))
+        names = ("pos", "rad", "box", "Energy", "Stress", "Cijkl")
+        data = {name: np.asarray(h5[name][index], float) for name in names if name in h5}
+    if data["box"].shape != (4,) or data["pos"].shape != (2 * len(data["rad"]),):
+        raise InputError(
+            f"{path}: {data['pos'].size} coordinates for {data['rad'].size} disks: two-dimensional only"
+        )
+    cell = data["box"].reshape(2, 2).T  # jax-md maps a fraction s to box · s: cell vectors are its columns
+    published = {"published_energy": float(data["Energy"])} if "Energy" in data else {}
+    if "Stress" in data:
+        stress = dict(zip(_STRESS, data["Stress"].tolist(), strict=True))
+        published |= {f"published_stress_{name}": value for name, value in stress.items()}
+        published["published_pressure"] = -(stress["xx"] + stress["yy"]) / 2
+    if "Cijkl" in data:
+        published |= {
+            f"published_C_{name}": c for name, c in zip(_MODULI, data["Cijkl"].tolist(), strict=True)
+        }
+    return Disks.from_positions(
+        data["pos"].reshape(-1, 2) @ cell,
+        data["rad"],
+        cell,
+        Potential("harmonic", "inverse-square-diameter", 1.0),
+        record={"protocol": "jax-md", "imported_from": Path(path).name, "imported_index": index, **published},
+    )
