@@ -1,0 +1,20 @@
+"""The subcommands, one module each, listed in `COMMANDS`. `jampetsc.cli` imports the one that is asked for.
+
+A command module has
+
+    add_parser(subparsers)      adds its parser (`subparsers.add_parser("sweep", help=…)`) and calls
+                                parser.set_defaults(run=run), with takes_petsc=lambda args: True where PETSc's
+                                single-dash options may be given; otherwise the command line refuses them
+    run(args, petsc_argv)       does the work and returns the exit status; `petsc_argv` is for `session.start`
+
+and keeps its heavy imports (numpy, h5py, numba, matplotlib) inside `run`, so that `--help` is instant.
+"""
+
+COMMANDS = {
+    "pack": "jampetsc.commands.pack",
+    "import": "jampetsc.commands.importing",
+    "sweep": "jampetsc.commands.sweep",
+    "info": "jampetsc.commands.info",
+    "merge": "jampetsc.commands.merge",
+    "plot": "jampetsc.commands.plot",
+}

@@ -1,0 +1,23 @@
+"""jampetsc: linear rheology of jammed packings of soft disks, in parallel on PETSc and SLEPc.
+
+    import jampetsc
+    result = jampetsc.load("sweep.h5")      # numpy arrays; needs neither MPI nor PETSc
+    G = result.modulus(omega)
+
+Importing the package loads nothing else. `jampetsc.session.start` is the one door to PETSc and MPI.
+"""
+
+__version__ = "0.1.0"
+__all__ = ["Disks", "load"]
+
+
+def __getattr__(name):  # PEP 562: `jampetsc.load` and `jampetsc.Disks` import numpy and h5py when first used
+    if name == "load":
+        from jampetsc.storage.reader import load
+
+        return load
+    if name == "Disks":
+        from jampetsc.packing.disks import Disks
+
+        return Disks
+    raise AttributeError(f"module 'jampetsc' has no attribute {name!r}")

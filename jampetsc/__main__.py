@@ -1,0 +1,7 @@
+"""python -m jampetsc"""
+
+import sys
+
+from jampetsc.cli import main
+
+sys.exit(main())

@@ -1,0 +1,200 @@
+"""The command line: `--long` words are the program's, `-single_dash` words are PETSc's.
+
+Finds the command's module, gives it its arguments, and turns an error into one line and an exit status:
+1 unexpected or from the system, 2 bad input, 3 not converged, 130 interrupted, 141 nobody reads the output,
+143 SIGTERM.
+"""
+
+import argparse
+import contextlib
+import difflib
+import errno
+import importlib
+import os
+import re
+import sys
+import time
+
+from jampetsc import __version__
+from jampetsc.commands import COMMANDS
+from jampetsc.errors import InputError, JampetscError
+from jampetsc.session import Terminated, stop_on_sigterm
+
+REMEDIES = {errno.ENOSPC: ": free some space, or write elsewhere", errno.EACCES: ": check its permissions"}
+MORE_MEMORY = "use more nodes, or a smaller packing"
+PETSC_OPTION = re.compile(r"-[A-Za-z]")
+THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")  # read when numpy is imported
+PATIENCE = 2.0  # seconds that a rank in trouble waits for the others to report the same
+SIZE_VARIABLES = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE")  # set by the launcher; known before MPI is started
+RANK_VARIABLES = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK", "SLURM_PROCID")
+
+
+def main(argv=None):
+    """Run `jampetsc argv` and return the exit status. Errors are printed once, by one rank."""
+    for variable in THREAD_VARIABLES:
+        os.environ.setdefault(variable, "1")
+    stop_on_sigterm()
+    try:
+        status = dispatch(sys.argv[1:] if argv is None else argv)
+        sys.stdout.flush()
+        return status
+    except JampetscError as error:
+        return _fail(str(error), error.exit_code)
+    except MemoryError as error:
+        return _fail(": ".join(filter(None, ["out of memory", _one_line(error), MORE_MEMORY])), 1)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # keeps python's last flush quiet
+        return 141
+    except OSError as error:
+        return _fail(_system_message(error), 1)
+    except KeyboardInterrupt:
+        return _fail("interrupted", 130)
+    except Terminated as stop:
+        return _fail("stopped by SIGTERM; what was finished is on disk", stop.code)
+
+
+def dispatch(argv):
+    """Parse `argv` (without the program's name) and run its command; returns the exit status.
+
+    Raises InputError for anything that neither the program nor PETSc can be meant to read.
+    """
+    words, petsc_argv = split_petsc(argv)
+    parser, commands = command_parser(words)
+    try:
+        args, rest = parser.parse_known_args(words)
+    except InputError as error:
+        taken = [token for token in petsc_argv if not PETSC_OPTION.match(token)]
+        missing = taken and "required" in str(error)
+        hint = f"; PETSc's options took {', '.join(taken)}: put them last" if missing else ""
+        raise InputError(f"{error}{hint}") from None
+    if rest:
+        raise InputError(_unknown(rest[0], commands.choices[args.command]))
+    if petsc_argv and not args.takes_petsc(args):
+        raise InputError(
+            f"{args.command} {petsc_argv[0]}: single-dash options are PETSc's, which has nothing to do here; "
+            "the program's own begin with --"
+        )
+    return args.run(args, petsc_argv)
+
+
+def split_petsc(argv):
+    """(program's words, PETSc's words) of a command line.
+
+    As PETSc reads it: an option is one dash and a letter, and the next word is its value unless that is an
+    option too. So a file name must not follow a PETSc option that has no value of its own.
+    """
+    words, petsc = [], []
+    value_may_follow = False
+    for token in argv:
+        option = bool(PETSC_OPTION.match(token))
+        value = value_may_follow and not token.startswith("--")
+        (petsc if option or value else words).append(token)
+        value_may_follow = option
+    return words, petsc
+
+
+class Parser(argparse.ArgumentParser):
+    """argparse with this program's manners: whole long words only, errors raised, help from one rank."""
+
+    def __init__(self, **settings):
+        settings.setdefault("formatter_class", argparse.RawDescriptionHelpFormatter)
+        super().__init__(**{**settings, "add_help": False, "allow_abbrev": False})
+        self.add_argument("--help", action="help", help="show this text and exit")
+        self.set_defaults(takes_petsc=lambda args: False)
+
+    def error(self, message):
+        raise InputError(f"{message} (see {self.prog} --help)")
+
+    def print_help(self, file=None):
+        if _rank() == 0:
+            super().print_help(file)
+
+
+def command_parser(words):
+    """(parser, its subparsers) for these words: with the one command that they name, or else with all."""
+    parser = Parser(
+        prog="jampetsc",
+        description="Linear rheology of jammed packings: how they respond to slow and fast shear.",
+        epilog="jampetsc COMMAND --help tells more. Options with a single dash are PETSc's and go last,\n"
+        "for example -options_file FILE or -log_view. In parallel: mpirun -n RANKS jampetsc …",
+    )
+    parser.add_argument("--version", action="version", version=f"jampetsc {__version__}")
+    subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    asked = words[0] if words else ""
+    if asked and asked not in COMMANDS and not asked.startswith("-"):
+        raise InputError(f"{asked}: no such command{_did_you_mean(asked, COMMANDS)} (see jampetsc --help)")
+    for module in [COMMANDS[asked]] if asked in COMMANDS else COMMANDS.values():
+        importlib.import_module(module).add_parser(subparsers)
+    return parser, subparsers
+
+
+def _unknown(token, parser):
+    """The message for a word that argparse left over."""
+    word = token.partition("=")[0]
+    if not word.startswith("-"):
+        return f"{token}: one argument too many (see {parser.prog} --help)"
+    near = _did_you_mean(word, parser._option_string_actions)
+    return f"{word}: no such option{near} (see {parser.prog} --help)"
+
+
+def _did_you_mean(word, known):
+    near = difflib.get_close_matches(word, known, n=1)
+    return f"; did you mean {near[0]}?" if near else ""
+
+
+def _fail(message, status):
+    """Print `message` once and return `status`; abort the job if some rank is not failing with this one."""
+    if any(int(os.environ.get(name, 1)) > 1 for name in SIZE_VARIABLES):
+        # start MPI if need be: a rank that left before rank 0 has printed would end the job without a word
+        with contextlib.suppress(ImportError):
+            importlib.import_module("mpi4py.MPI")
+    if _all_here():
+        if _rank() == 0:
+            _print_error(message)
+        return status
+    _print_error(f"rank {_rank()}: {message}")
+    _mpi().COMM_WORLD.Abort(status)
+
+
+def _all_here():
+    """Whether every rank gets here within PATIENCE; True without MPI."""
+    if not _mpi() or _mpi().COMM_WORLD.size == 1:
+        return True
+    request = _mpi().COMM_WORLD.Ibarrier()
+    deadline = time.monotonic() + PATIENCE
+    while not request.Test():
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(0.01)
+    return True
+
+
+def _mpi():
+    """mpi4py's MPI if something has loaded and started it, else None."""
+    MPI = sys.modules.get("mpi4py.MPI")
+    return MPI if MPI and MPI.Is_initialized() and not MPI.Is_finalized() else None
+
+
+def _rank():
+    if _mpi():
+        return _mpi().COMM_WORLD.rank
+    return next((int(os.environ[name]) for name in RANK_VARIABLES if name in os.environ), 0)
+
+
+def _print_error(message):
+    sys.stderr.write("".join(f"jampetsc: error: {line}\n" for line in message.splitlines()))
+    sys.stderr.flush()
+
+
+def _system_message(error):
+    """One line for an OSError, from the system or in HDF5's words."""
+    text = _one_line(error)
+    name = error.filename or (found[1] if (found := re.search(r"name = '([^']*)'", text)) else None)
+    number = error.errno or (int(found[1]) if (found := re.search(r"errno = (\d+)", text)) else None)
+    reason = os.strerror(number) if number else text
+    remedy = REMEDIES.get(number, "")
+    return f"{f'{name}: ' if name else ''}{reason}{remedy}"
+
+
+def _one_line(error):
+    return " ".join(str(error).split())

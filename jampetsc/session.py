@@ -1,0 +1,266 @@
+"""The one door to PETSc, SLEPc and MPI.
+
+Importing this module starts nothing; `start` does, once per process:
+
+    s = session.start(scalar="complex", petsc_argv=["-log_view"])
+    s.set_defaults({"freq_ksp_type": "preonly", "freq_pc_type": "lu"})
+    ksp = s.PETSc.KSP().create(s.comm)
+    ...                                     # prefix, operators, setFromOptions, setUp
+    s.check_options()                       # stops on an option that nobody asked for
+"""
+
+import contextlib
+import ctypes
+import difflib
+import gc
+import importlib
+import itertools
+import re
+import signal
+import sys
+import threading
+import traceback
+from pathlib import Path
+
+from jampetsc import builds
+from jampetsc.errors import InputError
+
+# Read by PETSc when it finishes, or only in some situations: never called unused.
+READ_LATE = frozenset(
+    "options_view options_left citations get_total_flops mpi_dump memory_view objects_dump malloc_dump "
+    "malloc_view on_error_malloc_dump debugger_nodes debugger_ranks shared_tmp tmp nox display random_seed "
+    "random_type viewer_hdf5_collective".split()
+)
+
+_session = None
+
+
+class Terminated(SystemExit):
+    """SIGTERM arrived. `finally` blocks run on the way out; exit status 143 as from the shell."""
+
+    def __init__(self):
+        super().__init__(128 + signal.SIGTERM)
+
+
+def start(scalar=None, petsc_argv=()):
+    """Start MPI, PETSc and SLEPc and return the Session. Collective.
+
+    scalar      "real", "complex", or None for either (real preferred)
+    petsc_argv  PETSc's own options, as on a command line: ["-options_file", "a.opts", "-log_view"]
+
+    Raises InputError when no build has that scalar type, when the user's own has the other one, when SLEPc
+    belongs to another PETSc, or for an options file that cannot be read. A second call returns the running
+    session.
+    """
+    global _session
+    petsc_argv = [str(token) for token in petsc_argv]
+    if _session is None:
+        _check_options_files(petsc_argv)
+        with builds.selected(scalar):
+            PETSc, SLEPc, comm = _load(petsc_argv)
+        _session = Session(PETSc, SLEPc, comm, petsc_argv)
+        stop_on_sigterm()  # PETSc's own handler, set by the start, would abort without a chance to clean up
+        if comm.size > 1:
+            sys.excepthook = _abort
+    elif petsc_argv:
+        raise RuntimeError("PETSc options can be given to the first session.start() of a process only")
+    if scalar not in (None, _session.scalar_type):
+        raise InputError(
+            f"{scalar} scalars are needed and {Path(_session.PETSc.__file__).parents[1]} has "
+            f"{_session.scalar_type} ones: {builds.remedy(scalar)} (one process loads one)"
+        )
+    return _session
+
+
+def current():
+    """The running Session. Raises RuntimeError before `start`."""
+    if _session is None:
+        raise RuntimeError("no session: call jampetsc.session.start() first")
+    return _session
+
+
+class Session:
+    """PETSc as it runs in this process; made by `start`.
+
+    PETSc, SLEPc   the petsc4py and slepc4py modules; SLEPc is None where no slepc4py is installed
+    comm           mpi4py COMM_WORLD; rank and size are its
+    scalar_type    "real" or "complex"
+    petsc_argv     the PETSc options this process was given
+    """
+
+    def __init__(self, PETSc, SLEPc, comm, petsc_argv):
+        self.PETSc = PETSc
+        self.SLEPc = SLEPc
+        self.comm, self.rank, self.size = comm, comm.rank, comm.size
+        self.scalar_type = "complex" if PETSc.ScalarType(0).dtype.kind == "c" else "real"
+        self.petsc_argv = petsc_argv
+        self._library = ctypes.CDLL(
+            PETSc.__file__
+        )  # finds the symbols of the libpetsc it is linked to as well
+        self._defaults = set()
+        self._given = self._names_given()
+
+    def options(self):
+        """All PETSc options in force, {name: value}, without their dash."""
+        return self.PETSc.Options().getAll()
+
+    def set_defaults(self, defaults):
+        """Set those of {"freq_ksp_type": "preonly", …} that no options file and no command line gives.
+
+        None stands for an option without a value.
+        """
+        database = self.PETSc.Options()
+        present = {name.lower() for name in self.options()} - self._defaults  # hasName would mark it used
+        for name, value in defaults.items():
+            if name.lower() not in present:
+                database.setValue(name, value)
+                self._defaults.add(name.lower())
+
+    def check_options(self):
+        """Stop on options that no object asked for. Collective: asked for by one rank is enough.
+
+        Call it after the first solver is set up, when everything that reads options has done so. Looks at what
+        the command line and its options files gave, not at PETSC_OPTIONS or a .petscrc: those serve other
+        programs too.
+
+        Raises InputError that names the options.
+        """
+        mine = {name for name in self._unused() if name.lower() in self._given - READ_LATE}
+        unused = set.intersection(*self.comm.allgather(mine))
+        if not unused:
+            return
+        hints = []
+        for name in sorted(unused):
+            near = difflib.get_close_matches(name, self._defaults, n=1, cutoff=0.75)
+            hints.append(f"-{name}" + (f" (did you mean -{near[0]}?)" if near else ""))
+        raise InputError(f"PETSc option {', '.join(hints)}: not used by this run: correct or remove it")
+
+    @contextlib.contextmanager
+    def stage(self, name):
+        """A log stage: what runs inside is summed under `name` by -log_view. Collective."""
+        with self.PETSc.Log.Stage(name):
+            yield
+
+    def collect(self):
+        """Free the PETSc objects that python has dropped, even if on some ranks only. Collective."""
+        gc.collect()
+        if hasattr(self.PETSc, "garbage_cleanup"):  # petsc4py ≥ 3.18
+            self.PETSc.garbage_cleanup(self.comm)
+
+    def _names_given(self):
+        """Lower-case names of the options in petsc_argv and its options files, as PETSc parses them."""
+        database = self.PETSc.Options().create()
+        database.insertString(" ".join(f'"{token}"' if " " in token else token for token in self.petsc_argv))
+        names = {name.lower() for name in database.getAll()}
+        database.destroy()
+        return names
+
+    def _unused(self):
+        """Names in PETSc's database that nothing has asked for on this rank; petsc4py has no call for it."""
+        integer = {4: ctypes.c_int32, 8: ctypes.c_int64}[self.PETSc.IntType(0).itemsize]
+        strings = ctypes.POINTER(ctypes.c_char_p)
+        count, names, values = integer(), strings(), strings()
+        arguments = (None, ctypes.byref(count), ctypes.byref(names), ctypes.byref(values))
+        self._library.PetscOptionsLeftGet(*arguments)
+        unused = [names[i].decode() for i in range(count.value)]
+        self._library.PetscOptionsLeftRestore(*arguments)
+        return unused
+
+
+def versions():
+    """Versions for the record: {"numpy": …, "h5py": …}, in a session also mpi4py, mpi, petsc, slepc, mumps.
+
+    One that cannot be found out is "unknown". Not collective.
+    """
+    packages = ["numpy", "h5py"] + (["mpi4py"] if _session else [])
+    known = {package: importlib.import_module(package).__version__ for package in packages}
+    if _session:
+        from mpi4py import MPI
+
+        known["mpi"] = MPI.Get_library_version().split("\n")[0].split(",")[0].strip("\0 ")
+        known["petsc"] = ".".join(map(str, _session.PETSc.Sys.getVersion()))
+        known["slepc"] = ".".join(map(str, _session.SLEPc.Sys.getVersion())) if _session.SLEPc else "unknown"
+        known["mumps"] = _mumps_version()
+    return known
+
+
+def stop_on_sigterm():
+    """From now on SIGTERM raises Terminated, at the next python instruction; a second one kills at once.
+
+    mpirun passes SIGTERM to every rank and kills a second or so later, Slurm after KillWait. A rank inside a
+    long factorisation never gets to python in that time: what must survive has to be on disk before.
+    """
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, _terminate)
+
+
+def _terminate(number, frame):
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    raise Terminated
+
+
+def _abort(kind, error, trace):
+    """sys.excepthook: a rank that ends by an exception would leave the others waiting for it forever."""
+    text = "".join(traceback.format_exception(kind, error, trace))
+    sys.stderr.write(f"jampetsc: rank {_session.rank} of {_session.size} failed:\n{text}")
+    sys.stderr.flush()
+    _session.comm.Abort(1)
+
+
+def _load(petsc_argv):
+    """(PETSc, SLEPc or None, COMM_WORLD), initialised with petsc_argv."""
+    try:
+        import petsc4py
+        from mpi4py import MPI
+
+        petsc4py.init(["jampetsc", *petsc_argv], comm=MPI.COMM_WORLD)
+        from petsc4py import PETSc
+    except ImportError as error:
+        reason = " ".join(str(error).split())
+        raise InputError(f"petsc4py and mpi4py: {reason}: install them for {sys.executable}") from error
+    except RuntimeError as error:  # PETSc.Error; PETSc has printed the details
+        given = " ".join(petsc_argv)
+        raise InputError(f"{given}: PETSc does not start with this: see its message above") from error
+    try:
+        import slepc4py
+
+        slepc4py.init(["jampetsc"])
+        from slepc4py import SLEPc
+    except ModuleNotFoundError:
+        SLEPc = None
+    except (ImportError, ValueError) as error:  # what loading a SLEPc of another PETSc gives
+        raise InputError(
+            f"{Path(slepc4py.__file__).parent} was not built for {Path(PETSc.__file__).parents[1]}: "
+            "set PETSC_DIR and SLEPC_DIR to one pair, or unset both"
+        ) from error
+    return PETSc, SLEPc, MPI.COMM_WORLD
+
+
+def _check_options_files(petsc_argv):
+    """InputError for an options file that PETSc would refuse with a page of its own."""
+    for flag, name in itertools.pairwise([*petsc_argv, ""]):
+        if flag != "-options_file":
+            continue
+        if not name:
+            raise InputError("-options_file: needs the name of a file")
+        try:
+            lines = Path(name).read_text().splitlines()
+        except (OSError, UnicodeDecodeError) as error:
+            reason = getattr(error, "strerror", None) or "not a text file"
+            raise InputError(f"{name}: {reason}: give a PETSc options file") from error
+        if Path(name).suffix in (".yml", ".yaml"):
+            continue
+        for number, line in enumerate(lines, 1):
+            word = line.partition("#")[0].split()[:1]
+            if word and not re.match(r"-[A-Za-z]|alias$", word[0]):
+                raise InputError(f"{name}: line {number}: {word[0]}: options begin with -, comments with #")
+
+
+def _mumps_version():
+    """The version in the name of the MUMPS library this process has loaded; Linux tells which that is."""
+    try:
+        loaded = Path("/proc/self/maps").read_text()
+    except OSError:
+        return "unknown"
+    found = re.search(r"lib[dz]mumps[\w.-]*?[-.](\d+(?:\.\d+)+)", loaded)
+    return found[1] if found else "unknown"
