@@ -1,0 +1,86 @@
+"""Packings that tests share: published ones from tests/data, and small lattices made for one property each."""
+
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.potentials import Potential
+
+DATA = Path(__file__).parent / "data"
+JAMBASHBULK = DATA / "jambashbulk-N16-P1e-3-0001.txt"
+JAXMD = DATA / "jaxmd-2d_polyuniform_N64_Lp-1.0.nc"
+ORACLE = json.loads((DATA / "jambashbulk-N16-P1e-3-0001.json").read_text())
+
+
+def published(kind="harmonic"):
+    """The 16 bidisperse disks of jamBashbulk in their triclinic cell, p = 1e-3 for the harmonic potential."""
+    rows = [line.split(",") for line in JAMBASHBULK.read_text().splitlines()[6:22]]
+    table = np.array([[float(word) for word in row[:3]] for row in rows])
+    cell = [(9.5393607291793076335, 0.0), (0.0630575654921525210, 9.5693366275464142399)]
+    return Disks.from_positions(table[:, :2], table[:, 2], cell, Potential(kind))
+
+
+def polydisperse(index=0):
+    """One of jax-md's packings, 64 polydisperse disks in a square box at p ≈ 0.1; with it its record as a dictionary."""
+    with h5py.File(JAXMD) as file:
+        record = {name: file[name][index] for name in ("pos", "rad", "box", "Energy", "Stress", "Cijkl")}
+    cell = record["box"].reshape(2, 2)
+    positions = record["pos"].reshape(-1, 2) @ cell
+    return Disks.from_positions(
+        positions, record["rad"], cell, Potential(stiffness="inverse-square-diameter")
+    ), record
+
+
+def two_images():
+    """16 disks in a cell only two disks wide and tilted: neighbours in a row touch on both sides."""
+    rng = np.random.default_rng(1)
+    row, column = np.divmod(np.arange(16), 2)
+    positions = np.column_stack((column + 0.5 * row, 0.866 * row)) * 0.98 + rng.normal(0, 0.002, (16, 2))
+    return Disks.from_positions(positions, np.full(16, 0.5), [(1.96, 0), (4.2, 8 * 0.866 * 0.98)])
+
+
+def gears():
+    """A slightly irregular square lattice, 6 × 4: its contact graph is bipartite, so that the disks turn like gears."""
+    rng = np.random.default_rng(2)
+    row, column = np.divmod(np.arange(24), 6)
+    positions = np.column_stack((column, row)) * 0.98 + rng.normal(0, 0.003, (24, 2))
+    return Disks.from_positions(
+        positions, 0.5 + rng.uniform(-0.002, 0.002, 24), [(6 * 0.98, 0), (0.02, 4 * 0.98)]
+    )
+
+
+def strips():
+    """Two strips of three columns each along a2 of a tilted cell, not touching one another, and a rattler between them."""
+    rng = np.random.default_rng(3)
+    a2 = np.array([2.0, 7.5])
+    along = a2 / np.linalg.norm(a2)
+    across = np.array([along[1], -along[0]])
+    step = np.linalg.norm(a2) / 8
+    column, place = np.divmod(np.arange(24), 8)
+    strip = np.outer(column * 0.84, across) + np.outer((place + 0.5 * (column % 2)) * step, along)
+    strip += rng.normal(0, 0.002, strip.shape)
+    positions = np.vstack((strip, strip + [4.5, 0], [[2.9, 0.0]]))
+    return Disks.from_positions(positions, np.full(49, 0.5), [(9.0, 0), a2])
+
+
+def honeycomb():
+    """A honeycomb of 8 disks, three contacts each: 12 contacts where 14 are needed."""
+    a = 0.98
+    unit = np.array([(0, 0), (0, a), (np.sqrt(0.75) * a, 1.5 * a), (np.sqrt(0.75) * a, 2.5 * a)])
+    width, height = np.sqrt(3) * a, 3 * a
+    return Disks.from_positions(
+        np.vstack((unit, unit + [width, 0])), np.full(8, 0.5), [(2 * width, 0), (0, height)]
+    )
+
+
+SAMPLES = {
+    "published": published,
+    "hertzian": lambda: published("hertzian"),
+    "polydisperse": lambda: polydisperse(3)[0],
+    "two images": two_images,
+    "gears": gears,
+    "strips": strips,
+}

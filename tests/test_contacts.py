@@ -1,0 +1,151 @@
+"""Contacts, forces, rattlers and stress of a packing against loops over all pairs, finite differences and published values."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from dense import Reference
+from samples import ORACLE, SAMPLES, polydisperse, published
+
+from jampetsc.mechanics.laws import Law
+from jampetsc.packing.contacts import (
+    Contacts,
+    bond_vectors,
+    find_contacts,
+    find_rattlers,
+    measure,
+    net_forces,
+)
+from jampetsc.packing.disks import GRID, Disks, join, split
+from jampetsc.packing.neighbours import neighbour_pairs
+from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
+
+
+def test_split_loses_nothing():
+    rng = np.random.default_rng(0)
+    high, low = rng.uniform(-1e5, 1e5, 1000), rng.uniform(-1e-12, 1e-12, 1000)
+    base, offset = split(high, low)
+    assert (np.abs(offset) <= GRID / 2).all() and (base / GRID == np.round(base / GRID)).all()
+    back = join(base, offset)
+    for exact, parts in zip(zip(high, low, strict=True), zip(*back, strict=True), strict=True):
+        assert abs(sum(map(Fraction, exact)) - sum(map(Fraction, parts))) < 1e-23
+
+
+def far_away(low):
+    """Two pairs of disks at coordinates ~ 1e5, one of them across the boundary; positions_low is multiplied by `low`."""
+    rng = np.random.default_rng(1)
+    cell, cell_low = np.array([(1e5 / 3, 0.0), (77.7, 1e5 / 7)]), np.array([(3e-12, 0.0), (1e-13, -7e-13)])
+    positions = np.array([(31000.1, 12000.3), (31000.9, 12000.7), (0.2, 0.1), (1e5 / 3 - 0.3, 0.6)])
+    fine = rng.uniform(-1e-12, 1e-12, (4, 2))
+    return Disks.from_positions(positions, np.full(4, 0.5), cell, positions_low=low * fine, cell_low=cell_low)
+
+
+def test_bond_vectors_are_rounded_once_at_coordinates_of_1e5():
+    disks = far_away(low=1.0)
+    i, j = np.array([0, 2]), np.array([1, 3])
+    image = np.array([(0, 0), (-1, 0)])
+    r = bond_vectors(disks, i, j, image)
+    plain = disks.positions[j] - disks.positions[i] + image @ disks.cell
+    for c in range(2):
+        for axis in range(2):
+            exact = sum(Fraction(x) for x in (disks.base[j[c], axis], disks.offset[j[c], axis])) - sum(
+                Fraction(x) for x in (disks.base[i[c], axis], disks.offset[i[c], axis])
+            )
+            for a in range(2):
+                exact += int(image[c, a]) * (
+                    Fraction(disks.cell_base[a, axis]) + Fraction(disks.cell_offset[a, axis])
+                )
+            assert abs(Fraction(r[c, axis]) - exact) < 1.2e-16
+    assert np.abs(plain - r).max() > 1e-13  # what one double per coordinate would give
+    assert np.abs(bond_vectors(far_away(low=0.0), i, j, image) - r).max() > 1e-13  # positions_low does count
+
+
+@pytest.mark.parametrize("kind", EXPONENTS)
+@pytest.mark.parametrize("stiffness", STIFFNESSES)
+def test_force_and_stiffness_are_derivatives_of_the_energy(kind, stiffness):
+    law = Potential(kind, stiffness, k=2.5)
+    sigma, overlap, h = np.array([0.9, 1.3]), np.array([0.02, 0.1]), 1e-6
+
+    def slope(f):  # d/dr = −d/dδ
+        return -(f(overlap + h, sigma) - f(overlap - h, sigma)) / (2 * h)
+
+    np.testing.assert_allclose(law.force(overlap, sigma), -slope(law.energy), rtol=1e-7)
+    np.testing.assert_allclose(law.contact_stiffness(overlap, sigma), -slope(law.force), rtol=1e-7)
+
+
+@pytest.mark.parametrize("name", SAMPLES)
+def test_state_against_loops_over_all_images(name):
+    disks = SAMPLES[name]()
+    state, reference = measure(disks), Reference(disks, Law())
+    assert list(np.flatnonzero(~state.rattlers)) == reference.disks
+    number = np.array(reference.disks)
+    here = sorted(zip(state.contacts.i, state.contacts.j, *state.contacts.r.T, strict=True))
+    there = sorted(zip(number[reference.i], number[reference.j], *reference.r.T.astype(float), strict=True))
+    np.testing.assert_allclose(here, there, rtol=0, atol=1e-15 * disks.cell.max())
+    assert state.coordination == 2 * reference.contacts / reference.n
+    assert state.energy == pytest.approx(float(reference.energy), rel=1e-12)
+    assert state.pressure == pytest.approx(float(reference.pressure), rel=1e-12)
+    np.testing.assert_allclose(state.stress, reference.stress.astype(float), rtol=0, atol=1e-13)
+    assert -np.trace(state.stress) / 2 == pytest.approx(state.pressure, rel=1e-13)
+
+
+def test_net_forces_are_the_gradient_of_the_energy():
+    disks, _ = polydisperse(0)
+
+    def energy(positions):
+        moved = Disks.from_positions(positions, disks.radii, disks.cell, disks.potential)
+        return measure(moved).energy
+
+    rng = np.random.default_rng(4)
+    shaken = disks.positions + rng.normal(0, 1e-3, (64, 2))
+    direction, h = rng.normal(0, 1, (64, 2)), 1e-6
+    moved = Disks.from_positions(shaken, disks.radii, disks.cell, disks.potential)
+    power = np.sum(net_forces(64, find_contacts(moved)) * direction)
+    slope = (energy(shaken + h * direction) - energy(shaken - h * direction)) / (2 * h)
+    assert power == pytest.approx(-slope, rel=1e-6)
+
+
+def graph(n, edges):
+    """Contacts of which only the graph matters."""
+    i, j = np.array(edges).T
+    one = np.ones(len(i))
+    return Contacts(i, j, np.column_stack((one, one)), one, one, one, one, one)
+
+
+def test_rattlers_are_removed_again_and_again():
+    square = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]  # three contacts each: stays
+    tail = [(3, 4), (3, 5), (4, 5), (4, 6), (5, 6), (6, 7)]  # falls from its end: 7, then 6, then 4 and 5
+    assert list(np.flatnonzero(find_rattlers(9, graph(9, square + tail)))) == [4, 5, 6, 7, 8]
+    assert find_rattlers(8, graph(8, tail)).all()
+
+
+def test_a_contact_that_only_just_touches_does_not_count():
+    disks = published()
+    i, j, image = neighbour_pairs(disks.positions, disks.radii, disks.cell, skin=0.1)
+    gap = np.hypot(*bond_vectors(disks, i, j, image).T) - disks.radii[i] - disks.radii[j]
+    narrowest = np.argmin(np.where(gap > 0, gap, np.inf))
+    radii = disks.radii.copy()
+    radii[i[narrowest]] += gap[narrowest] + 5e-15
+    touching = Disks.from_positions(disks.positions, radii, disks.cell)
+    new = find_contacts(touching).overlap < 1e-14
+    assert np.count_nonzero(new) == 1 and len(new) == 34
+    assert (measure(touching).contacts.overlap > 1e-14).all()
+
+
+def test_published_state_of_jambashbulk():
+    disks, stated = published(), ORACLE["published"]
+    state = measure(disks)
+    assert disks.phi == pytest.approx(stated["phi"], abs=1e-14)
+    assert (len(state.contacts), state.rattlers.sum()) == (stated["contacts"], stated["rattlers"])
+    assert state.coordination == stated["Z"]
+    assert state.energy == pytest.approx(stated["energy"], rel=1e-12)
+    assert state.pressure == pytest.approx(stated["pressure"], rel=1e-12)
+    assert state.max_force < 1e-14
+
+
+@pytest.mark.parametrize("index", range(10))
+def test_published_state_of_jaxmd(index):
+    disks, record = polydisperse(index)
+    state = measure(disks)
+    assert state.energy == pytest.approx(record["Energy"], rel=1e-8)
+    np.testing.assert_allclose(state.stress.ravel(), record["Stress"], rtol=1e-7, atol=1e-9)

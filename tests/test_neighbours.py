@@ -1,0 +1,80 @@
+"""Pair search over periodic images against trying every pair and every image."""
+
+import numpy as np
+import pytest
+
+from jampetsc.packing.neighbours import neighbour_pairs, spatial_order
+
+CELLS = {
+    "square": [(9.0, 0.0), (0.0, 9.0)],
+    "tilted": [(9.0, 0.0), (3.7, 8.0)],
+    "tilted beyond its width": [(6.0, 0.0), (-14.3, 11.0)],
+    "narrow": [(2.3, 0.0), (0.4, 30.0)],
+    "flat": [(40.0, 0.0), (1.0, 2.3)],
+}
+
+
+def every_pair(positions, radii, cell, skin, images):
+    """{(i, j, image)} with i < j, from all images up to ±images."""
+    found = set()
+    grid = [(a, b) for a in range(-images, images + 1) for b in range(-images, images + 1)]
+    for a, b in grid:
+        r = positions[None] - positions[:, None] + np.array((a, b)) @ cell
+        near = (r**2).sum(axis=-1) < (radii + radii[:, None] + skin) ** 2
+        found |= {(int(i), int(j), a, b) for i, j in np.argwhere(near) if i < j}
+    return found
+
+
+def as_set(pairs):
+    i, j, image = pairs
+    listed = [(int(a), int(b), int(x), int(y)) for a, b, (x, y) in zip(i, j, image, strict=True)]
+    assert len(set(listed)) == len(listed), "a pair appears twice"
+    return set(listed)
+
+
+@pytest.mark.parametrize("name", CELLS)
+@pytest.mark.parametrize("skin", [0.0, 0.3])
+@pytest.mark.parametrize("n", [1, 2, 16, 80])
+def test_finds_every_pair_of_every_image_once(name, n, skin):
+    rng = np.random.default_rng(n)
+    cell = np.array(CELLS[name])
+    # up to one cell outside on every side: coordinates need not be wrapped
+    positions = rng.uniform(-1.0, 2.0, (n, 2)) @ cell
+    radii = rng.uniform(0.3, 0.8, n)
+    wanted = every_pair(positions, radii, cell, skin, images=12)
+    assert as_set(neighbour_pairs(positions, radii, cell, skin)) == wanted
+
+
+def test_a_pair_can_touch_through_two_images():
+    cell = np.array([(1.9, 0.0), (0.0, 5.0)])
+    pairs = as_set(neighbour_pairs(np.array([(0.0, 0.0), (0.95, 0.0)]), np.full(2, 0.5), cell))
+    assert pairs == {(0, 1, 0, 0), (0, 1, -1, 0)}
+
+
+@pytest.mark.parametrize("name", CELLS)
+def test_ranges_of_rows_see_each_contact_from_both_ends(name):
+    rng = np.random.default_rng(7)
+    cell = np.array(CELLS[name])
+    positions, radii = rng.uniform(0, 1, (40, 2)) @ cell, rng.uniform(0.4, 0.6, 40)
+    once = as_set(neighbour_pairs(positions, radii, cell))
+    both = once | {(j, i, -a, -b) for i, j, a, b in once}
+    ranges = [(0, 13), (13, 13), (13, 29), (29, 40)]
+    parts = [as_set(neighbour_pairs(positions, radii, cell, rows=rows)) for rows in ranges]
+    assert set.union(*parts) == both
+    assert sum(map(len, parts)) == len(both)
+    for (first, last), part in zip(ranges, parts, strict=True):
+        assert all(first <= i < last for i, *_ in part)
+
+
+def test_spatial_order_keeps_neighbours_together():
+    rng = np.random.default_rng(5)
+    cell = np.array([(64.0, 0.0), (20.0, 64.0)])
+    positions = rng.uniform(-1, 2, (4096, 2)) @ cell  # one disk per unit of area
+    order = spatial_order(positions, cell)
+    assert np.array_equal(np.sort(order), np.arange(4096))
+    fractional = (positions @ np.linalg.inv(cell))[order] % 1.0
+    step = np.diff(fractional, axis=0)
+    length = np.linalg.norm((step - np.round(step)) @ cell, axis=1)
+    assert np.median(length) < 1.5  # 25 in random order
+    # a quarter of the numbering is a patch of about a quarter of the cell
+    assert np.ptp(fractional[:1024], axis=0).max() < 0.6
