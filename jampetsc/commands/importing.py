@@ -1,10 +1,5 @@
 """`jampetsc import FILE --out FILE`: a published packing as a packing file."""
 
-from jampetsc.packing.contacts import measure
-from jampetsc.packing.importers import import_packing
-from jampetsc.storage.atomic import check_writable
-from jampetsc.storage.packing_file import write_packing
-
 
 def add_parser(subparsers) -> None:
     """Add the command to the command line."""
@@ -25,6 +20,11 @@ def add_parser(subparsers) -> None:
 
 def run(args, petsc_argv) -> int:
     """Import, write and print what was found beside what was published."""
+    from jampetsc.packing.contacts import measure
+    from jampetsc.packing.importers import import_packing
+    from jampetsc.storage.atomic import check_writable
+    from jampetsc.storage.packing_file import write_packing
+
     check_writable(args.out)
     disks = import_packing(args.file, args.index)
     write_packing(args.out, disks)

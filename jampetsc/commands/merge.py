@@ -1,7 +1,5 @@
 """`jampetsc merge FILE`: one plain file out of a joint file and its parts."""
 
-from jampetsc.storage.merge import merge
-
 
 def add_parser(subparsers) -> None:
     """Add the command to the command line."""
@@ -18,6 +16,8 @@ def add_parser(subparsers) -> None:
 
 def run(args, petsc_argv) -> int:
     """Merge and say what was done."""
+    from jampetsc.storage.merge import merge
+
     joined = merge(args.file, args.out)
     if joined:
         print(f"{args.out or args.file}: {joined} parts in one file")

@@ -20,13 +20,22 @@ _FULL = {
     errno.EDQUOT: "disk quota used up",
     errno.EFBIG: "file size limit reached",
 }
+_REFUSED = (
+    errno.EACCES,
+    errno.EPERM,
+    errno.EROFS,
+    errno.ENOENT,
+    errno.ENOTDIR,
+    errno.EISDIR,
+    errno.ENAMETOOLONG,
+)
 
 
 def write_error(path, error: OSError) -> JampetscError:
     """The one-line error for a failed write to `path`."""
     if error.errno in _FULL:
         return JampetscError(f"{path}: {_FULL[error.errno]}: make room, then run the same command again")
-    if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+    if error.errno in _REFUSED:
         return InputError(f"{path}: cannot be written ({os.strerror(error.errno)}): choose another --out")
     return JampetscError(f"{path}: writing failed: {' '.join(str(error.strerror or error).split())}")
 
@@ -34,16 +43,15 @@ def write_error(path, error: OSError) -> JampetscError:
 def check_writable(path) -> None:
     """Raise InputError unless a file could be put at `path` now. Call it before long work."""
     path = follow(path)
-    if path.is_dir():
-        raise InputError(f"{path}: is a folder: give a file name with --out")
-    if not path.parent.is_dir():
-        raise InputError(f"{path}: folder {path.parent} does not exist: create it first")
-    if path.exists() and not os.access(path, os.W_OK):
-        raise InputError(f"{path}: exists and is write-protected: choose another --out")
-    probe = _temporary_name(path)
     try:
-        with open(probe, "wb"):
-            pass
+        if path.is_dir():
+            raise InputError(f"{path}: is a folder: give a file name with --out")
+        if not path.parent.is_dir():
+            raise InputError(f"{path}: folder {path.parent} does not exist: create it first")
+        if path.exists() and not os.access(path, os.W_OK):
+            raise InputError(f"{path}: exists and is write-protected: choose another --out")
+        probe = _temporary_name(path)
+        probe.touch()
         probe.unlink()
     except OSError as error:
         raise write_error(path, error) from None

@@ -6,7 +6,7 @@ import shlex
 import sys
 from pathlib import Path
 
-LAW_PARAMETERS = ("beta", "rotations", "eta_f", "prestress", "alpha", "stress")
+LAW_PARAMETERS = ("beta", "rotations", "eta_f", "prestress", "tau1", "alpha", "stress")
 
 
 def provenance(*, versions, scalar_type, petsc_options, ranks, packing, law, wall_seconds, argv=None) -> dict:

@@ -1,0 +1,38 @@
+"""Starting programs of the test suite, with or without mpirun."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def environment():
+    """The environment without what an mpirun above left in it, and with one thread per rank."""
+    clean = {
+        name: value for name, value in os.environ.items() if not name.startswith(("OMPI_", "PMIX_", "PRTE_"))
+    }
+    paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
+    clean |= {"OMP_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(paths)}
+    if os.geteuid() == 0:
+        clean |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+    return clean
+
+
+def command(ranks, program, *args):
+    """Command line of tests/`program` on so many ranks; 0 ranks means without mpirun."""
+    python = [sys.executable, str(ROOT / "tests" / program), *map(str, args)]
+    return ["mpirun", "--oversubscribe", "-n", str(ranks), *python] if ranks else python
+
+
+def start(ranks, program, *args, **options):
+    """A running Popen of tests/`program`, its output as text in pipes."""
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen(command(ranks, program, *args), env=environment(), **pipes, **options)
+
+
+def run(ranks, program, *args, **options):
+    """tests/`program`, finished within a minute: CompletedProcess with text output."""
+    finished = {"capture_output": True, "text": True, "timeout": 60}
+    return subprocess.run(command(ranks, program, *args), env=environment(), **finished, **options)

@@ -1,0 +1,228 @@
+"""Packing files: exact, complete or absent, and every defect named."""
+
+import shutil
+import signal
+import tempfile
+from pathlib import Path
+
+import h5py
+import launch
+import numpy as np
+import pytest
+
+from jampetsc.errors import InputError
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.potentials import Potential
+from jampetsc.storage.atomic import check_writable
+from jampetsc.storage.packing_file import is_complete, packing_identity, read_packing, write_packing
+from jampetsc.storage.reader import load
+
+RECORD = {
+    "pressure": 1e-7,
+    "phi": 0.84,
+    "seed": 3,
+    "protocol": "quench",
+    "is_minimum": True,
+    "energy": 0.1 + 0.2,
+}
+
+
+@pytest.fixture
+def disks():
+    rng = np.random.default_rng(1)
+    n = 60
+    return Disks.from_positions(
+        20 * rng.random((n, 2)) - 5,
+        rng.choice([0.5, 0.7], n),
+        [[11.0 / 3, 0.0], [-0.1, 37.0 / 3]],
+        Potential("hertzian", "inverse-square-diameter", 1.3),
+        positions_low=1e-17 * rng.standard_normal((n, 2)),
+        cell_low=1e-17 * np.array([[1.0, 0.0], [0.3, -1.0]]),
+        record=RECORD,
+    )
+
+
+@pytest.fixture
+def path(tmp_path, disks):
+    write_packing(tmp_path / "p.h5", disks)
+    return tmp_path / "p.h5"
+
+
+def test_round_trip_keeps_every_bit(path, disks):
+    for found in (read_packing(path), load(str(path))):
+        for name in ("base", "offset", "radii", "cell_base", "cell_offset"):
+            assert np.array_equal(getattr(found, name), getattr(disks, name)), name
+        assert found.potential == disks.potential
+        assert found.record == RECORD
+        assert {type(value) for value in found.record.values()} == {float, int, str, bool}
+
+
+def test_one_double_per_coordinate_would_not_do(path, disks):
+    low = read_packing(path)
+    assert np.abs(low.offset - (low.positions - low.base)).max() > 1e-18
+
+
+def test_none_in_the_record_is_left_out(tmp_path, disks):
+    write_packing(tmp_path / "p.h5", disks.with_record(seed=None))
+    assert "seed" not in read_packing(tmp_path / "p.h5").record
+
+
+def test_optional_contents_may_be_missing(path, disks):
+    with h5py.File(path, "r+") as h5:
+        del h5["positions_low"], h5["cell_low"], h5.attrs["k"], h5.attrs["format_version"], h5.attrs["seed"]
+    found = read_packing(path)
+    assert np.array_equal(found.positions, disks.positions)
+    assert found.potential == Potential("hertzian", "inverse-square-diameter", 1.0)
+    assert found.record.keys() == RECORD.keys() - {"seed"}
+
+
+def put(h5, name, value):
+    del h5[name]
+    h5[name] = value
+
+
+def change(name, index, value):
+    return lambda h5: h5[name].__setitem__(index, value)
+
+
+DEFECTS = {
+    "nan": (change("positions", (7, 1), np.nan), r"positions\[7\].*nan.*must be finite"),
+    "nan low": (change("positions_low", (7, 1), np.nan), r"positions_low\[7\].*must be finite"),
+    "nan cell low": (change("cell_low", (0, 0), np.nan), r"cell_low .*must be finite"),
+    "negative radius": (change("radii", 3, -0.5), r"radii\[3\] = -0.5: must be positive"),
+    "flat cell": (change("cell", (1, 1), 0.0), r"cell .*Lx, Ly > 0"),
+    "small cell": (change("cell", (0, 0), 1.0), r"cell of height .*use more disks"),
+    "rows missing": (lambda h5: put(h5, "radii", np.ones(59)), r"positions \(60, 2\), radii \(59,\)"),
+    "no radii": (lambda h5: h5.__delitem__("radii"), r"dataset radii is missing"),
+    "group": (lambda h5: (h5.__delitem__("cell"), h5.create_group("cell")), r"dataset cell is missing"),
+    "text": (lambda h5: put(h5, "radii", ["a"] * 60), r"dataset radii holds object: must be real numbers"),
+    "complex": (lambda h5: put(h5, "radii", np.ones(60) * 1j), r"holds complex128: must be real numbers"),
+    "no format": (lambda h5: h5.attrs.__delitem__("format"), r"format = None: not a jampetsc file"),
+    "other format": (lambda h5: h5.attrs.update(format="jampetsc-sweep"), r"is a jampetsc-sweep file"),
+    "newer": (
+        lambda h5: h5.attrs.update(format_version="2.1"),
+        r"format_version 2.1.*up to 1.x: use a newer",
+    ),
+    "odd version": (
+        lambda h5: h5.attrs.update(format_version="new"),
+        r"format_version = 'new': must be a number",
+    ),
+    "potential": (lambda h5: h5.attrs.update(potential="WCA"), r"potential = 'WCA': must be one of harmonic"),
+    "no stiffness": (lambda h5: h5.attrs.__delitem__("stiffness"), r"stiffness is missing: must be one of"),
+    "negative k": (lambda h5: h5.attrs.update(k=-1.0), r"k = -1.0: must be a positive number"),
+    "worded k": (lambda h5: h5.attrs.update(k="one"), r"k = 'one': must be a positive number"),
+}
+
+
+@pytest.mark.parametrize("defect", DEFECTS)
+def test_defects_are_named_in_one_line(path, defect):
+    spoil, message = DEFECTS[defect]
+    with h5py.File(path, "r+") as h5:
+        spoil(h5)
+    with pytest.raises(InputError, match=message) as caught:
+        read_packing(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+    assert not is_complete(path)
+
+
+def test_files_that_are_no_hdf5(tmp_path, path):
+    whole = path.read_bytes()
+    (tmp_path / "half.h5").write_bytes(whole[: len(whole) // 2])
+    (tmp_path / "text.h5").write_text("positions\n1 2 0.5\n")
+    (tmp_path / "empty.h5").touch()
+    cases = {
+        "half.h5": "truncated",
+        "text.h5": "not an HDF5 file",
+        "empty.h5": "HDF5",
+        "none.h5": "no such file",
+    }
+    cases["."] = "is a folder"
+    for name, message in cases.items():
+        with pytest.raises(InputError, match=message) as caught:
+            read_packing(tmp_path / name)
+        assert "\n" not in str(caught.value)
+
+
+def test_a_file_cut_anywhere_is_refused(path):
+    whole = path.read_bytes()
+    for length in np.linspace(1, len(whole) - 1, 40).astype(int):
+        path.write_bytes(whole[:length])
+        with pytest.raises(InputError, match="HDF5|truncated"):
+            read_packing(path)
+
+
+def test_identity_is_name_and_sha256(tmp_path, path):
+    name, digest = packing_identity(path)
+    assert (name, len(digest)) == ("p.h5", 64)
+    assert packing_identity(shutil.copy(path, tmp_path / "q.h5")) == ("q.h5", digest)
+    with pytest.raises(InputError, match="cannot be read"):
+        packing_identity(tmp_path / "none.h5")
+
+
+def test_is_complete_compares_the_record(tmp_path, path):
+    assert is_complete(path)
+    assert is_complete(path, seed=3, pressure=1e-7)
+    assert not is_complete(path, seed=4)
+    assert not is_complete(path, protocol="quench", size="any")
+    assert not is_complete(tmp_path / "none.h5")
+
+
+def test_outputs_that_cannot_be_written_are_refused_beforehand(tmp_path, disks):
+    for place, message in (
+        (tmp_path, "is a folder"),
+        (tmp_path / "no" / "p.h5", "folder .*no does not exist"),
+    ):
+        with pytest.raises(InputError, match=message):
+            check_writable(place)
+    check_writable(tmp_path / "p.h5")
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(InputError, match="cannot be written"):
+        write_packing(tmp_path / "no" / "p.h5", disks)
+
+
+def test_folders_and_files_without_permission_are_refused():
+    with tempfile.TemporaryDirectory(dir="/tmp") as name:  # pytest's own folders are closed to other users
+        folder = Path(name)
+        folder.chmod(0o555)
+        done = launch.run(0, "write_packings.py", "unprivileged", folder / "p.h5")
+        assert done.returncode == 2
+        assert done.stdout == f"{folder}/p.h5: cannot be written (Permission denied): choose another --out\n"
+        folder.chmod(0o777)
+        (folder / "p.h5").touch(mode=0o444)
+        done = launch.run(0, "write_packings.py", "unprivileged", folder / "p.h5")
+        assert done.stdout == f"{folder}/p.h5: exists and is write-protected: choose another --out\n"
+
+
+def test_a_full_disk_is_one_line_and_leaves_the_earlier_file(path, disks):
+    before = path.read_bytes()
+    done = launch.run(0, "write_packings.py", "limited", path)
+    assert done.returncode == 1, done.stderr  # and not a crash of the HDF5 library at exit
+    assert done.stdout == f"{path}: file size limit reached: make room, then run the same command again\n"
+    assert done.stderr == ""
+    assert [file.name for file in path.parent.iterdir()] == ["p.h5"]
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("moment", ["writing", "finished"])
+def test_a_kill_leaves_the_earlier_file_and_the_next_run_tidies_up(path, disks, moment):
+    before = path.read_bytes()
+    assert launch.run(0, "write_packings.py", f"killed_{moment}", path).returncode == -signal.SIGKILL
+    assert path.read_bytes() == before
+    assert len(list(path.parent.iterdir())) == 2  # what the killed process left
+    write_packing(path, disks)
+    assert [file.name for file in path.parent.iterdir()] == ["p.h5"]
+
+
+def test_readers_see_a_whole_file_at_any_time(path):
+    process = launch.start(0, "write_packings.py", "forever", path)
+    assert process.stdout.readline() == "0\n"
+    seeds = []
+    while len(seeds) < 50 or seeds[-1] == seeds[0]:
+        found = read_packing(path)
+        seeds.append(found.record["seed"])
+        first = 2 * np.sqrt(5000) * np.random.default_rng(seeds[-1]).random(2)
+        assert np.array_equal(found.positions[0], first)
+    process.kill()
+    process.communicate()
+    assert seeds == sorted(seeds)

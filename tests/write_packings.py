@@ -1,0 +1,66 @@
+"""A program of the tests: python tests/write_packings.py forever|limited|unprivileged|killed_… FILE"""
+
+import itertools
+import os
+import resource
+import signal
+import sys
+
+import numpy as np
+
+from jampetsc.errors import JampetscError
+from jampetsc.packing.disks import Disks
+from jampetsc.storage.atomic import OutputFile, check_writable
+from jampetsc.storage.packing_file import write_packing
+
+
+def packing(seed, n):
+    rng = np.random.default_rng(seed)
+    side = 2.0 * np.sqrt(n)
+    return Disks.from_positions(
+        side * rng.random((n, 2)), np.full(n, 0.5), side * np.eye(2), record={"seed": seed}
+    )
+
+
+def forever(path):
+    """A new packing under the same name again and again, until killed."""
+    for seed in itertools.count():
+        write_packing(path, packing(seed, 5000))
+        print(seed, flush=True)
+
+
+def killed_writing(path):
+    """A kill while the datasets are being written."""
+    with OutputFile(path) as h5:
+        h5["positions"] = np.zeros((5000, 2))
+        h5.flush()
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+def killed_finished(path):
+    """A kill just before the complete file would get its name."""
+    output = OutputFile(path)
+    output.h5["positions"] = np.zeros((5000, 2))
+    output.finish()
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def limited(path):
+    """A packing that is larger than files may be: what a full disk looks like to the program."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20000, resource.RLIM_INFINITY))
+    write_packing(path, packing(1, 5000))
+
+
+def unprivileged(path):
+    """The question whether `path` can be written, asked without the rights of root."""
+    if os.geteuid() == 0:
+        os.setuid(65534)
+    check_writable(path)
+
+
+if __name__ == "__main__":
+    try:
+        globals()[sys.argv[1]](sys.argv[2])
+    except JampetscError as error:
+        print(error)
+        sys.exit(error.exit_code)
