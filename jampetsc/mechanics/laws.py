@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-import numpy as np
+import math
 
 from jampetsc.errors import InputError
 
@@ -30,9 +30,9 @@ class Law:
         if self.kind not in KINDS:
             raise InputError(f"--law {self.kind}: choose one of {', '.join(KINDS)}")
         for name, value in (("beta", self.beta), ("eta-f", self.eta_f)):
-            if not (np.isfinite(value) and 0 <= value <= 1e12):
+            if not (math.isfinite(value) and 0 <= value <= 1e12):
                 raise InputError(f"--{name} {value:g}: must lie between 0 and 1e12")
-        if not (np.isfinite(self.tau1) and self.tau1 > 0):
+        if not (math.isfinite(self.tau1) and self.tau1 > 0):
             raise InputError(f"--tau1 {self.tau1:g}: must be positive")
 
     @property

@@ -23,17 +23,22 @@ EPSILON = float(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class Certified:
-    """G* at one frequency and a bound on |ΔG*|, split into what the solve and what rounding can have changed."""
+    """G* at one frequency with bounds: what the solve may have changed in |G*|, and rounding in each part."""
 
     omega: float
     G: complex
     error: float  # √2 |zᴴr| / V
-    rounding: float  # of the sum over contacts, in double precision
+    rounding: tuple[float, float]  # of G' and of G'', from the sums over contacts
 
     @property
     def error_bound(self) -> float:
         """Bound on |ΔG*|."""
-        return self.error + self.rounding
+        return self.error + float(np.hypot(*self.rounding))
+
+    @property
+    def parts(self) -> tuple[float, float]:
+        """Bounds on |ΔG'| and |ΔG''|, each with its own rounding: G'' may be far smaller than |G*|."""
+        return self.error + self.rounding[0], self.error + self.rounding[1]
 
 
 class Functional:
@@ -61,26 +66,34 @@ class Functional:
         """G* of x with its bound, after `residual(omega, x, r)` and with z ≈ A⁻¹r."""
         c = self.compatibility
         network = c.pencil.network
-        a = self.motion.getArray()
-        squares = a * a
-        size = np.abs(squares)
-        w_K = np.abs(c.w_K)
-        elastic, viscous, abs_K, abs_B = network.sum(
-            np.array([c.w_K @ squares, c.w_B @ squares, w_K @ size, c.w_B @ size])
+        a, field = self.motion.getArray(), x.getArray()
+        parts = np.array([a.real**2, a.imag**2, a.real * a.imag])
+        drag = c.drag * np.array([np.sum(field.real**2), np.sum(field.imag**2), np.sum(field.real * field.imag)])
+        (K_rr, K_ii, K_ri), (B_rr, B_ii, B_ri), (abs_rr, abs_ii, _), (x_rr, x_ii) = (
+            network.sum(sums)
+            for sums in (
+                parts @ c.w_K,
+                parts @ c.w_B + drag,
+                parts @ np.abs(c.w_K),
+                np.array([np.sum(field.real**2), np.sum(field.imag**2)]),
+            )
         )
-        norm = x.norm()
-        if c.drag:
-            viscous = viscous + c.drag * x.tDot(x) + c.drag_gg
-            abs_B = abs_B + c.drag * norm**2 + c.drag_gg
-        total = (abs_K + omega * abs_B).real
-        # Each a is off by ε Σ|C||x|, and Σ w (|C||x|)² ≤ 6 max(diagonal) |x|²: six unknowns at most in a row.
-        stiffest = self.stiffest[0] + omega * self.stiffest[1]
-        rounding = EPSILON * (2.0 * total + 2.0 * np.sqrt(total * 6.0 * stiffest) * norm)
+        B_rr += c.drag_gg
+        elastic, viscous = complex(K_rr - K_ii, 2.0 * K_ri), complex(B_rr - B_ii, 2.0 * B_ri)
+        # a is off by ε|C||x|, and Σ w (|C||x|)² ≤ 6 max(diagonal) |x|², six unknowns at most in a row; the rest is
+        # Cauchy and Schwarz. Real and imaginary parts are kept apart: at low frequency they differ by many decades.
+        (e_Kr, e_Ki, e_Br, e_Bi) = np.sqrt([abs_rr, abs_ii, B_rr, B_ii])
+        d_Kr, d_Ki, d_Br, d_Bi = np.sqrt([6.0 * most * norm for most in self.stiffest for norm in (x_rr, x_ii)])
+        storage = e_Kr * (e_Kr + d_Kr) + e_Ki * (e_Ki + d_Ki)
+        storage += omega * (2.0 * e_Br * e_Bi + e_Br * d_Bi + e_Bi * d_Br)
+        loss = 2.0 * e_Kr * e_Ki + e_Kr * d_Ki + e_Ki * d_Kr
+        loss += omega * (e_Br * (e_Br + d_Br) + e_Bi * (e_Bi + d_Bi))
+        volume = network.area
         return Certified(
-            omega=omega,
-            G=complex(elastic + 1j * omega * viscous) / network.area,
-            error=float(np.sqrt(2.0) * abs(z.dot(r)) / network.area),
-            rounding=float(rounding / network.area),
+            omega=float(omega),
+            G=(elastic + 1j * omega * viscous) / volume,
+            error=float(np.sqrt(2.0) * abs(z.dot(r)) / volume),
+            rounding=(float(2.0 * EPSILON * storage / volume), float(2.0 * EPSILON * loss / volume)),
         )
 
     def destroy(self):

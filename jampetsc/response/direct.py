@@ -126,10 +126,11 @@ class FrequencySolver:
             if previous is not None and result.error > 0.25 * previous.error:
                 break
             self.x.axpy(-1.0, self.z)
-        if not result.error <= accuracy * smaller:  # also catches nan
+        storage, loss = result.parts
+        if not (storage <= accuracy * abs(result.G.real) and loss <= accuracy * abs(result.G.imag)):  # also for nan
             raise ConvergenceError(
-                f"ω = {omega:g}: error of G* only bounded by {result.error:.1e} ({result.error / abs(result.G):.1e} of |G*|) after "
-                f"refinement; the matrix is too ill-conditioned for this solver"
+                f"ω = {omega:g}: G' = {result.G.real:.3e} only known to {storage:.1e}, G'' = {result.G.imag:.3e} to {loss:.1e} after "
+                "refinement: the matrix is too ill-conditioned for this solver, or --accuracy too strict"
             )
         return result
 

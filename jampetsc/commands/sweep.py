@@ -1,0 +1,73 @@
+"""`jampetsc sweep`: G*(ω) of a packing."""
+
+from jampetsc.commands.lawoptions import add_law_options, law_from
+from jampetsc.errors import InputError
+
+NAME = "sweep"
+DEFAULT_OMEGA = "1e-10:1e4:141"
+
+
+def add_parser(subparsers):
+    """Register the command."""
+    parser = subparsers.add_parser(
+        NAME,
+        help="complex modulus G*(ω) of a packing",
+        description="Complex modulus G*(ω) of a packing under oscillatory shear, each value with a bound on its error.",
+        epilog="PETSc options: -freq_ksp_…, -freq_pc_… and -freq_mat_… reach the solver of --method direct; files in options/ "
+        "are ready to use with -options_file.",
+    )
+    parser.add_argument("packing", metavar="PACKING", help="packing file")
+    parser.add_argument("--out", required=True, metavar="FILE", help="result file (HDF5)")
+    parser.add_argument(
+        "--omega",
+        default=DEFAULT_OMEGA,
+        metavar="LOW:HIGH:COUNT|LIST",
+        help=f"frequencies in units of 1/τ₁: a logarithmic grid or a list (default {DEFAULT_OMEGA})",
+    )
+    parser.add_argument("--method", choices=("direct",), default="direct", help="one complex solve per frequency")
+    parser.add_argument(
+        "--accuracy", type=float, default=1e-6, metavar="A", help="relative error allowed in G' and in G'' each (default 1e-6)"
+    )
+    parser.add_argument("--fields", default=None, metavar="LIST", help="also store displacement fields at these frequencies")
+    add_law_options(parser)
+    parser.set_defaults(run=run, takes_petsc=lambda args: True)
+
+
+def run(args, petsc_argv) -> int:
+    """Run the sweep. Collective."""
+    import numpy as np
+
+    from jampetsc import session
+    from jampetsc.response.grid import parse_omega
+    from jampetsc.response.job import Job
+    from jampetsc.storage.atomic import check_writable
+
+    law = law_from(args)
+    omega = parse_omega(args.omega)
+    fields = parse_omega(args.fields, "--fields") if args.fields else np.zeros(0)
+    if not 1e-12 <= args.accuracy <= 0.1:
+        raise InputError(f"--accuracy {args.accuracy:g}: choose between 1e-12 and 0.1")
+    check_writable(args.out)
+    job = Job.read(args.packing, law, omega, fields, args.method, args.accuracy, args.out)
+    running = session.start("complex", petsc_argv)
+
+    from jampetsc.response.direct_sweep import run as sweep
+
+    omega, G, bounds = sweep(job)
+    if running.rank == 0:
+        print(summary(job, omega, G, bounds))
+    return 0
+
+
+def summary(job, omega, G, bounds) -> str:
+    """What a user wants to read after a sweep."""
+    import numpy as np
+
+    storage, loss = np.max(bounds[:, 1] / np.abs(G.real)), np.max(bounds[:, 2] / np.abs(G.imag))
+    return "\n".join(
+        (
+            f"{job.out}: {job.law}, {len(omega)} frequencies, certified to {storage:.1e} in G' and {loss:.1e} in G''",
+            f"  omega {omega[0]:.3g}: G' = {G[0].real:.6g}, G'' = {G[0].imag:.6g}",
+            f"  omega {omega[-1]:.3g}: G' = {G[-1].real:.6g}, G'' = {G[-1].imag:.6g}",
+        )
+    )

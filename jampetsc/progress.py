@@ -1,0 +1,37 @@
+"""How far a long run has come: a bar on a terminal, one line per step in a log. On stderr, from rank 0 alone."""
+
+import sys
+
+from tqdm import tqdm
+
+
+class Progress:
+    """Counts `total` steps of a run, `done` of them finished earlier. Use it as a context manager."""
+
+    def __init__(self, total: int, what: str, rank: int = 0, done: int = 0):
+        self.total, self.count, self.silent = total, done, rank != 0
+        terminal = sys.stderr.isatty() and not self.silent
+        self.bar = tqdm(total=total, initial=done, desc=what, leave=False, file=sys.stderr) if terminal else None
+
+    def step(self, line: str) -> None:
+        """One step is finished; `line` says what came out."""
+        self.count += 1
+        if self.bar is not None:
+            self.bar.set_postfix_str(line, refresh=False)
+            self.bar.update()
+        elif not self.silent:
+            print(f"[{self.count}/{self.total}] {line}", file=sys.stderr, flush=True)
+
+    def note(self, line: str) -> None:
+        """Say something beside the count."""
+        if self.bar is not None:
+            self.bar.write(line, file=sys.stderr)
+        elif not self.silent:
+            print(line, file=sys.stderr, flush=True)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        if self.bar is not None:
+            self.bar.close()

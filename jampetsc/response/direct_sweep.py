@@ -1,0 +1,79 @@
+"""The sweep frequency by frequency: progress, checkpoint, failures, result file."""
+
+import numpy as np
+
+from jampetsc.errors import ConvergenceError
+from jampetsc.mechanics.assembly import assemble
+from jampetsc.mechanics.network import build_network
+from jampetsc.progress import Progress
+from jampetsc.response.direct import FrequencySolver
+from jampetsc.response.job import Job, split_field, write_sweep
+from jampetsc.session import current
+from jampetsc.storage.checkpoint import Checkpoint
+
+
+def run(job: Job):
+    """Solve every frequency that no earlier run has finished and write the file. Collective.
+
+    Returns (omega, G, bounds) as for `write_sweep`. Raises ConvergenceError, after writing the others, if some frequencies failed.
+    """
+    session = current()
+    with session.stage("assembly"):
+        network = build_network(job.disks, session.comm)
+        pencil = assemble(network, job.law)
+        solver = FrequencySolver(pencil)
+    checkpoint = Checkpoint(job.out, job.key(session.size), session.comm)
+    failures = {}
+    todo = [index for index in range(len(job.omega)) if index not in checkpoint.done]
+    with Progress(len(job.omega), "sweep", session.rank, done=len(checkpoint.done)) as progress:
+        if checkpoint.done:
+            progress.note(f"continuing {checkpoint.journal}: {len(checkpoint.done)} frequencies are finished")
+        for index in todo:
+            omega = job.omega[index]
+            try:
+                with session.stage("frequency"):
+                    result = solver.solve(omega, job.accuracy)
+            except ConvergenceError as error:
+                failures[index] = error
+                progress.step(f"failed: {error}")
+                continue
+            finally:
+                if index == todo[0]:
+                    session.check_options()
+            fields = None
+            if omega in job.field_omega:
+                displacement, rotation = split_field(pencil, solver.x.getArray())
+                fields = {"displacement": displacement} | ({} if rotation is None else {"rotation": rotation})
+            checkpoint.save(index, {"G": result.G, "bounds": [result.error_bound, *result.parts]}, fields)
+            progress.step(
+                f"omega {omega:.3e}  G' {result.G.real:.6e}  G'' {result.G.imag:.6e}  bound {result.error_bound:.1e}  "
+                f"iterations {solver.iterations}"
+            )
+    finished = sorted(checkpoint.done)
+    if not finished:
+        raise next(iter(failures.values()))
+    omega = job.omega[finished]
+    G = np.array([checkpoint.done[index]["G"] for index in finished])
+    bounds = np.array([checkpoint.done[index]["bounds"] for index in finished])
+
+    stored = [index for index in finished if job.omega[index] in job.field_omega]
+    extra = {"factorisations": solver.factorisations, "unknowns": pencil.unknowns}
+    if failures:
+        extra["failed_omega"] = job.omega[sorted(failures)]
+    kept = Job(**{**vars(job), "field_omega": job.omega[stored]})
+    write_sweep(kept, network, omega, G, bounds, _stored_fields(checkpoint, stored), extra)
+    solver.destroy()
+    pencil.destroy()
+    if failures:
+        first = failures[min(failures)]
+        raise ConvergenceError(
+            f"{len(failures)} of {len(job.omega)} frequencies failed, the others are in {job.out}; the first: {first}"
+        )
+    checkpoint.remove()
+    return omega, G, bounds
+
+
+def _stored_fields(checkpoint, indices):
+    for index in indices:
+        arrays = checkpoint.fields(index)
+        yield arrays["displacement"], arrays.get("rotation")

@@ -1,0 +1,124 @@
+"""A sweep as it was asked for, and the file that comes out of it."""
+
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from jampetsc import session
+from jampetsc.mechanics.laws import Law
+from jampetsc.packing.disks import Disks
+from jampetsc.storage.packing_file import packing_identity, read_packing
+from jampetsc.storage.provenance import provenance
+from jampetsc.storage.result_file import ResultWriter
+
+FORMAT = "jampetsc-sweep"
+BOUNDS = ("error_bound", "error_bound_storage", "error_bound_loss")  # on |ΔG*|, |ΔG'|, |ΔG''|
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """G*(ω) of one packing under one law. Frequencies in 1/τ₁ units of time as the law has them."""
+
+    packing: Path
+    disks: Disks
+    identity: tuple  # name and sha256 of the packing file
+    law: Law
+    omega: np.ndarray  # (M,) increasing
+    field_omega: np.ndarray  # (F,) increasing, where displacement fields are wanted
+    method: str  # rational | direct
+    accuracy: float  # asked for, relative, in G' and in G'' each
+    out: Path
+    started: float = field(default_factory=time.perf_counter)
+
+    @classmethod
+    def read(cls, packing, law, omega, field_omega, method, accuracy, out) -> "Job":
+        """The job for a packing file; fields are stored at frequencies of the sweep, so those are added to it."""
+        return cls(
+            Path(packing), read_packing(packing), packing_identity(packing), law, np.union1d(omega, field_omega), field_omega,
+            method, accuracy, Path(out),
+        )  # fmt: skip
+
+    @property
+    def positive_semidefinite(self) -> str:
+        """Why K has no negative modes, or that this was not shown; the error bound rests on it."""
+        if not self.law.prestress:
+            return "by construction (no pre-stress)"
+        if self.disks.record.get("negative_modes") == 0:
+            return "proved when the packing was made"
+        return "not shown"
+
+    def key(self, ranks: int) -> dict:
+        """What identifies the job to a checkpoint; rows of fields belong to ranks, numbers do not."""
+        return {
+            "packing": self.identity[1],
+            "law": self.law.parameters,
+            "omega": self.omega,
+            "method": self.method,
+            "accuracy": self.accuracy,
+            "fields": self.field_omega,
+            "ranks": ranks if len(self.field_omega) else None,
+        }
+
+
+def write_sweep(job: Job, network, omega, G, bounds, fields, extra: dict, reduced: dict | None = None) -> None:
+    """Write the result file. Collective.
+
+    omega and G (M,) and bounds (M, 3) on |ΔG*|, |ΔG'| and |ΔG''|, the same on all ranks; fields yields (displacement (n_local, 2), rotation (n_local,) or None) for each
+    of job.field_omega in turn; extra holds attributes of the method, reduced the datasets of the group `reduced`.
+    """
+    running = session.current()
+    with ResultWriter(job.out, FORMAT, network.comm) as writer:
+        writer.dataset("omega", omega)
+        writer.dataset("G", G)
+        for name, bound in zip(BOUNDS, bounds.T, strict=True):
+            writer.dataset(name, bound)
+        for name, values in (reduced or {}).items():
+            writer.dataset(f"reduced/{name}", values)
+        if len(job.field_omega):
+            writer.dataset("fields/omega", job.field_omega)
+            writer.distributed("particles", network.particles)
+            for displacement, rotation in fields:
+                writer.append("fields/displacement", displacement)
+                if rotation is not None:
+                    writer.append("fields/rotation", rotation)
+        record = job.disks.record
+        writer.attributes(
+            **provenance(
+                versions=session.versions(),
+                scalar_type=running.scalar_type,
+                petsc_options=" ".join(f"-{name} {value or ''}".strip() for name, value in running.options().items()),
+                ranks=network.comm.size,
+                packing=job.identity,
+                law=job.law.parameters,
+                wall_seconds=time.perf_counter() - job.started,
+            ),
+            method=job.method,
+            accuracy=job.accuracy,
+            positive_semidefinite=job.positive_semidefinite,
+            pressure=network.pressure,
+            phi=job.disks.phi,
+            k=network.k,
+            particle_count=job.disks.n,
+            rattlers=network.rattlers,
+            coordination=network.coordination,
+            force_threshold=network.threshold,
+            seed=record.get("seed"),
+            **extra,
+        )
+
+
+def split_field(pencil, x):
+    """This rank's (displacement (n_local, 2), rotation (n_local,) or None) of a solution vector (n_local · dofs,).
+
+    Displacements are per unit strain and without the mean of each piece. Collective.
+    """
+    network, dofs = pencil.network, pencil.law.dofs
+    values = np.asarray(x).reshape(-1, dofs)
+    _, piece = np.unique(pencil.pieces.label, return_inverse=True)
+    mine = piece[network.first : network.last]
+    total = np.zeros((piece.max() + 1, 2), values.dtype)
+    np.add.at(total, mine, values[:, :2])
+    mean = network.sum(total) / np.bincount(piece)[:, None]
+    return values[:, :2] - mean[mine], values[:, 2].copy() if dofs == 3 else None
