@@ -1,11 +1,13 @@
 """What a failed factorisation says, in words, and the one failure that more workspace cures."""
 
 from jampetsc.errors import ConvergenceError
+from jampetsc.session import current
 
 WORKSPACE = (-8, -9, -14, -15, -17, -20)  # INFOG(1): some work array was too small; ICNTL(14) enlarges them
 MEMORY = (-13, -19)  # INFOG(1): the machine, or the limit ICNTL(23), has no more
 SINGULAR = (-10,)
 OUT_OF_CORE = (-90,)
+ATTEMPTS = 5  # at twice the workspace each time
 
 
 def failure(pc):
@@ -13,6 +15,28 @@ def failure(pc):
     if pc.getFactorSolverType() != "mumps":
         return None
     return pc.getFactorMatrix().getMumpsInfog(1)
+
+
+def factorise(ksp, matrix, what: str) -> int:
+    """Set up `ksp` for `matrix`; where MUMPS ran out of workspace, start afresh with twice as much. Collective.
+
+    Returns how many factorisations that took. Raises ConvergenceError naming `what`.
+    """
+    attempt = 1
+    while True:
+        ksp.setOperators(matrix)
+        ksp.setUp()
+        pc = ksp.getPC()
+        code = failure(pc) if pc.getType() in ("cholesky", "lu") else 0
+        if not code or code > 0:  # positive codes are warnings
+            return attempt
+        if code not in WORKSPACE or attempt == ATTEMPTS:
+            raise explain(code, what)
+        options, option = current().PETSc.Options(), f"{ksp.getOptionsPrefix()}mat_mumps_icntl_14"
+        options.setValue(option, 2 * options.getInt(option, 20))
+        ksp.reset()  # a PC stays broken after such a failure until it is reset
+        ksp.setFromOptions()
+        attempt += 1
 
 
 def explain(code, what: str) -> ConvergenceError:
