@@ -148,7 +148,7 @@ def test_a_file_cut_anywhere_is_refused(path):
     whole = path.read_bytes()
     for length in np.linspace(1, len(whole) - 1, 40).astype(int):
         path.write_bytes(whole[:length])
-        with pytest.raises(InputError, match="HDF5|truncated"):
+        with pytest.raises(InputError, match=r"HDF5|truncated"):
             read_packing(path)
 
 

@@ -5,10 +5,12 @@ the library closes in good order. By itself it crashes the interpreter at exit a
 """
 
 import errno
+import fcntl
 import glob
 import io
 import os
 import socket
+from contextlib import suppress
 from pathlib import Path
 
 import h5py
@@ -52,7 +54,7 @@ def check_writable(path) -> None:
             raise InputError(f"{path}: exists and is write-protected: choose another --out")
         probe = _temporary_name(path)
         probe.touch()
-        probe.unlink()
+        probe.unlink(missing_ok=True)
     except OSError as error:
         raise write_error(path, error) from None
 
@@ -76,23 +78,24 @@ def follow(path) -> Path:
 def remove_abandoned(folder, name="*") -> None:
     """Remove temporary files of `name` (a glob pattern) that a killed process of this machine left behind."""
     for leftover in Path(folder).glob(f".{name}.{glob.escape(socket.gethostname())}.*.partial"):
-        if not _alive(leftover.name.split(".")[-2]):
-            leftover.unlink(missing_ok=True)
-
-
-def _alive(pid: str) -> bool:
-    try:
-        os.kill(int(pid), 0)
-    except ProcessLookupError:
-        return False
-    except (PermissionError, ValueError, OverflowError):  # another user's, or not one of our names
-        return True
-    return True
+        try:
+            with open(leftover, "rb") as file:
+                fcntl.flock(
+                    file, fcntl.LOCK_EX | fcntl.LOCK_NB
+                )  # its writer holds this lock as long as it lives
+                leftover.unlink()
+        except OSError:
+            continue
 
 
 def _temporary_name(path) -> Path:
     path = Path(path)
     return path.with_name(f".{path.name}.{socket.gethostname()}.{os.getpid()}.partial")
+
+
+def _lock(file) -> None:
+    with suppress(OSError):  # a file system without locks: an abandoned file then stays
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 class _Stream(io.FileIO):
@@ -132,6 +135,7 @@ class OutputFile:
         remove_abandoned(self.path.parent, glob.escape(self.path.name))
         try:
             self._stream = _Stream(self.temporary, "w+b")
+            _lock(self._stream)
         except OSError as error:
             raise write_error(path, error) from None
         self.h5 = h5py.File(self._stream, "w")

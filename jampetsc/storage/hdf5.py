@@ -1,5 +1,6 @@
 """Reading HDF5 so that every defect of a file becomes one line: what file, what is wrong, what to do."""
 
+import os
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -12,7 +13,8 @@ from jampetsc.errors import InputError
 def open_file(path) -> h5py.File:
     """Open for reading. Raises InputError: missing, no permission, a folder, not HDF5, truncated."""
     try:
-        return h5py.File(path, "r")
+        # HDF5 would look for the parts of a symbolic link beside the link and in the working directory first
+        return h5py.File(os.path.realpath(path), "r")
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except PermissionError:

@@ -139,7 +139,7 @@ class SweepResult(Result):
         """
         wanted = np.atleast_1d(np.asarray(omega, float))
         nearest = np.abs(wanted[..., None] - self.omega).argmin(axis=-1)
-        values = self.G[nearest]
+        values = self.G[nearest].astype(complex)
         elsewhere = np.abs(self.omega[nearest] - wanted) > _SAME * np.abs(wanted)
         if elsewhere.any():
             values[elsewhere] = self._from_pencil(wanted[elsewhere])
@@ -187,6 +187,8 @@ def _load(path):
         with reading(path):
             attrs = attributes(h5)
         name = check_format(path, attrs)
+        if name == "jampetsc-part":
+            raise InputError(f"{path}: is one rank's part: open the joint file beside its folder")
         if name not in LOADERS:
             raise InputError(
                 f"{path}: format {name}: this jampetsc reads {', '.join(LOADERS)}; use a newer one"

@@ -1,0 +1,349 @@
+"""Results of one rank or many: the same to a reader, complete or absent, and no mixture of two runs."""
+
+import os
+import shutil
+import subprocess
+
+import h5py
+import launch
+import numpy as np
+import pytest
+from write_results import LAW, N, arrays
+
+from jampetsc.errors import InputError
+from jampetsc.storage.provenance import git_commit, law_of, provenance
+from jampetsc.storage.reader import load
+from jampetsc.storage.result_file import ResultWriter
+
+
+def written(path, ranks, how="whole", seed=1):
+    """A result at `path`, written by so many ranks."""
+    done = launch.run(ranks, "write_results.py", how, path, seed)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return path
+
+
+def names(folder):
+    return sorted(str(file.relative_to(folder)) for file in folder.rglob("*") if file.is_file())
+
+
+def parts(path):
+    with h5py.File(path) as h5:
+        return [path.parent / name.decode() for name in h5["part_files/names"]]
+
+
+def assert_holds(path, seed=1):
+    """The result at `path` is what write_results.py makes with that seed."""
+    shared, displacement, rows = arrays(seed)
+    result = load(path)
+    expected = (
+        shared | {name: array for name, (array, _) in rows.items()} | {"fields/displacement": displacement}
+    )
+    assert set(result) == set(expected)
+    for name, array in expected.items():
+        assert np.array_equal(result[name], array), name
+        assert result[name].dtype == array.dtype
+    assert result.law == LAW
+    assert result.attributes["seed"] == seed
+    assert "missing" not in result.attributes
+    return result
+
+
+@pytest.fixture(scope="module")
+def three_ranks(tmp_path_factory):
+    return written(tmp_path_factory.mktemp("three") / "s.h5", 3)
+
+
+@pytest.fixture
+def joint(three_ranks, tmp_path):
+    """A fresh copy, with its parts, of a result of three ranks."""
+    shutil.copytree(three_ranks.parent, tmp_path / "copy")
+    return tmp_path / "copy" / "s.h5"
+
+
+@pytest.mark.parametrize("ranks", [0, 1, 2, 3, 4])
+def test_any_number_of_ranks_reads_the_same(tmp_path, ranks):
+    assert_holds(written(tmp_path / "s.h5", ranks))
+    files = names(tmp_path)
+    assert len(files) == 1 + (ranks if ranks > 1 else 0)
+    assert all(file == "s.h5" or file.startswith("s.parts/") for file in files)
+
+
+def test_fields_are_read_on_demand(joint):
+    fields = load(joint).fields
+    _, displacement, rows = arrays(1)
+    assert fields.displacement.shape == (2, N, 2)
+    assert np.array_equal(fields.displacement[1, 3:9], displacement[1, 3:9])
+    assert np.array_equal(np.asarray(fields.rotation), rows["fields/rotation"][0])
+    assert np.array_equal(fields.omega, [1e-3, 0.1])
+
+
+def test_other_programs_read_the_joint_file_with_plain_hdf5(joint, tmp_path, monkeypatch):
+    _, displacement, _ = arrays(1)
+    (tmp_path / "link.h5").symlink_to(joint)
+    shutil.copytree(joint.parent / "s.parts", tmp_path / "elsewhere" / "s.parts")
+    for part in (tmp_path / "elsewhere" / "s.parts").iterdir():  # what a reader in that folder must not find
+        with h5py.File(part, "r+") as h5:
+            h5["fields/displacement"][...] = 0
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    for path in (joint, os.path.relpath(joint)):
+        with h5py.File(path) as h5:
+            assert np.array_equal(h5["fields/displacement"], displacement)
+        assert_holds(path)
+    assert_holds(tmp_path / "link.h5")
+
+
+def test_moving_the_file_with_its_folder(joint, tmp_path):
+    shutil.move(joint.parent, tmp_path / "moved")
+    assert_holds(tmp_path / "moved" / "s.h5")
+    (tmp_path / "moved" / "s.h5").rename(tmp_path / "moved" / "t.h5")
+    assert_holds(tmp_path / "moved" / "t.h5")
+
+
+def test_a_missing_part_is_named(joint):
+    part = parts(joint)[1]
+    part.unlink()
+    with pytest.raises(
+        InputError, match=rf"s\.h5: part s\.parts/{part.name} is missing: keep the folder s\.parts"
+    ):
+        load(joint)
+
+
+def test_a_truncated_part_is_named(joint):
+    part = parts(joint)[2]
+    os.truncate(part, part.stat().st_size - 1)
+    with pytest.raises(
+        InputError, match=rf"part s\.parts/{part.name} has \d+ bytes instead of \d+: truncated"
+    ):
+        load(joint)
+
+
+def test_a_foreign_part_is_named(joint, tmp_path):
+    own, other = parts(joint)[1], parts(written(tmp_path / "t.h5", 3, seed=2))[1]
+    shutil.copy(other, own)
+    with pytest.raises(
+        InputError, match=rf"part s\.parts/{own.name} is rank 1 of run .*put the right one back"
+    ):
+        load(joint)
+
+
+def test_parts_that_changed_places_are_noticed(joint):
+    with h5py.File(joint, "r+") as h5:
+        h5["part_files/names"][...] = h5["part_files/names"][...][::-1]
+        h5["part_files/sizes"][...] = h5["part_files/sizes"][...][::-1]
+    with pytest.raises(InputError, match=r"is rank 2 of run .*, not rank 0 of run"):
+        load(joint)
+
+
+def test_the_list_of_parts_cannot_point_elsewhere(joint, tmp_path):
+    (tmp_path / "precious.h5").touch()
+    with h5py.File(joint, "r+") as h5:
+        h5["part_files/names"][1] = "../precious.h5"
+    with pytest.raises(InputError, match="cannot be a part of run"):
+        load(joint)
+    written(joint, 1)
+    assert (tmp_path / "precious.h5").exists()
+
+
+def test_a_rewrite_replaces_everything(tmp_path):
+    path = tmp_path / "s.h5"
+    for ranks, seed in ((3, 1), (2, 2), (1, 3), (2, 4)):
+        assert_holds(written(path, ranks, seed=seed), seed)
+        assert len(names(tmp_path)) == 1 + (ranks if ranks > 1 else 0)
+
+
+def test_a_rewrite_leaves_a_renamed_result_alone(joint):
+    kept = joint.with_name("kept.h5")
+    joint.rename(kept)
+    written(joint, 2, seed=2)
+    assert_holds(kept, 1)
+    assert_holds(joint, 2)
+
+
+def test_a_symbolic_link_as_output_is_followed(tmp_path):
+    (tmp_path / "scratch").mkdir()
+    (tmp_path / "s.h5").symlink_to(tmp_path / "scratch" / "big.h5")
+    assert_holds(written(tmp_path / "s.h5", 2))
+    assert (tmp_path / "s.h5").is_symlink()
+    assert len(names(tmp_path / "scratch")) == 3
+
+
+def test_an_open_result_never_mixes_with_its_successor(joint):
+    result = load(joint)
+    written(joint, 3, seed=2)
+    with pytest.raises(InputError, match="was replaced by another run since it was loaded: load it again"):
+        result["particles"]
+    assert_holds(joint, 2)
+
+
+def test_a_part_that_goes_while_a_result_is_open_is_noticed(joint):
+    result = load(joint)
+    parts(joint)[0].unlink()
+    with pytest.raises(InputError, match="is missing"):
+        result.fields.displacement[0]
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 3])
+def test_a_full_disk_on_one_rank_ends_all_and_leaves_the_earlier_result(joint, ranks):
+    before = names(joint.parent)
+    done = launch.run(ranks, "write_results.py", "limited", joint)
+    assert done.returncode == 1, done.stderr
+    lines = done.stdout.splitlines()
+    assert len(lines) == ranks
+    assert len(set(lines)) == 1
+    assert lines[0].startswith(f"JampetscError: {joint.parent}/s.")
+    assert lines[0].endswith(": file size limit reached: make room, then run the same command again")
+    assert names(joint.parent) == before
+    assert_holds(joint)
+
+
+@pytest.mark.parametrize("ranks", [1, 3])
+def test_an_exception_leaves_nothing(tmp_path, ranks):
+    done = launch.run(ranks, "write_results.py", "raising", tmp_path / "s.h5")
+    assert done.stdout.splitlines() == ["InputError: something else went wrong"] * ranks
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_output_that_cannot_be_written_ends_all_ranks(tmp_path):
+    done = launch.run(3, "write_results.py", "whole", tmp_path / "none" / "s.h5")
+    assert done.returncode == 2
+    line = f"InputError: {tmp_path}/none/s.h5: folder {tmp_path}/none does not exist: create it first"
+    assert done.stdout.splitlines() == [line] * 3
+
+
+def test_a_kill_leaves_the_earlier_result_and_the_next_run_tidies_up(joint):
+    before = names(joint.parent)
+    assert launch.run(2, "write_results.py", "killed", joint, 2).returncode != 0
+    assert set(before) < set(names(joint.parent))
+    assert_holds(joint, 1)
+    assert_holds(written(joint, 2, seed=3), 3)
+    assert len(names(joint.parent)) == 3
+
+
+def sweep(path, **changes):
+    """A small sweep file of one process; attributes may be changed."""
+    with ResultWriter(path, "jampetsc-sweep") as writer:
+        writer.dataset("omega", [1e-3, 0.1, 10.0])
+        writer.dataset("G", np.array([1 + 1e-3j, 1 + 0.1j, 2 + 10j]))
+        writer.dataset("error_bound", [1e-9] * 3)
+        writer.attributes(**changes)
+    return path
+
+
+def test_stored_frequencies_return_stored_values(tmp_path):
+    result = load(sweep(tmp_path / "s.h5"))
+    assert result.modulus(0.1) == 1 + 0.1j
+    assert np.array_equal(result.modulus([[10.0], [0.1 * (1 + 1e-15)]]), [[2 + 10j], [1 + 0.1j]])
+    assert np.array_equal(result.G_storage, [1, 1, 2])
+    assert np.array_equal(result.G_loss, [1e-3, 0.1, 10])
+
+
+def test_other_frequencies_need_a_rational_sweep(tmp_path):
+    with pytest.raises(
+        InputError, match=r"omega = 3 is not one of its 3 frequencies, 0.001 to 10: .*rational"
+    ):
+        load(sweep(tmp_path / "s.h5")).modulus([0.1, 3.0])
+
+
+def test_a_reduced_pencil_gives_any_frequency(tmp_path):
+    rng = np.random.default_rng(5)
+    factor, k, b = rng.random((4, 4)), rng.random(4), rng.random(4)
+    K, B = factor @ factor.T + np.eye(4), np.diag(rng.random(4))
+    with ResultWriter(tmp_path / "s.h5", "jampetsc-sweep") as writer:
+        for name in ("omega", "G", "error_bound"):
+            writer.dataset(name, [1.0])
+        reduced = {"K": K, "B": B, "k": k, "b": b, "k_gg": 3.0, "b_gg": 0.5, "area": 7.0}
+        for name, value in reduced.items():
+            writer.dataset(f"reduced/{name}", value)
+    omega = np.array([[0.2, 5.0]])
+    expected = [
+        3 + 0.5j * w - (k + 1j * w * b) @ np.linalg.inv(K + 1j * w * B) @ (k + 1j * w * b) for w in omega[0]
+    ]
+    result = load(tmp_path / "s.h5")
+    assert np.allclose(result.modulus(omega), np.array([expected]) / 7.0, rtol=1e-12)
+    assert result.modulus(1.0) == 1.0
+
+
+DEFECTS = {
+    "newer": (
+        {"format_version": "2.0", "jampetsc_version": "3.1"},
+        "reads up to 1.x: use jampetsc 3.1 or newer",
+    ),
+    "unknown": ({"format": "jampetsc-flow"}, "format jampetsc-flow: this jampetsc reads jampetsc-packing, "),
+    "foreign": ({"format": "NXdata"}, "format = 'NXdata': not a jampetsc file"),
+    "a part": ({"format": "jampetsc-part"}, "is one rank's part: open the joint file beside its folder"),
+}
+
+
+@pytest.mark.parametrize("defect", DEFECTS)
+def test_files_of_another_kind_are_refused(tmp_path, defect):
+    changes, message = DEFECTS[defect]
+    with pytest.raises(InputError, match=message):
+        load(sweep(tmp_path / "s.h5", **changes))
+
+
+def test_a_dataset_or_fields_that_are_not_there(tmp_path):
+    result = load(sweep(tmp_path / "s.h5"))
+    with pytest.raises(InputError, match=r"s.h5: no dataset modes: it holds G, error_bound, omega"):
+        result["modes"]
+    with pytest.raises(InputError, match="holds no fields: run the sweep with --fields"):
+        result.fields  # noqa: B018
+    with h5py.File(tmp_path / "s.h5", "r+") as h5:
+        del h5["G"]
+    with pytest.raises(InputError, match="no dataset G"):
+        load(tmp_path / "s.h5")
+
+
+def test_provenance_round_trip(tmp_path):
+    entries = provenance(
+        versions={"petsc": "3.18.5", "slepc": "3.18.2", "mumps": None},
+        scalar_type="complex",
+        petsc_options="-freq_ksp_type preonly",
+        ranks=3,
+        packing=("p.h5", "ab" * 32),
+        law={"law": "stokes", "eta_f": 1.0, "prestress": True, "beta": None},
+        wall_seconds=1.5,
+        argv=["jampetsc", "sweep", "my packing.h5"],
+    )
+    found = load(sweep(tmp_path / "s.h5", **entries)).attributes
+    assert {name: found[name] for name in entries if entries[name] is not None} == {
+        name: value for name, value in entries.items() if value is not None
+    }
+    assert found["petsc_version"] == "3.18.5"
+    assert found["argv"] == "jampetsc sweep 'my packing.h5'"
+    assert law_of(found) == {"law": "stokes", "eta_f": 1.0, "prestress": True}
+
+
+def test_a_law_parameter_cannot_get_lost():
+    with pytest.raises(ValueError, match="gamma"):
+        provenance(
+            versions={},
+            scalar_type="real",
+            petsc_options="",
+            ranks=1,
+            packing=("p.h5", ""),
+            law={"law": "contact", "gamma": 1.0},
+            wall_seconds=0,
+        )
+
+
+def test_git_commit_in_and_outside_of_a_checkout(tmp_path):
+    def git(*words, folder=tmp_path / "repo"):
+        who = ["-c", "user.name=a", "-c", "user.email=a@b", "-c", "commit.gpgsign=false"]
+        command = ["git", "-C", str(folder), *who, *words]
+        return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+
+    (tmp_path / "repo").mkdir()
+    assert git_commit(tmp_path / "repo") is None
+    git("init", "-q", "-b", "trunk")
+    assert git_commit(tmp_path / "repo") is None  # no commit yet
+    git("commit", "-q", "--allow-empty", "-m", "first")
+    head = git("rev-parse", "HEAD")
+    assert git_commit(tmp_path / "repo") == head
+    git("worktree", "add", "-q", "-b", "side", str(tmp_path / "tree"))
+    assert git_commit(tmp_path / "tree") == head
+    git("pack-refs", "--all")
+    assert git_commit(tmp_path / "repo") == head
+    assert git_commit(tmp_path / "tree") == head
+    git("checkout", "-q", "--detach")
+    assert git_commit(tmp_path / "repo") == head

@@ -1,0 +1,65 @@
+"""A program of the tests, also under mpirun: python tests/write_results.py HOW FILE [SEED]
+
+HOW is `whole`, or what goes wrong: `limited` and `refused` on rank 1, `raising`, `killed`.
+"""
+
+import os
+import resource
+import signal
+import sys
+
+import numpy as np
+from mpi4py import MPI
+
+from jampetsc.errors import InputError, JampetscError
+from jampetsc.storage.result_file import ResultWriter
+
+N = 15  # rows in all, on any number of ranks
+LAW = {"law": "contact", "beta": 0.5, "rotations": True, "prestress": False}
+OMEGA = np.array([1e-3, 0.1, 10.0])
+
+
+def arrays(seed):
+    """What a sweep with fields stores, and rows along axis 0 besides."""
+    rng = np.random.default_rng(seed)
+    shared = {"omega": OMEGA, "G": rng.random(3) + 1j * rng.random(3), "error_bound": 1e-9 * rng.random(3)}
+    shared["fields/omega"] = OMEGA[:2]
+    displacement = rng.random((2, N, 2)) + 1j * rng.random((2, N, 2))
+    rows = {"fields/rotation": (rng.random((2, N)) * 1j, 1), "particles": (np.arange(N), 0)}
+    rows |= {"nonaffine": (rng.random((N, 2)), 0), "none": (np.zeros((0, 2)), 0)}
+    return shared, displacement, rows
+
+
+def owned(rank, size):
+    """Rows of a rank: unequal, and with four ranks none on rank 1."""
+    bounds = {1: (0, N), 2: (0, 4, N), 3: (0, 6, 7, N), 4: (0, 6, 6, 7, N)}[size]
+    return slice(bounds[rank], bounds[rank + 1])
+
+
+def write(comm, how, path, seed):
+    mine = owned(comm.rank, comm.size)
+    shared, displacement, rows = arrays(seed)
+    with ResultWriter(path, "jampetsc-sweep", comm) as writer:
+        writer.attributes(seed=seed, missing=None, **LAW)
+        for name, array in shared.items():
+            writer.dataset(name, array)
+        for field in displacement:
+            writer.append("fields/displacement", field[mine])
+        if how == "limited" and comm.rank == comm.size - 1:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (1000, resource.RLIM_INFINITY))
+        for name, (array, axis) in rows.items():
+            writer.distributed(name, array[(slice(None),) * axis + (mine,)] if len(array) else array, axis)
+        if how == "raising":
+            raise InputError("something else went wrong")
+        if how == "killed":
+            writer._part.h5.flush()
+            comm.Barrier()
+            os.kill(os.getpid(), signal.SIGKILL)
+
+
+if __name__ == "__main__":
+    try:
+        write(MPI.COMM_WORLD, sys.argv[1], sys.argv[2], int(sys.argv[3]) if len(sys.argv) > 3 else 1)
+    except JampetscError as error:
+        sys.stdout.write(f"{type(error).__name__}: {error}\n")  # in one piece: the ranks share a terminal
+        sys.exit(error.exit_code)
