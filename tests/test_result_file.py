@@ -220,6 +220,26 @@ def test_a_kill_leaves_the_earlier_result_and_the_next_run_tidies_up(joint):
     assert len(names(joint.parent)) == 3
 
 
+def test_readers_never_see_a_mixture_of_runs(joint):
+    process = launch.start(2, "write_results.py", "forever", joint, 2)
+    seen = set()
+    try:
+        while len(seen) < 20:
+            result = load(joint)
+            seed = result.attributes["seed"]
+            try:
+                rotation = result["fields/rotation"]
+            except InputError as error:
+                assert "was replaced by another run" in str(error)
+                continue
+            assert np.array_equal(rotation, arrays(seed)[2]["fields/rotation"][0])
+            seen.add(seed)
+    finally:
+        process.terminate()
+        process.communicate()
+    assert_holds(joint, load(joint).attributes["seed"])
+
+
 def sweep(path, **changes):
     """A small sweep file of one process; attributes may be changed."""
     with ResultWriter(path, "jampetsc-sweep") as writer:

@@ -1,6 +1,7 @@
 """A program of the tests, also under mpirun: python tests/write_results.py HOW FILE [SEED]
 
-HOW is `whole`, or what goes wrong: `limited` and `refused` on rank 1, `raising`, `killed`.
+HOW is `whole`, `forever` (again and again with the next seed), or what goes wrong: `limited` (no room on the
+last rank), `raising`, `killed`.
 """
 
 import os
@@ -57,9 +58,15 @@ def write(comm, how, path, seed):
             os.kill(os.getpid(), signal.SIGKILL)
 
 
+def main(how, path, seed=1):
+    write(MPI.COMM_WORLD, how, path, int(seed))
+    if how == "forever":
+        main(how, path, int(seed) + 1)
+
+
 if __name__ == "__main__":
     try:
-        write(MPI.COMM_WORLD, sys.argv[1], sys.argv[2], int(sys.argv[3]) if len(sys.argv) > 3 else 1)
+        main(*sys.argv[1:])
     except JampetscError as error:
         sys.stdout.write(f"{type(error).__name__}: {error}\n")  # in one piece: the ranks share a terminal
         sys.exit(error.exit_code)

@@ -1,0 +1,163 @@
+"""Published packings: their numbers come out, and files that are something else are refused."""
+
+import json
+from argparse import ArgumentParser
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from jampetsc.commands import importing
+from jampetsc.errors import InputError
+from jampetsc.packing.contacts import measure
+from jampetsc.packing.importers import import_packing
+from jampetsc.packing.potentials import Potential
+from jampetsc.storage.packing_file import read_packing
+
+DATA = Path(__file__).parent / "data"
+JAMBASHBULK = DATA / "jambashbulk-N16-P1e-3-0001.txt"
+JAXMD = DATA / "jaxmd-2d_polyuniform_N64_Lp-1.0.nc"
+
+
+def test_jambashbulk_has_its_published_numbers():
+    disks = import_packing(JAMBASHBULK)
+    state = measure(disks)
+    assert disks.potential == Potential("harmonic", "constant", 1.0)
+    assert np.unique(disks.radii).tolist() == [1.0, 1.4]
+    assert np.allclose(
+        disks.cell, [[9.5393607291793076, 0.0], [0.063057565492152521, 9.5693366275464142]], 0, 1e-15
+    )
+    assert disks.phi == pytest.approx(0.81494906634508, rel=1e-12)
+    assert len(state.contacts) == 33
+    assert state.coordination == 4.125
+    assert state.rattlers.sum() == 0
+    assert state.energy == pytest.approx(0.00010928358570711, rel=1e-10)
+    assert state.pressure == pytest.approx(1e-3, rel=1e-9)
+    assert state.max_force < 1e-10
+    assert disks.record["published_pressure"] == 1e-3
+    assert disks.record["pressure"] == state.pressure
+
+
+@pytest.mark.parametrize("index", range(10))
+def test_jaxmd_has_its_published_numbers(index):
+    disks = import_packing(JAXMD, index)
+    state = measure(disks)
+    assert disks.n == 64
+    assert disks.potential == Potential("harmonic", "inverse-square-diameter", 1.0)
+    with h5py.File(JAXMD) as h5:
+        energy, stress, moduli = (h5[name][index] for name in ("Energy", "Stress", "Cijkl"))
+    assert state.energy == pytest.approx(energy, rel=1e-12)
+    assert np.allclose(state.stress.ravel(), stress, rtol=0, atol=1e-14)
+    assert state.pressure == pytest.approx(-(stress[0] + stress[3]) / 2, rel=1e-12)
+    assert state.max_force < 1e-12
+    assert disks.record["published_energy"] == energy
+    assert disks.record["published_stress_xy"] == stress[1]
+    assert disks.record["published_C_xyxy"] == moduli[2]
+
+
+def test_fractions_of_the_box_are_what_fits_the_energy(tmp_path):
+    """Taken as lengths, the positions would have another energy: the file is refused, not misread."""
+    spoiled = tmp_path / "x.nc"
+    spoiled.write_bytes(JAXMD.read_bytes())
+    with h5py.File(spoiled, "r+") as h5:
+        h5["pos"][...] *= 0.99
+    with pytest.raises(
+        InputError, match=r"x\.nc: pressure is .* but stored as 0\.1002.*: another potential or unit"
+    ):
+        import_packing(spoiled)
+
+
+EDITS = {
+    "a line lost": (
+        lambda text: "\n".join(text.splitlines()[:20]),
+        "lines x, y, r for N = 16 disks: truncated",
+    ),
+    "the end lost": (lambda text: text.replace("\n}", "\n"), "lines x, y, r for N = 16 disks: truncated"),
+    "no L2": (lambda text: text.replace("L2=", "LL="), "no L2 = … in the header"),
+    "no P": (lambda text: text.replace("P =", "Q ="), "no P = … in the header"),
+    "nan": (lambda text: text.replace("8.8767069662298361795", "nan"), r"positions\[0\].*must be finite"),
+    "no number": (lambda text: text.replace("8.8767069662298361795", "8.8.7"), "8.8.7, .*: not numbers"),
+    "negative": (
+        lambda text: text.replace("1.3999999999999999112", "-1.4"),
+        r"radii\[8\] = -1.4: must be positive",
+    ),
+    "moved": (lambda text: text.replace("8.87670", "8.97670"), "pressure is .* but stored as 0.001: another"),
+    "other text": (lambda text: "x y r\n1 2 3\n", "neither jamBashbulk text nor jax-md netCDF4"),
+    "empty": (lambda text: "", "neither jamBashbulk text nor jax-md netCDF4"),
+    "cell": (
+        lambda text: text.replace("9.5393607291793076335 ,", "1.5 ,"),
+        "cell of height .*use more disks",
+    ),
+}
+
+
+@pytest.mark.parametrize("edit", EDITS)
+def test_spoiled_text_is_refused_in_one_line(tmp_path, edit):
+    change, message = EDITS[edit]
+    spoiled = tmp_path / "packing.txt"
+    spoiled.write_text(change(JAMBASHBULK.read_text()))
+    with pytest.raises(InputError, match=message) as caught:
+        import_packing(spoiled)
+    assert str(caught.value).startswith(f"{spoiled}: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_other_files_are_refused(tmp_path):
+    (tmp_path / "cut.nc").write_bytes(JAXMD.read_bytes()[:20000])
+    (tmp_path / "classic.nc").write_bytes(b"CDF\x01" + bytes(range(256)))
+    with h5py.File(tmp_path / "other.h5", "w") as h5:
+        h5["pos"] = np.zeros((2, 8))
+    with h5py.File(tmp_path / "ours.h5", "w") as h5:
+        h5.attrs["format"] = "jampetsc-packing"
+    with h5py.File(tmp_path / "3d.nc", "w") as h5:
+        h5["pos"], h5["rad"], h5["box"] = np.ones((1, 12)), np.ones((1, 4)), np.ones((1, 9))
+    cases = {
+        "cut.nc": "truncated",
+        "classic.nc": "neither jamBashbulk text nor jax-md netCDF4",
+        "other.h5": "no variable rad, box: not a packing file of jax-md",
+        "ours.h5": "is a jampetsc-packing file already: nothing to import",
+        "3d.nc": "12 coordinates for 4 disks: two-dimensional only",
+        "none.txt": "cannot be read",
+    }
+    for name, message in cases.items():
+        with pytest.raises(InputError, match=message):
+            import_packing(tmp_path / name)
+
+
+def test_which_packing_of_many(tmp_path):
+    two = tmp_path / "two.txt"
+    two.write_text(JAMBASHBULK.read_text() * 2)
+    assert np.array_equal(import_packing(two, 1).positions, import_packing(JAMBASHBULK).positions)
+    for path, index, count in ((two, 2, 2), (JAXMD, 10, 10), (JAXMD, -1, 10), (JAMBASHBULK, 1, 1)):
+        with pytest.raises(InputError, match=f"--index {index}: it holds {count} packings"):
+            import_packing(path, index)
+
+
+def imported(*words):
+    parser = ArgumentParser()
+    importing.add_parser(parser.add_subparsers())
+    args = parser.parse_args(["import", *map(str, words)])
+    return args.run(args, [])
+
+
+def test_the_command_writes_a_packing_file(tmp_path, capsys):
+    out = tmp_path / "p.h5"
+    assert imported(JAXMD, "--index", 9, "--out", out) == 0
+    found, direct = read_packing(out), import_packing(JAXMD, 9)
+    assert np.array_equal(found.base, direct.base)
+    assert np.array_equal(found.offset, direct.offset)
+    assert found.potential == direct.potential
+    assert found.record == direct.record
+    assert json.dumps(found.record)  # plain Python values
+    printed = capsys.readouterr().out
+    assert "64 disks" in printed
+    assert "0.10047438   published 0.10047438" in printed
+
+
+def test_the_command_writes_nothing_for_bad_input(tmp_path):
+    with pytest.raises(InputError, match="--index 10"):
+        imported(JAXMD, "--index", 10, "--out", tmp_path / "p.h5")
+    with pytest.raises(InputError, match="does not exist: create it first"):
+        imported(JAXMD, "--out", tmp_path / "none" / "p.h5")
+    assert list(tmp_path.iterdir()) == []
