@@ -1,0 +1,177 @@
+"""Scaling of G*(ω) near jamming: limits, crossovers, critical collapse and power laws.
+
+With ω in 1/τ₁ and G*, p in k, the moduli at pressure p follow  G* = p^μ g(ω/p^λ), μ = ½ and λ = 1, as long as
+ω ≪ 1 (BT eqs. 16, 17 and Fig. 3b): g' is constant and g'' ∝ x for x ≪ 1, and both grow as x^Δ with
+Δ = μ/λ = ½ for x ≫ 1.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jampetsc.errors import InputError
+
+MU, LAMBDA = 0.5, 1.0  # critical exponents of BT
+CRITICAL_END = 0.1  # ωτ₁ above which the affine branch near ωτ₁ = 1 is felt
+SETTLED = 0.1  # a limit is read off only if extrapolation moves it by less than this fraction
+_ENOUGH = 3  # points of a fit that leave something to estimate its error from
+
+
+@dataclass(frozen=True)
+class Limit:
+    """Spring and dashpot, G* ≈ G + iωη, at one end of a sweep; the errors are what extrapolation changed."""
+
+    modulus: float  # G₀ or G_∞
+    modulus_error: float
+    viscosity: float  # η₀ or η_∞
+    viscosity_error: float
+
+    @property
+    def crossover(self) -> float:
+        """Frequency G/η at which the two are equal: ω* = G₀/η₀ at the low end."""
+        return self.modulus / self.viscosity
+
+
+@dataclass(frozen=True)
+class PowerLaw:
+    """y = prefactor · x^exponent; standard errors from the scatter about the straight line."""
+
+    exponent: float
+    exponent_error: float
+    prefactor: float
+    prefactor_error: float
+    points: int
+
+
+def low_frequency_limit(omega, G) -> Limit:
+    """G₀ and η₀ from the lowest frequencies of G*(ω); omega (M,), G (M,) complex.
+
+    All relaxation times are finite, so G' = G₀ + O(ω²) and G''/ω = η₀ + O(ω²); the first correction is taken
+    out with a second frequency. Raises InputError where the sweep does not reach that regime.
+    """
+    omega, G = _finite(omega, G)
+    limit = _extrapolate(omega, G, omega**2)
+    if limit is None:
+        raise InputError(
+            f"G' and G''/omega still change at the lowest frequency, {omega[0]:g}: begin the sweep lower"
+        )
+    return limit
+
+
+def high_frequency_limit(omega, G) -> Limit:
+    """G_∞ and η_∞ from the highest frequencies, where the corrections are O(1/ω²).
+
+    Raises InputError where the sweep does not reach that regime.
+    """
+    omega, G = _finite(omega, G)
+    limit = _extrapolate(omega[::-1], G[::-1], omega[::-1] ** -2.0)
+    if limit is None:
+        raise InputError(
+            f"G' and G''/omega still change at the highest frequency, {omega[-1]:g}: end the sweep higher"
+        )
+    return limit
+
+
+def crossovers(omega, G) -> tuple[float, float]:
+    """The lower crossover ω* = G₀/η₀ (∝ p^λ) and the upper one G_∞/η_∞ (∝ 1/τ₁).
+
+    BT's critical branch lies between them. Raises InputError where one end of the sweep is not in its limit.
+    """
+    return low_frequency_limit(omega, G).crossover, high_frequency_limit(omega, G).crossover
+
+
+def collapse(omega, G, pressure, mu=MU, lam=LAMBDA):
+    """(x, g) = (ω/p^λ, G*/p^μ), ω in 1/τ₁ and G*, p in k. Raises InputError for p ≤ 0."""
+    if not (np.isfinite(pressure) and pressure > 0):
+        raise InputError(f"pressure {pressure:g}: must be positive to scale with it")
+    return np.asarray(omega) / pressure**lam, np.asarray(G) / pressure**mu
+
+
+def collapse_spread(sweeps, mu=MU, lam=LAMBDA, end=CRITICAL_END) -> float:
+    """How far from one curve: rms over x of the standard deviation of ln g' and ln g'' between sweeps.
+
+    `sweeps` is a sequence of (omega, G, pressure). Frequencies above `end` (in 1/τ₁) are left out, and so is all
+    x that fewer than two sweeps reach, and values that are not positive. 0.1 means 10 %. Raises InputError if
+    nothing overlaps.
+    """
+    scaled = []
+    for omega, G, pressure in sweeps:
+        omega, G = _finite(omega, G)
+        x, g = collapse(omega[omega <= end], G[omega <= end], pressure, mu, lam)
+        scaled += [(part, x[y > 0], y[y > 0]) for part, y in (("storage", g.real), ("loss", g.imag))]
+    squares = []
+    for part in ("storage", "loss"):
+        curves = [(np.log(x), np.log(y)) for name, x, y in scaled if name == part and len(x) > 1]
+        if len(curves) < 2:
+            continue
+        grid = np.linspace(min(x[0] for x, _ in curves), max(x[-1] for x, _ in curves), 400)
+        values = np.array([np.interp(grid, x, y, left=np.nan, right=np.nan) for x, y in curves])
+        shared = np.count_nonzero(np.isfinite(values), axis=0) >= 2
+        squares.append(np.nanvar(values[:, shared], axis=0, ddof=1))
+    if not sum(len(s) for s in squares):
+        raise InputError(
+            f"no two sweeps overlap in omega/p^{lam:g} below omega = {end:g}: sweep a wider range"
+        )
+    return float(np.sqrt(np.mean(np.concatenate(squares))))
+
+
+def local_slope(omega, values):
+    """d ln y/d ln ω by centred differences, (M,), of positive values on increasing frequencies."""
+    return np.gradient(np.log(values), np.log(omega))
+
+
+def fit_power_law(x, y, window=(0.0, np.inf)) -> PowerLaw:
+    """Straight line through (ln x, ln y) for window[0] ≤ x ≤ window[1], all points weighted alike.
+
+    Points of one smooth curve are not independent: the standard errors then measure how far it is from a power
+    law, not what another packing would give. Raises InputError for fewer than three points or y ≤ 0.
+    """
+    x, y = np.asarray(x, float), np.asarray(y, float)
+    inside = (x >= window[0]) & (x <= window[1]) & np.isfinite(y)
+    x, y = x[inside], y[inside]
+    between = f"between {window[0]:g} and {window[1]:g}"
+    if len(np.unique(x)) < _ENOUGH:
+        raise InputError(
+            f"{len(x)} points {between}: a slope and its error need at least {_ENOUGH}; widen the window"
+        )
+    if (y <= 0).any():
+        raise InputError(
+            f"value {y[y <= 0][0]:g} {between}: a power law needs positive values; narrow the window"
+        )
+    centre = np.mean(np.log(x))
+    u, v = np.log(x) - centre, np.log(y)
+    exponent = np.dot(u, v) / np.dot(u, u)
+    variance = np.sum((v - v.mean() - exponent * u) ** 2) / (len(x) - 2)
+    exponent_error = np.sqrt(variance / np.dot(u, u))
+    prefactor = np.exp(v.mean() - exponent * centre)
+    prefactor_error = prefactor * np.sqrt(variance / len(x) + (centre * exponent_error) ** 2)
+    return PowerLaw(*(float(f) for f in (exponent, exponent_error, prefactor, prefactor_error)), len(x))
+
+
+def _finite(omega, G):
+    """Frequencies in increasing order with the moduli that were found, at least two."""
+    omega, G = np.asarray(omega, float), np.asarray(G, complex)
+    found = np.isfinite(G)
+    omega, G = omega[found], G[found]
+    if len(omega) < 2:
+        raise InputError(f"{len(omega)} frequencies with a modulus: at least two are needed")
+    order = np.argsort(omega)
+    return omega[order], G[order]
+
+
+def _extrapolate(omega, G, t):
+    """Limit t → 0 of G' and G''/ω, linear in t, or None if the values have not settled.
+
+    Uses the first frequency and the next that is at least twice or half as high.
+    """
+    apart = np.flatnonzero(t >= 4.0 * t[0])
+    if not len(apart):
+        return None
+    far = apart[0]
+    found = []
+    for y in (G.real, G.imag / omega):
+        change = (y[far] - y[0]) * t[0] / (t[far] - t[0])
+        if not abs(change) <= SETTLED * abs(y[0]):
+            return None
+        found += [float(y[0] - change), float(abs(change))]
+    return Limit(*found)

@@ -1,0 +1,135 @@
+"""`jampetsc plot`: pictures of sweeps, packings and displacement fields. Needs neither PETSc nor MPI."""
+
+from jampetsc.errors import InputError
+
+DESCRIPTION = """\
+Draw what the files hold: G' and G'' of one or many sweeps, their scaling collapse, a packing with its
+contacts and forces, or the displacement fields of a sweep. Frequencies are shown in 1/τ₁, moduli and
+pressures in k."""
+EPILOG = """\
+examples:
+  jampetsc plot p1e-2.h5 p1e-3.h5 p1e-4.h5 --out moduli.png      G', G'' of three sweeps
+  jampetsc plot p1e-2.h5 p1e-3.h5 p1e-4.h5 --kind collapse --out collapse.pdf
+  jampetsc plot packing.h5 --out packing.svg
+  jampetsc plot sweep.h5 --kind fields --omega 1e-6,1e-3,1 --out fields.png"""
+
+
+def add_parser(subparsers):
+    """Add `plot` to the command line."""
+    parser = subparsers.add_parser(
+        "plot", help="draw sweeps, packings and displacement fields", description=DESCRIPTION, epilog=EPILOG
+    )
+    parser.add_argument("files", nargs="+", metavar="FILE", help="sweeps, or one packing")
+    parser.add_argument("--out", required=True, metavar="FILE", help="picture to write: .png, .pdf or .svg")
+    parser.add_argument(
+        "--kind",
+        choices=("moduli", "collapse", "packing", "fields"),
+        help="what to draw (default: follows from the files and options)",
+    )
+    parser.add_argument("--mu", type=float, metavar="MU", help="collapse: moduli over p^MU (default 0.5)")
+    parser.add_argument(
+        "--lambda", type=float, metavar="LAMBDA", help="collapse: frequency over p^LAMBDA (default 1)"
+    )
+    parser.add_argument(
+        "--omega", metavar="w1,w2,…", help="fields: at these frequencies (default: up to four)"
+    )
+    parser.add_argument(
+        "--packing", metavar="FILE", help="fields: the sweep's packing, if it is not beside it"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args, petsc_argv):
+    """Draw the picture and print what it shows; returns 0. Raises InputError."""
+    from jampetsc.plots.sources import open_files
+    from jampetsc.plots.style import check_output
+
+    kind = _asked_kind(args)
+    check_output(args.out)
+    held, items = open_files(args.files)
+    kind = kind or ("packing" if held == "packing" else "moduli")
+    if (kind == "packing") != (held == "packing"):
+        needed = "a packing" if kind == "packing" else "sweeps"
+        raise InputError(f"{args.files[0]}: is a {held}: {kind} pictures need {needed}")
+    if kind == "fields" and len(items) > 1:
+        raise InputError(f"{len(items)} sweeps: fields are drawn of one; plot them one by one")
+    shown = {"packing": _packing, "fields": _fields, "moduli": _moduli, "collapse": _collapse}[kind](
+        args, items
+    )
+    print(f"{args.out}: {shown}")
+    return 0
+
+
+def _asked_kind(args):
+    """The kind that --kind or another option asks for, or None. Raises InputError if two of them differ."""
+    kind = args.kind
+    for option, meant in (
+        ("mu", "collapse"),
+        ("lambda", "collapse"),
+        ("omega", "fields"),
+        ("packing", "fields"),
+    ):
+        value = getattr(args, option)
+        if value is None:
+            continue
+        if kind not in (None, meant):
+            raise InputError(f"--{option} {value}: belongs to {meant} pictures, not to {kind}: leave it out")
+        if meant == "collapse" and not 0 < value < 10:
+            raise InputError(f"--{option} {value:g}: must lie between 0 and 10")
+        kind = meant
+    return kind
+
+
+def _packing(args, items):
+    from jampetsc.plots.packing import plot_packing
+
+    plot_packing(items[0], args.out)
+    return f"packing of {items[0].n} disks"
+
+
+def _moduli(args, items):
+    from jampetsc.plots.curves import curve_of
+    from jampetsc.plots.moduli import plot_moduli
+
+    plot_moduli([curve_of(item) for item in items], args.out)
+    return f"G' and G'' of {_count(items)}"
+
+
+def _collapse(args, items):
+    from jampetsc.analysis.scaling import LAMBDA, MU, collapse_spread
+    from jampetsc.plots.curves import curve_of
+    from jampetsc.plots.moduli import plot_collapse
+
+    mu, lam = (
+        default if value is None else value
+        for value, default in ((args.mu, MU), (vars(args)["lambda"], LAMBDA))
+    )
+    curves = [curve_of(item) for item in items]
+    plot_collapse(curves, args.out, mu, lam)
+    text = f"collapse of {_count(items)} with mu = {mu:g}, lambda = {lam:g}"
+    try:
+        spread = collapse_spread([(c.omega, c.G, c.pressure) for c in curves], mu, lam)
+    except InputError:  # one sweep, or sweeps that share no scaled frequency: there is no spread to tell
+        return text
+    return f"{text}; they differ by {100 * spread:.2g} % (rms) below omega tau1 = 0.1"
+
+
+def _fields(args, items):
+    from jampetsc.plots.fields import plot_fields
+    from jampetsc.plots.sources import chosen_frequencies, packing_of, particle_rows
+    from jampetsc.response.grid import parse_omega
+
+    (sweep,) = items
+    fields = sweep.fields
+    rows = chosen_frequencies(sweep, None if args.omega is None else parse_omega(args.omega))
+    disks = packing_of(sweep, args.packing)
+    particles = particle_rows(sweep, disks)
+    omega = fields.omega[rows] * float(sweep.attributes.get("tau1", 1.0))
+    displacement = [fields.displacement[row] for row in rows]
+    rotation = None if fields.rotation is None else [fields.rotation[row] for row in rows]
+    plot_fields(disks, omega, displacement, rotation, particles, args.out)
+    return f"displacement fields at omega tau1 = {', '.join(f'{w:g}' for w in omega)}"
+
+
+def _count(items):
+    return f"{len(items)} sweep{'s' * (len(items) > 1)}"

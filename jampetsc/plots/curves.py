@@ -1,0 +1,121 @@
+"""G*(ω) of sweeps made comparable: units of k and 1/τ₁, and labels that tell what differs between them."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from jampetsc.errors import InputError
+from jampetsc.plots.style import MARKERS, colours, number, power_or_number, sequential
+
+_SAME = 1e-9  # frequencies closer than this, relatively, are one: a grid and a list that meet
+_BOUNDS = ("error_bound_storage", "error_bound_loss")  # sharper than the one on |ΔG*|, where a file has them
+_SYMBOLS = {"beta": r"\beta", "eta_f": r"\eta_F"}
+_SWITCHES = {  # attribute -> what to say if it is (off, on)
+    "rotations": ("no rotations", "rotations"),
+    "prestress": ("no pre-stress", "pre-stress"),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One sweep, frequencies increasing, in units of k and 1/τ₁."""
+
+    name: str  # of the file
+    omega: np.ndarray  # (M,) ωτ₁
+    G: np.ndarray  # (M,) G*/k
+    bounds: np.ndarray  # (2, M) on |ΔG'|/k and |ΔG''|/k
+    pressure: float | None  # p/k
+    attributes: dict
+
+    @property
+    def description(self) -> dict:
+        """What may distinguish it from other sweeps, in the order of the label."""
+        found = {"p/k": None if self.pressure is None else float(f"{self.pressure:.3g}")}
+        found["law"] = self.attributes.get("law")
+        for key in (*_SYMBOLS, *_SWITCHES):
+            found[key] = self.attributes.get(key)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Sweeps that share a label, a colour and a marker: one, or the members of an ensemble."""
+
+    label: str
+    curves: list
+    colour: tuple
+    marker: str
+
+
+def curve_of(result) -> Curve:
+    """The curve of a SweepResult, brought to units of k and 1/τ₁ with its attributes `k` and `tau1`.
+
+    Raises InputError for a file without any modulus.
+    """
+    k, tau1 = (float(result.attributes.get(name, 1.0)) for name in ("k", "tau1"))
+    pressure = result.attributes.get("pressure")
+    order = np.argsort(result.omega)
+    order = order[np.isfinite(result.G[order])]
+    repeated = np.diff(np.log(result.omega[order]), prepend=-np.inf) < _SAME
+    order = order[~repeated]
+    if not len(order):
+        raise InputError(f"{result.path}: holds no modulus at any frequency: run the sweep again")
+    bounds = [result[name] if name in result else result.error_bound for name in _BOUNDS]
+    return Curve(
+        name=result.path.name,
+        omega=result.omega[order] * tau1,
+        G=result.G[order] / k,
+        bounds=np.array(bounds)[:, order] / k,
+        pressure=None if pressure is None else float(pressure) / k,
+        attributes=result.attributes,
+    )
+
+
+def group_curves(curves) -> tuple[str, list]:
+    """(legend title, groups) of curves that differ in pressure, law or parameters, low pressure first.
+
+    Colours run from dark at low pressure (or at the first label) to light; the title is "p/k" if that is all.
+    """
+    descriptions = [c.description for c in curves]
+    varying = [key for key in descriptions[0] if len({str(d[key]) for d in descriptions}) > 1]
+    only_pressure = varying in (["p/k"], []) and all(c.pressure and c.pressure > 0 for c in curves)
+    keys = varying or ["p/k"]
+    members = {}
+    for curve, description in sorted(zip(curves, descriptions, strict=True), key=lambda pair: _rank(pair[1])):
+        members.setdefault(tuple(_part(key, description[key], only_pressure) for key in keys), []).append(
+            curve
+        )
+    groups = []
+    for n, (parts, found) in enumerate(members.items()):
+        label = ", ".join(part for part in parts if part) or ("" if len(members) > 1 else found[0].name)
+        groups.append(Group(label or "other", found, None, MARKERS[n % len(MARKERS)]))
+    pressures = [g.curves[0].pressure for g in groups]
+    shades = _by_pressure(pressures) if only_pressure else colours(len(groups))
+    groups = [replace(group, colour=shade) for group, shade in zip(groups, shades, strict=True)]
+    return ("$p/k$" if only_pressure else ""), groups
+
+
+def _by_pressure(pressures):
+    """Colours on a log scale from the lowest pressure to the highest."""
+    height = np.log(pressures) - np.log(min(pressures))
+    return [sequential()(x) for x in height / max(height.max(), 1e-300)]
+
+
+def _rank(description):
+    return tuple(
+        (value is None, value if isinstance(value, (int, float)) else 0.0, str(value))
+        for value in description.values()
+    )
+
+
+def _part(key, value, bare):
+    """The words for one property in a label."""
+    if value is None:
+        return "" if key != "p/k" else "$p$ unknown"
+    if key == "p/k":
+        return f"${power_or_number(value)}$" if bare else f"$p/k={power_or_number(value)}$"
+    if key in _SYMBOLS:
+        return f"${_SYMBOLS[key]}={number(value)}$"
+    if key in _SWITCHES:
+        return _SWITCHES[key][bool(value)]
+    return {"stokes": "Stokes"}.get(value, str(value))

@@ -1,0 +1,89 @@
+"""A packing with its disks, rattlers, contacts and forces."""
+
+import numpy as np
+from matplotlib.collections import EllipseCollection, LineCollection
+
+from jampetsc.packing.contacts import measure
+from jampetsc.plots.periodic import disk_images, extent, frame_cell, segment_images, wrap
+from jampetsc.plots.style import COLUMN, PAGE, figure, power_or_number, save
+
+MANY = 5000  # disks beyond which vector files get the contents as pixels, and outlines go
+_MEAN_WIDTH, _WIDEST = 0.09, 2.0  # width of the line of a mean force in mean diameters, and at most in points
+_CAPTION = 0.38  # inches
+_TALLEST = 2.5  # heights beyond this many widths are shrunk to fit
+
+
+def plot_packing(disks, path) -> None:
+    """Disks grey, rattlers hollow, contacts as lines whose width is proportional to the force.
+
+    Contacts and disks that cross the boundary appear on both sides of the cell, cut at its edge.
+    """
+    state = measure(disks)
+    width, height = extent(disks.cell)
+    inches = COLUMN if disks.n <= MANY else PAGE
+    tall = inches * min(height / width, _TALLEST)
+    points_per_length = 72 * 0.98 * min(inches / width, tall / height)
+    with figure(inches, tall + _CAPTION) as fig:
+        share = tall / (tall + _CAPTION)
+        ax = fig.add_axes((0.01, 1 - share, 0.98, share))
+        cell = frame_cell(ax, disks.cell)
+        centres = wrap(disks.positions, disks.cell)
+        shown = [
+            _disks(ax, disks, centres, state.rattlers),
+            _forces(ax, disks, centres, state.contacts, points_per_length),
+        ]
+        for collection in filter(None, shown):
+            collection.set_clip_path(cell)
+            collection.set_rasterized(disks.n > MANY)
+        fig.text(0.5, 0.5 * (1 - share), _caption(disks, state), ha="center", va="center", linespacing=1.4)
+        save(fig, path)
+
+
+def _disks(ax, disks, centres, rattlers):
+    rows, points = disk_images(centres, disks.radii, disks.cell)
+    hollow = rattlers[rows]
+    diameters = 2 * disks.radii[rows]
+    collection = EllipseCollection(
+        diameters,
+        diameters,
+        np.zeros(len(rows)),
+        units="xy",
+        offsets=points,
+        transOffset=ax.transData,
+        facecolors=np.where(hollow[:, None], (1.0, 1.0, 1.0, 1.0), (0.88, 0.88, 0.88, 1.0)),
+        edgecolors=np.where(hollow[:, None], (0.35, 0.35, 0.35, 1.0), (0.6, 0.6, 0.6, 1.0)),
+        linewidths=0.3 if disks.n <= MANY else 0.1,
+        zorder=1,
+    )
+    ax.add_collection(collection)
+    return collection
+
+
+def _forces(ax, disks, centres, contacts, points_per_length):
+    """Contacts as lines, the mean force as wide as a fixed part of a disk; None without contacts."""
+    if not len(contacts):
+        return None
+    rows, starts = segment_images(centres[contacts.i], contacts.r, disks.cell)
+    mean_width = min(_WIDEST, _MEAN_WIDTH * 2 * np.mean(disks.radii) * points_per_length)
+    collection = LineCollection(
+        np.stack((starts, starts + contacts.r[rows]), axis=1),
+        linewidths=mean_width * contacts.force[rows] / np.mean(contacts.force),
+        colors="0.05",
+        capstyle="round",
+        zorder=2,
+    )
+    ax.add_collection(collection)
+    return collection
+
+
+def _caption(disks, state):
+    rattlers = int(np.count_nonzero(state.rattlers))
+    parts = [f"$N={disks.n}$", rf"$\phi={disks.phi:.4f}$"]
+    if len(state.contacts):
+        parts += [
+            f"$p/k={power_or_number(state.pressure / disks.potential.k)}$",
+            f"$Z={state.coordination:.3f}$",
+        ]
+    lines = r"line width $\propto$ contact force" if len(state.contacts) else "no load-bearing contacts"
+    hollow = f";  hollow: {rattlers} rattler{'' if rattlers == 1 else 's'}" if rattlers else ""
+    return "   ".join(parts) + f"\n{lines}{hollow}"

@@ -1,0 +1,138 @@
+"""The look of all pictures: sizes, colours that survive grey scale and colour blindness, numbers, saving.
+
+Figures are made without pyplot: no display, no global state, and the same bytes from the same data.
+"""
+
+import io
+import os
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+
+from jampetsc.errors import InputError
+from jampetsc.storage.atomic import check_writable, write_error
+
+COLUMN, PAGE = 3.4, 7.0  # inches: one and two columns of a journal
+GREY = "0.45"
+STORAGE, LOSS = "$G$\u2032", "$G$\u2033"  # mathtext sets its own primes too small and too far off
+MARKERS = "osD^vP<X>*ph"
+FORMATS = {  # what to leave out so that the same data give the same file
+    ".png": {"Software": None},
+    ".pdf": {"Creator": None, "Producer": None, "CreationDate": None},
+    ".svg": {"Date": None, "Creator": None},
+}
+STYLE = {
+    "font.family": "STIXGeneral",
+    "mathtext.fontset": "stix",
+    "font.size": 9,
+    "axes.labelsize": 10,
+    "axes.titlesize": 9,
+    "legend.fontsize": 8,
+    "xtick.labelsize": 8.5,
+    "ytick.labelsize": 8.5,
+    "axes.linewidth": 0.6,
+    "xtick.direction": "in",
+    "ytick.direction": "in",
+    "xtick.top": True,
+    "ytick.right": True,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.minor.width": 0.4,
+    "ytick.minor.width": 0.4,
+    "lines.linewidth": 1.1,
+    "lines.markersize": 3.6,
+    "legend.frameon": False,
+    "legend.handlelength": 2.4,
+    "legend.labelspacing": 0.3,
+    "savefig.dpi": 300,
+    "figure.dpi": 300,
+    "svg.hashsalt": "jampetsc",
+    "pdf.fonttype": 42,  # text stays text
+    "axes.unicode_minus": True,
+}
+
+
+def colours(count):
+    """`count` colours from dark to light: cividis without its end that is too pale on white."""
+    return [sequential()(x) for x in (np.linspace(0, 1, count) if count > 1 else [0.0])]
+
+
+def sequential():
+    """Colour map for positive quantities, dark to light, monotonic in grey scale."""
+    cividis = matplotlib.colormaps["cividis"]
+    return LinearSegmentedColormap.from_list("cividis-dark", cividis(np.linspace(0.0, 0.88, 256)))
+
+
+def number(value, digits=2) -> str:
+    """A number in TeX without dollars, such as 10^{-3}, 1.2\\times10^{-3} or 0.84."""
+    if value == 0:
+        return "0"
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    if -2 < int(exponent) < 4:
+        return f"{value:.{digits}g}" if abs(value) < 10**digits else f"{value:.0f}"
+    mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
+    power = f"10^{{{int(exponent)}}}"
+    return {"1": power, "-1": f"-{power}"}.get(mantissa, rf"{mantissa}\times{power}")
+
+
+def power_or_number(value) -> str:
+    """As `number`, but a power of ten below one is always written as such."""
+    power = np.log10(value) if value > 0 else 0.0
+    exact = power < 0 and abs(power - round(power)) < 1e-3
+    return f"10^{{{round(power)}}}" if exact else number(value)
+
+
+def exponent_text(value) -> str:
+    """An exponent in TeX: a small fraction where it is one."""
+    for denominator in range(1, 7):
+        numerator = value * denominator
+        if abs(numerator - round(numerator)) < 1e-9:
+            return f"{round(numerator)}" if denominator == 1 else f"{round(numerator)}/{denominator}"
+    return f"{value:.3g}"
+
+
+def power_text(base, exponent) -> str:
+    """base^exponent in TeX, without the exponent where it is 1."""
+    return base if exponent == 1 else f"{base}^{{{exponent_text(exponent)}}}"
+
+
+@contextmanager
+def figure(width, height, **settings):
+    """A new Figure of this size in inches in the package's style, whatever the user's matplotlibrc says."""
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(STYLE)
+        fig = Figure(figsize=(width, height), **settings)
+        FigureCanvasAgg(fig)
+        yield fig
+
+
+def check_output(path) -> None:
+    """Raise InputError unless a picture of a known kind could be written at `path`."""
+    if Path(path).suffix.lower() not in FORMATS:
+        raise InputError(f"--out {path}: give it the ending {', '.join(FORMATS)}")
+    check_writable(path)
+
+
+def save(fig, path) -> None:
+    """Write the picture in the format of its ending, complete or not at all. Raises JampetscError."""
+    path = Path(os.path.realpath(path))
+    suffix = path.suffix.lower()
+    image = io.BytesIO()
+    fig.savefig(image, format=suffix[1:], metadata=FORMATS[suffix])
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        with open(temporary, "wb") as file:
+            file.write(image.getvalue())
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    except OSError as error:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        raise write_error(path, error) from None
