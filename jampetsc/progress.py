@@ -6,9 +6,9 @@ from tqdm import tqdm
 
 
 class Progress:
-    """Counts `total` steps of a run, `done` of them finished earlier. Use it as a context manager."""
+    """Counts `total` steps of a run (None: not known before), `done` of them finished earlier; a context manager."""
 
-    def __init__(self, total: int, what: str, rank: int = 0, done: int = 0):
+    def __init__(self, total: int | None, what: str, rank: int = 0, done: int = 0):
         self.total, self.count, self.silent = total, done, rank != 0
         terminal = sys.stderr.isatty() and not self.silent
         self.bar = tqdm(total=total, initial=done, desc=what, leave=False, file=sys.stderr) if terminal else None
@@ -20,7 +20,7 @@ class Progress:
             self.bar.set_postfix_str(line, refresh=False)
             self.bar.update()
         elif not self.silent:
-            print(f"[{self.count}/{self.total}] {line}", file=sys.stderr, flush=True)
+            print(f"[{self.count}{f'/{self.total}' if self.total else ''}] {line}", file=sys.stderr, flush=True)
 
     def note(self, line: str) -> None:
         """Say something beside the count."""

@@ -13,8 +13,8 @@ def add_parser(subparsers):
         NAME,
         help="complex modulus G*(ω) of a packing",
         description="Complex modulus G*(ω) of a packing under oscillatory shear, each value with a bound on its error.",
-        epilog="PETSc options: -freq_ksp_…, -freq_pc_… and -freq_mat_… reach the solver of --method direct; files in options/ "
-        "are ready to use with -options_file.",
+        epilog="PETSc options: -shift_… reach the factorisations of the rational method, -freq_… the solver of --method direct; "
+        "files in options/ are ready to use with -options_file.",
     )
     parser.add_argument("packing", metavar="PACKING", help="packing file")
     parser.add_argument("--out", required=True, metavar="FILE", help="result file (HDF5)")
@@ -24,7 +24,12 @@ def add_parser(subparsers):
         metavar="LOW:HIGH:COUNT|LIST",
         help=f"frequencies in units of 1/τ₁: a logarithmic grid or a list (default {DEFAULT_OMEGA})",
     )
-    parser.add_argument("--method", choices=("direct",), default="direct", help="one complex solve per frequency")
+    parser.add_argument(
+        "--method",
+        choices=("rational", "direct"),
+        default="rational",
+        help="rational: the whole spectrum from a few real factorisations (default); direct: one complex solve per frequency",
+    )
     parser.add_argument(
         "--accuracy", type=float, default=1e-6, metavar="A", help="relative error allowed in G' and in G'' each (default 1e-6)"
     )
@@ -49,10 +54,11 @@ def run(args, petsc_argv) -> int:
         raise InputError(f"--accuracy {args.accuracy:g}: choose between 1e-12 and 0.1")
     check_writable(args.out)
     job = Job.read(args.packing, law, omega, fields, args.method, args.accuracy, args.out)
-    running = session.start("complex", petsc_argv)
-
-    from jampetsc.response.direct_sweep import run as sweep
-
+    running = session.start("complex" if args.method == "direct" else "real", petsc_argv)
+    if args.method == "direct":
+        from jampetsc.response.direct_sweep import run as sweep
+    else:
+        from jampetsc.response.rational_sweep import run as sweep
     omega, G, bounds = sweep(job)
     if running.rank == 0:
         print(summary(job, omega, G, bounds))

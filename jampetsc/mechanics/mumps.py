@@ -2,10 +2,12 @@
 
 from jampetsc.errors import ConvergenceError
 from jampetsc.session import current
+from jampetsc.session import current
 
 WORKSPACE = (-8, -9, -14, -15, -17, -20)  # INFOG(1): some work array was too small; ICNTL(14) enlarges them
 MEMORY = (-13, -19)  # INFOG(1): the machine, or the limit ICNTL(23), has no more
 SINGULAR = (-10,)
+INDEFINITE = -40  # INFOG(1): told to expect a positive definite matrix, met one that is not
 OUT_OF_CORE = (-90,)
 ATTEMPTS = 5  # at twice the workspace each time
 
@@ -52,3 +54,12 @@ def explain(code, what: str) -> ConvergenceError:
     else:
         remedy = f"the solver reports {f'MUMPS INFOG(1) = {code}' if code else 'a failed factorisation'}"
     return ConvergenceError(f"factorisation of {what}: {remedy}")
+
+
+def enlarge(ksp, prefix: str) -> None:
+    """Start this KSP afresh with twice the workspace: its PC stays broken after such a failure until it is reset."""
+    option = f"{prefix}mat_mumps_icntl_14"
+    options = current().PETSc.Options()
+    options.setValue(option, 2 * options.getInt(option, 20))
+    ksp.reset()
+    ksp.setFromOptions()

@@ -89,12 +89,7 @@ class FrequencySolver:
                 break
             if code not in mumps.WORKSPACE or attempt == 4:
                 raise mumps.explain(code, what)
-            # A PC stays broken after such a failure until it is reset.
-            option = f"{PREFIX}mat_mumps_icntl_14"
-            options = current().PETSc.Options()
-            options.setValue(option, 2 * options.getInt(option, 20))
-            self.ksp.reset()
-            self.ksp.setFromOptions()
+            mumps.enlarge(self.ksp, PREFIX)
         pc.setReusePreconditioner(self.reuse)
         self.factorised = True
 

@@ -14,6 +14,7 @@ from jampetsc.storage.provenance import provenance
 from jampetsc.storage.result_file import ResultWriter
 
 FORMAT = "jampetsc-sweep"
+NOT_SHOWN = "not shown"
 BOUNDS = ("error_bound", "error_bound_storage", "error_bound_loss")  # on |ΔG*|, |ΔG'|, |ΔG''|
 
 
@@ -47,7 +48,7 @@ class Job:
             return "by construction (no pre-stress)"
         if self.disks.record.get("negative_modes") == 0:
             return "proved when the packing was made"
-        return "not shown"
+        return NOT_SHOWN
 
     def key(self, ranks: int) -> dict:
         """What identifies the job to a checkpoint; rows of fields belong to ranks, numbers do not."""
@@ -58,7 +59,7 @@ class Job:
             "method": self.method,
             "accuracy": self.accuracy,
             "fields": self.field_omega,
-            "ranks": ranks if len(self.field_omega) else None,
+            "ranks": ranks if len(self.field_omega) or self.method == "rational" else None,
         }
 
 

@@ -1,14 +1,14 @@
 """`load`: any jampetsc file as an object with numpy arrays. Needs neither PETSc nor MPI."""
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 
 import h5py
 import numpy as np
 
+from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.errors import InputError
-from jampetsc.storage.hdf5 import attributes, check_format, open_file, reading
+from jampetsc.storage.hdf5 import attributes, check_format, open_file, reading, undisturbed
 from jampetsc.storage.packing_file import packing_from
 from jampetsc.storage.parts import GROUP, PartList
 from jampetsc.storage.provenance import law_of
@@ -133,30 +133,28 @@ class SweepResult(Result):
     def modulus(self, omega):
         """G*(ω), complex, in the shape of `omega`: the stored value where there is one.
 
-        Elsewhere from the pencil that a rational sweep stores, group `reduced` with K, B (m, m), k, b (m,)
-        and scalars k_gg, b_gg, area:  G* V = (k_gg + s b_gg) − (k + s b)ᵀ (K + sB)⁻¹ (k + s b), s = iω.
-        Raises InputError for a frequency that is not stored if there is no pencil.
+        Elsewhere from the relaxation spectrum that a rational sweep stores in the group `reduced`.
+        Raises InputError for a frequency that is not stored if there is none.
         """
         wanted = np.atleast_1d(np.asarray(omega, float))
         nearest = np.abs(wanted[..., None] - self.omega).argmin(axis=-1)
-        values = self.G[nearest].astype(complex)
+        values = self.G[nearest]
         elsewhere = np.abs(self.omega[nearest] - wanted) > _SAME * np.abs(wanted)
         if elsewhere.any():
-            values[elsewhere] = self._from_pencil(wanted[elsewhere])
+            if "reduced/rates" not in self:
+                raise InputError(
+                    f"{self.path}: omega = {wanted[elsewhere][0]:g} is not one of its {len(self.omega)} frequencies, "
+                    f"{self.omega.min():g} to {self.omega.max():g}: a sweep with --method rational gives any"
+                )
+            values[elsewhere] = self.spectrum.modulus(wanted[elsewhere])
         return values.reshape(np.shape(omega))[()]
 
-    def _from_pencil(self, omega):
-        if "reduced/K" not in self:
-            raise InputError(
-                f"{self.path}: omega = {omega[0]:g} is not one of its {len(self.omega)} frequencies, "
-                f"{self.omega.min():g} to {self.omega.max():g}: a sweep with --method rational gives any"
-            )
-        names = ("K", "B", "k", "b", "k_gg", "b_gg", "area")
-        K, B, k, b, k_gg, b_gg, area = (self[f"reduced/{name}"] for name in names)
-        s = 1j * omega
-        load = k + s[:, None] * b
-        relaxed = np.linalg.solve(K + s[:, None, None] * B, load[..., None])[..., 0]
-        return (k_gg + s * b_gg - np.sum(load * relaxed, axis=1)) / area
+    @property
+    def spectrum(self) -> RelaxationSpectrum:
+        """Relaxation spectrum of a rational sweep. Raises InputError if the file holds none."""
+        return RelaxationSpectrum(
+            *(self[f"reduced/{name}"] for name in ("G0", "eta_inf", "rates", "weights"))
+        )
 
 
 LOADERS = {  # format -> loader(h5, path); a new format needs a line here
@@ -173,13 +171,7 @@ def load(path):
 
     Raises InputError naming the file, what is wrong with it and the remedy.
     """
-    while True:
-        before = _identity(path)
-        try:
-            return _load(path)
-        except InputError:
-            if _identity(path) == before:
-                raise  # otherwise a run replaced the file under us: look at the new one
+    return undisturbed(path, _load)
 
 
 def _load(path):
@@ -195,11 +187,3 @@ def _load(path):
             )
         PartList(h5, path).check()
         return LOADERS[name](h5, path)
-
-
-def _identity(path):
-    try:
-        status = os.stat(path)
-    except OSError:
-        return None
-    return status.st_ino, status.st_mtime_ns

@@ -1,0 +1,144 @@
+"""A rational Krylov space for K + sB: grown shift by shift, orthonormal in B, with its Galerkin residual.
+
+Let x₀ = −(K + s₁B)⁻¹(k_γ + s₁b_γ) be the field at the first shift and g = b_γ + B x₀ the viscous force it leaves. Then
+
+    x(s) = x₀ − (s − s₁)(K + sB)⁻¹ g   exactly,
+
+so the whole response is one resolvent applied to one vector. The space is spanned by (K + s_jB)⁻¹ applied again and again
+(rational Arnoldi, Ruhe 1984); Galerkin's residual for that resolvent is a number times one fixed vector,
+
+    (K + sB) V y(s) − g = φ(s) q ,    q = g − B V Vᵀg ,    φ(s) = − Π_i (s − s_i) / (s + λ_i) ,
+
+with s_i the shift of each step and λ_i the Ritz values: it vanishes at each shift as often as it was used, and tends to −1 at infinity.
+"""
+
+import numpy as np
+
+from jampetsc.mechanics.assembly import Pencil
+from jampetsc.mechanics.shifted import ShiftedFactor
+
+BREAKDOWN = 1e-13  # a new direction this short, relative to the vector it came from, is rounding: the space is complete
+
+
+class RationalBasis:
+    """x₀ and V for one pencil, with B V and the projected K. All methods are collective; arrays hold this rank's rows.
+
+    Make one with `start`, or from an earlier run's vectors with `restore`.
+    """
+
+    def __init__(self, pencil: Pencil, first: float, x0):
+        self.pencil, self.first, self.x0 = pencil, first, x0
+        self._in, self._out = pencil.K.createVecs()
+        image = self._apply(pencil.B, x0)
+        size = np.sqrt(self._sum(image @ image) + pencil.b_gamma.norm() ** 2)
+        self.g = self._without_torque(image + pencil.b_gamma.getArray())
+        # Where B is proportional to K (Kelvin and Voigt), x₀ is the answer at every frequency.
+        self.complete = not np.sqrt(self._sum(self.g @ self.g)) > BREAKDOWN * size
+        self._V, self._BV = np.empty((8, len(x0))), np.empty((8, len(x0)))  # a row per vector
+        self.K = np.empty((0, 0))  # Vᵀ K V
+        self.t = np.empty(0)  # Vᵀ g
+        self.shifts = []  # one per vector
+
+    @classmethod
+    def start(cls, pencil: Pencil, factor: ShiftedFactor) -> "RationalBasis":
+        """The basis that has x₀ at the shift of `factor` and no vectors yet."""
+        x, r, image = (pencil.K.createVecRight() for _ in range(3))
+        x.zeroEntries()
+        for _ in range(2):  # the second step refines: everything that follows starts from this field
+            pencil.K.mult(x, r)
+            pencil.B.mult(x, image)
+            r.axpy(factor.s, image)
+            r.axpy(1.0, pencil.k_gamma)
+            r.axpy(factor.s, pencil.b_gamma)
+            factor.solve(r, r)
+            x.axpy(-1.0, r)
+        x0 = x.getArray().copy()
+        for vector in (x, r, image):
+            vector.destroy()
+        return cls(pencil, factor.s, x0)
+
+    @classmethod
+    def restore(cls, pencil: Pencil, first: float, x0, vectors, shifts) -> "RationalBasis":
+        """The basis of an earlier run: x0 (n_local,), vectors (m, n_local) as in `vectors`, their shifts (m,)."""
+        basis = cls(pencil, first, x0)
+        for vector, shift in zip(vectors, shifts, strict=True):
+            basis._append(vector, shift)
+        return basis
+
+    @property
+    def size(self) -> int:
+        """Number m of vectors."""
+        return len(self.shifts)
+
+    @property
+    def vectors(self):
+        """Vᵀ, (m, n_local)."""
+        return self._V[: self.size]
+
+    def extend(self, factor: ShiftedFactor, count: int) -> None:
+        """Add up to `count` vectors with this factor; fewer when the space becomes complete."""
+        for _ in range(count):
+            if self.complete:
+                return
+            self._in.setArray(self._BV[self.size - 1] if self.size else self.g)
+            factor.solve(self._in, self._in)
+            self._append(self._in.getArray().copy(), factor.s)
+
+    def _append(self, w, s):
+        m = self.size
+        V = self.vectors
+        length = None
+        for _ in range(2):  # twice is enough (Kahan): once leaves the rounding of the large components it removes
+            Bw = self._apply(self.pencil.B, w)
+            overlaps = self._sum(np.append(V @ Bw, w @ Bw))
+            length = length or overlaps[-1]
+            w = w - overlaps[:-1] @ V
+        Bw = self._apply(self.pencil.B, w)
+        norm2 = self._sum(w @ Bw)
+        if not norm2 > BREAKDOWN**2 * length:
+            self.complete = True
+            return
+        if m == len(self._V):
+            self._V, self._BV = (np.concatenate((a, np.empty_like(a))) for a in (self._V, self._BV))
+        self._V[m] = w / np.sqrt(norm2)
+        self._BV[m] = self._without_torque(Bw) / np.sqrt(norm2)
+        self.shifts.append(s)
+        w = self._V[m]
+        row = self._sum(np.append(self.vectors @ self._apply(self.pencil.K, w), w @ self.g))
+        K = np.empty((m + 1, m + 1))
+        K[:m, :m], K[m, :], K[:, m] = self.K, row[:-1], row[:-1]
+        self.K, self.t = K, np.append(self.t, row[-1])
+
+    def _apply(self, matrix, x):
+        self._in.setArray(x)
+        matrix.mult(self._in, self._out)
+        return self._out.getArray().copy()
+
+    def _sum(self, values):
+        return self.pencil.network.sum(values)
+
+    def _without_torque(self, force):
+        """A viscous force with its torques set to zero, which they are but for rounding.
+
+        K does not act on angles, so at any s the disks turn such that no torque is left; a solve at small s would
+        amplify the rounding by 1/s.
+        """
+        if self.pencil.law.dofs == 3:
+            force[2::3] = 0.0
+        return force
+
+    def residual(self):
+        """q (n_local,), the fixed direction of Galerkin's residual."""
+        return self.g - self.t @ self._BV[: self.size]
+
+    def phi(self, omega):
+        """|φ(iω)|², (M,), by its product formula: relatively exact however small it is."""
+        omega = np.asarray(omega, float)[:, None]
+        shifts, rates = np.sort(self.shifts), np.linalg.eigvalsh(self.K)
+        # Paired in order of size, so that no partial product can overflow.
+        return np.prod((omega**2 + shifts**2) / (omega**2 + rates**2), axis=1)
+
+    def destroy(self):
+        """Free the work vectors."""
+        self._in.destroy()
+        self._out.destroy()

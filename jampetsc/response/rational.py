@@ -1,0 +1,174 @@
+"""The whole spectrum from a handful of real factorisations, with a bound on the error at every frequency.
+
+Galerkin's method on a rational Krylov space (see `basis`). With residual r(iω) = −(iω − s₁) φ(iω) q the error of G* obeys
+
+    |ΔG*| V ≤ √2 rᴴ(K + ωB)⁻¹r = √2 (ω² + s₁²) |φ(iω)|² qᵀ(K + ωB)⁻¹q ,
+
+and qᵀ(K + sB)⁻¹q costs one solve with a factor at hand. From there to ω, with 0 ≤ K ≤ λ_max B:
+
+    (K + ωB)⁻¹ ≤ c (K + sB)⁻¹ ,    c = (λ_max + s)/(λ_max + ω)  for ω ≥ s ,    c = s/ω  for ω < s ,
+
+and between two shifts, because the inverse is operator convex, interpolation holds as well. The next shift goes where the bound is
+furthest from what was asked for.
+"""
+
+import numpy as np
+
+from jampetsc.errors import ConvergenceError
+from jampetsc.mechanics.assembly import Pencil
+from jampetsc.mechanics.compatibility import Compatibility
+from jampetsc.mechanics.shifted import ShiftedFactor
+from jampetsc.response.basis import RationalBasis
+from jampetsc.response.galerkin import Galerkin
+
+VECTORS = 4  # per factorisation: a solve is some twentieth of one, and more than a few vectors at one shift help little
+MOST_VECTORS = 240
+SAME_SHIFT = 1.5  # a factor within this ratio of the shift wanted serves instead
+SMALLEST_SHIFT = 1e-12  # relative to the largest rate: below it K + sB is K to a Cholesky factorisation
+
+
+class RationalSweep:
+    """Grows a basis for one pencil until the bound is met at all frequencies asked for. All methods are collective.
+
+    omega (M,) increasing; accuracy: relative, allowed in G' and in G'' each.
+    """
+
+    def __init__(self, pencil: Pencil, compatibility: Compatibility, omega, accuracy: float):
+        self.pencil, self.compatibility = pencil, compatibility
+        self.omega, self.accuracy = np.asarray(omega, float), accuracy
+        self.largest_rate = largest_rate(pencil)
+        self.factors: list[ShiftedFactor] = []
+        self.basis: RationalBasis | None = None
+        self.error = np.full(len(self.omega), np.inf)
+        self.factorisations = 0
+
+    def restore(self, first, x0, vectors, shifts) -> None:
+        """Go on from the basis of an earlier run; its factors are gone, new ones certify it as well."""
+        self._set_basis(RationalBasis.restore(self.pencil, first, x0, vectors, shifts))
+
+    def next_shift(self) -> float | None:
+        """Where the next factorisation belongs; None when the bound is met everywhere."""
+        if self.basis is None:
+            return self._clip(self.omega[0])
+        if not self.factors:
+            return self.basis.shifts[-1] if self.basis.size else self.basis.first
+        ratio = self._ratio()
+        worst = int(np.argmax(ratio))
+        if ratio[worst] <= 1.0:
+            return None
+        shift = self._clip(self.omega[worst])
+        if self.basis.complete or self.basis.size >= MOST_VECTORS:
+            raise ConvergenceError(
+                f"the bound on the error of G* stays at {ratio[worst]:.1e} times what --accuracy {self.accuracy:g} allows at "
+                f"ω = {self.omega[worst]:g} after {self.factorisations} factorisations"
+            )
+        return shift
+
+    def _clip(self, omega):
+        return float(np.clip(omega, SMALLEST_SHIFT * self.largest_rate, self.largest_rate))
+
+    def add_shift(self, s: float) -> None:
+        """Factorise K + sB, or take a factor close by, extend the basis and renew the bound."""
+        factor = next((f for f in self.factors if 1.0 / SAME_SHIFT < f.s / s < SAME_SHIFT), None)
+        if factor is None:
+            factor = ShiftedFactor(self.pencil, s)
+            self.factorisations += 1
+            self.factors.append(factor)
+        if self.basis is None:
+            self._set_basis(RationalBasis.start(self.pencil, factor))
+        self.basis.extend(factor, VECTORS)
+        self.error = self._error_bound()
+
+    def _set_basis(self, basis):
+        self.basis = basis
+        c = self.compatibility
+        x, a = c.C.createVecs()
+        x.setArray(basis.x0)
+        c.C.mult(x, a)
+        squares = (a.getArray() + c.g) ** 2
+        drag = c.drag * (basis.x0 @ basis.x0)
+        self._still = self.pencil.network.sum(np.array([c.w_K @ squares, c.w_B @ squares + drag]))
+        self._still[1] += c.drag_gg
+        x.destroy()
+        a.destroy()
+
+    def worst(self) -> float:
+        """Largest ratio of the bound to what the accuracy allows; done when ≤ 1."""
+        return float(np.max(self._ratio()))
+
+    def _ratio(self):
+        """Bound on the error over what the accuracy allows for the present estimate of G', G'': (M,)."""
+        basis = self.basis
+        s = 1j * self.omega
+        rates, rotation = np.linalg.eigh(basis.K)
+        loads = rotation.T @ basis.t
+        relaxed = np.sum(loads**2 / (rates + s[:, None]), axis=1)
+        G = (self._still[0] + s * self._still[1] - (s - basis.first) ** 2 * relaxed) / self.pencil.network.area
+        return self.error / (self.accuracy * np.minimum(np.abs(G.real), np.abs(G.imag)))
+
+    def _error_bound(self):
+        """Bound on |ΔG*| from all factors at hand, (M,)."""
+        q, omega, top = self.basis.residual(), self.omega, self.largest_rate
+        work = self.pencil.K.createVecRight()
+        energies = {}
+        for factor in self.factors:
+            work.setArray(q)
+            factor.solve(work, work)
+            energies[factor.s] = self.pencil.network.sum(float(q @ work.getArray()))
+        work.destroy()
+        at = np.array(sorted(energies))
+        energy = np.array([energies[s] for s in at])
+        transfer = np.where(
+            omega >= at[:, None], (top + at[:, None]) / (top + omega), at[:, None] / omega
+        )
+        best = np.min(energy[:, None] * transfer, axis=0)
+        between = (omega > at[0]) & (omega < at[-1])
+        best[between] = np.minimum(best[between], np.interp(omega[between], at, energy))
+        return np.sqrt(2.0) * (omega**2 + self.basis.first**2) * self.basis.phi(omega) * best / self.pencil.network.area
+
+    def finish(self) -> tuple[Galerkin, np.ndarray, np.ndarray]:
+        """(Galerkin, G* (M,), bounds (M, 3) on |ΔG*|, |ΔG'|, |ΔG''|), rounding included.
+
+        Raises ConvergenceError where rounding alone exceeds the accuracy.
+        """
+        galerkin = Galerkin(self.basis, self.compatibility)
+        G = galerkin.spectrum.modulus(self.omega)
+        storage, loss = galerkin.rounding(self.omega)
+        bounds = np.column_stack((self.error + np.hypot(storage, loss), self.error + storage, self.error + loss))
+        relative = bounds[:, 1:] / np.abs(np.column_stack((G.real, G.imag)))
+        if not np.all(relative <= 2.0 * self.accuracy):
+            worst = np.unravel_index(np.argmax(np.nan_to_num(relative, nan=np.inf)), relative.shape)
+            raise ConvergenceError(
+                f"{('G′', 'G″')[worst[1]]} at ω = {self.omega[worst[0]]:g} is only certain to {relative[worst]:.1e}, by rounding; "
+                f"--accuracy {self.accuracy:g} cannot be met here"
+            )
+        return galerkin, G, bounds
+
+    def destroy(self):
+        """Free factors and work vectors."""
+        for factor in self.factors:
+            factor.destroy()
+        if self.basis is not None:
+            self.basis.destroy()
+
+
+def largest_rate(pencil: Pencil) -> float:
+    """λ_max with K ≤ λ_max B. Collective.
+
+    Contact damping: each contact has k in K and at least kτ₁ in B, and pre-stress only lowers K. Stokes: the largest sum of
+    absolute values in a row of K, over kτ₁.
+    """
+    network, law = pencil.network, pencil.law
+    damping = network.k * law.tau1
+    if law.kind == "contact":
+        local = float(network.contacts.stiffness.max(initial=0.0))
+        return network.comm.allreduce(local, op=_maximum()) / damping
+    indptr, _, values = pencil.K.getValuesCSR()
+    local = float(np.add.reduceat(np.abs(values), indptr[:-1]).max()) if len(values) else 0.0
+    return network.comm.allreduce(local, op=_maximum()) / damping
+
+
+def _maximum():
+    from mpi4py import MPI
+
+    return MPI.MAX

@@ -1,0 +1,100 @@
+"""The rational sweep as a job: proof of stability, progress, checkpoint, fields, result file."""
+
+import numpy as np
+
+from jampetsc.errors import InputError
+from jampetsc.mechanics.assembly import assemble
+from jampetsc.mechanics.compatibility import build_compatibility
+from jampetsc.mechanics.laws import Law
+from jampetsc.mechanics.network import build_network
+from jampetsc.mechanics.shifted import NotPositiveDefinite, ShiftedFactor
+from jampetsc.progress import Progress
+from jampetsc.response.job import NOT_SHOWN, Job, split_field, write_sweep
+from jampetsc.response.rational import RationalSweep
+from jampetsc.session import current
+from jampetsc.storage.checkpoint import Checkpoint
+
+
+def run(job: Job):
+    """Sweep and write the file. Collective.
+
+    Returns (omega, G, bounds) as for `write_sweep`. Raises InputError where K is not positive semi-definite, ConvergenceError where the
+    accuracy cannot be certified.
+    """
+    session = current()
+    with session.stage("assembly"):
+        network = build_network(job.disks, session.comm)
+        if job.positive_semidefinite == NOT_SHOWN:
+            require_minimum(job, network)
+        pencil = assemble(network, job.law)
+        compatibility = build_compatibility(pencil)
+    sweep = RationalSweep(pencil, compatibility, job.omega, job.accuracy)
+    checkpoint = Checkpoint(job.out, job.key(session.size), session.comm)
+    with Progress(None, "sweep", session.rank) as progress:
+        if checkpoint.done:
+            _restore(sweep, checkpoint)
+            progress.note(f"continuing {checkpoint.journal}: {len(checkpoint.done)} shifts are finished")
+        while (shift := sweep.next_shift()) is not None:
+            before = sweep.basis.size if sweep.basis else 0
+            try:
+                with session.stage("shift"):
+                    sweep.add_shift(shift)
+            except NotPositiveDefinite as error:
+                raise InputError(f"{job.packing}: {error}; use --method direct") from None
+            if not checkpoint.done:
+                session.check_options()
+            basis = sweep.basis
+            fields = {"vectors": basis.vectors[before:]} | ({} if before else {"x0": basis.x0})
+            checkpoint.save(len(checkpoint.done), {"first": basis.first, "shifts": basis.shifts[before:]}, fields)
+            progress.step(f"shift {shift:.2e}  vectors {basis.size}  worst bound / allowed {sweep.worst():.1e}")
+        with session.stage("projection"):
+            galerkin, G, bounds = sweep.finish()
+    spectrum = galerkin.spectrum
+    write_sweep(
+        job,
+        network,
+        job.omega,
+        G,
+        bounds,
+        (split_field(pencil, galerkin.field(omega)) for omega in job.field_omega),
+        {"factorisations": sweep.factorisations, "vectors": sweep.basis.size, "unknowns": pencil.unknowns},
+        {
+            "G0": spectrum.G0,
+            "eta_inf": spectrum.eta_inf,
+            "rates": spectrum.rates,
+            "weights": spectrum.weights,
+        },
+    )
+    checkpoint.remove()
+    sweep.destroy()
+    compatibility.destroy()
+    pencil.destroy()
+    return job.omega, G, bounds
+
+
+def _restore(sweep, checkpoint):
+    records = [checkpoint.done[index] for index in sorted(checkpoint.done)]
+    arrays = [checkpoint.fields(index) for index in sorted(checkpoint.done)]
+    sweep.restore(
+        records[0]["first"],
+        arrays[0]["x0"],
+        np.concatenate([array["vectors"] for array in arrays]),
+        np.concatenate([record["shifts"] for record in records]),
+    )
+
+
+def require_minimum(job: Job, network) -> None:
+    """Show that K, pre-stress included, has no negative eigenvalue, by factorising it. Collective.
+
+    Raises InputError with the number of negative modes otherwise.
+    """
+    pencil = assemble(network, Law(beta=0.0))
+    try:
+        ShiftedFactor(pencil, 0.0).destroy()
+    except NotPositiveDefinite:
+        raise InputError(
+            f"{job.packing}: K has negative modes: not a minimum of the energy, so no bound would hold; quench it "
+            "(`jampetsc pack --from`) or use --method direct, which solves all the same"
+        ) from None
+    finally:
+        pencil.destroy()
