@@ -42,6 +42,10 @@ class Network:
         """Sum over ranks of a number or an array. Collective."""
         return self.comm.allreduce(value)
 
+    def max(self, value):
+        """Largest of a number over ranks. Collective."""
+        return max(self.comm.allgather(value))
+
     @property
     def contact_count(self) -> int:
         """Number of contacts N_c on all ranks. Collective."""

@@ -162,13 +162,8 @@ def largest_rate(pencil: Pencil) -> float:
     damping = network.k * law.tau1
     if law.kind == "contact":
         local = float(network.contacts.stiffness.max(initial=0.0))
-        return network.comm.allreduce(local, op=_maximum()) / damping
+        return network.max(local) / damping
     indptr, _, values = pencil.K.getValuesCSR()
     local = float(np.add.reduceat(np.abs(values), indptr[:-1]).max()) if len(values) else 0.0
-    return network.comm.allreduce(local, op=_maximum()) / damping
+    return network.max(local) / damping
 
-
-def _maximum():
-    from mpi4py import MPI
-
-    return MPI.MAX
