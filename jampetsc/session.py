@@ -120,7 +120,7 @@ class Session:
         """Stop on options that no object asked for. Collective: asked for by one rank is enough.
 
         Call it after the first solver is set up, when everything that reads options has done so. Looks at what
-        the command line and its options files gave, not at PETSC_OPTIONS or a .petscrc: those serve other
+        the command line and its options files gave, not at PETSC_OPTIONS or a .petscrc: they serve other
         programs too.
 
         Raises InputError that names the options.

@@ -86,8 +86,8 @@ def interrupt(args):
 
 
 def wait(args):
-    print("waiting", flush=True)
     try:
+        print("waiting", flush=True)
         time.sleep(60)
     finally:
         Path(args.file).write_text("cleaned up")

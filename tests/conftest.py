@@ -1,0 +1,97 @@
+"""Two kinds of tests: those that load PETSc into their own process, and plain ones.
+
+Plain tests run once; they may start `jampetsc` or mpirun as a program. Tests marked `scalar("real")`,
+`scalar("complex")` or `scalar("real", "complex")` use PETSc in their process, which can load one of the two
+builds: JAMPETSC_TEST_SCALAR says which. run/test runs them on 1, 2 and 3 ranks for each type, with pytest on
+every rank. After each step of a test the ranks agree on its outcome: what fails on one fails on all, and a
+rank that failed and that the others do not follow ends the run instead of leaving them waiting.
+"""
+
+import faulthandler
+import os
+import sys
+import time
+
+import pytest
+
+SCALAR = os.environ.get("JAMPETSC_TEST_SCALAR")
+PATIENCE = 20.0  # seconds a rank that failed waits for the others to end the same test
+HANG = 300.0  # seconds after which a test counts as hanging: every rank says where, and the run ends
+
+running = None  # the Session of this process
+
+
+def pytest_report_header(config):
+    if SCALAR is None:
+        return "plain tests; those marked scalar need JAMPETSC_TEST_SCALAR=real or complex, see run/test"
+    return f"tests with {SCALAR} scalars on {running.size} rank{'s' * (running.size > 1)}"
+
+
+def pytest_configure(config):
+    global running
+    if SCALAR is not None:
+        from jampetsc import session
+
+        running = session.start(SCALAR)
+
+
+def pytest_collection_modifyitems(config, items):
+    def wanted(item):
+        marker = item.get_closest_marker("scalar")
+        return SCALAR is None if marker is None else SCALAR in marker.args
+
+    config.hook.pytest_deselected(items=[item for item in items if not wanted(item)])
+    items[:] = [item for item in items if wanted(item)]
+
+
+@pytest.fixture
+def session():
+    """The running jampetsc Session, with the scalar type of this process."""
+    return running
+
+
+@pytest.fixture
+def shared_path(session, tmp_path):
+    """One empty folder for all ranks; tmp_path is another one on every rank."""
+    return session.comm.bcast(tmp_path)
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_protocol(item):
+    capture = item.config.pluginmanager.getplugin("capturemanager")
+    with capture.global_and_fixture_disabled():
+        stderr = os.dup(2)
+    faulthandler.dump_traceback_later(HANG, exit=True, file=stderr)
+    yield
+    faulthandler.cancel_dump_traceback_later()
+    os.close(stderr)
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_makereport(item, call):
+    outcome = yield
+    report = outcome.get_result()
+    if running is None or running.size == 1:
+        return
+    wait_for_all(item, report)
+    mine = f"on rank {running.rank}:\n{report.longreprtext}" if report.failed else None
+    failures = [text for text in running.comm.allgather(mine) if text]
+    if failures:
+        report.outcome = "failed"
+        report.longrepr = "\n".join(failures)
+    elif report.when == "teardown":
+        running.collect()
+
+
+def wait_for_all(item, report):
+    """Return when every rank has come to the end of this step; a rank that failed does not wait for long."""
+    request = running.comm.Ibarrier()
+    deadline = time.monotonic() + PATIENCE
+    while not request.Test():
+        if report.failed and time.monotonic() > deadline:
+            capture = item.config.pluginmanager.getplugin("capturemanager")
+            with capture.global_and_fixture_disabled():
+                print(f"{item.nodeid}: rank {running.rank} failed alone", file=sys.stderr)
+                print(report.longreprtext, file=sys.stderr, flush=True)
+            running.comm.Abort(1)
+        time.sleep(0.001)

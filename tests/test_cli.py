@@ -1,0 +1,199 @@
+"""The command line: what goes to whom, one line for every error, and no rank left waiting."""
+
+import argparse
+import os
+import signal
+import subprocess
+from importlib.metadata import version
+
+import launch
+import pytest
+
+import jampetsc
+from jampetsc import cli, commands
+from jampetsc.errors import InputError
+
+
+def probe(*words, ranks=0):
+    return launch.run(ranks, "probe.py", *words)
+
+
+def words_of(done):
+    """Standard error without what mpirun adds."""
+    return [line for line in done.stderr.splitlines() if line.startswith("jampetsc: ")]
+
+
+# Words
+
+
+@pytest.mark.parametrize(
+    ("line", "program", "petsc"),
+    [
+        ("a.h5 --out b", "a.h5 --out b", ""),
+        ("a.h5 -log_view", "a.h5", "-log_view"),
+        ("a.h5 -ksp_type cg --out b", "a.h5 --out b", "-ksp_type cg"),
+        ("a.h5 -ksp_monitor --out b", "a.h5 --out b", "-ksp_monitor"),
+        ("-eps_target -0.5 a.h5", "a.h5", "-eps_target -0.5"),
+        ("a.h5 --beta -0.5 -log_view :x", "a.h5 --beta -0.5", "-log_view :x"),
+        ("a.h5 -ksp_view -pc_type lu b.h5", "a.h5 b.h5", "-ksp_view -pc_type lu"),
+    ],
+)
+def test_who_gets_which_word(line, program, petsc):
+    assert cli.split_petsc(line.split()) == (program.split(), petsc.split())
+
+
+def test_every_command_is_there():
+    assert list(cli.command_parser([])[1].choices) == list(commands.COMMANDS)
+
+
+@pytest.mark.parametrize("command", commands.COMMANDS)
+def test_manners_of_every_command(command):
+    parser = cli.command_parser([command])[1].choices[command]
+    options = [option for action in parser._actions for option in action.option_strings]
+    assert "--help" in options
+    for option in options:
+        assert option.startswith("--") and option == option.lower() and "_" not in option
+    assert not parser.allow_abbrev
+    for action in parser._actions:
+        assert action.help and action.help is not argparse.SUPPRESS, f"{action.dest} has no help"
+
+
+@pytest.mark.parametrize("command", commands.COMMANDS)
+def test_missing_arguments_are_named(command):
+    with pytest.raises(InputError, match=rf"arguments are required: .* \(see jampetsc {command} --help\)"):
+        cli.dispatch([command])
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ([], "the following arguments are required: COMMAND (see jampetsc --help)"),
+        (["-h"], "the following arguments are required: COMMAND (see jampetsc --help)"),
+        (["prob", "f"], "prob: no such command; did you mean probe? (see jampetsc --help)"),
+        (["probe"], "the following arguments are required: FILE (see jampetsc probe --help)"),
+        (["probe", "f", "g"], "g: one argument too many (see jampetsc probe --help)"),
+        (
+            ["probe", "f", "--scala", "real"],
+            "--scala: no such option; did you mean --scalar? (see jampetsc probe --help)",
+        ),
+        (
+            ["probe", "f", "--on-rank", "x"],
+            "argument --on-rank: invalid int value: 'x' (see jampetsc probe --help)",
+        ),
+        (
+            ["probe", "f", "-log_view"],
+            "probe -log_view: single-dash options are PETSc's, which has nothing to do here; "
+            "the program's own begin with --",
+        ),
+        (
+            ["probe", "--scalar", "real", "-log_view", "f"],
+            "the following arguments are required: FILE (see jampetsc probe --help); "
+            "PETSc's options took f: put them last",
+        ),
+    ],
+)
+def test_a_wrong_word_is_one_line(words, message):
+    done = probe(*words)
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", f"jampetsc: error: {message}\n")
+
+
+def test_version_and_help():
+    assert probe("--version").stdout == f"jampetsc {jampetsc.__version__}\n"
+    assert version("jampetsc") == jampetsc.__version__
+    done = probe("--help")
+    assert done.returncode == 0 and "probe" in done.stdout and not done.stderr
+
+
+def test_help_and_errors_come_from_one_rank():
+    assert probe("probe", "--help", ranks=2).stdout.count("usage:") == 1
+    done = probe("prob", ranks=3)
+    assert words_of(done) == [
+        "jampetsc: error: prob: no such command; did you mean probe? (see jampetsc --help)"
+    ]
+    assert done.returncode == 2
+
+
+# Errors while a command runs
+
+
+@pytest.mark.parametrize(
+    ("deed", "status", "message"),
+    [
+        ("input_error", 2, "{file}: radius -1: must be positive"),
+        ("read", 1, "{file}: No such file or directory"),
+        ("read_hdf5", 1, "{file}: No such file or directory"),
+        ("disk_full", 1, "No space left on device: free some space, or write elsewhere"),
+        ("out_of_memory", 1, "out of memory: use more nodes, or a smaller packing"),
+        ("interrupt", 130, "interrupted"),
+    ],
+)
+def test_an_error_is_one_line(tmp_path, deed, status, message):
+    done = probe("probe", tmp_path / "absent", "--do", deed)
+    line = message.format(file=tmp_path / "absent")
+    assert (done.returncode, done.stdout, done.stderr) == (status, "", f"jampetsc: error: {line}\n")
+
+
+def test_a_bug_keeps_its_traceback():
+    done = probe("probe", "f", "--do", "bug")
+    assert done.returncode == 1
+    assert done.stderr.startswith("Traceback") and done.stderr.endswith("ZeroDivisionError: a bug\n")
+
+
+def test_a_reader_that_leaves_is_no_error():
+    with launch.start(0, "probe.py", "probe", "f", "--do", "talk") as process:
+        process.stdout.readline()
+        process.stdout.close()
+        assert process.stderr.read() == ""
+    assert process.returncode == 141
+
+
+def test_the_same_error_on_all_ranks_is_printed_once():
+    done = probe("probe", "f", "--do", "input_error", "--scalar", "real", ranks=3)
+    assert words_of(done) == ["jampetsc: error: f: radius -1: must be positive"]
+    assert done.returncode == 2 and "MPI_ABORT" not in done.stderr
+
+
+# launch.run gives up after a minute: that is the guard against a hang
+
+
+@pytest.mark.parametrize("rank", [0, 1])
+def test_an_error_on_one_rank_ends_the_job(rank):
+    done = probe("probe", "f", "--do", "input_error", "--on-rank", rank, "--scalar", "complex", ranks=2)
+    assert words_of(done) == [f"jampetsc: error: rank {rank}: f: radius -1: must be positive"]
+    assert done.returncode == 2 and "done" not in done.stdout
+
+
+@pytest.mark.parametrize("rank", [0, 1])
+def test_a_bug_on_one_rank_ends_the_job(rank):
+    done = probe("probe", "f", "--do", "bug", "--on-rank", rank, "--scalar", "real", ranks=2)
+    assert words_of(done) == [f"jampetsc: rank {rank} of 2 failed:"]
+    assert "ZeroDivisionError: a bug" in done.stderr
+    assert done.returncode == 1 and "done" not in done.stdout
+
+
+@pytest.mark.parametrize("ranks", [0, 2])
+@pytest.mark.parametrize("extra", [[], ["--scalar", "real"]], ids=["bare", "petsc"])
+def test_sigterm_runs_what_cleans_up(tmp_path, ranks, extra):
+    with launch.start(ranks, "probe.py", "probe", tmp_path / "left", "--do", "wait", *extra) as process:
+        for _ in range(max(ranks, 1)):
+            assert process.stdout.readline() == "waiting\n"
+        process.send_signal(signal.SIGTERM)
+        process.communicate(timeout=60)
+    assert process.returncode == (1 if ranks else 143)  # mpirun has a status of its own
+    assert (tmp_path / "left").read_text() == "cleaned up"
+
+
+def test_one_thread_per_rank_unless_told_otherwise():
+    code = "import os; from jampetsc import cli; cli.main(['x']); print(os.environ['OPENBLAS_NUM_THREADS'])"
+    environment = {name: value for name, value in launch.environment().items() if "THREADS" not in name}
+    python = [launch.sys.executable, "-c", code]
+    found = [
+        subprocess.run(python, env=environment | given, capture_output=True, text=True, timeout=60).stdout
+        for given in ({}, {"OPENBLAS_NUM_THREADS": "4"})
+    ]
+    assert found == ["1\n", "4\n"]
+
+
+def test_a_file_name_that_is_no_utf8_can_be_reported():
+    done = probe("probe", os.fsdecode(b"\xff"), "--do", "input_error")
+    assert done.returncode == 2 and "must be positive" in done.stderr

@@ -1,0 +1,291 @@
+"""The door to PETSc: which build is taken, whose options win, and what is never started."""
+
+import os
+import subprocess
+import sys
+from importlib.machinery import EXTENSION_SUFFIXES
+from pathlib import Path
+
+import launch
+import pytest
+
+import jampetsc.session
+from jampetsc import builds
+from jampetsc.errors import InputError
+
+BLOCK = """
+import sys
+class Blocker:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in ("mpi4py", "petsc4py", "slepc4py"):
+            raise ImportError(f"{name} was asked for")
+sys.meta_path.insert(0, Blocker())
+"""
+
+
+def python(code, **variables):
+    """Run `code` in a python of its own."""
+    environment = launch.environment() | variables
+    finished = {"capture_output": True, "text": True, "timeout": 60, "env": environment}
+    return subprocess.run([sys.executable, "-c", code], **finished)
+
+
+def folder(build):
+    return {name: str(path) for name, path in build.variables.items()}
+
+
+def distribution(scalar):
+    return next(build for build in builds.distribution_builds() if build.scalar == scalar)
+
+
+# Nothing is started by importing
+
+
+def test_every_module_imports_without_mpi_and_petsc():
+    modules = sorted(
+        ".".join(path.relative_to(launch.ROOT).with_suffix("").parts)
+        for path in Path(jampetsc.__file__).parent.rglob("*.py")
+        if path.stem not in ("__main__", "__init__")
+    )
+    assert "jampetsc.session" in modules and "jampetsc.storage.reader" in modules
+    code = (
+        BLOCK + "".join(f"import {module}\n" for module in modules) + "print(jampetsc.load, jampetsc.Disks)"
+    )
+    done = python(code)
+    assert done.returncode == 0, done.stderr
+
+
+def test_importing_the_package_loads_no_numpy():
+    done = python("import jampetsc, jampetsc.cli, sys; assert 'numpy' not in sys.modules")
+    assert done.returncode == 0, done.stderr
+
+
+def test_no_such_attribute():
+    with pytest.raises(AttributeError, match="no attribute 'lode'"):
+        jampetsc.lode  # noqa: B018
+
+
+def test_no_session_before_start():
+    done = python("from jampetsc import session; session.current()")
+    assert "RuntimeError: no session: call jampetsc.session.start() first" in done.stderr
+
+
+# Which build
+
+
+def make_build(root, name, suffix=EXTENSION_SUFFIXES[0]):
+    lib = root / "petscdir" / name / "lib/python3/dist-packages/petsc4py/lib"
+    lib.mkdir(parents=True)
+    (lib / f"PETSc{suffix}").touch()
+
+
+def test_newest_build_for_this_python_comes_first(tmp_path):
+    make_build(tmp_path, "petsc3.9/any-linux-gnu-real")
+    make_build(tmp_path, "petsc3.18/any-linux-gnu-real-debug")
+    make_build(tmp_path, "petsc3.18/any-linux-gnu-real")
+    make_build(tmp_path, "petsc64-3.20/any-linux-gnu-real")
+    make_build(tmp_path, "petsc3.19/any-linux-gnu-complex")
+    make_build(tmp_path, "petsc3.22/any-linux-gnu-real", suffix=".cpython-30-other.so")
+    found = builds.distribution_builds(tmp_path)
+    names = [str(build.petsc_dir.relative_to(tmp_path / "petscdir")) for build in found]
+    assert names == [
+        "petsc3.19/any-linux-gnu-complex",
+        "petsc3.18/any-linux-gnu-real",
+        "petsc3.9/any-linux-gnu-real",
+        "petsc64-3.20/any-linux-gnu-real",
+        "petsc3.18/any-linux-gnu-real-debug",
+    ]
+    assert found[0].scalar == "complex" and found[1].scalar == "real"
+    assert found[1].slepc_dir == tmp_path / "slepcdir/slepc3.18/any-linux-gnu-real"
+
+
+@pytest.mark.parametrize("scalar", ["real", "complex"])
+def test_either_build_is_chosen_by_the_program(scalar):
+    done = python(f"from jampetsc import session; print(session.start({scalar!r}).scalar_type)")
+    assert done.stdout.strip() == scalar, done.stderr
+
+
+def test_real_is_preferred_where_both_would_do():
+    assert python("from jampetsc import session; print(session.start().scalar_type)").stdout.strip() == "real"
+
+
+def test_own_petsc_dir_is_respected():
+    code = "from jampetsc import session; print(session.start().scalar_type)"
+    assert python(code, PETSC_DIR=folder(distribution("complex"))["PETSC_DIR"]).stdout.strip() == "complex"
+
+
+def test_own_petsc_dir_of_the_other_scalar_type():
+    own = folder(distribution("real"))
+    done = python("from jampetsc import session; session.start('complex')", **own)
+    line = done.stderr.splitlines()[-1]
+    assert line.startswith(f"jampetsc.errors.InputError: complex scalars are needed and {own['PETSC_DIR']}")
+    assert "unset PETSC_DIR and SLEPC_DIR" in line and str(distribution("complex").petsc_dir) in line
+
+
+def test_slepc_of_another_petsc():
+    mixed = folder(distribution("real")) | {"SLEPC_DIR": folder(distribution("complex"))["SLEPC_DIR"]}
+    line = python("from jampetsc import session; session.start('real')", **mixed).stderr.splitlines()[-1]
+    assert line.startswith(f"jampetsc.errors.InputError: {mixed['SLEPC_DIR']}")
+    assert line.endswith("set PETSC_DIR and SLEPC_DIR to one pair, or unset both")
+
+
+def test_petsc_dir_without_petsc4py(tmp_path):
+    done = python("from jampetsc import session; session.start('real')", PETSC_DIR=str(tmp_path))
+    assert f"InputError: PETSC_DIR={tmp_path}: no petsc4py for this python there" in done.stderr
+
+
+def test_own_petsc4py_on_the_path_is_respected():
+    own = distribution("complex")
+    paths = [str(path / "lib/python3/dist-packages") for path in (own.petsc_dir, own.slepc_dir)]
+    # the distribution's is told by where it lies; seen from a root without builds it is the user's own
+    code = (
+        f"import sys; sys.path[:0] = {paths}\n"
+        "from jampetsc import builds, session\n"
+        "builds.distribution_builds.__defaults__ = ('/nowhere',)\n"
+        "print(session.start().scalar_type)\n"
+        "session.start('real')"
+    )
+    done = python(code)
+    assert done.stdout.strip() == "complex"
+    assert "use a petsc4py and slepc4py whose PETSc was configured --with-scalar-type=real" in done.stderr
+
+
+def test_no_petsc4py_at_all():
+    code = (
+        "from jampetsc import builds, session\n"
+        "builds.distribution_builds.__defaults__ = ('/nowhere',)\n"
+        "session.start('complex')"
+    )
+    line = python(code).stderr.splitlines()[-1]
+    assert "no petsc4py (complex scalars)" in line and "run/setup installs it" in line
+
+
+# Options
+
+
+def probe(*words, **variables):
+    """The probe command with real scalars; it solves with prefix probe_, and defaults preonly and jacobi."""
+    finished = {"capture_output": True, "text": True, "timeout": 60, "env": launch.environment() | variables}
+    return subprocess.run(launch.command(0, "probe.py", "probe", "x", "--scalar", "real", *words), **finished)
+
+
+def test_command_line_wins_over_options_file_wins_over_default(tmp_path):
+    options = tmp_path / "my solver.opts"
+    options.write_text("# why\n-probe_ksp_type cg\n-probe_pc_type none # and why\n")
+    done = probe("-options_file", options, "-probe_pc_type", "sor")
+    assert "types cg sor" in done.stdout, done.stderr
+    assert "types preonly jacobi" in probe("-options_left", "no").stdout
+
+
+def test_unknown_option_stops_the_run():
+    done = probe("-probe_ksp_typ", "cg")
+    assert done.returncode == 2 and "done" not in done.stdout
+    assert done.stderr == (
+        "jampetsc: error: PETSc option -probe_ksp_typ (did you mean -probe_ksp_type?): "
+        "not used by this run: correct or remove it\n"
+    )
+
+
+def test_unknown_option_in_a_file_stops_the_run(tmp_path):
+    options = tmp_path / "a.opts"
+    options.write_text("-freq_pc_type lu\n-probe_pc_type none\n")
+    done = probe("-options_file", options)
+    assert done.returncode == 2
+    assert "PETSc option -freq_pc_type: not used by this run" in done.stderr
+
+
+def test_options_of_petsc_itself_are_known():
+    words = "-options_left no -malloc_debug false -objects_dump no -citations -log_view :/dev/null -nox"
+    done = probe(*words.split(), "-log_view_memory", "-probe_ksp_view", ":/dev/null", "-probe_ksp_monitor")
+    assert done.returncode == 0, done.stderr
+
+
+def test_options_that_serve_other_programs_too_are_left_alone():
+    done = probe("-probe_pc_type", "none", PETSC_OPTIONS="-other_program 1")
+    assert done.returncode == 0 and "types preonly none" in done.stdout, done.stderr
+
+
+def test_options_file_that_is_missing(tmp_path):
+    done = probe("-options_file", tmp_path / "none.opts")
+    assert done.stderr == (
+        f"jampetsc: error: {tmp_path}/none.opts: No such file or directory: give a PETSc options file\n"
+    )
+
+
+def test_options_file_with_a_line_that_is_no_option(tmp_path):
+    options = tmp_path / "bad.opts"
+    options.write_text("# fine\nprobe_pc_type none\n")
+    line = f"{options}: line 2: probe_pc_type: options begin with -, comments with #"
+    assert probe("-options_file", options).stderr == f"jampetsc: error: {line}\n"
+
+
+# In the running session
+
+
+@pytest.mark.scalar("real", "complex")
+def test_session_describes_itself(session):
+    assert session.scalar_type == os.environ["JAMPETSC_TEST_SCALAR"]
+    assert session.PETSc.ScalarType(0).dtype.kind == {"real": "f", "complex": "c"}[session.scalar_type]
+    assert session.SLEPc.EPS().create(session.comm).getComm().size == session.size == session.comm.size
+    assert session.rank == session.comm.rank
+
+
+@pytest.mark.scalar("real", "complex")
+def test_starting_again(session):
+    assert jampetsc.session.start() is jampetsc.session.start(session.scalar_type) is session
+    assert jampetsc.session.current() is session
+    with pytest.raises(RuntimeError, match="first session"):
+        jampetsc.session.start(petsc_argv=["-log_view"])
+    with pytest.raises(InputError, match="one process loads one"):
+        jampetsc.session.start({"real": "complex", "complex": "real"}[session.scalar_type])
+
+
+@pytest.mark.scalar("real", "complex")
+def test_a_child_process_chooses_its_own_build(session):
+    assert session.scalar_type not in os.environ.get("PETSC_DIR", "")
+    assert session.scalar_type not in os.environ.get("SLEPC_DIR", "")
+
+
+@pytest.mark.scalar("real", "complex")
+def test_defaults_do_not_override(session):
+    database = session.PETSc.Options()
+    database.setValue("Twice_type", "given")
+    session.set_defaults({"twice_type": "default", "twice_count": 3, "twice_flag": None})
+    session.set_defaults({"twice_count": 4})
+    found = {name: value for name, value in session.options().items() if name.lower().startswith("twice")}
+    assert found == {"Twice_type": "given", "twice_count": "4", "twice_flag": None}
+    session.check_options()
+    for name in found:
+        database.delValue(name)
+
+
+@pytest.mark.scalar("real", "complex")
+def test_versions_for_the_record(session):
+    versions = jampetsc.session.versions()
+    assert list(versions) == ["numpy", "h5py", "mpi4py", "mpi", "petsc", "slepc", "mumps"]
+    assert "unknown" not in versions.values()
+
+
+@pytest.mark.scalar("real", "complex")
+def test_objects_dropped_on_one_rank_only_are_freed(session):
+    kept = [session.PETSc.Vec().createMPI(10, comm=session.comm) for _ in range(3)]
+    if session.rank == 0:
+        kept.clear()
+    session.collect()
+    kept.clear()
+    session.collect()
+    total = session.PETSc.Vec().createMPI(10, comm=session.comm)
+    total.set(1)
+    assert total.sum() == 10
+
+
+def test_stages_are_named_in_the_log(tmp_path):
+    code = (
+        "from jampetsc import session\n"
+        f"s = session.start('real', ['-log_view', ':{tmp_path}/log'])\n"
+        "for _ in range(2):\n    with s.stage('Factor shifts'):\n        s.PETSc.Vec().createMPI(9).sum()\n"
+    )
+    done = python(code)
+    assert done.returncode == 0, done.stderr
+    log = (tmp_path / "log").read_text()
+    assert log.count(":   Factor shifts:") == 1
