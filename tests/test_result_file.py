@@ -224,7 +224,7 @@ def test_readers_never_see_a_mixture_of_runs(joint):
     process = launch.start(2, "write_results.py", "forever", joint, 2)
     seen = set()
     try:
-        while len(seen) < 20:
+        while len(seen) < 10:
             result = load(joint)
             seed = result.attributes["seed"]
             try:

@@ -8,6 +8,7 @@ import os
 import resource
 import signal
 import sys
+import time
 
 import numpy as np
 from mpi4py import MPI
@@ -61,6 +62,7 @@ def write(comm, how, path, seed):
 def main(how, path, seed=1):
     write(MPI.COMM_WORLD, how, path, int(seed))
     if how == "forever":
+        time.sleep(0.02)
         main(how, path, int(seed) + 1)
 
 

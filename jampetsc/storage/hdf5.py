@@ -45,6 +45,25 @@ def reading(path):
         raise InputError(f"{path}: damaged ({text}): copy or make it again") from None
 
 
+def undisturbed(path, action):
+    """action(path), once more if it failed while a run was putting another file at `path`."""
+    while True:
+        before = _identity(path)
+        try:
+            return action(path)
+        except InputError:
+            if _identity(path) == before:
+                raise
+
+
+def _identity(path):
+    try:
+        status = os.stat(path)
+    except OSError:
+        return None
+    return status.st_ino, status.st_mtime_ns
+
+
 def attributes(h5) -> dict:
     """Attributes as Python strings, numbers, booleans or (for lists) numpy arrays."""
     return {name: _plain(value) for name, value in h5.attrs.items()}

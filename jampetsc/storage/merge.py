@@ -5,7 +5,7 @@ from pathlib import Path
 import h5py
 
 from jampetsc.storage.atomic import OutputFile, check_writable
-from jampetsc.storage.hdf5 import attributes, check_format, open_file, reading
+from jampetsc.storage.hdf5 import attributes, check_format, open_file, reading, undisturbed
 from jampetsc.storage.parts import GROUP, PartList
 
 _BLOCK_BYTES = 1 << 25  # copied at a time
@@ -17,6 +17,10 @@ def merge(path, out=None) -> int:
     Returns the number of parts that were joined (0: it was a plain file already). Raises InputError for a
     file or part that is missing or damaged, JampetscError if writing fails; then everything is as it was.
     """
+    return undisturbed(path, lambda path: _merge(path, out))
+
+
+def _merge(path, out):
     target = Path(path if out is None else out)
     in_place = out is None or (target.exists() and target.samefile(path))
     with open_file(path) as h5:
