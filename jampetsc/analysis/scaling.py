@@ -13,7 +13,7 @@ from jampetsc.errors import InputError
 
 MU, LAMBDA = 0.5, 1.0  # critical exponents of BT
 CRITICAL_END = 0.1  # ωτ₁ above which the affine branch near ωτ₁ = 1 is felt
-SETTLED = 0.1  # a limit is read off only if extrapolation moves it by less than this fraction
+SETTLED = 0.03  # extrapolating may move a limit by this fraction; on the critical branch it is 0.1 and more
 _ENOUGH = 3  # points of a fit that leave something to estimate its error from
 
 
@@ -90,9 +90,9 @@ def collapse(omega, G, pressure, mu=MU, lam=LAMBDA):
 def collapse_spread(sweeps, mu=MU, lam=LAMBDA, end=CRITICAL_END) -> float:
     """How far from one curve: rms over x of the standard deviation of ln g' and ln g'' between sweeps.
 
-    `sweeps` is a sequence of (omega, G, pressure). Frequencies above `end` (in 1/τ₁) are left out, and so is all
-    x that fewer than two sweeps reach, and values that are not positive. 0.1 means 10 %. Raises InputError if
-    nothing overlaps.
+    `sweeps` is a sequence of (omega, G, pressure). Frequencies above `end` (in 1/τ₁) are left out, and so is
+    all x that fewer than two sweeps reach, and values that are not positive. 0.1 means 10 %.
+    Raises InputError if nothing overlaps.
     """
     scaled = []
     for omega, G, pressure in sweeps:
@@ -123,8 +123,8 @@ def local_slope(omega, values):
 def fit_power_law(x, y, window=(0.0, np.inf)) -> PowerLaw:
     """Straight line through (ln x, ln y) for window[0] ≤ x ≤ window[1], all points weighted alike.
 
-    Points of one smooth curve are not independent: the standard errors then measure how far it is from a power
-    law, not what another packing would give. Raises InputError for fewer than three points or y ≤ 0.
+    Points of one smooth curve are not independent: the standard errors then measure how far it is from a
+    power law, not what another packing would give. Raises InputError for fewer than three points or y ≤ 0.
     """
     x, y = np.asarray(x, float), np.asarray(y, float)
     inside = (x >= window[0]) & (x <= window[1]) & np.isfinite(y)

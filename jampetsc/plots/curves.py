@@ -77,7 +77,7 @@ def group_curves(curves) -> tuple[str, list]:
     Colours run from dark at low pressure (or at the first label) to light; the title is "p/k" if that is all.
     """
     descriptions = [c.description for c in curves]
-    varying = [key for key in descriptions[0] if len({str(d[key]) for d in descriptions}) > 1]
+    varying = [key for key in descriptions[0] if _varies(key, [d[key] for d in descriptions])]
     only_pressure = varying in (["p/k"], []) and all(c.pressure and c.pressure > 0 for c in curves)
     keys = varying or ["p/k"]
     members = {}
@@ -99,6 +99,11 @@ def _by_pressure(pressures):
     """Colours on a log scale from the lowest pressure to the highest."""
     height = np.log(pressures) - np.log(min(pressures))
     return [sequential()(x) for x in height / max(height.max(), 1e-300)]
+
+
+def _varies(key, values):
+    """Whether a property tells sweeps apart; a switch that a law does not have is neither on nor off."""
+    return len({str(v) for v in values if not (key in _SWITCHES and v is None)}) > 1
 
 
 def _rank(description):

@@ -21,8 +21,8 @@ _SMALL = 7.5  # points
 def plot_fields(disks, omega, displacement, rotation, particles, path) -> None:
     """Re ũ, in phase with the strain, and Im ũ, with its rate: side by side for one ω, in two rows for more.
 
-    omega (F,) in 1/τ₁; displacement (F, n, 2) complex, non-affine, per unit strain; rotation (F, n) complex or
-    None; particles (n,) rows of `disks`. Below each panel stands how many times the field its arrows are.
+    omega (F,) in 1/τ₁; displacement (F, n, 2) complex, non-affine, per unit strain; rotation (F, n) complex
+    or None; particles (n,) rows of `disks`. Below each panel stands how many times the field its arrows are.
     Raises InputError for more frequencies than fit.
     """
     if len(omega) > COLUMNS:
@@ -96,7 +96,7 @@ class _Page:
             - self.rows * self.panel[1] / 2
             - (self.rows - 1) * (self.below + self.gap) / 2
         )
-        return self._fractions(self.width - self.bar + 0.04, middle - tall / 2 - 0.08, 0.08, tall)
+        return self._fractions(self.width - self.bar + 0.1, middle - tall / 2 - 0.08, 0.08, tall)
 
     def _fractions(self, left, bottom, width, height):
         return left / self.width, bottom / self.height, width / self.width, height / self.height

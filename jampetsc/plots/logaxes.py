@@ -102,15 +102,19 @@ def place_legend(fig, ax, title, handles, lines):
         fig.draw_without_rendering()
         if not _covers(ax, legend, lines):
             return legend
-    columns = min(len(handles), 4)
-    return ax.legend(
-        loc="lower left",
-        bbox_to_anchor=(0, 1.02, 1, 0.2),
-        mode="expand",
-        borderaxespad=0,
-        ncol=columns,
-        **settings,
-    )
+    settings |= {"loc": "lower left", "bbox_to_anchor": (0, 1.01), "borderaxespad": 0, "borderpad": 0}
+    room = fig.bbox.x1 - ax.get_window_extent().x0
+    for columns in (4, 3, 2, 1):
+        legend = ax.legend(ncol=columns, columnspacing=1.2, **settings)
+        legend.set_in_layout(False)  # the figure grows for it instead of the axes shrinking
+        fig.draw_without_rendering()
+        box = legend.get_window_extent()
+        if box.width <= room:
+            break
+    height = fig.get_figheight()
+    fig.set_figheight(height + box.height / fig.dpi)
+    fig.get_layout_engine().set(rect=(0, 0, 1, height / fig.get_figheight()))
+    return legend
 
 
 def _covers(ax, legend, lines):

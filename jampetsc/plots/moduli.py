@@ -66,6 +66,10 @@ def _plot(curves, path, x_label, y_label, exponent, symbol):
                 f"{curves[0].name}: neither G' nor G'' is positive anywhere: nothing to show on log axes"
             )
         set_log_axes(ax, lines)
+        negative = sum(bool((curve.G.real <= 0).any()) for curve in curves)
+        if negative:  # unstable to shear, as small packings with pre-stress can be
+            what = f"{STORAGE} < 0 (not shown) in {negative} of {len(curves)} sweeps"
+            ax.text(0.02, 0.98, what, transform=ax.transAxes, va="top", fontsize=7.5)
         # Low pressure has the longest critical branch, high pressure the longest viscous one.
         critical, viscous = groups[0].curves[0], groups[-1].curves[0]
         draw_guide(ax, critical.omega, critical.G.imag, exponent, symbol, lines, above=True)

@@ -24,8 +24,8 @@ def open_files(paths):
             raise InputError(f"{path}: is a {item.format} file: plot draws packings and sweeps")
     if any(packings) and not all(packings):
         raise InputError(
-            f"{paths[packings.index(True)]} is a packing, {paths[packings.index(False)]} a sweep: one picture "
-            "shows one or the other; the packing of a sweep goes with --packing"
+            f"{paths[packings.index(True)]} is a packing, {paths[packings.index(False)]} a sweep: one "
+            "picture shows one or the other; the packing of a sweep goes with --packing"
         )
     if packings[0] and len(paths) > 1:
         raise InputError(f"{len(paths)} packings: one picture shows one packing; plot them one by one")
@@ -56,8 +56,8 @@ def particle_rows(result, disks):
     rows = result["particles"] if "particles" in result else np.arange(disks.n)
     if len(rows) != count or (count and not (0 <= rows.min() and rows.max() < disks.n)):
         raise InputError(
-            f"{result.path}: fields of {count} particles do not fit the {disks.n} disks of the packing: run the "
-            "sweep again"
+            f"{result.path}: fields of {count} particles do not fit the {disks.n} disks of the packing: "
+            "run the sweep again"
         )
     return rows
 

@@ -5,6 +5,7 @@ Figures are made without pyplot: no display, no global state, and the same bytes
 
 import io
 import os
+import re
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -115,7 +116,7 @@ def figure(width, height, **settings):
 def check_output(path) -> None:
     """Raise InputError unless a picture of a known kind could be written at `path`."""
     if Path(path).suffix.lower() not in FORMATS:
-        raise InputError(f"--out {path}: give it the ending {', '.join(FORMATS)}")
+        raise InputError(f"--out {path}: give it the ending {' or '.join(FORMATS)}")
     check_writable(path)
 
 
@@ -125,10 +126,13 @@ def save(fig, path) -> None:
     suffix = path.suffix.lower()
     image = io.BytesIO()
     fig.savefig(image, format=suffix[1:], metadata=FORMATS[suffix])
+    content = image.getvalue()
+    if suffix == ".svg":
+        content = _numbered_clips(content)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
         with open(temporary, "wb") as file:
-            file.write(image.getvalue())
+            file.write(content)
             file.flush()
             os.fsync(file.fileno())
         os.replace(temporary, path)
@@ -136,3 +140,13 @@ def save(fig, path) -> None:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
         raise write_error(path, error) from None
+
+
+def _numbered_clips(svg: bytes) -> bytes:
+    """The same SVG with clip paths named by number: matplotlib names them after places in memory."""
+    names = dict.fromkeys(re.findall(rb'<clipPath id="(\w+)"', svg))
+    for number, name in enumerate(names):
+        svg = svg.replace(b'"%s"' % name, b'"clip%d"' % number).replace(
+            b"url(#%s)" % name, b"url(#clip%d)" % number
+        )
+    return svg

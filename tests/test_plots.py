@@ -1,0 +1,481 @@
+"""Pictures: drawn from real files through the command line, and what must be right about them."""
+
+import subprocess
+import sys
+
+import matplotlib
+import numpy as np
+import pytest
+import samples
+from matplotlib.image import imread
+
+from jampetsc import cli
+from jampetsc.errors import InputError
+from jampetsc.packing.contacts import measure
+from jampetsc.packing.disks import Disks
+from jampetsc.plots import logaxes, periodic, style
+from jampetsc.plots.curves import Curve, group_curves
+from jampetsc.plots.fields import ARROWS, _spread
+from jampetsc.plots.packing import plot_packing
+from jampetsc.storage.packing_file import packing_identity, write_packing
+from jampetsc.storage.result_file import ResultWriter
+
+OMEGA = np.geomspace(1e-8, 1e3, 45)
+
+
+def modulus(omega, pressure):
+    """G*(ω) much like that of a packing: √p, then √ω, then a plateau and a dashpot."""
+    rates = np.geomspace(pressure, 1.0, 50)
+    s = 1j * np.asarray(omega)[:, None]
+    weights = 0.3 * np.sqrt(rates) * np.gradient(np.log(rates))
+    return 0.5 * np.sqrt(pressure) + 0.3 * s[:, 0] + np.sum(weights * s / (s + rates), axis=1)
+
+
+def write_sweep(
+    path, pressure=1e-3, omega=OMEGA, G=None, bound=1e-9, packing=None, fields=None, **attributes
+):
+    """A sweep file; fields is (omega, displacement, rotation or None, particles)."""
+    G = modulus(omega, pressure) if G is None else G
+    with ResultWriter(path, "jampetsc-sweep") as writer:
+        for name, values in (("omega", omega), ("G", G), ("error_bound", np.full(len(omega), bound))):
+            writer.dataset(name, values)
+        attributes = {"law": "contact", "beta": 1.0, "pressure": pressure, "k": 1.0, "tau1": 1.0} | attributes
+        if packing is not None:
+            attributes |= dict(zip(("packing", "packing_sha256"), packing_identity(packing), strict=True))
+        writer.attributes(**attributes)
+        if fields is not None:
+            writer.dataset("fields/omega", fields[0])
+            writer.dataset("fields/displacement", fields[1])
+            if fields[2] is not None:
+                writer.dataset("fields/rotation", fields[2])
+            writer.dataset("particles", fields[3])
+    return str(path)
+
+
+@pytest.fixture
+def sweeps(tmp_path):
+    return [write_sweep(tmp_path / f"p{n}.h5", 10.0**-n) for n in (2, 3, 4)]
+
+
+@pytest.fixture
+def packing(tmp_path):
+    write_packing(tmp_path / "packing.h5", samples.published())
+    return str(tmp_path / "packing.h5")
+
+
+@pytest.fixture
+def with_fields(tmp_path, packing):
+    """A sweep with fields at four frequencies of fifteen of the sixteen disks, beside its packing."""
+    rng = np.random.default_rng(1)
+    u = rng.normal(size=(4, 15, 2)) + 1j * rng.normal(size=(4, 15, 2))
+    fields = (np.array([1e-6, 1e-4, 10**-1.5, 1.0]), u, u[..., 0] * 1e-3, np.arange(1, 16))
+    return write_sweep(tmp_path / "fields.h5", packing=packing, fields=fields)
+
+
+def plot(*words):
+    assert cli.dispatch(["plot", *map(str, words)]) == 0
+
+
+@pytest.mark.parametrize("ending", [".png", ".pdf", ".svg"])
+@pytest.mark.parametrize("kind", ["moduli", "collapse", "packing", "fields"])
+def test_every_kind_in_every_format_twice_the_same(
+    kind, ending, sweeps, packing, with_fields, tmp_path, capsys
+):
+    files = {"packing": [packing], "fields": [with_fields]}.get(kind, sweeps)
+    pictures = []
+    for name in ("first", "second"):
+        plot(*files, "--kind", kind, "--out", tmp_path / f"{name}{ending}")
+        pictures.append((tmp_path / f"{name}{ending}").read_bytes())
+    assert pictures[0] == pictures[1]
+    assert pictures[0].startswith({".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}[ending])
+    assert not [word for word in (b"CreationDate", b"dc:date", b"Software") if word in pictures[0]]
+    assert capsys.readouterr().out.startswith(str(tmp_path / f"first{ending}: "))
+    assert not list(tmp_path.glob("*.partial"))
+
+
+def test_the_kind_follows_from_files_and_options(sweeps, packing, with_fields, tmp_path, capsys):
+    cases = {
+        "G' and G'' of 3 sweeps": sweeps,
+        "packing of 16 disks": [packing],
+        "collapse of 3 sweeps with mu = 0.4, lambda = 1": [*sweeps, "--mu", "0.4"],
+        "collapse of 3 sweeps with mu = 0.5, lambda = 0.9": [*sweeps, "--lambda", "0.9"],
+        "fields at omega tau1 = 1e-06, 1": [with_fields, "--omega", "1e-6,1"],
+    }
+    for expected, words in cases.items():
+        plot(*words, "--out", tmp_path / "x.png")
+        assert expected in capsys.readouterr().out
+
+
+def test_width_is_one_column_of_print(sweeps, tmp_path):
+    plot(*sweeps, "--out", tmp_path / "x.png")
+    assert imread(tmp_path / "x.png").shape[1] == round(style.COLUMN * 300)
+
+
+@pytest.mark.parametrize("kind", ["moduli", "collapse"])
+def test_units_of_the_file_do_not_show(kind, tmp_path):
+    """k = 4 and τ₁ = 2 scale a sweep exactly; in units of k and 1/τ₁ it is the same picture."""
+    plain = write_sweep(tmp_path / "plain.h5", 2.0**-10)
+    scaled = write_sweep(
+        tmp_path / "scaled.h5", 2.0**-8, OMEGA / 2, 4 * modulus(OMEGA, 2.0**-10), bound=4e-9, k=4.0, tau1=2.0
+    )
+    for path in (plain, scaled):
+        plot(path, "--kind", kind, "--out", f"{path}.png")
+    np.testing.assert_array_equal(imread(f"{plain}.png"), imread(f"{scaled}.png"))
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        {"omega": np.array([1e-3, 1e-2, 0.1, 1.0, 10.0])},
+        {"omega": np.array([0.5])},
+        {"omega": np.geomspace(1e-10, 1e4, 141)},
+        {"G": np.where(OMEGA < 1e-4, -0.01, 0.1) + 1j * OMEGA},  # unstable: G' < 0 at low frequency
+        {"G": np.where(OMEGA < 1e-4, np.nan, 0.1 + 1j * OMEGA)},  # some frequencies failed
+        {"omega": np.r_[OMEGA, OMEGA[7] * (1 + 1e-12)]},  # a grid and a list that meet
+        {"bound": 0.05},  # wider than the curve itself at low frequency
+        {"law": "stokes", "beta": None, "eta_f": 0.0, "G": 0.1 + 1j * OMEGA / (1 + OMEGA**2)},
+    ],
+)
+def test_unusual_sweeps_are_drawn_without_complaint(case, tmp_path, recwarn):
+    path = write_sweep(tmp_path / "sweep.h5", **case)
+    plot(path, "--out", tmp_path / "x.png")
+    assert not [str(w.message) for w in recwarn]
+
+
+def test_a_modulus_that_cannot_be_shown(tmp_path):
+    for G, message in ((np.full(45, np.nan), "no modulus at any"), (np.full(45, -1 - 1j), "nothing to show")):
+        path = write_sweep(tmp_path / "sweep.h5", G=G)
+        with pytest.raises(InputError, match=message):
+            plot(path, "--out", tmp_path / "x.png")
+
+
+def curve(pressure, **attributes):
+    G = modulus(OMEGA, pressure or 1e-3)
+    return Curve(
+        "a.h5", OMEGA, G, np.zeros((2, len(OMEGA))), pressure, {"law": "contact", "beta": 1.0} | attributes
+    )
+
+
+def test_labels_tell_what_differs():
+    title, groups = group_curves([curve(1e-2), curve(1e-4), curve(1.0000001e-4), curve(1e-3)])
+    assert title == "$p/k$"
+    assert [g.label for g in groups] == ["$10^{-4}$", "$10^{-3}$", "$10^{-2}$"]
+    assert [len(g.curves) for g in groups] == [2, 1, 1]
+    _, groups = group_curves([curve(1e-3, beta=b) for b in (10.0, 0.0)])
+    assert [g.label for g in groups] == [r"$\beta=0$", r"$\beta=10$"]
+    _, groups = group_curves([curve(1e-3, prestress=on) for on in (True, False)])
+    assert {g.label for g in groups} == {"pre-stress", "no pre-stress"}
+    _, groups = group_curves([curve(1e-3, rotations=True), curve(1e-3, law="stokes", beta=None, eta_f=1.0)])
+    assert [g.label for g in groups] == [r"contact, $\beta=1$", r"Stokes, $\eta_F=1$"]
+    _, groups = group_curves([curve(1e-3, beta=1.0), curve(1e-2, beta=2.0)])
+    assert [g.label for g in groups] == [r"$p/k=10^{-3}$, $\beta=1$", r"$p/k=10^{-2}$, $\beta=2$"]
+    _, groups = group_curves([curve(None)])
+    assert [g.label for g in groups] == ["$p$ unknown"]
+
+
+def luminance(colour):
+    r, g, b = (x / 12.92 if x <= 0.04045 else ((x + 0.055) / 1.055) ** 2.4 for x in colour[:3])
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b
+
+
+def test_colours_grow_lighter_with_pressure_and_stay_visible_on_white():
+    _, groups = group_curves([curve(p) for p in np.geomspace(1e-5, 1e-1, 5)])
+    shades = [luminance(g.colour) for g in groups]
+    assert (np.diff(shades) > 0.02).all()
+    assert shades[-1] < 0.65
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0, "0"),
+        (0.2, "0.2"),
+        (1.5, "1.5"),
+        (20.0, "20"),
+        (100.0, "100"),
+        (1e-3, "10^{-3}"),
+        (-1e-3, "-10^{-3}"),
+        (2e-3, r"2\times10^{-3}"),
+        (3.16e-4, r"3.2\times10^{-4}"),
+        (1e6, "10^{6}"),
+        (9.99e-4, "10^{-3}"),
+    ],
+)
+def test_numbers_as_print_writes_them(value, text):
+    assert style.number(value) == text
+
+
+def test_exponents_are_fractions_where_they_can_be():
+    assert [style.power_text("p", x) for x in (1, 0.5, 2 / 3, 2, 0.47)] == [
+        "p",
+        "p^{1/2}",
+        "p^{2/3}",
+        "p^{2}",
+        "p^{0.47}",
+    ]
+
+
+@pytest.mark.parametrize("entries", [1, 4, 7])
+@pytest.mark.parametrize("shape", ["packing", "flat", "peak", "cross"])
+def test_the_legend_covers_no_data(shape, entries):
+    x = np.geomspace(1e-6, 1e3, 100)
+    lines = {
+        "packing": [(x, modulus(x, p).real) for p in (1e-2, 1e-4)]
+        + [(x, modulus(x, p).imag) for p in (1e-2, 1e-4)],
+        "flat": [(x, f * np.ones(100)) for f in (1.0, 2.0, 3.0)],
+        "peak": [(x, x / (1 + x**2))],
+        "cross": [(x, x), (x, 1 / x), (x, np.ones(100)), (np.ones(100), x)],
+    }[shape]
+    with style.figure(style.COLUMN, 2.9, layout="constrained") as fig:
+        ax = fig.add_subplot()
+        drawn = [ax.plot(*line, label="a label of some length")[0] for line in lines]
+        logaxes.set_log_axes(ax, lines)
+        legend = logaxes.place_legend(fig, ax, "", (drawn * 7)[:entries], lines)
+        fig.draw_without_rendering()
+        box = legend.get_window_extent()
+        assert fig.bbox.x0 <= box.x0 and box.x1 <= fig.bbox.x1 and box.y1 <= fig.bbox.y1 + 1
+        for x, y in lines:
+            fine = np.linspace(0, 1, 5000)
+            at = np.linspace(0, 1, len(x))
+            x, y = (np.exp(np.interp(fine, at, np.log(v))) for v in (x, y))
+            points = ax.transData.transform(np.column_stack((x, y)))
+            assert not (((points > box.p0) & (points < box.p1)).all(axis=1)).any()
+
+
+def guides(G, exponent):
+    """Slopes of the guide lines drawn beside G''."""
+    with style.figure(3, 3) as fig:
+        ax = fig.add_subplot()
+        lines = [(OMEGA, G.real), (OMEGA, G.imag)]
+        logaxes.set_log_axes(ax, lines)
+        logaxes.draw_guide(ax, OMEGA, G.imag, exponent, "x", lines, above=True)
+        found = [np.log(line.get_xydata()) for line in ax.get_lines()]
+        for guide in found:
+            clear = np.interp(guide[:, 0], np.log(OMEGA), np.log(np.maximum(G.real, G.imag)))
+            assert (guide[:, 1] > clear).all()
+            assert guide[:, 1].max() < np.log(ax.get_ylim()[1])
+        return [(g[-1, 1] - g[0, 1]) / (g[-1, 0] - g[0, 0]) for g in found]
+
+
+def test_guides_only_where_the_data_have_that_slope():
+    assert guides(modulus(OMEGA, 1e-4), 0.5) == pytest.approx([0.5])
+    assert guides(modulus(OMEGA, 1e-4), 1.0) == pytest.approx([1.0])
+    assert guides(0.1 * (1 + 1j * OMEGA), 0.5) == []  # β = 0: no critical branch
+
+
+CELLS = [np.array([[4.0, 0.0], [a, 3.0]]) for a in (0.0, 1.3, -2.0)]
+
+
+@pytest.mark.parametrize("cell", CELLS)
+def test_images_of_disks_are_those_that_reach_into_the_cell(cell):
+    rng = np.random.default_rng(7)
+    centres, radii = periodic.wrap(rng.uniform(-20, 20, (30, 2)), cell), rng.uniform(0.1, 0.6, 30)
+    rows, points = periodic.disk_images(centres, radii, cell)
+    found = {(row, *np.round(point, 9)) for row, point in zip(rows, points, strict=True)}
+    assert len(found) == len(rows)
+    angles = np.linspace(0, 2 * np.pi, 200)
+    rim = np.column_stack((np.cos(angles), np.sin(angles)))
+    for row in range(30):
+        for a in range(-3, 4):
+            for b in range(-3, 4):
+                centre = centres[row] + (a, b) @ cell
+                inside = (centre + radii[row] * rim) @ np.linalg.inv(cell)
+                if ((inside > 1e-9) & (inside < 1 - 1e-9)).all(axis=1).any():
+                    assert (row, *np.round(centre, 9)) in found
+
+
+@pytest.mark.parametrize("cell", CELLS)
+def test_segments_go_on_across_the_boundary(cell):
+    """Every point of every segment, folded into the cell, lies on a drawn image, also across a corner."""
+    rng = np.random.default_rng(8)
+    start, vector = periodic.wrap(rng.uniform(-9, 9, (40, 2)), cell), rng.uniform(-1.2, 1.2, (40, 2))
+    rows, starts = periodic.segment_images(start, vector, cell)
+    for t in np.linspace(0, 1, 23):
+        folded = periodic.wrap(start + t * vector, cell)
+        drawn = starts + t * vector[rows]
+        for row in range(40):
+            distance = np.linalg.norm(drawn[rows == row] - folded[row], axis=1)
+            assert distance.min() < 1e-9
+
+
+def test_contacts_are_drawn_on_both_sides_of_the_boundary(packing, tmp_path, monkeypatch):
+    """Along every strong contact of the triclinic sample, folded into the cell, the picture is black."""
+    pictures = []
+    monkeypatch.setattr("jampetsc.plots.packing.save", lambda fig, path: pictures.append(fig))
+    disks = samples.published()
+    plot_packing(disks, tmp_path / "x.png")
+    (fig,) = pictures
+    fig.canvas.draw()
+    image = np.asarray(fig.canvas.buffer_rgba())[::-1, :, :3].mean(axis=2)
+    contacts = measure(disks).contacts
+    strong = contacts[contacts.force > np.mean(contacts.force)]
+    crossing = 0
+    for t in np.linspace(0.1, 0.9, 30):
+        end = disks.positions[strong.i] + t * strong.r
+        folded = periodic.wrap(end, disks.cell)
+        crossing += np.count_nonzero(np.linalg.norm(folded - end, axis=1) > 1)
+        column, row = fig.axes[0].transData.transform(folded).astype(int).T
+        assert (image[row, column] < 100).all()
+    assert crossing > 30
+
+
+def test_arrows_spread_evenly_when_there_are_too_many_disks():
+    rng = np.random.default_rng(9)
+    cell = np.array([[120.0, 0.0], [30.0, 60.0]])
+    points = rng.uniform(0, 1, (20000, 2)) @ cell
+    rows = _spread(points, cell)
+    assert 0.8 * ARROWS < len(rows) <= ARROWS
+    assert len(np.unique(rows)) == len(rows)
+    quarters = np.floor((points[rows] @ np.linalg.inv(cell)) * 4).astype(int)
+    counts = np.bincount(quarters[:, 0] * 4 + quarters[:, 1], minlength=16)
+    assert counts.max() < 1.3 * counts.min()
+    assert len(_spread(points[:100], cell)) == 100
+
+
+def test_many_disks_make_a_small_vector_file(tmp_path):
+    rng = np.random.default_rng(10)
+    side = 80
+    grid = np.stack(np.meshgrid(np.arange(side), np.arange(side)), axis=-1).reshape(-1, 2)
+    disks = Disks.from_positions(
+        grid + rng.normal(0, 0.01, grid.shape), np.full(side**2, 0.51), np.eye(2) * side
+    )
+    write_packing(tmp_path / "large.h5", disks)
+    plot(tmp_path / "large.h5", "--out", tmp_path / "large.pdf")
+    content = (tmp_path / "large.pdf").read_bytes()
+    assert b"/Subtype /Image" in content
+
+
+def test_fields_without_motion_and_without_rotation(tmp_path, packing):
+    still = np.zeros((1, 16, 2), complex)
+    for rotation in (None, np.zeros((1, 16), complex)):
+        path = write_sweep(
+            tmp_path / "still.h5", packing=packing, fields=(np.array([1.0]), still, rotation, np.arange(16))
+        )
+        plot(path, "--kind", "fields", "--out", tmp_path / "x.png")
+
+
+def test_frequencies_of_fields_are_found_as_people_write_them(with_fields, tmp_path, capsys):
+    plot(with_fields, "--omega", "0.0316,1", "--out", tmp_path / "x.png")
+    assert "omega tau1 = 0.0316228, 1" in capsys.readouterr().out
+    with pytest.raises(
+        InputError, match=r"no fields at omega = 0\.001: nearest are 1e-06, 0\.0001, 0\.0316228"
+    ):
+        plot(with_fields, "--omega", "0.001", "--out", tmp_path / "x.png")
+
+
+def test_the_packing_of_a_sweep(with_fields, packing, tmp_path):
+    out = ("--out", tmp_path / "x.png")
+    (tmp_path / "elsewhere").mkdir()
+    moved = tmp_path / "elsewhere" / "moved.h5"
+    (tmp_path / "packing.h5").rename(moved)
+    with pytest.raises(InputError, match=r"its packing packing\.h5 is not beside it: give it with --packing"):
+        plot(with_fields, "--kind", "fields", *out)
+    plot(with_fields, "--packing", moved, *out)
+    write_packing(packing, samples.published("hertzian"))
+    with pytest.raises(
+        InputError, match=r"packing\.h5: is not the packing that fields\.h5 was made from \(sha256"
+    ):
+        plot(with_fields, "--kind", "fields", *out)
+
+
+def test_fields_that_do_not_fit_the_packing(tmp_path, packing):
+    for particles in (np.arange(15), np.arange(1, 17)):
+        fields = (np.array([1.0]), np.ones((1, 16, 2), complex), None, particles)
+        path = write_sweep(tmp_path / "odd.h5", packing=packing, fields=fields)
+        with pytest.raises(InputError, match="fields of 16 particles do not fit the 16 disks"):
+            plot(path, "--kind", "fields", "--out", tmp_path / "x.png")
+
+
+def test_too_many_frequencies_for_one_picture(tmp_path, packing):
+    omega = np.geomspace(1e-3, 1, 6)
+    fields = (omega, np.ones((6, 16, 2), complex), None, np.arange(16))
+    path = write_sweep(tmp_path / "many.h5", packing=packing, fields=fields)
+    plot(path, "--kind", "fields", "--out", tmp_path / "x.png")  # four of them
+    with pytest.raises(InputError, match="6 frequencies: one picture holds 5"):
+        plot(path, "--omega", "1e-3:1:6", "--out", tmp_path / "x.png")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("p2.h5 packing.h5", r"packing\.h5 is a packing, .*p2\.h5 a sweep: one picture shows"),
+        ("packing.h5 packing.h5", "2 packings: one picture shows one packing"),
+        ("p2.h5 --kind fields", "holds no fields: run the sweep with --fields"),
+        ("fields.h5 fields.h5 --kind fields", "2 sweeps: fields are drawn of one"),
+        ("p2.h5 --kind packing", "is a sweep: packing pictures need a packing"),
+        ("packing.h5 --kind moduli", "is a packing: moduli pictures need sweeps"),
+        ("p2.h5 --kind moduli --omega 1", "--omega 1: belongs to fields pictures, not to moduli"),
+        ("p2.h5 --mu 0.5 --omega 1", "--omega 1: belongs to fields pictures, not to collapse"),
+        ("p2.h5 --kind fields --lambda 1", r"--lambda 1\.0: belongs to collapse pictures, not to fields"),
+        ("p2.h5 --mu nan", "--mu nan: must lie between 0 and 10"),
+        ("p2.h5 --lambda -1", "--lambda -1: must lie between 0 and 10"),
+        ("bare.h5 --kind collapse", r"bare\.h5: attribute pressure is missing"),
+        ("negative.h5 --kind collapse", r"negative\.h5: pressure -0\.1: must be positive"),
+        ("fast.h5 --kind collapse", r"fast\.h5: lowest frequency 10: critical scaling needs"),
+        ("modes.h5", r"modes\.h5: is a jampetsc-modes file: plot draws packings and sweeps"),
+        ("missing.h5", r"missing\.h5: no such file"),
+    ],
+)
+def test_what_cannot_be_drawn(words, message, sweeps, with_fields, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_sweep("negative.h5", -0.1, G=modulus(OMEGA, 0.1))
+    write_sweep("bare.h5", None, G=modulus(OMEGA, 0.1))
+    write_sweep("fast.h5", omega=np.geomspace(10, 100, 5))
+    with ResultWriter("modes.h5", "jampetsc-modes") as writer:
+        writer.dataset("eigenvalues", np.ones(3))
+    with pytest.raises(InputError, match=message) as caught:
+        plot(*words.split(), "--out", "x.png")
+    assert "\n" not in str(caught.value)
+    assert not list(tmp_path.glob("*x.png*"))
+
+
+@pytest.mark.parametrize(
+    ("out", "message"),
+    [
+        ("x.jpg", r"--out x\.jpg: give it the ending \.png or \.pdf or \.svg"),
+        ("x", "--out x: give it the ending"),
+        ("nowhere/x.png", "folder nowhere does not exist"),
+        ("folder.png", r"folder\.png: is a folder"),
+    ],
+)
+def test_where_nothing_can_be_written(out, message, sweeps, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder.png").mkdir()
+    with pytest.raises(InputError, match=message):
+        plot(*sweeps, "--out", out)
+
+
+def test_a_full_disk_leaves_no_partial_picture(sweeps, tmp_path):
+    script = (
+        "import resource, signal, sys; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); "
+        "import matplotlib.font_manager, jampetsc.plots.moduli; from jampetsc import cli; "
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000)); sys.exit(cli.main(sys.argv[1:]))"
+    )
+    words = ["plot", *sweeps, "--out", str(tmp_path / "x.png")]
+    done = subprocess.run([sys.executable, "-c", script, *words], capture_output=True, text=True)
+    assert done.returncode != 0
+    assert len(done.stderr.splitlines()) == 1 and "x.png: file size limit reached" in done.stderr
+    assert not list(tmp_path.glob("*x.png*"))
+
+
+def test_plotting_loads_no_mpi_no_petsc_and_needs_no_display(sweeps, with_fields, tmp_path):
+    script = (
+        "import sys; from jampetsc import cli\n"
+        "status = [cli.main(words.split('|')) for words in sys.argv[1:]]\n"
+        "unwanted = ('petsc4py', 'slepc4py', 'mpi4py', 'matplotlib.pyplot', 'tkinter')\n"
+        "bad = [name for name in unwanted if name in sys.modules]\n"
+        "sys.exit(str(bad) if bad or any(status) else 0)"
+    )
+    lines = [
+        "|".join(["plot", *sweeps, "--kind", "collapse", "--out", str(tmp_path / "a.png")]),
+        "|".join(["plot", with_fields, "--kind", "fields", "--out", str(tmp_path / "b.png")]),
+    ]
+    done = subprocess.run([sys.executable, "-c", script, *lines], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_users_matplotlibrc_changes_nothing(sweeps, tmp_path):
+    plot(*sweeps, "--out", tmp_path / "a.svg")
+    with matplotlib.rc_context({"font.size": 30, "lines.linewidth": 9, "svg.hashsalt": "other"}):
+        plot(*sweeps, "--out", tmp_path / "b.svg")
+    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()

@@ -1,0 +1,134 @@
+"""Limits, crossovers, collapse and power laws, on moduli whose answers are known."""
+
+import numpy as np
+import pytest
+
+from jampetsc.analysis.scaling import (
+    collapse,
+    collapse_spread,
+    crossovers,
+    fit_power_law,
+    high_frequency_limit,
+    local_slope,
+    low_frequency_limit,
+)
+from jampetsc.errors import InputError
+
+G_LOW, ETA_HIGH = 0.03, 0.4
+RATES = np.geomspace(1e-4, 1.0, 30)
+WEIGHTS = 0.02 * np.sqrt(RATES)
+
+
+def maxwell(omega):
+    """A spring, a dashpot and 30 relaxing elements: G₀, η_∞, and from their sums G_∞ and η₀."""
+    s = 1j * np.asarray(omega)[:, None]
+    return G_LOW + s[:, 0] * ETA_HIGH + np.sum(WEIGHTS * s / (s + RATES), axis=1)
+
+
+def critical(omega, pressure, mu=0.5, lam=1.0):
+    """G* = p^μ √(1 + iω/p^λ): it scales exactly."""
+    return pressure**mu * np.sqrt(1 + 1j * omega / pressure**lam)
+
+
+def test_limits_are_those_of_the_spectrum_at_both_ends():
+    omega = np.geomspace(1e-6, 1e2, 81)
+    low, high = low_frequency_limit(omega, maxwell(omega)), high_frequency_limit(omega, maxwell(omega))
+    assert low.modulus == pytest.approx(G_LOW, rel=1e-6)
+    assert low.viscosity == pytest.approx(ETA_HIGH + np.sum(WEIGHTS / RATES), rel=1e-6)
+    assert high.modulus == pytest.approx(G_LOW + np.sum(WEIGHTS), rel=1e-6)
+    assert high.viscosity == pytest.approx(ETA_HIGH, rel=1e-6)
+    assert crossovers(omega, maxwell(omega)) == (low.crossover, high.crossover)
+    assert low.crossover == pytest.approx(low.modulus / low.viscosity)
+
+
+def test_extrapolation_gains_on_the_lowest_frequency_and_its_error_covers_the_rest():
+    omega = np.geomspace(2e-5, 1e2, 60)  # begins within the slowest relaxation
+    limit = low_frequency_limit(omega, maxwell(omega))
+    left = abs(limit.modulus - G_LOW)
+    assert left < 0.5 * abs(maxwell(omega[:1])[0].real - G_LOW)
+    assert left < limit.modulus_error
+
+
+def test_limits_need_no_order_and_skip_frequencies_that_failed():
+    omega = np.geomspace(1e-7, 1e2, 40)
+    G = maxwell(omega)
+    G[3] = np.nan
+    shuffled = np.random.default_rng(1).permutation(40)
+    assert low_frequency_limit(omega[shuffled], G[shuffled]) == low_frequency_limit(omega, G)
+
+
+def test_a_sweep_that_ends_early_has_no_limit():
+    omega = np.geomspace(1e-3, 1e-1, 20)
+    with pytest.raises(InputError, match=r"lowest frequency, 0\.001: begin the sweep lower"):
+        low_frequency_limit(omega, maxwell(omega))
+    with pytest.raises(InputError, match=r"highest frequency, 0\.1: end the sweep higher"):
+        high_frequency_limit(omega, maxwell(omega))
+    with pytest.raises(InputError, match="1 frequencies with a modulus: at least two"):
+        low_frequency_limit([1.0, 2.0], [1.0, np.nan])
+
+
+def test_collapse_brings_scaling_moduli_onto_one_curve():
+    pressures, x = (1e-2, 1e-3, 1e-4), np.geomspace(1e-3, 10, 30)
+    for pressure in pressures:
+        scaled, g = collapse(
+            x * pressure**0.9, critical(x * pressure**0.9, pressure, 0.4, 0.9), pressure, 0.4, 0.9
+        )
+        np.testing.assert_allclose(scaled, x, rtol=1e-14)
+        np.testing.assert_allclose(g, np.sqrt(1 + 1j * x), rtol=1e-14)
+    with pytest.raises(InputError, match="pressure 0: must be positive"):
+        collapse(x, x, 0.0)
+
+
+def test_spread_vanishes_for_the_right_exponents_and_grows_away_from_them():
+    omega = np.geomspace(1e-7, 1e2, 400)
+    sweeps = [(omega, critical(omega, p), p) for p in (1e-2, 1e-3, 1e-4)]
+    assert collapse_spread(sweeps) < 1e-3  # what interpolation leaves
+    assert collapse_spread(sweeps, mu=0.6) > 0.1
+    assert collapse_spread(sweeps, lam=0.9) > 0.1
+
+
+def test_spread_of_two_sweeps_a_factor_apart():
+    omega = np.geomspace(1e-4, 1e-2, 50)
+    sweeps = [(omega, factor * (1 + 1j) * omega, 1.0) for factor in (1.0, 1.1)]
+    assert collapse_spread(sweeps) == pytest.approx(np.log(1.1) / np.sqrt(2), rel=1e-9)
+
+
+def test_spread_leaves_out_high_frequencies_and_needs_overlap():
+    omega = np.geomspace(1e-6, 1e2, 200)
+    bent = critical(omega, 1e-2) + np.where(omega > 0.1, 5.0, 0.0)
+    assert collapse_spread([(omega, bent, 1e-2), (omega, critical(omega, 1e-3), 1e-3)]) < 1e-3
+    with pytest.raises(InputError, match="no two sweeps overlap"):
+        collapse_spread([(omega[:20], bent[:20], 1.0), (omega[:20], bent[:20], 1e-8)])
+    with pytest.raises(InputError, match="no two sweeps overlap"):
+        collapse_spread([(omega, bent, 1e-2)])
+
+
+def test_power_law_and_its_standard_errors():
+    rng = np.random.default_rng(3)
+    x = np.geomspace(1e-4, 1e-1, 12)
+    misses = []
+    for _ in range(400):
+        fit = fit_power_law(x, 0.7 * x**0.5 * np.exp(0.05 * rng.standard_normal(12)))
+        misses.append(
+            ((fit.exponent - 0.5) / fit.exponent_error, (fit.prefactor - 0.7) / fit.prefactor_error)
+        )
+    spread = np.std(misses, axis=0)
+    expected = np.sqrt(10 / 8)  # Student's t of 12 − 2 degrees of freedom
+    np.testing.assert_allclose(spread, expected, rtol=0.12)
+
+
+def test_power_law_fits_inside_its_window_only():
+    x = np.geomspace(1e-3, 1e3, 61)
+    fit = fit_power_law(x, np.where(x < 1, x, x**0.5), window=(2.0, 500.0))
+    assert fit.exponent == pytest.approx(0.5, abs=1e-12)
+    assert fit.exponent_error < 1e-10
+    assert fit.points == np.count_nonzero((x >= 2) & (x <= 500))
+    with pytest.raises(InputError, match=r"2 points between 0 and 0\.00126: .* at least 3"):
+        fit_power_law(x, x, window=(0, 1.26e-3))
+    with pytest.raises(InputError, match="value -1 between 0 and inf: a power law needs positive"):
+        fit_power_law(x, -np.ones(61))
+
+
+def test_local_slope_of_a_power_law_on_any_grid():
+    x = np.sort(np.random.default_rng(5).uniform(1, 9, 20))
+    np.testing.assert_allclose(local_slope(x, 3 * x**-0.5), -0.5, rtol=1e-9)
