@@ -1,12 +1,13 @@
 """Log-log axes readable over one decade or twenty: limits, ticks, guide slopes, a legend beside the data."""
 
 import numpy as np
-from matplotlib.ticker import FixedLocator, LogFormatterMathtext, NullFormatter
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogFormatterMathtext, NullFormatter
 
 from jampetsc.analysis.scaling import local_slope
-from jampetsc.plots.style import GREY, power_text
+from jampetsc.plots.style import GREY, number, power_text
 
 _TICKS = 7  # labelled decades at most
+_SHORT_AXIS = 2.0  # decades
 _CLOSE = 0.12  # a guide is drawn where the data's slope is this close to it
 _SHORTEST, _LONGEST = 0.6, 2.5  # decades of a guide
 _CORNERS = (
@@ -32,18 +33,24 @@ def set_log_axes(ax, lines) -> None:
 
 
 def _set_ticks(axis, low, high):
+    """Ticks from 10^low to 10^high: labels at powers of ten, if these are few also at 2 and 5 times them."""
+    floors = np.arange(np.floor(low), np.ceil(high))
     decades = np.arange(np.ceil(low), np.floor(high) + 1)
+    between = np.concatenate([np.log10(np.arange(1, 10)) + d for d in floors])
     step = int(np.ceil(len(decades) / _TICKS))
-    if len(decades) < 2:
-        return  # matplotlib's own ticks also label between the powers
-    major = decades[np.mod(decades, step) == 0]
-    between = np.concatenate(
-        [np.log10(np.arange(2, 10)) + d for d in np.arange(np.floor(low), np.ceil(high))]
-    )
-    minor = np.setdiff1d(decades, major) if step > 1 else between
-    axis.set_major_locator(FixedLocator(10.0**major))
-    axis.set_minor_locator(FixedLocator(10.0**minor))
-    axis.set_major_formatter(LogFormatterMathtext())
+    if high - low < _SHORT_AXIS:
+        labelled = np.concatenate([np.log10([1, 2, 5]) + d for d in floors])
+        labelled = labelled[(labelled >= low) & (labelled <= high)]
+    else:
+        labelled = decades[np.mod(decades, step) == 0]
+    if len(labelled) < 2:
+        return  # matplotlib's own ticks label any digit
+    axis.set_major_locator(FixedLocator(10.0**labelled))
+    axis.set_minor_locator(FixedLocator(10.0 ** (between if step == 1 else decades)))
+    if high - low < _SHORT_AXIS:
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"${number(value)}$"))
+    else:
+        axis.set_major_formatter(LogFormatterMathtext())
     axis.set_minor_formatter(NullFormatter())
 
 

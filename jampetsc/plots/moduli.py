@@ -103,7 +103,7 @@ def _draw(ax, group, curve, number):
             linewidth=1.1 if solitary else 0.6,
             alpha=1.0 if solitary else 0.6,
         )
-        lower = np.maximum(values - bound, 1e-3 * np.nanmin(shown))
+        lower = np.maximum(values - bound, 1e-12 * np.nanmin(shown))  # to the edge of the picture
         ax.fill_between(
             curve.omega, lower, values + bound, where=positive, color=group.colour, alpha=0.25, linewidth=0
         )
