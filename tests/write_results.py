@@ -62,7 +62,7 @@ def write(comm, how, path, seed):
 def main(how, path, seed=1):
     write(MPI.COMM_WORLD, how, path, int(seed))
     if how == "forever":
-        time.sleep(0.02)
+        time.sleep(0.2)
         main(how, path, int(seed) + 1)
 
 

@@ -27,13 +27,14 @@ class StoredArray:
         self.shape, self.dtype = h5[name].shape, h5[name].dtype
 
     def __getitem__(self, selection):
-        with open_file(self._path) as h5:
-            parts = PartList(h5, self._path)
+        return undisturbed(self._path, lambda path: self._read(path, selection))
+
+    def _read(self, path, selection):
+        with open_file(path) as h5:
+            parts = PartList(h5, path)
             if parts.run_id != self._run_id:
-                raise InputError(
-                    f"{self._path}: was replaced by another run since it was loaded: load it again"
-                )
-            with reading(self._path):
+                raise InputError(f"{path}: was replaced by another run since it was loaded: load it again")
+            with reading(path):
                 values = h5[self._name][selection]
             parts.check_present()
         return values
@@ -143,8 +144,8 @@ class SweepResult(Result):
         if elsewhere.any():
             if "reduced/rates" not in self:
                 raise InputError(
-                    f"{self.path}: omega = {wanted[elsewhere][0]:g} is not one of its {len(self.omega)} frequencies, "
-                    f"{self.omega.min():g} to {self.omega.max():g}: a sweep with --method rational gives any"
+                    f"{self.path}: omega = {wanted[elsewhere][0]:g} is not one of its {len(self.omega)} "
+                    f"frequencies, {self.omega.min():g} to {self.omega.max():g}: a --method rational sweep gives any"
                 )
             values[elsewhere] = self.spectrum.modulus(wanted[elsewhere])
         return values.reshape(np.shape(omega))[()]
