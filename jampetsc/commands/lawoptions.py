@@ -25,6 +25,35 @@ def add_law_options(parser) -> None:
     group.add_argument("--tau1", type=float, default=1.0, metavar="TIME", help="damping time τ₁ (default 1)")
 
 
+def add_damping_options(parser) -> None:
+    """Add the options of power-law damping; only commands that follow frequencies can have them."""
+    group = parser.add_argument_group(
+        "power-law damping",
+        "viscous force of a contact ∝ |Δu̇|^A, treated by an equivalent linear damping (an approximation)",
+    )
+    group.add_argument("--alpha", type=float, metavar="A", help="exponent of the damping force (1 is linear)")
+    group.add_argument(
+        "--stress", type=float, metavar="S", help="amplitude of the shear stress in units of k, with --alpha"
+    )
+
+
+def damping_from(args):
+    """The EquivalentDamping of parsed arguments, or None for linear damping. Raises InputError."""
+    if args.alpha is None and args.stress is None:
+        return None
+    if args.alpha is None:
+        raise InputError(f"--stress {args.stress:g}: belongs to power-law damping: give --alpha too")
+    if args.stress is None:
+        raise InputError(
+            f"--alpha {args.alpha:g}: power-law damping depends on the amplitude: give --stress, in units of k"
+        )
+    if args.law != "contact":
+        raise InputError(f"--alpha {args.alpha:g}: belongs to --law contact, not to {args.law}; leave it out")
+    from jampetsc.analysis.nonlinear import EquivalentDamping
+
+    return EquivalentDamping(args.alpha, args.stress)
+
+
 def law_from(args) -> Law:
     """The Law of parsed arguments. Raises InputError for an option that belongs to the other law."""
     for name, kind in BELONGS_TO.items():

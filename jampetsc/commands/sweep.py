@@ -1,6 +1,6 @@
 """`jampetsc sweep`: G*(ω) of a packing."""
 
-from jampetsc.commands.lawoptions import add_law_options, law_from
+from jampetsc.commands.lawoptions import add_damping_options, add_law_options, damping_from, law_from
 from jampetsc.errors import InputError
 
 NAME = "sweep"
@@ -35,6 +35,7 @@ def add_parser(subparsers):
     )
     parser.add_argument("--fields", default=None, metavar="LIST", help="also store displacement fields at these frequencies")
     add_law_options(parser)
+    add_damping_options(parser)
     parser.set_defaults(run=run, takes_petsc=lambda args: True)
 
 
@@ -47,13 +48,13 @@ def run(args, petsc_argv) -> int:
     from jampetsc.response.job import Job
     from jampetsc.storage.atomic import check_writable
 
-    law = law_from(args)
+    law, damping = law_from(args), damping_from(args)
     omega = parse_omega(args.omega)
     fields = parse_omega(args.fields, "--fields") if args.fields else np.zeros(0)
     if not 1e-12 <= args.accuracy <= 0.1:
         raise InputError(f"--accuracy {args.accuracy:g}: choose between 1e-12 and 0.1")
     check_writable(args.out)
-    job = Job.read(args.packing, law, omega, fields, args.method, args.accuracy, args.out)
+    job = Job.read(args.packing, law, omega, fields, args.method, args.accuracy, args.out, damping)
     running = session.start("complex" if args.method == "direct" else "real", petsc_argv)
     if args.method == "direct":
         from jampetsc.response.direct_sweep import run as sweep
@@ -61,7 +62,7 @@ def run(args, petsc_argv) -> int:
         from jampetsc.response.rational_sweep import run as sweep
     omega, G, bounds = sweep(job)
     if running.rank == 0:
-        print(summary(job, omega, G, bounds))
+        print(summary(job, job.asked(omega), G, bounds))
     return 0
 
 
@@ -70,10 +71,26 @@ def summary(job, omega, G, bounds) -> str:
     import numpy as np
 
     storage, loss = np.max(bounds[:, 1] / np.abs(G.real)), np.max(bounds[:, 2] / np.abs(G.imag))
-    return "\n".join(
-        (
-            f"{job.out}: {job.law}, {len(omega)} frequencies, certified to {storage:.1e} in G' and {loss:.1e} in G''",
-            f"  omega {omega[0]:.3g}: G' = {G[0].real:.6g}, G'' = {G[0].imag:.6g}",
-            f"  omega {omega[-1]:.3g}: G' = {G[-1].real:.6g}, G'' = {G[-1].imag:.6g}",
+    lines = [
+        f"{job.out}: {job.law}, {len(omega)} frequencies, certified to {storage:.1e} in G' and {loss:.1e} in G''",
+        f"  omega {omega[0]:.3g}: G' = {G[0].real:.6g}, G'' = {G[0].imag:.6g}",
+        f"  omega {omega[-1]:.3g}: G' = {G[-1].real:.6g}, G'' = {G[-1].imag:.6g}",
+    ]
+    return "\n".join(lines + (_damping_lines(job, G) if job.damping else []))
+
+
+def _damping_lines(job, G):
+    """What power-law damping made of the frequencies, and whether the strain stays small."""
+    damping = job.damping
+    strain = damping.stress * job.disks.potential.k / abs(G).min()
+    lines = [
+        f"  alpha {damping.alpha:g}, stress {damping.stress:g} k: equivalent linear frequencies "
+        f"{job.omega[0]:.3g} to {job.omega[-1]:.3g}; the stored spectrum is that of the linear law"
+    ]
+    pressure = job.disks.record.get("pressure")
+    if pressure is not None and strain > pressure / job.disks.potential.k:
+        lines.append(
+            f"  strain amplitude up to {strain:.1e}, more than p/k = {pressure:.1e}: contacts would change, "
+            "which is left out"
         )
-    )
+    return lines

@@ -7,8 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from jampetsc import session
+from jampetsc.analysis.nonlinear import EquivalentDamping
+from jampetsc.errors import InputError
 from jampetsc.mechanics.laws import Law
 from jampetsc.packing.disks import Disks
+from jampetsc.response.grid import LARGEST, SMALLEST
 from jampetsc.storage.packing_file import packing_identity, read_packing
 from jampetsc.storage.provenance import provenance
 from jampetsc.storage.result_file import ResultWriter
@@ -20,7 +23,11 @@ BOUNDS = ("error_bound", "error_bound_storage", "error_bound_loss")  # on |ΔG*|
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """G*(ω) of one packing under one law. Frequencies in 1/τ₁ units of time as the law has them."""
+    """G*(ω) of one packing under one law. Frequencies in 1/τ₁ units of time as the law has them.
+
+    Under power-law damping `omega` and `field_omega` are the equivalent frequencies at which the linear law
+    is solved; `asked` turns them into those of the experiment.
+    """
 
     packing: Path
     disks: Disks
@@ -31,15 +38,49 @@ class Job:
     method: str  # rational | direct
     accuracy: float  # asked for, relative, in G' and in G'' each
     out: Path
+    damping: EquivalentDamping | None = None  # None: linear
+    experiment: np.ndarray | None = None  # (M,) frequency of the experiment for each of omega
     started: float = field(default_factory=time.perf_counter)
 
     @classmethod
-    def read(cls, packing, law, omega, field_omega, method, accuracy, out) -> "Job":
-        """The job for a packing file; fields are stored at frequencies of the sweep, so those are added to it."""
+    def read(cls, packing, law, omega, field_omega, method, accuracy, out, damping=None) -> "Job":
+        """The job for a packing file; fields are stored at frequencies of the sweep, so those are added to it.
+
+        Raises InputError where power-law damping would need frequencies beyond what can be solved.
+        """
+        experiment = np.union1d(omega, field_omega)
+        solved = experiment if damping is None else damping.frequency(experiment * law.tau1) / law.tau1
+        beyond = (solved < SMALLEST) | (solved > LARGEST)
+        if beyond.any():
+            raise InputError(
+                f"--alpha {damping.alpha:g} --stress {damping.stress:g}: omega = {experiment[beyond][0]:g} is "
+                f"equivalent to {solved[beyond][0]:g} under linear damping, outside {SMALLEST:g} to "
+                f"{LARGEST:g}: narrow --omega"
+            )
         return cls(
-            Path(packing), read_packing(packing), packing_identity(packing), law, np.union1d(omega, field_omega), field_omega,
-            method, accuracy, Path(out),
-        )  # fmt: skip
+            packing=Path(packing),
+            disks=read_packing(packing),
+            identity=packing_identity(packing),
+            law=law,
+            omega=solved,
+            field_omega=solved[np.searchsorted(experiment, field_omega)],
+            method=method,
+            accuracy=accuracy,
+            out=Path(out),
+            damping=damping,
+            experiment=experiment,
+        )
+
+    def asked(self, omega):
+        """Frequencies of the experiment for some of `self.omega`, in their shape."""
+        return self.experiment[np.searchsorted(self.omega, omega)]
+
+    @property
+    def parameters(self) -> dict:
+        """The law as a file tells it, with exponent and stress of power-law damping."""
+        if self.damping is None:
+            return self.law.parameters
+        return {**self.law.parameters, "alpha": self.damping.alpha, "stress": self.damping.stress}
 
     @property
     def positive_semidefinite(self) -> str:
@@ -54,7 +95,7 @@ class Job:
         """What identifies the job to a checkpoint; rows of fields belong to ranks, numbers do not."""
         return {
             "packing": self.identity[1],
-            "law": self.law.parameters,
+            "law": self.parameters,
             "omega": self.omega,
             "method": self.method,
             "accuracy": self.accuracy,
@@ -66,19 +107,22 @@ class Job:
 def write_sweep(job: Job, network, omega, G, bounds, fields, extra: dict, reduced: dict | None = None) -> None:
     """Write the result file. Collective.
 
-    omega and G (M,) and bounds (M, 3) on |ΔG*|, |ΔG'| and |ΔG''|, the same on all ranks; fields yields (displacement (n_local, 2), rotation (n_local,) or None) for each
+    omega and G (M,) and bounds (M, 3) on |ΔG*|, |ΔG'| and |ΔG''|, the same on all ranks; omega are among job.omega;
+    fields yields (displacement (n_local, 2), rotation (n_local,) or None) for each
     of job.field_omega in turn; extra holds attributes of the method, reduced the datasets of the group `reduced`.
     """
     running = session.current()
     with ResultWriter(job.out, FORMAT, network.comm) as writer:
-        writer.dataset("omega", omega)
+        writer.dataset("omega", job.asked(omega))
+        if job.damping is not None:
+            writer.dataset("equivalent_omega", omega)
         writer.dataset("G", G)
         for name, bound in zip(BOUNDS, bounds.T, strict=True):
             writer.dataset(name, bound)
         for name, values in (reduced or {}).items():
             writer.dataset(f"reduced/{name}", values)
         if len(job.field_omega):
-            writer.dataset("fields/omega", job.field_omega)
+            writer.dataset("fields/omega", job.asked(job.field_omega))
             writer.distributed("particles", network.particles)
             for displacement, rotation in fields:
                 writer.append("fields/displacement", displacement)
@@ -92,7 +136,7 @@ def write_sweep(job: Job, network, omega, G, bounds, fields, extra: dict, reduce
                 petsc_options=" ".join(f"-{name} {value or ''}".strip() for name, value in running.options().items()),
                 ranks=network.comm.size,
                 packing=job.identity,
-                law=job.law.parameters,
+                law=job.parameters,
                 wall_seconds=time.perf_counter() - job.started,
             ),
             method=job.method,

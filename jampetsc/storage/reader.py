@@ -6,6 +6,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from jampetsc.analysis.nonlinear import EquivalentDamping
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.errors import InputError
 from jampetsc.storage.hdf5 import attributes, check_format, open_file, reading, undisturbed
@@ -134,7 +135,8 @@ class SweepResult(Result):
     def modulus(self, omega):
         """G*(ω), complex, in the shape of `omega`: the stored value where there is one.
 
-        Elsewhere from the relaxation spectrum that a rational sweep stores in the group `reduced`.
+        Elsewhere from the relaxation spectrum that a rational sweep stores in the group `reduced`, under
+        power-law damping at the equivalent frequency; beyond the swept range without a certificate.
         Raises InputError for a frequency that is not stored if there is none.
         """
         wanted = np.atleast_1d(np.asarray(omega, float))
@@ -147,12 +149,26 @@ class SweepResult(Result):
                     f"{self.path}: omega = {wanted[elsewhere][0]:g} is not one of its {len(self.omega)} "
                     f"frequencies, {self.omega.min():g} to {self.omega.max():g}: a --method rational sweep gives any"
                 )
-            values[elsewhere] = self.spectrum.modulus(wanted[elsewhere])
+            values[elsewhere] = self.spectrum.modulus(self._linear(wanted[elsewhere]))
         return values.reshape(np.shape(omega))[()]
 
     @property
+    def damping(self) -> EquivalentDamping | None:
+        """Power-law damping of the sweep, None where it is linear."""
+        if "alpha" not in self.attributes:
+            return None
+        return EquivalentDamping(float(self.attributes["alpha"]), float(self.attributes["stress"]))
+
+    def _linear(self, omega):
+        """Frequencies at which the linear law has the moduli that this sweep has at omega."""
+        if self.damping is None:
+            return omega
+        tau1 = float(self.attributes.get("tau1", 1.0))
+        return self.damping.frequency(omega * tau1) / tau1
+
+    @property
     def spectrum(self) -> RelaxationSpectrum:
-        """Relaxation spectrum of a rational sweep. Raises InputError if the file holds none."""
+        """Relaxation spectrum of a rational sweep, under linear damping. Raises InputError if there is none."""
         return RelaxationSpectrum(
             *(self[f"reduced/{name}"] for name in ("G0", "eta_inf", "rates", "weights"))
         )
