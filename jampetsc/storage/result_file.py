@@ -59,6 +59,9 @@ class ResultWriter:
         self._open = True
         with self._step():
             check_writable(self.path)
+            if self.rank == 0:  # before the others open theirs
+                remove_abandoned(self._part_path().parent)
+        with self._step():
             if self.rank == 0:
                 self._joint = OutputFile(self.path)
             self._part = self._joint if self.size == 1 else self._open_part()
@@ -73,8 +76,6 @@ class ResultWriter:
             path.parent.mkdir(exist_ok=True)
         except OSError as error:
             raise write_error(path.parent, error) from None
-        if self.rank == 0:
-            remove_abandoned(path.parent)
         part = OutputFile(path)
         part.h5.attrs.update(format="jampetsc-part", run_id=self.run_id, rank=self.rank)
         return part
@@ -171,9 +172,8 @@ class ResultWriter:
         except JampetscError:
             self.abort()
             raise
-        self._open = (
-            False  # an interrupt before this line leaves the parts: the joint file may have its name by now
-        )
+        # an interrupt before this line does not remove the parts: the joint file may have its name already
+        self._open = False
         if self.rank == 0 and replaced is not None:
             replaced.remove()
 
