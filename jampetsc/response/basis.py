@@ -4,12 +4,16 @@ Let x₀ = −(K + s₁B)⁻¹(k_γ + s₁b_γ) be the field at the first shift 
 
     x(s) = x₀ − (s − s₁)(K + sB)⁻¹ g   exactly,
 
-so the whole response is one resolvent applied to one vector. The space is spanned by (K + s_jB)⁻¹ applied again and again
+so the whole response is one resolvent applied to one vector. Under Stokes drag the expansion starts at s₁ = ∞ instead, where x₀ = 0:
+
+    x(s) = −(K + sB)⁻¹ g ,    g = k_γ .
+
+The factor before the resolvent is called f(s) below, s − s₁ or 1. The space is spanned by (K + s_jB)⁻¹ applied again and again
 (rational Arnoldi, Ruhe 1984); Galerkin's residual for that resolvent is a number times one fixed vector,
 
-    (K + sB) V y(s) − g = φ(s) q ,    q = g − B V Vᵀg ,    φ(s) = − Π_i (s − s_i) / (s + λ_i) ,
+    (K + sB) V y(s) − g = φ(s) q ,    φ(s) = Π_i (s − s_i) / (s + λ_i) ,
 
-with s_i the shift of each step and λ_i the Ritz values: it vanishes at each shift as often as it was used, and tends to −1 at infinity.
+with s_i the shift of each step and λ_i the Ritz values: it vanishes at each shift as often as it was used.
 """
 
 import numpy as np
@@ -18,6 +22,7 @@ from jampetsc.mechanics.assembly import Pencil
 from jampetsc.mechanics.shifted import ShiftedFactor
 
 BREAKDOWN = 1e-13  # a new direction this short, relative to the vector it came from, is rounding: the space is complete
+ROW = 6.0  # |A| ≤ ROW max(diagonal) for the A of a contact network: six unknowns at most share a form
 
 
 class RationalBasis:
@@ -29,33 +34,48 @@ class RationalBasis:
     def __init__(self, pencil: Pencil, first: float, x0):
         self.pencil, self.first, self.x0 = pencil, first, x0
         self._in, self._out = pencil.K.createVecs()
-        image = self._apply(pencil.B, x0)
-        size = np.sqrt(self._sum(image @ image) + pencil.b_gamma.norm() ** 2)
-        self.g = self._without_torque(image + pencil.b_gamma.getArray())
-        # Where B is proportional to K (Kelvin and Voigt), x₀ is the answer at every frequency.
-        self.complete = not np.sqrt(self._sum(self.g @ self.g)) > BREAKDOWN * size
+        if np.isinf(first):
+            self.g = pencil.k_gamma.getArray().copy()
+        else:
+            self.g = self._without_torque(self._apply(pencil.B, x0) + pencil.b_gamma.getArray())
+        # No force is left where nothing moves against the strain (crystals), or where B is proportional to K (Kelvin
+        # and Voigt): then x₀ is the answer at every frequency.
+        self.complete = not np.sqrt(self._sum(self.g @ self.g)) > BREAKDOWN * self._size_of_terms()
         self._V, self._BV = np.empty((8, len(x0))), np.empty((8, len(x0)))  # a row per vector
         self.K = np.empty((0, 0))  # Vᵀ K V
         self.t = np.empty(0)  # Vᵀ g
         self.shifts = []  # one per vector
 
+    def _size_of_terms(self):
+        """How large the terms were that g is the sum of, as a norm."""
+        pencil = self.pencil
+        matrix, gg = (pencil.K, pencil.k_gg) if np.isinf(self.first) else (pencil.B, pencil.b_gg)
+        diagonal = matrix.getDiagonal()
+        most = ROW * diagonal.max()[1]
+        diagonal.destroy()
+        return most * np.sqrt(self._sum(self.x0 @ self.x0)) + np.sqrt(most * abs(gg))
+
     @classmethod
     def start(cls, pencil: Pencil, factor: ShiftedFactor) -> "RationalBasis":
-        """The basis that has x₀ at the shift of `factor` and no vectors yet."""
+        """The basis that has no vectors yet, and x₀ at the shift of `factor` or, under Stokes drag, at infinity."""
         x, r, image = (pencil.K.createVecRight() for _ in range(3))
         x.zeroEntries()
-        for _ in range(2):  # the second step refines: everything that follows starts from this field
-            pencil.K.mult(x, r)
-            pencil.B.mult(x, image)
-            r.axpy(factor.s, image)
-            r.axpy(1.0, pencil.k_gamma)
-            r.axpy(factor.s, pencil.b_gamma)
-            factor.solve(r, r)
-            x.axpy(-1.0, r)
+        if pencil.law.kind == "stokes":
+            first = np.inf
+        else:
+            first = factor.s
+            for _ in range(2):  # the second step refines: everything that follows starts from this field
+                pencil.K.mult(x, r)
+                pencil.B.mult(x, image)
+                r.axpy(factor.s, image)
+                r.axpy(1.0, pencil.k_gamma)
+                r.axpy(factor.s, pencil.b_gamma)
+                factor.solve(r, r)
+                x.axpy(-1.0, r)
         x0 = x.getArray().copy()
         for vector in (x, r, image):
             vector.destroy()
-        return cls(pencil, factor.s, x0)
+        return cls(pencil, first, x0)
 
     @classmethod
     def restore(cls, pencil: Pencil, first: float, x0, vectors, shifts) -> "RationalBasis":
@@ -127,16 +147,40 @@ class RationalBasis:
             force[2::3] = 0.0
         return force
 
+    def factor(self, s):
+        """f(s), what stands before the resolvent."""
+        return np.ones_like(s) if np.isinf(self.first) else s - self.first
+
+    @property
+    def rates(self):
+        """Ritz values λ (m,) ≥ 0."""
+        return np.maximum(np.linalg.eigvalsh(self.K), 0.0)
+
     def residual(self):
-        """q (n_local,), the fixed direction of Galerkin's residual."""
-        return self.g - self.t @ self._BV[: self.size]
+        """q (n_local,), the fixed direction of Galerkin's residual, up to its sign. Collective.
+
+        Formed at the real shift where |φ| is largest: what rounding does to the forces there is divided by |φ|, so that φ(s) q
+        is right to the rounding of forces at every s.
+        """
+        if not self.size:
+            return self.g
+        ends = [*self.shifts, *self.rates[self.rates > 0]]
+        trial = np.geomspace(1e-3 * min(ends), 1e3 * max(ends), 1000)
+        size = self._log_phi(trial)
+        best = int(np.argmax(size))
+        y = np.linalg.solve(self.K + trial[best] * np.eye(self.size), self.t)
+        force = self._apply(self.pencil.K, y @ self.vectors) + trial[best] * (y @ self._BV[: self.size]) - self.g
+        return force * np.exp(-size[best])
 
     def phi(self, omega):
         """|φ(iω)|², (M,), by its product formula: relatively exact however small it is."""
-        omega = np.asarray(omega, float)[:, None]
-        shifts, rates = np.sort(self.shifts), np.linalg.eigvalsh(self.K)
-        # Paired in order of size, so that no partial product can overflow.
-        return np.prod((omega**2 + shifts**2) / (omega**2 + rates**2), axis=1)
+        return np.exp(2.0 * self._log_phi(1j * np.asarray(omega, float)))
+
+    def _log_phi(self, s):
+        """log |φ(s)|, (M,); φ = 1 without vectors."""
+        s = s[:, None]
+        with np.errstate(divide="ignore"):  # φ = 0 at a shift
+            return np.sum(np.log(np.abs(s - self.shifts)) - np.log(np.abs(s + self.rates)), axis=1)
 
     def destroy(self):
         """Free the work vectors."""

@@ -11,9 +11,9 @@ from scipy.linalg import lapack, solve_triangular
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.compatibility import Compatibility
-from jampetsc.response.basis import RationalBasis
+from jampetsc.response.basis import ROW, RationalBasis
+from jampetsc.response.certificate import ROUNDING
 
-EPSILON = float(np.finfo(float).eps)
 
 
 class Galerkin:
@@ -70,52 +70,70 @@ class Galerkin:
 
     def _finish(self, motions, rates):
         c, volume = self.compatibility, self.network.area
-        still, modes = motions[:, 0], motions[:, 1:]
-        field = self.quasistatic
+        still, modes, field = motions[:, 0], motions[:, 1:], self.quasistatic
         loads = modes.T @ (c.w_B * still) + c.drag * (self.modes.T @ field)
         loads = self.network.sum(loads)  # h: viscous force of the quasistatic flow on each mode
         fast = still - modes @ loads
         flow = field - self.modes @ loads
-        sums = self.network.sum(
+        elastic, viscous = self.network.sum(
             np.array(
                 [
-                    c.w_K @ still**2,
-                    c.w_B @ fast**2 + c.drag * (flow @ flow),
-                    np.abs(c.w_K) @ still**2,
-                    c.w_B @ still**2 + c.drag * (field @ field),
-                    field @ field,
+                    [c.w_K @ still**2, c.size_K @ still**2, c.size_K @ c.g**2],
+                    [
+                        c.w_B @ fast**2 + c.drag * (flow @ flow),
+                        c.w_B @ still**2 + c.drag * (field @ field),
+                        c.w_B @ c.g**2,
+                    ],
                 ]
             )
         )
-        norms = self.network.sum(np.einsum("ij,ij->j", self.modes, self.modes))
+        G0, eta_inf = elastic[0] / volume, (viscous[0] + c.drag_gg) / volume
         weights = rates * loads**2 / volume
         self.loads = loads
-        self.spectrum = RelaxationSpectrum(
-            float(sums[0] / volume), float((sums[1] + c.drag_gg) / volume), rates, weights
-        )
-        # A sum Σ w a b is off by ε Σ w |a||b| and by what rounding did to a and b, ε|C||x| each: see `certificate`.
-        K_most, B_most = (6.0 * abs(matrix.getDiagonal().max()[1]) for matrix in (c.pencil.K, c.pencil.B))
-        viscous = np.sqrt(sums[3])
-        self._noise_G0 = 2.0 * EPSILON * float(sums[2] + np.sqrt(sums[2] * K_most * sums[4])) / volume
-        self._noise_eta = 2.0 * EPSILON * float(sums[3] + c.drag_gg + viscous * np.sqrt(B_most * sums[4])) / volume
-        of_rates = 2.0 * EPSILON * (2.0 + np.sqrt(K_most * norms / rates) + np.sqrt(B_most * norms))
-        of_loads = 2.0 * EPSILON * (viscous * (1.0 + np.sqrt(B_most * norms)) + np.sqrt(B_most * sums[4]))
-        self._noise_weights = weights * of_rates + rates * np.abs(loads) * of_loads / volume
+        self.spectrum = RelaxationSpectrum(float(G0), float(eta_inf), rates, weights)
+
+        # What rounding does to a sum Σ w a² : see `_rounding`. Reach: what the terms of the motions a = C x + g come to.
+        squares = np.column_stack((field**2, self.modes**2))
+        norms = np.sqrt(self.network.sum(squares.sum(axis=0)))
+        reach_K, reach_B = (np.sqrt(ROW * _most(matrix)) * norms for matrix in (c.pencil.K, c.pencil.B))
+        reach_K[0] += np.sqrt(elastic[2])
+        reach_B[0] += np.sqrt(viscous[2])
+        sizes = self.network.sum(c.size_K @ modes**2)
+        of_rates = _rounding(sizes, reach_K[1:]) / rates + _rounding(1.0, reach_B[1:])
+        of_loads = ROUNDING * (np.sqrt(viscous[1]) * (1.0 + reach_B[1:]) + reach_B[0])
+        self._noise_G0 = _rounding(elastic[1], reach_K[0]) / volume
+        # The flow minimises dissipation: rounding of its coefficients is of second order, that of its terms is not.
+        self._noise_eta = (_rounding(viscous[0], 2.0 * reach_B[0]) + ROUNDING * c.drag_gg) / volume
+        self._noise_weights = 2.0 * weights * of_rates + 2.0 * rates * np.abs(loads) * of_loads / volume
 
     def rounding(self, omega):
         """What rounding can have changed in G' and in G'', (M,) each."""
         omega = np.asarray(omega, float)
         x = omega[:, None] / self.spectrum.rates
         storage = self._noise_G0 + np.sum(self._noise_weights * (x * x / (1.0 + x * x)), axis=1)
-        # η_∞ is what is left of η₀ when the modes are taken away, so it carries the rounding of η₀, where that matters.
-        fast = np.prod(x * x / (1.0 + x * x), axis=1) if len(self.spectrum.rates) else 1.0
-        loss = self._noise_eta * omega * fast + np.sum(self._noise_weights * (x / (1.0 + x * x)), axis=1)
-        return storage, loss + 4.0 * EPSILON * omega * self.spectrum.eta_inf
+        loss = self._noise_eta * omega + np.sum(self._noise_weights * (x / (1.0 + x * x)), axis=1)
+        return storage, loss
 
     def field(self, omega: float):
         """The non-affine field x(iω), complex (n_local,): x_qs − iω Σ_m h_m φ_m / (λ_m + iω)."""
         spectrum = self.spectrum
         return self.quasistatic - self.modes @ (1j * omega * self.loads / (spectrum.rates + 1j * omega))
+
+
+def _rounding(size, reach):
+    """What rounding can do to a sum Σ w a² of the given size, when the terms of a reach that far (root of their squares).
+
+    Each a is off by ROUNDING times its terms: 2 Σ w a δa, by Cauchy and Schwarz, and Σ w δa².
+    """
+    return ROUNDING * np.sqrt(size) * (np.sqrt(size) + reach) + (ROUNDING * reach) ** 2
+
+
+def _most(matrix):
+    """Largest diagonal entry. Collective."""
+    diagonal = matrix.getDiagonal()
+    most = abs(diagonal.max()[1])
+    diagonal.destroy()
+    return most
 
 
 def _graded_eigen(K, B):

@@ -1,8 +1,8 @@
 """The whole spectrum from a handful of real factorisations, with a bound on the error at every frequency.
 
-Galerkin's method on a rational Krylov space (see `basis`). With residual r(iω) = −(iω − s₁) φ(iω) q the error of G* obeys
+Galerkin's method on a rational Krylov space (see `basis`). With residual r(iω) = f(iω) φ(iω) q the error of G* obeys
 
-    |ΔG*| V ≤ √2 rᴴ(K + ωB)⁻¹r = √2 (ω² + s₁²) |φ(iω)|² qᵀ(K + ωB)⁻¹q ,
+    |ΔG*| V ≤ √2 rᴴ(K + ωB)⁻¹r = √2 |f(iω) φ(iω)|² qᵀ(K + ωB)⁻¹q ,
 
 and qᵀ(K + sB)⁻¹q costs one solve with a factor at hand. From there to ω, with 0 ≤ K ≤ λ_max B:
 
@@ -103,8 +103,10 @@ class RationalSweep:
         rates, rotation = np.linalg.eigh(basis.K)
         loads = rotation.T @ basis.t
         relaxed = np.sum(loads**2 / (rates + s[:, None]), axis=1)
-        G = (self._still[0] + s * self._still[1] - (s - basis.first) ** 2 * relaxed) / self.pencil.network.area
-        return self.error / (self.accuracy * np.minimum(np.abs(G.real), np.abs(G.imag)))
+        G = (self._still[0] + s * self._still[1] - basis.factor(s) ** 2 * relaxed) / self.pencil.network.area
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = self.error / (self.accuracy * np.minimum(np.abs(G.real), np.abs(G.imag)))
+        return np.nan_to_num(ratio, nan=0.0, posinf=np.inf)  # 0/0: nothing dissipates, exactly
 
     def _error_bound(self):
         """Bound on |ΔG*| from all factors at hand, (M,)."""
@@ -124,7 +126,8 @@ class RationalSweep:
         best = np.min(energy[:, None] * transfer, axis=0)
         between = (omega > at[0]) & (omega < at[-1])
         best[between] = np.minimum(best[between], np.interp(omega[between], at, energy))
-        return np.sqrt(2.0) * (omega**2 + self.basis.first**2) * self.basis.phi(omega) * best / self.pencil.network.area
+        size = np.abs(self.basis.factor(1j * omega)) ** 2 * self.basis.phi(omega)
+        return np.sqrt(2.0) * size * best / self.pencil.network.area
 
     def finish(self) -> tuple[Galerkin, np.ndarray, np.ndarray]:
         """(Galerkin, G* (M,), bounds (M, 3) on |ΔG*|, |ΔG'|, |ΔG''|), rounding included.
