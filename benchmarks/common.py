@@ -1,0 +1,55 @@
+"""What the benchmarks share: packings made once, programs run with time and memory, a line about the machine."""
+
+import json
+import os
+import platform
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+FOLDER = Path(__file__).resolve().parent / "packings"  # not in git: made when first needed
+
+
+def packing(n: int, pressure: str, seed: int = 1) -> Path:
+    """A packing file of N disks at a pressure, made by `jampetsc pack` unless it is there."""
+    FOLDER.mkdir(exist_ok=True)
+    path = FOLDER / f"n{n}-p{pressure}-s{seed}.h5"
+    if not path.exists():
+        command = ["pack", "--n", n, "--pressure", pressure, "--seed", seed, "--out", path]
+        subprocess.run([sys.executable, "-m", "jampetsc", *map(str, command)], check=True, env=environment())
+    return path
+
+
+def environment() -> dict:
+    """Environment of a worker: one thread per rank, and what Open MPI wants of root."""
+    env = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    if os.getuid() == 0:
+        env |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+    return env
+
+
+def worker(script, *arguments, ranks: int = 1) -> dict:
+    """Run `script arguments…` in processes of its own; returns what it handed to `report`."""
+    start = ["mpirun", "--oversubscribe", "-n", str(ranks)] if ranks > 1 else []
+    done = subprocess.run(
+        [*start, sys.executable, str(script), *map(str, arguments)], capture_output=True, text=True, env=environment()
+    )
+    if done.returncode:
+        sys.exit(f"{script} {' '.join(map(str, arguments))} failed:\n{done.stderr[-2000:]}")
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def report(**values) -> None:
+    """Hand figures to the program that started this worker, with this process's peak memory in GB."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024**2
+    print(json.dumps(values | {"memory": peak}), flush=True)
+
+
+def machine() -> str:
+    """A line about where the figures come from."""
+    model = next(
+        (line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")),
+        platform.processor(),
+    )
+    return f"{model}, {len(os.sched_getaffinity(0))} cores, load {os.getloadavg()[0]:.1f}, one thread per rank"
