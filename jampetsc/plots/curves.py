@@ -87,8 +87,8 @@ def group_curves(curves) -> tuple[str, list]:
         )
     groups = []
     for n, (parts, found) in enumerate(members.items()):
-        label = ", ".join(part for part in parts if part) or ("" if len(members) > 1 else found[0].name)
-        groups.append(Group(label or "other", found, None, MARKERS[n % len(MARKERS)]))
+        label = ", ".join(part for part in parts if part) or "other"  # what only some files record
+        groups.append(Group(label, found, None, MARKERS[n % len(MARKERS)]))
     pressures = [g.curves[0].pressure for g in groups]
     shades = _by_pressure(pressures) if only_pressure else colours(len(groups))
     groups = [replace(group, colour=shade) for group, shade in zip(groups, shades, strict=True)]

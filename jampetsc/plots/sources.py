@@ -7,29 +7,27 @@ import numpy as np
 from jampetsc.errors import InputError
 from jampetsc.packing.disks import Disks
 from jampetsc.storage.packing_file import packing_identity, read_packing
-from jampetsc.storage.reader import SweepResult, load
+from jampetsc.storage.reader import load
 
 _SAME = 0.01  # a frequency asked for may differ from the stored one by this fraction: 0.0316 means 10^-1.5
 
 
 def open_files(paths):
-    """What each file holds: ("packing", [Disks]) or ("sweep", [SweepResult, …]).
+    """What the files hold: ("packing", [Disks]), ("sweep", [SweepResult, …]), ("spectrum", [Result, …]), ….
 
-    Raises InputError for a mixture, for several packings and for files that have no picture.
+    Raises InputError for a mixture, and for several packings.
     """
     found = [load(path) for path in paths]
-    packings = [isinstance(item, Disks) for item in found]
-    for path, item in zip(paths, found, strict=True):
-        if not isinstance(item, Disks | SweepResult):
-            raise InputError(f"{path}: is a {item.format} file: plot draws packings and sweeps")
-    if any(packings) and not all(packings):
+    held = ["packing" if isinstance(item, Disks) else item.format.removeprefix("jampetsc-") for item in found]
+    other = next((n for n, kind in enumerate(held) if kind != held[0]), None)
+    if other is not None:
+        hint = "; the packing of a sweep goes with --packing" if "packing" in held else ""
         raise InputError(
-            f"{paths[packings.index(True)]} is a packing, {paths[packings.index(False)]} a sweep: one "
-            "picture shows one or the other; the packing of a sweep goes with --packing"
+            f"{paths[0]} is a {held[0]}, {paths[other]} a {held[other]}: one picture shows one or the other{hint}"
         )
-    if packings[0] and len(paths) > 1:
+    if held[0] == "packing" and len(paths) > 1:
         raise InputError(f"{len(paths)} packings: one picture shows one packing; plot them one by one")
-    return ("packing" if packings[0] else "sweep"), found
+    return held[0], found
 
 
 def packing_of(result, given=None) -> Disks:
