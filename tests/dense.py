@@ -18,13 +18,11 @@ def total(high, low=None):
 def all_pairs(positions, radii, cell, images=2):
     """Overlapping pairs i < j as lists i, j, r (M, 2), by trying every image in turn."""
     found = []
-    for i in range(len(radii)):
-        for j in range(i + 1, len(radii)):
-            for a in range(-images, images + 1):
-                for b in range(-images, images + 1):
-                    r = positions[j] - positions[i] + a * cell[0] + b * cell[1]
-                    if r[0] ** 2 + r[1] ** 2 < (radii[i] + radii[j]) ** 2:
-                        found.append((i, j, r))
+    for a in range(-images, images + 1):
+        for b in range(-images, images + 1):
+            r = positions[None] - positions[:, None] + a * cell[0] + b * cell[1]
+            overlapping = (r**2).sum(axis=-1) < (radii + radii[:, None]) ** 2
+            found += [(i, j, r[i, j]) for i, j in np.argwhere(overlapping).tolist() if i < j]
     i, j, r = zip(*found, strict=True) if found else ((), (), ())
     return list(i), list(j), np.array(r, LONG).reshape(-1, 2)
 

@@ -1,11 +1,14 @@
 """Packings that tests share: published ones from tests/data, and small lattices made for one property each."""
 
 import json
+from functools import cache
 from pathlib import Path
 
 import h5py
 import numpy as np
+from dense import Reference
 
+from jampetsc.mechanics.laws import Law
 from jampetsc.packing.disks import Disks
 from jampetsc.packing.potentials import Potential
 
@@ -84,3 +87,37 @@ SAMPLES = {
     "gears": gears,
     "strips": strips,
 }
+
+LAWS = {
+    str(law): law
+    for law in (
+        Law(),
+        Law(rotations=False),
+        Law(prestress=False),
+        Law(beta=0.0),
+        Law(beta=1e-7),
+        Law(beta=1e2, tau1=2.5),
+        Law("stokes"),
+        Law("stokes", prestress=False, eta_f=1e-5),
+        Law("stokes", eta_f=0.0, tau1=0.3),
+    )
+}
+
+
+def laws_of(sample):
+    """Names of the laws to try: all of them on the published packing, some on the others."""
+    some = [Law(), Law("stokes")]
+    some += {"gears": [Law(prestress=False)], "two images": [Law(rotations=False)]}.get(sample, [])
+    return list(LAWS) if sample == "published" else [str(law) for law in some]
+
+
+@cache
+def reference(sample, law):
+    """The dense Reference of SAMPLES[sample] under LAWS[law], made once per process."""
+    return Reference(SAMPLES[sample](), LAWS[law])
+
+
+@cache
+def modulus(sample, law, omega):
+    """G*(ω) of that reference, complex."""
+    return reference(sample, law).modulus(omega)

@@ -27,6 +27,7 @@ class Compatibility:
     g: np.ndarray  # (rows,) local, per unit strain
     w_K: np.ndarray  # (rows,) local weights of a² in K
     w_B: np.ndarray  # (rows,) local weights of a² in B
+    size_K: np.ndarray  # (rows,) |w_K| plus what rounding may do to it, in units of ε: an overlap is off by ε σ
     drag: float  # kτ₁ under Stokes drag, else 0: the part of B that acts on disks, not contacts
     drag_gg: float  # the part of b_γγ that does not come from contacts, kτ₁ η_F V
 
@@ -48,6 +49,12 @@ def build_compatibility(pencil: Pencil) -> Compatibility:
         forms = (along, across)
         w = np.column_stack((w[:, 0], w[:, 1] + w[:, 2]))
     m, f, d = len(i), len(forms), law.dofs
+    size_K = np.abs(w.real)
+    contacts = network.contacts[once]
+    bend = contacts.stiffness * contacts.overlap / contacts.force - 1.0  # α − 2
+    size_K[:, 0] += contacts.stiffness * np.abs(bend) * contacts.sigma / contacts.overlap
+    if law.prestress:
+        size_K[:, 1] += contacts.stiffness * contacts.sigma / contacts.distance
     values = np.empty((m, f, 2 * d))
     g = np.empty((m, f))
     for row, (on_i, on_j, on_gamma) in enumerate(forms):
@@ -71,5 +78,6 @@ def build_compatibility(pencil: Pencil) -> Compatibility:
     )
     stokes = network.k * law.tau1 if law.kind == "stokes" else 0.0
     return Compatibility(
-        pencil, C, f, g.ravel(), w.real.ravel(), w.imag.ravel(), stokes, stokes * law.eta_f * network.area
-    )
+        pencil, C, f, g.ravel(), w.real.ravel(), w.imag.ravel(), size_K.ravel(), stokes,
+        stokes * law.eta_f * network.area,
+    )  # fmt: skip

@@ -2,7 +2,6 @@
 
 from jampetsc.errors import ConvergenceError
 from jampetsc.session import current
-from jampetsc.session import current
 
 WORKSPACE = (-8, -9, -14, -15, -17, -20)  # INFOG(1): some work array was too small; ICNTL(14) enlarges them
 MEMORY = (-13, -19)  # INFOG(1): the machine, or the limit ICNTL(23), has no more
@@ -34,19 +33,14 @@ def factorise(ksp, matrix, what: str) -> int:
             return attempt
         if code not in WORKSPACE or attempt == ATTEMPTS:
             raise explain(code, what)
-        options, option = current().PETSc.Options(), f"{ksp.getOptionsPrefix()}mat_mumps_icntl_14"
-        options.setValue(option, 2 * options.getInt(option, 20))
-        ksp.reset()  # a PC stays broken after such a failure until it is reset
-        ksp.setFromOptions()
+        enlarge(ksp, ksp.getOptionsPrefix())
         attempt += 1
 
 
 def explain(code, what: str) -> ConvergenceError:
     """The error to raise for a factorisation of `what` that failed with this INFOG(1)."""
     if code in WORKSPACE or code in MEMORY:
-        remedy = (
-            f"out of memory (MUMPS INFOG(1) = {code}); use more ranks or nodes, or -options_file options/low_memory.opts"
-        )
+        remedy = f"out of memory (MUMPS INFOG(1) = {code}); use more ranks or nodes, or -options_file options/low_memory.opts"
     elif code in OUT_OF_CORE:
         remedy = "MUMPS could not write its files (INFOG(1) = -90); free space in, or set, MUMPS_OOC_TMPDIR"
     elif code in SINGULAR:

@@ -51,6 +51,9 @@ class Functional:
         self.stiffest = abs(K.max()[1]), abs(B.max()[1])
         K.destroy()
         B.destroy()
+        squares = compatibility.g**2
+        affine = np.array([compatibility.size_K @ squares, compatibility.w_B @ squares])
+        self.affine = np.sqrt(compatibility.pencil.network.sum(affine))
 
     def residual(self, omega, x, r):
         """r ← c + A x, from the relative motions a = C x + g, which are kept for `certify`."""
@@ -74,16 +77,19 @@ class Functional:
             for sums in (
                 parts @ c.w_K,
                 parts @ c.w_B + drag,
-                parts @ np.abs(c.w_K),
+                parts @ c.size_K,
                 np.array([np.sum(field.real**2), np.sum(field.imag**2)]),
             )
         )
         B_rr += c.drag_gg
         elastic, viscous = complex(K_rr - K_ii, 2.0 * K_ri), complex(B_rr - B_ii, 2.0 * B_ri)
-        # a is off by ε|C||x|, and Σ w (|C||x|)² ≤ 6 max(diagonal) |x|², six unknowns at most in a row; the rest is
-        # Cauchy and Schwarz. Real and imaginary parts are kept apart: at low frequency they differ by many decades.
-        (e_Kr, e_Ki, e_Br, e_Bi) = np.sqrt([abs_rr, abs_ii, B_rr, B_ii])
-        d_Kr, d_Ki, d_Br, d_Bi = np.sqrt([6.0 * most * norm for most in self.stiffest for norm in (x_rr, x_ii)])
+        # Evaluating a is off by ε|C||x|, and Σ w (|C||x|)² ≤ 6 max(diagonal) |x|², six unknowns at most in a row. The
+        # coefficients are off by a few ε; they multiply relative motions, and g. The rest is Cauchy and Schwarz. Real
+        # and imaginary parts are kept apart: at low frequency they differ by many decades.
+        noise = e_Kr, e_Ki, e_Br, e_Bi = np.sqrt([abs_rr, abs_ii, B_rr, B_ii])
+        noise = 7.0 * noise + np.sqrt([6.0 * most * norm for most in self.stiffest for norm in (x_rr, x_ii)])
+        noise[::2] += 4.0 * self.affine
+        d_Kr, d_Ki, d_Br, d_Bi = noise
         storage = e_Kr * (e_Kr + d_Kr) + e_Ki * (e_Ki + d_Ki)
         storage += omega * (2.0 * e_Br * e_Bi + e_Br * d_Bi + e_Bi * d_Br)
         loss = 2.0 * e_Kr * e_Ki + e_Kr * d_Ki + e_Ki * d_Kr

@@ -78,18 +78,8 @@ class FrequencySolver:
     def _factorise(self, omega):
         """Factorise A; where MUMPS ran out of workspace, start afresh with twice as much."""
         pc = self.ksp.getPC()
-        what = f"K + iωB at ω = {omega:g}"
-        for attempt in range(5):
-            pc.setReusePreconditioner(False)
-            self.ksp.setOperators(self.A)
-            self.ksp.setUp()
-            self.factorisations += 1
-            code = mumps.failure(pc) if pc.getType() in ("cholesky", "lu") else 0
-            if not code or code > 0:
-                break
-            if code not in mumps.WORKSPACE or attempt == 4:
-                raise mumps.explain(code, what)
-            mumps.enlarge(self.ksp, PREFIX)
+        pc.setReusePreconditioner(False)
+        self.factorisations += mumps.factorise(self.ksp, self.A, f"K + iωB at ω = {omega:g}")
         pc.setReusePreconditioner(self.reuse)
         self.factorised = True
 

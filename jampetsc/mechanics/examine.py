@@ -1,0 +1,88 @@
+"""What K and B of a packing are like: sizes, symmetry as assembled, definiteness as counted."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from jampetsc.mechanics.assembly import Pencil, assemble
+from jampetsc.mechanics.inertia import Inertia, count_eigenvalues
+from jampetsc.mechanics.laws import Law
+from jampetsc.mechanics.network import Network
+from jampetsc.session import current
+
+
+@dataclass(frozen=True, eq=False)
+class Examination:
+    """Facts about the matrices of one law on one network."""
+
+    unknowns: int  # rows of K and B
+    nonzeros: int  # entries stored in each of K and B
+    pieces: int  # connected pieces of the contact graph
+    gears: int  # bipartite pieces, whose disks can turn like gears
+    pins: int  # unknowns held because nothing else holds them
+    asymmetry_K: float  # ‖K − Kᵀ‖ / ‖K‖ (Frobenius)
+    asymmetry_B: float
+    with_prestress: (
+        Inertia  # of K on the displacements, nothing pinned: two zeros per piece are its translations
+    )
+    without_prestress: Inertia
+    damping: Inertia  # of B, pinned unknowns left out
+
+    @property
+    def translations(self) -> int:
+        """Moves that cost no energy whatever the packing: two for each piece."""
+        return 2 * self.pieces
+
+
+def asymmetry(matrix) -> float:
+    """‖A − Aᵀ‖ / ‖A‖ in the Frobenius norm. Collective."""
+    PETSc = current().PETSc
+    difference = matrix.transpose(PETSc.Mat())
+    difference.axpy(-1.0, matrix, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    norm = matrix.norm(PETSc.NormType.FROBENIUS)
+    result = difference.norm(PETSc.NormType.FROBENIUS) / norm if norm else 0.0
+    difference.destroy()
+    return float(result)
+
+
+def elastic_inertia(network: Network, prestress: bool) -> Inertia:
+    """Inertia of K on the displacements, with nothing pinned. Collective; needs the real build.
+
+    Raises ConvergenceError if a factorisation fails.
+    """
+    pencil = assemble(network, Law("stokes", prestress=prestress))  # the law without angles and without pins
+    try:
+        return count_eigenvalues(pencil.K, f"K {'with' if prestress else 'without'} pre-stress")
+    finally:
+        pencil.destroy()
+
+
+def examine(network: Network, law: Law) -> Examination:
+    """Assemble K and B of `law` and measure them. Collective; needs the real build of PETSc.
+
+    Raises ConvergenceError if a factorisation fails.
+    """
+    pencil: Pencil = assemble(network, law)
+    info = pencil.K.getInfo(current().PETSc.Mat.InfoType.GLOBAL_SUM)
+    roots = pencil.pieces.roots
+    try:
+        facts = Examination(
+            unknowns=pencil.unknowns,
+            nonzeros=int(info["nz_used"]),
+            pieces=len(roots),
+            gears=int(np.count_nonzero(pencil.pieces.bipartite[roots])),
+            pins=len(pencil.pins),
+            asymmetry_K=asymmetry(pencil.K),
+            asymmetry_B=asymmetry(pencil.B),
+            with_prestress=None,
+            without_prestress=None,
+            damping=count_eigenvalues(pencil.B, "B", pencil.pins),
+        )
+    finally:
+        pencil.destroy()
+    current().check_options()  # before the long part
+    return replace(
+        facts,
+        with_prestress=elastic_inertia(network, prestress=True),
+        without_prestress=elastic_inertia(network, prestress=False),
+    )

@@ -1,0 +1,92 @@
+"""K, B and their border against the dense reference, on any number of ranks and in both scalar types."""
+
+import numpy as np
+import pytest
+from gathered import csr, dense, unknowns, whole
+from samples import LAWS, SAMPLES, laws_of, reference
+
+from jampetsc.mechanics.assembly import assemble
+from jampetsc.mechanics.compatibility import build_compatibility
+from jampetsc.mechanics.network import build_network
+from jampetsc.session import current
+
+pytestmark = pytest.mark.scalar("real", "complex")
+
+
+def pinned(matrix, pins, value):
+    """`matrix` with the rows and columns of `pins` replaced by `value` times those of the identity."""
+    matrix = matrix.copy()
+    matrix[pins], matrix[:, pins] = 0.0, 0.0
+    matrix[pins, pins] = value
+    return matrix
+
+
+@pytest.fixture(scope="module", params=SAMPLES)
+def cases(request):
+    """For some laws a Pencil, its dense Reference, and the reference's row of each unknown."""
+    network = build_network(SAMPLES[request.param](), current().comm)
+    made = []
+    for law in laws_of(request.param):
+        exact = reference(request.param, law)
+        made.append((assemble(network, LAWS[law]), exact, unknowns(network, exact.dofs, exact.disks)))
+    yield made
+    for pencil, *_ in made:
+        pencil.destroy()
+
+
+def test_matrices_and_border(cases):
+    for pencil, exact, rows in cases:
+        for name, border, corner, on_pin in (
+            ("K", pencil.k_gamma, pencil.k_gg, pencil.network.k),
+            ("B", pencil.b_gamma, pencil.b_gg, 0.0),
+        ):
+            wanted = getattr(exact, name).astype(float)
+            about = {"rtol": 0, "atol": 1e-13 * np.abs(wanted).max(), "err_msg": f"{name}, {pencil.law}"}
+            found = dense(getattr(pencil, name))
+            np.testing.assert_allclose(
+                found, pinned(wanted[np.ix_(rows, rows)], pencil.pins, on_pin), **about
+            )
+            np.testing.assert_allclose(found, found.T, **about | {"atol": 1e-3 * about["atol"]})
+            gamma = wanted[rows, -1].copy()
+            gamma[pencil.pins] = 0.0
+            np.testing.assert_allclose(whole(border), gamma, **about)
+            assert corner == pytest.approx(wanted[-1, -1], rel=1e-13), pencil.law
+
+
+def test_one_pattern_for_both(cases):
+    """Zeros are stored, so that K + sB needs no new pattern and no new symbolic factorisation."""
+    for pencil, *_ in cases:
+        for one, other in zip(csr(pencil.K)[:2], csr(pencil.B)[:2], strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
+def test_as_many_pins_as_moves_that_cost_nothing(cases):
+    for pencil, exact, _ in cases:
+        total = (exact.K + exact.B)[:-1, :-1].astype(float)
+        free = np.count_nonzero(np.linalg.svd(total, compute_uv=False) < 1e-12 * np.abs(total).max())
+        if pencil.law.kind == "stokes":
+            assert len(pencil.pins) == free == 0
+            continue
+        moves = exact.free_moves()
+        assert len(pencil.pins) == free == moves.shape[1], pencil.law
+        for matrix in (exact.K, exact.B):  # the strain does not couple to them either
+            assert np.abs(matrix[:, :-1] @ moves).max() < 1e-17 * np.abs(matrix).max()
+
+
+def test_sums_of_squares(cases):
+    """K = Cᵀ W_K C and B = Cᵀ W_B C + drag; borders and corners from g in the same way."""
+    for pencil, exact, rows in cases:
+        c = build_compatibility(pencil)
+        C = dense(c.C)
+        g, w_K, w_B = (np.concatenate(pencil.network.comm.allgather(local)) for local in (c.g, c.w_K, c.w_B))
+        assert len(g) == c.forms * exact.contacts
+        assert not C[:, pencil.pins].any()
+        extended = np.column_stack((C, g))
+        drag = np.diag([c.drag] * C.shape[1] + [c.drag_gg])
+        at = np.append(rows, -1)
+        for name, weight, extra in (("K", w_K, 0.0), ("B", w_B, drag)):
+            wanted = getattr(exact, name).astype(float)[np.ix_(at, at)]
+            about = {"rtol": 0, "atol": 1e-13 * np.abs(wanted).max(), "err_msg": f"{name}, {pencil.law}"}
+            found = extended.T @ (weight[:, None] * extended) + extra
+            np.testing.assert_allclose(found, pinned(wanted, pencil.pins, 0.0), **about)
+        c.destroy()
