@@ -11,6 +11,7 @@ from dense import Reference
 from jampetsc.mechanics.laws import Law
 from jampetsc.packing.disks import Disks
 from jampetsc.packing.potentials import Potential
+from jampetsc.storage.packing_file import read_packing
 
 DATA = Path(__file__).parent / "data"
 JAMBASHBULK = DATA / "jambashbulk-N16-P1e-3-0001.txt"
@@ -35,6 +36,11 @@ def polydisperse(index=0):
     return Disks.from_positions(
         positions, record["rad"], cell, Potential(stiffness="inverse-square-diameter")
     ), record
+
+
+def isostatic():
+    """24 disks at p = 1e-7, two of them rattlers: 43 contacts, one more than rigidity needs, and so one state of self-stress."""
+    return read_packing(DATA / "isostatic-N24-p1e-7.h5")
 
 
 def two_images():
@@ -83,6 +89,7 @@ SAMPLES = {
     "published": published,
     "hertzian": lambda: published("hertzian"),
     "polydisperse": lambda: polydisperse(3)[0],
+    "isostatic": isostatic,
     "two images": two_images,
     "gears": gears,
     "strips": strips,
