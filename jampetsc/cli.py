@@ -123,8 +123,9 @@ def command_parser(words):
     asked = words[0] if words else ""
     if asked and asked not in COMMANDS and not asked.startswith("-"):
         raise InputError(f"{asked}: no such command{_did_you_mean(asked, COMMANDS)} (see jampetsc --help)")
-    for module in [COMMANDS[asked]] if asked in COMMANDS else COMMANDS.values():
-        importlib.import_module(module).add_parser(subparsers)
+    names = [asked] if asked in COMMANDS else [] if asked == "--version" else COMMANDS
+    for name in names:
+        importlib.import_module(COMMANDS[name]).add_parser(subparsers)
     return parser, subparsers
 
 
