@@ -8,12 +8,14 @@ so the whole response is one resolvent applied to one vector. Under Stokes drag 
 
     x(s) = −(K + sB)⁻¹ g ,    g = k_γ .
 
-The factor before the resolvent is called f(s) below, s − s₁ or 1. The space is spanned by (K + s_jB)⁻¹ applied again and again
-(rational Arnoldi, Ruhe 1984); Galerkin's residual for that resolvent is a number times one fixed vector,
+The factor before the resolvent is called f(s) below, s − s₁ or 1. In the space that (K + s_jB)⁻¹, applied again and again to g,
+spans (rational Krylov, Ruhe 1984) Galerkin's residual for that resolvent is a number times one fixed vector,
 
     (K + sB) V y(s) − g = φ(s) q ,    φ(s) = Π_i (s − s_i) / (s + λ_i) ,
 
-with s_i the shift of each step and λ_i the Ritz values: it vanishes at each shift as often as it was used.
+with s_i the shift of each step and λ_i the Ritz values: it vanishes at each shift as often as it was used. So (K + sB)⁻¹q is what is
+missing at s, and is the next vector: in exact arithmetic the one that Arnoldi's recurrence gives, but free of the
+cancellation that the recurrence suffers where it finds little new.
 """
 
 import numpy as np
@@ -21,7 +23,7 @@ import numpy as np
 from jampetsc.mechanics.assembly import Pencil
 from jampetsc.mechanics.shifted import ShiftedFactor
 
-BREAKDOWN = 1e-13  # a new direction this short, relative to the vector it came from, is rounding: the space is complete
+BREAKDOWN = 1e-14  # what is left is rounding when it is this small, relative to what it is the difference of
 ROW = 6.0  # |A| ≤ ROW max(diagonal) for the A of a contact network: six unknowns at most share a form
 
 
@@ -38,6 +40,7 @@ class RationalBasis:
             self.g = pencil.k_gamma.getArray().copy()
         else:
             self.g = self._without_torque(self._apply(pencil.B, x0) + pencil.b_gamma.getArray())
+        self._most_K = ROW * largest_entry(pencil.K)
         # No force is left where nothing moves against the strain (crystals), or where B is proportional to K (Kelvin
         # and Voigt): then x₀ is the answer at every frequency.
         self.complete = not np.sqrt(self._sum(self.g @ self.g)) > BREAKDOWN * self._size_of_terms()
@@ -50,9 +53,7 @@ class RationalBasis:
         """How large the terms were that g is the sum of, as a norm."""
         pencil = self.pencil
         matrix, gg = (pencil.K, pencil.k_gg) if np.isinf(self.first) else (pencil.B, pencil.b_gg)
-        diagonal = matrix.getDiagonal()
-        most = ROW * diagonal.max()[1]
-        diagonal.destroy()
+        most = ROW * largest_entry(matrix)
         return most * np.sqrt(self._sum(self.x0 @ self.x0)) + np.sqrt(most * abs(gg))
 
     @classmethod
@@ -82,7 +83,7 @@ class RationalBasis:
         """The basis of an earlier run: x0 (n_local,), vectors (m, n_local) as in `vectors`, their shifts (m,)."""
         basis = cls(pencil, first, x0)
         for vector, shift in zip(vectors, shifts, strict=True):
-            basis._append(vector, shift)
+            basis.append(vector, shift)
         return basis
 
     @property
@@ -100,11 +101,18 @@ class RationalBasis:
         for _ in range(count):
             if self.complete:
                 return
-            self._in.setArray(self._BV[self.size - 1] if self.size else self.g)
+            self._in.setArray(self.source())
+            if self.complete:
+                return
             factor.solve(self._in, self._in)
-            self._append(self._in.getArray().copy(), factor.s)
+            self.append(self._in.getArray().copy(), factor.s)
 
-    def _append(self, w, s):
+    def source(self):
+        """The force (n_local,) whose solution at a shift is the next vector; `complete` where there is none. Collective."""
+        return self.residual()
+
+    def append(self, w, s) -> None:
+        """Add the direction of w (n_local,), made with shift s, unless it is in the space already."""
         m = self.size
         V = self.vectors
         length = None
@@ -160,7 +168,7 @@ class RationalBasis:
         """q (n_local,), the fixed direction of Galerkin's residual, up to its sign. Collective.
 
         Formed at the real shift where |φ| is largest: what rounding does to the forces there is divided by |φ|, so that φ(s) q
-        is right to the rounding of forces at every s.
+        is right to the rounding of forces at every s. Where nothing but rounding is left the space is `complete`.
         """
         if not self.size:
             return self.g
@@ -169,7 +177,11 @@ class RationalBasis:
         size = self._log_phi(trial)
         best = int(np.argmax(size))
         y = np.linalg.solve(self.K + trial[best] * np.eye(self.size), self.t)
-        force = self._apply(self.pencil.K, y @ self.vectors) + trial[best] * (y @ self._BV[: self.size]) - self.g
+        field = y @ self.vectors
+        viscous = trial[best] * (y @ self._BV[: self.size])
+        force = self._apply(self.pencil.K, field) + viscous - self.g
+        terms = np.sqrt(self._sum(np.array([a @ a for a in (field, viscous, self.g, force)])))
+        self.complete = bool(terms[3] <= BREAKDOWN * (self._most_K * terms[0] + terms[1] + terms[2]))
         return force * np.exp(-size[best])
 
     def phi(self, omega):
@@ -186,3 +198,11 @@ class RationalBasis:
         """Free the work vectors."""
         self._in.destroy()
         self._out.destroy()
+
+
+def largest_entry(matrix) -> float:
+    """Largest diagonal entry of a matrix of squares, so the largest of all. Collective."""
+    diagonal = matrix.getDiagonal()
+    most = diagonal.max()[1]
+    diagonal.destroy()
+    return float(most)

@@ -11,9 +11,10 @@ from scipy.linalg import lapack, solve_triangular
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.compatibility import Compatibility
-from jampetsc.response.basis import ROW, RationalBasis
-from jampetsc.response.certificate import ROUNDING
+from jampetsc.response.basis import ROW, RationalBasis, largest_entry
 
+
+ROUNDING = 4.0 * float(np.finfo(float).eps)  # of a motion, relative to its terms: bond, distance, normal, products, their sum
 
 
 class Galerkin:
@@ -95,7 +96,7 @@ class Galerkin:
         # What rounding does to a sum Σ w a² : see `_rounding`. Reach: what the terms of the motions a = C x + g come to.
         squares = np.column_stack((field**2, self.modes**2))
         norms = np.sqrt(self.network.sum(squares.sum(axis=0)))
-        reach_K, reach_B = (np.sqrt(ROW * _most(matrix)) * norms for matrix in (c.pencil.K, c.pencil.B))
+        reach_K, reach_B = (np.sqrt(ROW * largest_entry(matrix)) * norms for matrix in (c.pencil.K, c.pencil.B))
         reach_K[0] += np.sqrt(elastic[2])
         reach_B[0] += np.sqrt(viscous[2])
         sizes = self.network.sum(c.size_K @ modes**2)
@@ -126,14 +127,6 @@ def _rounding(size, reach):
     Each a is off by ROUNDING times its terms: 2 Σ w a δa, by Cauchy and Schwarz, and Σ w δa².
     """
     return ROUNDING * np.sqrt(size) * (np.sqrt(size) + reach) + (ROUNDING * reach) ** 2
-
-
-def _most(matrix):
-    """Largest diagonal entry. Collective."""
-    diagonal = matrix.getDiagonal()
-    most = abs(diagonal.max()[1])
-    diagonal.destroy()
-    return most
 
 
 def _graded_eigen(K, B):
