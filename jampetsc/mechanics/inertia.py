@@ -79,3 +79,22 @@ def _negative(ksp, matrix, what):
     """Number of negative eigenvalues of a regular matrix."""
     mumps.factorise(ksp, matrix, what)
     return ksp.getPC().getFactorMatrix().getInertia()[0]
+
+
+def count_below(matrix, value: float, what: str) -> int:
+    """Number of eigenvalues of a distributed real symmetric PETSc Mat below `value`, which is none of them. Collective.
+
+    One LDLᵀ factorisation of A − value. Raises ConvergenceError if it fails.
+    """
+    session = current()
+    session.set_defaults(DEFAULTS)
+    shifted = matrix.copy()
+    shifted.shift(-value)
+    ksp = session.PETSc.KSP().create(matrix.getComm())
+    ksp.setOptionsPrefix(PREFIX)
+    ksp.setFromOptions()
+    try:
+        return _negative(ksp, shifted, what)
+    finally:
+        ksp.destroy()
+        shifted.destroy()

@@ -1,0 +1,172 @@
+"""Lowest eigenpairs of K with nothing pinned: shift-invert Lanczos through SLEPc, or LAPACK for a large part
+of the spectrum.
+
+The shift σ < 0 lies just below the spectrum, so K − σ is positive definite; translations of connected pieces
+are known and deflated. (With σ = 0 SLEPc would attach them to K as its null space.) The options prefix is
+`modes_`.
+"""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import eigh
+from scipy.sparse import csr_array
+
+from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.mechanics.assembly import Pencil
+from jampetsc.session import current
+
+PREFIX = "modes_"
+SHIFT = 1e-9  # −σ in units of the contact stiffness: below the softest modes, and far enough above rounding
+SPARE = 2  # eigenpairs more than asked for: the first one tells where the last one asked for ends
+DENSE = 8192  # unknowns up to which LAPACK finds all eigenpairs
+
+
+@dataclass(frozen=True, eq=False)
+class Eigenpairs:
+    """The lowest eigenvalues of K, increasing, translations left out."""
+
+    values: np.ndarray  # (m,)
+    vectors: np.ndarray  # (m, unknowns_local), of unit length on all ranks together
+    residuals: np.ndarray  # (m,) ‖K φ − λ φ‖, in units of k
+    method: str
+    iterations: int
+
+
+def translations(pencil: Pencil):
+    """Orthonormal translations of the connected pieces, (2 pieces, unknowns_local)."""
+    network, label = pencil.network, pencil.pieces.label
+    roots, sizes = np.unique(label, return_counts=True)
+    mine = label[network.first : network.last]
+    moves = np.zeros((len(roots), 2, len(mine), 2))
+    for piece, (root, size) in enumerate(zip(roots, sizes, strict=True)):
+        for axis in range(2):
+            moves[piece, axis, mine == root, axis] = 1.0 / np.sqrt(size)
+    return moves.reshape(2 * len(roots), -1)
+
+
+def lowest(pencil: Pencil, count: int, stiffness: float) -> Eigenpairs:
+    """At least `count` eigenpairs of K, and one more if there is one, to tell where they end. Collective.
+
+    pencil      K with nothing pinned (the Stokes law), positive semi-definite
+    stiffness   the largest contact stiffness, which sets the scale
+
+    Raises InputError when there are not so many, ConvergenceError when SLEPc does not find them.
+    """
+    moves = translations(pencil)
+    there = pencil.unknowns - len(moves)
+    if count > there:
+        raise InputError(f"{count} modes: K has {there} besides its translations; ask for no more")
+    if 2 * (count + SPARE) < there:
+        return _krylov(pencil, moves, count + SPARE, stiffness)
+    if pencil.unknowns > DENSE:
+        raise InputError(
+            f"{count} of {there} modes: so large a part of the spectrum is found up to {DENSE // 2} disks; "
+            "ask for fewer"
+        )
+    return _dense(pencil, moves, min(count + SPARE, there), stiffness)
+
+
+def _krylov(pencil, moves, count, stiffness):
+    session = current()
+    SLEPc = session.SLEPc
+    if SLEPc is None:
+        raise InputError(
+            "slepc4py is missing: install it for the PETSc in use (Debian: python3-slepc4py-real)"
+        )
+    _set_defaults(session, pencil.network.comm.size)
+    deflated = [_vector(pencil, move) for move in moves]
+    eps = SLEPc.EPS().create(pencil.network.comm)
+    eps.setOptionsPrefix(PREFIX)
+    eps.setOperators(pencil.K)
+    eps.setProblemType(SLEPc.EPS.ProblemType.HEP)
+    eps.setDimensions(count)
+    eps.setTarget(-SHIFT * stiffness)
+    eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
+    eps.setDeflationSpace(deflated)
+    eps.setFromOptions()
+    try:
+        eps.setUp()
+        session.check_options()
+        eps.solve()
+        found, reason = eps.getConverged(), eps.getConvergedReason()
+        if found < count:
+            raise ConvergenceError(
+                f"SLEPc found {found} of {count} modes in {eps.getIterationNumber()} restarts (reason "
+                f"{reason}); try a larger "
+                "-modes_eps_ncv or -modes_eps_max_it"
+            )
+        values = np.array([eps.getEigenvalue(row).real for row in range(found)])
+        order = np.argsort(values, kind="stable")
+        vector = pencil.K.createVecRight()
+        vectors = np.empty((found, vector.getLocalSize()))
+        residuals = np.empty(found)
+        for row, index in enumerate(order):
+            eps.getEigenvector(int(index), vector)
+            vectors[row] = vector.getArray()
+            residuals[row] = eps.computeError(int(index), SLEPc.EPS.ErrorType.ABSOLUTE)
+        vector.destroy()
+        return Eigenpairs(values[order], vectors, residuals, eps.getType(), eps.getIterationNumber())
+    finally:
+        for item in (eps, *deflated):
+            item.destroy()
+
+
+def _set_defaults(session, ranks):
+    alone = ranks == 1 and session.PETSc.Sys.hasExternalPackage("suitesparse")
+    session.set_defaults(
+        {
+            PREFIX + "eps_type": "krylovschur",
+            PREFIX + "eps_tol": "1e-12",
+            PREFIX + "eps_max_it": "300",
+            PREFIX + "st_type": "sinvert",
+            PREFIX + "st_ksp_type": "preonly",
+            PREFIX + "st_pc_type": "cholesky",
+            PREFIX + "st_pc_factor_mat_solver_type": "cholmod" if alone else "mumps",
+            **(
+                {PREFIX + "st_mat_cholmod_factor": "SUPERNODAL"}
+                if alone
+                else {PREFIX + "st_mat_mumps_icntl_7": "2"}
+            ),
+        }
+    )
+
+
+def _vector(pencil, values):
+    vector = pencil.K.createVecRight()
+    vector.setArray(values)
+    return vector
+
+
+def _dense(pencil, moves, count, stiffness):
+    """All of a small K by LAPACK, on rank 0."""
+    network = pencil.network
+    comm = network.comm
+    parts = comm.gather((pencil.K.getValuesCSR(), moves))
+    values = shares = None
+    if comm.rank == 0:
+        K = np.vstack([_rows(csr, pencil.unknowns) for csr, _ in parts])
+        whole = np.hstack([share for _, share in parts])
+        # Translations are lifted above the rest: a row of K sums to no more than this in absolute values.
+        K += (2.0 * np.abs(K).sum(axis=1).max() + stiffness) * (whole.T @ whole)
+        values, vectors = eigh(K, overwrite_a=True, driver="evd")
+        values, vectors = values[:count], vectors[:, :count].T
+        ends = np.cumsum([0, *(share.shape[1] for _, share in parts)])
+        shares = [vectors[:, a:b].copy() for a, b in itertools.pairwise(ends)]
+    values, vectors = comm.bcast(values), comm.scatter(shares)
+    x, y = pencil.K.createVecs()
+    residuals = np.empty(count)
+    for row in range(count):
+        x.setArray(vectors[row])
+        pencil.K.mult(x, y)
+        y.axpy(-values[row], x)
+        residuals[row] = y.norm()
+    x.destroy()
+    y.destroy()
+    return Eigenpairs(values, vectors, residuals, "lapack", 1)
+
+
+def _rows(csr, columns):
+    indptr, indices, values = csr
+    return csr_array((values, indices, indptr), shape=(len(indptr) - 1, columns)).toarray()

@@ -1,0 +1,201 @@
+"""Low modes of K: how floppy they are, how much of the response to shear they carry, and proof that none was
+missed.
+
+A mode φ of eigenvalue λ moves the contacts by a∥, a⊥ (BT eq. 4): λ = Σ_c [k a∥² − (f/r) a⊥²] with |φ| = 1.
+Floppy modes slide, a⊥ ≫ a∥. With F = k_γ·φ, the force of a unit shear on the mode, the non-affine response is
+the sum over modes
+
+    ũ = −Σ (F/λ) φ ,     (G_affine − G₀) V = Σ F²/λ .
+
+The count is certified by Sylvester's law: as many eigenvalues below μ, just above the last mode, as LDLᵀ of K
+− μ has negative pivots.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.mechanics.assembly import Pencil, assemble
+from jampetsc.mechanics.compatibility import Compatibility, build_compatibility
+from jampetsc.mechanics.inertia import SHIFT, count_below
+from jampetsc.mechanics.laws import Law
+from jampetsc.mechanics.network import Network
+from jampetsc.response.eigen import Eigenpairs, lowest
+from jampetsc.response.elastic import ElasticResponse
+from jampetsc.response.job import split_field
+
+GAP = 1e-7  # eigenvalues closer than this, relatively, belong together: a count cannot tell them apart
+ATTEMPTS = 4  # with more modes each time, where a cluster goes on or the count shows that some were missed
+RESIDUAL = (
+    1e-9  # largest ‖Kφ − λφ‖ accepted, in units of the stiffness: |Δλ| is below its square over the gap
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """m modes of one network, eigenvalues increasing, translations left out. Units of k."""
+
+    network: Network
+    prestress: bool
+    eigenvalues: np.ndarray  # (m,) λ, in k
+    vectors: np.ndarray  # (m, n_local, 2) φ, |φ| = 1
+    residuals: np.ndarray  # (m,) ‖Kφ − λφ‖, in k
+    normal: np.ndarray  # (m,) mean over contacts of a∥²
+    transverse: np.ndarray  # (m,) mean over contacts of a⊥²
+    participation: np.ndarray  # (m,) (Σ|φ_i|²)²/(n Σ|φ_i|⁴), 1 if all disks move alike
+    shear_force: np.ndarray  # (m,) F = k_γ·φ per unit strain
+    share_nonaffine: np.ndarray | None  # (m,) of Σ|ũ_i|²; None where zero modes leave ũ undetermined
+    share_modulus: np.ndarray | None  # (m,) of G_affine − G₀
+    inertia_count: int  # eigenvalues below `inertia_shift`, translations left out, by inertia: equals m
+    inertia_shift: float  # μ, in k
+    complete: bool  # these are all modes of K
+    method: str
+    iterations: int
+
+    @property
+    def floppiness(self):
+        """rms a⊥ over rms a∥, (m,); infinite for a mode that only slides."""
+        with np.errstate(divide="ignore"):
+            return np.sqrt(self.transverse / self.normal)
+
+
+def lowest_modes(
+    network: Network, prestress: bool = True, count: int | None = None, below: float | None = None
+) -> Modes:
+    """The lowest `count` modes, or all `below` an eigenvalue (in k), or all there are if both are None.
+    Collective.
+
+    Where the last one belongs to a cluster of equal eigenvalues, the whole cluster is returned. Needs the
+    real build.
+
+    Raises InputError for a packing that is not a minimum, for more modes than there are and for none below;
+    ConvergenceError when SLEPc fails or the count does not come out.
+    """
+    stiffness = network.max(float(network.contacts.stiffness.max(initial=0.0)))
+    pencil = assemble(
+        network, Law("stokes", prestress=prestress)
+    )  # the law that has no angles and pins nothing
+    compatibility = build_compatibility(pencil)
+    try:
+        negative = count_below(pencil.K, -SHIFT * stiffness, "K")
+        if negative:
+            raise InputError(
+                f"K has {negative} negative mode{'s' * (negative > 1)}: not a minimum of the energy; quench "
+                "it "
+                "(`jampetsc pack --from`) or use --no-prestress"
+            )
+        free = 2 * len(pencil.pieces.roots)
+        there = pencil.unknowns - free
+        if below is not None:
+            count = count_below(pencil.K, below, "K − λ") - free
+            if count <= 0:
+                raise InputError(
+                    f"--below {below:g}: no mode lies there; raise it, or ask for a number with --count"
+                )
+        pairs, kept, shift = _certified(pencil, compatibility, there if count is None else count, stiffness)
+        return _describe(pencil, compatibility, prestress, pairs, kept, shift)
+    finally:
+        compatibility.destroy()
+        pencil.destroy()
+
+
+def _certified(pencil, compatibility, count, stiffness):
+    """(pairs, m, μ): eigenpairs of which the first m ≥ count are all there are below μ, by inertia."""
+    free = 2 * len(pencil.pieces.roots)
+    there = pencil.unknowns - free
+    wanted = count
+    for _ in range(ATTEMPTS):
+        pairs = _with_quotients(lowest(pencil, wanted, stiffness), compatibility)
+        worst = pairs.residuals.max()
+        if worst > RESIDUAL * stiffness:
+            raise ConvergenceError(
+                f"a mode has a residual of {worst:.1e}: tighten -modes_eps_tol or change the factorisation"
+            )
+        kept, shift = _cut(pairs.values, count, there, stiffness)
+        if kept == there:
+            return pairs, kept, shift
+        if kept is None:  # a cluster that goes on: find more of it
+            wanted = min(there, wanted + 8)
+            continue
+        counted = count_below(pencil.K, shift, "K − μ") - free
+        if counted == kept:
+            return pairs, kept, shift
+        wanted = max(wanted, min(there, counted))
+    raise ConvergenceError(
+        f"{len(pairs.values)} modes were found from number 1 on, and their count does not agree with "
+        "inertia: some of a "
+        "cluster are missed; try a larger -modes_eps_ncv"
+    )
+
+
+def _with_quotients(pairs, compatibility):
+    """The same pairs with λ = Σ w a², summed contact by contact: small eigenvalues keep their digits."""
+    values = np.array(
+        [compatibility.w_K @ _motions(compatibility, vector).ravel() ** 2 for vector in pairs.vectors]
+    )
+    values = compatibility.pencil.network.sum(values)
+    order = np.argsort(values, kind="stable")
+    return Eigenpairs(
+        values[order], pairs.vectors[order], pairs.residuals[order], pairs.method, pairs.iterations
+    )
+
+
+def _motions(compatibility: Compatibility, x):
+    """a∥ and a⊥ of the contacts without imposed strain, (contacts_local, 2)."""
+    field, a = compatibility.C.createVecs()
+    field.setArray(x)
+    compatibility.C.mult(field, a)
+    motions = a.getArray().reshape(-1, 2).copy()
+    field.destroy()
+    a.destroy()
+    return motions
+
+
+def _cut(values, count, there, stiffness):
+    """(m, μ): the end of the cluster that eigenvalue number `count` belongs to, and a number in the gap above
+    it.
+
+    (None, None) if the values end before it.
+    """
+    for m in range(count, len(values)):
+        low, high = values[m - 1], values[m]
+        if high - low > GAP * abs(high) + SHIFT * stiffness:
+            return m, float(0.5 * (low + high))
+    return (there, float(values[-1])) if len(values) == there else (None, None)
+
+
+def _describe(pencil: Pencil, compatibility, prestress, pairs, m, shift):
+    network = pencil.network
+    values, vectors = pairs.values[:m], pairs.vectors[:m]
+    sums = np.empty((m, 4))
+    push = pencil.k_gamma.getArray()
+    for row, vector in enumerate(vectors):
+        squares = np.sum(vector.reshape(-1, 2) ** 2, axis=1)
+        sums[row] = *np.sum(_motions(compatibility, vector) ** 2, axis=0), np.sum(squares**2), push @ vector
+    sums = network.sum(sums)
+    contacts, force = network.contact_count, sums[:, 3]
+    shares = _shares(network, prestress, values, force)
+    return Modes(
+        network, prestress, values, vectors.reshape(m, -1, 2), pairs.residuals[:m],
+        normal=sums[:, 0] / contacts, transverse=sums[:, 1] / contacts,
+        participation=1.0 / (network.n * sums[:, 2]),
+        shear_force=force, share_nonaffine=shares[0], share_modulus=shares[1],
+        inertia_count=m, inertia_shift=shift, complete=m == pencil.unknowns - 2 * len(pencil.pieces.roots),
+        method=pairs.method, iterations=pairs.iterations,
+    )  # fmt: skip
+
+
+def _shares(network, prestress, values, force):
+    """What each mode carries of Σ|ũ|² and of G_affine − G₀; (None, None) where zero modes leave ũ
+    undetermined.
+    """
+    if values[0] <= SHIFT:
+        return None, None
+    elastic = ElasticResponse(network, prestress)
+    shear = elastic.shear()
+    field, _ = split_field(elastic.pencil, shear.x)
+    square = network.sum(float(np.sum(field**2)))
+    nonaffine = elastic.pencil.k_gg - shear.value
+    elastic.destroy()
+    return (force / values) ** 2 / square, force**2 / values / nonaffine

@@ -1,0 +1,64 @@
+"""The modes of a packing as a run: read, solve, write the result file."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+
+from jampetsc.errors import InputError
+from jampetsc.mechanics.network import build_network
+from jampetsc.response.modes import Modes, lowest_modes
+from jampetsc.response.record import run_record
+from jampetsc.session import current
+from jampetsc.storage.packing_file import packing_identity, read_packing
+from jampetsc.storage.result_file import ResultWriter
+
+FORMAT = "jampetsc-modes"
+
+
+def run(packing, out, prestress: bool, count=None, below=None) -> Modes:
+    """Find modes as `lowest_modes` does and write them.
+
+    Collective. Raises as that does, naming the packing.
+    """
+    started = time.perf_counter()
+    session = current()
+    disks, identity = read_packing(packing), packing_identity(packing)
+    try:
+        network = build_network(disks, session.comm)
+        with session.stage("modes"):
+            modes = lowest_modes(network, prestress, count, below)
+    except InputError as error:
+        raise InputError(f"{packing}: {error}") from None
+    with session.stage("output"), ResultWriter(Path(out), FORMAT, session.comm) as writer:
+        _write(writer, modes)
+        writer.attributes(**run_record(disks, identity, {"prestress": prestress}, network, started))
+    return modes
+
+
+def _write(writer, modes):
+    writer.distributed("particles", modes.network.particles)
+    writer.distributed("modes", modes.vectors, axis=1)
+    per_mode = {
+        "eigenvalues": modes.eigenvalues,
+        "residuals": modes.residuals,
+        "normal": modes.normal,
+        "transverse": modes.transverse,
+        "participation_ratio": modes.participation,
+        "floppiness": modes.floppiness,
+        "shear_force": modes.shear_force,
+    }
+    if modes.share_modulus is not None:
+        shares = {"nonaffine": modes.share_nonaffine, "modulus": modes.share_modulus}
+        per_mode |= {f"share/{name}": share for name, share in shares.items()}
+        per_mode |= {f"cumulative/{name}": np.cumsum(share) for name, share in shares.items()}
+    for name, values in per_mode.items():
+        writer.dataset(name, values)
+    writer.attributes(
+        inertia_count=modes.inertia_count,
+        inertia_shift=modes.inertia_shift,
+        complete=modes.complete,
+        method=modes.method,
+        restarts=modes.iterations,
+        contacts=modes.network.contact_count,
+    )

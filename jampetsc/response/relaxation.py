@@ -1,0 +1,73 @@
+"""Fields that minimise a sum of squares over contacts, by a factor at hand, refined and certified.
+
+For weights w and an imposed strain that moves the contacts by g, the field x that minimises
+
+    E(x) = Σ_c w (C x + g)²
+
+obeys r = Cᵀ w (C x + g) = 0. At the minimum E = Σ w g (C x + g) as well (the border's form, k_γγ + k_γᵀx):
+their difference is xᵀr.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jampetsc.errors import ConvergenceError
+from jampetsc.mechanics.compatibility import Compatibility
+
+LARGEST_ERROR = 1e-8  # of a field, relative, in the energy norm: 1e-16 of the energy
+LARGEST_DEFECT = 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class Relaxed:
+    """The minimiser. Arrays hold this rank's share."""
+
+    x: np.ndarray  # (unknowns_local,)
+    motions: np.ndarray  # (contacts_local, forms): C x + g
+    value: float  # E = Σ w (C x + g)² on all ranks
+    error: float  # ‖x − exact‖ / ‖exact − start‖ in the energy norm, estimated with the residual
+    defect: float  # |Σ w a² − Σ w g a| / Σ |w| a², zero but for rounding
+
+
+def relax(compatibility: Compatibility, weights, solve, g, what: str, start=None) -> Relaxed:
+    """Minimise from `start` (zero if None), with one step of refinement. Collective.
+
+    weights, g   (rows_local,) per row of C
+    solve        solve(rhs, out) with PETSc vectors: out ← A⁻¹ rhs, for the unknowns that may move
+    what         names the field, for messages
+
+    Raises ConvergenceError where the field is not certain to 1e-8 in the energy norm, or where E in its two
+    forms differs by more than 1e-8.
+    """
+    C, network = compatibility.C, compatibility.pencil.network
+    x, a = C.createVecs()
+    r, z = x.duplicate(), x.duplicate()
+    if start is None:
+        x.zeroEntries()
+    else:
+        x.setArray(start)
+    energies = []
+    for step in range(3):  # solve, refine, and see what a third step would change
+        C.mult(x, a)
+        a.getArray()[:] += g
+        motions = a.getArray().copy()
+        a.setArray(weights * motions)
+        C.multTranspose(a, r)
+        solve(r, z)
+        energies.append(abs(z.dot(r)))
+        if step < 2:
+            x.axpy(-1.0, z)
+    sums = network.sum(np.array([weights @ motions**2, np.abs(weights) @ motions**2]))
+    field = x.getArray().copy()
+    defect = abs(x.dot(r)) / sums[1] if start is None and sums[1] else 0.0
+    for vector in (x, a, r, z):
+        vector.destroy()
+    error = float(np.sqrt(energies[2] / energies[0])) if energies[0] else 0.0
+    if not (error <= LARGEST_ERROR and defect <= LARGEST_DEFECT):
+        raise ConvergenceError(
+            f"{what}: only certain to {error:.1e}, its energy to {defect:.1e}: the matrix is too "
+            "ill-conditioned; try another "
+            "factorisation, such as -shift_pc_factor_mat_solver_type mumps"
+        )
+    return Relaxed(field, motions.reshape(-1, compatibility.forms), float(sums[0]), error, float(defect))

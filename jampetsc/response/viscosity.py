@@ -1,0 +1,149 @@
+"""The two limits of G''/ω without any frequency: η₀ of the quasistatic flow, η_∞ of the flow that dissipates
+least.
+
+η₀ V γ² is what B costs for the quasistatic field, the disks turning such that it is least (PHYSICS: their
+torques vanish as ω → 0):
+
+    η₀ = (kτ₁/V) [ Σ a∥² + β min_θ Σ (a⊥ − ρ_i θ_i − ρ_j θ_j)² ]     contact damping, split as in BT eq. 22
+    η₀ = (kτ₁/V) Σ |ũ_i|² + η_F                                      Stokes drag
+
+η_∞ V γ² is the minimum of B over all fields and angles.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from jampetsc.errors import InputError
+from jampetsc.mechanics.assembly import Pencil, assemble
+from jampetsc.mechanics.compatibility import build_compatibility
+from jampetsc.mechanics.laws import Law
+from jampetsc.mechanics.network import Network
+from jampetsc.mechanics.shifted import NotPositiveDefinite, ShiftedFactor
+from jampetsc.response.relaxation import relax
+from jampetsc.session import current
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """η₀ of one quasistatic field, in its parts, and how the disks turn in it. Viscosities in kτ₁."""
+
+    parts: dict  # "normal" and "transverse", or "drag" and "fluid"
+    rotation: np.ndarray | None  # (n_local,) θ per unit strain where disks roll
+    sliding: np.ndarray | None  # (contacts_local,) a⊥ᶜ where disks roll
+
+    @property
+    def eta0(self) -> float:
+        """η₀."""
+        return sum(self.parts.values())
+
+
+class Viscosity:
+    """B of one law on one network. Methods are collective; needs the real build of PETSc."""
+
+    def __init__(self, network: Network, law: Law):
+        self.network, self.law = network, law
+        self.pencil = assemble(network, law)
+        self.compatibility = build_compatibility(self.pencil)
+
+    def quasistatic(self, displacement) -> Flow:
+        """η₀ of the field `displacement` (n_local, 2), non-affine per unit strain.
+
+        Stokes: it must be without the mean of each piece; contact damping: with the disks of pins at rest.
+        """
+        network, law, c = self.network, self.law, self.compatibility
+        if law.kind == "stokes":
+            drag = network.sum(float(np.sum(displacement**2)))
+            fluid = c.drag_gg / network.area
+            return Flow({"drag": c.drag * drag / network.area, "fluid": fluid}, None, None)
+        start = np.zeros((len(displacement), law.dofs))
+        start[:, :2] = displacement
+        if law.couples_rotations:
+            solve, destroy = self._turns()
+            flow = relax(c, c.w_B, solve, c.g, "rotations of the quasistatic flow", start.ravel())
+            destroy()
+            motions, rotation = flow.motions, flow.x.reshape(-1, 3)[:, 2].copy()
+        else:
+            motions, rotation = self._motions(start.ravel()), None
+        costs = network.sum(np.einsum("cf,cf->f", c.w_B.reshape(motions.shape), motions**2)) / network.area
+        return Flow(
+            {"normal": float(costs[0]), "transverse": float(costs[-1])},
+            rotation,
+            None if rotation is None else motions[:, -1].copy(),
+        )
+
+    def _motions(self, x):
+        c = self.compatibility
+        field, a = c.C.createVecs()
+        field.setArray(x)
+        c.C.mult(field, a)
+        motions = (a.getArray() + c.g).reshape(-1, c.forms)
+        field.destroy()
+        a.destroy()
+        return motions
+
+    def _turns(self):
+        """(solve, destroy): solve(rhs, out) moves the angles only, by B_θθ, one gear held in each bipartite
+        piece.
+        """
+        PETSc = current().PETSc
+        first, last = self.network.first, self.network.last
+        rows = PETSc.IS().createStride(last - first, 3 * first + 2, 3, comm=self.network.comm)
+        block = self.pencil.B.createSubMatrix(rows, rows)
+        held = self.pencil.pins[self.pencil.pins % 3 == 2] // 3
+        _hold(block, held, self.law.beta * self.network.k * self.law.tau1)
+        factor = self._factor(replace(self.pencil, K=block, B=block))
+        work = block.createVecRight()
+
+        def solve(rhs, out):
+            work.setArray(rhs.getArray()[2::3])
+            factor.solve(work, work)
+            out.zeroEntries()
+            out.getArray()[2::3] = work.getArray()
+
+        def destroy():
+            factor.destroy()
+            for item in (work, block, rows):
+                item.destroy()
+
+        return solve, destroy
+
+    def infinite(self) -> float:
+        """η_∞, in kτ₁.
+
+        Raises InputError where B leaves a flow besides translations and gears without cost.
+        """
+        c = self.compatibility
+        if self.law.kind == "stokes":  # disks that follow the affine flow dissipate nothing but η_F
+            return c.drag_gg / self.network.area
+        block = self.pencil.B.copy()
+        _hold(block, self.pencil.pins, self.network.k * self.law.tau1)
+        factor = self._factor(replace(self.pencil, K=block, B=block))
+        relaxed = relax(c, c.w_B, factor.solve, c.g, "flow of least dissipation")
+        factor.destroy()
+        block.destroy()
+        return relaxed.value / self.network.area
+
+    def _factor(self, pencil: Pencil):
+        try:
+            return ShiftedFactor(pencil, 0.0)
+        except NotPositiveDefinite:
+            raise InputError(
+                f"B of {self.law} has moves without dissipation besides translations: η is not unique; "
+                "raise the pressure "
+                "or beta"
+            ) from None
+
+    def destroy(self):
+        """Free the matrices."""
+        self.compatibility.destroy()
+        self.pencil.destroy()
+
+
+def _hold(matrix, pins, value):
+    """Put `value` on the diagonal of pinned unknowns, whose rows and columns are zero otherwise."""
+    first, last = matrix.getOwnershipRange()
+    diagonal = matrix.getDiagonal()
+    diagonal.getArray()[pins[(pins >= first) & (pins < last)] - first] = value
+    matrix.setDiagonal(diagonal)
+    diagonal.destroy()
