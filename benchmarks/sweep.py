@@ -41,8 +41,8 @@ def rational(path, chosen):
     compatibility = build_compatibility(pencil)
     assembled = time.perf_counter()
     sweep = RationalSweep(pencil, compatibility, OMEGA, 1e-6)
-    while (shift := sweep.next_shift()) is not None:
-        sweep.add_shift(shift)
+    while shifts := sweep.next_shifts():
+        sweep.add_shifts(shifts)
     grown = time.perf_counter()
     _, G, bounds = sweep.finish()
     end = time.perf_counter()

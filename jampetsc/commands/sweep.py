@@ -33,6 +33,13 @@ def add_parser(subparsers):
     parser.add_argument(
         "--accuracy", type=float, default=1e-6, metavar="A", help="relative error allowed in G' and in G'' each (default 1e-6)"
     )
+    parser.add_argument(
+        "--parallel",
+        choices=("auto", "shifts", "matrix"),
+        default="auto",
+        help="rational method on several ranks: each factorises a shift of its own, or all share each factorisation "
+        "(default: by the number of ranks and unknowns)",
+    )
     parser.add_argument("--fields", default=None, metavar="LIST", help="also store displacement fields at these frequencies")
     add_law_options(parser)
     add_damping_options(parser)
@@ -54,7 +61,7 @@ def run(args, petsc_argv) -> int:
     if not 1e-12 <= args.accuracy <= 0.1:
         raise InputError(f"--accuracy {args.accuracy:g}: choose between 1e-12 and 0.1")
     check_writable(args.out)
-    job = Job.read(args.packing, law, omega, fields, args.method, args.accuracy, args.out, damping)
+    job = Job.read(args.packing, law, omega, fields, args.method, args.accuracy, args.out, damping, args.parallel)
     running = session.start("complex" if args.method == "direct" else "real", petsc_argv)
     if args.method == "direct":
         from jampetsc.response.direct_sweep import run as sweep

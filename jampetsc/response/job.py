@@ -39,11 +39,12 @@ class Job:
     accuracy: float  # asked for, relative, in G' and in G'' each
     out: Path
     damping: EquivalentDamping | None = None  # None: linear
+    parallel: str = "auto"  # what ranks share in the rational method: shifts | matrix | auto
     experiment: np.ndarray | None = None  # (M,) frequency of the experiment for each of omega
     started: float = field(default_factory=time.perf_counter)
 
     @classmethod
-    def read(cls, packing, law, omega, field_omega, method, accuracy, out, damping=None) -> "Job":
+    def read(cls, packing, law, omega, field_omega, method, accuracy, out, damping=None, parallel="auto") -> "Job":
         """The job for a packing file; fields are stored at frequencies of the sweep, so those are added to it.
 
         Raises InputError where power-law damping would need frequencies beyond what can be solved.
@@ -68,6 +69,7 @@ class Job:
             accuracy=accuracy,
             out=Path(out),
             damping=damping,
+            parallel=parallel,
             experiment=experiment,
         )
 

@@ -17,66 +17,75 @@ import numpy as np
 from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.assembly import Pencil
 from jampetsc.mechanics.compatibility import Compatibility
-from jampetsc.mechanics.shifted import ShiftedFactor
 from jampetsc.response.basis import RationalBasis
+from jampetsc.response.factors import make_factors
 from jampetsc.response.galerkin import Galerkin
 
 VECTORS = 4  # per factorisation: a solve is some twentieth of one, and more than a few vectors at one shift help little
 MOST_VECTORS = 240
-SAME_SHIFT = 1.5  # a factor within this ratio of the shift wanted serves instead
+APART = 30.0  # shifts that are done at the same time differ by this ratio at least
 SMALLEST_SHIFT = 1e-12  # relative to the largest rate: below it K + sB is K to a Cholesky factorisation
 
 
 class RationalSweep:
     """Grows a basis for one pencil until the bound is met at all frequencies asked for. All methods are collective.
 
-    omega (M,) increasing; accuracy: relative, allowed in G' and in G'' each.
+    omega (M,) increasing; accuracy: relative, allowed in G' and in G'' each; parallel as for `make_factors`.
     """
 
-    def __init__(self, pencil: Pencil, compatibility: Compatibility, omega, accuracy: float):
+    def __init__(self, pencil: Pencil, compatibility: Compatibility, omega, accuracy: float, parallel: str = "auto"):
         self.pencil, self.compatibility = pencil, compatibility
         self.omega, self.accuracy = np.asarray(omega, float), accuracy
         self.largest_rate = largest_rate(pencil)
-        self.factors: list[ShiftedFactor] = []
+        self.factors = make_factors(pencil, parallel)
         self.basis: RationalBasis | None = None
         self.error = np.full(len(self.omega), np.inf)
-        self.factorisations = 0
+
+    @property
+    def factorisations(self) -> int:
+        """Factorisations made."""
+        return self.factors.count
 
     def restore(self, first, x0, vectors, shifts) -> None:
         """Go on from the basis of an earlier run; its factors are gone, new ones certify it as well."""
         self._set_basis(RationalBasis.restore(self.pencil, first, x0, vectors, shifts))
 
-    def next_shift(self) -> float | None:
-        """Where the next factorisation belongs; None when the bound is met everywhere."""
+    def next_shifts(self) -> list[float]:
+        """Where the next factorisations belong, as many as are done at once; none when the bound is met everywhere."""
         if self.basis is None:
-            return self._clip(self.omega[0])
-        if not self.factors:
-            return self.basis.shifts[-1] if self.basis.size else self.basis.first
+            return self._spread([self._clip(self.omega[0])])
+        if not self.factors.count:
+            return self._spread([self.basis.shifts[-1] if self.basis.size else self._clip(self.omega[0])])
         ratio = self._ratio()
         worst = int(np.argmax(ratio))
         if ratio[worst] <= 1.0:
-            return None
-        shift = self._clip(self.omega[worst])
+            return []
         if self.basis.complete or self.basis.size >= MOST_VECTORS:
             raise ConvergenceError(
                 f"the bound on the error of G* stays at {ratio[worst]:.1e} times what --accuracy {self.accuracy:g} allows at "
                 f"ω = {self.omega[worst]:g} after {self.factorisations} factorisations"
             )
-        return shift
+        shifts = []
+        candidates = self._clip(self.omega)
+        while len(shifts) < self.factors.width and ratio.max() > 1.0:
+            shifts.append(float(candidates[np.argmax(ratio)]))
+            ratio[(candidates > shifts[-1] / APART) & (candidates < shifts[-1] * APART)] = 0.0
+        return shifts
+
+    def _spread(self, shifts):
+        """Complete a first guess to as many shifts as are done at once, evenly over the range."""
+        more = np.geomspace(shifts[0], self._clip(self.omega[-1]), self.factors.width + 1)[1:]
+        return [*shifts, *(float(s) for s in more[::-1][: self.factors.width - 1] if s > APART * shifts[0])]
 
     def _clip(self, omega):
-        return float(np.clip(omega, SMALLEST_SHIFT * self.largest_rate, self.largest_rate))
+        return np.clip(omega, SMALLEST_SHIFT * self.largest_rate, self.largest_rate)
 
-    def add_shift(self, s: float) -> None:
-        """Factorise K + sB, or take a factor close by, extend the basis and renew the bound."""
-        factor = next((f for f in self.factors if 1.0 / SAME_SHIFT < f.s / s < SAME_SHIFT), None)
-        if factor is None:
-            factor = ShiftedFactor(self.pencil, s)
-            self.factorisations += 1
-            self.factors.append(factor)
+    def add_shifts(self, shifts) -> None:
+        """Factorise K + sB at each of them, or take a factor close by, extend the basis and renew the bound."""
+        self.factors.factorise(shifts)
         if self.basis is None:
-            self._set_basis(RationalBasis.start(self.pencil, factor))
-        self.basis.extend(factor, VECTORS)
+            self._set_basis(self.factors.start(shifts[0]))
+        self.factors.extend(self.basis, shifts, VECTORS)
         self.error = self._error_bound()
 
     def _set_basis(self, basis):
@@ -111,13 +120,7 @@ class RationalSweep:
     def _error_bound(self):
         """Bound on |ΔG*| from all factors at hand, (M,)."""
         q, omega, top = self.basis.residual(), self.omega, self.largest_rate
-        work = self.pencil.K.createVecRight()
-        energies = {}
-        for factor in self.factors:
-            work.setArray(q)
-            factor.solve(work, work)
-            energies[factor.s] = self.pencil.network.sum(float(q @ work.getArray()))
-        work.destroy()
+        energies = self.factors.energies(q)
         at = np.array(sorted(energies))
         energy = np.array([energies[s] for s in at])
         transfer = np.where(
@@ -149,8 +152,7 @@ class RationalSweep:
 
     def destroy(self):
         """Free factors and work vectors."""
-        for factor in self.factors:
-            factor.destroy()
+        self.factors.destroy()
         if self.basis is not None:
             self.basis.destroy()
 

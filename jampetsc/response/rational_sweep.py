@@ -28,17 +28,17 @@ def run(job: Job):
             require_minimum(job, network)
         pencil = assemble(network, job.law)
         compatibility = build_compatibility(pencil)
-    sweep = RationalSweep(pencil, compatibility, job.omega, job.accuracy)
+    sweep = RationalSweep(pencil, compatibility, job.omega, job.accuracy, job.parallel)
     checkpoint = Checkpoint(job.out, job.key(session.size), session.comm)
     with Progress(None, "sweep", session.rank) as progress:
         if checkpoint.done:
             _restore(sweep, checkpoint)
             progress.note(f"continuing {checkpoint.journal}: {len(checkpoint.done)} shifts are finished")
-        while (shift := sweep.next_shift()) is not None:
+        while shifts := sweep.next_shifts():
             before = sweep.basis.size if sweep.basis else 0
             try:
                 with session.stage("shift"):
-                    sweep.add_shift(shift)
+                    sweep.add_shifts(shifts)
             except NotPositiveDefinite as error:
                 raise InputError(f"{job.packing}: {error}; use --method direct") from None
             if not checkpoint.done:
@@ -46,7 +46,8 @@ def run(job: Job):
             basis = sweep.basis
             fields = {"vectors": basis.vectors[before:]} | ({} if before else {"x0": basis.x0})
             checkpoint.save(len(checkpoint.done), {"first": basis.first, "shifts": basis.shifts[before:]}, fields)
-            progress.step(f"shift {shift:.2e}  vectors {basis.size}  worst bound / allowed {sweep.worst():.1e}")
+            listed = ", ".join(f"{shift:.2e}" for shift in shifts)
+            progress.step(f"shift {listed}  vectors {basis.size}  worst bound / allowed {sweep.worst():.1e}")
         with session.stage("projection"):
             galerkin, G, bounds = sweep.finish()
     spectrum = galerkin.spectrum
