@@ -398,7 +398,7 @@ def test_too_many_frequencies_for_one_picture(tmp_path, packing):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("p2.h5 packing.h5", r"packing\.h5 is a packing, .*p2\.h5 a sweep: one picture shows"),
+        ("p2.h5 packing.h5", r"p2\.h5 is a sweep, packing\.h5 a packing: one picture shows"),
         ("packing.h5 packing.h5", "2 packings: one picture shows one packing"),
         ("p2.h5 --kind fields", "holds no fields: run the sweep with --fields"),
         ("fields.h5 fields.h5 --kind fields", "2 sweeps: fields are drawn of one"),
@@ -412,7 +412,7 @@ def test_too_many_frequencies_for_one_picture(tmp_path, packing):
         ("bare.h5 --kind collapse", r"bare\.h5: attribute pressure is missing"),
         ("negative.h5 --kind collapse", r"negative\.h5: pressure -0\.1: must be positive"),
         ("fast.h5 --kind collapse", r"fast\.h5: lowest frequency 10: critical scaling needs"),
-        ("modes.h5", r"modes\.h5: is a jampetsc-modes file: plot draws packings and sweeps"),
+        ("modes.h5", r"modes\.h5: is a modes file: plot has no picture of it"),
         ("missing.h5", r"missing\.h5: no such file"),
     ],
 )

@@ -3,8 +3,9 @@
 from jampetsc.errors import InputError
 
 DESCRIPTION = """\
-Draw what the files hold: G' and G'' of one or many sweeps, their scaling collapse, a packing with its
-contacts and forces, or the displacement fields of a sweep. Frequencies are shown in 1/τ₁, moduli and
+Draw what the files hold: G' and G'' of one or many sweeps, their scaling collapse, relaxation spectra with
+stress relaxation and creep, correlations of displacements and their length, a packing with its contacts and
+forces, or the displacement fields of a sweep. Frequencies are shown in 1/τ₁, moduli and
 pressures in k."""
 EPILOG = """\
 examples:
@@ -12,6 +13,14 @@ examples:
   jampetsc plot p1e-2.h5 p1e-3.h5 p1e-4.h5 --kind collapse --out collapse.pdf
   jampetsc plot packing.h5 --out packing.svg
   jampetsc plot sweep.h5 --kind fields --omega 1e-6,1e-3,1 --out fields.png"""
+
+KINDS = {  # what can be drawn -> of which files; the first that suits a file is what it shows by itself
+    "moduli": ("sweep",),
+    "collapse": ("sweep",),
+    "fields": ("sweep",),
+    "packing": ("packing",),
+    "spectrum": ("spectrum", "sweep"),
+}
 
 
 def add_parser(subparsers):
@@ -23,7 +32,7 @@ def add_parser(subparsers):
     parser.add_argument("--out", required=True, metavar="FILE", help="picture to write: .png, .pdf or .svg")
     parser.add_argument(
         "--kind",
-        choices=("moduli", "collapse", "packing", "fields"),
+        choices=KINDS,
         help="what to draw (default: follows from the files and options)",
     )
     parser.add_argument("--mu", type=float, metavar="MU", help="collapse: moduli over p^MU (default 0.5)")
@@ -47,15 +56,22 @@ def run(args, petsc_argv):
     kind = _asked_kind(args)
     check_output(args.out)
     held, items = open_files(args.files)
-    kind = kind or ("packing" if held == "packing" else "moduli")
-    if (kind == "packing") != (held == "packing"):
-        needed = "a packing" if kind == "packing" else "sweeps"
+    kind = kind or next((name for name, files in KINDS.items() if held in files), None)
+    if kind is None:
+        raise InputError(f"{args.files[0]}: is a {held} file: plot has no picture of it")
+    if held not in KINDS[kind]:
+        needed = {"packing": "a packing", "spectrum": "spectra or sweeps"}.get(kind, f"{KINDS[kind][0]}s")
         raise InputError(f"{args.files[0]}: is a {held}: {kind} pictures need {needed}")
     if kind == "fields" and len(items) > 1:
         raise InputError(f"{len(items)} sweeps: fields are drawn of one; plot them one by one")
-    shown = {"packing": _packing, "fields": _fields, "moduli": _moduli, "collapse": _collapse}[kind](
-        args, items
-    )
+    draw = {
+        "moduli": _moduli,
+        "collapse": _collapse,
+        "fields": _fields,
+        "packing": _packing,
+        "spectrum": _spectrum,
+    }[kind]
+    shown = draw(args, items)
     print(f"{args.out}: {shown}")
     return 0
 
@@ -131,5 +147,12 @@ def _fields(args, items):
     return f"displacement fields at omega tau1 = {', '.join(f'{w:g}' for w in omega)}"
 
 
-def _count(items):
-    return f"{len(items)} sweep{'s' * (len(items) > 1)}"
+def _spectrum(args, items):
+    from jampetsc.plots.spectrum import plot_spectra, spectrum_curve
+
+    plot_spectra([spectrum_curve(item) for item in items], args.out)
+    return f"relaxation spectrum, G(t) and J(t) of {_count(items, 'spectrum', 'spectra')}"
+
+
+def _count(items, one="sweep", many="sweeps"):
+    return f"{len(items)} {one if len(items) == 1 else many}"

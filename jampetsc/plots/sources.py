@@ -23,7 +23,8 @@ def open_files(paths):
     if other is not None:
         hint = "; the packing of a sweep goes with --packing" if "packing" in held else ""
         raise InputError(
-            f"{paths[0]} is a {held[0]}, {paths[other]} a {held[other]}: one picture shows one or the other{hint}"
+            f"{paths[0]} is a {held[0]}, {paths[other]} a {held[other]}: "
+            f"one picture shows one or the other{hint}"
         )
     if held[0] == "packing" and len(paths) > 1:
         raise InputError(f"{len(paths)} packings: one picture shows one packing; plot them one by one")

@@ -40,6 +40,32 @@ def provenance(*, versions, scalar_type, petsc_options, ranks, packing, law, wal
     }
 
 
+def derived_from(sweeps, wall_seconds, argv=None) -> dict:
+    """Attributes of a result that was computed from sweeps: what these have in common.
+
+    `sources` and `source_runs` name the files and their run_id, separated by blanks.
+    """
+    from jampetsc import __version__
+
+    shared = ("packing", "packing_sha256", "law", *LAW_PARAMETERS, "pressure", "phi", "k", "particle_count")
+    known = [sweep.attributes for sweep in sweeps]
+    return {
+        "jampetsc_version": __version__,
+        "git_commit": git_commit(),
+        "python_version": sys.version.split()[0],
+        "argv": shlex.join(sys.argv if argv is None else argv),
+        "sources": shlex.join(sweep.path.name for sweep in sweeps),
+        "source_runs": " ".join(str(attributes.get("run_id", "?")) for attributes in known),
+        **{
+            name: known[0][name]
+            for name in shared
+            if len({str(a.get(name)) for a in known}) == 1 and name in known[0]
+        },
+        "wall_seconds": float(wall_seconds),
+        "date": datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
+    }
+
+
 def law_of(attributes) -> dict:
     """The law and its parameters out of the attributes of a result."""
     return {name: attributes[name] for name in ("law", *LAW_PARAMETERS) if name in attributes}

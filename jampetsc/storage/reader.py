@@ -147,7 +147,7 @@ class SweepResult(Result):
             if "reduced/rates" not in self:
                 raise InputError(
                     f"{self.path}: omega = {wanted[elsewhere][0]:g} is not one of its {len(self.omega)} "
-                    f"frequencies, {self.omega.min():g} to {self.omega.max():g}: a --method rational sweep gives any"
+                    f"frequencies, {self.omega.min():g} to {self.omega.max():g}: --method rational gives any"
                 )
             values[elsewhere] = self.spectrum.modulus(self._linear(wanted[elsewhere]))
         return values.reshape(np.shape(omega))[()]
@@ -168,10 +168,32 @@ class SweepResult(Result):
 
     @property
     def spectrum(self) -> RelaxationSpectrum:
-        """Relaxation spectrum of a rational sweep, under linear damping. Raises InputError if there is none."""
-        return RelaxationSpectrum(
-            *(self[f"reduced/{name}"] for name in ("G0", "eta_inf", "rates", "weights"))
-        )
+        """Relaxation spectrum of a rational sweep, linear damping. Raises InputError if there is none."""
+        if "reduced/rates" not in self:
+            raise InputError(f"{self.path}: holds no spectrum: run the sweep with --method rational")
+        scalars = (float(self[f"reduced/{name}"]) for name in ("G0", "eta_inf"))
+        return RelaxationSpectrum(*scalars, *(self[f"reduced/{name}"] for name in ("rates", "weights")))
+
+    @property
+    def frequency_range(self) -> tuple[float, float]:
+        """Lowest and highest frequency at which the linear law was solved and its spectrum certified."""
+        solved = self["equivalent_omega"] if "equivalent_omega" in self else self.omega
+        return float(solved.min()), float(solved.max())
+
+
+class SpectrumResult(Result):
+    """Relaxation and retardation spectrum of a packing, H(τ), G(t) and J(t)."""
+
+    @property
+    def spectrum(self) -> RelaxationSpectrum:
+        """The relaxation spectrum, modes in the order of their times."""
+        scalars = (float(self.attributes[name]) for name in ("G0", "eta_inf"))
+        return RelaxationSpectrum(*scalars, self["relaxation/rates"], self["relaxation/weights"])
+
+    @property
+    def frequency_range(self) -> tuple[float, float]:
+        """Lowest and highest frequency of the sweep behind it."""
+        return tuple(float(self.attributes[name]) for name in ("slowest_omega", "fastest_omega"))
 
 
 LOADERS = {  # format -> loader(h5, path); a new format needs a line here
@@ -179,6 +201,7 @@ LOADERS = {  # format -> loader(h5, path); a new format needs a line here
     "jampetsc-sweep": SweepResult,
     "jampetsc-quasistatic": Result,
     "jampetsc-modes": Result,
+    "jampetsc-spectrum": SpectrumResult,
     "jampetsc-correlation": Result,
 }
 

@@ -1,0 +1,61 @@
+"""The response in time on grids that the spectrum and the frequencies behind it support: H(τ), G(t), J(t)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jampetsc.analysis.creep import RetardationSpectrum, retardation
+from jampetsc.analysis.relaxation import WIDEST, RelaxationSpectrum
+
+PER_DECADE = 20
+NARROWEST = 0.25  # decades; the window of H is never narrower unless asked for
+_GAPS = 2.0  # its width in gaps between modes: with two, single modes show by a per cent or less
+_BEYOND = (
+    100.0  # times are shown so far beyond the fastest and the slowest mode; there nothing happens any more
+)
+_GROWTH = 100.0  # creep that grows is followed for so many times its time constant
+
+
+@dataclass(frozen=True, eq=False)
+class Transient:
+    """Response in time; units as in the spectrum. G lacks the Dirac part η_∞ δ(t)."""
+
+    tau: np.ndarray  # (n,)
+    H: np.ndarray  # (n,) averaged over `window` decades
+    window: float
+    time: np.ndarray  # (n,)
+    G: np.ndarray  # (n,) stress relaxation
+    creep_time: np.ndarray  # (n' ≤ n,): ends early where creep diverges
+    J: np.ndarray  # (n',) creep compliance
+    retardation: RetardationSpectrum
+
+
+def transient(spectrum: RelaxationSpectrum, slowest: float, fastest: float, window=None) -> Transient:
+    """H(τ), G(t) and J(t) of a spectrum known for frequencies from `slowest` to `fastest`.
+
+    Times lie between 1/fastest and 1/slowest, and no more than two decades beyond all modes. `window` in
+    decades is the width of the average for H, by default twice the widest gap between modes that matter,
+    so that single modes do not show. Raises InputError for a window out of range.
+    """
+    late = retardation(spectrum)
+    if window is None:
+        window = float(np.clip(_GAPS * spectrum.resolution, NARROWEST, WIDEST))
+    rates = np.abs(np.r_[spectrum.rates, late.rates])
+    rates = rates[rates > 0]
+    first, last = 1.0 / fastest, 1.0 / slowest
+    if len(rates):
+        first = min(max(first, 1.0 / (_BEYOND * rates.max())), last)
+        last = max(min(last, _BEYOND / rates.min()), first)
+    count = max(2, int(np.ceil(PER_DECADE * np.log10(last / first))) + 1)
+    time = np.geomspace(first, last, count)
+    creep_time = time[time * late.growth_rate <= _GROWTH]
+    return Transient(
+        tau=time,
+        H=spectrum.smoothed(time, window),
+        window=window,
+        time=time,
+        G=spectrum.stress_relaxation(time),
+        creep_time=creep_time,
+        J=late.creep(creep_time),
+        retardation=late,
+    )

@@ -1,0 +1,140 @@
+"""`jampetsc spectrum`: relaxation spectrum, stress relaxation and creep of a sweep; without PETSc or MPI."""
+
+from jampetsc.errors import InputError
+
+DESCRIPTION = """\
+What a sweep with --method rational says about the response in time: relaxation times and weights, the
+spectrum H(tau), stress relaxation G(t), creep compliance J(t) and its retardation spectrum. One sweep gives
+an HDF5 file; any number of sweeps give a picture, where FILE ends in .png, .pdf or .svg."""
+EPILOG = """\
+A packing has thousands of modes, the spectrum of a sweep a few tens: nodes of a quadrature that gives G* to
+the accuracy of the sweep. H(tau) is therefore given as its mean between neighbouring nodes, and averaged
+over a window (--window, in decades) that is twice as wide as the widest gap between nodes unless you choose.
+
+examples:
+  jampetsc spectrum sweep.h5 --out spectrum.h5
+  jampetsc spectrum p1e-2.h5 p1e-3.h5 p1e-4.h5 --out spectra.png"""
+
+
+def add_parser(subparsers) -> None:
+    """Add `spectrum` to the command line."""
+    parser = subparsers.add_parser(
+        "spectrum",
+        help="relaxation spectrum, G(t) and J(t) of a sweep",
+        description=DESCRIPTION,
+        epilog=EPILOG,
+    )
+    parser.add_argument("files", nargs="+", metavar="SWEEP", help="sweeps by the rational method")
+    parser.add_argument("--out", required=True, metavar="FILE", help="result (HDF5), or picture")
+    parser.add_argument(
+        "--window",
+        type=float,
+        metavar="DECADES",
+        help="H(tau) is averaged over so many decades (0.01 to 1.5)",
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args, petsc_argv) -> int:
+    """Write the spectrum or draw the spectra; prints a summary. Raises InputError."""
+    from pathlib import Path
+
+    from jampetsc.analysis.relaxation import WIDEST
+    from jampetsc.plots.style import FORMATS, check_output
+    from jampetsc.storage.atomic import check_writable
+    from jampetsc.storage.reader import SweepResult, load
+
+    if args.window is not None and not 0.01 <= args.window <= WIDEST:
+        raise InputError(f"--window {args.window:g}: choose between 0.01 and {WIDEST:g} decades")
+    picture = Path(args.out).suffix.lower() in FORMATS
+    (check_output if picture else check_writable)(args.out)
+    sweeps = [load(path) for path in args.files]
+    for path, sweep in zip(args.files, sweeps, strict=True):
+        if not isinstance(sweep, SweepResult):
+            raise InputError(f"{path}: is not a sweep: spectra come from `jampetsc sweep`")
+    if picture:
+        from jampetsc.plots.spectrum import plot_spectra, spectrum_curve
+
+        plot_spectra([spectrum_curve(sweep, args.window) for sweep in sweeps], args.out)
+        print(f"{args.out}: spectra, G(t) and J(t) of {len(sweeps)} sweep{'s' * (len(sweeps) > 1)}")
+        return 0
+    if len(sweeps) > 1:
+        raise InputError(
+            f"--out {args.out}: a file holds one spectrum, not {len(sweeps)}: run once for each, or draw them"
+        )
+    print(_write(sweeps[0], args.out, args.window))
+    return 0
+
+
+def _write(sweep, out, window):
+    """Write the file and return the summary."""
+    import time
+
+    from jampetsc.analysis.transient import transient
+    from jampetsc.storage.provenance import derived_from
+    from jampetsc.storage.result_file import ResultWriter
+
+    began = time.perf_counter()
+    slowest, fastest = sweep.frequency_range
+    spectrum = sweep.spectrum.sorted()
+    found = transient(spectrum, slowest, fastest, window)
+    times, between = spectrum.between()
+    late = found.retardation
+    with ResultWriter(out, "jampetsc-spectrum") as writer:
+        for name, values in {
+            "relaxation/times": times,
+            "relaxation/rates": spectrum.rates,
+            "relaxation/weights": spectrum.weights,
+            "H/between": between,
+            "H/tau": found.tau,
+            "H/smoothed": found.H,
+            "stress/time": found.time,
+            "stress/G": found.G,
+            "creep/time": found.creep_time,
+            "creep/J": found.J,
+            "retardation/rates": late.rates,
+            "retardation/compliances": late.compliances,
+        }.items():
+            writer.dataset(name, values)
+        writer.attributes(
+            **derived_from([sweep], time.perf_counter() - began),
+            G0=spectrum.G0,
+            G_inf=spectrum.G_inf,
+            eta0=spectrum.eta0,
+            eta_inf=spectrum.eta_inf,
+            J_inf=late.J_inf,
+            fluidity=late.fluidity,
+            growth_rate=late.growth_rate,
+            window_decades=found.window,
+            resolution_decades=spectrum.resolution,
+            slowest_omega=slowest,
+            fastest_omega=fastest,
+        )
+    return _summary(out, sweep, spectrum, found)
+
+
+def _summary(out, sweep, spectrum, found):
+    late = found.retardation
+    lines = [f"{out}: {len(spectrum.rates)} relaxation times"]
+    if len(spectrum.rates):
+        times = 1.0 / spectrum.rates
+        lines[0] += f" from {times[0]:.3g} to {times[-1]:.3g}, H averaged over {found.window:.2g} decades"
+    lines.append(
+        f"  G(0+) = {spectrum.G_inf:.6g} and {spectrum.eta_inf:.6g} delta(t), "
+        f"G(t -> inf) = {spectrum.G0:.6g}, eta0 = {spectrum.eta0:.6g}"
+    )
+    if late.growth_rate:
+        lines.append(
+            f"  G0 < 0: the packing is unstable to shear, creep diverges as exp({late.growth_rate:.3g} t)"
+        )
+    elif late.fluidity:
+        lines.append(f"  G0 = 0: it flows in the end, J(t) -> {late.fluidity:.6g} t")
+    else:
+        lines.append(
+            f"  J(t -> inf) = 1/G0 = {1.0 / spectrum.G0:.6g}, slowest retardation {1 / late.rates[0]:.3g}"
+        )
+    if sweep.damping is not None:
+        lines.append(
+            "  this is the spectrum of linear damping: --alpha is not in it, and J(t), G(t) need linearity"
+        )
+    return "\n".join(lines)

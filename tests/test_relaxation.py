@@ -1,0 +1,222 @@
+"""Relaxation spectrum, G(t), creep: identities, Kramers–Kronig by quadrature, all modes of a packing."""
+
+import numpy as np
+import pytest
+import samples
+import scipy.linalg
+from dense import Reference
+from scipy.integrate import quad
+
+from jampetsc.analysis.creep import retardation
+from jampetsc.analysis.relaxation import RelaxationSpectrum
+from jampetsc.analysis.transient import transient
+from jampetsc.errors import InputError
+from jampetsc.mechanics.laws import Law
+
+OMEGA = np.geomspace(1e-12, 1e8, 121)
+
+
+def spectrum(G0=0.02, eta_inf=0.4, modes=12, seed=0):
+    """Rates over ten decades, weights over ten decades."""
+    rng = np.random.default_rng(seed)
+    rates = 10.0 ** rng.uniform(-7, 3, modes)
+    return RelaxationSpectrum(G0, eta_inf, rates, 10.0 ** rng.uniform(-10, 0, modes))
+
+
+def dense_spectrum(reference):
+    """All modes of a small packing, disks turning as they like best: numpy alone."""
+    K, B = np.asarray(reference.K, float), np.asarray(reference.B, float)
+    free, volume = np.asarray(reference.free_moves(), float), float(reference.area)
+    if reference.dofs == 3:
+        turns = np.arange(2, len(K) - 1, 3)
+        rest = np.setdiff1d(np.arange(len(K)), turns)
+        turned = scipy.linalg.solve(B[np.ix_(turns, turns)], B[np.ix_(turns, rest)])
+        B = B[np.ix_(rest, rest)] - B[np.ix_(rest, turns)] @ turned
+        K, free = K[np.ix_(rest, rest)], free[rest[:-1]]
+    Q = scipy.linalg.null_space(free.T)
+    A, C = Q.T @ K[:-1, :-1] @ Q, Q.T @ B[:-1, :-1] @ Q
+    load, drag = Q.T @ K[:-1, -1], Q.T @ B[:-1, -1]
+    rates, modes = scipy.linalg.eigh(A, C)
+    still = -scipy.linalg.solve(A, load, assume_a="pos")
+    coupling = modes.T @ (drag + C @ still)
+    fast = still - modes @ coupling
+    eta_inf = (B[-1, -1] + 2 * drag @ fast + fast @ C @ fast) / volume
+    return RelaxationSpectrum(
+        (K[-1, -1] + load @ still) / volume, eta_inf, rates, rates * coupling**2 / volume
+    )
+
+
+def gauss(true, count):
+    """The quadrature of `count` nodes for the measure Σ g δ(λ) of a spectrum, by Lanczos."""
+    total = true.weights.sum()
+    basis = [np.sqrt(true.weights / total)]
+    alpha, beta = [], []
+    for _ in range(count):
+        v = true.rates * basis[-1]
+        alpha.append(basis[-1] @ v)
+        for _ in range(2):
+            for q in basis:
+                v = v - q * (q @ v)
+        beta.append(np.linalg.norm(v))
+        basis.append(v / beta[-1])
+    rates, vectors = scipy.linalg.eigh_tridiagonal(alpha, beta[: count - 1])
+    return RelaxationSpectrum(true.G0, true.eta_inf, rates, total * vectors[0] ** 2)
+
+
+def test_kramers_kronig():
+    """G' from the principal value of G'': (2ω²/π) P∫ [G''(x)/x] dx/(ω² − x²) = G'(ω) − G₀; η_∞ drops out."""
+    s = spectrum(modes=6, seed=3)
+
+    def viscosity(u):
+        return s.modulus(np.exp(u)).imag / np.exp(u)
+
+    for omega in (1e-6, 1e-3, 0.3, 20.0):
+        # x = ω e^u: the pole is at u = 0, and odd in u but for the function it multiplies
+        def integrand(u, omega=omega):
+            above, below = (viscosity(np.log(omega) + v) * np.exp(v) / -np.expm1(2 * v) for v in (u, -u))
+            return above + below
+
+        points = np.log(s.rates / omega)
+        value, _ = quad(
+            integrand, 1e-9, 60, points=np.sort(np.abs(points)), limit=400, epsabs=0, epsrel=1e-10
+        )
+        assert 2 * omega / np.pi * value + s.G0 == pytest.approx(s.modulus(omega).real, rel=1e-6)
+
+
+def test_stress_relaxation_is_the_transform_of_the_modulus():
+    """G* = G₀ + iω [η_∞ + ∫ (G(t) − G₀) exp(−iωt) dt], η_∞ from the Dirac part."""
+    s = RelaxationSpectrum(0.1, 0.3, np.array([0.2, 1.5]), np.array([0.4, 0.6]))
+    for omega in (0.05, 1.0, 8.0):
+        part = [
+            quad(lambda t: s.stress_relaxation(t) - s.G0, 0, 400, weight=w, wvar=omega, limit=400)[0]
+            for w in ("cos", "sin")
+        ]
+        found = s.G0 + 1j * omega * (s.eta_inf + part[0] - 1j * part[1])
+        assert found == pytest.approx(s.modulus(omega), rel=1e-7)
+    assert s.stress_relaxation(1e-12) == pytest.approx(s.G_inf)
+    assert s.stress_relaxation(1e3) == pytest.approx(s.G0)
+
+
+@pytest.mark.parametrize("G0", [0.02, 0.0, -0.02])
+@pytest.mark.parametrize("eta_inf", [0.4, 1e-9, 0.0])
+@pytest.mark.parametrize("seed", range(4))
+def test_compliance_is_the_inverse_modulus(G0, eta_inf, seed):
+    s = spectrum(G0, eta_inf, seed=seed)
+    late = retardation(s)
+    J, exact = late.compliance(OMEGA), 1.0 / s.modulus(OMEGA)
+    np.testing.assert_allclose(J, exact, rtol=1e-12)
+    if G0 >= 0:
+        np.testing.assert_allclose(J.real, exact.real, rtol=1e-12)
+        np.testing.assert_allclose(J.imag, exact.imag, rtol=1e-12)
+        assert (late.compliances > 0).all() and (late.rates > 0).all() and late.growth_rate == 0
+    else:
+        assert (late.rates[1:] > 0).all() and (late.compliances[1:] > 0).all()
+        assert late.rates[0] == -late.growth_rate < 0 and late.compliances[0] < 0
+    poles, zeros = np.sort(s.rates), late.rates[late.rates > 0]
+    assert np.all(np.searchsorted(poles, zeros) == np.arange(len(zeros)) + (G0 <= 0))
+
+
+def test_limits_of_creep():
+    s = spectrum()
+    late = retardation(s)
+    assert late.creep(1e12) == pytest.approx(1 / s.G0, rel=1e-12)
+    assert late.creep(1e-9) == pytest.approx(1e-9 / s.eta_inf, rel=1e-6)
+    assert retardation(spectrum(eta_inf=0.0)).creep(1e-12) == pytest.approx(1 / s.G_inf, rel=1e-6)
+    fluid = spectrum(G0=0.0)
+    assert retardation(fluid).creep(1e12) == pytest.approx(1e12 / fluid.eta0, rel=1e-3)
+    unstable = retardation(spectrum(G0=-0.02))
+    t = 30 / unstable.growth_rate
+    assert unstable.creep(2 * t) / unstable.creep(t) == pytest.approx(np.exp(30), rel=1e-9)
+    assert unstable.creep(1e4 / unstable.growth_rate) == np.inf
+
+
+def test_creep_and_relaxation_convolve_to_time():
+    """∫₀ᵗ G(t − t') J(t') dt' = t, the Dirac part included: the two functions are inverse to each other."""
+    s = RelaxationSpectrum(0.1, 0.3, np.array([0.2, 1.5]), np.array([0.4, 0.6]))
+    late = retardation(s)
+    for t in (0.1, 2.0, 30.0):
+        value, _ = quad(lambda x, t=t: s.stress_relaxation(t - x) * late.creep(x), 0, t)
+        assert value + s.eta_inf * late.creep(t) == pytest.approx(t, rel=1e-9)
+
+
+@pytest.mark.parametrize("modes", [0, 1])
+def test_few_modes(modes):
+    s = RelaxationSpectrum(0.5, 2.0, np.full(modes, 3.0), np.full(modes, 0.7))
+    late = retardation(s)
+    np.testing.assert_allclose(late.compliance(OMEGA), 1 / s.modulus(OMEGA), rtol=1e-13)
+    if not modes:
+        assert late.rates == pytest.approx([0.25], rel=1e-13) and late.compliances == pytest.approx([2.0])
+        assert s.resolution == 0.0 and s.smoothed(1.0, 0.5) == 0.0
+
+
+def test_modes_without_weight_and_equal_rates():
+    s = RelaxationSpectrum(0.1, 0.2, np.array([1.0, 2.0, 1.0, 5.0]), np.array([0.3, 0.0, 0.2, 0.4]))
+    ordered = s.sorted()
+    np.testing.assert_array_equal(ordered.rates, [5.0, 1.0])
+    np.testing.assert_array_equal(ordered.weights, [0.4, 0.5])
+    np.testing.assert_allclose(retardation(s).compliance(OMEGA), 1 / s.modulus(OMEGA), rtol=1e-12)
+
+
+def test_no_stress_can_be_held():
+    with pytest.raises(InputError, match=r"G_inf = -0\.1 without viscosity"):
+        retardation(RelaxationSpectrum(-0.2, 0.0, np.array([1.0]), np.array([0.1])))
+
+
+@pytest.mark.parametrize("width", [0.02, 0.3, 1.0, 1.5])
+def test_the_window_of_the_smoothed_spectrum(width):
+    s = spectrum()
+    tau = np.geomspace(1e-16, 1e20, 200001)
+    H = s.smoothed(tau, width)
+    assert (H >= 0).all()
+    assert H.sum() * np.log(tau[1] / tau[0]) == pytest.approx(s.G_inf - s.G0, rel=1e-6)
+    one = RelaxationSpectrum(0.0, 0.0, np.array([1.0]), np.array([1.0]))
+    half = 10 ** (0.5 * width)
+    np.testing.assert_allclose(
+        one.smoothed([half, 1 / half], width), 0.5 * one.smoothed(1.0, width), rtol=1e-9
+    )
+
+
+def test_a_wide_window_is_the_loss_modulus():
+    s = spectrum()
+    width = 2 * np.arccosh(2.0) / np.log(10)  # ε = π/2
+    tau = np.geomspace(1e-4, 1e8, 50)
+    expected = 2 / np.pi * (s.modulus(1 / tau).imag - s.eta_inf / tau)
+    np.testing.assert_allclose(s.smoothed(tau, width), expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("width", [0.0, 1.6, float("nan")])
+def test_a_window_out_of_range(width):
+    with pytest.raises(InputError, match=r"width .*: a window for H\(tau\) has 0.01 to 1.5 decades"):
+        spectrum().smoothed(1.0, width)
+
+
+@pytest.mark.parametrize("law", [Law(), Law("stokes")], ids=str)
+def test_nodes_against_all_modes_of_a_packing(law):
+    """Few nodes know the true cumulative weight within that of each node, and H over a window."""
+    reference = Reference(samples.published(), law)
+    true = dense_spectrum(reference)
+    for omega in (1e-4, 1e-2, 1.0):
+        assert true.modulus(omega) == pytest.approx(reference.modulus(omega), rel=1e-8)
+    few = gauss(true, 6).sorted()
+    times, total = 1 / few.rates, np.cumsum(few.weights)
+    below = np.array([true.weights[1 / true.rates < t].sum() for t in times])
+    slack = 1e-9 * total[-1]
+    assert (below <= total + slack).all() and (below >= total - few.weights - slack).all()
+    times_between, between = few.between()
+    np.testing.assert_array_equal(times_between, times)
+    content = between * np.diff(np.log(times))
+    assert (np.abs(content - np.diff(below)) <= 0.5 * (few.weights[1:] + few.weights[:-1]) + slack).all()
+    width = min(2 * few.resolution, 1.5)
+    tau = np.geomspace(times[0], times[-1], 60)
+    near, exact = few.smoothed(tau, width), true.smoothed(tau, width)
+    assert np.max(np.abs(near - exact)) < 0.05 * exact.max()
+
+
+def test_times_stay_within_what_was_swept():
+    s = spectrum(modes=5)
+    found = transient(s, 1e-3, 1e2)
+    assert found.time[0] == pytest.approx(1e-2) and found.time[-1] == pytest.approx(1e3)
+    wide = transient(s, 1e-15, 1e12)
+    assert 1e-12 < wide.time[0] < wide.time[-1] < 1e15
+    grows = transient(spectrum(G0=-0.02, modes=5), 1e-15, 1e12)
+    assert np.isfinite(grows.J).all() and len(grows.creep_time) < len(grows.time)
