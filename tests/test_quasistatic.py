@@ -1,0 +1,229 @@
+"""The quasistatic response against dense references, identities and published constants; refusals; the file."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dense import Reference
+from gathered import unknowns
+from samples import DATA, LAWS, SAMPLES, gears, honeycomb, laws_of, polydisperse, reference
+
+import jampetsc
+from jampetsc import cli
+from jampetsc.analysis.distribution import Distribution
+from jampetsc.errors import InputError
+from jampetsc.mechanics.laws import Law
+from jampetsc.mechanics.network import build_network
+from jampetsc.packing.disks import Disks
+from jampetsc.response.elastic import ElasticResponse
+from jampetsc.response.quasistatic import solve
+from jampetsc.response.viscosity import Viscosity
+from jampetsc.storage.packing_file import write_packing
+
+pytestmark = pytest.mark.scalar("real")
+
+MINIMA = ("published", "hertzian", "polydisperse", "isostatic")
+PACKING = DATA / "isostatic-N24-p1e-7.h5"
+
+
+def whole(network, local):
+    return np.concatenate(network.comm.allgather(local))
+
+
+def response(disks, law, comm):
+    """(Quasistatic, η_∞)."""
+    network = build_network(disks, comm)
+    viscosity = Viscosity(network, law)
+    try:
+        return solve(network, law, viscosity), viscosity.infinite()
+    finally:
+        viscosity.destroy()
+
+
+def motions(exact, displacement):
+    """Δu∥ and Δu⊥ of the dense reference for a field (n, 2) at unit strain, each sorted by size."""
+    bond = displacement[exact.j] - displacement[exact.i]
+    bond[:, 0] += exact.r[:, 1]
+    n = exact.r / exact.distance[:, None]
+    t = np.column_stack((-n[:, 1], n[:, 0]))
+    return [np.sort(np.abs((axis * bond).sum(axis=1).astype(float))) for axis in (n, t)]
+
+
+@pytest.mark.parametrize("sample", MINIMA)
+def test_against_dense(session, sample):
+    for law in laws_of(sample):
+        exact = reference(sample, law)
+        found, eta_inf = response(SAMPLES[sample](), LAWS[law], session.comm)
+        field, G0 = exact.quasistatic()
+        rows = unknowns(found.network, 1, exact.disks)
+        scale = float(np.abs(field).max())
+        nonaffine = whole(found.network, found.nonaffine)
+        np.testing.assert_allclose(nonaffine, field[rows].astype(float), rtol=0, atol=1e-10 * scale)
+        for name, wanted in zip(("normal", "transverse"), motions(exact, field), strict=True):
+            values = np.sort(np.abs(whole(found.network, getattr(found, name))))
+            np.testing.assert_allclose(values, wanted, rtol=0, atol=1e-10 * wanted.max())
+        assert found.G0 == pytest.approx(G0, rel=1e-10, abs=1e-12)
+        assert found.flow.eta0 == pytest.approx(exact.eta0(), rel=1e-10)
+        assert found.crossover == pytest.approx(G0 / exact.eta0(), rel=1e-9)
+        wanted = LAWS[law].eta_f * LAWS[law].tau1 if LAWS[law].kind == "stokes" else exact.eta_infinity()
+        assert eta_inf == pytest.approx(wanted, rel=1e-10)
+        assert found.identity < 1e-10 and found.error < 1e-10
+
+
+@pytest.mark.parametrize("sample", MINIMA)
+def test_without_prestress_contacts_hold_all_the_energy(session, sample):
+    """Identity 1, with G₀ from the border: k Σ (Δu∥)² = G₀ V. And identity 4: η₀ = G₀ τ₁ at β = 0."""
+    disks = SAMPLES[sample]()
+    found, _ = response(disks, Law(prestress=False, beta=0.0, tau1=2.0), session.comm)
+    network = found.network
+    c = network.contacts
+    stiffness = c.stiffness[c.i < c.j]
+    energy = network.sum(float(stiffness @ found.normal**2))
+    _, G0 = Reference(disks, Law(prestress=False, beta=0.0)).quasistatic()
+    assert energy / network.area == pytest.approx(G0, rel=1e-10)
+    if disks.potential.alpha == 2 and disks.potential.stiffness == "constant":
+        assert found.flow.eta0 == pytest.approx(2.0 * found.G0, rel=1e-12)
+        assert found.flow.parts["transverse"] == 0.0
+
+
+@pytest.mark.parametrize("beta", [1e-7, 3.0, 1e4])
+def test_angles_do_not_depend_on_beta(session, beta):
+    """The disks turn alike at every β, so that η₀ is a straight line in β (BT eq. 22)."""
+    one, _ = response(SAMPLES["published"](), Law(), session.comm)
+    other, _ = response(SAMPLES["published"](), Law(beta=beta), session.comm)
+    assert other.flow.parts["normal"] == pytest.approx(one.flow.parts["normal"], rel=1e-12)
+    assert other.flow.parts["transverse"] == pytest.approx(beta * one.flow.parts["transverse"], rel=1e-12)
+    np.testing.assert_allclose(other.flow.rotation, one.flow.rotation, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("index", range(3))
+def test_bulk_modulus_of_published_packings(session, index):
+    """−V dp/dV = (C_xxxx + C_yyyy + 2 C_xxyy)/4 + p/2, with jax-md's constants."""
+    disks, record = polydisperse(index)
+    found, _ = response(disks, Law(), session.comm)
+    xxxx, yyyy, _, xxyy, _, _ = record["Cijkl"]
+    wanted = (xxxx + yyyy + 2 * xxyy) / 4 + found.network.pressure / 2
+    assert found.bulk_modulus == pytest.approx(wanted, rel=2e-6)
+
+
+def test_bulk_modulus_of_one_state_of_self_stress(session):
+    """Identity 6: k (Σ f r)²/(4 V Σ f²), without pre-stress."""
+    found, _ = response(SAMPLES["isostatic"](), Law(prestress=False), session.comm)
+    network, c = found.network, found.network.contacts
+    once = c.i < c.j
+    moment, square = network.sum(np.array([c.force[once] @ c.distance[once], c.force[once] @ c.force[once]]))
+    assert found.bulk_modulus == pytest.approx(network.k * moment**2 / (4 * network.area * square), rel=1e-6)
+
+
+def test_no_minimum_is_refused_with_the_count(session):
+    exact = reference("gears", str(Law("stokes")))
+    negative = int(np.sum(np.linalg.eigvalsh(exact.K[:-1, :-1].astype(float)) < -1e-9))
+    assert negative > 1
+    with pytest.raises(InputError, match=rf"K has {negative} negative modes: not a minimum"):
+        ElasticResponse(build_network(gears(), session.comm), prestress=True)
+
+
+def square_lattice():
+    """A perfect square lattice, 6 × 4: rows and columns slide as wholes at no cost in first order."""
+    row, column = np.divmod(np.arange(24), 6)
+    return Disks.from_positions(
+        np.column_stack((column, row)) * 0.98, np.full(24, 0.5), [(6 * 0.98, 0), (0, 4 * 0.98)]
+    )
+
+
+def test_floppy_modes_are_refused_with_the_count(session):
+    """Each of 4 rows and 6 columns slides; all rows together, and all columns, are the two translations."""
+    network = build_network(square_lattice(), session.comm)
+    with pytest.raises(InputError, match=r"K has 8 floppy modes besides its translations"):
+        ElasticResponse(network, prestress=False)
+
+
+def command(*words):
+    return cli.main([str(word) for word in words])
+
+
+def test_file(session, shared_path):
+    out = shared_path / "q.h5"
+    assert command("quasistatic", PACKING, "--out", out, "--beta", 2, "--betas", "1e-3,2") == 0
+    found = jampetsc.load(out)
+    n, contacts = len(found["particles"]), len(found["contacts/pairs"])
+    assert found.format == "jampetsc-quasistatic" and found.law["beta"] == 2.0
+    assert (n, contacts) == (22, 43)
+    exact = reference("isostatic", str(Law("stokes")))
+    bonds = found["contacts/bonds"]
+    u = found["nonaffine"]
+    i, j = found["contacts/pairs"].T
+    move = u[j] - u[i]
+    move[:, 0] += bonds[:, 1]
+    normal = np.sum(move * bonds, axis=1) / np.hypot(*bonds.T)
+    np.testing.assert_allclose(normal, found["contacts/normal"], rtol=0, atol=1e-9)
+    assert found["contacts/transverse"].shape == found["contacts/sliding"].shape == (contacts,)
+    assert found["no_prestress/nonaffine"].shape == (n, 2) and found["rotation"].shape == (n,)
+    a = found.attributes
+    assert a["G0"] == pytest.approx(exact.quasistatic()[1], rel=1e-9)
+    assert a["eta0"] == pytest.approx(a["eta0_normal"] + a["eta0_transverse"], rel=1e-14)
+    assert a["normal_rms"] == pytest.approx(np.sqrt(np.mean(normal**2)), rel=1e-9)
+    assert a["no_prestress_normal_rms"] ** 2 * contacts == pytest.approx(
+        a["no_prestress_G0"] * float(exact.area) / a["k"], rel=1e-10
+    )
+    assert found["histogram/normal/counts"].sum() == contacts
+    assert found["beta_scan/eta0"][1] == pytest.approx(a["eta0"], rel=1e-12)
+    assert found["beta_scan/eta_inf"][1] == pytest.approx(a["eta_inf"], rel=1e-12)
+    assert (np.diff(found["beta_scan/eta_inf"]) > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--betas", "1,x"], "--betas 1,x: write numbers with commas"),
+        (["--betas", "-1"], "--beta -1: must lie between 0 and"),
+        (["--law", "stokes", "--betas", "1"], "--betas 1: belongs to --law contact"),
+    ],
+)
+def test_bad_options(session, shared_path, capsys, words, says):
+    out = shared_path / "q.h5"
+    assert command("quasistatic", PACKING, "--out", out, *words) == 2
+    assert session.rank or says in capsys.readouterr().err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("disks", "says"),
+    [
+        (honeycomb, "2 floppy modes: below jamming"),
+        (gears, "negative modes: not a minimum"),
+        (square_lattice, "negative modes: not a minimum"),
+    ],
+)
+def test_refused_packings_leave_no_file(session, shared_path, capsys, disks, says):
+    if session.rank == 0:
+        write_packing(shared_path / "packing.h5", disks())
+    session.comm.Barrier()
+    out = shared_path / "q.h5"
+    assert command("quasistatic", shared_path / "packing.h5", "--out", out) == 2
+    assert session.rank or (says in (text := capsys.readouterr().err) and "packing.h5" in text)
+    assert session.comm.bcast(sorted(path.name for path in shared_path.iterdir())) == ["packing.h5"]
+
+
+def test_rotations_of_gears(session):
+    """A bipartite network without pre-stress: one gear is held, and η₀ does not depend on which."""
+    law = Law(prestress=False)
+    exact = reference("gears", str(law))
+    found, eta_inf = response(gears(), law, session.comm)
+    assert found.flow.eta0 == pytest.approx(exact.eta0(), rel=1e-8)
+    assert eta_inf == pytest.approx(exact.eta_infinity(), rel=1e-10)
+    without = replace(law, rotations=False)
+    assert response(gears(), without, session.comm)[0].flow.eta0 > found.flow.eta0
+
+
+def test_distribution():
+    values = np.array([0.0, -0.15, 0.15, 3.0, -1.0])
+    found = Distribution.of(values)
+    assert (found.median, found.mean) == (0.15, pytest.approx(0.86))
+    assert found.rms == pytest.approx(np.sqrt(np.mean(values**2)))
+    assert found.edges[0] == 0 and found.edges[1] == pytest.approx(1e-9) and found.edges[-1] == 10.0
+    assert found.counts.sum() == 5 and found.counts[0] == 1
+    inside = (found.edges[:-1] <= 0.15) & (found.edges[1:] > 0.15)
+    assert found.counts[inside] == [2]
+    assert Distribution.of(np.array([[3.0, 4.0], [0.0, 0.0]])).rms == pytest.approx(np.sqrt(12.5))
+    assert Distribution.of(np.zeros(3)).counts.sum() == 3
