@@ -9,7 +9,7 @@ import numpy as np
 
 from jampetsc.errors import ConvergenceError, InputError, JampetscError
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
-from jampetsc.packing.protocols import SIZES, START_PHI, Effort, Target, make_packing, radii_of, random_start
+from jampetsc.packing.protocols import SIZES, Effort, Target, make_packing, radii_of, random_start, start_phi
 
 FEWEST, MOST = 16, 10_000_000
 PRESSURES = (1e-8, 1.0)
@@ -188,7 +188,7 @@ def _starter(args):
         )
     radii = radii_of(args.sizes or SIZES[0], n) if radii is None else radii
     potential = Potential(args.potential or "harmonic", args.stiffness or "constant")
-    return lambda seed, target: random_start(radii, target.phi or START_PHI, seed, potential)
+    return lambda seed, target: random_start(radii, target.phi or start_phi(target.pressure), seed, potential)
 
 
 def _from_packing(args):

@@ -17,7 +17,7 @@ from jampetsc.packing.forces import FAST, PairList, deformed, law_constants, pai
 
 STEP = 0.5  # largest time step, in units of √(m/k): the stiffest mode, ω² ≈ 8–12 k/m, is stable up to 0.6
 DELAY = 20  # steps downhill before the time step grows
-MIXING = 0.25
+MIXING = 0.1
 SKIN_RANGE = (0.02, 0.5)  # skin of the pair list in units of d
 
 
@@ -131,7 +131,24 @@ class Quench:
         """Forget all velocities."""
         self.velocities = np.zeros((self._disks.n, 2))
         self.box[1] = 0.0
-        self.clock = np.array([0.2 * STEP, MIXING, 0.0, STEP])
+        step = self._longest_step()
+        self.clock = np.array([0.2 * step, MIXING, 0.0, step])
+
+    def _longest_step(self):
+        """STEP in units of √(m/k), k the stiffest contact there is, or that the target pressure makes."""
+        law, pairs = self._disks.potential, self.pairs
+        depth = np.full_like(pairs.sigma, self._usual_overlap())
+        if law.alpha > 2.0:
+            moved = pairs.r0 + (self.offsets[pairs.j] - self.offsets[pairs.i]).T
+            depth = np.maximum(depth, pairs.sigma - np.exp(self.box[0, 0]) * np.hypot(*moved))
+        return STEP / np.sqrt(np.max(law.contact_stiffness(depth, pairs.sigma), initial=1e-300))
+
+    def _usual_overlap(self):
+        """Overlap of a contact that carries a typical force, 2 p d."""
+        law, d = self._disks.potential, self._diameter(self._disks)
+        scale = float(law.scale(np.array(d)))
+        pressure = self.goal.pressure if self.goal.pressure is not None else 1e-3 * law.k / scale**2
+        return scale * (2.0 * pressure * d * scale / law.k) ** (1.0 / (law.alpha - 1.0))
 
     @property
     def disks(self) -> Disks:
@@ -144,7 +161,7 @@ class Quench:
 
     def descend(self, force_limit, box_limit, max_evaluations):
         """FIRE until max |F| ≤ force_limit and the box force ≤ box_limit; returns (converged, max |F|, box force)."""
-        goal, pairs = self.goal, self.pairs
+        goal = self.goal
         n = self._disks.n
         moving = np.array([goal.pressure is not None, goal.shear])
         limit = np.array([force_limit, box_limit])
@@ -154,6 +171,7 @@ class Quench:
         budget = self.evaluations + max_evaluations
         while True:
             pairs = self.pairs
+            self.clock[3] = self._longest_step()
             target = ((goal.pressure or 0.0) * self._disks.area, np.sqrt(n), 2.0 * self._disks.radii.max())
             done, status, worst, box_force = _descend(
                 pairs.i, pairs.j, pairs.r0, pairs.sigma, law, self.offsets, self.velocities, forces, self.box, moving,

@@ -17,6 +17,7 @@ from jampetsc.packing.fire import Quench
 from jampetsc.packing.hessian import Bonds, Pattern, border
 
 STEPS = 12  # quadratic convergence needs far fewer: then FIRE should do some more
+RELEASES = 200  # sweeps of pushing rattlers out of overlaps
 REACH = 0.3  # no disk may move by more than this in one Newton step, in units of d
 
 
@@ -122,13 +123,40 @@ class Polish:
         self.quench.box[0] += strain
         return True
 
+    def release_rattlers(self):
+        """Move rattlers out of the disks they still touch: at rest they carry no force, so FIRE leaves them last.
+
+        Only rattlers move. One that finds no room within RELEASES sweeps stays; its forces then count on its neighbours.
+        """
+        pairs, disks = self.bonds.pairs, self.disks
+        pressed = self.rattlers[pairs.i] | self.rattlers[pairs.j]
+        i, j, r0, sigma = pairs.i[pressed], pairs.j[pressed], pairs.r0[:, pressed], pairs.sigma[pressed]
+        moved = np.zeros((disks.n, 2))
+        room = 1e-9 * float(np.mean(disks.radii))
+        for _ in range(RELEASES):
+            r = r0 + (moved[j] - moved[i]).T
+            distance = np.hypot(*r)
+            depth = np.where(sigma > distance, sigma - distance + room, 0.0)
+            if not depth.any():
+                break
+            push = depth * r / distance
+            for axis in range(2):
+                np.add.at(moved[:, axis], j, push[axis])
+                np.add.at(moved[:, axis], i, -push[axis])
+            moved[~self.rattlers] = 0.0
+        if moved.any() and np.abs(moved).max() < 0.5 * pairs.skin:
+            self.quench.offsets += moved
+            self.look()
+
     def converge(self, wanted: Residual) -> bool:
         """Newton to `wanted`. True when there, with `negative_modes = 0` proved; else the quench is where it was.
 
         Gives up as soon as a step does not halve the residual: then contacts still change and FIRE should go on.
         """
         start = self.quench.disks
-        last = self.look()
+        self.look()
+        self.release_rattlers()
+        last = self.residual
         for _ in range(STEPS):
             done = last.within(wanted)
             if not self.step():
