@@ -142,7 +142,10 @@ class Session:
             yield
 
     def collect(self):
-        """Free the PETSc objects that python has dropped, even if on some ranks only. Collective."""
+        """Free the PETSc objects that python has dropped, even if on some ranks only. Collective.
+
+        A full garbage collection, tens of milliseconds: not for every step of a fast loop.
+        """
         gc.collect()
         if hasattr(self.PETSc, "garbage_cleanup"):  # petsc4py ≥ 3.18
             self.PETSc.garbage_cleanup(self.comm)

@@ -8,9 +8,11 @@ rank that failed and that the others do not follow ends the run instead of leavi
 """
 
 import faulthandler
+import gc
 import os
 import sys
 import time
+from array import array
 
 import pytest
 
@@ -44,6 +46,10 @@ def pytest_collection_modifyitems(config, items):
     items[:] = [item for item in items if wanted(item)]
 
 
+def pytest_collection_finish(session):
+    gc.freeze()  # what is imported by now stays: the collection after every test then takes no time
+
+
 @pytest.fixture
 def session():
     """The running jampetsc Session, with the scalar type of this process."""
@@ -73,19 +79,20 @@ def pytest_runtest_makereport(item, call):
     report = outcome.get_result()
     if running is None or running.size == 1:
         return
-    wait_for_all(item, report)
-    mine = f"on rank {running.rank}:\n{report.longreprtext}" if report.failed else None
-    failures = [text for text in running.comm.allgather(mine) if text]
-    if failures:
+    if some_failed(item, report):
+        mine = f"on rank {running.rank}:\n{report.longreprtext}" if report.failed else None
         report.outcome = "failed"
-        report.longrepr = "\n".join(failures)
+        report.longrepr = "\n".join(text for text in running.comm.allgather(mine) if text)
     elif report.when == "teardown":
         running.collect()
 
 
-def wait_for_all(item, report):
-    """Return when every rank has come to the end of this step; a rank that failed does not wait for long."""
-    request = running.comm.Ibarrier()
+def some_failed(item, report):
+    """Whether this step failed on some rank, once all have ended it; a failed rank does not wait for long."""
+    from mpi4py import MPI
+
+    mine, worst = array("i", [report.failed]), array("i", [0])
+    request = running.comm.Iallreduce(mine, worst, op=MPI.MAX)
     deadline = time.monotonic() + PATIENCE
     while not request.Test():
         if report.failed and time.monotonic() > deadline:
@@ -95,3 +102,4 @@ def wait_for_all(item, report):
                 print(report.longreprtext, file=sys.stderr, flush=True)
             running.comm.Abort(1)
         time.sleep(0.001)
+    return worst[0] > 0
