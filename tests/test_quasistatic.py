@@ -1,4 +1,4 @@
-"""The quasistatic response against dense references, identities and published constants; refusals; the file."""
+"""The quasistatic response against dense references, identities and published constants; refusals; file."""
 
 from dataclasses import replace
 

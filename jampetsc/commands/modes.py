@@ -75,7 +75,9 @@ def summary(out, modes) -> str:
         f"  floppiness (rms Δu⊥ / Δu∥) {modes.floppiness[0]:.3g} to {modes.floppiness[-1]:.3g}",
     ]
     if modes.share_modulus is None:
-        lines.append("  zero modes: the response to shear is not unique, so no shares of it")
+        lines.append(
+            "  the response to shear is affine, or not unique because of zero modes: no shares of it"
+        )
     else:
         lines.append(
             f"  together {100 * modes.share_nonaffine.sum():.3g} % of |u_na|², "

@@ -18,7 +18,9 @@ from jampetsc.mechanics.assembly import Pencil
 from jampetsc.session import current
 
 PREFIX = "modes_"
-SHIFT = 1e-9  # −σ in units of the contact stiffness: below the softest modes, and far enough above rounding
+# −σ in units of the contact stiffness: of the order of the softest modes. Nearer to zero, a mode of no energy
+# would be amplified by 1/σ and its rounding drown the others.
+SHIFT = 1e-7
 SPARE = 2  # eigenpairs more than asked for: the first one tells where the last one asked for ends
 DENSE = 8192  # unknowns up to which LAPACK finds all eigenpairs
 

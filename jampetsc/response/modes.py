@@ -28,8 +28,9 @@ from jampetsc.response.job import split_field
 GAP = 1e-7  # eigenvalues closer than this, relatively, belong together: a count cannot tell them apart
 ATTEMPTS = 4  # with more modes each time, where a cluster goes on or the count shows that some were missed
 RESIDUAL = (
-    1e-9  # largest ‖Kφ − λφ‖ accepted, in units of the stiffness: |Δλ| is below its square over the gap
+    1e-9  # largest ‖Kφ − λφ‖ accepted, in units of the stiffness; |Δλ| is below its square over the gap
 )
+AFFINE = 1e-12  # a non-affine part of the modulus this small, relative to the affine one, is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +46,7 @@ class Modes:
     transverse: np.ndarray  # (m,) mean over contacts of a⊥²
     participation: np.ndarray  # (m,) (Σ|φ_i|²)²/(n Σ|φ_i|⁴), 1 if all disks move alike
     shear_force: np.ndarray  # (m,) F = k_γ·φ per unit strain
-    share_nonaffine: np.ndarray | None  # (m,) of Σ|ũ_i|²; None where zero modes leave ũ undetermined
+    share_nonaffine: np.ndarray | None  # (m,) of Σ|ũ_i|²; None if not unique, or affine
     share_modulus: np.ndarray | None  # (m,) of G_affine − G₀
     inertia_count: int  # eigenvalues below `inertia_shift`, translations left out, by inertia: equals m
     inertia_shift: float  # μ, in k
@@ -187,8 +188,9 @@ def _describe(pencil: Pencil, compatibility, prestress, pairs, m, shift):
 
 
 def _shares(network, prestress, values, force):
-    """What each mode carries of Σ|ũ|² and of G_affine − G₀; (None, None) where zero modes leave ũ
-    undetermined.
+    """What each mode carries of Σ|ũ|² and of G_affine − G₀.
+
+    (None, None) where zero modes leave ũ undetermined, and where the response is affine, as in a crystal.
     """
     if values[0] <= SHIFT:
         return None, None
@@ -196,6 +198,8 @@ def _shares(network, prestress, values, force):
     shear = elastic.shear()
     field, _ = split_field(elastic.pencil, shear.x)
     square = network.sum(float(np.sum(field**2)))
-    nonaffine = elastic.pencil.k_gg - shear.value
+    affine = elastic.pencil.k_gg
     elastic.destroy()
-    return (force / values) ** 2 / square, force**2 / values / nonaffine
+    if affine - shear.value <= AFFINE * abs(affine):
+        return None, None
+    return (force / values) ** 2 / square, force**2 / values / (affine - shear.value)

@@ -17,6 +17,7 @@ from jampetsc.mechanics.compatibility import Compatibility
 
 LARGEST_ERROR = 1e-8  # of a field, relative, in the energy norm: 1e-16 of the energy
 LARGEST_DEFECT = 1e-8
+FLOOR = 1e-5  # energies this far below the affine one, as where nothing resists, are compared with this part of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +27,7 @@ class Relaxed:
     x: np.ndarray  # (unknowns_local,)
     motions: np.ndarray  # (contacts_local, forms): C x + g
     value: float  # E = Σ w (C x + g)² on all ranks
-    error: float  # ‖x − exact‖ / ‖exact − start‖ in the energy norm, estimated with the residual
+    error: float  # energy norm of ‖x − exact‖ over that of the imposed motion, estimated with the residual
     defect: float  # |Σ w a² − Σ w g a| / Σ |w| a², zero but for rounding
 
 
@@ -58,16 +59,17 @@ def relax(compatibility: Compatibility, weights, solve, g, what: str, start=None
         energies.append(abs(z.dot(r)))
         if step < 2:
             x.axpy(-1.0, z)
-    sums = network.sum(np.array([weights @ motions**2, np.abs(weights) @ motions**2]))
+    size = np.abs(weights)
+    value, after, before = network.sum(np.array([weights @ motions**2, size @ motions**2, size @ g**2]))
     field = x.getArray().copy()
-    defect = abs(x.dot(r)) / sums[1] if start is None and sums[1] else 0.0
+    defect = abs(x.dot(r)) / (after + FLOOR * before) if start is None else 0.0
     for vector in (x, a, r, z):
         vector.destroy()
-    error = float(np.sqrt(energies[2] / energies[0])) if energies[0] else 0.0
+    error = float(np.sqrt(energies[2] / before))
     if not (error <= LARGEST_ERROR and defect <= LARGEST_DEFECT):
         raise ConvergenceError(
             f"{what}: only certain to {error:.1e}, its energy to {defect:.1e}: the matrix is too "
             "ill-conditioned; try another "
             "factorisation, such as -shift_pc_factor_mat_solver_type mumps"
         )
-    return Relaxed(field, motions.reshape(-1, compatibility.forms), float(sums[0]), error, float(defect))
+    return Relaxed(field, motions.reshape(-1, compatibility.forms), float(value), error, float(defect))

@@ -1,0 +1,239 @@
+"""Low modes against dense eigen-decompositions; planted floppy modes, clusters and pieces; the file and
+refusals.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dense import Reference
+from gathered import unknowns
+from samples import DATA, SAMPLES, gears, published, reference, strips
+
+import jampetsc
+from jampetsc import cli
+from jampetsc.errors import InputError
+from jampetsc.mechanics.laws import Law
+from jampetsc.mechanics.network import build_network
+from jampetsc.packing.disks import Disks
+from jampetsc.response.elastic import ElasticResponse
+from jampetsc.response.modes import lowest_modes
+from jampetsc.storage.packing_file import write_packing
+
+pytestmark = pytest.mark.scalar("real")
+
+PACKING = DATA / "isostatic-N24-p1e-7.h5"
+
+
+def spectrum(sample, prestress=True):
+    """(λ (m,), φ (unknowns, m), exact) of the dense K, translations left out."""
+    exact = reference(
+        sample, str(Law("stokes")) if prestress else str(Law("stokes", prestress=False, eta_f=1e-5))
+    )
+    K = exact.K[:-1, :-1].astype(float)
+    moves = exact.free_moves().astype(float)
+    moves /= np.sqrt(np.sum(moves**2, axis=0))
+    values, vectors = np.linalg.eigh(K + 100.0 * moves @ moves.T)
+    m = len(values) - moves.shape[1]
+    return values[:m], vectors[:, :m], exact
+
+
+def vectors_of(modes):
+    """Modes of all ranks, (unknowns, m)."""
+    whole = np.concatenate(modes.network.comm.allgather(modes.vectors), axis=1)
+    return whole.reshape(len(whole), -1).T
+
+
+def check(modes, wanted, vectors, exact):
+    """Eigenvalues and vectors (up to sign; the spectra compared here are simple) against dense ones."""
+    m = len(modes.eigenvalues)
+    np.testing.assert_allclose(modes.eigenvalues, wanted[:m], rtol=1e-10, atol=1e-13)
+    found = vectors_of(modes)
+    np.testing.assert_allclose(found.T @ found, np.eye(m), rtol=0, atol=1e-10)
+    rows = unknowns(modes.network, 2, exact.disks)
+    overlap = np.abs(np.sum(found * vectors[rows, :m], axis=0))
+    np.testing.assert_allclose(overlap, 1.0, rtol=0, atol=1e-10)
+    assert modes.residuals.max() < 1e-10
+    assert modes.inertia_count == m
+
+
+@pytest.mark.parametrize(
+    ("sample", "count"), [("published", 4), ("published", 30), ("polydisperse", 20), ("isostatic", 5)]
+)
+@pytest.mark.parametrize("prestress", [True, False])
+def test_against_dense(session, sample, count, prestress):
+    """Few modes come from SLEPc, many from LAPACK; every quantity of a mode from its definition."""
+    wanted, vectors, exact = spectrum(sample, prestress)
+    modes = lowest_modes(build_network(SAMPLES[sample](), session.comm), prestress, count)
+    assert modes.method == ("lapack" if 2 * (count + 2) >= len(wanted) else "krylovschur")
+    check(modes, wanted, vectors, exact)
+    assert modes.complete == (count == len(wanted))
+    assert count == len(wanted) or wanted[count - 1] < modes.inertia_shift < wanted[count]
+    for row in range(count):
+        phi = vectors[:, row].reshape(-1, 2)
+        move = phi[exact.j] - phi[exact.i]
+        n = (exact.r / exact.distance[:, None]).astype(float)
+        normal = np.mean(np.sum(n * move, axis=1) ** 2)
+        transverse = np.mean((n[:, 0] * move[:, 1] - n[:, 1] * move[:, 0]) ** 2)
+        sizes = np.sum(phi**2, axis=1)
+        force = float(exact.K[:-1, -1].astype(float) @ vectors[:, row])
+        assert modes.normal[row] == pytest.approx(normal, rel=1e-8)
+        assert modes.transverse[row] == pytest.approx(transverse, rel=1e-8)
+        assert modes.floppiness[row] == pytest.approx(np.sqrt(transverse / normal), rel=1e-8)
+        assert modes.participation[row] == pytest.approx(1 / (len(sizes) * np.sum(sizes**2)), rel=1e-8)
+        assert abs(modes.shear_force[row]) == pytest.approx(abs(force), rel=1e-7, abs=1e-10)
+
+
+@pytest.mark.parametrize("sample", ["published", "polydisperse", "isostatic"])
+def test_all_modes_carry_the_whole_response(session, sample):
+    """ũ = −Σ (F/λ) φ and (G_affine − G₀) V = Σ F²/λ: shares add up to one."""
+    network = build_network(SAMPLES[sample](), session.comm)
+    modes = lowest_modes(network)
+    assert modes.complete and len(modes.eigenvalues) == 2 * network.n - 2
+    assert modes.share_modulus.sum() == pytest.approx(1.0, abs=1e-9)
+    assert modes.share_nonaffine.sum() == pytest.approx(1.0, abs=1e-8)
+    field = -np.tensordot(modes.shear_force / modes.eigenvalues, modes.vectors, axes=1)
+    exact, _ = reference(sample, str(Law("stokes"))).quasistatic()
+    rows = unknowns(network, 1, reference(sample, str(Law("stokes"))).disks)
+    mine = rows[network.first : network.last]
+    np.testing.assert_allclose(
+        field, exact[mine].astype(float), rtol=0, atol=1e-8 * float(np.abs(exact).max())
+    )
+
+
+def test_all_below(session):
+    wanted, vectors, exact = spectrum("polydisperse")
+    network = build_network(SAMPLES["polydisperse"](), session.comm)
+    bound = float(0.5 * (wanted[14] + wanted[15]))
+    modes = lowest_modes(network, below=bound)
+    assert len(modes.eigenvalues) == 15
+    check(modes, wanted, vectors, exact)
+    with pytest.raises(InputError, match="--below 1e-09: no mode lies there"):
+        lowest_modes(network, below=1e-9)
+
+
+def cut(network, pairs):
+    """The network without the contacts of `pairs`."""
+    c = network.contacts
+    gone = np.zeros(len(c), bool)
+    for i, j in pairs:
+        gone |= ((c.i == i) & (c.j == j)) | ((c.i == j) & (c.j == i))
+    return replace(network, contacts=c[~gone])
+
+
+def test_planted_floppy_mode(session):
+    """2n − 1 contacts, all of them needed: the first that goes takes the self-stress along, the second leaves
+    a floppy mode.
+
+    That mode costs nothing and only slides; the modes above it are ordinary.
+    """
+    network = build_network(SAMPLES["isostatic"](), session.comm)
+    assert network.contact_count == 2 * network.n - 1
+    c = network.contacts
+    first = session.comm.allgather([(int(i), int(j)) for i, j in zip(c.i, c.j, strict=True) if i < j])
+    contacts = [pair for part in first for pair in part]
+    degree = np.bincount(np.array(contacts).ravel(), minlength=network.n)
+    free = [pair for pair in contacts if (degree[list(pair)] > 3).all()]
+    one = lowest_modes(cut(network, free[:1]), False, 3)
+    assert one.eigenvalues[0] > 1e-6
+    floppy = cut(network, [free[0], free[-1]])
+    modes = lowest_modes(floppy, False, 3)
+    assert abs(modes.eigenvalues[0]) < 1e-13 and modes.eigenvalues[1] > 1e-6
+    assert modes.normal[0] < 1e-20 and modes.transverse[0] > 1e-3
+    assert modes.floppiness[0] > 1e8 and modes.floppiness[1] < 1e3
+    assert modes.share_modulus is None
+    assert abs(modes.shear_force[0]) < 1e-10
+    with pytest.raises(InputError, match="K has 1 floppy mode besides its translations"):
+        ElasticResponse(floppy, prestress=False)
+
+
+def crystal():
+    """A perfect triangular lattice, 6 × 6: its modes come in clusters of equal eigenvalues."""
+    row, column = np.divmod(np.arange(36), 6)
+    height = np.sqrt(0.75)
+    positions = np.column_stack((column + 0.5 * row, height * row)) * 0.99
+    return Disks.from_positions(positions, np.full(36, 0.5), [(6 * 0.99, 0), (3 * 0.99, 6 * height * 0.99)])
+
+
+@pytest.mark.parametrize("count", [1, 5, 12])
+def test_clusters_are_kept_whole(session, count):
+    network = build_network(crystal(), session.comm)
+    every = lowest_modes(network)
+    modes = lowest_modes(network, count=count)
+    m = len(modes.eigenvalues)
+    assert m >= count
+    np.testing.assert_allclose(modes.eigenvalues, every.eigenvalues[:m], rtol=1e-10)
+    assert every.eigenvalues[m] - every.eigenvalues[m - 1] > 1e-6
+    assert every.eigenvalues[count - 1] == pytest.approx(every.eigenvalues[m - 1], rel=1e-10)
+    assert modes.inertia_count == m
+    found = vectors_of(modes)
+    np.testing.assert_allclose(found.T @ found, np.eye(m), rtol=0, atol=1e-10)
+
+
+def test_each_piece_has_its_translations(session):
+    """Two strips that do not touch, without pre-stress: four moves of no cost, and the rest as dense says."""
+    exact = Reference(strips(), Law(prestress=False, beta=0.0))
+    values = np.linalg.eigvalsh(exact.K[:-1, :-1].astype(float))
+    zeros = int(np.sum(np.abs(values) < 1e-12))
+    modes = lowest_modes(build_network(strips(), session.comm), False, 8)
+    found = modes.eigenvalues
+    np.testing.assert_allclose(found, values[4 : 4 + len(found)], rtol=1e-9, atol=1e-13)
+    assert int(np.sum(np.abs(found) < 1e-12)) == min(zeros - 4, 8)
+
+
+def command(*words):
+    return cli.main([str(word) for word in words])
+
+
+def test_file(session, shared_path):
+    out = shared_path / "m.h5"
+    assert command("modes", PACKING, "--out", out, "--count", 6) == 0
+    found = jampetsc.load(out)
+    wanted, _, exact = spectrum("isostatic")
+    assert found.format == "jampetsc-modes" and found.attributes["inertia_count"] == 6
+    np.testing.assert_allclose(found["eigenvalues"], wanted[:6], rtol=1e-10, atol=1e-13)
+    assert found["modes"].shape == (6, 22, 2)
+    assert sorted(found["particles"]) == list(exact.disks)
+    assert (found["residuals"] < 1e-10).all()
+    np.testing.assert_allclose(found["cumulative/modulus"], np.cumsum(found["share/modulus"]))
+    assert command("modes", PACKING, "--out", out, "--all", "--no-prestress") == 0
+    found = jampetsc.load(out)
+    assert found.attributes["complete"] and found["modes"].shape == (42, 22, 2)
+    assert found["cumulative/nonaffine"][-1] == pytest.approx(1.0, abs=1e-8)
+    assert not found.attributes["prestress"]
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--count", "0"], "--count 0: must be at least 1"),
+        (["--count", "43"], "43 modes: K has 42 besides its translations"),
+        (["--below", "-1"], "--below -1: must be positive"),
+        (["--below", "1e-11"], "--below 1e-11: no mode lies there"),
+        (["--count", "3", "--all"], "not allowed with"),
+    ],
+)
+def test_bad_options(session, shared_path, capsys, words, says):
+    out = shared_path / "m.h5"
+    assert command("modes", PACKING, "--out", out, *words) == 2
+    assert session.rank or says in capsys.readouterr().err
+    assert session.comm.bcast(list(shared_path.iterdir())) == []
+
+
+def test_no_minimum_is_refused_with_the_count(session, shared_path, capsys):
+    if session.rank == 0:
+        write_packing(shared_path / "packing.h5", gears())
+    session.comm.Barrier()
+    negative = int(
+        np.sum(np.linalg.eigvalsh(reference("gears", str(Law("stokes"))).K[:-1, :-1].astype(float)) < -1e-9)
+    )
+    assert command("modes", shared_path / "packing.h5", "--out", shared_path / "m.h5") == 2
+    assert session.rank or f"packing.h5: K has {negative} negative modes" in capsys.readouterr().err
+    assert not (shared_path / "m.h5").exists()
+
+
+def test_hertzian_contacts_set_the_scale(session):
+    """Stiffnesses of order √p: the shift below the spectrum follows them."""
+    network = build_network(published("hertzian"), session.comm)
+    wanted, vectors, exact = spectrum("hertzian")
+    check(lowest_modes(network, count=3), wanted, vectors, exact)
