@@ -24,6 +24,7 @@ from jampetsc.mechanics.assembly import Pencil
 from jampetsc.mechanics.shifted import ShiftedFactor
 
 BREAKDOWN = 1e-14  # what is left is rounding when it is this small, relative to what it is the difference of
+NEW = 1e-5  # shortest new part of a vector, relative to it, that still has enough right digits
 ROW = 6.0  # |A| ≤ ROW max(diagonal) for the A of a contact network: six unknowns at most share a form
 
 
@@ -101,31 +102,31 @@ class RationalBasis:
         for _ in range(count):
             if self.complete:
                 return
-            self._in.setArray(self.source())
+            self._in.setArray(self.residual())
             if self.complete:
                 return
             factor.solve(self._in, self._in)
-            self.append(self._in.getArray().copy(), factor.s)
+            self.complete = not self.append(self._in.getArray().copy(), factor.s)
 
-    def source(self):
-        """The force (n_local,) whose solution at a shift is the next vector; `complete` where there is none. Collective."""
-        return self.residual()
+    def append(self, w, s) -> bool:
+        """Add the direction of w (n_local,), made with shift s, and say whether that was done. Collective.
 
-    def append(self, w, s) -> None:
-        """Add the direction of w (n_local,), made with shift s, unless it is in the space already."""
+        Not if it lies so close to the space that what is new in it has few right digits: rounding would spoil φ.
+        """
         m = self.size
         V = self.vectors
         length = None
-        for _ in range(2):  # twice is enough (Kahan): once leaves the rounding of the large components it removes
+        for _ in range(
+            2
+        ):  # twice is enough (Kahan): once leaves the rounding of the large components it removes
             Bw = self._apply(self.pencil.B, w)
             overlaps = self._sum(np.append(V @ Bw, w @ Bw))
             length = length or overlaps[-1]
             w = w - overlaps[:-1] @ V
         Bw = self._apply(self.pencil.B, w)
         norm2 = self._sum(w @ Bw)
-        if not norm2 > BREAKDOWN**2 * length:
-            self.complete = True
-            return
+        if not norm2 > NEW**2 * length:
+            return False
         if m == len(self._V):
             self._V, self._BV = (np.concatenate((a, np.empty_like(a))) for a in (self._V, self._BV))
         self._V[m] = w / np.sqrt(norm2)
@@ -136,6 +137,7 @@ class RationalBasis:
         K = np.empty((m + 1, m + 1))
         K[:m, :m], K[m, :], K[:, m] = self.K, row[:-1], row[:-1]
         self.K, self.t = K, np.append(self.t, row[-1])
+        return True
 
     def _apply(self, matrix, x):
         self._in.setArray(x)

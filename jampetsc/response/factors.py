@@ -12,7 +12,7 @@ import numpy as np
 from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.assembly import Pencil
 from jampetsc.mechanics.shifted import ShiftedFactor
-from jampetsc.response.basis import RationalBasis
+from jampetsc.response.basis import NEW, RationalBasis
 from jampetsc.session import current
 
 SAME_SHIFT = 1.5  # a factor within this ratio of the shift wanted serves instead of a new one
@@ -141,25 +141,56 @@ class SideBySide:
             if owner == self.comm.rank
         }
         for s, owner in zip(shifts, owners, strict=True):
-            at = self.comm.bcast(_closest(self.mine, s).s if owner == self.comm.rank else None, root=owner)
+            mine = chains.get(s)
+            at, length = self.comm.bcast(
+                (_closest(self.mine, s).s, len(mine)) if mine is not None else None, root=owner
+            )
             for step in range(count):
-                basis.append(self._scatter(chains[s][step] if s in chains else None, owner), at)
+                vector = mine[step] if mine is not None and step < length else None
+                if step < length and basis.append(self._scatter(vector, owner), at):
+                    continue
+                # The chains overlap here: what is new is what the residual of all of them asks for.
+                source = self._gather(basis.residual())
+                if basis.complete:
+                    return
+                vector = self._solve(_closest(self.mine, s), source) if owner == self.comm.rank else None
+                if not basis.append(self._scatter(vector, owner), at):
+                    basis.complete = True
+                    return
+
+    def _solve(self, factor, source):
+        """(K + sB)⁻¹ of a whole vector with a factor of this rank."""
+        x = self.whole.K.createVecRight()
+        x.setArray(source)
+        factor.solve(x, x)
+        solution = x.getArray().copy()
+        x.destroy()
+        return solution
 
     def _chain(self, factor, source, count):
-        """(K + sB)⁻¹ applied to `source`, then to B times the vector before; each orthonormal in B to the others."""
-        x, image = self.whole.K.createVecs()
+        """(K + sB)⁻¹ applied to `source`, then to B times the vector before; each orthonormal in B to the others.
+
+        Ends early where nothing new is found, but for rounding.
+        """
+        image = self.whole.K.createVecRight()
+        x = self.whole.K.createVecRight()
         chain, images = [], []
         for _ in range(count):
-            x.setArray(source)
-            factor.solve(x, x)
+            w = self._solve(factor, source)
+            x.setArray(w)
+            self.whole.B.mult(x, image)
+            before = w @ image.getArray()
             for vector, dual in zip(chain, images, strict=True):
-                x.setArray(x.getArray() - (dual @ x.getArray()) * vector)
+                w -= (dual @ w) * vector
+            x.setArray(w)
             self.whole.B.mult(x, image)
             if self.whole.law.dofs == 3:
                 image.getArray()[2::3] = 0.0  # no torques, see `RationalBasis`
-            length = np.sqrt(x.getArray() @ image.getArray())
-            chain.append(x.getArray() / length)
-            images.append(image.getArray() / length)
+            length2 = w @ image.getArray()
+            if not length2 > NEW**2 * before:
+                break
+            chain.append(w / np.sqrt(length2))
+            images.append(image.getArray() / np.sqrt(length2))
             source = images[-1]
         x.destroy()
         image.destroy()

@@ -14,7 +14,9 @@ from jampetsc.mechanics.compatibility import Compatibility
 from jampetsc.response.basis import ROW, RationalBasis, largest_entry
 
 
-ROUNDING = 4.0 * float(np.finfo(float).eps)  # of a motion, relative to its terms: bond, distance, normal, products, their sum
+ROUNDING = 4.0 * float(
+    np.finfo(float).eps
+)  # of a motion, relative to its terms: bond, distance, normal, products, their sum
 
 
 class Galerkin:
@@ -96,7 +98,9 @@ class Galerkin:
         # What rounding does to a sum Σ w a² : see `_rounding`. Reach: what the terms of the motions a = C x + g come to.
         squares = np.column_stack((field**2, self.modes**2))
         norms = np.sqrt(self.network.sum(squares.sum(axis=0)))
-        reach_K, reach_B = (np.sqrt(ROW * largest_entry(matrix)) * norms for matrix in (c.pencil.K, c.pencil.B))
+        reach_K, reach_B = (
+            np.sqrt(ROW * largest_entry(matrix)) * norms for matrix in (c.pencil.K, c.pencil.B)
+        )
         reach_K[0] += np.sqrt(elastic[2])
         reach_B[0] += np.sqrt(viscous[2])
         sizes = self.network.sum(c.size_K @ modes**2)
@@ -136,7 +140,9 @@ def _graded_eigen(K, B):
     try:
         R = np.linalg.cholesky(0.5 * (H + H.T))
     except np.linalg.LinAlgError:
-        raise ConvergenceError("the projected K is not positive definite: the packing is not a minimum") from None
+        raise ConvergenceError(
+            "the projected K is not positive definite: the packing is not a minimum"
+        ) from None
     values, _, vectors, scaling, _, info = lapack.dgejsv(R.T, joba=0, jobu=3, jobv=0)
     if info != 0:
         raise ConvergenceError(f"one-sided Jacobi did not converge (info {info})")

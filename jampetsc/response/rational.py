@@ -33,7 +33,9 @@ class RationalSweep:
     omega (M,) increasing; accuracy: relative, allowed in G' and in G'' each; parallel as for `make_factors`.
     """
 
-    def __init__(self, pencil: Pencil, compatibility: Compatibility, omega, accuracy: float, parallel: str = "auto"):
+    def __init__(
+        self, pencil: Pencil, compatibility: Compatibility, omega, accuracy: float, parallel: str = "auto"
+    ):
         self.pencil, self.compatibility = pencil, compatibility
         self.omega, self.accuracy = np.asarray(omega, float), accuracy
         self.largest_rate = largest_rate(pencil)
@@ -123,9 +125,7 @@ class RationalSweep:
         energies = self.factors.energies(q)
         at = np.array(sorted(energies))
         energy = np.array([energies[s] for s in at])
-        transfer = np.where(
-            omega >= at[:, None], (top + at[:, None]) / (top + omega), at[:, None] / omega
-        )
+        transfer = np.where(omega >= at[:, None], (top + at[:, None]) / (top + omega), at[:, None] / omega)
         best = np.min(energy[:, None] * transfer, axis=0)
         between = (omega > at[0]) & (omega < at[-1])
         best[between] = np.minimum(best[between], np.interp(omega[between], at, energy))
@@ -140,7 +140,9 @@ class RationalSweep:
         galerkin = Galerkin(self.basis, self.compatibility)
         G = galerkin.spectrum.modulus(self.omega)
         storage, loss = galerkin.rounding(self.omega)
-        bounds = np.column_stack((self.error + np.hypot(storage, loss), self.error + storage, self.error + loss))
+        bounds = np.column_stack(
+            (self.error + np.hypot(storage, loss), self.error + storage, self.error + loss)
+        )
         relative = bounds[:, 1:] / np.abs(np.column_stack((G.real, G.imag)))
         if not np.all(relative <= 2.0 * self.accuracy):
             worst = np.unravel_index(np.argmax(np.nan_to_num(relative, nan=np.inf)), relative.shape)
@@ -171,4 +173,3 @@ def largest_rate(pencil: Pencil) -> float:
     indptr, _, values = pencil.K.getValuesCSR()
     local = float(np.add.reduceat(np.abs(values), indptr[:-1]).max()) if len(values) else 0.0
     return network.max(local) / damping
-
