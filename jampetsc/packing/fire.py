@@ -30,6 +30,44 @@ class Goal:
 
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def _sums(f, v):
+    """max |f|, f · v, f · f, v · v of flat arrays in one pass."""
+    top = fv = ff = vv = 0.0
+    for q in range(len(f)):
+        size = abs(f[q])
+        top = size if size > top else top
+        fv += f[q] * v[q]
+        ff += f[q] * f[q]
+        vv += v[q] * v[q]
+    return top, fv, ff, vv
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def _move(o, v, f, keep, push, dt, back):
+    """v ← keep v + push f, o ← o + dt v − back v_old; returns max |o|."""
+    far = 0.0
+    for q in range(len(o)):
+        old = v[q]
+        new = keep * old + push * f[q]
+        here = o[q] + dt * new - back * old
+        v[q] = new
+        o[q] = here
+        size = abs(here)
+        far = size if size > far else far
+    return far
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def _longest(f):
+    """Length of the longest row of f (N, 2)."""
+    most = 0.0
+    for q in range(len(f)):
+        here = f[q, 0] * f[q, 0] + f[q, 1] * f[q, 1]
+        most = here if here > most else most
+    return np.sqrt(most)
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
 def _descend(i, j, r0, sigma, law, o, v, f, box, moving, target, slack, limit, clock, steps):
     """FIRE steps until max |F| ≤ limit[0] and |box force| ≤ limit[1], a stale list, or `steps`.
 
@@ -50,23 +88,22 @@ def _descend(i, j, r0, sigma, law, o, v, f, box, moving, target, slack, limit, c
         g_strain = (wxx + wyy - 2.0 * pv * growth * growth) / scale if moving[0] else 0.0
         # ∂r/∂g = e^ε (y, 0) and r_y = e^ε y
         g_shear = wxy / scale if moving[1] else 0.0
-        worst = 0.0
-        for q in range(len(o)):
-            here = f[q, 0] * f[q, 0] + f[q, 1] * f[q, 1]
-            worst = here if here > worst else worst
-            f[q, 1] = growth * (f[q, 1] + shear * f[q, 0])
-            f[q, 0] = growth * f[q, 0]
-        worst = np.sqrt(worst)
         box_force = max(abs(g_strain), abs(g_shear)) * scale
-        if worst <= limit[0] and box_force <= limit[1]:
-            return step + 1, 1, worst, box_force
-        power = g_strain * box[1, 0] + g_shear * box[1, 1]
-        ff = g_strain * g_strain + g_shear * g_shear
-        vv = box[1, 0] * box[1, 0] + box[1, 1] * box[1, 1]
-        for q in range(n2):
-            power += flat_f[q] * flat_v[q]
-            ff += flat_f[q] * flat_f[q]
-            vv += flat_v[q] * flat_v[q]
+        # −∂H/∂o = Fᵀ f: a common factor, but where the cell is sheared.
+        factor = growth
+        if shear != 0.0:
+            factor = 1.0
+            for q in range(len(o)):
+                f[q, 1] = growth * (f[q, 1] + shear * f[q, 0])
+                f[q, 0] = growth * f[q, 0]
+        top, fv, f2, v2 = _sums(flat_f, flat_v)
+        if (factor / growth) * top <= limit[0] and box_force <= limit[1]:
+            worst = _longest(f) * factor / growth
+            if worst <= limit[0]:
+                return step + 1, 1, worst, box_force
+        power = factor * fv + g_strain * box[1, 0] + g_shear * box[1, 1]
+        ff = factor * factor * f2 + g_strain * g_strain + g_shear * g_shear
+        vv = v2 + box[1, 0] * box[1, 0] + box[1, 1] * box[1, 1]
         if power > 0.0:
             clock[2] += 1.0
             if clock[2] > DELAY:
@@ -89,19 +126,12 @@ def _descend(i, j, r0, sigma, law, o, v, f, box, moving, target, slack, limit, c
             box[0, b] -= back * box[1, b] / scale
             box[1, b] = keep * box[1, b] + push * g
             box[0, b] += dt * box[1, b] / scale
-        for q in range(n2):
-            w = keep * flat_v[q] + push * flat_f[q]
-            flat_o[q] += dt * w - back * flat_v[q]
-            flat_v[q] = w
-        far = 0.0
-        for q in range(len(o)):
-            here = o[q, 0] * o[q, 0] + o[q, 1] * o[q, 1]
-            far = here if here > far else far
+        far = np.sqrt(2.0) * _move(flat_o, flat_v, flat_f, keep, push * factor, dt, back)
         # No unlisted pair can touch while s (σ + skin − 2 max|o|) ≥ σ, s the least stretch of F.
         squeeze = np.exp(box[0, 0]) * (1.0 - abs(box[0, 1]))
-        if squeeze * (largest + slack - 2.0 * np.sqrt(far)) < largest:
-            return step + 1, 2, worst, box_force
-    return steps, 0, worst, box_force
+        if squeeze * (largest + slack - 2.0 * far) < largest:
+            return step + 1, 2, _longest(f), box_force
+    return steps, 0, _longest(f), box_force
 
 
 class Quench:
