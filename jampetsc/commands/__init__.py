@@ -17,6 +17,7 @@ COMMANDS = {
     "quasistatic": "jampetsc.commands.quasistatic",
     "modes": "jampetsc.commands.modes",
     "spectrum": "jampetsc.commands.spectrum",
+    "trade": "jampetsc.commands.trade",
     "info": "jampetsc.commands.info",
     "merge": "jampetsc.commands.merge",
     "plot": "jampetsc.commands.plot",

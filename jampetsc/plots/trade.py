@@ -1,0 +1,134 @@
+"""Time against true error: what each choice of a trade costs and what it gives."""
+
+import math
+
+from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.transforms import Bbox
+
+from jampetsc.plots.style import GREY, LOSS, PAGE, STORAGE, colours, figure, number, save
+
+HEIGHT = 4.2  # inches
+_GROUPS = {  # group -> (marker, shade from dark to light, in the legend)
+    "accuracy": ("o", 0, "rational sweep, by --accuracy"),
+    "method": ("s", 2, "one frequency after another"),
+    "frequencies": ("^", 4, "so many frequencies, interpolated"),
+    "physics": ("D", 3, "other physics (a deviation)"),
+    "ensemble": ("P", 1, "mean over other packings (a deviation)"),
+}
+_JOINED = ("accuracy", "frequencies")  # rows that are one setting turned up
+_SHORT_AXIS = 2.0  # decades
+
+
+def plot_trade(rows, certified, path) -> None:
+    """Largest relative error of G' (filled) and of G'' (open) against the seconds of the run, log-log.
+
+    rows: of `jampetsc.trade.table.Row`; those without a time or an error are left out. certified: relative
+    bound of the reference; smaller errors are not resolved and are drawn there.
+    """
+    shown = [row for row in rows if row.group in _GROUPS and not math.isnan(row.error) and row.seconds > 0]
+    groups = [group for group in _GROUPS if any(row.group == group for row in shown)]
+    shades = colours(len(_GROUPS))
+    colour = {group: shades[shade] for group, (_, shade, _) in _GROUPS.items()}
+    with figure(PAGE, HEIGHT, layout="constrained") as fig:
+        ax = fig.add_subplot(xscale="log", yscale="log", xlabel="time of the run [s]")
+        ax.set_ylabel(f"largest relative error of {STORAGE}, {LOSS}")
+        for group in groups:
+            members = [row for row in shown if row.group == group]
+            if group in _JOINED:
+                heights = [max(row.error, certified) for row in members]
+                ax.plot(
+                    [row.seconds for row in members], heights, color=colour[group], linewidth=0.7, zorder=1
+                )
+            for row in members:
+                _draw(ax, row, colour[group], certified)
+        if shown:
+            _make_room(ax)
+        ax.legend(handles=_handles(groups, colour), loc="lower left", bbox_to_anchor=(0, 1), ncol=3)
+        if any(min(row.error_storage, row.error_loss) < certified for row in shown):
+            ax.axhline(certified, color=GREY, linewidth=0.6, linestyle=":")
+            note = "errors below the bound of the reference are drawn on it"
+            ax.text(
+                0.01, certified, note, transform=ax.get_yaxis_transform(), fontsize=7, color=GREY, va="top"
+            )
+        _write_names(fig, ax, shown, certified)
+        save(fig, path)
+
+
+def _make_room(ax):
+    """Wider limits, for the names to the right of their points; ticks of seconds as plain numbers."""
+    ax.margins(x=0.06, y=0.08)
+    left, right = (math.log10(limit) for limit in ax.get_xlim())
+    width = max(right - left, 0.5)
+    ax.set_xlim(10**left, 10 ** (left + 1.22 * width))
+    ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if width < _SHORT_AXIS else (1,)))
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ax.xaxis.set_minor_formatter(NullFormatter())
+
+
+def _draw(ax, row, colour, floor):
+    """Both errors of a row and a line between them."""
+    marker = _GROUPS[row.group][0]
+    heights = [max(error, floor) for error in (row.error_storage, row.error_loss)]
+    ax.plot([row.seconds] * 2, heights, color=colour, linewidth=0.7, zorder=1)
+    for height, face in zip(heights, (colour, "white"), strict=True):
+        ax.plot(row.seconds, height, marker, color=colour, mfc=face, mew=0.8, ms=4.5)
+
+
+def _write_names(fig, ax, rows, floor):
+    """The names of the rows to the right of their larger errors, moved up or down where they would cover."""
+    fig.draw_without_rendering()
+    points = [
+        (row.seconds, max(error, floor)) for row in rows for error in (row.error_storage, row.error_loss)
+    ]
+    half = 3.5 * fig.dpi / 72
+    taken = [
+        Bbox.from_extents(x - half, y - half, x + half, y + half) for x, y in ax.transData.transform(points)
+    ]
+    for row, name in _names(rows):
+        point = (row.seconds, max(row.error, floor))
+        text = ax.annotate(name, point, (5, 0), textcoords="offset points", va="center", fontsize=7)
+        text.set(color="0.2", path_effects=[withStroke(linewidth=1.5, foreground="white")])
+        box = text.get_window_extent()
+        rise = _free(box, taken, ax.bbox)
+        taken.append(box.translated(0, rise))
+        text.set_position((5, rise * 72 / fig.dpi))
+
+
+def _free(box, taken, frame):
+    """By how little to raise or lower a box so that it lies in the frame and on none of those taken."""
+    step = 0.25 * box.height
+    for n in range(int(2 * frame.height / step)):
+        rise = step * (n // 2) * (1 if n % 2 else -1)
+        moved = box.translated(0, rise)
+        inside = frame.y0 < moved.y0 and moved.y1 < frame.y1
+        if inside and not any(moved.overlaps(other) for other in taken):
+            return rise
+    return 0.0
+
+
+def _names(rows):
+    """(row, what to write beside it), small errors first; equal results of --accuracy share a name."""
+    names = {}
+    for row in sorted(rows, key=lambda row: (row.error, row.seconds)):
+        if row.group == "accuracy":
+            equal = [other for other in rows if other.group == "accuracy" and other.error == row.error]
+            power = ", ".join(f"${number(float(other.choice.split()[-1]))}$" for other in equal)
+            names[max(equal, key=lambda other: other.seconds)] = power
+        else:
+            names[row] = (
+                row.choice.removeprefix("direct, ").removesuffix(".opts").removesuffix(" frequencies")
+            )
+    return names.items()
+
+
+def _handles(groups, colour):
+    def handle(label, marker, shade, face):
+        return Line2D(
+            [], [], linestyle="", marker=marker, color=shade, mfc=face, mew=0.8, ms=4.5, label=label
+        )
+
+    entries = [handle(_GROUPS[g][2], _GROUPS[g][0], colour[g], colour[g]) for g in groups]
+    filled, empty = f"{STORAGE} (filled)", f"{LOSS} (open)"
+    return [*entries, handle(filled, "o", "0.2", "0.2"), handle(empty, "o", "0.2", "white")]

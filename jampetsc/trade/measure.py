@@ -1,0 +1,106 @@
+"""The trade of one packing: every choice run, table and picture written, advice given."""
+
+import datetime
+import os
+import platform
+import shlex
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from jampetsc import __version__
+from jampetsc.errors import InputError
+from jampetsc.mechanics.laws import Law
+from jampetsc.progress import Progress
+from jampetsc.response.grid import parse_omega
+from jampetsc.storage.atomic import check_writable
+from jampetsc.storage.packing_file import packing_identity, read_packing
+from jampetsc.storage.provenance import git_commit
+from jampetsc.trade import choices, ensembles, processes
+from jampetsc.trade.advice import advise
+from jampetsc.trade.table import Table
+
+_WORLD = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE")  # set by the launcher above this process
+
+
+@dataclass(frozen=True)
+class Request:
+    """A trade as it was asked for. Frequencies as the word of --omega."""
+
+    packing: str
+    law: Law
+    omega: str
+    ranks: int | None  # None: without mpirun
+    groups: list[str]  # of choices.GROUPS
+    ensemble: bool
+    options_files: list[str] | None  # None: those that come with the program
+
+
+def measure(request: Request, out) -> str:
+    """Run all choices, write `out` (.csv) and the picture beside it (.png); returns table and advice as text.
+
+    Choices that fail have a row that says why. Raises JampetscError if there is no reference.
+    """
+    picture = Path(out).with_suffix(".png")
+    _check(request, out, picture)
+    load = _load()
+    with (
+        tempfile.TemporaryDirectory(prefix="jampetsc-trade-") as folder,
+        Progress(None, "trade") as progress,
+    ):
+        bench = choices.Bench(request.packing, request.law, request.omega, request.ranks, folder, progress)
+        rows = bench.find_reference()
+        todo, remarks = choices.plan(bench, request.groups, request.options_files or choices.OPTIONS_FILES)
+        shares, more = ensembles.plan(request.packing) if request.ensemble else ([], [])
+        progress.note(
+            f"{len(todo)} runs{f' and {sum(shares)} packings with one each' if shares else ''} to do"
+        )
+        rows += [bench.measure(choice) for choice in todo]
+        rows += [ensembles.measure(bench, share) for share in shares]
+    table = Table(rows, _facts(request, bench.reference, load) + remarks + more)
+    table.write(out)
+    from jampetsc.plots.trade import (
+        plot_trade,
+    )  # matplotlib only now: the runs have the memory for themselves
+
+    plot_trade(rows, bench.reference.certified, picture)
+    lines = [str(table), "", *table.facts, "", *advise(rows), "", f"{out}, {picture}"]
+    return "\n".join(lines)
+
+
+def _check(request, out, picture):
+    """Raise InputError for what can be known to be wrong before anything runs."""
+    if any(int(os.environ.get(name, 1)) > 1 for name in _WORLD):
+        raise InputError("jampetsc trade starts its own processes: run it without mpirun and give --ranks")
+    processes.launcher(request.ranks)
+    parse_omega(request.omega)
+    read_packing(request.packing)
+    check_writable(out)
+    check_writable(picture)
+
+
+def _facts(request, reference, load):
+    disks = read_packing(request.packing)
+    name, digest = packing_identity(request.packing)
+    attributes = reference.result.attributes
+    how = f"mpirun -n {request.ranks}" if request.ranks else "one process each"
+    versions = (
+        f"jampetsc {__version__}, commit {git_commit() or 'unknown'}, PETSc {attributes['petsc_version']}"
+    )
+    date = datetime.datetime.now().astimezone().isoformat(timespec="seconds")
+    facts = [
+        f"command: {shlex.join(['jampetsc', *sys.argv[1:]])}",
+        f"packing: {name}, N = {disks.n}, p = {attributes['pressure']:.6g}, sha256 {digest}",
+        f"law: {request.law}, tau1 = {request.law.tau1:g}; frequencies {request.omega}",
+        f"runs: {how}; {platform.machine()}, {os.cpu_count()} cores, load average {load} at the start",
+        f"program: {versions}; {date}",
+        f"reference: certified to {reference.certified:.1e}; errors below that are not resolved",
+    ]
+    if reference.window is not None:
+        facts.append(f"critical window: omega = {reference.window[0]:.3g} to {reference.window[1]:.3g}")
+    return facts
+
+
+def _load():
+    return f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "unknown"

@@ -1,0 +1,84 @@
+"""One run of jampetsc in processes of its own: each can load one PETSc build, and has its time and memory."""
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+
+from jampetsc.errors import InputError
+
+_LAUNCHERS = ("mpirun", "mpiexec")
+_INHERITED = ("OMPI_COMM_", "OMPI_UNIVERSE_", "OMPI_APP_CTX_", "PMIX_", "PMI_", "PRTE_")  # of an mpirun above
+_PATIENCE = 10.0  # seconds that a run gets to clean up when it is stopped
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run ended."""
+
+    status: int  # exit status
+    seconds: float  # of the whole process, imports included
+    memory: float  # MB, the largest of its processes
+    error: str  # one line; empty if it succeeded
+
+
+def launcher(ranks: int | None) -> list[str]:
+    """Words to put before a command for so many ranks; none for None. Raises InputError without mpirun."""
+    if ranks is None:
+        return []
+    found = next((path for name in _LAUNCHERS if (path := shutil.which(name))), None)
+    if found is None:
+        raise InputError(f"--ranks {ranks}: neither mpirun nor mpiexec is in PATH: leave out --ranks")
+    return [found, "-n", str(ranks)]
+
+
+def run(words, ranks: int | None = None) -> Outcome:
+    """Run `jampetsc words` to its end, on `ranks` ranks under mpirun or without it."""
+    command = [*launcher(ranks), sys.executable, "-m", "jampetsc", *map(str, words)]
+    with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as errors:
+        began = time.perf_counter()
+        process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=output, stderr=errors, env=_environment()
+        )
+        try:
+            _, status, usage = os.wait4(process.pid, 0)  # for the memory of this run alone
+        except BaseException:
+            _stop(process)
+            raise
+        process.returncode = os.waitstatus_to_exitcode(status)
+        seconds = time.perf_counter() - began
+        errors.seek(0)
+        text = errors.read().decode(errors="replace")
+    error = _reason(text, process.returncode) if process.returncode else ""
+    return Outcome(process.returncode, seconds, usage.ru_maxrss / 1024.0, error)
+
+
+def _environment():
+    """This process's environment without what an mpirun above it left there."""
+    clean = {name: value for name, value in os.environ.items() if not name.startswith(_INHERITED)}
+    if os.geteuid() == 0:  # in a container, where Open MPI wants to be told twice
+        clean |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+    return clean
+
+
+def _stop(process):
+    process.terminate()
+    try:
+        process.wait(_PATIENCE)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+def _reason(text, status):
+    """The line of a failed run's standard error that says why."""
+    lines = [" ".join(line.split()) for line in text.splitlines() if line.strip(" -\t")]
+    ours = [line.removeprefix("jampetsc: error: ") for line in lines if line.startswith("jampetsc: error: ")]
+    if ours:
+        return ours[0]
+    if status < 0:
+        return f"killed by signal {-status}"
+    return lines[-1] if lines else f"exit status {status} without a message"
