@@ -1,0 +1,87 @@
+"""50 low modes by SLEPc against scipy's eigsh (shift-invert with SuperLU): seconds in one run, on one core.
+
+    .venv/bin/python benchmarks/modes.py [--sizes 4096,32768] [--pressure 1e-4] [--count 50] [--repeats 3]
+
+Both get the same K, the same shift and the same tolerance; times are the best of the repeats, taken in turn. "certified"
+adds what `jampetsc modes` does besides: the proof that K has no negative modes, and the count of modes by inertia.
+"""
+
+import argparse
+import sys
+import time
+
+import numpy as np
+from common import machine, packing, report, worker
+
+
+def measure(path, count, repeats):
+    """Seconds of both, in this process."""
+    from scipy.sparse import csc_array
+    from scipy.sparse.linalg import eigsh
+
+    from jampetsc import session
+    from jampetsc.mechanics.assembly import assemble
+    from jampetsc.mechanics.inertia import count_below
+    from jampetsc.mechanics.laws import Law
+    from jampetsc.mechanics.network import build_network
+    from jampetsc.response.eigen import SHIFT, SPARE, lowest
+    from jampetsc.storage.packing_file import read_packing
+
+    running = session.start("real")
+    network = build_network(read_packing(path), running.comm)
+    pencil = assemble(network, Law("stokes"))
+    indptr, indices, values = pencil.K.getValuesCSR()
+    K = csc_array((values, indices, indptr), shape=pencil.K.getSize())
+    seconds = {"slepc": [], "count": [], "scipy": []}
+    for _ in range(repeats):
+        start = time.perf_counter()
+        pairs = lowest(pencil, count, 1.0)
+        seconds["slepc"].append(time.perf_counter() - start)
+        start = time.perf_counter()
+        between = float(np.mean(pairs.values[count - 1 : count + 1]))
+        counted = count_below(pencil.K, between, "K"), count_below(pencil.K, -1e-12, "K")
+        seconds["count"].append(time.perf_counter() - start)
+        start = time.perf_counter()
+        # scipy does not know the translations: it finds them as well
+        found, vectors = eigsh(K, count + SPARE + 2, sigma=-SHIFT, tol=1e-12)
+        seconds["scipy"].append(time.perf_counter() - start)
+    order = np.argsort(found)[2 : count + 2]
+    residual = np.linalg.norm(K @ vectors[:, order] - vectors[:, order] * found[order], axis=0).max()
+    report(
+        unknowns=pencil.unknowns,
+        counted=counted[0] - 2 - counted[1],
+        differ=float(np.abs(found[order] / pairs.values[:count] - 1).max()),
+        residuals=[float(pairs.residuals[:count].max()), float(residual)],
+        **{name: min(times) for name, times in seconds.items()},
+    )
+
+
+def main():
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--sizes", default="4096,32768", help="numbers of disks (default 4096,32768)")
+    parser.add_argument("--pressure", default="1e-4", help="pressure of the packings (default 1e-4)")
+    parser.add_argument("--count", type=int, default=50, help="number of modes (default 50)")
+    parser.add_argument("--repeats", type=int, default=3, help="repeats, of which the best counts (default 3)")
+    parser.add_argument("--measure", help=argparse.SUPPRESS)
+    args = parser.parse_args()
+    if args.measure:
+        measure(args.measure, args.count, args.repeats)
+        return
+    print(machine())
+    print("      N  unknowns   SLEPc s   eigsh s  ratio  certified s  ratio   counted  eigenvalues differ  residuals")
+    for n in map(int, args.sizes.split(",")):
+        path = packing(n, args.pressure)
+        words = ["--measure", path, "--count", args.count, "--repeats", args.repeats]
+        r = worker(__file__, *words)
+        whole = r["slepc"] + r["count"]
+        print(
+            f"{n:7d}  {r['unknowns']:8d}  {r['slepc']:8.2f}  {r['scipy']:8.2f}  {r['scipy'] / r['slepc']:5.1f}  "
+            f"{whole:11.2f}  {r['scipy'] / whole:5.1f}  {r['counted']:8d}  {r['differ']:18.1e}  "
+            + ", ".join(f"{x:.0e}" for x in r["residuals"]),
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    sys.exit(main())
