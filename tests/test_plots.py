@@ -404,8 +404,11 @@ def test_too_many_frequencies_for_one_picture(tmp_path, packing):
         ("fields.h5 fields.h5 --kind fields", "2 sweeps: fields are drawn of one"),
         ("p2.h5 --kind packing", "is a sweep: packing pictures need a packing"),
         ("packing.h5 --kind moduli", "is a packing: moduli pictures need sweeps"),
-        ("p2.h5 --kind moduli --omega 1", "--omega 1: belongs to fields pictures, not to moduli"),
-        ("p2.h5 --mu 0.5 --omega 1", "--omega 1: belongs to fields pictures, not to collapse"),
+        (
+            "p2.h5 --kind moduli --omega 1",
+            "--omega 1: belongs to fields or correlation pictures, not to moduli",
+        ),
+        ("p2.h5 --mu 0.5 --omega 1", "--omega 1: belongs to fields or correlation pictures, not to collapse"),
         ("p2.h5 --kind fields --lambda 1", r"--lambda 1\.0: belongs to collapse pictures, not to fields"),
         ("p2.h5 --mu nan", "--mu nan: must lie between 0 and 10"),
         ("p2.h5 --lambda -1", "--lambda -1: must lie between 0 and 10"),

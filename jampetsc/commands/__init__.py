@@ -17,6 +17,7 @@ COMMANDS = {
     "quasistatic": "jampetsc.commands.quasistatic",
     "modes": "jampetsc.commands.modes",
     "spectrum": "jampetsc.commands.spectrum",
+    "correlate": "jampetsc.commands.correlate",
     "trade": "jampetsc.commands.trade",
     "info": "jampetsc.commands.info",
     "merge": "jampetsc.commands.merge",

@@ -12,7 +12,10 @@ examples:
   jampetsc plot p1e-2.h5 p1e-3.h5 p1e-4.h5 --out moduli.png      G', G'' of three sweeps
   jampetsc plot p1e-2.h5 p1e-3.h5 p1e-4.h5 --kind collapse --out collapse.pdf
   jampetsc plot packing.h5 --out packing.svg
-  jampetsc plot sweep.h5 --kind fields --omega 1e-6,1e-3,1 --out fields.png"""
+  jampetsc plot sweep.h5 --kind fields --omega 1e-6,1e-3,1 --out fields.png
+  jampetsc plot correlation.h5 --out correlation.png             C(delta) at all its frequencies
+  jampetsc plot stokes.h5 contact.h5 --omega 1e-3 --out compared.png
+  jampetsc plot p1e-2.h5 p1e-3.h5 --kind length --out length.png  of correlations"""
 
 KINDS = {  # what can be drawn -> of which files; the first that suits a file is what it shows by itself
     "moduli": ("sweep",),
@@ -20,6 +23,14 @@ KINDS = {  # what can be drawn -> of which files; the first that suits a file is
     "fields": ("sweep",),
     "packing": ("packing",),
     "spectrum": ("spectrum", "sweep"),
+    "correlation": ("correlation",),
+    "length": ("correlation",),
+}
+OPTIONS = {  # option -> the pictures it is for
+    "mu": ("collapse",),
+    "lambda": ("collapse",),
+    "omega": ("fields", "correlation"),
+    "packing": ("fields",),
 }
 
 
@@ -40,7 +51,9 @@ def add_parser(subparsers):
         "--lambda", type=float, metavar="LAMBDA", help="collapse: frequency over p^LAMBDA (default 1)"
     )
     parser.add_argument(
-        "--omega", metavar="w1,w2,…", help="fields: at these frequencies (default: up to four)"
+        "--omega",
+        metavar="w1,w2,…",
+        help="fields: at these frequencies (default: up to four); correlation: one at which to compare files",
     )
     parser.add_argument(
         "--packing", metavar="FILE", help="fields: the sweep's packing, if it is not beside it"
@@ -53,12 +66,12 @@ def run(args, petsc_argv):
     from jampetsc.plots.sources import open_files
     from jampetsc.plots.style import check_output
 
-    kind = _asked_kind(args)
+    kinds = _asked_kinds(args)
     check_output(args.out)
     held, items = open_files(args.files)
-    kind = kind or next((name for name, files in KINDS.items() if held in files), None)
-    if kind is None:
+    if not any(held in files for files in KINDS.values()):
         raise InputError(f"{args.files[0]}: is a {held} file: plot has no picture of it")
+    kind = next((name for name in kinds if held in KINDS[name]), kinds[0])
     if held not in KINDS[kind]:
         needed = {"packing": "a packing", "spectrum": "spectra or sweeps"}.get(kind, f"{KINDS[kind][0]}s")
         raise InputError(f"{args.files[0]}: is a {held}: {kind} pictures need {needed}")
@@ -70,30 +83,31 @@ def run(args, petsc_argv):
         "fields": _fields,
         "packing": _packing,
         "spectrum": _spectrum,
+        "correlation": _correlation,
+        "length": _length,
     }[kind]
     shown = draw(args, items)
     print(f"{args.out}: {shown}")
     return 0
 
 
-def _asked_kind(args):
-    """The kind that --kind or another option asks for, or None. Raises InputError if two of them differ."""
-    kind = args.kind
-    for option, meant in (
-        ("mu", "collapse"),
-        ("lambda", "collapse"),
-        ("omega", "fields"),
-        ("packing", "fields"),
-    ):
+def _asked_kinds(args):
+    """The kinds that --kind and the other options leave. Raises InputError if they leave none."""
+    kinds = [args.kind] if args.kind else list(KINDS)
+    for option, meant in OPTIONS.items():
         value = getattr(args, option)
         if value is None:
             continue
-        if kind not in (None, meant):
-            raise InputError(f"--{option} {value}: belongs to {meant} pictures, not to {kind}: leave it out")
-        if meant == "collapse" and not 0 < value < 10:
+        left = [kind for kind in kinds if kind in meant]
+        if not left:
+            raise InputError(
+                f"--{option} {value}: belongs to {' or '.join(meant)} pictures, not to {' or '.join(kinds)}: "
+                "leave it out"
+            )
+        if "collapse" in left and not 0 < value < 10:
             raise InputError(f"--{option} {value:g}: must lie between 0 and 10")
-        kind = meant
-    return kind
+        kinds = left
+    return kinds
 
 
 def _packing(args, items):
@@ -132,8 +146,8 @@ def _collapse(args, items):
 
 def _fields(args, items):
     from jampetsc.plots.fields import plot_fields
-    from jampetsc.plots.sources import chosen_frequencies, packing_of, particle_rows
     from jampetsc.response.grid import parse_omega
+    from jampetsc.storage.belongings import chosen_frequencies, packing_of, particle_rows
 
     (sweep,) = items
     fields = sweep.fields
@@ -152,6 +166,29 @@ def _spectrum(args, items):
 
     plot_spectra([spectrum_curve(item) for item in items], args.out)
     return f"relaxation spectrum, G(t) and J(t) of {_count(items, 'spectrum', 'spectra')}"
+
+
+def _correlation(args, items):
+    from jampetsc.plots.correlation import correlation_curve, plot_comparison, plot_correlation
+    from jampetsc.response.grid import parse_omega
+
+    curves = [correlation_curve(item) for item in items]
+    wanted = None if args.omega is None else parse_omega(args.omega)
+    if wanted is not None and len(wanted) > 1:
+        raise InputError(f"--omega {args.omega}: correlations are compared at one frequency")
+    if len(curves) == 1 and wanted is None:
+        plot_correlation(curves[0], args.out)
+        return f"correlation at {len(curves[0].omega)} frequencies"
+    omega = curves[0].omega.min() if wanted is None else wanted[0]
+    plot_comparison(curves, omega, args.out)
+    return f"correlation in {_count(items, 'file', 'files')} at omega tau1 = {omega:g}"
+
+
+def _length(args, items):
+    from jampetsc.plots.correlation import correlation_curve, plot_lengths
+
+    plot_lengths([correlation_curve(item) for item in items], args.out)
+    return f"correlation lengths of {_count(items, 'file', 'files')}"
 
 
 def _count(items, one="sweep", many="sweeps"):

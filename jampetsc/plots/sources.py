@@ -1,15 +1,8 @@
-"""What the files given to `jampetsc plot` hold, and the packing that belongs to a sweep."""
-
-from pathlib import Path
-
-import numpy as np
+"""What the files given to `jampetsc plot` hold."""
 
 from jampetsc.errors import InputError
 from jampetsc.packing.disks import Disks
-from jampetsc.storage.packing_file import packing_identity, read_packing
 from jampetsc.storage.reader import load
-
-_SAME = 0.01  # a frequency asked for may differ from the stored one by this fraction: 0.0316 means 10^-1.5
 
 
 def open_files(paths):
@@ -29,55 +22,3 @@ def open_files(paths):
     if held[0] == "packing" and len(paths) > 1:
         raise InputError(f"{len(paths)} packings: one picture shows one packing; plot them one by one")
     return held[0], found
-
-
-def packing_of(result, given=None) -> Disks:
-    """The packing that a sweep was made from: the file `given`, or the recorded name beside the sweep.
-
-    Raises InputError where there is none or its sha256 is not the recorded one.
-    """
-    name, recorded = (result.attributes.get(key) for key in ("packing", "packing_sha256"))
-    path = Path(given) if given else result.path.parent / str(name)
-    if not given and (name is None or not path.is_file()):
-        raise InputError(f"{result.path}: its packing {name or ''} is not beside it: give it with --packing")
-    _, sha256 = packing_identity(path)
-    if recorded is not None and sha256 != recorded:
-        raise InputError(
-            f"{path}: is not the packing that {result.path.name} was made from (sha256 {sha256[:12]}… "
-            f"instead of {recorded[:12]}…): give that one with --packing"
-        )
-    return read_packing(path)
-
-
-def particle_rows(result, disks):
-    """Rows (n,) of the packing that the fields belong to. Raises InputError if the numbers do not fit."""
-    count = result.fields.displacement.shape[1]
-    rows = result["particles"] if "particles" in result else np.arange(disks.n)
-    if len(rows) != count or (count and not (0 <= rows.min() and rows.max() < disks.n)):
-        raise InputError(
-            f"{result.path}: fields of {count} particles do not fit the {disks.n} disks of the packing: "
-            "run the sweep again"
-        )
-    return rows
-
-
-def chosen_frequencies(result, wanted=None):
-    """Rows of the stored fields at the frequencies `wanted` (in the file's units), or at up to four of them.
-
-    Raises InputError naming the nearest stored ones where a frequency is not there.
-    """
-    stored = result.fields.omega
-    if wanted is None:
-        order = np.argsort(stored)
-        return order[np.unique(np.linspace(0, len(order) - 1, min(len(order), 4)).round().astype(int))]
-    rows = []
-    for omega in wanted:
-        distance = np.abs(np.log(stored / omega))
-        nearest = int(distance.argmin())
-        if not distance[nearest] <= _SAME:
-            near = ", ".join(f"{w:g}" for w in sorted(stored[np.argsort(distance)[:3]]))
-            raise InputError(
-                f"{result.path}: no fields at omega = {omega:g}: nearest are {near}; or sweep with --fields"
-            )
-        rows.append(nearest)
-    return np.array(rows)

@@ -1,0 +1,198 @@
+"""Correlation of transverse displacements along the flow direction, in narrow lanes (BT Fig. 7).
+
+    C(δ) = ⟨u_y(x) u_y(x + δ)⟩ / ⟨u_y²⟩ ,
+
+averaged over pairs of disks in the same lane, a strip along x of given width. u_y has no affine part under
+u_x = γ y, so C is that of the non-affine motion. Real and imaginary part of a field, in phase with the strain
+and with its rate, are correlated each with itself. In a periodic cell a lane closes on itself after
+L = |a₁|, so C is even about δ = L/2.
+
+Disks are put on a grid finer than the bins of δ, and pairs are counted by Fourier transforms lane by lane:
+the work is N log N. Sums are kept for strips of neighbouring lanes, so that errors come from resampling them.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jampetsc.errors import InputError
+
+BLOCKS = 8  # strips of one packing, for the error
+ENOUGH_PACKINGS = 5  # from so many on, whole packings are resampled
+SAMPLES = 200  # of the bootstrap
+DELTA_EXPONENT = 0.65  # of −ln p in BT's collapse of the Stokes length
+_CELL = 1 / 8  # of the grid along x, in diameters
+_BIN, _GROWTH = 4, 0.08  # width of a bin of δ: at least so many grid cells, and this fraction of δ
+
+
+@dataclass(frozen=True, eq=False)
+class LaneSums:
+    """Sums over pairs in the lanes of one packing. P blocks of lanes, F fields, D bins of δ."""
+
+    products: np.ndarray  # (P, F, D) Σ u_i u_j of fields with ⟨u²⟩ = 1 over the packing
+    squares: np.ndarray  # (P, F) Σ u²
+    pairs: np.ndarray  # (P, D)
+    separations: np.ndarray  # (P, D) Σ δ/L
+    disks: np.ndarray  # (P,)
+    width: float  # of a lane, such that lanes fill the cell
+    length: float  # L
+
+
+@dataclass(frozen=True, eq=False)
+class Correlation:
+    """C(δ) with δ/L increasing from 0 to ½; errors are standard deviations. Empty bins are nan."""
+
+    separation: np.ndarray  # (D + 1,) mean δ/L of the pairs in a bin, the first is 0
+    values: np.ndarray  # (F, D + 1), 1 at δ = 0
+    errors: np.ndarray  # (F, D + 1)
+    root: np.ndarray  # (F,) δ/L where C first vanishes, nan where it does not
+    root_error: np.ndarray  # (F,)
+    minimum: np.ndarray  # (F,) δ/L of the smallest C
+    minimum_error: np.ndarray  # (F,)
+    pairs: int
+
+
+def grid_cells(length: float, diameter: float) -> int:
+    """Even number of grid cells along a cell of this length, for `lane_sums`."""
+    return 2 * max(4, round(0.5 * length / (_CELL * diameter)))
+
+
+def bin_edges(cells: int):
+    """First lag of each bin of δ, in grid cells from 1: bins half a diameter wide, wider at larger δ."""
+    edges = [1]
+    while (last := edges[-1] + max(_BIN, round(_GROWTH * edges[-1]))) <= cells // 2:
+        edges.append(last)
+    return np.array(edges)
+
+
+def lane_sums(positions, cell, fields, width: float, cells: int) -> LaneSums:
+    """Sums over pairs for positions (n, 2), cell rows (2, 2), real fields (F, n), lanes about `width` wide.
+
+    cells: number of grid cells along x (`grid_cells`), the same for all packings to be averaged.
+    Raises InputError for a width that is not positive or exceeds the cell, and for no disks.
+    """
+    positions, cell, fields = (np.asarray(a, float) for a in (positions, cell, fields))
+    length, height = cell[0, 0], cell[1, 1]
+    if not 0 < width <= height:
+        raise InputError(f"lane width {width:g}: must be positive and at most the cell's height, {height:g}")
+    if not len(positions):
+        raise InputError("no disks to correlate: every one is a rattler")
+    lanes = max(1, round(height / width))
+    reduced = (positions @ np.linalg.inv(cell)) % 1.0
+    lane = np.minimum((reduced[:, 1] * lanes).astype(int), lanes - 1)
+    # a disk wrapped in y has moved by a₂, so in x too: the product with the cell's rows takes that along
+    along = (reduced @ cell)[:, 0] / length % 1.0
+    place = lane * cells + np.minimum((along * cells).astype(int), cells - 1)
+    blocks = min(BLOCKS, lanes)
+    block_of = np.arange(lanes) * blocks // lanes
+    starts, block = np.searchsorted(block_of, np.arange(blocks)), block_of[lane]
+
+    def pair_sums(weights):
+        """Σ w_i w_j by block and by lag of 0 … cells/2 grid cells."""
+        density = np.bincount(place, weights, lanes * cells).reshape(lanes, cells)
+        power = np.add.reduceat(np.abs(np.fft.rfft(density, axis=1)) ** 2, starts, axis=0)
+        return np.fft.irfft(power, cells, axis=1)[:, : cells // 2 + 1]
+
+    rms = np.sqrt(np.mean(fields**2, axis=1))
+    fields = fields / np.where(rms > 0, rms, 1.0)[:, None]
+    edges, lags = bin_edges(cells), np.arange(cells // 2 + 1)
+    number = np.rint(pair_sums(None))
+
+    def binned(sums):
+        return np.add.reduceat(sums, edges, axis=-1)
+
+    return LaneSums(
+        products=np.stack([binned(pair_sums(field)) for field in fields], axis=1),
+        squares=np.stack([np.bincount(block, field**2, blocks) for field in fields], axis=1),
+        pairs=binned(number),
+        separations=binned(number * lags / cells),
+        disks=np.bincount(block, minlength=blocks).astype(float),
+        width=height / lanes,
+        length=float(length),
+    )
+
+
+def correlate(packings, seed: int = 0) -> Correlation:
+    """C(δ) of many packings from their LaneSums of equal F and D, each packing normalised by itself.
+
+    Errors by bootstrap over packings, or over strips of lanes where there are fewer than five packings.
+    Strips next to each other are correlated over the length that is to be found: for few packings the errors
+    are lower bounds. Raises InputError where no lane holds two disks.
+    """
+    packings = list(packings)
+    units = _Units(packings)
+    if not units.pairs.sum():
+        raise InputError(f"lanes of width {packings[0].width:g} hold no two disks: use wider lanes")
+    count = len(units.disks)
+    with np.errstate(invalid="ignore"):
+        separation = np.r_[0.0, units.separations.sum(axis=0) / units.pairs.sum(axis=0)]
+    draws = np.random.default_rng(seed).multinomial(count, np.full(count, 1.0 / count), SAMPLES)
+    values, resampled = units.correlation(np.ones(count)), [units.correlation(draw) for draw in draws]
+    places = [[_places(separation, c) for c in sample] for sample in (values, *resampled)]
+    root, minimum = np.moveaxis(places[0], -1, 0)
+    root_error, minimum_error = np.moveaxis(_scatter(np.array(places[1:]), count), -1, 0)
+    return Correlation(
+        separation=separation,
+        values=values,
+        errors=_scatter(np.array(resampled), count),
+        root=root,
+        root_error=root_error,
+        minimum=minimum,
+        minimum_error=minimum_error,
+        pairs=int(units.pairs.sum()),
+    )
+
+
+class _Units:
+    """What the bootstrap draws: sums of packings, or of strips, one row each."""
+
+    def __init__(self, packings):
+        whole = len(packings) >= ENOUGH_PACKINGS
+        for name in ("products", "squares", "pairs", "separations", "disks"):
+            parts = [getattr(sums, name) for sums in packings]
+            parts = [part.sum(axis=0, keepdims=True) for part in parts] if whole else parts
+            setattr(self, name, np.concatenate(parts))
+
+    def correlation(self, draws):
+        """C (F, D + 1) with each unit counted `draws` times."""
+        pairs, squares = draws @ self.pairs, (draws @ self.squares) / (draws @ self.disks)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            mean = np.where(pairs > 0, np.tensordot(draws, self.products, 1) / pairs, np.nan)
+            values = mean / squares[:, None]
+        return np.concatenate((np.ones((len(values), 1)), values), axis=1)
+
+
+def _scatter(samples, units):
+    """Standard deviation along the first axis; nan where fewer than half of the samples have a value."""
+    finite = np.isfinite(samples)
+    count = finite.sum(axis=0)
+    mean = np.where(finite, samples, 0.0).sum(axis=0) / np.maximum(count, 1)
+    variance = np.where(finite, (samples - mean) ** 2, 0.0).sum(axis=0) / np.maximum(count - 1, 1)
+    known = (2 * count >= len(samples)) & (units > 1)
+    return np.where(known, np.sqrt(variance), np.nan)
+
+
+def _places(separation, values):
+    """(first root, place of the minimum) of one C(δ)."""
+    known = np.isfinite(values)
+    return first_root(separation[known], values[known]), separation[known][np.argmin(values[known])]
+
+
+def first_root(separation, values) -> float:
+    """Where C first falls through zero, by linear interpolation between bins; nan if it does not."""
+    below = np.flatnonzero(values <= 0)
+    if not len(below):
+        return float("nan")
+    n = below[0]
+    (x, y), (c, d) = separation[n - 1 : n + 1], values[n - 1 : n + 1]
+    return float(x + (y - x) * c / (c - d))
+
+
+def stokes_collapse(omega, length, pressure):
+    """(ω/p^½, l (−ln p)^0.65): BT's collapse of the correlation length under Stokes drag, p in units of k.
+
+    Raises InputError unless 0 < p < 1.
+    """
+    if not 0 < pressure < 1:
+        raise InputError(f"pressure {pressure:g}: the collapse of lengths needs 0 < p < k")
+    return np.asarray(omega) / np.sqrt(pressure), np.asarray(length) * (-np.log(pressure)) ** DELTA_EXPONENT

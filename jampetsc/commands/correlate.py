@@ -1,0 +1,207 @@
+"""`jampetsc correlate`: correlation of transverse displacements along the flow; without PETSc or MPI."""
+
+from jampetsc.errors import InputError
+
+LANES = "0.5,0.25,1"
+SAME_PRESSURE = 0.01  # sweeps are averaged if their pressures differ by no more than this fraction
+
+DESCRIPTION = """\
+Correlation C(delta) of the displacements u_y along x in narrow lanes (BT Fig. 7), real and imaginary part, of
+the fields that sweeps hold (jampetsc sweep --fields), and the length l at its first root. Several sweeps of
+one kind (law, pressure, number of disks) are averaged."""
+EPILOG = """\
+Each packing is looked for beside its sweep. Errors come from resampling the packings, or strips of
+lanes where there are fewer than five packings; those are lower bounds.
+
+examples:
+  jampetsc correlate sweep.h5 --out correlation.h5
+  jampetsc correlate stokes-s*.h5 --lane 0.5,1 --out stokes.h5
+  jampetsc plot stokes.h5 --out correlation.png
+  jampetsc plot p1e-2.h5 p1e-3.h5 p1e-4.h5 --kind length --out length.png"""
+
+
+def add_parser(subparsers) -> None:
+    """Add `correlate` to the command line."""
+    parser = subparsers.add_parser(
+        "correlate",
+        help="correlation of displacements along the flow, and its length",
+        description=DESCRIPTION,
+        epilog=EPILOG,
+    )
+    parser.add_argument(
+        "files", nargs="+", metavar="SWEEP", help="sweeps with fields, of one law and pressure"
+    )
+    parser.add_argument("--out", required=True, metavar="FILE", help="result (HDF5)")
+    parser.add_argument(
+        "--lane",
+        default=LANES,
+        metavar="w1,w2,…",
+        help=f"widths of a lane in mean diameters, the first for the summary (default {LANES})",
+    )
+    parser.add_argument("--omega", metavar="w1,w2,…", help="fields at these frequencies (default: all)")
+    parser.add_argument("--packing", metavar="FILE", help="packing of a single sweep, if it is not beside it")
+    parser.set_defaults(run=run)
+
+
+def run(args, petsc_argv) -> int:
+    """Correlate, write the file and print the lengths. Raises InputError."""
+    import time
+
+    import numpy as np
+
+    from jampetsc.analysis.correlations import correlate, grid_cells, lane_sums
+    from jampetsc.response.grid import parse_omega
+    from jampetsc.storage.atomic import check_writable
+    from jampetsc.storage.belongings import chosen_frequencies, packing_of, particle_rows
+
+    began = time.perf_counter()
+    lanes = _lanes(args.lane)
+    wanted = None if args.omega is None else parse_omega(args.omega)
+    check_writable(args.out)
+    sweeps = _open(args.files)
+    if args.packing and len(sweeps) > 1:
+        raise InputError(
+            f"--packing {args.packing}: one packing for {len(sweeps)} sweeps: correlate them one by one"
+        )
+    frequencies, sums, cells, scales = [], [[] for _ in lanes], None, []
+    for sweep in sweeps:
+        fields = sweep.fields
+        rows = np.argsort(fields.omega) if wanted is None else chosen_frequencies(sweep, wanted)
+        frequencies.append(fields.omega[rows])
+        disks = packing_of(sweep, args.packing)
+        particles = particle_rows(sweep, disks)
+        diameter = 2.0 * float(disks.radii.mean())
+        scales.append((disks.cell[0, 0], diameter))
+        cells = cells or grid_cells(disks.cell[0, 0], diameter)
+        transverse = np.array([fields.displacement[int(row), :, 1] for row in rows])
+        parts = np.stack((transverse.real, transverse.imag), axis=1).reshape(2 * len(rows), -1)
+        for width, found in zip(lanes, sums, strict=True):
+            try:
+                found.append(
+                    lane_sums(disks.positions[particles], disks.cell, parts, width * diameter, cells)
+                )
+            except InputError as error:
+                raise InputError(f"{sweep.path}: {error}") from None
+    _require_same_frequencies(sweeps, frequencies)
+    results = [correlate(found) for found in sums]
+    omega, (length, diameter) = frequencies[0], np.mean(scales, axis=0)
+    _write(args.out, sweeps, omega, [found[0].width for found in sums], results, length, diameter, began)
+    print(_summary(args.out, sweeps, omega, lanes, results, length / diameter))
+    return 0
+
+
+def _lanes(text):
+    try:
+        lanes = [float(word) for word in text.split(",")]
+    except ValueError:
+        raise InputError(f"--lane {text}: write widths in mean diameters, such as {LANES}") from None
+    wrong = next((width for width in lanes if not 0.01 <= width <= 1e6), None)
+    if wrong is not None:
+        raise InputError(f"--lane {wrong:g}: a width in mean diameters must be at least 0.01")
+    return lanes
+
+
+def _open(paths):
+    """The sweeps, all of one law, pressure and number of disks. Raises InputError."""
+    from jampetsc.storage.reader import SweepResult, load
+
+    sweeps = [load(path) for path in paths]
+    for path, sweep in zip(paths, sweeps, strict=True):
+        if not isinstance(sweep, SweepResult):
+            raise InputError(f"{path}: is not a sweep: correlations come from `jampetsc sweep --fields`")
+        for what, mine, first in (
+            ("law", sweep.law, sweeps[0].law),
+            ("number of disks", *(s.attributes.get("particle_count") for s in (sweep, sweeps[0]))),
+        ):
+            if mine != first:
+                raise InputError(
+                    f"{path}: {what} {_words(mine)}, but {paths[0]} has {_words(first)}: "
+                    "average sweeps of one kind"
+                )
+        pressure, first = (float(s.attributes.get("pressure", 0.0)) for s in (sweep, sweeps[0]))
+        if abs(pressure - first) > SAME_PRESSURE * abs(first):
+            raise InputError(
+                f"{path}: pressure {pressure:g}, but {paths[0]} has {first:g}: average sweeps of one pressure"
+            )
+    return sweeps
+
+
+def _words(value):
+    return ", ".join(f"{k} {v}" for k, v in value.items()) if isinstance(value, dict) else str(value)
+
+
+def _require_same_frequencies(sweeps, frequencies):
+    import numpy as np
+
+    for sweep, omega in zip(sweeps, frequencies, strict=True):
+        if len(omega) != len(frequencies[0]) or not np.allclose(omega, frequencies[0], rtol=0.01, atol=0):
+            raise InputError(
+                f"{sweep.path}: fields at other frequencies than in {sweeps[0].path.name}: "
+                "choose common ones with --omega"
+            )
+
+
+def _write(out, sweeps, omega, widths, results, length, diameter, began):
+    import time
+
+    import numpy as np
+
+    from jampetsc.storage.provenance import derived_from
+    from jampetsc.storage.result_file import ResultWriter
+
+    def parts(name):
+        """An entry of all results, (lanes, F, 2, …), the third axis for real and imaginary part."""
+        stacked = np.array([getattr(result, name) for result in results])
+        return stacked.reshape(len(results), len(omega), 2, *stacked.shape[2:])
+
+    with ResultWriter(out, "jampetsc-correlation") as writer:
+        for name, values in {
+            "omega": omega,
+            "lane_width": np.array(widths),
+            "delta": length * np.array([result.separation for result in results]),
+            "C": parts("values"),
+            "C_error": parts("errors"),
+            "length": length * parts("root"),
+            "length_error": length * parts("root_error"),
+            "minimum": length * parts("minimum"),
+            "minimum_error": length * parts("minimum_error"),
+        }.items():
+            writer.dataset(name, values)
+        writer.attributes(
+            **derived_from(sweeps, time.perf_counter() - began) | _mean_pressure(sweeps),
+            packings=len(sweeps),
+            L=length,
+            mean_diameter=diameter,
+            pairs=[result.pairs for result in results],
+        )
+
+
+def _mean_pressure(sweeps):
+    known = [float(sweep.attributes["pressure"]) for sweep in sweeps if "pressure" in sweep.attributes]
+    return {"pressure": sum(known) / len(known)} if known else {}
+
+
+def _summary(out, sweeps, omega, lanes, results, size):
+    """Lengths in diameters of the first lane width, and how far the others are from it."""
+    import numpy as np
+
+    first = results[0]
+    count = f"{len(sweeps)} packing{'s' * (len(sweeps) > 1)}"
+    lines = [f"{out}: {count}, L = {size:.4g} d, lanes of {lanes[0]:g} d, {first.pairs} pairs"]
+    for n, w in enumerate(omega):
+        parts = [
+            f"{name} {_with_error(size * first.root[2 * n + part], size * first.root_error[2 * n + part])}"
+            for part, name in enumerate(("Re", "Im"))
+        ]
+        lines.append(f"  omega {w:.3g}: l/d {',  '.join(parts)}")
+    for width, other in zip(lanes[1:], results[1:], strict=True):
+        change = np.sqrt(np.nanmean((other.values - first.values)[:, 1:] ** 2))
+        error = np.sqrt(np.nanmean(np.hypot(first.errors, other.errors)[:, 1:] ** 2))
+        lines.append(f"  lanes of {width:g} d: C differs by {change:.2g} (rms), with errors of {error:.2g}")
+    return "\n".join(lines)
+
+
+def _with_error(value, error):
+    if value != value:
+        return "no root"
+    return f"{value:.3g}" if error != error else f"{value:.3g} ± {error:.1g}"

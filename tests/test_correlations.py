@@ -1,0 +1,299 @@
+"""Correlations of displacements: loops over pairs, fields of known C, and the command line."""
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from jampetsc import cli
+from jampetsc.analysis.correlations import (
+    bin_edges,
+    correlate,
+    first_root,
+    grid_cells,
+    lane_sums,
+    stokes_collapse,
+)
+from jampetsc.errors import InputError
+from jampetsc.packing.disks import Disks
+from jampetsc.storage.packing_file import packing_identity, write_packing
+from jampetsc.storage.reader import load
+from jampetsc.storage.result_file import ResultWriter
+
+SIDE = 60.0
+SQUARE = np.array([(SIDE, 0.0), (0.0, SIDE)])
+TILTED = np.array([(SIDE, 0.0), (23.0, SIDE)])
+
+
+def scattered(n, cell, seed=0):
+    return np.random.default_rng(seed).random((n, 2)) @ cell
+
+
+def wave(points, cell, m, n=0, phase=0.3):
+    """cos(k·r + phase) with the reciprocal vector (m, n) of the cell."""
+    k = 2 * np.pi * np.linalg.inv(cell) @ [m, n]
+    return np.cos(points @ k + phase)
+
+
+def random_field(points, cell, seed):
+    """A field of many plane waves with random phases, and its C(δ) for narrow lanes."""
+    rng = np.random.default_rng(seed)
+    modes = [(m, n) for m in range(-12, 13) for n in range(13) if (n, m) > (0, 0)]
+    k = 2 * np.pi * np.array(modes) @ np.linalg.inv(cell).T
+    amplitude = np.exp(-((np.hypot(*k.T) * SIDE / 12) ** 2) / 8)
+    phase = rng.uniform(0, 2 * np.pi, len(modes))
+    field = np.cos(points @ k.T + phase) @ amplitude
+
+    def known(delta):
+        return np.cos(np.outer(delta, k[:, 0])) @ amplitude**2 / np.sum(amplitude**2)
+
+    return field, known
+
+
+def test_sums_against_a_loop_over_pairs():
+    n, width, cells = 120, 7.0, 64
+    points, fields = scattered(n, TILTED), np.random.default_rng(1).normal(size=(2, n))
+    found = lane_sums(points, TILTED, fields, width, cells)
+    fields = fields / np.sqrt(np.mean(fields**2, axis=1))[:, None]
+    lanes = round(SIDE / width)
+    fractions = points @ np.linalg.inv(TILTED)
+    lane = np.floor(fractions[:, 1] % 1 * lanes).astype(int)
+    column = np.floor(points[:, 0] / SIDE % 1 * cells).astype(int)
+    edges = bin_edges(cells)
+    pairs, products, separations = np.zeros(len(edges)), np.zeros((2, len(edges))), np.zeros(len(edges))
+    for i in range(n):
+        for j in range(n):
+            lag = (column[j] - column[i]) % cells
+            if lane[i] == lane[j] and 1 <= lag <= cells // 2:
+                bin_ = np.searchsorted(edges, lag, side="right") - 1
+                pairs[bin_] += 1
+                separations[bin_] += lag / cells
+                products[:, bin_] += fields[:, i] * fields[:, j]
+    np.testing.assert_array_equal(found.pairs.sum(axis=0), pairs)
+    np.testing.assert_allclose(found.products.sum(axis=0), products, atol=1e-11)
+    np.testing.assert_allclose(found.separations.sum(axis=0), separations)
+    assert found.disks.sum() == n and found.width == SIDE / lanes
+    np.testing.assert_allclose(found.squares.sum(axis=0), n)
+
+
+def test_images_do_not_matter():
+    points, fields = scattered(500, TILTED), np.random.default_rng(1).normal(size=(1, 500))
+    moved = points + np.random.default_rng(2).integers(-3, 4, (500, 2)) @ TILTED
+    a, b = (lane_sums(p, TILTED, fields, 2.0, 256) for p in (points, moved))
+    np.testing.assert_array_equal(a.pairs, b.pairs)
+    np.testing.assert_allclose(a.products, b.products, atol=1e-10)
+
+
+@pytest.mark.parametrize("cell", [SQUARE, TILTED], ids=["square", "tilted"])
+@pytest.mark.parametrize("m", [1, 2, 5])
+def test_a_plane_wave(cell, m):
+    points = scattered(20000, cell)
+    found = correlate([lane_sums(points, cell, wave(points, cell, m)[None], 0.5, grid_cells(SIDE, 1.0))])
+    np.testing.assert_allclose(found.values[0], np.cos(2 * np.pi * m * found.separation), atol=0.03)
+    assert found.root[0] == pytest.approx(1 / (4 * m), abs=0.004)
+    assert found.minimum[0] == pytest.approx(1 / (2 * m), abs=0.05)
+
+
+def test_a_wave_across_the_lanes_is_constant_along_them():
+    points = scattered(20000, SQUARE)
+    found = correlate([lane_sums(points, SQUARE, wave(points, SQUARE, 0, 3)[None], 0.2, 256)])
+    np.testing.assert_allclose(found.values[0], 1.0, atol=0.02)
+    assert np.isnan(found.root[0]) and np.isnan(found.root_error[0])
+
+
+@pytest.mark.parametrize("width", [0.2, 0.5, 1.0])
+def test_a_random_field_of_known_correlation(width):
+    """Averaged over ten samples: right within its own errors, whatever the width of the lanes."""
+    sums = []
+    for seed in range(10):
+        points = scattered(6000, SQUARE, seed)
+        field, known = random_field(points, SQUARE, seed)
+        sums.append(lane_sums(points, SQUARE, field[None], width, grid_cells(SIDE, 1.0)))
+    found = correlate(sums)
+    true = known(found.separation * SIDE)
+    off = np.abs(found.values[0] - true)[1:] / found.errors[0][1:]
+    assert np.median(off) < 1.5 and off.max() < 6
+    fine = np.linspace(0, 0.5, 5001)
+    root = fine[np.argmax(known(fine * SIDE) <= 0)]
+    assert abs(found.root[0] - root) < 4 * found.root_error[0] < 0.1
+
+
+def test_errors_shrink_with_the_number_of_packings():
+    def error(count):
+        sums = []
+        for seed in range(count):
+            points = scattered(1000, SQUARE, seed)
+            sums.append(lane_sums(points, SQUARE, random_field(points, SQUARE, seed)[0][None], 1.0, 256))
+        return np.nanmean(correlate(sums).errors[0][1:])
+
+    assert 0.3 < error(32) / error(8) < 0.75
+
+
+def test_each_packing_weighs_the_same_whatever_its_amplitude():
+    points = scattered(2000, SQUARE)
+    fields = [wave(points, SQUARE, m)[None] for m in (1, 3)]
+    plain = correlate([lane_sums(points, SQUARE, f, 1.0, 256) for f in fields])
+    loud = correlate(
+        [lane_sums(points, SQUARE, a * f, 1.0, 256) for a, f in zip((1, 1e6), fields, strict=True)]
+    )
+    np.testing.assert_allclose(plain.values, loud.values, atol=1e-12)
+
+
+def test_first_root():
+    x = np.array([0.0, 0.1, 0.2, 0.3, 0.4])
+    assert first_root(x, np.array([1.0, 0.5, -0.5, 0.2, -1.0])) == pytest.approx(0.15)
+    assert first_root(x, np.array([1.0, 0.5, 0.0, 0.2, -1.0])) == pytest.approx(0.2)
+    assert np.isnan(first_root(x, np.full(5, 0.1)))
+
+
+def test_collapse_of_the_stokes_length():
+    x, y = stokes_collapse([1e-3], [4.0], 1e-4)
+    assert x[0] == pytest.approx(0.1) and y[0] == pytest.approx(4 * np.log(1e4) ** 0.65)
+    with pytest.raises(InputError, match="pressure 2: the collapse of lengths needs 0 < p < k"):
+        stokes_collapse([1.0], [1.0], 2.0)
+
+
+def test_a_large_packing_takes_no_loop_over_pairs():
+    """N = 32768: 12 fields; the sums hold every pair of a lane, n² / lanes of them."""
+    n, side = 32768, 180.0
+    cell = np.diag([side, side])
+    points = scattered(n, cell)
+    found = lane_sums(points, cell, np.ones((12, n)), 0.5, grid_cells(side, 1.0))
+    counts = np.bincount(np.floor(points[:, 1] / side * 360).astype(int))
+    lags_once = found.pairs.sum()
+    assert lags_once == pytest.approx(0.5 * np.sum(counts * (counts - 1)), rel=0.01)
+    np.testing.assert_allclose(found.products[:, 0], found.pairs, rtol=1e-9)
+
+
+@pytest.mark.parametrize("width", [0.0, -1.0, 61.0, float("nan")])
+def test_a_lane_must_fit(width):
+    with pytest.raises(
+        InputError, match=r"lane width .*: must be positive and at most the cell's height, 60"
+    ):
+        lane_sums(scattered(10, SQUARE), SQUARE, np.ones((1, 10)), width, 64)
+
+
+def test_nothing_to_correlate():
+    with pytest.raises(InputError, match="no disks to correlate"):
+        lane_sums(np.empty((0, 2)), SQUARE, np.empty((1, 0)), 1.0, 64)
+    alone = lane_sums(np.array([[1.0, 1.0]]), SQUARE, np.ones((1, 1)), 1.0, 64)
+    with pytest.raises(InputError, match=r"lanes of width 1 hold no two disks: use wider lanes"):
+        correlate([alone])
+
+
+# The command line
+
+
+OMEGA = np.array([1e-4, 1e-2])
+
+
+def write_sweep(folder, name, seed=0, n=400, omega=OMEGA, lengths=(1, 2), pressure=1e-3, **attributes):
+    """A packing of small disks at random and a sweep with waves of L/m as fields, beside each other."""
+    side = np.sqrt(n)
+    cell = np.diag([side, side])
+    points = scattered(n, cell, seed)
+    packing = folder / f"packing-{name}.h5"
+    write_packing(packing, Disks.from_positions(points, np.full(n, 0.5), cell))
+    fields = np.zeros((len(omega), n, 2), complex)
+    for field, m in zip(fields, lengths, strict=True):
+        field[:, 1] = wave(points, cell, m, phase=seed) + 1j * wave(points, cell, 2 * m, phase=seed)
+    file, sha256 = packing_identity(packing)
+    path = folder / f"{name}.h5"
+    with ResultWriter(path, "jampetsc-sweep") as writer:
+        for key, values in (("omega", omega), ("G", np.ones(len(omega), complex)), ("error_bound", omega)):
+            writer.dataset(key, values)
+        writer.dataset("fields/omega", omega)
+        writer.dataset("fields/displacement", fields)
+        writer.dataset("particles", np.arange(n))
+        known = {
+            "law": "stokes",
+            "eta_f": 1.0,
+            "pressure": pressure,
+            "particle_count": n,
+            "k": 1.0,
+            "tau1": 1.0,
+        }
+        writer.attributes(**known | {"packing": file, "packing_sha256": sha256} | attributes)
+    return path
+
+
+def run(*words):
+    return cli.dispatch(["correlate", *map(str, words)])
+
+
+def test_a_file_of_correlations(tmp_path, capsys):
+    sweeps = [write_sweep(tmp_path, f"s{seed}", seed) for seed in range(6)]
+    assert run(*sweeps, "--lane", "1,0.5", "--out", tmp_path / "c.h5") == 0
+    found = load(tmp_path / "c.h5")
+    assert found.format == "jampetsc-correlation" and found.law["law"] == "stokes"
+    assert found.attributes["packings"] == 6 and found.attributes["L"] == pytest.approx(20.0)
+    np.testing.assert_array_equal(found["omega"], OMEGA)
+    assert found["C"].shape == (2, 2, 2, found["delta"].shape[1])
+    expected = np.array([[5.0, 2.5], [2.5, 1.25]])  # a quarter of the wave length; of Re and Im
+    np.testing.assert_allclose(found["length"][0], expected, rtol=0.1)
+    np.testing.assert_allclose(found["length"], np.stack([expected, expected]), rtol=0.2)
+    assert (found["length_error"] > 0).all() and (found["length_error"] < 1).all()
+    said = capsys.readouterr().out
+    assert "6 packings, L = 20 d, lanes of 1 d" in said and "lanes of 0.5 d: C differs by" in said
+
+
+def test_chosen_frequencies_and_a_packing_elsewhere(tmp_path, capsys):
+    sweep = write_sweep(tmp_path, "s")
+    packing = (tmp_path / "packing-s.h5").rename(tmp_path / "elsewhere.h5")
+    run(sweep, "--omega", "1e-2", "--packing", packing, "--out", tmp_path / "c.h5")
+    np.testing.assert_array_equal(load(tmp_path / "c.h5")["omega"], [1e-2])
+
+
+@pytest.mark.parametrize(
+    "kind", [[], ["--omega", "1e-2"], ["--kind", "length"]], ids=["all", "one", "length"]
+)
+def test_pictures(tmp_path, kind):
+    names = ["a.h5"] if not kind else ["a.h5", "b.h5"]
+    for name, pressure in (("a", 1e-3), ("b", 1e-2)):
+        run(write_sweep(tmp_path, f"s{name}", pressure=pressure), "--out", tmp_path / f"{name}.h5")
+    cli.dispatch(["plot", *(str(tmp_path / name) for name in names), *kind, "--out", str(tmp_path / "p.png")])
+    image = imread(tmp_path / "p.png")
+    assert image.shape[1] == 2100 and image.std() > 0.05
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("bare.h5", r"bare\.h5: holds no fields: run the sweep with --fields"),
+        ("packing-s.h5", r"packing-s\.h5: is not a sweep"),
+        ("lost.h5", r"lost\.h5: its packing packing-lost\.h5 is not beside it: give it with --packing"),
+        ("s.h5 --packing packing-t.h5", r"packing-t\.h5: is not the packing that s\.h5 was made from"),
+        ("s.h5 t.h5 --packing packing-s.h5", r"--packing packing-s\.h5: one packing for 2 sweeps"),
+        ("s.h5 contact.h5", r"contact\.h5: law law contact"),
+        ("s.h5 large.h5", r"large\.h5: number of disks 900, but s\.h5 has 400"),
+        ("s.h5 dense.h5", r"dense\.h5: pressure 0\.01, but s\.h5 has 0\.001: average sweeps of one pressure"),
+        ("s.h5 other.h5", r"other\.h5: fields at other frequencies than in s\.h5: choose common ones"),
+        ("s.h5 --omega 3", r"s\.h5: no fields at omega = 3: nearest are"),
+        ("s.h5 --lane x", "--lane x: write widths in mean diameters, such as"),
+        ("s.h5 --lane 0.5,-1", "--lane -1: a width in mean diameters must be at least 0.01"),
+        ("s.h5 --lane 50", r"s\.h5: lane width 50: must be positive and at most the cell's height, 20"),
+    ],
+)
+def test_bad_input(tmp_path, monkeypatch, line, message):
+    monkeypatch.chdir(tmp_path)
+    here = tmp_path.relative_to(tmp_path)
+    write_sweep(here, "s")
+    write_sweep(here, "t", seed=1)
+    write_sweep(here, "lost")
+    (tmp_path / "packing-lost.h5").unlink()
+    write_sweep(here, "contact", law="contact")
+    write_sweep(here, "large", n=900)
+    write_sweep(here, "dense", pressure=1e-2)
+    write_sweep(here, "other", omega=np.array([1e-4, 3e-2]))
+    with ResultWriter("bare.h5", "jampetsc-sweep") as writer:
+        for name in ("omega", "G", "error_bound"):
+            writer.dataset(name, np.ones(2))
+        writer.attributes(law="stokes")
+    with pytest.raises(InputError, match=message):
+        run(*line.split(), "--out", "c.h5")
+    assert not (tmp_path / "c.h5").exists()
+
+
+def test_a_length_needs_a_root(tmp_path):
+    run(write_sweep(tmp_path, "s", lengths=(0, 0)), "--out", tmp_path / "c.h5")
+    with pytest.raises(InputError, match="no correlation falls to zero"):
+        cli.dispatch(["plot", str(tmp_path / "c.h5"), "--kind", "length", "--out", str(tmp_path / "p.png")])
