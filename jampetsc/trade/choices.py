@@ -59,7 +59,7 @@ class Bench:
         return self._runs[key]
 
     def find_reference(self) -> list[Row]:
-        """The tightest rational sweep that is certified; rows of the attempts, the successful one last.
+        """Find the tightest rational sweep that is certified; its row first, then the failed `ACCURACIES`.
 
         Raises InputError or ConvergenceError with the run's own line where there is none.
         """
@@ -69,15 +69,16 @@ class Bench:
             outcome, result = self.sweep(self.packing, words)
             name = f"--accuracy {accuracy:g}"
             if result is None:
-                rows.append(self.failed("reference", name, outcome))
                 if outcome.status == _INPUT:
                     raise InputError(outcome.error)
+                failed = self.failed("accuracy", name, outcome)
+                rows += [failed] if accuracy in ACCURACIES else []
                 continue
             self.reference, self.reference_accuracy = Reference(result), accuracy
             spent = {**_spent(outcome, result), **_slopes(self.reference, result.G)}
-            rows.append(Row("reference", name, **spent, note="the others are compared with it"))
-            self._tell(rows[-1])
-            return rows
+            row = Row("reference", name, **spent, note="the others are compared with it")
+            self._tell(row)
+            return [row, *rows]
         raise ConvergenceError(f"no reference, the rational sweep failed at every accuracy: {outcome.error}")
 
     def measure(self, choice: Choice) -> Row:
