@@ -45,17 +45,17 @@ class Pencil:
         return self.network.n * self.law.dofs
 
     def project(self, x):
-        """Remove the mean displacement of each piece from x, in place, where nothing pins it. Collective."""
+        """Remove the mean displacement of each piece from x (n_local,), in place, where nothing pins it. Collective."""
         if self.law.kind != "stokes":
             return
         network, dofs = self.network, self.law.dofs
         root, piece = np.unique(self.pieces.label, return_inverse=True)
-        local = x.getArray().reshape(-1, dofs)
+        local = x.reshape(-1, dofs)
         mine = piece[network.first : network.last]
         total = np.zeros((len(root), dofs), local.dtype)
         np.add.at(total, mine, local)
         mean = network.sum(total) / np.bincount(piece)[:, None]
-        x.setArray((local - mean[mine]).ravel())
+        local -= mean[mine]
 
     def destroy(self):
         """Free the PETSc objects. Collective."""
@@ -137,7 +137,7 @@ def assemble(network: Network, law: Law) -> Pencil:
     _pin(matrix, gamma, pins, network.first * dofs, network.k)
     return Pencil(
         network, law, pieces,
-        _matrix(network.comm, matrix, matrix.data.real), _matrix(network.comm, matrix, matrix.data.imag),
+        distributed_matrix(network.comm, matrix, matrix.data.real), distributed_matrix(network.comm, matrix, matrix.data.imag),
         _vector(network.comm, gamma.real), _vector(network.comm, gamma.imag),
         float(corner.real), float(corner.imag), pins,
     )  # fmt: skip
@@ -166,7 +166,8 @@ def _pin(matrix, gamma, pins, offset, k):
             gamma[row] = 0.0
 
 
-def _matrix(comm, csr, values):
+def distributed_matrix(comm, csr, values):
+    """A symmetric PETSc Mat of this rank's rows, a scipy CSR array, with `values` in the place of its data. Collective."""
     PETSc = current().PETSc
     rows, columns = csr.shape
     matrix = PETSc.Mat().createAIJ(

@@ -27,9 +27,33 @@ class Compatibility:
     g: np.ndarray  # (rows,) local, per unit strain
     w_K: np.ndarray  # (rows,) local weights of a² in K
     w_B: np.ndarray  # (rows,) local weights of a² in B
-    size_K: np.ndarray  # (rows,) |w_K| plus what rounding may do to it, in units of ε: an overlap is off by ε σ
+    size_K: (
+        np.ndarray
+    )  # (rows,) |w_K| plus what rounding may do to it, in units of ε: an overlap is off by ε σ
     drag: float  # kτ₁ under Stokes drag, else 0: the part of B that acts on disks, not contacts
     drag_gg: float  # the part of b_γγ that does not come from contacts, kτ₁ η_F V
+
+    def motions(self, x):
+        """C x, (rows,) local, for local unknowns x (n_local,), real or complex in either build. Collective."""
+        return self._through(self.C.mult, x, *self.C.createVecs())
+
+    def forces(self, a):
+        """Cᵀ a, (n_local,), for a (rows,), real or complex in either build. Collective."""
+        return self._through(self.C.multTranspose, a, *reversed(self.C.createVecs()))
+
+    def _through(self, multiply, values, source, target):
+        def once(part):
+            source.setArray(part)
+            multiply(source, target)
+            return target.getArray().copy()
+
+        if np.iscomplexobj(values) and not np.iscomplexobj(source.getArray()):
+            result = once(values.real) + 1j * once(values.imag)
+        else:
+            result = once(values)
+        source.destroy()
+        target.destroy()
+        return result if np.iscomplexobj(values) else result.real
 
     def destroy(self):
         """Free C. Collective."""

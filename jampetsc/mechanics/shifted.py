@@ -34,8 +34,8 @@ class ShiftedFactor:
                 PREFIX + "ksp_type": "preonly",
                 PREFIX + "pc_type": "cholesky",
                 PREFIX + "pc_factor_mat_solver_type": "cholmod" if alone else "mumps",
+                # L Lᵀ by dense blocks: the fastest on one rank, and it stops at a negative pivot.
                 **(
-                    # L Lᵀ by dense blocks: the fastest on one rank, and it stops at a negative pivot.
                     {PREFIX + "mat_cholmod_factor": "SUPERNODAL", PREFIX + "mat_cholmod_print": "0"}
                     if alone
                     # Approximate minimum fill; and no ScaLAPACK at the root, so that pivots ≤ 0 are counted.
@@ -93,9 +93,11 @@ class ShiftedFactor:
         self.work.pointwiseMult(self.scale, rhs)
         self.ksp.solve(self.work, out)
         if self.ksp.getConvergedReason() < 0:
-            raise ConvergenceError(f"solve with K + sB at s = {self.s:g} failed (KSP reason {self.ksp.getConvergedReason()})")
+            raise ConvergenceError(
+                f"solve with K + sB at s = {self.s:g} failed (KSP reason {self.ksp.getConvergedReason()})"
+            )
         out.pointwiseMult(self.scale, out)
-        self.pencil.project(out)
+        self.pencil.project(out.getArray())
 
     def destroy(self):
         """Free the factor. Collective."""

@@ -8,7 +8,8 @@ The error is quadratic in the residual. With z = A⁻¹r and S = K + ωB, K and 
 
     |rᵀA⁻¹r| = |zᵀA z| ≤ zᴴS z ≤ √2 |zᴴA z| = √2 |zᴴr| ,
 
-the first step because |zᵀK z| ≤ zᴴK z, the second because |a + ib| ≥ (a + b)/√2 for a, b ≥ 0. The stationary value is summed contact
+the first step because |zᵀK z| ≤ zᴴK z, the second because |a + ib| ≥ (a + b)/√2 for a, b ≥ 0. Where K has negative modes
+|rᵀz| is left, which is the error as far as z = A⁻¹r: an estimate, no bound. The stationary value is summed contact
 by contact (see `compatibility`), so what rounding of x, K and B may do to it is also of second order.
 """
 
@@ -27,7 +28,7 @@ class Certified:
 
     omega: float
     G: complex
-    error: float  # √2 |zᴴr| / V
+    error: float  # √2 |zᴴr| / V, or |rᵀz| / V where that is larger, which takes negative modes
     rounding: tuple[float, float]  # of G' and of G'', from the sums over contacts
 
     @property
@@ -42,11 +43,10 @@ class Certified:
 
 
 class Functional:
-    """G*, residual and bound of trial fields of one pencil, in the complex PETSc. All methods are collective."""
+    """G*, residual and bound of trial fields of one pencil. Fields are complex (n_local,). All methods are collective."""
 
     def __init__(self, compatibility: Compatibility):
         self.compatibility = compatibility
-        self.motion, self.force = compatibility.C.createVecLeft(), compatibility.C.createVecLeft()
         K, B = (getattr(compatibility.pencil, name).getDiagonal() for name in "KB")
         self.stiffest = abs(K.max()[1]), abs(B.max()[1])
         K.destroy()
@@ -55,23 +55,21 @@ class Functional:
         affine = np.array([compatibility.size_K @ squares, compatibility.w_B @ squares])
         self.affine = np.sqrt(compatibility.pencil.network.sum(affine))
 
-    def residual(self, omega, x, r):
-        """r ← c + A x, from the relative motions a = C x + g, which are kept for `certify`."""
+    def residual(self, omega, x):
+        """r = c + A x, from the relative motions a = C x + g, which are kept for `certify`."""
         c = self.compatibility
-        c.C.mult(x, self.motion)
-        self.motion.getArray()[:] += c.g
-        self.force.setArray((c.w_K + 1j * omega * c.w_B) * self.motion.getArray())
-        c.C.multTranspose(self.force, r)
-        if c.drag:
-            r.axpy(1j * omega * c.drag, x)
+        self.motion = c.motions(x) + c.g
+        return c.forces((c.w_K + 1j * omega * c.w_B) * self.motion) + 1j * omega * c.drag * x
 
     def certify(self, omega, x, z, r) -> Certified:
-        """G* of x with its bound, after `residual(omega, x, r)` and with z ≈ A⁻¹r."""
+        """G* of x with its bound, after r = `residual(omega, x)` and with z ≈ A⁻¹r."""
         c = self.compatibility
         network = c.pencil.network
-        a, field = self.motion.getArray(), x.getArray()
+        a, field = self.motion, x
         parts = np.array([a.real**2, a.imag**2, a.real * a.imag])
-        drag = c.drag * np.array([np.sum(field.real**2), np.sum(field.imag**2), np.sum(field.real * field.imag)])
+        drag = c.drag * np.array(
+            [np.sum(field.real**2), np.sum(field.imag**2), np.sum(field.real * field.imag)]
+        )
         (K_rr, K_ii, K_ri), (B_rr, B_ii, B_ri), (abs_rr, abs_ii, _), (x_rr, x_ii) = (
             network.sum(sums)
             for sums in (
@@ -95,14 +93,10 @@ class Functional:
         loss = 2.0 * e_Kr * e_Ki + e_Kr * d_Ki + e_Ki * d_Kr
         loss += omega * (e_Br * (e_Br + d_Br) + e_Bi * (e_Bi + d_Bi))
         volume = network.area
+        hermitian, symmetric = network.sum(np.array([np.vdot(z, r), z @ r]))
         return Certified(
             omega=float(omega),
             G=(elastic + 1j * omega * viscous) / volume,
-            error=float(np.sqrt(2.0) * abs(z.dot(r)) / volume),
+            error=float(max(np.sqrt(2.0) * abs(hermitian), abs(symmetric)) / volume),
             rounding=(float(2.0 * EPSILON * storage / volume), float(2.0 * EPSILON * loss / volume)),
         )
-
-    def destroy(self):
-        """Free the work vectors. Collective."""
-        self.motion.destroy()
-        self.force.destroy()

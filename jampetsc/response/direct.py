@@ -1,5 +1,7 @@
 """One complex solve per frequency: (K + iωB) x = −(k_γ + iω b_γ) with KSP, certified one by one.
 
+Either build of PETSc will do (see `complexform`); with complex scalars a factorisation takes half the memory.
+
 The matrix is scaled symmetrically to a unit diagonal first: the θ block is of order ω and would drown otherwise. The symbolic
 factorisation is done once, because the pattern never changes. Options have the prefix `freq_`.
 """
@@ -10,13 +12,14 @@ from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics import mumps
 from jampetsc.mechanics.assembly import Pencil
 from jampetsc.mechanics.compatibility import build_compatibility
+from jampetsc.mechanics.complexform import ComplexForm
 from jampetsc.response.certificate import Certified, Functional
 from jampetsc.session import current
 
 PREFIX = "freq_"
 DEFAULTS = {
     "freq_ksp_type": "preonly",
-    "freq_pc_type": "cholesky",  # LDLᵀ of a complex symmetric matrix, not LDLᴴ
+    "freq_pc_type": "cholesky",  # L D Lᵀ of a symmetric matrix, for complex scalars not L D Lᴴ
     "freq_pc_factor_mat_solver_type": "mumps",
     "freq_mat_mumps_icntl_7": 2,  # approximate minimum fill: faster here than the orderings MUMPS would choose
 }
@@ -25,7 +28,10 @@ DIGITS = 1e-12  # refinement stops when the bound is this small, relative to the
 
 
 class FrequencySolver:
-    """K + iωB for one frequency after another. Every method is collective."""
+    """K + iωB for one frequency after another. Every method is collective.
+
+    x   complex (n_local,), the field of the last `solve`
+    """
 
     def __init__(self, pencil: Pencil):
         session = current()
@@ -34,11 +40,10 @@ class FrequencySolver:
         self.pencil = pencil
         self.compatibility = build_compatibility(pencil)
         self.functional = Functional(self.compatibility)
-        self.A = pencil.K.duplicate(copy=True)
-        self.scale, self.x, self.r, self.z, self.scaled = (self.A.createVecRight() for _ in range(5))
+        self.form = ComplexForm(pencil)
         self.ksp = PETSc.KSP().create(pencil.network.comm)
         self.ksp.setOptionsPrefix(PREFIX)
-        self.ksp.setOperators(self.A)
+        self.ksp.setOperators(self.form.A)
         self.ksp.setFromOptions()
         # With -freq_ksp_reuse_preconditioner the factor of an earlier frequency serves until it no longer converges.
         self.reuse = PETSc.Options(PREFIX).getBool("ksp_reuse_preconditioner", False)
@@ -67,26 +72,22 @@ class FrequencySolver:
 
     def _set_matrix(self, omega, fresh):
         """A ← D (K + iωB) D; D follows ω only when the factorisation does."""
-        same = current().PETSc.Mat.Structure.SAME_NONZERO_PATTERN
-        self.pencil.K.copy(self.A, structure=same)
-        self.A.axpy(1j * omega, self.pencil.B, structure=same)
+        self.form.set(omega)
         if fresh:
-            self.A.getDiagonal(self.scale)
-            self.scale.setArray(1.0 / np.sqrt(np.abs(self.scale.getArray())))
-        self.A.diagonalScale(self.scale, self.scale)
+            self.scale = 1.0 / np.sqrt(self.form.magnitude)
+        self.form.scale(self.scale)
 
     def _factorise(self, omega):
         """Factorise A; where MUMPS ran out of workspace, start afresh with twice as much."""
         pc = self.ksp.getPC()
         pc.setReusePreconditioner(False)
-        self.factorisations += mumps.factorise(self.ksp, self.A, f"K + iωB at ω = {omega:g}")
+        self.factorisations += mumps.factorise(self.ksp, self.form.A, f"K + iωB at ω = {omega:g}")
         pc.setReusePreconditioner(self.reuse)
         self.factorised = True
 
-    def _apply_inverse(self, omega, rhs, out):
-        """out ← A⁻¹ rhs to the accuracy of the KSP, scaling undone."""
-        self.scaled.pointwiseMult(self.scale, rhs)
-        self.ksp.solve(self.scaled, out)
+    def _apply_inverse(self, omega, right):
+        """A⁻¹ right to the accuracy of the KSP, scaling undone."""
+        solution = self.scale * self.form.solve(self.ksp, self.scale * right)
         self.iterations += self.ksp.getIterationNumber()
         reason = self.ksp.getConvergedReason()
         if reason < 0:
@@ -94,25 +95,27 @@ class FrequencySolver:
                 f"ω = {omega:g}: KSP stopped with {_reason_name(reason)} after {self.ksp.getIterationNumber()} iterations; try another "
                 "options file, such as options/mumps.opts"
             )
-        out.pointwiseMult(self.scale, out)
-        self.pencil.project(out)
+        self.pencil.project(solution)
+        return solution
 
     def _refine(self, omega, accuracy):
         """x ← x − A⁻¹(c + A x) from x = 0, until the bound is met; each step squares away what is left of the error."""
-        self.x.zeroEntries()
+        self.x = np.zeros(self.pencil.K.getLocalSize()[0], complex)
         result = None
         for _ in range(REFINEMENTS):
-            self.functional.residual(omega, self.x, self.r)
-            self._apply_inverse(omega, self.r, self.z)
-            previous, result = result, self.functional.certify(omega, self.x, self.z, self.r)
+            r = self.functional.residual(omega, self.x)
+            z = self._apply_inverse(omega, r)
+            previous, result = result, self.functional.certify(omega, self.x, z, r)
             smaller = min(abs(result.G.real), abs(result.G.imag))
             if result.error <= DIGITS * smaller:
                 break
             if previous is not None and result.error > 0.25 * previous.error:
                 break
-            self.x.axpy(-1.0, self.z)
+            self.x -= z
         storage, loss = result.parts
-        if not (storage <= accuracy * abs(result.G.real) and loss <= accuracy * abs(result.G.imag)):  # also for nan
+        if not (
+            storage <= accuracy * abs(result.G.real) and loss <= accuracy * abs(result.G.imag)
+        ):  # also for nan
             raise ConvergenceError(
                 f"ω = {omega:g}: G' = {result.G.real:.3e} only known to {storage:.1e}, G'' = {result.G.imag:.3e} to {loss:.1e} after "
                 "refinement: the matrix is too ill-conditioned for this solver, or --accuracy too strict"
@@ -121,9 +124,7 @@ class FrequencySolver:
 
     def destroy(self):
         """Free all solver objects. Collective."""
-        self.functional.destroy()
-        self.compatibility.destroy()
-        for item in (self.ksp, self.A, self.scale, self.x, self.r, self.z, self.scaled):
+        for item in (self.ksp, self.form, self.compatibility):
             item.destroy()
 
 

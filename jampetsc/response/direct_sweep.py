@@ -42,7 +42,7 @@ def run(job: Job):
                     session.check_options()
             fields = None
             if omega in job.field_omega:
-                displacement, rotation = split_field(pencil, solver.x.getArray())
+                displacement, rotation = split_field(pencil, solver.x)
                 fields = {"displacement": displacement} | ({} if rotation is None else {"rotation": rotation})
             checkpoint.save(index, {"G": result.G, "bounds": [result.error_bound, *result.parts]}, fields)
             progress.step(
