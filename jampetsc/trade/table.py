@@ -95,6 +95,18 @@ class Table:
             writer.writerow([_cell(getattr(row, name)) for name in names])
         _replace(Path(os.path.realpath(path)), text.getvalue())
 
+    @property
+    def resolved(self) -> float:
+        """The bound of the reference: smaller errors are not resolved."""
+        return next((row.certified for row in self.rows if row.group == "reference"), 0.0)
+
+    def _text(self, row, field, form):
+        value = getattr(row, field)
+        if not _known(value):
+            return ""
+        small = field.startswith(("error_", "window_")) and value < self.resolved
+        return f"< {self.resolved:.0e}" if small else format(value, form)
+
     def __str__(self):
         columns = {
             title: (field, form)
@@ -104,10 +116,7 @@ class Table:
         lines = [["", "choice", *columns, "note"]]
         before = None
         for row in self.rows:
-            cells = [
-                format(value, form) if _known(value := getattr(row, field)) else ""
-                for field, form in columns.values()
-            ]
+            cells = [self._text(row, field, form) for field, form in columns.values()]
             lines.append([row.group if row.group != before else "", row.choice, *cells, row.note])
             before = row.group
         widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
