@@ -1,4 +1,4 @@
-"""Real symmetric factorisations of one rank's own matrices, through PETSc: Cholesky that proves definiteness, inertia.
+"""Cholesky factorisation of one rank's own real matrices, through PETSc: it solves, and it proves definiteness.
 
 Options prefix `newton_`: `-newton_pc_factor_mat_solver_type mumps` or `-newton_mat_cholmod_nmethods 3`, for instance.
 """
@@ -35,7 +35,7 @@ class SparseCholesky:
                 # Supernodal means L Lᵀ, which breaks down on every negative pivot; the simplicial L D Lᵀ does not.
                 PREFIX + "mat_cholmod_factor": "SUPERNODAL",
                 PREFIX + "mat_cholmod_print": "0",  # a failure is an answer here, not worth a warning
-                # Minimum degree on the quotient graph: the fastest ordering for planar contact networks here.
+                # Approximate minimum fill: the fastest ordering for planar contact networks here.
                 PREFIX + "mat_mumps_icntl_7": "2",
             }
         )
@@ -95,25 +95,6 @@ class SparseCholesky:
             if thing is not None:
                 thing.destroy()
         self._ksp = self._matrix = None
-
-
-def negative_eigenvalues(indptr, indices, values) -> int:
-    """Number of negative eigenvalues of a symmetric matrix (upper triangle, CSR), by the inertia of L D Lᵀ (MUMPS)."""
-    petsc = current().PETSc
-    matrix = _upper_matrix(petsc, indptr, indices, values)
-    ksp = petsc.KSP().create(petsc.COMM_SELF)
-    ksp.setOptionsPrefix(PREFIX + "inertia_")
-    ksp.setType("preonly")
-    ksp.setOperators(matrix)
-    pc = ksp.getPC()
-    pc.setType("cholesky")
-    pc.setFactorSolverType("mumps")
-    ksp.setFromOptions()
-    ksp.setUp()
-    negative = pc.getFactorMatrix().getInertia()[0]
-    ksp.destroy()
-    matrix.destroy()
-    return int(negative)
 
 
 def _upper_matrix(petsc, indptr, indices, values):

@@ -83,7 +83,7 @@ def _descend(i, j, r0, sigma, law, o, v, f, box, moving, target, slack, limit, c
     for step in range(steps):
         dt, mixing = clock[0], clock[1]
         strain, shear = box[0, 0], box[0, 1]
-        energy, wxx, wxy, wyy = pair_forces(i, j, r0, sigma, o, strain, shear, law, f)
+        _, wxx, wxy, wyy = pair_forces(i, j, r0, sigma, o, strain, shear, law, f)
         growth = np.exp(strain)
         g_strain = (wxx + wyy - 2.0 * pv * growth * growth) / scale if moving[0] else 0.0
         # ∂r/∂g = e^ε (y, 0) and r_y = e^ε y
@@ -167,13 +167,13 @@ class Quench:
     def _longest_step(self):
         """STEP in units of √(m/k), k the stiffest contact there is, or that the target pressure makes."""
         law, pairs = self._disks.potential, self.pairs
-        depth = np.full_like(pairs.sigma, self._usual_overlap())
+        depth = np.full_like(pairs.sigma, self.usual_overlap())
         if law.alpha > 2.0:
             moved = pairs.r0 + (self.offsets[pairs.j] - self.offsets[pairs.i]).T
             depth = np.maximum(depth, pairs.sigma - np.exp(self.box[0, 0]) * np.hypot(*moved))
         return STEP / np.sqrt(np.max(law.contact_stiffness(depth, pairs.sigma), initial=1e-300))
 
-    def _usual_overlap(self):
+    def usual_overlap(self):
         """Overlap of a contact that carries a typical force, 2 p d."""
         law, d = self._disks.potential, self._diameter(self._disks)
         scale = float(law.scale(np.array(d)))

@@ -8,7 +8,7 @@ its Schur complement. The factorisation is passed in (`solver`), so that this pa
     solver.solve(b) -> x
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -90,25 +90,41 @@ class Polish:
             rattlers |= loose
             alive &= ~(rattlers[i] | rattlers[j])
 
-    def step(self) -> bool:
-        """One Newton step from the state seen by `look`. False if K is not positive definite or the step is too long."""
+    def _factorise(self, bonds):
+        """Factor, border and Schur complement of the cell for these bonds; None if K is not positive definite.
+
+        Returns (free, rows, response, schur): the mask of moving disks, ∂²H/∂o∂(ε, g), K⁻¹ of it, and what the cell feels.
+        """
         free = ~self.rattlers
         if not free.any():
-            return False
-        free[np.argmax(free)] = False
-        pattern = Pattern(self.bonds.pairs, self.n)
+            return None
+        free[np.argmax(free)] = False  # pinned against translations
+        pattern = Pattern(bonds.pairs, self.n)
         self.steps += 1
-        if not self.solver.factorise(pattern.indptr, pattern.indices, pattern.fill(self.bonds, free)):
-            return False
-        rows, corner = border(self.bonds, self.n, self.area, self.quench.goal.pressure or 0.0)
+        if not self.solver.factorise(pattern.indptr, pattern.indices, pattern.fill(bonds, free)):
+            return None
+        rows, corner = border(bonds, self.n, self.area, self.quench.goal.pressure or 0.0)
         rows[~free] = 0.0
-        forces = np.where(free[:, None], self.forces, 0.0)
-        solve = self.solver.solve
-        response = np.stack([solve(rows[..., b].ravel()).reshape(self.n, 2) for b in range(2)], axis=-1)
+        response = np.stack([self._solve(rows[..., b]) for b in range(2)], axis=-1)
         schur = corner - np.einsum("nab,nac->bc", rows, response)
-        self.modulus = float(schur[1, 1]) / self.area
-        moving = [b for b, moves in enumerate((self.quench.goal.pressure is not None, self.quench.goal.shear)) if moves]
-        move = solve(forces.ravel()).reshape(self.n, 2)
+        return free, rows, response, schur
+
+    def _solve(self, right):
+        return self.solver.solve(right.ravel()).reshape(self.n, 2)
+
+    @property
+    def _moving(self):
+        goal = self.quench.goal
+        return [b for b, moves in enumerate((goal.pressure is not None, goal.shear)) if moves]
+
+    def step(self) -> bool:
+        """One Newton step from the state seen by `look`. False if K is not positive definite or the step is too long."""
+        factor = self._factorise(self.bonds)
+        if factor is None:
+            return False
+        free, rows, response, schur = factor
+        moving = self._moving
+        move = self._solve(np.where(free[:, None], self.forces, 0.0))
         strain = np.zeros(2)
         if moving:
             inner = schur[np.ix_(moving, moving)]
@@ -122,6 +138,19 @@ class Polish:
         self.quench.offsets += move
         self.quench.box[0] += strain
         return True
+
+    def prove(self) -> bool:
+        """Whether the load-bearing contacts alone make this a minimum; sets `modulus`, the shear modulus G₀ there."""
+        i, j = self.bonds.pairs.i, self.bonds.pairs.j
+        bearing = self.bonds.force > force_threshold(self.disks, self.pressure)
+        bearing &= ~(self.rattlers[i] | self.rattlers[j])
+        bonds = replace(self.bonds, force=self.bonds.force * bearing, stiffness=self.bonds.stiffness * bearing)
+        factor = self._factorise(bonds)
+        if factor is None:
+            return False
+        schur, moving = factor[-1], self._moving
+        self.modulus = float(schur[1, 1]) / self.area
+        return not moving or float(np.linalg.eigvalsh(schur[np.ix_(moving, moving)])[0]) > 0.0
 
     def release_rattlers(self):
         """Move rattlers out of the disks they still touch: at rest they carry no force, so FIRE leaves them last.
@@ -158,13 +187,12 @@ class Polish:
         self.release_rattlers()
         last = self.residual
         for _ in range(STEPS):
-            done = last.within(wanted)
+            if last.within(wanted):
+                if self.prove():
+                    return True
+                break
             if not self.step():
                 break
-            if done:
-                # The factorisation just made proves that this is a minimum: do not take the step.
-                self.quench.set_disks(self.disks)
-                return True
             here = self.look()
             if not here.within(wanted) and (here.force > 0.5 * last.force and here.pressure > 0.5 * last.pressure):
                 break

@@ -145,9 +145,10 @@ def _exactly(quench, target, solver, generator, effort) -> Polish:
             effort.newton_steps = before + polish.steps
             if goal <= 0.5 * wanted.force:
                 # FIRE is as far as rounding lets it and still this is no minimum: a saddle. Leave it.
+                # A small kick would fade before it grows.
+                size = 0.1 * 1.5**effort.kicks * quench.usual_overlap()
+                quench.offsets += size * generator.standard_normal(quench.offsets.shape)
                 effort.kicks += 1
-                overlap = pressure * d / _stress_unit(quench.disks)
-                quench.offsets += 0.01 * overlap * generator.standard_normal(quench.offsets.shape)
                 fraction = LOOSE
             fraction *= 0.2
         if quench.evaluations > EVALUATIONS or effort.kicks > KICKS:

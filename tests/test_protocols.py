@@ -1,0 +1,127 @@
+"""Quenched packings: converged, minima, with the right statistics, the same every time."""
+
+import numpy as np
+import pytest
+
+from jampetsc.errors import InputError
+from jampetsc.mechanics.factor import SparseCholesky
+from jampetsc.packing import protocols
+from jampetsc.packing.contacts import measure
+from jampetsc.packing.potentials import Potential
+from jampetsc.packing.protocols import Target
+
+pytestmark = pytest.mark.scalar("real")
+
+
+def pack(n, target, seed=1, potential=None, sizes="bidisperse"):
+    phi = target.phi or protocols.start_phi(target.pressure)
+    start = protocols.random_start(protocols.radii_of(sizes, n), phi, seed, potential or Potential())
+    return protocols.make_packing(start, target, SparseCholesky(), seed=seed)
+
+
+def rigidity(disks):
+    """Eigenvalues of K with pre-stress over disks that are no rattlers, dense, and the shear modulus."""
+    state = measure(disks)
+    c, n = state.contacts, disks.n
+    matrix, row, corner = np.zeros((2 * n, 2 * n)), np.zeros(2 * n), 0.0
+    for i, j, r, along, across, k, f in zip(
+        c.i, c.j, c.r, c.normal, c.transverse, c.stiffness, c.force / c.distance, strict=True
+    ):
+        block = k * np.outer(along, along) - f * np.outer(across, across)
+        bond = np.zeros((2, 2 * n))
+        bond[:, 2 * j : 2 * j + 2] += np.eye(2)
+        bond[:, 2 * i : 2 * i + 2] -= np.eye(2)
+        shear = np.array([r[1], 0.0])
+        matrix += bond.T @ block @ bond
+        row += bond.T @ block @ shear
+        corner += shear @ block @ shear
+    held = np.repeat(~state.rattlers, 2)
+    matrix, row = matrix[np.ix_(held, held)], row[held]
+    return np.linalg.eigvalsh(matrix), (corner - row @ np.linalg.pinv(matrix, rcond=1e-12) @ row) / disks.area
+
+
+CASES = [
+    (16, 1e-1, "harmonic", "constant", "bidisperse"),
+    (16, 1e-4, "hertzian", "constant", "bidisperse"),
+    (16, 1e-7, "harmonic", "constant", "bidisperse"),
+    (17, 1e-3, "harmonic", "inverse-square-diameter", "bidisperse"),
+    (64, 1e-2, "hertzian", "inverse-square-diameter", "bidisperse"),
+    (64, 1e-3, "harmonic", "constant", "monodisperse"),
+    (64, 1e-6, "harmonic", "inverse-square-diameter", "bidisperse"),
+    (100, 1e-7, "hertzian", "constant", "bidisperse"),
+]
+
+
+@pytest.mark.parametrize(("n", "pressure", "kind", "stiffness", "sizes"), CASES)
+def test_converged_minimum(n, pressure, kind, stiffness, sizes):
+    disks = pack(n, Target(pressure), potential=Potential(kind, stiffness), sizes=sizes)
+    state = measure(disks)
+    assert state.max_force <= max(1e-10 * pressure, 2e-15)
+    assert abs(state.pressure - pressure) <= max(1e-10 * pressure, 4e-16 / np.sqrt(n))
+    modes, modulus = rigidity(disks)
+    assert modes[2] > 0 and abs(modes[:2]).max() < 1e-12
+    assert disks.record["negative_modes"] == 0
+    assert disks.record["shear_modulus"] == pytest.approx(modulus, rel=1e-3, abs=1e-6)
+    assert 3.5 < state.coordination < 6.1
+
+
+@pytest.mark.parametrize(("n", "pressure", "seed"), [(16, 1e-2, 1), (64, 1e-4, 2), (256, 1e-3, 3)])
+def test_shear_stabilised(n, pressure, seed):
+    disks = pack(n, Target(pressure, stabilise="shear"), seed)
+    state = measure(disks)
+    assert abs(state.stress[0, 1]) <= 1e-10 * pressure
+    assert abs(state.pressure - pressure) <= 1e-10 * pressure
+    assert disks.cell[1, 0] != 0
+    assert rigidity(disks)[1] > 0 and disks.record["shear_modulus"] > 0
+
+
+def test_fixed_packing_fraction():
+    disks = pack(128, Target(phi=0.87))
+    state = measure(disks)
+    assert disks.phi == pytest.approx(0.87, rel=1e-14)
+    assert 5e-3 < state.pressure < 3e-2
+    assert state.max_force <= 1e-10 * state.pressure
+
+
+def test_below_jamming_is_said():
+    with pytest.raises(InputError, match="do not touch"):
+        pack(64, Target(phi=0.8))
+
+
+def test_given_radii():
+    radii = np.random.default_rng(4).uniform(0.3, 0.9, 80)
+    start = protocols.random_start(radii, protocols.start_phi(1e-3), 1, Potential())
+    disks = protocols.make_packing(start, Target(1e-3), SparseCholesky())
+    assert np.array_equal(np.sort(disks.radii), np.sort(radii))
+    assert measure(disks).max_force <= 1e-13
+
+
+def test_up_and_down_in_pressure():
+    disks = pack(64, Target(1e-2))
+    for pressure in (1e-4, 5e-2):
+        disks = protocols.make_packing(disks, Target(pressure), SparseCholesky(), fresh=False)
+        state = measure(disks)
+        assert abs(state.pressure / pressure - 1) <= 1e-10
+        assert state.max_force <= 1e-10 * pressure
+
+
+def test_same_seed_same_packing():
+    first, second, other = (pack(64, Target(1e-3), seed) for seed in (5, 5, 6))
+    for name in ("base", "offset", "cell_base", "cell_offset", "radii"):
+        assert np.array_equal(getattr(first, name), getattr(second, name))
+    assert first.record == second.record
+    assert not np.array_equal(first.base, other.base)
+
+
+def test_ensemble_statistics():
+    """N = 256: bands around independent values for N = 1024 (φ, Δz/√p, rattlers), widened for the smaller size."""
+    for pressure, phi, excess, rattlers in ((1e-2, 0.8645, 5.3, 0.010), (1e-3, 0.8437, 4.99, 0.033)):
+        states, phis = [], []
+        for seed in range(1, 11):
+            disks = pack(256, Target(pressure), seed)
+            states.append(measure(disks))
+            phis.append(disks.phi)
+        z = np.mean([state.coordination for state in states])
+        assert abs(np.mean(phis) - phi) < 4e-3
+        assert abs((z - 4 + 4 / 256) / np.sqrt(pressure) - excess) < 0.6
+        assert abs(np.mean([state.rattlers.mean() for state in states]) - rattlers) < 0.015

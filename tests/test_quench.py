@@ -1,0 +1,164 @@
+"""Forces, Hessian and last digits of a quench, each against an independent calculation."""
+
+import numpy as np
+import pytest
+from dataclasses import replace
+
+from jampetsc.mechanics.factor import SparseCholesky
+from jampetsc.packing import protocols
+from jampetsc.packing.contacts import find_contacts, measure, net_forces, stress_tensor
+from jampetsc.packing.disks import GRID, Disks
+from jampetsc.packing.fire import Goal, Quench
+from jampetsc.packing.forces import PairList, deformed, law_constants, pair_forces
+from jampetsc.packing.hessian import Bonds, Pattern, border
+from jampetsc.packing.newton import Polish, limits
+from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
+
+LAWS = [Potential(kind, stiffness, 1.7) for kind in EXPONENTS for stiffness in STIFFNESSES]
+
+
+def crowd(potential=None, n=40, phi=1.0, seed=3):
+    """Disks at random places in a sheared cell, with neighbours through two images."""
+    start = protocols.random_start(protocols.radii_of("bidisperse", n), phi, seed, potential or Potential())
+    cell = np.array([[start.cell[0, 0] * 0.7, 0], [1.1, start.cell[1, 1] / 0.7]])
+    return Disks.from_positions(start.positions, start.radii, cell, potential)
+
+
+def evaluate(disks, offsets, strain=0.0, shear=0.0):
+    """(U, forces, (Σ (f/r) r_x r_x, r_x r_y, r_y r_y)) from the compiled loop."""
+    pairs = PairList.build(disks, 0.4)
+    forces = np.empty((disks.n, 2))
+    energy, *virial = pair_forces(
+        pairs.i, pairs.j, pairs.r0, pairs.sigma, offsets, strain, shear, law_constants(disks.potential), forces
+    )
+    return energy, forces, virial
+
+
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_forces_and_virial_are_those_of_the_deformed_disks(law):
+    disks = crowd(law)
+    offsets = np.random.default_rng(1).normal(0, 0.02, (disks.n, 2))
+    strain, shear = 0.03, -0.02
+    energy, forces, (wxx, wxy, wyy) = evaluate(disks, offsets, strain, shear)
+    moved = deformed(disks, offsets, strain, shear)
+    contacts = find_contacts(moved)
+    assert len(contacts) > 2 * disks.n
+    assert energy == pytest.approx(np.sum(law.energy(contacts.overlap, contacts.sigma)), rel=1e-12)
+    assert np.abs(forces - net_forces(disks.n, contacts)).max() < 1e-13
+    stress = stress_tensor(contacts, moved.area) * moved.area
+    assert np.allclose([[-wxx, -wxy], [-wxy, -wyy]], stress, rtol=1e-12, atol=1e-12)
+
+
+def test_more_pairs_than_one_block():
+    disks = crowd(n=2000)
+    _, forces, _ = evaluate(disks, np.zeros((disks.n, 2)))
+    assert np.abs(forces - net_forces(disks.n, find_contacts(disks))).max() < 1e-13
+
+
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_hessian_and_border_are_derivatives_of_the_forces(law):
+    disks, step, pressure = crowd(law), 1e-6, 0.05
+    n = disks.n
+    pairs = PairList.build(disks, 0.4)
+    bonds = Bonds.of(pairs, law)
+    pattern = Pattern(pairs, n)
+    free = np.ones(n, bool)
+    dense = np.zeros((2 * n, 2 * n))
+    rows = np.repeat(np.arange(2 * n), np.diff(pattern.indptr))
+    dense[rows, pattern.indices] = pattern.fill(bonds, free)
+    dense += np.triu(dense, 1).T
+    mixed, corner = border(bonds, n, disks.area, pressure)
+
+    def drive(offsets, box):
+        """−∂H/∂(o, ε, g), the generalised forces."""
+        _, f, (wxx, wxy, wyy) = evaluate(disks, offsets, *box)
+        area = disks.area * np.exp(2 * box[0])
+        along = np.exp(box[0]) * np.column_stack((f[:, 0], f[:, 1] + box[1] * f[:, 0]))
+        # r_y of the deformed bond is e^ε times that of the frozen one, so ∂r/∂g = (r_y, 0).
+        return np.concatenate((along.ravel(), [wxx + wyy - 2 * pressure * area, wxy]))
+
+    for column in [*range(0, 2 * n, 7), 2 * n, 2 * n + 1]:
+        change = np.zeros(2 * n + 2)
+        change[column] = step
+        ahead = drive(change[: 2 * n].reshape(n, 2), change[2 * n :])
+        behind = drive(-change[: 2 * n].reshape(n, 2), -change[2 * n :])
+        difference = -(ahead - behind) / (2 * step)
+        if column < 2 * n:
+            exact = np.concatenate((dense[:, column], mixed.reshape(2 * n, 2)[column]))
+        else:
+            exact = np.concatenate((mixed[..., column - 2 * n].ravel(), corner[column - 2 * n]))
+        # Contacts that open or close within the step, and √δ of Hertzian ones, set the accuracy.
+        assert np.abs(difference - exact).max() < 2e-4 * (1 + np.abs(exact).max())
+
+
+def test_held_disks_have_unit_rows():
+    disks = crowd()
+    pairs = PairList.build(disks, 0.4)
+    free = np.arange(disks.n) % 3 > 0
+    pattern = Pattern(pairs, disks.n)
+    values = pattern.fill(Bonds.of(pairs, disks.potential), free)
+    rows = np.repeat(np.arange(2 * disks.n), np.diff(pattern.indptr))
+    held = ~free[rows // 2] | ~free[pattern.indices // 2]
+    assert np.array_equal(values[held], (rows == pattern.indices)[held].astype(float))
+
+
+def test_folding_keeps_the_digits():
+    disks = crowd()
+    disks = replace(disks, base=disks.base + 2.0**20)  # far from the origin, where a double resolves 1e-10
+    offsets = np.random.default_rng(1).normal(0, 1e-13, (disks.n, 2))
+    moved = deformed(disks, offsets, 0.0, 0.0)
+    assert np.array_equal(moved.base, disks.base)
+    assert np.abs((moved.offset - disks.offset) - offsets).max() < 1e-22
+    there_and_back = deformed(deformed(disks, offsets, 1e-9, 0.0), np.zeros_like(offsets), -1e-9, 0.0)
+    error = (there_and_back.base - disks.base) + (there_and_back.offset - disks.offset - offsets)
+    assert np.abs(error - error.mean(axis=0)).max() < 1e-15
+    assert np.abs(np.round(moved.base / GRID) * GRID - moved.base).max() == 0.0
+
+
+@pytest.mark.scalar("real")
+def test_newton_reaches_rounding_where_plain_doubles_cannot():
+    """At p = 1e-7 the residual is that of rounding r ~ d; coordinates rounded to one double leave a far larger one."""
+    n, pressure = 256, 1e-7
+    start = protocols.random_start(protocols.radii_of("bidisperse", n), 0.86, 1, Potential())
+    near = protocols.make_packing(start, protocols.Target(1e-4), SparseCholesky())
+    disks = protocols.make_packing(near, protocols.Target(pressure), SparseCholesky(), fresh=False)
+    state = measure(disks)
+    assert state.max_force <= 2e-15
+    assert abs(state.pressure / pressure - 1) < 1e-9
+    rounded = Disks.from_positions(disks.positions, disks.radii, disks.cell, disks.potential)
+    assert measure(rounded).max_force > 3 * state.max_force
+    # A cell as large as that of 1e5 disks: the same bonds, coordinates 2⁸ farther out.
+    far = replace(disks, base=disks.base + 256.0)
+    assert measure(far).max_force <= 2e-15
+    rounded = Disks.from_positions(far.positions, far.radii, far.cell, far.potential)
+    assert measure(rounded).max_force > 10 * state.max_force
+
+
+@pytest.mark.scalar("real")
+def test_newton_leaves_alone_what_is_not_a_minimum():
+    disks = crowd()
+    quench = Quench(disks, Goal(1e-2))
+    polish = Polish(quench, SparseCholesky())
+    assert not polish.converge(limits(disks, 1e-2, 1e-10))
+    assert np.array_equal(quench.disks.positions, disks.positions)
+
+
+@pytest.mark.scalar("real")
+def test_cholesky_solves_and_refuses():
+    rng = np.random.default_rng(2)
+    root = rng.normal(size=(12, 12))
+    matrix = root @ root.T + np.eye(12)
+    solver, rows = SparseCholesky(), np.arange(13)
+    indptr = np.concatenate(([0], np.cumsum(12 - rows[:12]))).astype(np.int32)
+    indices = np.concatenate([np.arange(row, 12) for row in range(12)]).astype(np.int32)
+
+    def upper(a):
+        return np.concatenate([a[row, row:] for row in range(12)])
+
+    assert solver.factorise(indptr, indices, upper(matrix))
+    b = rng.normal(size=12)
+    assert np.allclose(solver.solve(b), np.linalg.solve(matrix, b), rtol=1e-10)
+    negative = matrix - (np.linalg.eigvalsh(matrix)[0] + 1e-3) * np.eye(12)
+    assert not solver.factorise(indptr, indices, upper(negative))
+    assert solver.factorise(indptr, indices, upper(2 * matrix))  # a failure does not stick
+    assert np.allclose(solver.solve(b), np.linalg.solve(2 * matrix, b), rtol=1e-10)
