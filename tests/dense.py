@@ -1,8 +1,8 @@
-"""Reference for the mechanics: every quantity of a small packing from its definition, dense, in extended precision.
+"""Reference for the mechanics: all of a small packing from its definition, dense, in extended precision.
 
 Shares no code with the package. Contacts come from loops over all pairs and images, K from the pair Hessian
-V'' n nᵀ + (V'/r) t tᵀ by the chain rule, with the strain γ as one more coordinate, and null spaces are lifted by projectors, not
-held by pins. Numbers are numpy.longdouble (18 digits on x86), so that doubles can be judged; N up to about 100.
+V'' n nᵀ + (V'/r) t tᵀ by the chain rule, with the strain γ as one more coordinate, and null spaces are lifted
+by projectors, not held by pins. Numbers are numpy.longdouble, 18 digits on x86, to judge doubles by.
 """
 
 import numpy as np
@@ -28,7 +28,7 @@ def all_pairs(positions, radii, cell, images=2):
 
 
 def backbone(n, i, j, force, threshold):
-    """Indices of the contacts that carry more than `threshold` between disks with three or more of them, and those disks."""
+    """Indices of contacts above the threshold between disks with three or more of them, and those disks."""
     alive = {c for c in range(len(i)) if force[c] > threshold}
     disks = set(range(n))
     while True:
@@ -61,7 +61,7 @@ def without(moves, x):
 
 
 class Reference:
-    """K, B and G* of `disks` under `law`; unknowns interleaved per disk, disks in the order of the file, rattlers left out.
+    """K, B and G* of `disks` under `law`; unknowns interleaved per disk, disks in file order, no rattlers.
 
     `K` and `B` are (m + 1, m + 1): their last row and column belong to the strain γ.
     """
@@ -123,7 +123,7 @@ class Reference:
         return K, B
 
     def pieces(self):
-        """Connected pieces as lists of (disk, colour); colour is 0 throughout where neighbours cannot alternate."""
+        """Connected pieces as lists of (disk, colour); colour is 0 where neighbours cannot alternate."""
         neighbours = [set() for _ in range(self.n)]
         for i, j in zip(self.i, self.j, strict=True):
             neighbours[i].add(j)
@@ -142,7 +142,7 @@ class Reference:
         return pieces
 
     def free_moves(self):
-        """Orthogonal columns (m, ·): the moves of the unknowns that cost neither energy nor, under contact damping, anything."""
+        """Orthogonal columns (m, ·): moves that cost no energy and, under contact damping, nothing at all."""
         columns = []
         for piece in self.pieces():
             for axis in range(2):
@@ -168,7 +168,7 @@ class Reference:
         return x, matrix[-1, -1] + c @ x
 
     def solution(self, omega):
-        """(x, G*) at frequency ω: the field per unit strain with its free moves projected out, and the modulus."""
+        """(x, G*) at frequency ω: the field per unit strain, without free moves, and the modulus."""
         moves = self.free_moves() if self.law.kind == "contact" else np.zeros((self.n * self.dofs, 0), LONG)
         x, value = self._relax(self.K + COMPLEX(1j) * LONG(omega) * self.B, moves)
         return without(self.free_moves(), x), value / self.area

@@ -23,7 +23,7 @@ def whole(vector):
 
 
 def unknowns(network, dofs, disks):
-    """For each unknown of `network` its row in a numbering of `disks`, the particles in the order of the file."""
+    """For each unknown of `network` its row where `disks`, the particles in file order, are numbered."""
     particles = np.concatenate(network.comm.allgather(network.particles))
     rows = {particle: row for row, particle in enumerate(disks)}
     return (np.array([rows[particle] for particle in particles])[:, None] * dofs + np.arange(dofs)).ravel()

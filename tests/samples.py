@@ -1,4 +1,4 @@
-"""Packings that tests share: published ones from tests/data, and small lattices made for one property each."""
+"""Packings that tests share: those of tests/data, and small lattices made for one property each."""
 
 import json
 from functools import cache
@@ -28,7 +28,7 @@ def published(kind="harmonic"):
 
 
 def polydisperse(index=0):
-    """One of jax-md's packings, 64 polydisperse disks in a square box at p ≈ 0.1; with it its record as a dictionary."""
+    """One of jax-md's packings, 64 polydisperse disks in a square box at p ≈ 0.1, and its record."""
     with h5py.File(JAXMD) as file:
         record = {name: file[name][index] for name in ("pos", "rad", "box", "Energy", "Stress", "Cijkl")}
     cell = record["box"].reshape(2, 2)
@@ -39,7 +39,7 @@ def polydisperse(index=0):
 
 
 def isostatic():
-    """24 disks at p = 1e-7, two of them rattlers: 43 contacts, one more than rigidity needs, and so one state of self-stress."""
+    """24 disks at p = 1e-7, two of them rattlers; 43 contacts, one more than rigidity needs."""
     return read_packing(DATA / "isostatic-N24-p1e-7.h5")
 
 
@@ -52,7 +52,7 @@ def two_images():
 
 
 def gears():
-    """A slightly irregular square lattice, 6 × 4: its contact graph is bipartite, so that the disks turn like gears."""
+    """A slightly irregular square lattice, 6 × 4: bipartite, so that the disks turn like gears."""
     rng = np.random.default_rng(2)
     row, column = np.divmod(np.arange(24), 6)
     positions = np.column_stack((column, row)) * 0.98 + rng.normal(0, 0.003, (24, 2))
@@ -62,7 +62,7 @@ def gears():
 
 
 def strips():
-    """Two strips of three columns each along a2 of a tilted cell, not touching one another, and a rattler between them."""
+    """Two strips of three columns each along a2 of a tilted cell, which do not touch, and one rattler."""
     rng = np.random.default_rng(3)
     a2 = np.array([2.0, 7.5])
     along = a2 / np.linalg.norm(a2)
@@ -71,7 +71,7 @@ def strips():
     column, place = np.divmod(np.arange(24), 8)
     strip = np.outer(column * 0.84, across) + np.outer((place + 0.5 * (column % 2)) * step, along)
     strip += rng.normal(0, 0.002, strip.shape)
-    positions = np.vstack((strip, strip + [4.5, 0], [[2.9, 0.0]]))
+    positions = np.vstack((strip, strip + np.array([4.5, 0]), [[2.9, 0.0]]))
     return Disks.from_positions(positions, np.full(49, 0.5), [(9.0, 0), a2])
 
 
@@ -81,7 +81,7 @@ def honeycomb():
     unit = np.array([(0, 0), (0, a), (np.sqrt(0.75) * a, 1.5 * a), (np.sqrt(0.75) * a, 2.5 * a)])
     width, height = np.sqrt(3) * a, 3 * a
     return Disks.from_positions(
-        np.vstack((unit, unit + [width, 0])), np.full(8, 0.5), [(2 * width, 0), (0, height)]
+        np.vstack((unit, unit + np.array([width, 0]))), np.full(8, 0.5), [(2 * width, 0), (0, height)]
     )
 
 

@@ -1,4 +1,4 @@
-"""Contacts, forces, rattlers and stress of a packing against loops over all pairs, finite differences and published values."""
+"""Contacts, forces, rattlers and stress against loops over all pairs, differences, published values."""
 
 from fractions import Fraction
 
@@ -32,7 +32,7 @@ def test_split_loses_nothing():
 
 
 def far_away(low):
-    """Two pairs of disks at coordinates ~ 1e5, one of them across the boundary; positions_low is multiplied by `low`."""
+    """Two pairs of disks at coordinates ~ 1e5, one across the boundary; `low` scales positions_low."""
     rng = np.random.default_rng(1)
     cell, cell_low = np.array([(1e5 / 3, 0.0), (77.7, 1e5 / 7)]), np.array([(3e-12, 0.0), (1e-13, -7e-13)])
     positions = np.array([(31000.1, 12000.3), (31000.9, 12000.7), (0.2, 0.1), (1e5 / 3 - 0.3, 0.6)])

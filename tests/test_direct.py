@@ -67,7 +67,7 @@ def test_against_the_dense_reference(session, sample):
 
 @pytest.mark.parametrize("name", [str(Law()), str(Law("stokes"))])
 def test_field(session, name):
-    """x is the non-affine motion per unit strain, up to the translations of each piece under contact damping."""
+    """x is the non-affine motion per unit strain, up to translations of each piece under contact damping."""
     law, exact = LAWS[name], reference("strips", name)
     with Solver(SAMPLES["strips"](), law, session.comm) as solver:
         solver.solve(0.1, 1e-6)

@@ -71,7 +71,7 @@ def test_without_prestress_the_contacts_hold_all_the_energy(session, sample):
 @pytest.mark.scalar("complex", "real")
 @pytest.mark.parametrize("sample", ["published", "isostatic", "strips"])
 def test_proportional_damping_is_kelvin_voigt(session, sample):
-    """β = 0, no pre-stress and one stiffness for all contacts: B = τ₁ K, so G* = G₀ (1 + iωτ₁) (identity 4)."""
+    """β = 0, no pre-stress, one stiffness: B = τ₁ K, so G* = G₀ (1 + iωτ₁) (identity 4)."""
     omega = np.geomspace(1e-8, 1e6, 8)
     law = Law(beta=0.0, prestress=False, tau1=0.3)
     G = moduli(SAMPLES[sample](), law, omega)

@@ -15,6 +15,7 @@ from jampetsc.session import current
 class Examination:
     """Facts about the matrices of one law on one network."""
 
+    contacts: int  # on all ranks
     unknowns: int  # rows of K and B
     nonzeros: int  # entries stored in each of K and B
     pieces: int  # connected pieces of the contact graph
@@ -67,6 +68,7 @@ def examine(network: Network, law: Law) -> Examination:
     roots = pencil.pieces.roots
     try:
         facts = Examination(
+            contacts=network.contact_count,
             unknowns=pencil.unknowns,
             nonzeros=int(info["nz_used"]),
             pieces=len(roots),

@@ -1,12 +1,12 @@
 """How many eigenvalues of a symmetric matrix are negative, zero and positive, from LDLᵀ factors.
 
-Sylvester's law of inertia: a congruence A → D A D keeps the three numbers, and A = LDLᵀ has those of its D. So A is scaled to a
-unit diagonal first, which puts blocks of any size (the θ block of B, say) on one footing, and factorised twice, shifted up and
-down: eigenvalues of D A D between −σ and σ count as zero.
+Sylvester's law of inertia: a congruence A → D A D keeps the three numbers, and A = LDLᵀ has those of its D.
+So A is scaled to a unit diagonal first, which puts blocks of any size (the θ block of B, say) on one footing,
+and factorised twice, shifted up and down: eigenvalues of D A D between −σ and σ count as zero.
 
-σ = 1e-12. The scaled matrix of a contact network has norm below ten, its entries are rounded at 1e-16 and its factors at some 1e-15, so
-zero modes come out within about 1e-14 of zero; the softest modes of a jammed packing, of order p and √p/N, lie above 1e-10 in
-the range of packings made here.
+σ = 1e-12. The scaled matrix of a contact network has norm below ten, its entries are rounded at 1e-16 and its
+factors at some 1e-15, so zero modes come out within about 1e-14 of zero; the softest modes of a packing,
+of order p and √p/N, lie above 1e-10 in the range of packings made here.
 """
 
 from dataclasses import dataclass
@@ -82,7 +82,7 @@ def _negative(ksp, matrix, what):
 
 
 def count_below(matrix, value: float, what: str) -> int:
-    """Number of eigenvalues of a distributed real symmetric PETSc Mat below `value`, which is none of them. Collective.
+    """Number of eigenvalues of a distributed real symmetric Mat below `value`, itself none of them. Collective.
 
     One LDLᵀ factorisation of A − value. Raises ConvergenceError if it fails.
     """

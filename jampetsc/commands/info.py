@@ -1,0 +1,57 @@
+"""`jampetsc info FILE`: what a packing or a result is, in words and numbers."""
+
+from jampetsc.commands.lawoptions import add_law_options, law_from
+from jampetsc.errors import InputError
+
+
+def add_parser(subparsers) -> None:
+    """Add the command to the command line."""
+    parser = subparsers.add_parser(
+        "info",
+        help="tell what a file holds; with --matrices whether a packing is a minimum",
+        description="Tell what a packing or a result file holds. --matrices also assembles K and B of a "
+        "packing, in parallel under mpirun, and counts their negative, zero and positive eigenvalues.",
+        epilog="PETSc options: -inertia_… reach the factorisations of --matrices.",
+    )
+    parser.add_argument("file", metavar="FILE", help="packing file or result file")
+    parser.add_argument(
+        "--matrices", action="store_true", help="assemble K and B and count their eigenvalues"
+    )
+    add_law_options(parser)
+    parser.set_defaults(run=run, takes_petsc=lambda args: args.matrices)
+
+
+def run(args, petsc_argv) -> int:
+    """Print the description; collective with --matrices."""
+    from jampetsc.commands import describe
+    from jampetsc.mechanics.laws import Law
+    from jampetsc.packing.disks import Disks
+    from jampetsc.storage.reader import load
+
+    law = law_from(args)
+    if not args.matrices and law != Law():
+        raise InputError(f"{law}: only the matrices depend on a damping law; add --matrices")
+    loaded = load(args.file)
+    if not isinstance(loaded, Disks):
+        if args.matrices:
+            raise InputError(f"{args.file}: is a {loaded.format} file: --matrices needs a packing")
+        print(describe.result(args.file, loaded))
+        return 0
+    if not args.matrices:
+        print(describe.packing(args.file, loaded))
+        return 0
+
+    from jampetsc import session
+
+    running = session.start("real", petsc_argv)
+    if running.rank == 0:
+        print(describe.packing(args.file, loaded), flush=True)
+
+    from jampetsc.mechanics.examine import examine
+    from jampetsc.mechanics.network import build_network
+
+    network = build_network(loaded, running.comm)
+    facts = examine(network, law)
+    if running.rank == 0:
+        print("\n" + describe.matrices(loaded, network, law, facts, running.size))
+    return 0

@@ -1,0 +1,98 @@
+"""Counting eigenvalues by inertia, against the eigenvalues of the dense matrices."""
+
+import numpy as np
+import pytest
+from samples import LAWS, SAMPLES, reference
+
+from jampetsc.mechanics.assembly import assemble
+from jampetsc.mechanics.examine import asymmetry, examine
+from jampetsc.mechanics.inertia import count_eigenvalues
+from jampetsc.mechanics.laws import Law
+from jampetsc.mechanics.network import build_network
+
+pytestmark = pytest.mark.scalar("real")
+
+
+def signs(matrix):
+    """Numbers of negative, zero and positive eigenvalues of a dense matrix, scaled to a unit diagonal."""
+    matrix = matrix.astype(float)
+    diagonal = np.diag(matrix)
+    scale = 1 / np.sqrt(np.where(diagonal != 0, np.abs(diagonal), 1))
+    values = np.linalg.eigvalsh(matrix * np.outer(scale, scale))
+    return tuple(
+        int(np.count_nonzero(chosen)) for chosen in (values < -1e-11, abs(values) < 1e-11, values > 1e-11)
+    )
+
+
+@pytest.mark.parametrize("sample", SAMPLES)
+def test_counts_are_those_of_the_dense_eigenvalues(session, sample):
+    network = build_network(SAMPLES[sample](), session.comm)
+    for name in (str(Law()), str(Law("stokes"))):
+        pencil, exact = assemble(network, LAWS[name]), reference(sample, name)
+        for matrix in "KB":
+            found = count_eigenvalues(getattr(pencil, matrix), matrix, pencil.pins)
+            negative, zero, positive = signs(getattr(exact, matrix)[:-1, :-1])
+            assert (found.negative, found.zero, found.positive) == (
+                negative,
+                zero - len(pencil.pins),
+                positive,
+            )
+        pencil.destroy()
+
+
+@pytest.mark.parametrize("shift", [1e-14, 1e-10])
+def test_the_shift_hardly_matters(session, shift):
+    """Four decades around the one that is used: no eigenvalue of a packing at p = 1e-7 lies between."""
+    pencil = assemble(build_network(SAMPLES["isostatic"](), session.comm), Law("stokes"))
+    found = count_eigenvalues(pencil.K, "K", shift=shift)
+    pencil.destroy()
+    assert (found.negative, found.zero, found.positive) == (0, 2, 42)
+
+
+def test_known_numbers(session):
+    """diag(−1e-3, 0, 0, 1e6, 3) ⊕ [[1, 2], [2, 1]]: 2 negative, 2 zero and 3 positive."""
+    PETSc = session.PETSc
+    matrix = PETSc.Mat().createAIJ(7, nnz=2, comm=session.comm)
+    first, last = matrix.getOwnershipRange()
+    diagonal = [-1e-3, 0.0, 0.0, 1e6, 3.0, 1.0, 1.0]
+    for row in range(first, last):
+        matrix.setValue(row, row, diagonal[row])
+        if row >= 5:
+            matrix.setValue(row, 11 - row, 2.0)
+    matrix.assemble()
+    assert asymmetry(matrix) == 0.0
+    matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    found = count_eigenvalues(matrix, "A")
+    assert (found.negative, found.zero, found.positive) == (2, 2, 3)
+    held = count_eigenvalues(matrix, "A", pins=[1])
+    assert (held.negative, held.zero, held.positive) == (2, 1, 3)
+    matrix.destroy()
+
+
+def test_asymmetry_is_measured(session):
+    matrix = session.PETSc.Mat().createAIJ(6, nnz=2, comm=session.comm)
+    first, last = matrix.getOwnershipRange()
+    for row in range(first, last):
+        matrix.setValue(row, row, 1.0)
+    if first == 0:
+        matrix.setValue(0, 5, 0.5)
+    matrix.assemble()
+    assert asymmetry(matrix) == pytest.approx(np.sqrt(2 * 0.25 / 6.25))
+    matrix.destroy()
+
+
+@pytest.mark.parametrize("sample", SAMPLES)
+def test_examination(session, sample):
+    exact = reference(sample, str(Law()))
+    facts = examine(build_network(SAMPLES[sample](), session.comm), Law())
+    plane = [row for row in range(3 * exact.n) if row % 3 < 2]
+    negative, zero, positive = signs(exact.K[np.ix_(plane, plane)])
+    K = facts.with_prestress
+    assert (K.negative, K.zero, K.positive) == (negative, zero, positive)
+    assert (facts.without_prestress.negative, facts.without_prestress.zero) == (0, facts.translations)
+    assert (facts.damping.negative, facts.damping.zero) == (0, 0)
+    assert facts.damping.positive == facts.unknowns - facts.pins == 3 * exact.n - exact.free_moves().shape[1]
+    assert facts.contacts == exact.contacts
+    pairs = len(set(zip(exact.i, exact.j, strict=True)))
+    assert facts.nonzeros == 9 * (exact.n + 2 * pairs)
+    assert max(facts.asymmetry_K, facts.asymmetry_B) < 1e-15
