@@ -119,9 +119,9 @@ class Session:
     def check_options(self):
         """Stop on options that no object asked for. Collective: asked for by one rank is enough.
 
-        Call it after the first solver is set up, when everything that reads options has done so. Looks at what
-        the command line and its options files gave, not at PETSC_OPTIONS or a .petscrc: other programs use
-        those too.
+        Call it after the first solver is set up, when all that reads options has done so. Looks at what the
+        command line and its options files gave, not at PETSC_OPTIONS or a .petscrc: other programs use those
+        too.
 
         Raises InputError that names the options.
         """
