@@ -82,7 +82,7 @@ def _negative(ksp, matrix, what):
 
 
 def count_below(matrix, value: float, what: str) -> int:
-    """Number of eigenvalues of a distributed symmetric PETSc Mat below `value`, itself none of them. Collective.
+    """Number of eigenvalues of a distributed symmetric Mat below `value`, itself none of them. Collective.
 
     One LDLᵀ factorisation of A − value. Raises ConvergenceError if it fails.
     """
