@@ -14,9 +14,8 @@ from jampetsc.mechanics.compatibility import Compatibility
 from jampetsc.response.basis import ROW, RationalBasis, largest_entry
 
 
-ROUNDING = 4.0 * float(
-    np.finfo(float).eps
-)  # of a motion, relative to its terms: bond, distance, normal, products, their sum
+EPSILON = float(np.finfo(float).eps)
+ROUNDING = 4.0 * EPSILON  # of a motion, relative to its terms: bond, distance, normal, products and sum
 
 
 class Galerkin:
@@ -78,14 +77,16 @@ class Galerkin:
         loads = self.network.sum(loads)  # h: viscous force of the quasistatic flow on each mode
         fast = still - modes @ loads
         flow = field - self.modes @ loads
+        size_K = np.abs(c.w_K)
         elastic, viscous = self.network.sum(
             np.array(
                 [
-                    [c.w_K @ still**2, c.size_K @ still**2, c.size_K @ c.g**2],
+                    [c.w_K @ still**2, size_K @ still**2, size_K @ c.g**2, c.size_K @ still**2],
                     [
                         c.w_B @ fast**2 + c.drag * (flow @ flow),
                         c.w_B @ still**2 + c.drag * (field @ field),
                         c.w_B @ c.g**2,
+                        0.0,
                     ],
                 ]
             )
@@ -103,10 +104,12 @@ class Galerkin:
         )
         reach_K[0] += np.sqrt(elastic[2])
         reach_B[0] += np.sqrt(viscous[2])
-        sizes = self.network.sum(c.size_K @ modes**2)
-        of_rates = _rounding(sizes, reach_K[1:]) / rates + _rounding(1.0, reach_B[1:])
+        sizes, of_weights = self.network.sum(np.array([size_K @ modes**2, c.size_K @ modes**2]))
+        of_rates = (_rounding(sizes, reach_K[1:]) + EPSILON * of_weights) / rates + _rounding(
+            1.0, reach_B[1:]
+        )
         of_loads = ROUNDING * (np.sqrt(viscous[1]) * (1.0 + reach_B[1:]) + reach_B[0])
-        self._noise_G0 = _rounding(elastic[1], reach_K[0]) / volume
+        self._noise_G0 = (_rounding(elastic[1], reach_K[0]) + EPSILON * elastic[3]) / volume
         # The flow minimises dissipation: rounding of its coefficients is of second order, that of its terms is not.
         self._noise_eta = (_rounding(viscous[0], 2.0 * reach_B[0]) + ROUNDING * c.drag_gg) / volume
         self._noise_weights = 2.0 * weights * of_rates + 2.0 * rates * np.abs(loads) * of_loads / volume
