@@ -11,6 +11,7 @@ from jampetsc.analysis.correlations import (
     first_root,
     grid_cells,
     lane_sums,
+    length_spread,
     stokes_collapse,
 )
 from jampetsc.errors import InputError
@@ -162,6 +163,21 @@ def test_a_large_packing_takes_no_loop_over_pairs():
     lags_once = found.pairs.sum()
     assert lags_once == pytest.approx(0.5 * np.sum(counts * (counts - 1)), rel=0.01)
     np.testing.assert_allclose(found.products[:, 0], found.pairs, rtol=1e-9)
+
+
+def test_spread_of_collapsed_lengths():
+    """Lengths made to collapse do so with their exponent and with no other; saturated ones are left out."""
+    omega = np.geomspace(1e-5, 1e-1, 60)
+
+    def lengths(p):
+        x = omega / np.sqrt(p)
+        free = 3.0 * x**-0.3 * (-np.log(p)) ** 0.65
+        return omega, np.clip(free, 1.0, 25.0) * (1 + 2j), p, 100.0
+
+    files = [lengths(p) for p in (1e-4, 1e-3, 1e-2)]
+    assert length_spread(files, -0.65) < 1e-2 < 0.1 < length_spread(files, 0.65)
+    with pytest.raises(InputError, match="no two sweeps overlap"):
+        length_spread(files[:1])
 
 
 @pytest.mark.parametrize("width", [0.0, -1.0, 61.0, float("nan")])

@@ -15,12 +15,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from jampetsc.analysis.scaling import collapse_spread
 from jampetsc.errors import InputError
 
 BLOCKS = 8  # strips of one packing, for the error
 ENOUGH_PACKINGS = 5  # from so many on, whole packings are resampled
 SAMPLES = 200  # of the bootstrap
-DELTA_EXPONENT = 0.65  # of −ln p in BT's collapse of the Stokes length
+LOG_EXPONENT = 0.65  # of −ln p in BT's collapse of the Stokes length
+SHORTEST, LONGEST = 1.3, 0.13  # lengths that can collapse: above so many diameters and below so many L
 _CELL = 1 / 8  # of the grid along x, in diameters
 _BIN, _GROWTH = 4, 0.08  # width of a bin of δ: at least so many grid cells, and this fraction of δ
 
@@ -188,11 +190,28 @@ def first_root(separation, values) -> float:
     return float(x + (y - x) * c / (c - d))
 
 
-def stokes_collapse(omega, length, pressure):
-    """(ω/p^½, l (−ln p)^0.65): BT's collapse of the correlation length under Stokes drag, p in units of k.
+def stokes_collapse(omega, length, pressure, exponent=LOG_EXPONENT):
+    """(ω/p^½, l (−ln p)^exponent): collapse of the correlation length under Stokes drag, p in units of k.
 
-    Raises InputError unless 0 < p < 1.
+    BT print the exponent 0.65. Raises InputError unless 0 < p < 1.
     """
     if not 0 < pressure < 1:
         raise InputError(f"pressure {pressure:g}: the collapse of lengths needs 0 < p < k")
-    return np.asarray(omega) / np.sqrt(pressure), np.asarray(length) * (-np.log(pressure)) ** DELTA_EXPONENT
+    return np.asarray(omega) / np.sqrt(pressure), np.asarray(length) * (-np.log(pressure)) ** exponent
+
+
+def length_spread(lengths, exponent=LOG_EXPONENT) -> float:
+    """How far from one curve collapsed lengths are: rms of the standard deviation of ln l between files.
+
+    `lengths` is a sequence of (omega, l/d (F,) complex for Re and Im, pressure, L/d). Lengths near the size
+    of a disk or of the cell are left out. Raises InputError if nothing overlaps.
+    """
+    scaled = []
+    for omega, length, pressure, size in lengths:
+        parts = [
+            np.where((part > SHORTEST) & (part < LONGEST * size), part, 0.0)
+            for part in (length.real, length.imag)
+        ]
+        x, y = stokes_collapse(omega, parts[0] + 1j * parts[1], pressure, exponent)
+        scaled.append((x, y, 1.0))
+    return collapse_spread(scaled, end=np.inf)

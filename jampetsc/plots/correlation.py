@@ -7,10 +7,10 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
 from matplotlib.lines import Line2D
 
-from jampetsc.analysis.correlations import DELTA_EXPONENT, stokes_collapse
+from jampetsc.analysis.correlations import LOG_EXPONENT, stokes_collapse
 from jampetsc.errors import InputError
 from jampetsc.plots.curves import Curve, group_curves
-from jampetsc.plots.logaxes import set_log_axes
+from jampetsc.plots.logaxes import place_legend, set_log_axes
 from jampetsc.plots.style import PAGE, colours, figure, power_or_number, save, sequential
 
 HEIGHT = 2.9  # inches, of a row of panels
@@ -130,8 +130,8 @@ def _label(ax, name, x):
     ax.set_xlim(left=0.0)
 
 
-def plot_lengths(curves, path) -> None:
-    """l/L against ωτ₁, and BT's collapse for Stokes drag: l (−ln p)^0.65 against ω/p^½, p in units of k.
+def plot_lengths(curves, path, exponent=LOG_EXPONENT) -> None:
+    """l/L against ωτ₁, and the collapse for Stokes drag: l (−ln p)^exponent against ω/p^½, p in units of k.
 
     Filled symbols: Re u_y; open ones: Im u_y. The dotted line is L/4.
     Raises InputError where no C has a root or a pressure is unknown.
@@ -152,7 +152,7 @@ def plot_lengths(curves, path) -> None:
                     found = np.isfinite(length) & (length > 0)
                     omega, length = curve.omega[found], length[found]
                     error = np.nan_to_num(curve.bounds[part][found])
-                    x, y = stokes_collapse(omega, length, curve.pressure)
+                    x, y = stokes_collapse(omega, length, curve.pressure, exponent)
                     style = {
                         "color": group.colour,
                         "marker": group.marker,
@@ -172,7 +172,7 @@ def plot_lengths(curves, path) -> None:
         axes[0].set(xlabel=r"$\omega\tau_1$", ylabel=r"$l/L$")
         axes[1].set(
             xlabel=r"$\omega\tau_1\,/\,(p/k)^{1/2}$",
-            ylabel=rf"$(l/d)\,[-\ln(p/k)]^{{{DELTA_EXPONENT:g}}}$",
+            ylabel=rf"$(l/d)\,[-\ln(p/k)]^{{{exponent:g}}}$",
         )
         handles = [Line2D([], [], color=g.colour, marker=g.marker, label=g.label) for g in groups]
         for name, dash, part in _PARTS:
@@ -180,5 +180,5 @@ def plot_lengths(curves, path) -> None:
             handles.append(
                 Line2D([], [], color="0.2", marker="o", mfc=face, linestyle=dash, label=rf"{name} $u_y$")
             )
-        axes[0].legend(handles=handles, title=title, title_fontsize=8.5, loc="lower left")
+        place_legend(fig, axes[0], title, handles, lines[0])
         save(fig, path)
