@@ -5,8 +5,8 @@ from jampetsc.errors import InputError
 DESCRIPTION = """\
 Draw what the files hold: G' and G'' of one or many sweeps, their scaling collapse, relaxation spectra with
 stress relaxation and creep, correlations of displacements and their length, a packing with its contacts and
-forces, or the displacement fields of a sweep. Frequencies are shown in 1/τ₁, moduli and
-pressures in k."""
+forces, displacement fields of a sweep, quasistatic responses, or modes. Frequencies are shown in 1/τ₁,
+moduli and pressures in k."""
 EPILOG = """\
 examples:
   jampetsc plot p1e-2.h5 p1e-3.h5 p1e-4.h5 --out moduli.png      G', G'' of three sweeps
@@ -15,7 +15,9 @@ examples:
   jampetsc plot sweep.h5 --kind fields --omega 1e-6,1e-3,1 --out fields.png
   jampetsc plot correlation.h5 --out correlation.png             C(delta) at all its frequencies
   jampetsc plot stokes.h5 contact.h5 --omega 1e-3 --out compared.png
-  jampetsc plot p1e-2.h5 p1e-3.h5 --kind length --out length.png  of correlations"""
+  jampetsc plot p1e-2.h5 p1e-3.h5 --kind length --out length.png  of correlations
+  jampetsc plot q-p*.h5 --kind medians --out medians.png         of quasistatic files
+  jampetsc plot modes.h5 --mode 1,2,5 --out modes.png            on the packing"""
 
 KINDS = {  # what can be drawn -> of which files; the first that suits a file is what it shows by itself
     "moduli": ("sweep",),
@@ -25,12 +27,19 @@ KINDS = {  # what can be drawn -> of which files; the first that suits a file is
     "spectrum": ("spectrum", "sweep"),
     "correlation": ("correlation",),
     "length": ("correlation",),
+    "medians": ("quasistatic",),
+    "viscosities": ("quasistatic",),
+    "response": ("quasistatic",),
+    "modes": ("modes",),
+    "mode": ("modes",),
+    "states": ("modes",),
 }
 OPTIONS = {  # option -> the pictures it is for
     "mu": ("collapse",),
     "lambda": ("collapse",),
     "omega": ("fields", "correlation"),
-    "packing": ("fields",),
+    "packing": ("fields", "response", "mode"),
+    "mode": ("mode",),
 }
 
 
@@ -56,8 +65,9 @@ def add_parser(subparsers):
         help="fields: at these frequencies (default: up to four); correlation: one at which to compare files",
     )
     parser.add_argument(
-        "--packing", metavar="FILE", help="fields: the sweep's packing, if it is not beside it"
+        "--packing", metavar="FILE", help="fields, response, mode: the packing, if it is not beside the file"
     )
+    parser.add_argument("--mode", metavar="i,j,…", help="draw these modes, counted from 1, on the packing")
     parser.set_defaults(run=run)
 
 
@@ -75,8 +85,8 @@ def run(args, petsc_argv):
     if held not in KINDS[kind]:
         needed = {"packing": "a packing", "spectrum": "spectra or sweeps"}.get(kind, f"{KINDS[kind][0]}s")
         raise InputError(f"{args.files[0]}: is a {held}: {kind} pictures need {needed}")
-    if kind == "fields" and len(items) > 1:
-        raise InputError(f"{len(items)} sweeps: fields are drawn of one; plot them one by one")
+    if kind in ("fields", "response", "mode") and len(items) > 1:
+        raise InputError(f"{len(items)} {held} files: {kind} pictures show one; plot them one by one")
     draw = {
         "moduli": _moduli,
         "collapse": _collapse,
@@ -85,6 +95,12 @@ def run(args, petsc_argv):
         "spectrum": _spectrum,
         "correlation": _correlation,
         "length": _length,
+        "medians": _medians,
+        "viscosities": _viscosities,
+        "response": _response,
+        "modes": _modes,
+        "mode": _mode,
+        "states": _states,
     }[kind]
     shown = draw(args, items)
     print(f"{args.out}: {shown}")
@@ -189,6 +205,60 @@ def _length(args, items):
 
     plot_lengths([correlation_curve(item) for item in items], args.out)
     return f"correlation lengths of {_count(items, 'file', 'files')}"
+
+
+def _medians(args, items):
+    from jampetsc.plots.floppy import plot_medians
+
+    plot_medians(items, args.out)
+    return f"medians of floppy motion in {_count(items, 'file', 'files')}"
+
+
+def _viscosities(args, items):
+    from jampetsc.plots.floppy import plot_viscosities
+
+    plot_viscosities(items, args.out)
+    return f"eta0 and eta_inf against beta of {_count(items, 'file', 'files')}"
+
+
+def _response(args, items):
+    from jampetsc.plots.fields import plot_panels
+    from jampetsc.storage.belongings import packing_of
+
+    (result,) = items
+    fields = {"no pre-stress": "no_prestress/nonaffine", "pre-stress": "nonaffine"}
+    if not result.attributes["prestress"]:
+        fields = {"no pre-stress": "nonaffine"}
+    panels = [(title, result[name]) for title, name in fields.items()]
+    disks = packing_of(result, args.packing)
+    plot_panels(disks, panels, result["particles"], args.out, r"u_{\rm na}/\gamma")
+    return f"quasistatic response, {' and '.join(fields)}"
+
+
+def _modes(args, items):
+    from jampetsc.plots.vibrations import plot_spectra
+
+    plot_spectra(items, args.out)
+    return f"modes of {_count(items, 'packing', 'packings')}"
+
+
+def _mode(args, items):
+    from jampetsc.plots.fields import plot_panels
+    from jampetsc.plots.vibrations import chosen_modes
+    from jampetsc.storage.belongings import packing_of
+
+    (result,) = items
+    panels = chosen_modes(result, args.mode or "1")
+    disks = packing_of(result, args.packing)
+    plot_panels(disks, panels, result["particles"], args.out, r"\varphi")
+    return f"mode {args.mode or 1}"
+
+
+def _states(args, items):
+    from jampetsc.plots.vibrations import plot_states
+
+    plot_states(items, args.out)
+    return f"density of states of {_count(items, 'packing', 'packings')}"
 
 
 def _count(items, one="sweep", many="sweeps"):

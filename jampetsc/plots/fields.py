@@ -51,6 +51,54 @@ def plot_fields(disks, omega, displacement, rotation, particles, path) -> None:
         save(fig, path)
 
 
+def plot_panels(disks, panels, particles, path, symbol) -> None:
+    """Real fields on the packing, side by side: panels [(title, field (n, 2)), …], `symbol` their name in
+    TeX.
+
+    particles (n,) rows of `disks`. Below each panel stands how many times the field its arrows are.
+    Raises InputError for more panels than fit.
+    """
+    if len(panels) > COLUMNS:
+        raise InputError(f"{len(panels)} fields: one picture holds {COLUMNS}; choose fewer")
+    page = _Row(disks.cell, len(panels), len(particles) > ARROWS)
+    with figure(page.width, page.height) as fig:
+        picture = _Picture(disks, particles, page.points_per_length)
+        for column, (title, field) in enumerate(panels):
+            ax = fig.add_axes(page.box(column))
+            words = picture.draw(ax, field, None, symbol)
+            ax.set_title(title, pad=3)
+            below = {"transform": ax.transAxes, "ha": "center", "va": "top", "fontsize": _SMALL}
+            ax.text(0.5, -0.04 / page.panel[1], words, **below)
+        if picture.note:
+            fig.text(0.5, 0.01, picture.note, ha="center", va="bottom", fontsize=_SMALL)
+        save(fig, path)
+
+
+class _Row:
+    """Panels in one row; lengths in inches, boxes in fractions of the figure."""
+
+    top, below, gap = 0.2, 0.2, 0.06
+
+    def __init__(self, cell, count, noted):
+        self.width = COLUMN if count <= 2 else PAGE
+        wide = (self.width - self.gap * (count + 1)) / count
+        width, height = extent(cell)
+        self.panel = wide, wide * min(height / width, _Page.tallest)
+        self.bottom = self.below * (2 if noted else 1)
+        self.height = self.top + self.panel[1] + self.bottom
+        self.points_per_length = 72 * min(self.panel[0] / width, self.panel[1] / height)
+
+    def box(self, column):
+        """Axes of panel number `column`."""
+        left = self.gap + column * (self.panel[0] + self.gap)
+        return (
+            left / self.width,
+            self.bottom / self.height,
+            self.panel[0] / self.width,
+            self.panel[1] / self.height,
+        )
+
+
 class _Page:
     """Where the panels lie; lengths in inches, boxes in fractions of the figure."""
 
@@ -128,12 +176,12 @@ class _Picture:
         few = len(self.arrows) < len(particles)
         self.note = f"arrows on {len(self.arrows)} of {len(particles)} disks" if few else ""
 
-    def draw(self, ax, u, spin):
+    def draw(self, ax, u, spin, symbol=r"\tilde u/\gamma"):
         """Draw one field u (n, 2) and its rotations (n,) or None; returns the scales in words."""
         outline = frame_cell(ax, self.disks.cell, linewidth=0.4)
         self._disks(ax, spin).set_clip_path(outline)
         factor = _factor(u, self.spacing)
-        words = rf"arrows ${number(factor)}\,\tilde u/\gamma$" if factor else r"$\tilde u=0$"
+        words = rf"arrows ${number(factor)}\,{symbol}$" if factor else f"${symbol}=0$"
         if factor:
             self._arrows(ax, factor * u[self.arrows]).set_clip_path(outline)
         if spin is not None:

@@ -1,0 +1,125 @@
+"""Floppy motion against pressure (BT Fig. 5) and the viscosities against β (BT Fig. 4, inset), of quasistatic
+files.
+"""
+
+import numpy as np
+from matplotlib.lines import Line2D
+
+from jampetsc.errors import InputError
+from jampetsc.plots.logaxes import place_legend, set_log_axes
+from jampetsc.plots.style import COLUMN, GREY, MARKERS, colours, figure, power_or_number, save
+
+HEIGHT = 2.9  # inches
+BARE = "no_prestress"
+QUANTITIES = {  # attribute -> (symbol, exponent expected, BT eqs. 19-21)
+    "normal": (r"|\Delta u_\parallel|", 0.25),
+    "transverse": (r"|\Delta u_\perp|", -0.25),
+    "nonaffine": (r"|u_{\rm na}|", -0.25),
+}
+_DASHES = (0, (4, 1.6))
+
+
+def pressures_of(results):
+    """p/k of each file, (F,). Raises InputError where it is not positive."""
+    found = []
+    for result in results:
+        pressure = result.attributes.get("pressure", 0.0) / result.attributes.get("k", 1.0)
+        if not pressure > 0:
+            raise InputError(f"{result.path}: pressure {pressure:g}: must be positive on a log axis")
+        found.append(float(f"{pressure:.6g}"))
+    return np.array(found)
+
+
+def plot_medians(results, path) -> None:
+    """Medians of |Δu∥|, |Δu⊥| and |u_na| per unit strain against p/k, with slopes ±1/4 (BT eqs. 19-21).
+
+    Filled: without pre-stress; open: with. Small points are files, lines run through the medians of those of
+    one pressure.
+    """
+    p = pressures_of(results)
+    levels = np.unique(p)
+    shades = colours(len(QUANTITIES))
+    with figure(COLUMN, HEIGHT, layout="constrained") as fig:
+        ax = fig.add_subplot(xlabel="$p/k$", ylabel="median per unit strain")
+        lines, handles = [], []
+        for (name, (symbol, slope)), shade, marker in zip(QUANTITIES.items(), shades, MARKERS, strict=False):
+            look = {"color": shade, "marker": marker, "markeredgewidth": 0.7}
+            handles.append(Line2D([], [], label=f"${symbol}$", **look))
+            for prefix, face, dash in ((f"{BARE}_", shade, "-"), ("", "white", _DASHES)):
+                y = np.array([_value(result, prefix, name) for result in results])
+                if not np.isfinite(y).any():
+                    continue
+                medians = np.array([np.nanmedian(y[p == level]) for level in levels])
+                ax.plot(levels, medians, linestyle=dash, markerfacecolor=face, **look)
+                if len(p) > len(levels):
+                    ax.plot(p, y, ".", color=shade, markersize=1.5, alpha=0.5)
+                lines.append((levels, medians))
+            guide = lines[-1][1] if len(lines) == 1 else lines[-2][1]
+            middle = np.exp(np.mean(np.log(guide)) + slope * (np.log(levels) - np.mean(np.log(levels))))
+            ax.plot(levels, middle, ":", color=GREY, linewidth=0.8, zorder=1)
+        set_log_axes(ax, lines)
+        handles += [
+            Line2D([], [], color="0.2", marker="o", label="no pre-stress"),
+            Line2D([], [], color="0.2", marker="o", mfc="white", linestyle=_DASHES, label="pre-stress"),
+            Line2D([], [], color=GREY, linestyle=":", linewidth=0.8, label=r"$p^{\pm 1/4}$"),
+        ]
+        place_legend(fig, ax, "", handles, lines)
+        save(fig, path)
+
+
+def _value(result, prefix, name):
+    """The median without pre-stress (prefix) or with it; nan where the file has none."""
+    attributes = result.attributes
+    if not attributes.get("prestress", True):  # such a run has only the one, under the plain names
+        return attributes[f"{name}_median"] if prefix else np.nan
+    return attributes[f"{prefix}{name}_median"]
+
+
+def plot_viscosities(results, path) -> None:
+    """η₀ (filled) and η_∞ (open) in kτ₁ against β, a colour for each pressure; with the scans over β of the
+    files.
+
+    Raises InputError for files of another law.
+    """
+    for result in results:
+        if result.attributes.get("law") != "contact":
+            raise InputError(
+                f"{result.path}: law {result.attributes.get('law')}: has no beta; give contact damping"
+            )
+    p = pressures_of(results)
+    levels = np.unique(p)
+    with figure(COLUMN, HEIGHT, layout="constrained") as fig:
+        ax = fig.add_subplot(xlabel=r"$\beta$", ylabel=r"$\eta_0,\ \eta_\infty\ [k\tau_1]$")
+        lines, handles = [], []
+        for level, shade, marker in zip(levels, colours(len(levels)), _cycle(len(levels)), strict=True):
+            files = [one for one, q in zip(results, p, strict=True) if q == level]
+            points = np.array([row for one in files for row in _rows(one)])
+            betas = np.unique(points[:, 0])
+            medians = np.array([np.median(points[points[:, 0] == beta, 1:], axis=0) for beta in betas])
+            look = {"color": shade, "marker": marker, "markeredgewidth": 0.7}
+            for column, face, dash in ((0, shade, "-"), (1, "white", _DASHES)):
+                ax.plot(betas, medians[:, column], linestyle=dash, markerfacecolor=face, **look)
+                lines.append((betas, medians[:, column]))
+            handles.append(Line2D([], [], label=f"${power_or_number(level)}$", **look))
+        set_log_axes(ax, lines)
+        handles += [
+            Line2D([], [], color="0.2", marker="o", label=r"$\eta_0$"),
+            Line2D([], [], color="0.2", marker="o", mfc="white", linestyle=_DASHES, label=r"$\eta_\infty$"),
+        ]
+        place_legend(fig, ax, "$p/k$", handles, lines)
+        save(fig, path)
+
+
+def _cycle(count):
+    return [MARKERS[n % len(MARKERS)] for n in range(count)]
+
+
+def _rows(result):
+    """(β, η₀, η_∞) in kτ₁, the file's own and its scan's, β > 0."""
+    attributes = result.attributes
+    unit = attributes.get("k", 1.0) * attributes.get("tau1", 1.0)
+    rows = [(attributes["beta"], attributes["eta0"] / unit, attributes["eta_inf"] / unit)]
+    if "beta_scan/beta" in result:
+        scan = (result[f"beta_scan/{name}"] for name in ("beta", "eta0", "eta_inf"))
+        rows += [(beta, eta0 / unit, eta_inf / unit) for beta, eta0, eta_inf in zip(*scan, strict=True)]
+    return sorted({row for row in rows if row[0] > 0})

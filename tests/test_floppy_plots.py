@@ -1,0 +1,136 @@
+"""Pictures of quasistatic files and modes, drawn through the command line from files of known content."""
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+from samples import published
+
+from jampetsc import cli
+from jampetsc.errors import InputError
+from jampetsc.plots.floppy import plot_viscosities
+from jampetsc.plots.vibrations import chosen_modes, density_of_states
+from jampetsc.storage.packing_file import packing_identity, write_packing
+from jampetsc.storage.reader import load
+from jampetsc.storage.result_file import ResultWriter
+
+
+def write_quasistatic(path, pressure=1e-3, packing=None, prestress=True, law="contact"):
+    """Medians that follow BT eqs. 19-21 exactly, η₀ = √p + β/√p and a field."""
+    rng = np.random.default_rng(1)
+    attributes = {
+        "pressure": pressure,
+        "k": 2.0,
+        "tau1": 1.0,
+        "law": law,
+        "beta": 1.0,
+        "prestress": prestress,
+    }
+    with ResultWriter(path, "jampetsc-quasistatic") as writer:
+        for prefix in ("", "no_prestress_") if prestress else ("",):
+            medians = (pressure**0.25, pressure**-0.25, 2 * pressure**-0.25)
+            names = (f"{prefix}{name}_median" for name in ("normal", "transverse", "nonaffine"))
+            attributes |= dict(zip(names, medians, strict=True))
+        attributes |= {"eta0": pressure**0.5 + pressure**-0.5, "eta_inf": 0.5}
+        writer.dataset("beta_scan/beta", [0.0, 1e-3])
+        writer.dataset("beta_scan/eta0", [pressure**0.5, pressure**0.5 + 1e-3 * pressure**-0.5])
+        writer.dataset("beta_scan/eta_inf", [0.01, 0.02])
+        writer.dataset("particles", np.arange(16))
+        writer.dataset("nonaffine", rng.normal(size=(16, 2)))
+        writer.dataset("no_prestress/nonaffine", rng.normal(size=(16, 2)))
+        if packing is not None:
+            attributes |= dict(zip(("packing", "packing_sha256"), packing_identity(packing), strict=True))
+        writer.attributes(**attributes)
+    return str(path)
+
+
+def write_modes(path, pressure=1e-3, packing=None, complete=True):
+    """Thirty modes with ω = 0.05, 0.10, … in units of √(k/m); k = 2."""
+    rng = np.random.default_rng(2)
+    values = 2.0 * (0.05 * np.arange(1, 31)) ** 2
+    with ResultWriter(path, "jampetsc-modes") as writer:
+        writer.dataset("eigenvalues", values)
+        writer.dataset("floppiness", 5.0 / np.sqrt(values))
+        writer.dataset("modes", rng.normal(size=(30, 16, 2)))
+        writer.dataset("particles", np.arange(16))
+        for name in ("nonaffine", "modulus"):
+            writer.dataset(f"cumulative/{name}", np.linspace(0.1, 1, 30))
+        attributes = {"pressure": pressure, "k": 2.0, "complete": complete, "prestress": False}
+        if packing is not None:
+            attributes |= dict(zip(("packing", "packing_sha256"), packing_identity(packing), strict=True))
+        writer.attributes(**attributes)
+    return str(path)
+
+
+@pytest.fixture
+def packing(tmp_path):
+    write_packing(tmp_path / "packing.h5", published())
+    return tmp_path / "packing.h5"
+
+
+def plot(*words):
+    return cli.main(["plot", *map(str, words)])
+
+
+def test_pictures_of_quasistatic_files(tmp_path, packing, capsys):
+    files = [write_quasistatic(tmp_path / f"q{n}.h5", 10.0**-n, packing) for n in (2, 3, 4)]
+    for kind, words in (("medians", files), ("viscosities", files), ("response", files[:1])):
+        out = tmp_path / f"{kind}.png"
+        assert plot(*words, "--kind", kind, "--out", out) == 0
+        assert imread(out).std() > 0.05
+        assert str(out) in capsys.readouterr().out
+    assert plot(*files, "--out", tmp_path / "default.png") == 0
+    assert "medians of floppy motion in 3 files" in capsys.readouterr().out
+
+
+def test_pictures_of_modes(tmp_path, packing):
+    files = [write_modes(tmp_path / f"m{n}.h5", 10.0**-n, packing) for n in (2, 3)]
+    for words in ([*files], [files[0], "--mode", "1,30"], [*files, "--kind", "states"]):
+        out = tmp_path / "modes.png"
+        assert plot(*words, "--out", out) == 0
+        assert imread(out).std() > 0.05
+        out.unlink()
+
+
+def test_density_of_states_is_normalised(tmp_path):
+    """∫ D dω is the number of modes over that of degrees of freedom: 30 of 32 here, in both files."""
+    files = [load(write_modes(tmp_path / f"m{n}.h5")) for n in (1, 2)]
+    omega, density = density_of_states(files)
+    edges = 10.0 ** (np.round(np.log10(omega) * 8 - 0.5) / 8)
+    widths = edges * (10 ** (1 / 8) - 1)
+    assert np.sum(density * widths) == pytest.approx(30 / 32, rel=1e-12)
+    assert omega.min() > 0.04 and omega.max() < 1.6
+
+
+def test_chosen_modes(tmp_path):
+    result = load(write_modes(tmp_path / "m.h5"))
+    ((title, field),) = chosen_modes(result, "2")
+    assert "mode 2" in title
+    np.testing.assert_array_equal(field, result["modes"][1])
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["{modes}", "--mode", "31"], "--mode 31: m.h5 holds modes 1 to 30"),
+        (["{modes}", "--mode", "x"], "--mode x: write numbers"),
+        (["{modes}", "--kind", "states"], "holds 30 modes only: run modes with --all"),
+        (["{modes}", "{modes}", "--mode", "1"], "2 modes files: mode pictures show one"),
+        (["{quasistatic}", "--mode", "1"], "is a quasistatic"),
+        (["{quasistatic}", "--kind", "response"], "its packing  is not beside it"),
+    ],
+)
+def test_refusals(tmp_path, capsys, words, says):
+    names = {
+        "modes": write_modes(tmp_path / "m.h5", complete=False),
+        "quasistatic": write_quasistatic(tmp_path / "q.h5"),
+    }
+    out = tmp_path / "out.png"
+    assert plot(*(word.format(**names) for word in words), "--out", out) == 2
+    assert says in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_viscosities_need_contact_damping(tmp_path):
+    stokes = load(write_quasistatic(tmp_path / "q.h5", law="stokes"))
+    with pytest.raises(InputError, match="law stokes: has no beta"):
+        plot_viscosities([stokes], tmp_path / "out.png")
