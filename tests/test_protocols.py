@@ -9,13 +9,14 @@ from jampetsc.packing import protocols
 from jampetsc.packing.contacts import measure
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.protocols import Target
+from jampetsc.packing.sizes import radii_of
 
 pytestmark = pytest.mark.scalar("real")
 
 
 def pack(n, target, seed=1, potential=None, sizes="bidisperse"):
     phi = target.phi or protocols.start_phi(target.pressure)
-    start = protocols.random_start(protocols.radii_of(sizes, n), phi, seed, potential or Potential())
+    start = protocols.random_start(radii_of(sizes, n), phi, seed, potential or Potential())
     return protocols.make_packing(start, target, SparseCholesky(), seed=seed)
 
 
@@ -114,7 +115,7 @@ def test_same_seed_same_packing():
 
 
 def test_ensemble_statistics():
-    """N = 256: bands around independent values for N = 1024 (φ, Δz/√p, rattlers), widened for the smaller size."""
+    """N = 256: bands around independent values for N = 1024 (φ, Δz/√p, rattlers), but wider."""
     for pressure, phi, excess, rattlers in ((1e-2, 0.8645, 5.3, 0.010), (1e-3, 0.8437, 4.99, 0.033)):
         states, phis = [], []
         for seed in range(1, 11):

@@ -1,8 +1,9 @@
 """Forces, Hessian and last digits of a quench, each against an independent calculation."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from dataclasses import replace
 
 from jampetsc.mechanics.factor import SparseCholesky
 from jampetsc.packing import protocols
@@ -13,13 +14,14 @@ from jampetsc.packing.forces import PairList, deformed, law_constants, pair_forc
 from jampetsc.packing.hessian import Bonds, Pattern, border
 from jampetsc.packing.newton import Polish, limits
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
+from jampetsc.packing.sizes import radii_of
 
 LAWS = [Potential(kind, stiffness, 1.7) for kind in EXPONENTS for stiffness in STIFFNESSES]
 
 
 def crowd(potential=None, n=40, phi=1.0, seed=3):
     """Disks at random places in a sheared cell, with neighbours through two images."""
-    start = protocols.random_start(protocols.radii_of("bidisperse", n), phi, seed, potential or Potential())
+    start = protocols.random_start(radii_of("bidisperse", n), phi, seed, potential or Potential())
     cell = np.array([[start.cell[0, 0] * 0.7, 0], [1.1, start.cell[1, 1] / 0.7]])
     return Disks.from_positions(start.positions, start.radii, cell, potential)
 
@@ -29,7 +31,15 @@ def evaluate(disks, offsets, strain=0.0, shear=0.0):
     pairs = PairList.build(disks, 0.4)
     forces = np.empty((disks.n, 2))
     energy, *virial = pair_forces(
-        pairs.i, pairs.j, pairs.r0, pairs.sigma, offsets, strain, shear, law_constants(disks.potential), forces
+        pairs.i,
+        pairs.j,
+        pairs.r0,
+        pairs.sigma,
+        offsets,
+        strain,
+        shear,
+        law_constants(disks.potential),
+        forces,
     )
     return energy, forces, virial
 
@@ -117,9 +127,9 @@ def test_folding_keeps_the_digits():
 
 @pytest.mark.scalar("real")
 def test_newton_reaches_rounding_where_plain_doubles_cannot():
-    """At p = 1e-7 the residual is that of rounding r ~ d; coordinates rounded to one double leave a far larger one."""
+    """At p = 1e-7 the residual is that of rounding r ~ d; rounded coordinates leave a far larger one."""
     n, pressure = 256, 1e-7
-    start = protocols.random_start(protocols.radii_of("bidisperse", n), 0.86, 1, Potential())
+    start = protocols.random_start(radii_of("bidisperse", n), 0.86, 1, Potential())
     near = protocols.make_packing(start, protocols.Target(1e-4), SparseCholesky())
     disks = protocols.make_packing(near, protocols.Target(pressure), SparseCholesky(), fresh=False)
     state = measure(disks)

@@ -9,7 +9,7 @@ import numpy as np
 
 from jampetsc.errors import ConvergenceError, InputError, JampetscError
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
-from jampetsc.packing.protocols import SIZES, Effort, Target, make_packing, radii_of, random_start, start_phi
+from jampetsc.packing.sizes import SIZES, radii_of
 
 FEWEST, MOST = 16, 10_000_000
 PRESSURES = (1e-8, 1.0)
@@ -30,7 +30,7 @@ class Task:
 
     path: Path
     seed: int | None  # None: from a file
-    target: Target
+    target: object  # protocols.Target
 
 
 def add_parser(subparsers) -> None:
@@ -38,7 +38,7 @@ def add_parser(subparsers) -> None:
     parser = subparsers.add_parser(
         "pack",
         help="make a packing, or an ensemble",
-        description="Make jammed packings of soft disks: a minimum of the enthalpy at fixed pressure, or of the energy at fixed φ.",
+        description="Make jammed packings of soft disks: minima of enthalpy at fixed p, or of energy at fixed φ.",
         epilog=EPILOG,
         allow_abbrev=False,
     )
@@ -109,6 +109,8 @@ def run(args, petsc_argv) -> int:
 
 def plan(args) -> list[Task]:
     """The packings asked for. Raises InputError for values out of range."""
+    from jampetsc.packing.protocols import Target
+
     if not TOLERANCES[0] <= args.tolerance <= TOLERANCES[1]:
         raise InputError(
             f"--tolerance {args.tolerance:g}: must lie in [{TOLERANCES[0]:g}, {TOLERANCES[1]:g}]"
@@ -129,9 +131,7 @@ def plan(args) -> list[Task]:
     seeds = [None] if args.source else _seeds(args)
     for field, values in (("{seed}", seeds), ("{pressure}", targets)):
         if len(values) > 1 and field not in args.out:
-            raise InputError(
-                f"--out {args.out}: {len(values)} packings would overwrite each other: put {field} into the name"
-            )
+            raise InputError(f"--out {args.out}: one name for {len(values)} packings: put {field} into it")
     if args.source and "{seed}" in args.out:
         raise InputError(f"--out {args.out}: {{seed}} has no meaning with --from")
     return [
@@ -169,6 +169,8 @@ def _seeds(args) -> list[int]:
 
 def _starter(args):
     """Function of (seed, target) that gives the disks to begin with. Raises InputError for bad input."""
+    from jampetsc.packing.protocols import random_start, start_phi
+
     if args.source:
         return _from_packing(args)
     if args.radii:
@@ -202,7 +204,7 @@ def _from_packing(args):
     disks = read_packing(args.source)
     if args.phi is None and measure(disks).pressure <= 0:
         raise InputError(
-            f"{args.source}: no disks touch in it, so its pressure cannot be changed: use --phi, or a random start"
+            f"{args.source}: no disks touch, so there is no pressure to change: use --phi, or a random start"
         )
     still = np.zeros((disks.n, 2))
     return lambda seed, target: (
@@ -257,79 +259,54 @@ def _complete(task, request) -> bool:
     for name, value in _entries(task, request).items():
         if found.get(name) != value:
             raise InputError(
-                f"{task.path}: is there already with {name} = {found.get(name)}, not {value}: remove it or choose another --out"
+                f"{task.path}: is there already with {name} = {found.get(name)}, not {value}: "
+                "remove it, or choose another --out"
             )
     return True
 
 
 def _make(tasks, start, request, solver, session):
     """Make this rank's packings; returns [(path, error)] of those that failed."""
+    from tqdm import tqdm
+
+    from jampetsc.packing.protocols import Effort, make_packing
     from jampetsc.storage.packing_file import write_packing
 
     failures = []
-    bar = _bar(len(tasks), session)
-    for task in tasks:
-        began = time.perf_counter()
-        effort = Effort(report=bar.show)
-        try:
-            disks = make_packing(
-                start(task.seed, task.target),
-                task.target,
-                solver,
-                seed=task.seed or 0,
-                fresh=task.seed is not None,
-                effort=effort,
-            )
-            disks = disks.with_record(**_entries(task, request))
-            write_packing(task.path, disks)
-        except JampetscError as error:
-            failures.append((str(task.path), error))
-            continue
-        record = disks.record
-        bar.done(
-            f"{task.path}: N = {disks.n}, p = {record['pressure']:.6g}, phi = {record['phi']:.6f}, "
-            f"Z = {record['coordination']:.4f}, {record['rattlers']} rattlers, "
-            f"max|F|/p = {record['max_force'] / record['pressure']:.1e}, {record['evaluations']} force evaluations, "
-            f"{time.perf_counter() - began:.2f} s"
-        )
-    bar.close()
+    # disable=None: a bar on a terminal only, and of rank 0 only.
+    with tqdm(total=len(tasks), unit="packing", leave=False, disable=True if session.rank else None) as bar:
+        for task in tasks:
+            began = time.perf_counter()
+            effort = Effort(report=lambda e: bar.set_postfix_str(f"{e.stage}, max|F|/p = {e.residual:.0e}"))
+            fresh = task.seed is not None
+            try:
+                disks = make_packing(
+                    start(task.seed, task.target),
+                    task.target,
+                    solver,
+                    seed=task.seed or 0,
+                    fresh=fresh,
+                    effort=effort,
+                )
+                disks = disks.with_record(**_entries(task, request))
+                write_packing(task.path, disks)
+            except JampetscError as error:
+                failures.append((str(task.path), error))
+                continue
+            bar.write(_summary(task.path, disks, time.perf_counter() - began))
+            sys.stdout.flush()
+            bar.update()
     return failures
 
 
-class _Lines:
-    """One line per packing."""
-
-    def show(self, effort):
-        pass
-
-    def done(self, line):
-        print(line, flush=True)
-
-    def close(self):
-        pass
-
-
-class _Bar(_Lines):
-    """The same under a progress bar, which also tells how far the quench is."""
-
-    def __init__(self, total):
-        from tqdm import tqdm
-
-        self._tqdm = tqdm(total=total, unit="packing", dynamic_ncols=True, file=sys.stderr, leave=False)
-
-    def show(self, effort):
-        self._tqdm.set_postfix_str(f"{effort.stage}, max|F|/p = {effort.residual:.0e}")
-
-    def done(self, line):
-        self._tqdm.write(line)
-        self._tqdm.update()
-
-    def close(self):
-        self._tqdm.close()
-
-
-def _bar(total, session):
-    return _Bar(total) if session.rank == 0 and sys.stderr.isatty() else _Lines()
+def _summary(path, disks, seconds) -> str:
+    record = disks.record
+    return (
+        f"{path}: N = {disks.n}, p = {record['pressure']:.6g}, phi = {record['phi']:.6f}, "
+        f"Z = {record['coordination']:.4f}, "
+        f"{record['rattlers']} rattlers, max|F|/p = {record['max_force'] / record['pressure']:.1e}, "
+        f"{record['evaluations']} force evaluations, {seconds:.2f} s"
+    )
 
 
 def _identity():

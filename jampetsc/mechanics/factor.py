@@ -1,6 +1,7 @@
-"""Cholesky factorisation of one rank's own real matrices, through PETSc: it solves, and it proves definiteness.
+"""Cholesky factorisation of one rank's own real matrices, through PETSc: solves, and proves definiteness.
 
-Options prefix `newton_`: `-newton_pc_factor_mat_solver_type mumps` or `-newton_mat_cholmod_nmethods 3`, for instance.
+Options prefix `newton_`: `-newton_pc_factor_mat_solver_type mumps` or `-newton_mat_cholmod_nmethods 3`, for
+instance.
 """
 
 import numpy as np
@@ -17,8 +18,8 @@ INDEFINITE = -40  # MUMPS INFOG(1): a block was found not to be positive definit
 class SparseCholesky:
     """L Lᵀ of real symmetric matrices, on this rank alone (MPI_COMM_SELF).
 
-    `factorise` takes the upper triangle with its diagonal as CSR (int32 indptr and indices, sorted) and says whether
-    the matrix is positive definite. The symbolic analysis is kept while the pattern stays the same.
+    `factorise` takes the upper triangle with its diagonal as CSR (int32 indptr and indices, sorted) and says
+    whether the matrix is positive definite. The symbolic analysis is kept while the pattern stays the same.
     """
 
     def __init__(self):
@@ -32,7 +33,7 @@ class SparseCholesky:
                 PREFIX + "ksp_type": "preonly",
                 PREFIX + "pc_type": "cholesky",
                 PREFIX + "pc_factor_mat_solver_type": package,
-                # Supernodal means L Lᵀ, which breaks down on every negative pivot; the simplicial L D Lᵀ does not.
+                # Supernodal means L Lᵀ, which breaks down on any negative pivot; simplicial L D Lᵀ does not.
                 PREFIX + "mat_cholmod_factor": "SUPERNODAL",
                 PREFIX + "mat_cholmod_print": "0",  # a failure is an answer here, not worth a warning
                 # Approximate minimum fill: the fastest ordering for planar contact networks here.
@@ -86,7 +87,9 @@ class SparseCholesky:
         self._ksp.solve(self._right, self._solution)
         reason = self._ksp.getConvergedReason()
         if reason < 0:
-            raise ConvergenceError(f"Cholesky solve of {len(b)} unknowns failed (PETSc reason {reason}): please report it")
+            raise ConvergenceError(
+                f"Cholesky solve of {len(b)} unknowns failed (PETSc reason {reason}): please report it"
+            )
         return self._solution.getArray().copy()
 
     def destroy(self):

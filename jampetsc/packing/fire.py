@@ -1,8 +1,8 @@
-"""Quench by FIRE: damped dynamics towards a minimum of the enthalpy, with the cell as one or two more coordinates.
+"""Quench by FIRE: damped dynamics to a minimum of the enthalpy, with the cell as one or two more coordinates.
 
-FIRE: Bitzek et al., PRL 97, 170201 (2006), in the form of Guénolé et al., Comput. Mater. Sci. 175, 109584 (2020).
-The coordinates are the offsets o of the disks and, at fixed pressure, the strain ε = ln λ of the cell and its shear g
-(see `forces`), scaled by √N so that they are about as stiff as a disk:
+FIRE: Bitzek et al., PRL 97, 170201 (2006), in the form of Guénolé et al., Comput. Mater. Sci. 175, 109584
+(2020). The coordinates are the offsets o of the disks and, at fixed pressure, the strain ε = ln λ of the cell
+and its shear g (see `forces`), scaled by √N so that they are about as stiff as a disk:
 
     −∂H/∂o = Fᵀ f,    −∂H/∂ε = Σ f r − 2 p V,    −∂H/∂g = Σ (f/r) r_x r_y,    H = U + p V
 """
@@ -71,9 +71,9 @@ def _longest(f):
 def _descend(i, j, r0, sigma, law, o, v, f, box, moving, target, slack, limit, clock, steps):
     """FIRE steps until max |F| ≤ limit[0] and |box force| ≤ limit[1], a stale list, or `steps`.
 
-    box (2, 2): ε, g and their velocities; moving: which of them move; target = (pV at ε = 0, √N, σ_max); slack: skin;
-    clock = [dt, mixing, steps downhill, dt_max]. Returns steps done, status (0 more, 1 converged, 2 stale list),
-    max |F|, box force per d.
+    box (2, 2): ε, g and their velocities; moving: which of them move; target = (pV at ε = 0, √N, σ_max);
+    slack: skin; clock = [dt, mixing, steps downhill, dt_max]. Returns steps done, status (0 more, 1
+    converged, 2 stale list), max |F|, box force per d.
     """
     pv, scale, largest = target
     n2 = 2 * len(o)
@@ -190,7 +190,10 @@ class Quench:
         self.set_disks(self.disks)
 
     def descend(self, force_limit, box_limit, max_evaluations):
-        """FIRE until max |F| ≤ force_limit and the box force ≤ box_limit; returns (converged, max |F|, box force)."""
+        """FIRE until max |F| ≤ force_limit and the box force ≤ box_limit.
+
+        Returns (converged, max |F|, box force).
+        """
         goal = self.goal
         n = self._disks.n
         moving = np.array([goal.pressure is not None, goal.shear])
@@ -204,9 +207,10 @@ class Quench:
             self.clock[3] = self._longest_step()
             target = ((goal.pressure or 0.0) * self._disks.area, np.sqrt(n), 2.0 * self._disks.radii.max())
             done, status, worst, box_force = _descend(
-                pairs.i, pairs.j, pairs.r0, pairs.sigma, law, self.offsets, self.velocities, forces, self.box, moving,
-                target, pairs.skin, limit, self.clock, min(2000, budget - self.evaluations),
-            )  # fmt: skip
+                *(pairs.i, pairs.j, pairs.r0, pairs.sigma, law),
+                *(self.offsets, self.velocities, forces, self.box, moving),
+                *(target, pairs.skin, limit, self.clock, min(2000, budget - self.evaluations)),
+            )
             self.evaluations += done
             if status == 2:
                 # A rebuild costs about twenty steps; a wide skin costs a few per cent of every step.

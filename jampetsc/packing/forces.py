@@ -1,11 +1,12 @@
 """Contact forces of a quench: a pair list frozen between rebuilds, and the compiled loop over it.
 
-A list holds r0 = x_j − x_i + image · cell of every nearby pair, rounded once from the split coordinates. Until the next
-rebuild disks move by small offsets o and the whole cell by F = e^ε [[1, g], [0, 1]], so a bond is
+A list holds r0 = x_j − x_i + image · cell of every nearby pair, rounded once from the split coordinates.
+Until the next rebuild disks move by small offsets o and the whole cell by F = e^ε [[1, g], [0, 1]]. A bond is
 
     r = F (r0 + o_j − o_i)
 
-with neither images nor large coordinates: forces are exact to the rounding of r ~ d whatever the size of the cell.
+with neither images nor large coordinates: forces are exact to the rounding of r ~ d whatever the size of the
+cell.
 """
 
 from dataclasses import dataclass
@@ -97,8 +98,9 @@ def _bond_forces(r0x, r0y, sigma, bx, by, scale, mix, k, hertzian, scaled):
 def pair_forces(i, j, r0, sigma, o, strain, shear, law, forces):
     """Net contact forces into `forces` (N, 2); returns U and Σ (f/r) r_x r_x, r_x r_y, r_y r_y.
 
-    i, j, r0, sigma: a PairList; o (N, 2) offsets; law = `law_constants(potential)`. Three plain passes per block (gather,
-    compute, scatter) without a branch: loops over the neighbours of each disk lose most of their time to mispredicted ends.
+    i, j, r0, sigma: a PairList; o (N, 2) offsets; law = `law_constants(potential)`. Three plain passes per
+    block (gather, compute, scatter) without a branch: loops over the neighbours of each disk lose most of
+    their time to mispredicted ends.
     """
     k, hertzian, scaled = law
     scale = np.exp(strain)
@@ -119,7 +121,16 @@ def pair_forces(i, j, r0, sigma, o, strain, shear, law, forces):
             by[p - begin] = o[b, 1] - o[a, 1]
         block = slice(begin, end)
         sums = _bond_forces(
-            r0x[block], r0y[block], sigma[block], bx[: end - begin], by[: end - begin], scale, mix, k, hertzian, scaled
+            r0x[block],
+            r0y[block],
+            sigma[block],
+            bx[: end - begin],
+            by[: end - begin],
+            scale,
+            mix,
+            k,
+            hertzian,
+            scaled,
         )
         energy += sums[0]
         wxx += sums[1]

@@ -1,6 +1,7 @@
 """The exact Hessian of the enthalpy in the coordinates of a quench, on the pattern of its pair list.
 
-With r the bond vectors of a freshly folded list (o = 0, F = 1), M = k n nᵀ − (f/r) t tᵀ (BT eqs. 4, 11), s = (r_y, 0):
+With r the bond vectors of a freshly folded list (o = 0, F = 1), M = k n nᵀ − (f/r) t tᵀ (BT eqs. 4, 11)
+and s = (r_y, 0):
 
     ∂²H/∂o∂o   blocks M                      ∂²H/∂ε²   Σ (k r² − f r) + 4 p V
     ∂²H/∂o∂ε   Σ (k r − f) n                 ∂²H/∂g²   Σ sᵀ M s
@@ -66,14 +67,16 @@ class Pattern:
         for row in (upper, lower):
             self.indices[row], self.indices[row + 1] = 2 * j, 2 * j + 1
         self.diagonal = np.column_stack((top, top + 1, bottom)).astype(np.int64)  # (N, 3): xx, xy, yy
-        self.blocks = np.column_stack((upper, lower)).astype(np.int64)[slot]  # (M, 2): first entries of the two rows
+        self.blocks = np.column_stack((upper, lower)).astype(np.int64)[slot]  # (M, 2): where its rows begin
 
     def fill(self, bonds: Bonds, free, shift=0.0):
         """Values of K + shift for the disks in the mask `free`; unit rows for the others. (nonzeros,)"""
         values = np.zeros(self.indptr[-1])
         pairs = bonds.pairs
         across = bonds.force / bonds.distance
-        _fill(values, pairs.i, pairs.j, bonds.normal, bonds.stiffness, across, free, self.diagonal, self.blocks)
+        _fill(
+            values, pairs.i, pairs.j, bonds.normal, bonds.stiffness, across, free, self.diagonal, self.blocks
+        )
         values[self.diagonal[free][:, [0, 2]]] += shift
         values[self.diagonal[~free][:, [0, 2]]] = 1.0
         return values
@@ -108,7 +111,9 @@ def border(bonds: Bonds, n: int, area: float, pressure: float):
     ry = bonds.pairs.r0[1]
     along_s, across_s = k * nx * ry, -across * -ny * ry  # M s = along_s n + across_s t, t = (−n_y, n_x)
     strain_row = bonds.on_disks((k * r - f) * bonds.normal, n)
-    shear_row = bonds.on_disks(np.stack((along_s * nx - across_s * ny, along_s * ny + across_s * nx - f * nx)), n)
+    shear_row = bonds.on_disks(
+        np.stack((along_s * nx - across_s * ny, along_s * ny + across_s * nx - f * nx)), n
+    )
     mixed = np.sum((k * r - f) * nx * ry)
     corner = np.array(
         [

@@ -1,8 +1,9 @@
 """The last digits of a quench: Newton's method with the exact Hessian, disks and cell together.
 
-Disks that are held (rattlers, and one pinned against translations) keep unit rows, so the pattern never changes and a
-successful Cholesky factorisation proves that K without rattlers has no negative eigenvalue. The cell is eliminated by
-its Schur complement. The factorisation is passed in (`solver`), so that this package needs no PETSc:
+Disks that are held (rattlers, and one pinned against translations) keep unit rows, so the pattern never
+changes and a successful Cholesky factorisation proves that K without rattlers has no negative eigenvalue. The
+cell is eliminated by its Schur complement. The factorisation is passed in (`solver`), so that this package
+needs no PETSc:
 
     solver.factorise(indptr, indices, values) -> bool    upper triangle as CSR; False if not positive definite
     solver.solve(b) -> x
@@ -91,9 +92,10 @@ class Polish:
             alive &= ~(rattlers[i] | rattlers[j])
 
     def _factorise(self, bonds):
-        """Factor, border and Schur complement of the cell for these bonds; None if K is not positive definite.
+        """Factor, border and Schur complement of the cell for these bonds; None if K has a negative mode.
 
-        Returns (free, rows, response, schur): the mask of moving disks, ∂²H/∂o∂(ε, g), K⁻¹ of it, and what the cell feels.
+        Returns (free, rows, response, schur): the mask of moving disks, ∂²H/∂o∂(ε, g), K⁻¹ of it, and what
+        the cell feels.
         """
         free = ~self.rattlers
         if not free.any():
@@ -118,7 +120,7 @@ class Polish:
         return [b for b, moves in enumerate((goal.pressure is not None, goal.shear)) if moves]
 
     def step(self) -> bool:
-        """One Newton step from the state seen by `look`. False if K is not positive definite or the step is too long."""
+        """One Newton step from where `look` was. False if K has a negative mode or the step is too long."""
         factor = self._factorise(self.bonds)
         if factor is None:
             return False
@@ -140,11 +142,13 @@ class Polish:
         return True
 
     def prove(self) -> bool:
-        """Whether the load-bearing contacts alone make this a minimum; sets `modulus`, the shear modulus G₀ there."""
+        """Whether the load-bearing contacts alone make this a minimum; sets `modulus`, their G₀."""
         i, j = self.bonds.pairs.i, self.bonds.pairs.j
         bearing = self.bonds.force > force_threshold(self.disks, self.pressure)
         bearing &= ~(self.rattlers[i] | self.rattlers[j])
-        bonds = replace(self.bonds, force=self.bonds.force * bearing, stiffness=self.bonds.stiffness * bearing)
+        bonds = replace(
+            self.bonds, force=self.bonds.force * bearing, stiffness=self.bonds.stiffness * bearing
+        )
         factor = self._factorise(bonds)
         if factor is None:
             return False
@@ -153,9 +157,10 @@ class Polish:
         return not moving or float(np.linalg.eigvalsh(schur[np.ix_(moving, moving)])[0]) > 0.0
 
     def release_rattlers(self):
-        """Move rattlers out of the disks they still touch: at rest they carry no force, so FIRE leaves them last.
+        """Move rattlers out of the disks they still touch: FIRE, with hardly a force on them, is slow at it.
 
-        Only rattlers move. One that finds no room within RELEASES sweeps stays; its forces then count on its neighbours.
+        Only rattlers move. One that finds no room within RELEASES sweeps stays; its forces then count on its
+        neighbours.
         """
         pairs, disks = self.bonds.pairs, self.disks
         pressed = self.rattlers[pairs.i] | self.rattlers[pairs.j]
@@ -178,9 +183,10 @@ class Polish:
             self.look()
 
     def converge(self, wanted: Residual) -> bool:
-        """Newton to `wanted`. True when there, with `negative_modes = 0` proved; else the quench is where it was.
+        """Newton to `wanted`. True when there, and a minimum is proved; else the quench is where it was.
 
-        Gives up as soon as a step does not halve the residual: then contacts still change and FIRE should go on.
+        Gives up as soon as a step does not halve the residual: then contacts still change and FIRE should go
+        on.
         """
         start = self.quench.disks
         self.look()
@@ -194,7 +200,9 @@ class Polish:
             if not self.step():
                 break
             here = self.look()
-            if not here.within(wanted) and (here.force > 0.5 * last.force and here.pressure > 0.5 * last.pressure):
+            if not here.within(wanted) and (
+                here.force > 0.5 * last.force and here.pressure > 0.5 * last.pressure
+            ):
                 break
             last = here
         self.quench.set_disks(start)

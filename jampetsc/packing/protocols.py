@@ -12,8 +12,6 @@ from jampetsc.packing.neighbours import spatial_order
 from jampetsc.packing.newton import Polish, limits
 from jampetsc.packing.potentials import Potential
 
-SIZES = ("bidisperse", "monodisperse")
-RATIO = 1.4  # of the two radii
 FIRST = 1e-3  # pressure in units of k from which a random start goes down decade by decade
 LOOSE = 1e-2  # max |F| / (p d) to which the packings on the way are quenched
 EVALUATIONS = 20_000_000  # of the forces, before a quench is given up
@@ -43,16 +41,12 @@ class Effort:
     report: object = field(default=lambda effort: None, repr=False)
 
 
-def radii_of(sizes: str, n: int):
-    """N radii of mean diameter 1 (N,): `bidisperse` is half 0.5/1.2 and half 0.7/1.2, in turn."""
-    if sizes == "monodisperse":
-        return np.full(n, 0.5)
-    small = 1.0 / (1.0 + RATIO)
-    return np.where(np.arange(n) % 2 == 0, small, RATIO * small)
+def _generator(seed):
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed)))
 
 
 def start_phi(pressure: float) -> float:
-    """Packing fraction at which to start for a pressure in units of k: close to where it will end, a little above.
+    """Packing fraction to start from for a pressure in units of k: near where it will end, a little above.
 
     A packing remembers the densest state it was quenched in: coming from p = 1e-2 raises φ at 1e-4 by 0.002.
     """
@@ -66,17 +60,20 @@ def random_start(radii, phi: float, seed: int, potential: Potential) -> Disks:
     """
     radii = np.asarray(radii, float)
     side = np.sqrt(np.pi * np.sum(radii**2) / phi)
-    positions = side * np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed))).random((len(radii), 2))
+    positions = side * _generator(seed).random((len(radii), 2))
     cell = np.diag([side, side])
     order = spatial_order(positions, cell)
     return Disks.from_positions(positions[order], radii[order], cell, potential)
 
 
-def make_packing(start: Disks, target: Target, solver, *, seed: int = 0, fresh: bool = True, effort=None) -> Disks:
+def make_packing(
+    start: Disks, target: Target, solver, *, seed: int = 0, fresh: bool = True, effort=None
+) -> Disks:
     """Quench `start` to `target` and record how; every random number follows from `seed`.
 
-    fresh: a random start, relaxed in its cell first; otherwise a packing whose pressure is changed. At a target pressure
-    the path goes down decade by decade, every packing on the way quenched to max |F| = 1e-2 p d. solver: see `newton`.
+    fresh: a random start, relaxed in its cell first; otherwise a packing whose pressure is changed. At a
+    target pressure the path goes down decade by decade, every packing on the way quenched to max |F| = 1e-2 p
+    d. solver: see `newton`.
 
     Raises ConvergenceError where the packing misses the target, InputError for a φ below jamming.
     """
@@ -101,13 +98,17 @@ def make_packing(start: Disks, target: Target, solver, *, seed: int = 0, fresh: 
             path.append(f"p = {pressure:.6g}")
             if pressure != target.pressure:
                 _loosely(quench, pressure)
-    proof = _exactly(quench, target, solver, np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, 1]))), effort)
-    return _recorded(quench.disks, target, proof, ("random, " if fresh else "") + ", then ".join(path), effort)
+    proof = _exactly(quench, target, solver, _generator([seed, 1]), effort)
+    return _recorded(
+        quench.disks, target, proof, ("random, " if fresh else "") + ", then ".join(path), effort
+    )
 
 
 def _stress_unit(disks):
     """k/d^… : pressure of order one for this potential."""
-    return float(disks.potential.k) / (float(np.mean(2 * disks.radii)) ** 2 if disks.potential.stiffness != "constant" else 1.0)
+    return float(disks.potential.k) / (
+        float(np.mean(2 * disks.radii)) ** 2 if disks.potential.stiffness != "constant" else 1.0
+    )
 
 
 def _decades(now, wanted, include_first):
@@ -130,8 +131,12 @@ def _exactly(quench, target, solver, generator, effort) -> Polish:
     while True:
         polish.look()
         pressure = polish.pressure if target.pressure is None else target.pressure
-        if target.pressure is None and pressure < UNJAMMED * _stress_unit(quench.disks) and effort.evaluations:
-            raise InputError(f"phi = {target.phi:.6g}: the disks do not touch at this packing fraction: choose a larger --phi")
+        if (
+            target.pressure is None
+            and pressure < UNJAMMED * _stress_unit(quench.disks)
+            and effort.evaluations
+        ):
+            raise InputError(f"phi = {target.phi:.6g}: the disks do not touch: choose a larger --phi")
         wanted = limits(quench.disks, pressure, target.tolerance)
         goal = max(fraction * pressure * d, 0.5 * wanted.force)
         reached, force, _ = quench.descend(goal, 2.0 * quench.disks.area * goal / d, EVALUATIONS // 100)
@@ -154,9 +159,9 @@ def _exactly(quench, target, solver, generator, effort) -> Polish:
         if quench.evaluations > EVALUATIONS or effort.kicks > KICKS:
             residual = polish.look()
             raise ConvergenceError(
-                f"quench stopped after {quench.evaluations} force evaluations and {effort.kicks} kicks with max|F|/(p d) = "
-                f"{residual.force / (pressure * d):.2e} (wanted {wanted.force / (pressure * d):.1e}): use another --seed, or a "
-                "larger --tolerance"
+                f"quench stopped after {quench.evaluations} force evaluations and {effort.kicks} kicks with "
+                f"max|F|/(p d) = {residual.force / (pressure * d):.1e}: "
+                "use another --seed, or a larger --tolerance"
             )
 
 
