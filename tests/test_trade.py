@@ -267,14 +267,20 @@ def test_advice_where_only_the_reference_is_exact_enough():
 
 
 @pytest.mark.parametrize(
-    ("off", "verdict"), [(0.02, "as far as scatter goes"), (0.2, "too far for scatter: too few disks")]
+    ("off", "verdict"), [(0.02, ", no more than scatter;"), (0.2, ", more than scatter, too few disks each;")]
 )
 def test_advice_on_packings(off, verdict):
     scatter = {"stderr_storage": 0.01, "stderr_loss": 0.02, "window_storage": off, "window_loss": 0.0}
     row = Row("ensemble", "4 x N = 16", 9.0, **errors(1.0), **scatter)
     line = advise([*ROWS, row])[-1]
-    assert line.startswith("4 x N = 16: 9.0 s, mean off by") and verdict in line
+    assert (
+        line.startswith(f"4 x N = 16: 9.0 s, mean off by {off:.1e} with standard error 2.0e-02")
+        and verdict in line
+    )
     assert line.endswith("an accuracy below 2e-03 is lost in it")
+    big = Row("ensemble", "1 x N = 64", 9.0, **errors(1.0), window_storage=0.1, window_loss=0.3)
+    alone, line = advise([*ROWS, big, row])[-2:]
+    assert "off by 3.0e-01" in alone and ", no more than scatter;" in line
 
 
 def test_a_table_reads_back(tmp_path):

@@ -45,23 +45,21 @@ def plot_trade(rows, certified, path) -> None:
                 _draw(ax, row, colour[group], certified)
         if shown:
             _make_room(ax)
-        ax.legend(handles=_handles(groups, colour), loc="lower left", bbox_to_anchor=(0, 1), ncol=3)
+        handles = _handles(groups, colour)
         if any(min(row.error_storage, row.error_loss) < certified for row in shown):
-            ax.axhline(certified, color=GREY, linewidth=0.6, linestyle=":")
-            note = "errors below the bound of the reference are drawn on it"
-            ax.text(
-                0.01, certified, note, transform=ax.get_yaxis_transform(), fontsize=7, color=GREY, va="top"
-            )
+            what = "errors below are not resolved"
+            handles.append(ax.axhline(certified, color=GREY, linewidth=0.6, linestyle=":", label=what))
+        ax.legend(handles=handles, loc="lower left", bbox_to_anchor=(0, 1), ncol=3, columnspacing=1.2)
         _write_names(fig, ax, shown, certified)
         save(fig, path)
 
 
 def _make_room(ax):
-    """Wider limits, for the names to the right of their points; ticks of seconds as plain numbers."""
-    ax.margins(x=0.06, y=0.08)
+    """Wider limits, for the names beside the points; ticks of seconds as plain numbers."""
+    ax.margins(x=0.06, y=0.1)
     left, right = (math.log10(limit) for limit in ax.get_xlim())
     width = max(right - left, 0.5)
-    ax.set_xlim(10**left, 10 ** (left + 1.22 * width))
+    ax.set_xlim(10 ** (left - 0.05 * width), 10 ** (left + 1.15 * width))
     ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if width < _SHORT_AXIS else (1,)))
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     ax.xaxis.set_minor_formatter(NullFormatter())
@@ -77,7 +75,7 @@ def _draw(ax, row, colour, floor):
 
 
 def _write_names(fig, ax, rows, floor):
-    """The names of the rows to the right of their larger errors, moved up or down where they would cover."""
+    """The names of the rows beside their larger errors, moved up or down where they would cover something."""
     fig.draw_without_rendering()
     points = [
         (row.seconds, max(error, floor)) for row in rows for error in (row.error_storage, row.error_loss)
@@ -90,28 +88,30 @@ def _write_names(fig, ax, rows, floor):
         point = (row.seconds, max(row.error, floor))
         text = ax.annotate(name, point, (5, 0), textcoords="offset points", va="center", fontsize=7)
         text.set(color="0.2", path_effects=[withStroke(linewidth=1.5, foreground="white")])
-        box = text.get_window_extent()
-        rise = _free(box, taken, ax.bbox)
+        right = text.get_window_extent()
+        left = right.translated(-right.width - 10 * fig.dpi / 72, 0)
+        places = [(_rise(box, taken, ax.bbox), box, side) for box, side in ((right, "left"), (left, "right"))]
+        rise, box, side = min(places, key=lambda place: abs(place[0]))
         taken.append(box.translated(0, rise))
-        text.set_position((5, rise * 72 / fig.dpi))
+        text.set(ha=side, position=(5 if side == "left" else -5, rise * 72 / fig.dpi))
 
 
-def _free(box, taken, frame):
+def _rise(box, taken, frame):
     """By how little to raise or lower a box so that it lies in the frame and on none of those taken."""
     step = 0.25 * box.height
     for n in range(int(2 * frame.height / step)):
-        rise = step * (n // 2) * (1 if n % 2 else -1)
+        rise = step * ((n + 1) // 2) * (1 if n % 2 else -1)
         moved = box.translated(0, rise)
-        inside = frame.y0 < moved.y0 and moved.y1 < frame.y1
+        inside = frame.x0 < moved.x0 and moved.x1 < frame.x1 and frame.y0 < moved.y0 and moved.y1 < frame.y1
         if inside and not any(moved.overlaps(other) for other in taken):
             return rise
-    return 0.0
+    return frame.height
 
 
 def _names(rows):
-    """(row, what to write beside it), small errors first; equal results of --accuracy share a name."""
+    """(row, what to write beside it), large errors first; equal results of --accuracy share a name."""
     names = {}
-    for row in sorted(rows, key=lambda row: (row.error, row.seconds)):
+    for row in sorted(rows, key=lambda row: (-row.error, row.seconds)):
         if row.group == "accuracy":
             equal = [other for other in rows if other.group == "accuracy" and other.error == row.error]
             power = ", ".join(f"${number(float(other.choice.split()[-1]))}$" for other in equal)

@@ -4,7 +4,6 @@ from dataclasses import fields
 
 import numpy as np
 
-from jampetsc.packing.protocols import SIZES
 from jampetsc.storage.packing_file import read_packing
 from jampetsc.trade import processes
 from jampetsc.trade.choices import PHYSICS_ACCURACY, Bench, deviation, law_words
@@ -19,7 +18,8 @@ _SMALLEST = 16  # disks
 def plan(packing) -> tuple[list[int], list[str]]:
     """(numbers of packings, lines on what is left out and why) for the packing that the trade is about."""
     disks = read_packing(packing)
-    if disks.record.get("sizes") not in SIZES:
+    sizes = disks.record.get("sizes", "")
+    if not sizes or sizes.startswith("radii of "):  # imported, or from a file of radii
         return [], [f"ensemble: left out, the radii of {packing} cannot be drawn anew by `jampetsc pack`"]
     shares = [share for share in SHARES if disks.n // share >= _SMALLEST]
     small = [f"{s} packings: left out, fewer than {_SMALLEST} disks each" for s in SHARES if s not in shares]
