@@ -74,6 +74,20 @@ def selected(scalar):
                 os.environ[name] = value
 
 
+def to_choose(scalar) -> bool:
+    """Whether `selected` is free to choose among the distribution's builds and finds one with these scalars there."""
+    own = os.environ.get("PETSC_DIR") or "petsc4py" in sys.modules
+    if own:
+        return False
+    spec, builds = importlib.util.find_spec("petsc4py"), distribution_builds()
+    return _distributed(spec, builds) and any(build.scalar == scalar for build in builds)
+
+
+def _distributed(spec, builds):
+    """Whether no petsc4py of the user's own is importable."""
+    return not spec or any(Path(spec.origin).resolve().is_relative_to(b.petsc_dir.resolve()) for b in builds)
+
+
 def remedy(scalar):
     """What to do to get a build with `scalar` scalars when the user's own is of the other type."""
     for build in distribution_builds():
@@ -94,8 +108,7 @@ def _choose(scalar):
             )
         return {"PETSC_DIR": own, "SLEPC_DIR": slepc}
     builds = distribution_builds()
-    spec = importlib.util.find_spec("petsc4py")
-    if spec and not any(Path(spec.origin).resolve().is_relative_to(b.petsc_dir.resolve()) for b in builds):
+    if not _distributed(importlib.util.find_spec("petsc4py"), builds):
         return {}
     wanted = [b for b in builds if b.scalar == (scalar or b.scalar)]
     if not wanted:

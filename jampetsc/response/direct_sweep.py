@@ -4,7 +4,6 @@ import numpy as np
 
 from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.assembly import assemble
-from jampetsc.mechanics.network import build_network
 from jampetsc.progress import Progress
 from jampetsc.response.direct import FrequencySolver
 from jampetsc.response.job import Job, split_field, write_sweep
@@ -19,7 +18,7 @@ def run(job: Job):
     """
     session = current()
     with session.stage("assembly"):
-        network = build_network(job.disks, session.comm)
+        network = job.network(session.comm)
         pencil = assemble(network, job.law)
         solver = FrequencySolver(pencil)
     checkpoint = Checkpoint(job.out, job.key(session.size), session.comm)

@@ -10,6 +10,7 @@ from jampetsc import session
 from jampetsc.analysis.nonlinear import EquivalentDamping
 from jampetsc.errors import InputError
 from jampetsc.mechanics.laws import Law
+from jampetsc.mechanics.network import build_network
 from jampetsc.packing.disks import Disks
 from jampetsc.response.grid import LARGEST, SMALLEST
 from jampetsc.storage.packing_file import packing_identity, read_packing
@@ -17,7 +18,7 @@ from jampetsc.storage.provenance import provenance
 from jampetsc.storage.result_file import ResultWriter
 
 FORMAT = "jampetsc-sweep"
-NOT_SHOWN = "not shown"
+NOT_SHOWN = "not shown: error_bound is a bound only if K has no negative modes"
 BOUNDS = ("error_bound", "error_bound_storage", "error_bound_loss")  # on |ΔG*|, |ΔG'|, |ΔG''|
 
 
@@ -41,10 +42,13 @@ class Job:
     damping: EquivalentDamping | None = None  # None: linear
     parallel: str = "auto"  # what ranks share in the rational method: shifts | matrix | auto
     experiment: np.ndarray | None = None  # (M,) frequency of the experiment for each of omega
+    negative_modes: int | None = None  # of K; None: not known
     started: float = field(default_factory=time.perf_counter)
 
     @classmethod
-    def read(cls, packing, law, omega, field_omega, method, accuracy, out, damping=None, parallel="auto") -> "Job":
+    def read(
+        cls, packing, law, omega, field_omega, method, accuracy, out, damping=None, parallel="auto"
+    ) -> "Job":
         """The job for a packing file; fields are stored at frequencies of the sweep, so those are added to it.
 
         Raises InputError where power-law damping would need frequencies beyond what can be solved.
@@ -58,9 +62,10 @@ class Job:
                 f"equivalent to {solved[beyond][0]:g} under linear damping, outside {SMALLEST:g} to "
                 f"{LARGEST:g}: narrow --omega"
             )
+        disks = read_packing(packing)
         return cls(
             packing=Path(packing),
-            disks=read_packing(packing),
+            disks=disks,
             identity=packing_identity(packing),
             law=law,
             omega=solved,
@@ -71,7 +76,15 @@ class Job:
             damping=damping,
             parallel=parallel,
             experiment=experiment,
+            negative_modes=disks.record.get("negative_modes") if law.prestress else 0,
         )
+
+    def network(self, comm):
+        """The contact network of the packing. Collective. Raises InputError, naming the file, where it is not rigid."""
+        try:
+            return build_network(self.disks, comm)
+        except InputError as error:
+            raise InputError(f"{self.packing}: {error}") from None
 
     def asked(self, omega):
         """Frequencies of the experiment for some of `self.omega`, in their shape."""
@@ -86,12 +99,18 @@ class Job:
 
     @property
     def positive_semidefinite(self) -> str:
-        """Why K has no negative modes, or that this was not shown; the error bound rests on it."""
+        """Whether K has no negative modes, and how that is known; the error bound rests on it."""
         if not self.law.prestress:
             return "by construction (no pre-stress)"
-        if self.disks.record.get("negative_modes") == 0:
+        if self.negative_modes is None:
+            return NOT_SHOWN
+        if self.negative_modes:
+            return (
+                f"no: {self.negative_modes} negative modes; error_bound is an estimate, |rᵀA⁻¹r|, not a bound"
+            )
+        if "negative_modes" in self.disks.record:
             return "proved when the packing was made"
-        return NOT_SHOWN
+        return "proved by Cholesky's factorisation of K"
 
     def key(self, ranks: int) -> dict:
         """What identifies the job to a checkpoint; rows of fields belong to ranks, numbers do not."""
@@ -106,7 +125,9 @@ class Job:
         }
 
 
-def write_sweep(job: Job, network, omega, G, bounds, fields, extra: dict, reduced: dict | None = None) -> None:
+def write_sweep(
+    job: Job, network, omega, G, bounds, fields, extra: dict, reduced: dict | None = None
+) -> None:
     """Write the result file. Collective.
 
     omega and G (M,) and bounds (M, 3) on |ΔG*|, |ΔG'| and |ΔG''|, the same on all ranks; omega are among job.omega;
@@ -135,7 +156,9 @@ def write_sweep(job: Job, network, omega, G, bounds, fields, extra: dict, reduce
             **provenance(
                 versions=session.versions(),
                 scalar_type=running.scalar_type,
-                petsc_options=" ".join(f"-{name} {value or ''}".strip() for name, value in running.options().items()),
+                petsc_options=" ".join(
+                    f"-{name} {value or ''}".strip() for name, value in running.options().items()
+                ),
                 ranks=network.comm.size,
                 packing=job.identity,
                 law=job.parameters,

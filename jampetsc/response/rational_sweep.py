@@ -1,15 +1,13 @@
-"""The rational sweep as a job: proof of stability, progress, checkpoint, fields, result file."""
+"""The rational sweep as a job: progress, checkpoint, fields, result file."""
 
 import numpy as np
 
 from jampetsc.errors import InputError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
-from jampetsc.mechanics.laws import Law
-from jampetsc.mechanics.network import build_network
-from jampetsc.mechanics.shifted import NotPositiveDefinite, ShiftedFactor
+from jampetsc.mechanics.shifted import NotPositiveDefinite
 from jampetsc.progress import Progress
-from jampetsc.response.job import NOT_SHOWN, Job, split_field, write_sweep
+from jampetsc.response.job import Job, split_field, write_sweep
 from jampetsc.response.rational import RationalSweep
 from jampetsc.session import current
 from jampetsc.storage.checkpoint import Checkpoint
@@ -18,14 +16,12 @@ from jampetsc.storage.checkpoint import Checkpoint
 def run(job: Job):
     """Sweep and write the file. Collective.
 
-    Returns (omega, G, bounds) as for `write_sweep`. Raises InputError where K is not positive semi-definite, ConvergenceError where the
-    accuracy cannot be certified.
+    Returns (omega, G, bounds) as for `write_sweep`. K must be positive semi-definite, see `stability`: raises InputError where a
+    factorisation shows that it is not, ConvergenceError where the accuracy cannot be certified.
     """
     session = current()
     with session.stage("assembly"):
-        network = build_network(job.disks, session.comm)
-        if job.positive_semidefinite == NOT_SHOWN:
-            require_minimum(job, network)
+        network = job.network(session.comm)
         pencil = assemble(network, job.law)
         compatibility = build_compatibility(pencil)
     sweep = RationalSweep(pencil, compatibility, job.omega, job.accuracy, job.parallel)
@@ -45,7 +41,9 @@ def run(job: Job):
                 session.check_options()
             basis = sweep.basis
             fields = {"vectors": basis.vectors[before:]} | ({} if before else {"x0": basis.x0})
-            checkpoint.save(len(checkpoint.done), {"first": basis.first, "shifts": basis.shifts[before:]}, fields)
+            checkpoint.save(
+                len(checkpoint.done), {"first": basis.first, "shifts": basis.shifts[before:]}, fields
+            )
             listed = ", ".join(f"{shift:.2e}" for shift in shifts)
             progress.step(f"shift {listed}  vectors {basis.size}  worst bound / allowed {sweep.worst():.1e}")
         with session.stage("projection"):
@@ -82,20 +80,3 @@ def _restore(sweep, checkpoint):
         np.concatenate([array["vectors"] for array in arrays]),
         np.concatenate([record["shifts"] for record in records]),
     )
-
-
-def require_minimum(job: Job, network) -> None:
-    """Show that K, pre-stress included, has no negative eigenvalue, by factorising it. Collective.
-
-    Raises InputError with the number of negative modes otherwise.
-    """
-    pencil = assemble(network, Law(beta=0.0))
-    try:
-        ShiftedFactor(pencil, 0.0).destroy()
-    except NotPositiveDefinite:
-        raise InputError(
-            f"{job.packing}: K has negative modes: not a minimum of the energy, so no bound would hold; quench it "
-            "(`jampetsc pack --from`) or use --method direct, which solves all the same"
-        ) from None
-    finally:
-        pencil.destroy()

@@ -1,0 +1,51 @@
+"""Whether a packing is a minimum of its energy, and what becomes of a sweep when it is not.
+
+The rational method and every error bound need K + ωB to be positive definite. Where K has negative modes G* is still defined, and
+is solved for frequency by frequency.
+"""
+
+from dataclasses import replace
+
+from jampetsc.mechanics.assembly import assemble
+from jampetsc.mechanics.examine import elastic_inertia
+from jampetsc.mechanics.laws import Law
+from jampetsc.mechanics.network import Network
+from jampetsc.mechanics.shifted import NotPositiveDefinite, ShiftedFactor
+from jampetsc.progress import Progress
+from jampetsc.response.job import Job
+from jampetsc.session import current
+
+
+def negative_modes(network: Network) -> int:
+    """Number of negative eigenvalues of K with pre-stress. Collective; needs the real build.
+
+    None when Cholesky's factorisation of K succeeds, otherwise counted by inertia. Raises ConvergenceError if that fails.
+    """
+    pencil = assemble(network, Law(beta=0.0))
+    try:
+        ShiftedFactor(pencil, 0.0).destroy()
+        return 0
+    except NotPositiveDefinite:
+        return elastic_inertia(network, prestress=True).negative
+    finally:
+        pencil.destroy()
+
+
+def settle(job: Job) -> Job:
+    """The job with the negative modes of its packing known, and by the direct method where there are some. Collective.
+
+    Nothing is counted for a job that is direct anyway. Says so on stderr when the method changes.
+    """
+    if job.method == "direct":
+        return job
+    if job.negative_modes is None:
+        network = job.network(current().comm)
+        job = replace(job, negative_modes=negative_modes(network))
+    if not job.negative_modes:
+        return job
+    with Progress(None, "sweep", current().rank) as progress:
+        progress.note(
+            f"{job.packing}: K has {job.negative_modes} negative modes, so the packing is not a minimum of its energy: "
+            "solving every frequency by --method direct; error_bound is an estimate then"
+        )
+    return replace(job, method="direct")
