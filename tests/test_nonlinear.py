@@ -1,10 +1,15 @@
 """Power-law damping: the self-consistent equivalent frequency, its limits, and the moduli that follow."""
 
 import math
+import subprocess
+import sys
 from types import SimpleNamespace
 
+import launch
 import numpy as np
 import pytest
+import samples
+from dense import Reference
 from scipy.integrate import quad
 
 from jampetsc.analysis.nonlinear import EquivalentDamping
@@ -12,6 +17,9 @@ from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.analysis.scaling import fit_power_law
 from jampetsc.commands.lawoptions import damping_from
 from jampetsc.errors import InputError
+from jampetsc.mechanics.laws import Law
+from jampetsc.storage.packing_file import write_packing
+from jampetsc.storage.reader import load
 
 OMEGA = np.geomspace(1e-16, 1e12, 281)
 ALPHAS = (0.1, 0.5, 2 / 3, 1.5, 2.0, 5.0)
@@ -114,3 +122,59 @@ def test_bad_options(alpha, stress, law, message):
 
 def test_linear_damping_without_the_options():
     assert damping_from(SimpleNamespace(alpha=None, stress=None, law="contact")) is None
+
+
+# The sweep
+
+
+def jampetsc(*words):
+    line = [sys.executable, "-m", "jampetsc", *map(str, words)]
+    return subprocess.run(line, env=launch.environment(), capture_output=True, text=True, timeout=120)
+
+
+def sweep(out, packing, *words):
+    done = jampetsc("sweep", packing, "--out", out, *words)
+    assert done.returncode == 0, done.stderr
+    return load(out), done.stdout
+
+
+@pytest.mark.parametrize("method", ["rational", "direct"])
+def test_a_sweep_is_the_linear_one_at_equivalent_frequencies(tmp_path, method):
+    packing = tmp_path / "packing.h5"
+    write_packing(packing, samples.published())
+    words = ("--method", method, "--omega", "1e-8:1:9", "--fields", "1e-4", "--tau1", "2.5", "--beta", "0.3")
+    found, said = sweep(tmp_path / "a.h5", packing, *words, "--alpha", "0.5", "--stress", "1e-5")
+    assert "alpha 0.5, stress 1e-05 k: equivalent linear frequencies" in said
+    assert found.law["alpha"] == 0.5 and found.law["stress"] == 1e-5
+    omega, solved = found.omega, found["equivalent_omega"]
+    np.testing.assert_allclose(omega, np.geomspace(1e-8, 1, 9))
+    np.testing.assert_allclose(solved, EquivalentDamping(0.5, 1e-5).frequency(omega * 2.5) / 2.5)
+    np.testing.assert_array_equal(found.fields.omega, [1e-4])
+    law = Law(beta=0.3, tau1=2.5)
+    exact = np.array([Reference(samples.published(), law).modulus(w) for w in solved[::4]])
+    assert (np.abs(found.G[::4] - exact) <= found.error_bound[::4]).all()
+    assert (found.error_bound < 1e-5 * np.abs(found.G)).all()
+    if method == "rational":
+        between = np.sqrt(omega[3] * omega[4])
+        equivalent = EquivalentDamping(0.5, 1e-5).frequency(between * 2.5) / 2.5
+        assert found.modulus(between) == pytest.approx(found.spectrum.modulus(equivalent), rel=1e-12)
+        assert found.frequency_range == (solved[0], solved[-1])
+
+
+def test_an_exponent_of_one_changes_no_sweep(tmp_path):
+    packing = tmp_path / "packing.h5"
+    write_packing(packing, samples.published())
+    linear, _ = sweep(tmp_path / "linear.h5", packing, "--omega", "1e-4:1:5")
+    found, _ = sweep(tmp_path / "one.h5", packing, "--omega", "1e-4:1:5", "--alpha", "1", "--stress", "1e-3")
+    np.testing.assert_array_equal(found.G, linear.G)
+    np.testing.assert_array_equal(found.error_bound, linear.error_bound)
+
+
+def test_frequencies_that_cannot_be_solved_are_refused(tmp_path):
+    packing = tmp_path / "packing.h5"
+    write_packing(packing, samples.published())
+    words = ("--omega", "1e-4:1e4:9", "--alpha", "0.2", "--stress", "1e-8")
+    done = jampetsc("sweep", packing, "--out", tmp_path / "a.h5", *words)
+    assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
+    assert "--alpha 0.2 --stress 1e-08: omega = " in done.stderr and "narrow --omega" in done.stderr
+    assert not (tmp_path / "a.h5").exists()

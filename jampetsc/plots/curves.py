@@ -9,7 +9,7 @@ from jampetsc.plots.style import MARKERS, colours, number, power_or_number, sequ
 
 _SAME = 1e-9  # frequencies closer than this, relatively, are one: a grid and a list that meet
 _BOUNDS = ("error_bound_storage", "error_bound_loss")  # sharper than the one on |ΔG*|, where a file has them
-_SYMBOLS = {"beta": r"\beta", "eta_f": r"\eta_F"}
+_SYMBOLS = {"beta": r"\beta", "eta_f": r"\eta_F", "alpha": r"\alpha", "stress": r"\sigma_0/k"}
 _SWITCHES = {  # attribute -> what to say if it is (off, on)
     "rotations": ("no rotations", "rotations"),
     "prestress": ("no pre-stress", "pre-stress"),
@@ -34,7 +34,7 @@ class Curve:
         found["law"] = self.attributes.get("law")
         for key in (*_SYMBOLS, *_SWITCHES):
             found[key] = self.attributes.get(key)
-        return found
+        return found | {"alpha": self.attributes.get("alpha", 1.0)}  # linear damping unless told otherwise
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,6 +19,7 @@ from jampetsc.storage.result_file import ResultWriter
 
 FORMAT = "jampetsc-sweep"
 NOT_SHOWN = "not shown: error_bound is a bound only if K has no negative modes"
+SAME = 1e-9  # a frequency of the grid this close to one of the fields, relatively, is that one
 BOUNDS = ("error_bound", "error_bound_storage", "error_bound_loss")  # on |ΔG*|, |ΔG'|, |ΔG''|
 
 
@@ -53,7 +54,8 @@ class Job:
 
         Raises InputError where power-law damping would need frequencies beyond what can be solved.
         """
-        experiment = np.union1d(omega, field_omega)
+        apart = ~np.isclose(np.asarray(omega)[:, None], field_omega, rtol=SAME, atol=0.0).any(axis=1)
+        experiment = np.union1d(np.asarray(omega)[apart], field_omega)
         solved = experiment if damping is None else damping.frequency(experiment * law.tau1) / law.tau1
         beyond = (solved < SMALLEST) | (solved > LARGEST)
         if beyond.any():
