@@ -1,10 +1,10 @@
-"""Ensemble averages of packings at N = 1024 against independently made ones (random start, quenched at fixed p).
+"""Ensemble averages at N = 1024 against independently made packings (random start, quenched at fixed p).
 
     .venv/bin/python benchmarks/ensemble.py [--n 1024] [--samples 20] [--pressures 1e-2,1e-3,1e-4]
 
-Prints φ, (Z − 4 + 4/N)/√p, the fraction of rattlers, and G₀/√p without and with pre-stress: mean ± standard error, the
-reference, and the difference in units of both standard errors together. With pre-stress G₀ < 0 occurs and the
-distribution has a long tail: the median and the fraction below zero are printed, too.
+Prints φ, (Z − 4 + 4/N)/√p, the fraction of rattlers, and G₀/√p without and with pre-stress: mean ± standard
+error, the reference, and the difference in units of both standard errors together. With pre-stress G₀ < 0 occurs
+and the distribution has a long tail: the median and the fraction below zero are printed, too.
 """
 
 import argparse
@@ -50,8 +50,8 @@ def main():
             error = column.std(ddof=1) / np.sqrt(len(column))
             deviation = (column.mean() - reference[0]) / np.hypot(error, reference[1])
             print(
-                f"  {name:26s} {column.mean():8.5f} ± {error:.5f}   reference {reference[0]:8.5f} ± {reference[1]:.5f}"
-                f"   {deviation:+.1f} standard errors"
+                f"  {name:26s} {column.mean():8.5f} ± {error:.5f}   "
+                f"reference {reference[0]:8.5f} ± {reference[1]:.5f}   {deviation:+.1f} standard errors"
             )
         moduli = table[:, -1]
         print(f"  median G0/sqrt(p) {np.median(moduli):.3f}, below zero: {np.mean(moduli < 0):.2f}")

@@ -1,4 +1,4 @@
-"""Quench against LAMMPS from the same start: time per force evaluation, and to the same max|F|/p at the same p.
+"""Quench against LAMMPS from the same start: time per evaluation, and to the same max|F|/p at the same p.
 
     .venv/bin/python benchmarks/quench.py [--n 32768] [--pressure 1e-4] [--lammps PATH/TO/lmp] [--rounds 20]
 

@@ -2,7 +2,7 @@
 
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +38,7 @@ def add_parser(subparsers) -> None:
     parser = subparsers.add_parser(
         "pack",
         help="make a packing, or an ensemble",
-        description="Make jammed packings of soft disks: minima of enthalpy at fixed p, or of energy at fixed φ.",
+        description="Make jammed packings of soft disks, minima of enthalpy at fixed p or of energy at fixed φ.",
         epilog=EPILOG,
         allow_abbrev=False,
     )
@@ -201,7 +201,7 @@ def _from_packing(args):
     for name in ("n", "potential", "stiffness", "sizes", "radii"):
         if getattr(args, name) is not None:
             raise InputError(f"--{name}: belongs to the packing {args.source}; leave it out with --from")
-    disks = read_packing(args.source)
+    disks = replace(read_packing(args.source), record={})
     if args.phi is None and measure(disks).pressure <= 0:
         raise InputError(
             f"{args.source}: no disks touch, so there is no pressure to change: use --phi, or a random start"

@@ -90,6 +90,7 @@ def make_packing(
             now = max(FIRST * _stress_unit(start), target.pressure)
         else:
             now = measure(start).pressure
+            path.append(f"p = {now:.6g}")
         for pressure in [*_decades(now, target.pressure, fresh), target.pressure]:
             effort.stage = f"p = {pressure:.3g}"
             effort.report(effort)
