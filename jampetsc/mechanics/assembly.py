@@ -17,6 +17,8 @@ from jampetsc.mechanics.laws import Law
 from jampetsc.mechanics.network import Network, Pieces, find_pieces
 from jampetsc.session import current
 
+ROW = 6.0  # |A| ≤ ROW max(diagonal) for the A of a contact network: six unknowns at most share a form
+
 
 @dataclass(frozen=True, eq=False)
 class Pencil:
@@ -187,3 +189,11 @@ def distributed_matrix(comm, csr, values):
 def _vector(comm, values):
     PETSc = current().PETSc
     return PETSc.Vec().createWithArray(values.astype(PETSc.ScalarType), comm=comm)
+
+
+def largest_entry(matrix) -> float:
+    """Largest diagonal entry of a matrix of squares, in modulus the largest of all. Collective."""
+    diagonal = matrix.getDiagonal()
+    most = abs(diagonal.max()[1])
+    diagonal.destroy()
+    return float(most)

@@ -20,12 +20,11 @@ cancellation that the recurrence suffers where it finds little new.
 
 import numpy as np
 
-from jampetsc.mechanics.assembly import Pencil
+from jampetsc.mechanics.assembly import ROW, Pencil, largest_entry
 from jampetsc.mechanics.shifted import ShiftedFactor
 
 BREAKDOWN = 1e-14  # what is left is rounding when it is this small, relative to what it is the difference of
 NEW = 1e-5  # shortest new part of a vector, relative to it, that still has enough right digits
-ROW = 6.0  # |A| ≤ ROW max(diagonal) for the A of a contact network: six unknowns at most share a form
 
 
 class RationalBasis:
@@ -200,11 +199,3 @@ class RationalBasis:
         """Free the work vectors."""
         self._in.destroy()
         self._out.destroy()
-
-
-def largest_entry(matrix) -> float:
-    """Largest diagonal entry of a matrix of squares, so the largest of all. Collective."""
-    diagonal = matrix.getDiagonal()
-    most = diagonal.max()[1]
-    diagonal.destroy()
-    return float(most)

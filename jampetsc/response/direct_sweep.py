@@ -5,6 +5,7 @@ import numpy as np
 from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.progress import Progress
+from jampetsc.response.certificate import field_bound
 from jampetsc.response.direct import FrequencySolver
 from jampetsc.response.job import Job, split_field, write_sweep
 from jampetsc.session import current
@@ -39,11 +40,13 @@ def run(job: Job):
             finally:
                 if index == todo[0]:
                     session.check_options()
-            fields = None
+            record, fields = {"G": result.G, "bounds": [result.error_bound, *result.parts]}, None
             if omega in job.field_omega:
                 displacement, rotation = split_field(pencil, solver.x)
                 fields = {"displacement": displacement} | ({} if rotation is None else {"rotation": rotation})
-            checkpoint.save(index, {"G": result.G, "bounds": [result.error_bound, *result.parts]}, fields)
+                squared = result.error * network.area
+                record["field_bound"] = field_bound(solver.compatibility, omega, solver.x, squared)
+            checkpoint.save(index, record, fields)
             progress.step(
                 f"omega {omega:.3e}  G' {result.G.real:.6e}  G'' {result.G.imag:.6e}  bound {result.error_bound:.1e}  "
                 f"iterations {solver.iterations}"
@@ -75,4 +78,4 @@ def run(job: Job):
 def _stored_fields(checkpoint, indices):
     for index in indices:
         arrays = checkpoint.fields(index)
-        yield arrays["displacement"], arrays.get("rotation")
+        yield arrays["displacement"], arrays.get("rotation"), checkpoint.done[index]["field_bound"]

@@ -10,8 +10,10 @@ from scipy.linalg import lapack, solve_triangular
 
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.errors import ConvergenceError
+from jampetsc.mechanics.assembly import ROW, largest_entry
 from jampetsc.mechanics.compatibility import Compatibility
-from jampetsc.response.basis import ROW, RationalBasis, largest_entry
+from jampetsc.response.basis import RationalBasis
+from jampetsc.response.certificate import field_bound
 
 
 EPSILON = float(np.finfo(float).eps)
@@ -50,16 +52,7 @@ class Galerkin:
         self._finish(motions, rates)
 
     def _motions(self, fields):
-        C = self.compatibility.C
-        x, a = C.createVecs()
-        motions = np.empty((a.getLocalSize(), fields.shape[1]))
-        for column, field in enumerate(fields.T):
-            x.setArray(field)
-            C.mult(x, a)
-            motions[:, column] = a.getArray()
-        x.destroy()
-        a.destroy()
-        return motions
+        return np.column_stack([self.compatibility.motions(field) for field in fields.T])
 
     def _project(self, fields, motions):
         """[x₀, V]ᵀ K [x₀, V] and the same of B, with γ in the first row: (m + 1, m + 1) each."""
@@ -98,7 +91,7 @@ class Galerkin:
 
         # What rounding does to a sum Σ w a² : see `_rounding`. Reach: what the terms of the motions a = C x + g come to.
         squares = np.column_stack((field**2, self.modes**2))
-        norms = np.sqrt(self.network.sum(squares.sum(axis=0)))
+        norms = self._norms = np.sqrt(self.network.sum(squares.sum(axis=0)))
         reach_K, reach_B = (
             np.sqrt(ROW * largest_entry(matrix)) * norms for matrix in (c.pencil.K, c.pencil.B)
         )
@@ -124,8 +117,16 @@ class Galerkin:
 
     def field(self, omega: float):
         """The non-affine field x(iω), complex (n_local,): x_qs − iω Σ_m h_m φ_m / (λ_m + iω)."""
-        spectrum = self.spectrum
-        return self.quasistatic - self.modes @ (1j * omega * self.loads / (spectrum.rates + 1j * omega))
+        return self.quasistatic - self.modes @ self._amplitudes(omega)
+
+    def _amplitudes(self, omega):
+        return 1j * omega * self.loads / (self.spectrum.rates + 1j * omega)
+
+    def field_bound(self, omega: float, error: float) -> float:
+        """Bound on the error of `field`, relative in the energy norm, from that on |ΔG*| without rounding. Collective."""
+        size = self._norms @ np.abs(np.append(1.0, self._amplitudes(omega)))
+        squared = np.sqrt(2.0) * error * self.network.area
+        return field_bound(self.compatibility, omega, self.field(omega), squared, size)
 
 
 def _rounding(size, reach):

@@ -133,8 +133,7 @@ def write_sweep(
     """Write the result file. Collective.
 
     omega and G (M,) and bounds (M, 3) on |ΔG*|, |ΔG'| and |ΔG''|, the same on all ranks; omega are among job.omega;
-    fields yields (displacement (n_local, 2), rotation (n_local,) or None) for each
-    of job.field_omega in turn; extra holds attributes of the method, reduced the datasets of the group `reduced`.
+    fields yields (displacement (n_local, 2), rotation (n_local,) or None, relative bound) for each of job.field_omega in turn; extra holds attributes of the method, reduced the datasets of the group `reduced`.
     """
     running = session.current()
     with ResultWriter(job.out, FORMAT, network.comm) as writer:
@@ -149,10 +148,13 @@ def write_sweep(
         if len(job.field_omega):
             writer.dataset("fields/omega", job.asked(job.field_omega))
             writer.distributed("particles", network.particles)
-            for displacement, rotation in fields:
+            errors = []
+            for displacement, rotation, error in fields:
                 writer.append("fields/displacement", displacement)
                 if rotation is not None:
                     writer.append("fields/rotation", rotation)
+                errors.append(error)
+            writer.dataset("fields/error_bound", np.array(errors))
         record = job.disks.record
         writer.attributes(
             **provenance(

@@ -93,15 +93,10 @@ class RationalSweep:
     def _set_basis(self, basis):
         self.basis = basis
         c = self.compatibility
-        x, a = c.C.createVecs()
-        x.setArray(basis.x0)
-        c.C.mult(x, a)
-        squares = (a.getArray() + c.g) ** 2
+        squares = (c.motions(basis.x0) + c.g) ** 2
         drag = c.drag * (basis.x0 @ basis.x0)
         self._still = self.pencil.network.sum(np.array([c.w_K @ squares, c.w_B @ squares + drag]))
         self._still[1] += c.drag_gg
-        x.destroy()
-        a.destroy()
 
     def worst(self) -> float:
         """Largest ratio of the bound to what the accuracy allows; done when ≤ 1."""
@@ -131,6 +126,10 @@ class RationalSweep:
         best[between] = np.minimum(best[between], np.interp(omega[between], at, energy))
         size = np.abs(self.basis.factor(1j * omega)) ** 2 * self.basis.phi(omega)
         return np.sqrt(2.0) * size * best / self.pencil.network.area
+
+    def error_at(self, omega: float) -> float:
+        """Bound on |ΔG*| at one of the frequencies, rounding left out."""
+        return float(self.error[np.searchsorted(self.omega, omega)])
 
     def finish(self) -> tuple[Galerkin, np.ndarray, np.ndarray]:
         """(Galerkin, G* (M,), bounds (M, 3) on |ΔG*|, |ΔG'|, |ΔG''|), rounding included.

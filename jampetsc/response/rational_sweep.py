@@ -55,7 +55,10 @@ def run(job: Job):
         job.omega,
         G,
         bounds,
-        (split_field(pencil, galerkin.field(omega)) for omega in job.field_omega),
+        (
+            (*split_field(pencil, galerkin.field(omega)), galerkin.field_bound(omega, sweep.error_at(omega)))
+            for omega in job.field_omega
+        ),
         {"factorisations": sweep.factorisations, "vectors": sweep.basis.size, "unknowns": pencil.unknowns},
         {
             "G0": spectrum.G0,
