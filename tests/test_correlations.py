@@ -17,6 +17,7 @@ from jampetsc.analysis.correlations import (
 from jampetsc.errors import InputError
 from jampetsc.packing.disks import Disks
 from jampetsc.storage.packing_file import packing_identity, write_packing
+from jampetsc.storage.provenance import derived_from
 from jampetsc.storage.reader import load
 from jampetsc.storage.result_file import ResultWriter
 
@@ -252,6 +253,13 @@ def test_a_file_of_correlations(tmp_path, capsys):
     assert "6 packings, L = 20 d, lanes of 1 d" in said and "lanes of 0.5 d: C differs by" in said
 
 
+def test_the_names_of_many_sources_fit_into_attributes(tmp_path):
+    sweep = load(write_sweep(tmp_path, "s" * 100))
+    with ResultWriter(tmp_path / "c.h5", "jampetsc-correlation") as writer:
+        writer.attributes(**derived_from([sweep] * 5000, 0.0, argv=["jampetsc"] * 20000))
+    assert load(tmp_path / "c.h5").attributes["sources"].endswith("…")
+
+
 def test_chosen_frequencies_and_a_packing_elsewhere(tmp_path, capsys):
     sweep = write_sweep(tmp_path, "s")
     packing = (tmp_path / "packing-s.h5").rename(tmp_path / "elsewhere.h5")
@@ -307,6 +315,22 @@ def test_bad_input(tmp_path, monkeypatch, line, message):
     with pytest.raises(InputError, match=message):
         run(*line.split(), "--out", "c.h5")
     assert not (tmp_path / "c.h5").exists()
+
+
+def test_the_collapse_of_lengths_is_told_in_numbers(tmp_path, capsys):
+    for name, pressure in (("a", 1e-3), ("b", 1.2e-3)):
+        run(write_sweep(tmp_path, f"s{name}", pressure=pressure), "--out", tmp_path / f"{name}.h5")
+    files = [str(tmp_path / "a.h5"), str(tmp_path / "b.h5")]
+    cli.dispatch(["plot", *files, "--log-exponent", "-0.5", "--out", str(tmp_path / "p.png")])
+    assert "correlation lengths of 2 files; l (-ln p)^-0.5 differs by" in capsys.readouterr().out
+    with pytest.raises(InputError, match="--log-exponent 11: must lie between -10 and 10"):
+        cli.dispatch(["plot", *files, "--log-exponent", "11", "--out", str(tmp_path / "p.png")])
+    with pytest.raises(
+        InputError, match=r"--log-exponent 1\.0: belongs to length pictures, not to correlation"
+    ):
+        cli.dispatch(
+            ["plot", *files, "--kind", "correlation", "--log-exponent", "1", "--out", str(tmp_path / "p.png")]
+        )
 
 
 def test_a_length_needs_a_root(tmp_path):

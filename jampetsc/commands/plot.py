@@ -37,6 +37,7 @@ KINDS = {  # what can be drawn -> of which files; the first that suits a file is
 OPTIONS = {  # option -> the pictures it is for
     "mu": ("collapse",),
     "lambda": ("collapse",),
+    "log_exponent": ("length",),
     "omega": ("fields", "correlation"),
     "packing": ("fields", "response", "mode"),
     "mode": ("mode",),
@@ -58,6 +59,12 @@ def add_parser(subparsers):
     parser.add_argument("--mu", type=float, metavar="MU", help="collapse: moduli over p^MU (default 0.5)")
     parser.add_argument(
         "--lambda", type=float, metavar="LAMBDA", help="collapse: frequency over p^LAMBDA (default 1)"
+    )
+    parser.add_argument(
+        "--log-exponent",
+        type=float,
+        metavar="B",
+        help="length: collapse of l (-ln p)^B against omega/p^(1/2) (default 0.65, as BT have it)",
     )
     parser.add_argument(
         "--omega",
@@ -117,11 +124,13 @@ def _asked_kinds(args):
         left = [kind for kind in kinds if kind in meant]
         if not left:
             raise InputError(
-                f"--{option} {value}: belongs to {' or '.join(meant)} pictures, not to {' or '.join(kinds)}: "
-                "leave it out"
+                f"--{option.replace('_', '-')} {value}: belongs to {' or '.join(meant)} pictures, "
+                f"not to {' or '.join(kinds)}: leave it out"
             )
         if "collapse" in left and not 0 < value < 10:
             raise InputError(f"--{option} {value:g}: must lie between 0 and 10")
+        if "length" in left and not abs(value) < 10:
+            raise InputError(f"--log-exponent {value:g}: must lie between -10 and 10")
         kinds = left
     return kinds
 
@@ -201,10 +210,18 @@ def _correlation(args, items):
 
 
 def _length(args, items):
+    from jampetsc.analysis.correlations import LOG_EXPONENT, length_spread
     from jampetsc.plots.correlation import correlation_curve, plot_lengths
 
-    plot_lengths([correlation_curve(item) for item in items], args.out)
-    return f"correlation lengths of {_count(items, 'file', 'files')}"
+    curves = [correlation_curve(item) for item in items]
+    exponent = LOG_EXPONENT if args.log_exponent is None else args.log_exponent
+    plot_lengths(curves, args.out, exponent)
+    text = f"correlation lengths of {_count(items, 'file', 'files')}"
+    try:
+        spread = length_spread([(c.omega, c.G, c.pressure, c.size) for c in curves], exponent)
+    except InputError:  # one file, or files that share no scaled frequency
+        return text
+    return f"{text}; l (-ln p)^{exponent:g} differs by {100 * spread:.2g} % (rms) at equal omega/p^(1/2)"
 
 
 def _medians(args, items):

@@ -6,6 +6,7 @@ import shlex
 import sys
 from pathlib import Path
 
+LONGEST = 10_000  # characters of a list of files
 LAW_PARAMETERS = ("beta", "rotations", "eta_f", "prestress", "tau1", "alpha", "stress")
 
 
@@ -53,9 +54,9 @@ def derived_from(sweeps, wall_seconds, argv=None) -> dict:
         "jampetsc_version": __version__,
         "git_commit": git_commit(),
         "python_version": sys.version.split()[0],
-        "argv": shlex.join(sys.argv if argv is None else argv),
-        "sources": shlex.join(sweep.path.name for sweep in sweeps),
-        "source_runs": " ".join(str(attributes.get("run_id", "?")) for attributes in known),
+        "argv": _shortened(shlex.join(sys.argv if argv is None else argv)),
+        "sources": _shortened(shlex.join(sweep.path.name for sweep in sweeps)),
+        "source_runs": _shortened(" ".join(str(attributes.get("run_id", "?")) for attributes in known)),
         **{
             name: known[0][name]
             for name in shared
@@ -64,6 +65,11 @@ def derived_from(sweeps, wall_seconds, argv=None) -> dict:
         "wall_seconds": float(wall_seconds),
         "date": datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
     }
+
+
+def _shortened(text):
+    """`text`, cut where a large ensemble makes it too long for an HDF5 attribute, of 64 kB at most."""
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]} …"
 
 
 def law_of(attributes) -> dict:
