@@ -20,7 +20,6 @@ PHYSICS_ACCURACY = 1e-3  # well below what simpler physics changes, and certifie
 PER_DECADE = (0.5, 1, 2, 4)  # frequencies, solved one by one
 OPTIONS = Path(__file__).resolve().parents[2] / "options"
 OPTIONS_FILES = tuple(OPTIONS / f"{name}.opts" for name in ("iterative", "superlu_dist", "low_memory"))
-_INPUT = 2  # exit status for bad input: no accuracy would help
 
 
 @dataclass(frozen=True)
@@ -61,7 +60,7 @@ class Bench:
     def find_reference(self) -> list[Row]:
         """Find the tightest rational sweep that is certified; its row first, then the failed `ACCURACIES`.
 
-        Raises InputError or ConvergenceError with the run's own line where there is none.
+        Raises JampetscError with the run's own line where there is none.
         """
         rows = []
         for accuracy in TIGHTEST:
@@ -69,8 +68,10 @@ class Bench:
             outcome, result = self.sweep(self.packing, words)
             name = f"--accuracy {accuracy:g}"
             if result is None:
-                if outcome.status == _INPUT:
+                if outcome.status == InputError.exit_code:
                     raise InputError(outcome.error)
+                if outcome.status != ConvergenceError.exit_code:
+                    raise JampetscError(f"no reference: {outcome.error}")
                 failed = self.failed("accuracy", name, outcome)
                 rows += [failed] if accuracy in ACCURACIES else []
                 continue

@@ -81,4 +81,6 @@ def _reason(text, status):
         return ours[0]
     if status < 0:
         return f"killed by signal {-status}"
-    return lines[-1] if lines else f"exit status {status} without a message"
+    if not lines:
+        return f"exit status {status} without a message"
+    return lines[-1] if any(line.startswith("Traceback") for line in lines) else lines[0]
