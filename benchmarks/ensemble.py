@@ -3,8 +3,8 @@
     .venv/bin/python benchmarks/ensemble.py [--n 1024] [--samples 20] [--pressures 1e-2,1e-3,1e-4]
 
 Prints φ, (Z − 4 + 4/N)/√p, the fraction of rattlers, and G₀/√p without and with pre-stress: mean ± standard
-error, the reference, and the difference in units of both standard errors together. With pre-stress G₀ < 0 occurs
-and the distribution has a long tail: the median and the fraction below zero are printed, too.
+error, the reference, and the difference in units of both standard errors together. With pre-stress G₀ < 0
+occurs and the distribution has a long tail: the median and the fraction below zero are printed, too.
 """
 
 import argparse

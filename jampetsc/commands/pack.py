@@ -38,7 +38,7 @@ def add_parser(subparsers) -> None:
     parser = subparsers.add_parser(
         "pack",
         help="make a packing, or an ensemble",
-        description="Make jammed packings of soft disks, minima of enthalpy at fixed p or of energy at fixed φ.",
+        description="Make packings of soft disks: minima of enthalpy at given p, of energy at given φ.",
         epilog=EPILOG,
         allow_abbrev=False,
     )
