@@ -59,6 +59,11 @@ def test_a_file_holds_the_response_in_time(tmp_path, capsys):
     assert "16 relaxation times from 1 to 1e+04" in said and "1/G0 = 50" in said
 
 
+def test_a_sweep_that_ends_early_says_so(tmp_path, capsys):
+    run(write_sweep(tmp_path / "short.h5", omega=np.geomspace(1e-3, 1e2, 9)), "--out", tmp_path / "s.h5")
+    assert "the sweep covers times 0.01 to 1e+03: what is faster or slower" in capsys.readouterr().out
+
+
 def test_instability_and_power_law_damping_are_said(tmp_path, capsys):
     sweep = write_sweep(tmp_path / "unstable.h5", spectrum(-0.01))
     run(sweep, "--out", tmp_path / "s.h5")

@@ -13,7 +13,7 @@ _GAPS = 2.0  # its width in gaps between modes: with two, single modes show by a
 _BEYOND = (
     100.0  # times are shown so far beyond the fastest and the slowest mode; there nothing happens any more
 )
-_GROWTH = 100.0  # creep that grows is followed for so many times its time constant
+_GROWTH = 5.0  # creep that grows is followed for so many times its time constant
 
 
 @dataclass(frozen=True, eq=False)

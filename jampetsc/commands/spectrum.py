@@ -133,6 +133,14 @@ def _summary(out, sweep, spectrum, found):
         lines.append(
             f"  J(t -> inf) = 1/G0 = {1.0 / spectrum.G0:.6g}, slowest retardation {1 / late.rates[0]:.3g}"
         )
+    slowest, fastest = sweep.frequency_range
+    if len(spectrum.rates) and not (
+        slowest < 0.1 * spectrum.rates[-1] and fastest > 10.0 * spectrum.rates[0]
+    ):
+        lines.append(
+            f"  the sweep covers times {1 / fastest:.3g} to {1 / slowest:.3g}: "
+            "what is faster or slower is not certified"
+        )
     if sweep.damping is not None:
         lines.append(
             "  this is the spectrum of linear damping: --alpha is not in it, and J(t), G(t) need linearity"
