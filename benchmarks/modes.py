@@ -2,8 +2,9 @@
 
     .venv/bin/python benchmarks/modes.py [--sizes 4096,32768] [--pressure 1e-4] [--count 50] [--repeats 3]
 
-Both get the same K, the same shift and the same tolerance; times are the best of the repeats, taken in turn. "certified"
-adds what `jampetsc modes` does besides: the proof that K has no negative modes, and the count of modes by inertia.
+Both get the same K, the same shift and the same tolerance; times are the best of the repeats, taken in turn.
+"certified" adds what `jampetsc modes` does besides: the proof that K has no negative modes, and the count of
+modes by inertia.
 """
 
 import argparse
@@ -62,21 +63,27 @@ def main():
     parser.add_argument("--sizes", default="4096,32768", help="numbers of disks (default 4096,32768)")
     parser.add_argument("--pressure", default="1e-4", help="pressure of the packings (default 1e-4)")
     parser.add_argument("--count", type=int, default=50, help="number of modes (default 50)")
-    parser.add_argument("--repeats", type=int, default=3, help="repeats, of which the best counts (default 3)")
+    parser.add_argument(
+        "--repeats", type=int, default=3, help="repeats, of which the best counts (default 3)"
+    )
     parser.add_argument("--measure", help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.measure:
         measure(args.measure, args.count, args.repeats)
         return
     print(machine())
-    print("      N  unknowns   SLEPc s   eigsh s  ratio  certified s  ratio   counted  eigenvalues differ  residuals")
+    print(
+        "      N  unknowns   SLEPc s   eigsh s  ratio  certified s  ratio   counted  "
+        "eigenvalues differ  residuals"
+    )
     for n in map(int, args.sizes.split(",")):
         path = packing(n, args.pressure)
         words = ["--measure", path, "--count", args.count, "--repeats", args.repeats]
         r = worker(__file__, *words)
         whole = r["slepc"] + r["count"]
         print(
-            f"{n:7d}  {r['unknowns']:8d}  {r['slepc']:8.2f}  {r['scipy']:8.2f}  {r['scipy'] / r['slepc']:5.1f}  "
+            f"{n:7d}  {r['unknowns']:8d}  {r['slepc']:8.2f}  {r['scipy']:8.2f}  "
+            f"{r['scipy'] / r['slepc']:5.1f}  "
             f"{whole:11.2f}  {r['scipy'] / whole:5.1f}  {r['counted']:8d}  {r['differ']:18.1e}  "
             + ", ".join(f"{x:.0e}" for x in r["residuals"]),
             flush=True,

@@ -22,6 +22,7 @@ PREFIX = "modes_"
 # would be amplified by 1/σ and its rounding drown the others.
 SHIFT = 1e-7
 SPARE = 2  # eigenpairs more than asked for: the first one tells where the last one asked for ends
+BLOCKS = 30_000  # unknowns from which dense blocks pay in the triangular solves of CHOLMOD
 DENSE = 8192  # unknowns up to which LAPACK finds all eigenpairs
 
 
@@ -77,7 +78,7 @@ def _krylov(pencil, moves, count, stiffness):
         raise InputError(
             "slepc4py is missing: install it for the PETSc in use (Debian: python3-slepc4py-real)"
         )
-    _set_defaults(session, pencil.network.comm.size)
+    _set_defaults(session, pencil.network.comm.size, pencil.unknowns)
     deflated = [_vector(pencil, move) for move in moves]
     eps = SLEPc.EPS().create(pencil.network.comm)
     eps.setOptionsPrefix(PREFIX)
@@ -115,7 +116,8 @@ def _krylov(pencil, moves, count, stiffness):
             item.destroy()
 
 
-def _set_defaults(session, ranks):
+def _set_defaults(session, ranks, unknowns):
+    kind = "SIMPLICIAL" if unknowns < BLOCKS else "SUPERNODAL"
     alone = ranks == 1 and session.PETSc.Sys.hasExternalPackage("suitesparse")
     session.set_defaults(
         {
@@ -126,11 +128,7 @@ def _set_defaults(session, ranks):
             PREFIX + "st_ksp_type": "preonly",
             PREFIX + "st_pc_type": "cholesky",
             PREFIX + "st_pc_factor_mat_solver_type": "cholmod" if alone else "mumps",
-            **(
-                {PREFIX + "st_mat_cholmod_factor": "SUPERNODAL"}
-                if alone
-                else {PREFIX + "st_mat_mumps_icntl_7": "2"}
-            ),
+            **({PREFIX + "st_mat_cholmod_factor": kind} if alone else {PREFIX + "st_mat_mumps_icntl_7": "2"}),
         }
     )
 
