@@ -401,9 +401,9 @@ def test_too_many_frequencies_for_one_picture(tmp_path, packing):
         ("p2.h5 packing.h5", r"p2\.h5 is a sweep, packing\.h5 a packing: one picture shows"),
         ("packing.h5 packing.h5", "2 packings: one picture shows one packing"),
         ("p2.h5 --kind fields", "holds no fields: run the sweep with --fields"),
-        ("fields.h5 fields.h5 --kind fields", "2 sweeps: fields are drawn of one"),
-        ("p2.h5 --kind packing", "is a sweep: packing pictures need a packing"),
-        ("packing.h5 --kind moduli", "is a packing: moduli pictures need sweeps"),
+        ("fields.h5 fields.h5 --kind fields", "2 sweep files: fields pictures show one"),
+        ("p2.h5 --kind packing", "is a sweep file: packing pictures need a packing"),
+        ("packing.h5 --kind moduli", "is a packing file: moduli pictures need sweeps"),
         (
             "p2.h5 --kind moduli --omega 1",
             "--omega 1: belongs to fields or correlation pictures, not to moduli",
@@ -415,7 +415,7 @@ def test_too_many_frequencies_for_one_picture(tmp_path, packing):
         ("bare.h5 --kind collapse", r"bare\.h5: attribute pressure is missing"),
         ("negative.h5 --kind collapse", r"negative\.h5: pressure -0\.1: must be positive"),
         ("fast.h5 --kind collapse", r"fast\.h5: lowest frequency 10: critical scaling needs"),
-        ("modes.h5", r"modes\.h5: is a modes file: plot has no picture of it"),
+        ("modes.h5 --kind moduli", r"modes\.h5: is a modes file: moduli pictures need sweeps"),
         ("missing.h5", r"missing\.h5: no such file"),
     ],
 )

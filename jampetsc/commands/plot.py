@@ -86,12 +86,10 @@ def run(args, petsc_argv):
     kinds = _asked_kinds(args)
     check_output(args.out)
     held, items = open_files(args.files)
-    if not any(held in files for files in KINDS.values()):
-        raise InputError(f"{args.files[0]}: is a {held} file: plot has no picture of it")
     kind = next((name for name in kinds if held in KINDS[name]), kinds[0])
     if held not in KINDS[kind]:
         needed = {"packing": "a packing", "spectrum": "spectra or sweeps"}.get(kind, f"{KINDS[kind][0]}s")
-        raise InputError(f"{args.files[0]}: is a {held}: {kind} pictures need {needed}")
+        raise InputError(f"{args.files[0]}: is a {held} file: {kind} pictures need {needed}")
     if kind in ("fields", "response", "mode") and len(items) > 1:
         raise InputError(f"{len(items)} {held} files: {kind} pictures show one; plot them one by one")
     draw = {
