@@ -62,6 +62,11 @@ class RationalSweep:
         worst = int(np.argmax(ratio))
         if ratio[worst] <= 1.0:
             return []
+        if self.basis.complete and not np.isfinite(ratio[worst]):
+            raise ConvergenceError(
+                f"G″ vanishes at ω = {self.omega[worst]:g}, so no relative accuracy can be met: nothing moves against the strain, "
+                "and there is no fluid"
+            )
         if self.basis.complete or self.basis.size >= MOST_VECTORS:
             raise ConvergenceError(
                 f"the bound on the error of G* stays at {ratio[worst]:.1e} times what --accuracy {self.accuracy:g} allows at "

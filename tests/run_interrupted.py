@@ -1,0 +1,29 @@
+"""A program of the tests, also under mpirun: python tests/run_interrupted.py COUNT ARGUMENTS…
+
+`jampetsc ARGUMENTS`, killed by SIGKILL as soon as COUNT steps are on disk.
+"""
+
+import os
+import signal
+import sys
+
+from jampetsc import cli
+from jampetsc.storage.checkpoint import Checkpoint
+
+
+def main(count, arguments):
+    save = Checkpoint.save
+
+    def save_and_die(self, *step):
+        save(self, *step)
+        if len(self.done) >= count:
+            if self.comm is not None:
+                self.comm.Barrier()
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    Checkpoint.save = save_and_die
+    return cli.main(arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main(int(sys.argv[1]), sys.argv[2:]))

@@ -1,0 +1,54 @@
+"""Rational sweeps without files, and how they compare with a reference."""
+
+import numpy as np
+
+from jampetsc.mechanics.assembly import assemble
+from jampetsc.mechanics.compatibility import build_compatibility
+from jampetsc.mechanics.network import build_network
+from jampetsc.response.rational import RationalSweep
+
+
+class Sweep:
+    """The sweep of `disks` under `law`, finished; a context manager. Collective.
+
+    G (M,), bounds (M, 3) on |ΔG*|, |ΔG'|, |ΔG''|; galerkin, basis and sweep as the package made them
+    """
+
+    def __init__(self, disks, law, omega, accuracy, comm, parallel="auto"):
+        self.omega = np.atleast_1d(np.asarray(omega, float))
+        self.network = build_network(disks, comm)
+        self.pencil = assemble(self.network, law)
+        self.compatibility = build_compatibility(self.pencil)
+        self.sweep = RationalSweep(self.pencil, self.compatibility, self.omega, accuracy, parallel)
+
+    def __enter__(self):
+        try:
+            while shifts := self.sweep.next_shifts():
+                self.sweep.add_shifts(shifts)
+            self.galerkin, self.G, self.bounds = self.sweep.finish()
+        except BaseException:
+            self.__exit__()
+            raise
+        self.basis = self.sweep.basis
+        return self
+
+    def __exit__(self, *_):
+        for item in (self.sweep, self.compatibility, self.pencil):
+            item.destroy()
+
+
+def errors(G, exact):
+    """|ΔG*|, |ΔG'|, |ΔG''| and what they compare with, (M, 3) each; what a double cannot hold is no error."""
+    exact = np.asarray(exact)
+    size = np.column_stack((np.abs(exact), np.abs(exact.real), np.abs(exact.imag)))
+    d = G - exact
+    error = np.column_stack((np.abs(d), np.abs(d.real), np.abs(d.imag)))
+    return np.where(error <= 2 * np.finfo(float).eps * size, 0.0, error), size
+
+
+def judge(G, bounds, exact, accuracy, what):
+    """G' and G'' each within `accuracy`, and everything within its bound."""
+    error, size = errors(G, exact)
+    assert np.all(error <= bounds), what
+    assert np.all(error[:, 1:] <= accuracy * size[:, 1:]), what
+    assert np.all(bounds[:, 1:] <= 2 * accuracy * size[:, 1:]), what

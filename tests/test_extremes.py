@@ -1,0 +1,58 @@
+"""The ends of every range: certified and right, against extended precision.
+
+`benchmarks/extremes.py` has the whole matrix.
+"""
+
+import numpy as np
+import pytest
+from dense import Reference
+from samples import isostatic, polydisperse, published
+from sweeps import Sweep, judge
+
+from jampetsc.mechanics.laws import Law
+
+pytestmark = pytest.mark.scalar("real")
+
+OMEGA = np.geomspace(1e-14, 1e8, 12)
+LAWS = [
+    *(Law(beta=beta, prestress=prestress) for beta in (0.0, 1e-10, 1.0, 1e4) for prestress in (True, False)),
+    *(Law(beta=beta, rotations=False) for beta in (1e-10, 1e4)),
+    *(Law("stokes", eta_f=eta) for eta in (0.0, 1e-10, 1e10)),
+    Law("stokes", eta_f=0.0, prestress=False),
+]
+
+
+@pytest.mark.parametrize("law", LAWS, ids=str)
+@pytest.mark.parametrize("sample", [published, isostatic], ids=["N = 16, p = 1e-3", "N = 24, p = 1e-7"])
+def test_small_packings(session, sample, law):
+    """22 decades of frequency; the space becomes complete before its bound does."""
+    exact = Reference(sample(), law)
+    wanted = np.array([exact.modulus(omega) for omega in OMEGA])
+    for accuracy in (1e-2, 1e-10):
+        with Sweep(sample(), law, OMEGA, accuracy, session.comm) as found:
+            judge(found.G, found.bounds, wanted, accuracy, (law, accuracy))
+            assert found.galerkin.spectrum.weights.min(initial=0.0) >= 0.0
+
+
+@pytest.mark.parametrize("omega", [1e-14, 1e8], ids=str)
+@pytest.mark.parametrize("law", [Law(beta=1e-10), Law(beta=1e4), Law("stokes", eta_f=1e10)], ids=str)
+def test_one_frequency_alone(session, law, omega):
+    disks, _ = polydisperse(0)
+    with Sweep(disks, law, [omega], 1e-8, session.comm) as found:
+        judge(found.G, found.bounds, np.array([Reference(disks, law).modulus(omega)]), 1e-8, law)
+
+
+def test_a_negative_shear_modulus_is_no_instability(session):
+    """The box is held, so K may be positive and G₀ negative: the strain is no unknown."""
+    for index in range(10):
+        disks, _ = polydisperse(index)
+        exact = Reference(disks, Law())
+        found_G0 = exact.quasistatic()[1]
+        if found_G0 < 0:
+            break
+    else:
+        pytest.fail("none of the ten packings has a negative modulus")
+    wanted = np.array([exact.modulus(omega) for omega in OMEGA])
+    with Sweep(disks, Law(), OMEGA, 1e-6, session.comm) as found:
+        assert found.galerkin.spectrum.G0 < 0
+        judge(found.G, found.bounds, wanted, 1e-6, index)

@@ -1,0 +1,65 @@
+"""A rational sweep killed half-way: the same command continues, another one starts from the beginning."""
+
+import re
+
+import numpy as np
+import pytest
+from launch import run
+from samples import polydisperse, published
+
+import jampetsc
+from jampetsc.storage.packing_file import write_packing
+
+
+@pytest.fixture
+def packing(tmp_path):
+    path = tmp_path / "packing.h5"
+    write_packing(path, polydisperse(3)[0])
+    return path
+
+
+def sweep(ranks, count, packing, out, *more):
+    """The sweep, killed after `count` steps; stderr."""
+    words = ("sweep", packing, "--out", out, "--accuracy", "1e-10", "--fields", "0.01", *more)
+    return run(ranks, "run_interrupted.py", count, *words)
+
+
+@pytest.mark.parametrize("ranks", [0, 2])
+def test_the_same_command_continues(packing, tmp_path, ranks):
+    whole, out = tmp_path / "whole.h5", tmp_path / "sweep.h5"
+    assert sweep(ranks, 99, packing, whole).returncode == 0
+    assert sweep(ranks, 1, packing, out).returncode != 0
+    assert not out.exists()
+    done = sweep(ranks, 99, packing, out)
+    assert done.returncode == 0, done.stderr
+    assert f"continuing {out}.resume: 1 shifts are finished" in done.stderr
+    assert not list(tmp_path.glob("sweep.h5.resume*"))
+    results = [jampetsc.load(path) for path in (whole, out)]
+    np.testing.assert_allclose(results[1].G, results[0].G, rtol=1e-9)
+    np.testing.assert_allclose(*(result["fields/displacement"] for result in results), atol=1e-4)
+    # what was lost is a factor: the first of the new ones stands where the last of the old ones was
+    vectors = [int(n) for n in re.findall(r"vectors (\d+)", done.stderr)]
+    assert vectors[0] > 4
+    factorisations = [result.attributes["factorisations"] for result in results]
+    assert factorisations[1] <= factorisations[0] + max(ranks, 1)
+
+
+def test_another_command_starts_from_the_beginning(packing, tmp_path):
+    out = tmp_path / "sweep.h5"
+    assert sweep(0, 1, packing, out).returncode != 0
+    done = sweep(0, 99, packing, out, "--beta", "2")
+    assert done.returncode == 0, done.stderr
+    assert "belongs to another job: ignored, starting from the beginning" in done.stderr
+    assert jampetsc.load(out).law["beta"] == 2.0
+
+
+def test_a_sweep_without_vectors_continues(packing, tmp_path):
+    """β = 0 without pre-stress: everything is known after the first step."""
+    out = tmp_path / "sweep.h5"
+    kelvin_voigt = ("--beta", "0", "--no-prestress")
+    write_packing(packing, published())
+    assert sweep(0, 1, packing, out, *kelvin_voigt).returncode != 0
+    done = sweep(0, 99, packing, out, *kelvin_voigt)
+    assert done.returncode == 0, done.stderr
+    assert "continuing" in done.stderr
+    assert jampetsc.load(out).attributes["vectors"] == 0

@@ -1,0 +1,224 @@
+"""The rational sweep: published values, dense references, its bounds, its shortcuts, its files."""
+
+import numpy as np
+import pytest
+from dense import Reference, without
+from gathered import unknowns
+from samples import DATA, LAWS, ORACLE, SAMPLES, isostatic, published, reference
+from sweeps import Sweep, errors, judge
+
+import jampetsc
+from jampetsc import cli
+from jampetsc.errors import ConvergenceError
+from jampetsc.mechanics.laws import Law
+from jampetsc.packing.disks import Disks
+from jampetsc.storage.packing_file import write_packing
+
+pytestmark = pytest.mark.scalar("real")
+
+OMEGA = np.geomspace(1e-10, 1e4, 15)
+MINIMA = ("published", "hertzian", "polydisperse", "isostatic")
+ISOSTATIC = DATA / "isostatic-N24-p1e-7.h5"
+
+
+def exact(sample, law, omega=OMEGA):
+    return np.array([reference(sample, law).modulus(w) for w in omega])
+
+
+@pytest.mark.parametrize("case", ORACLE["cases"], ids=lambda case: case["case"])
+def test_published_moduli(session, case):
+    """Nine laws at eleven frequencies in 50-digit arithmetic; printed to 14 digits."""
+    parameters = dict(case["parameters"])
+    law = Law(kind=parameters.pop("law"), **parameters)
+    with Sweep(published(), law, case["omega"], 1e-10, session.comm) as found:
+        np.testing.assert_allclose(found.G.real, case["G_storage"], rtol=1e-10)
+        np.testing.assert_allclose(found.G.imag, case["G_loss"], rtol=1e-10)
+
+
+@pytest.mark.parametrize("sample", MINIMA)
+def test_bounds_hold_and_accuracies_are_met(session, sample):
+    for law in LAWS if sample == "published" else (str(Law()), str(Law("stokes"))):
+        wanted = exact(sample, law)
+        for accuracy in (1e-2, 1e-6):
+            with Sweep(SAMPLES[sample](), LAWS[law], OMEGA, accuracy, session.comm) as found:
+                judge(found.G, found.bounds, wanted, accuracy, (law, accuracy))
+
+
+@pytest.mark.parametrize("parallel", ["shifts", "matrix"])
+def test_ranks_may_be_used_in_two_ways(session, parallel):
+    law = str(Law())
+    with Sweep(SAMPLES["polydisperse"](), LAWS[law], OMEGA, 1e-8, session.comm, parallel) as found:
+        judge(found.G, found.bounds, exact("polydisperse", law), 1e-8, parallel)
+
+
+def test_the_bound_is_not_far_from_the_error(session):
+    """Where rounding is far away: never below the error, half of the time within a factor of ten."""
+    ratios = []
+    for sample in ("polydisperse", "isostatic"):
+        for law in (str(Law()), str(Law("stokes"))):
+            with Sweep(SAMPLES[sample](), LAWS[law], OMEGA, 1e-2, session.comm, "matrix") as found:
+                error, size = errors(found.G, exact(sample, law))
+                large = error[:, 0] > 1e-10 * size[:, 0]
+                ratios.extend(found.bounds[large, 0] / error[large, 0])
+    assert len(ratios) > 20
+    assert min(ratios) >= 1.0
+    assert np.median(ratios) < 10.0
+
+
+@pytest.mark.parametrize("law", [Law(), Law(beta=1e4), Law(beta=1e-7), Law("stokes")], ids=str)
+@pytest.mark.parametrize("parallel", ["shifts", "matrix"])
+def test_residual_is_one_vector_times_one_function(session, law, parallel):
+    """K x(iω) + iωB x(iω) + k_γ + iω b_γ = f φ q, which the bound rests on: at any ω, to rounding."""
+    with Sweep(SAMPLES["polydisperse"](), law, OMEGA, 1e-4, session.comm, parallel) as found:
+        pencil, basis = found.pencil, found.basis
+        q2 = found.network.sum(basis.residual() @ basis.residual())
+        c = found.compatibility
+        for omega in (3e-7, 2e-3, 0.4, 700.0):
+            x = found.galerkin.field(omega)
+            forces = (c.w_K + 1j * omega * c.w_B) * (c.motions(x) + c.g)
+            r = c.forces(forces) + 1j * omega * c.drag * x
+            size2 = found.network.sum(np.vdot(r, r).real)
+            wanted2 = np.abs(basis.factor(np.array(1j * omega))) ** 2 * basis.phi([omega])[0] * q2
+            border = pencil.k_gamma.norm() + omega * pencil.b_gamma.norm()
+            assert np.sqrt(size2) == pytest.approx(np.sqrt(wanted2), rel=1e-3, abs=1e-11 * border)
+
+
+def test_accuracy_costs(session):
+    """Fewer vectors for less accuracy, and fewer factorisations for a narrow range."""
+    law = Law()
+    sizes = []
+    for accuracy in (1e-2, 1e-6, 1e-10):
+        with Sweep(SAMPLES["polydisperse"](), law, OMEGA, accuracy, session.comm, "matrix") as found:
+            sizes.append(found.basis.size)
+            wide = found.sweep.factorisations
+    assert sizes == sorted(sizes) and sizes[0] < sizes[-1]
+    with Sweep(SAMPLES["polydisperse"](), law, [0.01], 1e-10, session.comm, "matrix") as found:
+        assert found.sweep.factorisations == 1 < wide
+        judge(found.G, found.bounds, exact("polydisperse", str(law), [0.01]), 1e-10, "one frequency")
+
+
+@pytest.mark.parametrize("sample", ["published", "isostatic"])
+def test_proportional_damping_takes_one_factorisation(session, sample):
+    """β = 0 without pre-stress, one stiffness for all: G* = G₀(1 + iωτ₁) (identity 4), nothing to solve for."""
+    law = Law(beta=0.0, prestress=False, tau1=0.3)
+    omega = np.geomspace(1e-14, 1e8, 23)
+    with Sweep(SAMPLES[sample](), law, omega, 1e-10, session.comm, "matrix") as found:
+        assert (found.sweep.factorisations, found.basis.size) == (1, 0)
+        G0 = found.galerkin.spectrum.G0
+        np.testing.assert_allclose(found.G, G0 * (1 + 0.3j * omega), rtol=1e-12)
+
+
+def lattice():
+    """A triangular lattice, in which a shear moves every disk with the cell."""
+    row, column = np.divmod(np.arange(24), 6)
+    positions = np.column_stack((column + 0.5 * row, np.sqrt(0.75) * row)) * 0.98
+    return Disks.from_positions(positions, np.full(24, 0.5), [(6 * 0.98, 0), (0.0, 4 * np.sqrt(0.75) * 0.98)])
+
+
+def test_a_crystal_has_no_relaxation(session):
+    law = Law("stokes", eta_f=2.0, prestress=False)
+    with Sweep(lattice(), law, OMEGA, 1e-10, session.comm) as found:
+        assert found.sweep.factorisations <= session.size and found.basis.size == 0
+        assert found.G.real == pytest.approx(found.pencil.k_gg / found.network.area, rel=1e-12)
+        assert found.G.imag == pytest.approx(2.0 * OMEGA, rel=1e-12)
+
+
+def test_what_does_not_dissipate_is_refused(session):
+    """A crystal in a fluid without viscosity has G'' = 0, of which nothing is known relatively."""
+    with (
+        pytest.raises(ConvergenceError, match=r"G″ vanishes at ω = 1e-10"),
+        Sweep(lattice(), Law("stokes", eta_f=0.0, prestress=False), OMEGA, 1e-2, session.comm),
+    ):
+        pass
+
+
+def test_too_much_accuracy_is_refused(session):
+    with (
+        pytest.raises(
+            ConvergenceError, match=r"only certain to .*, by rounding; --accuracy 1e-16 cannot be met"
+        ),
+        Sweep(isostatic(), Law(), [1e-3], 1e-16, session.comm),
+    ):
+        pass
+
+
+@pytest.mark.parametrize("name", [str(Law()), str(Law(rotations=False)), str(Law("stokes"))])
+def test_fields_and_their_bounds(session, name):
+    """Energy norm of the error of a field against the dense one, over that of the field."""
+    law, exact_law = LAWS[name], reference("polydisperse", name)
+    ratios = []
+    with Sweep(SAMPLES["polydisperse"](), law, OMEGA, 1e-4, session.comm) as found:
+        rows = unknowns(found.network, law.dofs, exact_law.disks)
+        for omega in OMEGA[::3]:
+            bound = found.galerkin.field_bound(omega, found.sweep.error_at(omega))
+            x = np.concatenate(session.comm.allgather(found.galerkin.field(omega)))
+            wanted = exact_law.solution(omega)[0][rows]
+            moves = exact_law.free_moves()[rows]
+            S = (exact_law.K + omega * exact_law.B)[:-1, :-1][np.ix_(rows, rows)]
+            energy = [float((np.conj(v) @ S @ v).real) for v in (without(moves, x - wanted), wanted)]
+            error = np.sqrt(energy[0] / energy[1])
+            assert error <= bound
+            assert bound < 0.05
+            if error > 1e-9:
+                ratios.append(bound / error)
+    assert np.median(ratios) < 10.0
+
+
+def test_files_hold_the_spectrum_and_fields(session, shared_path):
+    """G* at any other frequency from the file alone; fields where they were asked for."""
+    packing, out = shared_path / "packing.h5", shared_path / "sweep.h5"
+    if session.rank == 0:
+        write_packing(packing, SAMPLES["polydisperse"]())
+    session.comm.Barrier()
+    line = f"sweep {packing} --out {out} --omega 1e-6:1e2:9 --fields 1e-3,0.5 --accuracy 1e-8"
+    assert cli.main(line.split()) == 0
+    session.comm.Barrier()
+    result = jampetsc.load(out)
+    assert result.attributes["method"] == "rational"
+    assert result.attributes["positive_semidefinite"] == "proved by Cholesky's factorisation of K"
+    assert result.attributes["factorisations"] < 9
+    other = np.array([2e-5, 0.033, 7.7])
+    wanted = exact("polydisperse", str(Law()), other)
+    np.testing.assert_allclose(result.modulus(other), wanted, rtol=1e-7)
+    assert result["fields/error_bound"].shape == (2,)
+    assert np.all(result["fields/error_bound"] < 1e-3)
+    assert np.all(result["fields/error_bound"] > 0)
+
+
+def unstable():
+    """A packing pushed off its minimum: K with pre-stress has negative modes."""
+    disks = SAMPLES["polydisperse"]()
+    noise = np.random.default_rng(4).normal(0, 0.015, (disks.n, 2))
+    return Disks.from_positions(disks.positions + noise, disks.radii, disks.cell, disks.potential)
+
+
+def test_what_is_no_minimum_is_solved_directly(session, shared_path, capfd):
+    packing, out = shared_path / "packing.h5", shared_path / "sweep.h5"
+    if session.rank == 0:
+        write_packing(packing, unstable())
+    session.comm.Barrier()
+    assert cli.main(f"sweep {packing} --out {out} --omega 1e-6,1e-2,10 --fields 0.01".split()) == 0
+    session.comm.Barrier()
+    wanted = Reference(unstable(), Law())
+    modes = (
+        wanted.K[:-1, :-1]
+        .astype(float)
+        .reshape(wanted.n, 3, wanted.n, 3)[:, :2, :, :2]
+        .reshape(2 * wanted.n, -1)
+    )
+    count = int(np.count_nonzero(np.linalg.eigvalsh(modes) < -1e-9))
+    assert count > 0
+    said = capfd.readouterr()
+    if session.rank == 0:
+        assert f"{packing}: K has {count} negative modes, so the packing is not a minimum" in said.err
+        assert "estimated to" in said.out
+    result = jampetsc.load(out)
+    assert result.attributes["method"] == "direct"
+    assert result.attributes["positive_semidefinite"].startswith(
+        f"no: {count} negative modes; error_bound is an estimate"
+    )
+    for omega, G, bound in zip(result.omega, result.G, result.error_bound, strict=True):
+        there = wanted.modulus(omega)
+        assert abs(G - there) <= bound
+        assert G.real == pytest.approx(there.real, rel=1e-8)
+        assert G.imag == pytest.approx(there.imag, rel=1e-8)
