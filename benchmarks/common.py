@@ -33,7 +33,10 @@ def worker(script, *arguments, ranks: int = 1) -> dict:
     """Run `script arguments…` in processes of its own; returns what it handed to `report`."""
     start = ["mpirun", "--oversubscribe", "-n", str(ranks)] if ranks > 1 else []
     done = subprocess.run(
-        [*start, sys.executable, str(script), *map(str, arguments)], capture_output=True, text=True, env=environment()
+        [*start, sys.executable, str(script), *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        env=environment(),
     )
     if done.returncode:
         sys.exit(f"{script} {' '.join(map(str, arguments))} failed:\n{done.stderr[-2000:]}")
@@ -52,4 +55,6 @@ def machine() -> str:
         (line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")),
         platform.processor(),
     )
-    return f"{model}, {len(os.sched_getaffinity(0))} cores, load {os.getloadavg()[0]:.1f}, one thread per rank"
+    return (
+        f"{model}, {len(os.sched_getaffinity(0))} cores, load {os.getloadavg()[0]:.1f}, one thread per rank"
+    )

@@ -2,8 +2,9 @@
 
     .venv/bin/python benchmarks/direct.py [--n 1024,4096,32768] [--pressure 1e-4] [--frequencies 8]
 
-The peer is scipy.sparse.linalg.splu in symmetric mode with MMD_AT_PLUS_A ordering, the fastest way scipy offers. Both factorise
-K + iωB (β = 1, rotations, pre-stress) once per frequency; ours certifies each G* as well, which takes a second solve.
+The peer is scipy.sparse.linalg.splu in symmetric mode with MMD_AT_PLUS_A ordering, the fastest way scipy
+offers. Both factorise K + iωB (β = 1, rotations, pre-stress) once per frequency; ours certifies each G* as
+well, which takes a second solve.
 """
 
 import argparse
@@ -47,7 +48,10 @@ def superlu(path, omega):
     from scipy.sparse.linalg import splu
 
     pencil, network = matrices(path)
-    K, B = (csc_array((m.getValuesCSR()[2], *m.getValuesCSR()[1::-1]), shape=m.getSize()) for m in (pencil.K, pencil.B))
+    K, B = (
+        csc_array((m.getValuesCSR()[2], *m.getValuesCSR()[1::-1]), shape=m.getSize())
+        for m in (pencil.K, pencil.B)
+    )
     k, b = pencil.k_gamma.getArray(), pencil.b_gamma.getArray()
     values = []
     start = time.perf_counter()
@@ -73,7 +77,8 @@ def main():
         {"ours": ours, "superlu": superlu}[args.worker[0]](args.worker[1], omega)
         return
     print(machine())
-    print(f"{'N':>7} {'unknowns':>9} {'1 rank':>9} {'2 ranks':>9} {'SuperLU':>9}  ratio  {'memory/GB: ours, SuperLU':>25}   differ")
+    head = f"{'N':>7} {'unknowns':>9} {'1 rank':>9} {'2 ranks':>9} {'SuperLU':>9}"
+    print(f"{head}  ratio  {'memory/GB: ours, SuperLU':>25}   differ")
     for n in map(int, args.n.split(",")):
         path = packing(n, args.pressure)
         count = ("--frequencies", args.frequencies)

@@ -15,7 +15,7 @@ import numpy as np
 from common import machine
 
 from jampetsc import session as door
-from jampetsc.mechanics.factor import SparseCholesky
+from jampetsc.mechanics.newtonsolver import NewtonSolver
 from jampetsc.packing import protocols
 from jampetsc.packing.contacts import measure
 from jampetsc.packing.forces import PairList
@@ -39,7 +39,7 @@ def main():
     parser.add_argument("--pressures", default="1e-2,1e-3,1e-4")
     args = parser.parse_args()
     door.start(scalar="real")
-    solver = SparseCholesky()
+    solver = NewtonSolver()
     for pressure in map(float, args.pressures.split(",")):
         began = time.perf_counter()
         table = np.array([sample(args.n, pressure, seed, solver) for seed in range(1, args.samples + 1)])

@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from jampetsc import session as door
-from jampetsc.mechanics.factor import SparseCholesky
+from jampetsc.mechanics.newtonsolver import NewtonSolver
 from jampetsc.packing import protocols
 from jampetsc.packing.fire import STEP, Goal, Quench
 from jampetsc.packing.forces import deformed
@@ -86,7 +86,7 @@ def main():
     parser.add_argument("--rounds", type=int, default=20, help="of LAMMPS at fixed pressure")
     args = parser.parse_args()
     door.start(scalar="real")
-    pressure, solver = args.pressure, SparseCholesky()
+    pressure, solver = args.pressure, NewtonSolver()
 
     began = time.perf_counter()
     radii = radii_of("bidisperse", args.n)

@@ -2,12 +2,14 @@
 
     .venv/bin/python benchmarks/sweep.py [--n 1024,4096,32768] [--pressure 1e-4] [--sample 12] [--ranks 1]
 
-β = 1 with rotations and pre-stress, accuracy 1e-6 in G' and in G'' each. Peers, on the same matrices in the same run:
+β = 1 with rotations and pre-stress, accuracy 1e-6 in G' and in G'' each. Peers, on the same matrices in the
+same run:
   MUMPS    complex symmetric LDLᵀ per frequency, symbolic analysis reused (`sweep --method direct`)
   SuperLU  scipy.sparse.linalg.splu, symmetric mode, MMD_AT_PLUS_A
   pyMOR    IRKA of order 24 on the same pencil, where pyMOR is installed (pip install pymor)
-The first two are timed on `--sample` frequencies spread over the range and scaled to 141: each costs the same. The true error is
-that against them at those frequencies. "factorisations" is the sweep's time in units of one real Cholesky factorisation.
+The first two are timed on `--sample` frequencies spread over the range and scaled to 141: each costs the
+same. The true error is that against them at those frequencies. "factorisations" is the sweep's time in units
+of one real Cholesky factorisation.
 """
 
 import argparse
@@ -72,7 +74,8 @@ def pymor(path, chosen):
 
     pencil, network = matrices(path)
     K, B = (
-        csc_array((m.getValuesCSR()[2].real, *m.getValuesCSR()[1::-1]), shape=m.getSize()) for m in (pencil.K, pencil.B)
+        csc_array((m.getValuesCSR()[2].real, *m.getValuesCSR()[1::-1]), shape=m.getSize())
+        for m in (pencil.K, pencil.B)
     )
     k, b = pencil.k_gamma.getArray().real, pencil.b_gamma.getArray().real
     from scipy.sparse.linalg import splu
@@ -116,7 +119,7 @@ def main():
         run[kind]()
         return
     try:
-        import pymor  # noqa: F401
+        import pymor
 
         peers = ("MUMPS", "SuperLU", "pyMOR")
     except ImportError:
@@ -132,18 +135,19 @@ def main():
         reference = figures("MUMPS", args.ranks)
         errors = relative_errors(mine["G"], reference["G"])
         print(
-            f"N = {n}: rational {mine['seconds']:.2f} s = {mine['seconds'] / mine['factorisation']:.1f} factorisations of "
-            f"{mine['factorisation']:.3f} s; used {mine['factorisations']} with {mine['vectors']} vectors; assembly {mine['assembly']:.2f}, "
-            f"basis and bound {mine['basis']:.2f}, projection {mine['projection']:.2f} s\n"
-            f"    true error G' {errors[0]:.1e}, G'' {errors[1]:.1e}, certified {mine['certified']:.1e}, memory {mine['memory']:.2f} GB"
+            f"N = {n}: rational {mine['seconds']:.2f} s = {mine['seconds'] / mine['factorisation']:.1f} "
+            f"factorisations of {mine['factorisation']:.3f} s; used {mine['factorisations']} with {mine['vectors']} "
+            f"vectors; assembly {mine['assembly']:.2f}, basis and bound {mine['basis']:.2f}, projection "
+            f"{mine['projection']:.2f} s\n    true error G' {errors[0]:.1e}, G'' {errors[1]:.1e}, certified "
+            f"{mine['certified']:.1e}, memory {mine['memory']:.2f} GB"
         )
         for kind in peers:
             peer = reference if kind == "MUMPS" else figures(kind)
             seconds = peer["seconds"] if kind == "pyMOR" else peer["seconds"] * len(OMEGA)
             errors = relative_errors(peer["G"], reference["G"])
             print(
-                f"    {kind:8} {seconds:8.1f} s, {seconds / mine['seconds']:6.1f} times ours; G' {errors[0]:.0e}, G'' {errors[1]:.0e}, "
-                f"memory {peer['memory']:.2f} GB",
+                f"    {kind:8} {seconds:8.1f} s, {seconds / mine['seconds']:6.1f} times ours; G' {errors[0]:.0e}, "
+                f"G'' {errors[1]:.0e}, memory {peer['memory']:.2f} GB",
                 flush=True,
             )
 

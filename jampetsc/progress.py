@@ -11,7 +11,9 @@ class Progress:
     def __init__(self, total: int | None, what: str, rank: int = 0, done: int = 0):
         self.total, self.count, self.silent = total, done, rank != 0
         terminal = sys.stderr.isatty() and not self.silent
-        self.bar = tqdm(total=total, initial=done, desc=what, leave=False, file=sys.stderr) if terminal else None
+        self.bar = (
+            tqdm(total=total, initial=done, desc=what, leave=False, file=sys.stderr) if terminal else None
+        )
 
     def step(self, line: str) -> None:
         """One step is finished; `line` says what came out."""
@@ -20,7 +22,9 @@ class Progress:
             self.bar.set_postfix_str(line, refresh=False)
             self.bar.update()
         elif not self.silent:
-            print(f"[{self.count}{f'/{self.total}' if self.total else ''}] {line}", file=sys.stderr, flush=True)
+            print(
+                f"[{self.count}{f'/{self.total}' if self.total else ''}] {line}", file=sys.stderr, flush=True
+            )
 
     def note(self, line: str) -> None:
         """Say something beside the count."""

@@ -176,8 +176,8 @@ class Reference:
     def modulus(self, omega):
         """G*(ω), complex double, each part right to the last digit or so.
 
-        The form's stationary value, summed over the squares it is made of: rounding of x counts to second order
-        only, and the smaller one of G' and G'' is not the rest of a difference.
+        The form's stationary value, summed over the squares it is made of: rounding of x counts to second
+        order only, and the smaller one of G' and G'' is not the rest of a difference.
         """
         x, _ = self.solution(omega)
         u = x.reshape(-1, self.dofs)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jampetsc.errors import InputError
-from jampetsc.mechanics.factor import SparseCholesky
+from jampetsc.mechanics.newtonsolver import NewtonSolver
 from jampetsc.packing import protocols
 from jampetsc.packing.contacts import measure
 from jampetsc.packing.potentials import Potential
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.scalar("real")
 def pack(n, target, seed=1, potential=None, sizes="bidisperse"):
     phi = target.phi or protocols.start_phi(target.pressure)
     start = protocols.random_start(radii_of(sizes, n), phi, seed, potential or Potential())
-    return protocols.make_packing(start, target, SparseCholesky(), seed=seed)
+    return protocols.make_packing(start, target, NewtonSolver(), seed=seed)
 
 
 def rigidity(disks):
@@ -92,7 +92,7 @@ def test_below_jamming_is_said():
 def test_given_radii():
     radii = np.random.default_rng(4).uniform(0.3, 0.9, 80)
     start = protocols.random_start(radii, protocols.start_phi(1e-3), 1, Potential())
-    disks = protocols.make_packing(start, Target(1e-3), SparseCholesky())
+    disks = protocols.make_packing(start, Target(1e-3), NewtonSolver())
     assert np.array_equal(np.sort(disks.radii), np.sort(radii))
     assert measure(disks).max_force <= 1e-13
 
@@ -100,7 +100,7 @@ def test_given_radii():
 def test_up_and_down_in_pressure():
     disks = pack(64, Target(1e-2))
     for pressure in (1e-4, 5e-2):
-        disks = protocols.make_packing(disks, Target(pressure), SparseCholesky(), fresh=False)
+        disks = protocols.make_packing(disks, Target(pressure), NewtonSolver(), fresh=False)
         state = measure(disks)
         assert abs(state.pressure / pressure - 1) <= 1e-10
         assert state.max_force <= 1e-10 * pressure

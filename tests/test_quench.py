@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jampetsc.mechanics.factor import SparseCholesky
+from jampetsc.mechanics.newtonsolver import NewtonSolver
 from jampetsc.packing import protocols
 from jampetsc.packing.contacts import find_contacts, measure, net_forces, stress_tensor
 from jampetsc.packing.disks import GRID, Disks
@@ -130,8 +130,8 @@ def test_newton_reaches_rounding_where_plain_doubles_cannot():
     """At p = 1e-7 the residual is that of rounding r ~ d; rounded coordinates leave a far larger one."""
     n, pressure = 256, 1e-7
     start = protocols.random_start(radii_of("bidisperse", n), 0.86, 1, Potential())
-    near = protocols.make_packing(start, protocols.Target(1e-4), SparseCholesky())
-    disks = protocols.make_packing(near, protocols.Target(pressure), SparseCholesky(), fresh=False)
+    near = protocols.make_packing(start, protocols.Target(1e-4), NewtonSolver())
+    disks = protocols.make_packing(near, protocols.Target(pressure), NewtonSolver(), fresh=False)
     state = measure(disks)
     assert state.max_force <= 2e-15
     assert abs(state.pressure / pressure - 1) < 1e-9
@@ -148,7 +148,7 @@ def test_newton_reaches_rounding_where_plain_doubles_cannot():
 def test_newton_leaves_alone_what_is_not_a_minimum():
     disks = crowd()
     quench = Quench(disks, Goal(1e-2))
-    polish = Polish(quench, SparseCholesky())
+    polish = Polish(quench, NewtonSolver())
     assert not polish.converge(limits(disks, 1e-2, 1e-10))
     assert np.array_equal(quench.disks.positions, disks.positions)
 
@@ -158,7 +158,7 @@ def test_cholesky_solves_and_refuses():
     rng = np.random.default_rng(2)
     root = rng.normal(size=(12, 12))
     matrix = root @ root.T + np.eye(12)
-    solver, rows = SparseCholesky(), np.arange(13)
+    solver, rows = NewtonSolver(), np.arange(13)
     indptr = np.concatenate(([0], np.cumsum(12 - rows[:12]))).astype(np.int32)
     indices = np.concatenate([np.arange(row, 12) for row in range(12)]).astype(np.int32)
 

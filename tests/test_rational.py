@@ -99,7 +99,7 @@ def test_accuracy_costs(session):
 
 @pytest.mark.parametrize("sample", ["published", "isostatic"])
 def test_proportional_damping_takes_one_factorisation(session, sample):
-    """β = 0 without pre-stress, one stiffness for all: G* = G₀(1 + iωτ₁) (identity 4), nothing to solve for."""
+    """β = 0 without pre-stress, one stiffness for all: G* = G₀(1 + iωτ₁) (identity 4)."""
     law = Law(beta=0.0, prestress=False, tau1=0.3)
     omega = np.geomspace(1e-14, 1e8, 23)
     with Sweep(SAMPLES[sample](), law, omega, 1e-10, session.comm, "matrix") as found:

@@ -88,9 +88,9 @@ def run(args, petsc_argv) -> int:
         check_writable(task.path)
     session = door.start(scalar="real", petsc_argv=petsc_argv)
     pending = session.comm.bcast(pending)
-    from jampetsc.mechanics.factor import SparseCholesky
+    from jampetsc.mechanics.newtonsolver import NewtonSolver
 
-    solver = SparseCholesky()
+    solver = NewtonSolver()
     solver.factorise(*_identity())
     session.check_options()
     if session.rank == 0 and len(pending) < len(tasks):

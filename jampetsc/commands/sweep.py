@@ -13,8 +13,8 @@ def add_parser(subparsers):
         NAME,
         help="complex modulus G*(ω) of a packing",
         description="Complex modulus G*(ω) of a packing under oscillatory shear, each value with a bound on its error.",
-        epilog="PETSc options: -shift_… reach the factorisations of the rational method, -freq_… the solver of --method direct; "
-        "files in options/ are ready to use with -options_file.",
+        epilog="PETSc options: -shift_… reach the factorisations of the rational method, -freq_… the solver of "
+        "--method direct; files in options/ are ready to use with -options_file.",
     )
     parser.add_argument("packing", metavar="PACKING", help="packing file")
     parser.add_argument("--out", required=True, metavar="FILE", help="result file (HDF5)")
@@ -28,7 +28,8 @@ def add_parser(subparsers):
         "--method",
         choices=("rational", "direct"),
         default="rational",
-        help="rational: the whole spectrum from a few real factorisations (default); direct: one complex solve per frequency",
+        help="rational: the whole spectrum from a few real factorisations (default); direct: one complex solve per "
+        "frequency",
     )
     parser.add_argument(
         "--accuracy",

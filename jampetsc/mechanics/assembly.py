@@ -1,7 +1,8 @@
 """Hessian K, damping matrix B and the γ border of a contact network, as distributed PETSc matrices.
 
-Unknowns are the non-affine displacements ũ = u − γ y x̂ and, where the law couples to them, the angles θ, interleaved (x, y, θ) per
-disk. A contact contributes squares of linear forms in the unknowns and the strain γ:
+Unknowns are the non-affine displacements ũ = u − γ y x̂ and, where the law couples to them, the angles θ,
+interleaved (x, y, θ) per disk. A contact contributes squares of linear forms in the unknowns and the strain
+γ:
 
     a∥  = n·(ũ_j − ũ_i) + γ n_x r_y,    a⊥ = t·(ũ_j − ũ_i) + γ t_x r_y,    a⊥ᶜ = a⊥ − ρ_i θ_i − ρ_j θ_j
     K:  k (a∥)² − (f/r) (a⊥)²           (BT eqs. 4, 11)
@@ -24,10 +25,11 @@ ROW = 6.0  # |A| ≤ ROW max(diagonal) for the A of a contact network: six unkno
 class Pencil:
     """K + sB and its border for one law on one network. Matrices and vectors are distributed alike.
 
-    Moves that cost nothing (translations of each piece and gear modes under contact damping) are held by one pinned
-    unknown each: its row and column are those of the identity (times k) in K and zero in B, and its border entries
-    are zero. The answer does not depend on it, because K, B and the border vanish on such moves. Under Stokes drag
-    nothing is pinned: there translations cost something, and `project` removes them instead.
+    Moves that cost nothing (translations of each piece and gear modes under contact damping) are held by one
+    pinned unknown each: its row and column are those of the identity (times k) in K and zero in B, and its
+    border entries are zero. The answer does not depend on it, because K, B and the border vanish on such
+    moves. Under Stokes drag nothing is pinned: there translations cost something, and `project` removes them
+    instead.
     """
 
     network: Network
@@ -66,7 +68,7 @@ class Pencil:
 
 
 def linear_forms(network: Network, dofs: int):
-    """Coefficients of a∥, a⊥ and a⊥ᶜ: for each a triple (on disk i, on disk j, on γ) of shapes (M, dofs) ×2 and (M,)."""
+    """Coefficients of a∥, a⊥ and a⊥ᶜ: for each (on disk i, on disk j, on γ) of shapes (M, dofs), (M, dofs), (M,)."""
     c = network.contacts
     n, t = c.normal, c.transverse
     zero = np.zeros((len(c), dofs - 2))
@@ -80,7 +82,7 @@ def linear_forms(network: Network, dofs: int):
 
 
 def weights(network: Network, law: Law):
-    """Weights of (a∥)², (a⊥)², (a⊥ᶜ)² per contact, complex (M, 3): those of K in the real, of B in the imaginary part."""
+    """Weights of (a∥)², (a⊥)², (a⊥ᶜ)² per contact, complex (M, 3): of K in the real, of B in the imaginary part."""
     c = network.contacts
     w = np.zeros((len(c), 3), complex)
     w[:, 0] = c.stiffness
@@ -98,7 +100,8 @@ def assemble(network: Network, law: Law) -> Pencil:
     dofs, c = law.dofs, network.contacts
     m, rows = len(c), (network.last - network.first) * dofs
     forms, w = linear_forms(network, dofs), weights(network, law)
-    # One complex array carries K (real part) and B (imaginary part) through the same sums: same pattern, half the work.
+    # One complex array carries K (real part) and B (imaginary part) through the same sums: same pattern, half
+    # the work.
     near = np.zeros((m, dofs, dofs), complex)
     far = np.zeros((m, dofs, dofs), complex)
     border = np.zeros((m, dofs), complex)
@@ -139,7 +142,8 @@ def assemble(network: Network, law: Law) -> Pencil:
     _pin(matrix, gamma, pins, network.first * dofs, network.k)
     return Pencil(
         network, law, pieces,
-        distributed_matrix(network.comm, matrix, matrix.data.real), distributed_matrix(network.comm, matrix, matrix.data.imag),
+        distributed_matrix(network.comm, matrix, matrix.data.real),
+        distributed_matrix(network.comm, matrix, matrix.data.imag),
         _vector(network.comm, gamma.real), _vector(network.comm, gamma.imag),
         float(corner.real), float(corner.imag), pins,
     )  # fmt: skip
@@ -169,7 +173,7 @@ def _pin(matrix, gamma, pins, offset, k):
 
 
 def distributed_matrix(comm, csr, values):
-    """A symmetric PETSc Mat of this rank's rows, a scipy CSR array, with `values` in the place of its data. Collective."""
+    """A symmetric PETSc Mat of this rank's rows, a scipy CSR array with `values` for its data. Collective."""
     PETSc = current().PETSc
     rows, columns = csr.shape
     matrix = PETSc.Mat().createAIJ(

@@ -1,11 +1,13 @@
 """Compatibility matrix C: what the contacts feel of a displacement, and the forms of K and B as sums of squares.
 
-A row of C turns unknowns into one of the relative motions a∥, a⊥, a⊥ᶜ of one contact, g holds what a unit shear strain adds:
+A row of C turns unknowns into one of the relative motions a∥, a⊥, a⊥ᶜ of one contact, g holds what a unit
+shear strain adds:
 
     a = C x + γ g ,      K = Cᵀ W_K C ,      B = Cᵀ W_B C   (+ kτ₁ 1 under Stokes drag).
 
-Sums over contacts of W a² lose no digits where the assembled matrices would: at low pressure the relative motions are far
-smaller than the displacements, and only here the difference is rounded once, contact by contact.
+Sums over contacts of W a² lose no digits where the assembled matrices would: at low pressure the relative
+motions are far smaller than the displacements, and only here the difference is rounded once, contact by
+contact.
 """
 
 from dataclasses import dataclass
@@ -19,7 +21,7 @@ from jampetsc.session import current
 
 @dataclass(frozen=True, eq=False)
 class Compatibility:
-    """C, g and the weights. Rows are distributed with the contacts (each contact once, with the lower-numbered disk)."""
+    """C, g and the weights. Rows are distributed with the contacts, each contact once, with its lower-numbered disk."""
 
     pencil: Pencil
     C: object  # PETSc.Mat, one row per form and contact

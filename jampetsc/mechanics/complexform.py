@@ -1,7 +1,7 @@
 """K + iωB as one PETSc matrix, whichever scalars the running PETSc has.
 
-Complex scalars hold it as it is. With real ones an unknown takes two rows, its real and its imaginary part side by side,
-and each entry becomes a block:
+Complex scalars hold it as it is. With real ones an unknown takes two rows, its real and its imaginary part
+side by side, and each entry becomes a block:
 
     (K + iωB)(x + iy) = b + ic    ⇔    [[K, −ωB], [−ωB, −K]] (x, y) = (b, −c) .
 

@@ -1,8 +1,7 @@
 """Damping laws: what dissipates, and which unknowns that needs."""
 
-from dataclasses import dataclass
-
 import math
+from dataclasses import dataclass
 
 from jampetsc.errors import InputError
 

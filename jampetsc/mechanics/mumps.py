@@ -6,9 +6,17 @@ from jampetsc.session import current
 WORKSPACE = (-8, -9, -14, -15, -17, -20)  # INFOG(1): some work array was too small; ICNTL(14) enlarges them
 MEMORY = (-13, -19)  # INFOG(1): the machine, or the limit ICNTL(23), has no more
 SINGULAR = (-10,)
-INDEFINITE = -40  # INFOG(1): told to expect a positive definite matrix, met one that is not
+NOT_POSITIVE = (-10, -40)  # INFOG(1): told to expect a positive definite matrix, met one that is not
 OUT_OF_CORE = (-90,)
 ATTEMPTS = 5  # at twice the workspace each time
+
+
+class Failure(ConvergenceError):
+    """A factorisation that failed; `code` is MUMPS's INFOG(1)."""
+
+    def __init__(self, message, code):
+        super().__init__(message)
+        self.code = code
 
 
 def failure(pc):
@@ -21,7 +29,7 @@ def failure(pc):
 def factorise(ksp, matrix, what: str) -> int:
     """Set up `ksp` for `matrix`; where MUMPS ran out of workspace, start afresh with twice as much. Collective.
 
-    Returns how many factorisations that took. Raises ConvergenceError naming `what`.
+    Returns how many factorisations that took. Raises Failure naming `what`.
     """
     attempt = 1
     while True:
@@ -33,27 +41,28 @@ def factorise(ksp, matrix, what: str) -> int:
             return attempt
         if code not in WORKSPACE or attempt == ATTEMPTS:
             raise explain(code, what)
-        enlarge(ksp, ksp.getOptionsPrefix())
+        option = f"{ksp.getOptionsPrefix()}mat_mumps_icntl_14"
+        options = current().PETSc.Options()
+        options.setValue(option, 2 * options.getInt(option, 20))
+        ksp.reset()  # its PC stays broken after such a failure until it is reset
+        ksp.setFromOptions()
         attempt += 1
 
 
-def explain(code, what: str) -> ConvergenceError:
+def explain(code, what: str) -> Failure:
     """The error to raise for a factorisation of `what` that failed with this INFOG(1)."""
     if code in WORKSPACE or code in MEMORY:
-        remedy = f"out of memory (MUMPS INFOG(1) = {code}); use more ranks or nodes, or -options_file options/low_memory.opts"
+        remedy = (
+            f"out of memory (MUMPS INFOG(1) = {code}); use more ranks or nodes, or -options_file "
+            "options/low_memory.opts"
+        )
     elif code in OUT_OF_CORE:
         remedy = "MUMPS could not write its files (INFOG(1) = -90); free space in, or set, MUMPS_OOC_TMPDIR"
     elif code in SINGULAR:
-        remedy = "the matrix is singular (MUMPS INFOG(1) = -10); is the packing a minimum? see `jampetsc info --matrices`"
+        remedy = (
+            "the matrix is singular (MUMPS INFOG(1) = -10); is the packing a minimum? see "
+            "`jampetsc info --matrices`"
+        )
     else:
         remedy = f"the solver reports {f'MUMPS INFOG(1) = {code}' if code else 'a failed factorisation'}"
-    return ConvergenceError(f"factorisation of {what}: {remedy}")
-
-
-def enlarge(ksp, prefix: str) -> None:
-    """Start this KSP afresh with twice the workspace: its PC stays broken after such a failure until it is reset."""
-    option = f"{prefix}mat_mumps_icntl_14"
-    options = current().PETSc.Options()
-    options.setValue(option, 2 * options.getInt(option, 20))
-    ksp.reset()
-    ksp.setFromOptions()
+    return Failure(f"factorisation of {what}: {remedy}", code)

@@ -1,8 +1,8 @@
 """The contact network of a packing, spread over the ranks by ranges of disks along a space-filling curve.
 
-Every rank knows the coordinates of all disks (a few MB at N = 1e5), but searches and keeps only the contacts that touch its own range.
-A contact between two ranks is kept by both, each seeing it from its own end, so that matrices assemble without
-communication.
+Every rank knows the coordinates of all disks (a few MB at N = 1e5), but searches and keeps only the contacts
+that touch its own range. A contact between two ranks is kept by both, each seeing it from its own end, so
+that matrices assemble without communication.
 """
 
 from dataclasses import dataclass
@@ -21,8 +21,8 @@ from jampetsc.packing.neighbours import spatial_order
 class Network:
     """Load-bearing contacts between n disks (rattlers left out), this rank's share.
 
-    Disks are renumbered 0 … n−1 along the curve; this rank owns first … last−1. `contacts` has an entry for each
-    contact of an owned disk, seen from that disk (its i is owned), ordered by i.
+    Disks are renumbered 0 … n−1 along the curve; this rank owns first … last−1. `contacts` has an entry for
+    each contact of an owned disk, seen from that disk (its i is owned), ordered by i.
     """
 
     comm: object  # mpi4py communicator
@@ -98,10 +98,7 @@ def build_network(disks: Disks, comm) -> Network:
     renumbered = Contacts(
         number[contacts.i],
         number[contacts.j],
-        *(
-            getattr(contacts, name)
-            for name in ("r", "distance", "overlap", "sigma", "force", "stiffness")
-        ),
+        *(getattr(contacts, name) for name in ("r", "distance", "overlap", "sigma", "force", "stiffness")),
     )
     network = Network(
         comm=comm,
@@ -151,8 +148,8 @@ class Pieces:
 def find_pieces(network: Network) -> Pieces:
     """Connected pieces and whether each is bipartite. Collective.
 
-    Uses the double cover, two copies v⁺ and v⁻ of each disk with edges i⁺j⁻ and i⁻j⁺: a piece is bipartite exactly
-    where v⁺ and v⁻ stay apart. Labels spread over ranks by taking minima until nothing changes.
+    Uses the double cover, two copies v⁺ and v⁻ of each disk with edges i⁺j⁻ and i⁻j⁺: a piece is bipartite
+    exactly where v⁺ and v⁻ stay apart. Labels spread over ranks by taking minima until nothing changes.
     """
     n, i, j = network.n, network.contacts.i, network.contacts.j
     edges = coo_array((np.ones(2 * len(i), bool), (np.r_[i, i + n], np.r_[j + n, j])), shape=(2 * n, 2 * n))

@@ -54,7 +54,9 @@ def bond_vectors(disks: Disks, i, j, image):
 
 def find_contacts(disks: Disks, rows=None) -> Contacts:
     """All overlapping pairs, just touching ones included; `rows` as for `neighbour_pairs`."""
-    i, j, image = neighbour_pairs(disks.positions, disks.radii, disks.cell, skin=1e-9 * disks.radii.max(), rows=rows)
+    i, j, image = neighbour_pairs(
+        disks.positions, disks.radii, disks.cell, skin=1e-9 * disks.radii.max(), rows=rows
+    )
     r = bond_vectors(disks, i, j, image)
     distance = np.hypot(r[:, 0], r[:, 1])
     sigma = disks.radii[i] + disks.radii[j]

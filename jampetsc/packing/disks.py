@@ -1,8 +1,9 @@
 """The packing as data: disks in a periodic, possibly sheared cell, with positions finer than one double.
 
-At low pressure an overlap (~ p) is far smaller than a coordinate (~ √N), so rounding coordinates to one double would
-set the force residual (Vågberg, thesis sec. 4.7). Every coordinate is therefore a sum base + offset: `base` is a
-multiple of GRID, so that differences of bases and cell vectors are exact, and `offset` (|offset| ≤ GRID/2) carries the rest.
+At low pressure an overlap (~ p) is far smaller than a coordinate (~ √N), so rounding coordinates to one
+double would set the force residual (Vågberg, thesis sec. 4.7). Every coordinate is therefore a sum base +
+offset: `base` is a multiple of GRID, so that differences of bases and cell vectors are exact, and `offset`
+(|offset| ≤ GRID/2) carries the rest.
 """
 
 from dataclasses import dataclass, field, replace
@@ -61,26 +62,41 @@ class Disks:
         low = np.zeros((n, 2)) if positions_low is None else np.asarray(positions_low, float)
         cell_rest = np.zeros((2, 2)) if cell_low is None else np.asarray(cell_low, float)
         if low.shape != positions.shape or cell_rest.shape != cell.shape:
-            raise InputError(f"positions_low {low.shape}, cell_low {cell_rest.shape}: shapes of positions and cell")
-        for name, array in (("positions", positions), ("radii", radii), ("cell", cell), ("positions_low", low)):
+            raise InputError(
+                f"positions_low {low.shape}, cell_low {cell_rest.shape}: shapes of positions and cell"
+            )
+        for name, array in (
+            ("positions", positions),
+            ("radii", radii),
+            ("cell", cell),
+            ("positions_low", low),
+        ):
             if not np.isfinite(array).all():
                 row = int(np.argwhere(~np.isfinite(array))[0][0])
-                raise InputError(f"{name}[{row}] = {array[row]}: must be finite; was the file written completely?")
+                raise InputError(
+                    f"{name}[{row}] = {array[row]}: must be finite; was the file written completely?"
+                )
         if (radii <= 0).any():
             row = int(np.argmax(radii <= 0))
             raise InputError(f"radii[{row}] = {radii[row]}: must be positive")
         if cell[0, 1] != 0 or cell[0, 0] <= 0 or cell[1, 1] <= 0:
             raise InputError(f"cell {cell.tolist()}: need rows (Lx, 0) and (γ Ly, Ly) with Lx, Ly > 0")
         if np.abs(positions).max() > 2.0**28 or cell.max() > 2.0**28:
-            raise InputError("positions or cell beyond 2^28 in units of length: scale them to disks of size about one")
+            raise InputError(
+                "positions or cell beyond 2^28 in units of length: scale them to disks of size about one"
+            )
         disks = cls(
-            *split(positions, low), radii, *split(cell, cell_rest), potential or Potential(), dict(record or {})
+            *split(positions, low),
+            radii,
+            *split(cell, cell_rest),
+            potential or Potential(),
+            dict(record or {}),
         )
         smallest = float(np.min(disks.heights))
         if 2 * radii.max() > smallest:
             raise InputError(
-                f"cell of height {smallest:.6g} with a disk of diameter {2 * radii.max():.6g}: a disk would touch its own "
-                "image; use more disks"
+                f"cell of height {smallest:.6g} with a disk of diameter {2 * radii.max():.6g}: a disk would "
+                "touch its own image; use more disks"
             )
         return disks
 

@@ -1,7 +1,7 @@
 """Pairs of nearby disks in a periodic, possibly sheared cell, through a grid of cells.
 
-Every periodic image counts as a neighbour of its own, so small cells, where two disks can touch through more than one
-image, need no special case.
+Every periodic image counts as a neighbour of its own, so small cells, where two disks can touch through more
+than one image, need no special case.
 """
 
 import numba
@@ -71,10 +71,10 @@ def _search(positions, radii, cell, skin, first, last, half, shape, reach, bins,
 def neighbour_pairs(positions, radii, cell, skin=0.0, rows=None):
     """All pairs closer than ρ_i + ρ_j + skin, as (i, j, image): j lies at x_j − x_i + image · cell from i.
 
-    positions (N, 2), radii (N,), cell (2, 2). With rows=None each pair appears once (i < j). With rows=(first, last)
-    every pair with first ≤ i < last appears, so a pair with both ends there appears twice, once from each end.
-    Returns int32 arrays (M,), (M,) and (M, 2), ordered by i. A disk is never its own neighbour (`Disks` sees to
-    it that cells are wide enough).
+    positions (N, 2), radii (N,), cell (2, 2). With rows=None each pair appears once (i < j). With
+    rows=(first, last) every pair with first ≤ i < last appears, so a pair with both ends there appears twice,
+    once from each end. Returns int32 arrays (M,), (M,) and (M, 2), ordered by i. A disk is never its own
+    neighbour (`Disks` sees to it that cells are wide enough).
     """
     cutoff = 2.0 * radii.max() + skin
     area = cell[0, 0] * cell[1, 1]
@@ -120,9 +120,9 @@ def _hilbert(column, row, bits):
 def spatial_order(positions, cell):
     """Permutation (N,) that sorts particles along a Hilbert curve through the cell.
 
-    Neighbours in space become neighbours in memory, and ranges of the new numbering are compact patches: good for
-    caches, for matrix bandwidth and for ownership by ranks. Depends on the coordinates alone, so it is the same on
-    every rank.
+    Neighbours in space become neighbours in memory, and ranges of the new numbering are compact patches: good
+    for caches, for matrix bandwidth and for ownership by ranks. Depends on the coordinates alone, so it is
+    the same on every rank.
     """
     bits = 16
     fractional = positions @ np.linalg.inv(cell)

@@ -1,21 +1,24 @@
 """A rational Krylov space for K + sB: grown shift by shift, orthonormal in B, with its Galerkin residual.
 
-Let x₀ = −(K + s₁B)⁻¹(k_γ + s₁b_γ) be the field at the first shift and g = b_γ + B x₀ the viscous force it leaves. Then
+Let x₀ = −(K + s₁B)⁻¹(k_γ + s₁b_γ) be the field at the first shift and g = b_γ + B x₀ the viscous force it
+leaves. Then
 
     x(s) = x₀ − (s − s₁)(K + sB)⁻¹ g   exactly,
 
-so the whole response is one resolvent applied to one vector. Under Stokes drag the expansion starts at s₁ = ∞ instead, where x₀ = 0:
+so the whole response is one resolvent applied to one vector. Under Stokes drag the expansion starts at s₁ = ∞
+instead, where x₀ = 0:
 
     x(s) = −(K + sB)⁻¹ g ,    g = k_γ .
 
-The factor before the resolvent is called f(s) below, s − s₁ or 1. In the space that (K + s_jB)⁻¹, applied again and again to g,
-spans (rational Krylov, Ruhe 1984) Galerkin's residual for that resolvent is a number times one fixed vector,
+The factor before the resolvent is called f(s) below, s − s₁ or 1. In the space that (K + s_jB)⁻¹, applied
+again and again to g, spans (rational Krylov, Ruhe 1984) Galerkin's residual for that resolvent is a number
+times one fixed vector,
 
     (K + sB) V y(s) − g = φ(s) q ,    φ(s) = Π_i (s − s_i) / (s + λ_i) ,
 
-with s_i the shift of each step and λ_i the Ritz values: it vanishes at each shift as often as it was used. So (K + sB)⁻¹q is what is
-missing at s, and is the next vector: in exact arithmetic the one that Arnoldi's recurrence gives, but free of the
-cancellation that the recurrence suffers where it finds little new.
+with s_i the shift of each step and λ_i the Ritz values: it vanishes at each shift as often as it was used. So
+(K + sB)⁻¹q is what is missing at s, and is the next vector: in exact arithmetic the one that Arnoldi's
+recurrence gives, but free of the cancellation that the recurrence suffers where it finds little new.
 """
 
 import numpy as np
@@ -41,8 +44,8 @@ class RationalBasis:
         else:
             self.g = self._without_torque(self._apply(pencil.B, x0) + pencil.b_gamma.getArray())
         self._most_K = ROW * largest_entry(pencil.K)
-        # No force is left where nothing moves against the strain (crystals), or where B is proportional to K (Kelvin
-        # and Voigt): then x₀ is the answer at every frequency.
+        # No force is left where nothing moves against the strain (crystals), or where B is proportional to K
+        # (Kelvin and Voigt): then x₀ is the answer at every frequency.
         self.complete = not np.sqrt(self._sum(self.g @ self.g)) > BREAKDOWN * self._size_of_terms()
         self._V, self._BV = np.empty((8, len(x0))), np.empty((8, len(x0)))  # a row per vector
         self.K = np.empty((0, 0))  # Vᵀ K V
@@ -110,7 +113,8 @@ class RationalBasis:
     def append(self, w, s) -> bool:
         """Add the direction of w (n_local,), made with shift s, and say whether that was done. Collective.
 
-        Not if it lies so close to the space that what is new in it has few right digits: rounding would spoil φ.
+        Not if it lies so close to the space that what is new in it has few right digits: rounding would spoil
+        φ.
         """
         m = self.size
         V = self.vectors
@@ -149,8 +153,8 @@ class RationalBasis:
     def _without_torque(self, force):
         """A viscous force with its torques set to zero, which they are but for rounding.
 
-        K does not act on angles, so at any s the disks turn such that no torque is left; a solve at small s would
-        amplify the rounding by 1/s.
+        K does not act on angles, so at any s the disks turn such that no torque is left; a solve at small s
+        would amplify the rounding by 1/s.
         """
         if self.pencil.law.dofs == 3:
             force[2::3] = 0.0
@@ -168,8 +172,9 @@ class RationalBasis:
     def residual(self):
         """q (n_local,), the fixed direction of Galerkin's residual, up to its sign. Collective.
 
-        Formed at the real shift where |φ| is largest: what rounding does to the forces there is divided by |φ|, so that φ(s) q
-        is right to the rounding of forces at every s. Where nothing but rounding is left the space is `complete`.
+        Formed at the real shift where |φ| is largest: what rounding does to the forces there is divided by
+        |φ|, so that φ(s) q is right to the rounding of forces at every s. Where nothing but rounding is left
+        the space is `complete`.
         """
         if not self.size:
             return self.g

@@ -8,9 +8,10 @@ The error is quadratic in the residual. With z = A⁻¹r and S = K + ωB, K and 
 
     |rᵀA⁻¹r| = |zᵀA z| ≤ zᴴS z ≤ √2 |zᴴA z| = √2 |zᴴr| ,
 
-the first step because |zᵀK z| ≤ zᴴK z, the second because |a + ib| ≥ (a + b)/√2 for a, b ≥ 0. Where K has negative modes
-|rᵀz| is left, which is the error as far as z = A⁻¹r: an estimate, no bound. The stationary value is summed contact
-by contact (see `compatibility`), so what rounding of x, K and B may do to it is also of second order.
+the first step because |zᵀK z| ≤ zᴴK z, the second because |a + ib| ≥ (a + b)/√2 for a, b ≥ 0. Where K has
+negative modes |rᵀz| is left, which is the error as far as z = A⁻¹r: an estimate, no bound. The stationary
+value is summed contact by contact (see `compatibility`), so what rounding of x, K and B may do to it is also
+of second order.
 """
 
 from dataclasses import dataclass
@@ -44,7 +45,7 @@ class Certified:
 
 
 class Functional:
-    """G*, residual and bound of trial fields of one pencil. Fields are complex (n_local,). All methods are collective."""
+    """G*, residual and bound of trial fields, complex (n_local,), of one pencil. All methods are collective."""
 
     def __init__(self, compatibility: Compatibility):
         self.compatibility = compatibility
@@ -79,9 +80,9 @@ class Functional:
         )
         B_rr += c.drag_gg
         elastic, viscous = complex(K_rr - K_ii, 2.0 * K_ri), complex(B_rr - B_ii, 2.0 * B_ri)
-        # Evaluating a is off by ε|C||x|, and Σ w (|C||x|)² ≤ 6 max(diagonal) |x|², six unknowns at most in a row. The
-        # coefficients are off by a few ε; they multiply relative motions, and g. The rest is Cauchy and Schwarz. Real
-        # and imaginary parts are kept apart: at low frequency they differ by many decades.
+        # Evaluating a is off by ε|C||x|, and Σ w (|C||x|)² ≤ 6 max(diagonal) |x|², six unknowns at most in a
+        # row. The coefficients are off by a few ε; they multiply relative motions, and g. The rest is Cauchy
+        # and Schwarz. Real and imaginary parts are kept apart: at low frequency they differ by many decades.
         noise = e_Kr, e_Ki, e_Br, e_Bi = np.sqrt([abs_rr, abs_ii, B_rr, B_ii])
         noise = 7.0 * noise + np.sqrt([ROW * most * norm for most in self.stiffest for norm in (x_rr, x_ii)])
         noise[::2] += 4.0 * self.affine
@@ -103,15 +104,16 @@ class Functional:
 def field_bound(
     compatibility: Compatibility, omega: float, x, squared: float, size: float | None = None
 ) -> float:
-    """Bound on the error of a field, relative in the energy norm: ‖x − exact‖ / ‖x‖ with ‖x‖² = xᴴ(K + ωB) x. Collective.
+    """Bound on ‖x − exact‖ / ‖x‖, the error of a field in the energy norm ‖x‖² = xᴴ(K + ωB) x. Collective.
 
     x        non-affine field (n_local,), complex
     squared  bound on ‖x − exact‖² from the residual r = c + A x. With e = A⁻¹r and S = K + ωB,
-             ‖e‖² = eᴴS e ≤ √2 |eᴴA e| = √2 |eᴴr| when e itself is known, and from there, by Cauchy and Schwarz,
-             √2 |eᴴr| ≤ √2 ‖e‖ (rᴴS⁻¹r)^½, so ‖e‖² ≤ 2 rᴴS⁻¹r, when only the energy of r is
+             ‖e‖² = eᴴS e ≤ √2 |eᴴA e| = √2 |eᴴr| when e itself is known, and from there, by Cauchy and
+             Schwarz, √2 |eᴴr| ≤ √2 ‖e‖ (rᴴS⁻¹r)^½, so ‖e‖² ≤ 2 rᴴS⁻¹r, when only the energy of r is
     size     2-norm of what x was summed from, where that is larger than x: its rounding counts as well
 
-    Translations, and turns of gears, cost nothing and do not count. Where K has negative modes this is no bound.
+    Translations, and turns of gears, cost nothing and do not count. Where K has negative modes this is no
+    bound.
     """
     c = compatibility
     network = c.pencil.network

@@ -2,8 +2,9 @@
 
 Either build of PETSc will do (see `complexform`); with complex scalars a factorisation takes half the memory.
 
-The matrix is scaled symmetrically to a unit diagonal first: the θ block is of order ω and would drown otherwise. The symbolic
-factorisation is done once, because the pattern never changes. Options have the prefix `freq_`.
+The matrix is scaled symmetrically to a unit diagonal first: the θ block is of order ω and would drown
+otherwise. The symbolic factorisation is done once, because the pattern never changes. Options have the prefix
+`freq_`.
 """
 
 import numpy as np
@@ -45,7 +46,8 @@ class FrequencySolver:
         self.ksp.setOptionsPrefix(PREFIX)
         self.ksp.setOperators(self.form.A)
         self.ksp.setFromOptions()
-        # With -freq_ksp_reuse_preconditioner the factor of an earlier frequency serves until it no longer converges.
+        # With -freq_ksp_reuse_preconditioner the factor of an earlier frequency serves until it no longer
+        # converges.
         self.reuse = PETSc.Options(PREFIX).getBool("ksp_reuse_preconditioner", False)
         self.factorised = False
         self.iterations = 0
@@ -54,7 +56,8 @@ class FrequencySolver:
     def solve(self, omega: float, accuracy: float) -> Certified:
         """G* at ω with its bound; the field stays in `x`.
 
-        Raises ConvergenceError with the solver's reason where the bound is not ≤ accuracy for each of G' and G''.
+        Raises ConvergenceError with the solver's reason where the bound is not ≤ accuracy for each of G' and
+        G''.
         """
         self.iterations = 0
         fresh = not (self.reuse and self.factorised)
@@ -92,8 +95,8 @@ class FrequencySolver:
         reason = self.ksp.getConvergedReason()
         if reason < 0:
             raise ConvergenceError(
-                f"ω = {omega:g}: KSP stopped with {_reason_name(reason)} after {self.ksp.getIterationNumber()} iterations; try another "
-                "options file, such as options/mumps.opts"
+                f"ω = {omega:g}: KSP stopped with {_reason_name(reason)} after "
+                f"{self.ksp.getIterationNumber()} iterations; try another options file, such as options/mumps.opts"
             )
         self.pencil.project(solution)
         return solution
@@ -117,8 +120,9 @@ class FrequencySolver:
             storage <= accuracy * abs(result.G.real) and loss <= accuracy * abs(result.G.imag)
         ):  # also for nan
             raise ConvergenceError(
-                f"ω = {omega:g}: G' = {result.G.real:.3e} only known to {storage:.1e}, G'' = {result.G.imag:.3e} to {loss:.1e} after "
-                "refinement: the matrix is too ill-conditioned for this solver, or --accuracy too strict"
+                f"ω = {omega:g}: G' = {result.G.real:.3e} only known to {storage:.1e}, G'' = {result.G.imag:.3e} to "
+                f"{loss:.1e} after refinement: the matrix is too ill-conditioned for this solver, or --accuracy too "
+                "strict"
             )
         return result
 

@@ -15,7 +15,8 @@ from jampetsc.storage.checkpoint import Checkpoint
 def run(job: Job):
     """Solve every frequency that no earlier run has finished and write the file. Collective.
 
-    Returns (omega, G, bounds) as for `write_sweep`. Raises ConvergenceError, after writing the others, if some frequencies failed.
+    Returns (omega, G, bounds) as for `write_sweep`. Raises ConvergenceError, after writing the others, if
+    some frequencies failed.
     """
     session = current()
     with session.stage("assembly"):

@@ -7,11 +7,12 @@ import numpy as np
 
 from jampetsc.errors import InputError
 from jampetsc.mechanics.assembly import assemble
+from jampetsc.mechanics.cholesky import NotPositiveDefinite
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.mechanics.inertia import count_eigenvalues
 from jampetsc.mechanics.laws import Law
 from jampetsc.mechanics.network import Network
-from jampetsc.mechanics.shifted import NotPositiveDefinite, ShiftedFactor
+from jampetsc.mechanics.shifted import ShiftedFactor
 from jampetsc.response.relaxation import Relaxed, relax
 
 SOFT = 1e-11  # smallest eigenvalue of K scaled to a unit diagonal below which zero modes are counted

@@ -21,7 +21,7 @@ ALONE = 400_000  # unknowns up to which one rank is given whole matrices: a fact
 
 
 def make_factors(pencil: Pencil, parallel: str = "auto"):
-    """SideBySide for "shifts", Together for "matrix", and for "auto" what suits the pencil and the ranks. Collective."""
+    """SideBySide for "shifts", Together for "matrix"; for "auto" what suits the pencil and the ranks. Collective."""
     size = pencil.network.comm.size
     if parallel == "auto":
         parallel = "shifts" if 1 < size <= MOST_AT_ONCE and pencil.unknowns <= ALONE else "matrix"
@@ -79,8 +79,8 @@ class Together:
 class SideBySide:
     """A shift per rank. Methods are collective.
 
-    Each rank grows a short Krylov chain of its own from the residual of the basis; together the chains span what they
-    would have one after the other (parallel rational Krylov, Berljafa & Güttel 2017).
+    Each rank grows a short Krylov chain of its own from the residual of the basis; together the chains span
+    what they would have one after the other (parallel rational Krylov, Berljafa & Güttel 2017).
     """
 
     def __init__(self, pencil: Pencil):

@@ -1,8 +1,9 @@
 """From a basis to G*: the pencil projected contact by contact, and its relaxation spectrum to full relative accuracy.
 
-The motions P = C [x₀, V] (+ g) of the contacts carry everything: sums of W a² over contacts give the projected K and B without the cancellation that
-the assembled matrices suffer at low pressure. The small eigenvalue problem is then solved to high relative accuracy in
-every rate (rotate, project again, Cholesky, one-sided Jacobi; Demmel & Veselić 1992), since rates span many decades.
+The motions P = C [x₀, V] (+ g) of the contacts carry everything: sums of W a² over contacts give the
+projected K and B without the cancellation that the assembled matrices suffer at low pressure. The small
+eigenvalue problem is then solved to high relative accuracy in every rate (rotate, project again, Cholesky,
+one-sided Jacobi; Demmel & Veselić 1992), since rates span many decades.
 """
 
 import numpy as np
@@ -14,7 +15,6 @@ from jampetsc.mechanics.assembly import ROW, largest_entry
 from jampetsc.mechanics.compatibility import Compatibility
 from jampetsc.response.basis import RationalBasis
 from jampetsc.response.certificate import field_bound
-
 
 EPSILON = float(np.finfo(float).eps)
 ROUNDING = 4.0 * EPSILON  # of a motion, relative to its terms: bond, distance, normal, products and sum
@@ -36,7 +36,8 @@ class Galerkin:
         K, B = self._project(fields, motions)
         m = basis.size
         if m:
-            # The basis is orthonormal in B up to rounding; in the eigenvectors of K, K is graded and small rates are exact.
+            # The basis is orthonormal in B up to rounding; in the eigenvectors of K, K is graded and small
+            # rates are exact.
             _, rotation = np.linalg.eigh(K[1:, 1:])
             fields[:, 1:], motions[:, 1:] = fields[:, 1:] @ rotation, motions[:, 1:] @ rotation
             K, B = self._project(fields, motions)
@@ -89,7 +90,8 @@ class Galerkin:
         self.loads = loads
         self.spectrum = RelaxationSpectrum(float(G0), float(eta_inf), rates, weights)
 
-        # What rounding does to a sum Σ w a² : see `_rounding`. Reach: what the terms of the motions a = C x + g come to.
+        # What rounding does to a sum Σ w a² : see `_rounding`. Reach: what the terms of the motions a = C x +
+        # g come to.
         squares = np.column_stack((field**2, self.modes**2))
         norms = self._norms = np.sqrt(self.network.sum(squares.sum(axis=0)))
         reach_K, reach_B = (
@@ -103,7 +105,8 @@ class Galerkin:
         )
         of_loads = ROUNDING * (np.sqrt(viscous[1]) * (1.0 + reach_B[1:]) + reach_B[0])
         self._noise_G0 = (_rounding(elastic[1], reach_K[0]) + EPSILON * elastic[3]) / volume
-        # The flow minimises dissipation: rounding of its coefficients is of second order, that of its terms is not.
+        # The flow minimises dissipation: rounding of its coefficients is of second order, that of its terms
+        # is not.
         self._noise_eta = (_rounding(viscous[0], 2.0 * reach_B[0]) + ROUNDING * c.drag_gg) / volume
         self._noise_weights = 2.0 * weights * of_rates + 2.0 * rates * np.abs(loads) * of_loads / volume
 
@@ -123,14 +126,14 @@ class Galerkin:
         return 1j * omega * self.loads / (self.spectrum.rates + 1j * omega)
 
     def field_bound(self, omega: float, error: float) -> float:
-        """Bound on the error of `field`, relative in the energy norm, from that on |ΔG*| without rounding. Collective."""
+        """Bound on the error of `field`, relative in the energy norm, from |ΔG*| without rounding. Collective."""
         size = self._norms @ np.abs(np.append(1.0, self._amplitudes(omega)))
         squared = np.sqrt(2.0) * error * self.network.area
         return field_bound(self.compatibility, omega, self.field(omega), squared, size)
 
 
 def _rounding(size, reach):
-    """What rounding can do to a sum Σ w a² of the given size, when the terms of a reach that far (root of their squares).
+    """What rounding can do to a sum Σ w a² of this size, when the terms of a reach that far (root of their squares).
 
     Each a is off by ROUNDING times its terms: 2 Σ w a δa, by Cauchy and Schwarz, and Σ w δa².
     """
@@ -138,7 +141,7 @@ def _rounding(size, reach):
 
 
 def _graded_eigen(K, B):
-    """Rates and B-orthonormal vectors of a small pencil whose K is graded and whose B is the identity but for rounding."""
+    """Rates and B-orthonormal vectors of a small pencil with K graded and B the identity but for rounding."""
     lower = np.linalg.cholesky(B)
     H = solve_triangular(lower, solve_triangular(lower, K, lower=True).T, lower=True)
     try:

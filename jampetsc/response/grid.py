@@ -21,7 +21,9 @@ def parse_omega(text: str, option: str = "--omega"):
             omega = np.unique([float(word) for word in text.split(",")])
             points = 0
     except ValueError:
-        raise InputError(f"{option} {text}: write low:high:count, such as 1e-10:1e4:141, or w1,w2,…") from None
+        raise InputError(
+            f"{option} {text}: write low:high:count, such as 1e-10:1e4:141, or w1,w2,…"
+        ) from None
     if not np.isfinite(omega).all() or omega.min() < SMALLEST or omega.max() > LARGEST:
         raise InputError(
             f"{option} {text}: frequencies must lie between {SMALLEST:g} and {LARGEST:g} (for the limits ω → 0 and ∞ "

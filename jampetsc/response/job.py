@@ -132,8 +132,10 @@ def write_sweep(
 ) -> None:
     """Write the result file. Collective.
 
-    omega and G (M,) and bounds (M, 3) on |ΔG*|, |ΔG'| and |ΔG''|, the same on all ranks; omega are among job.omega;
-    fields yields (displacement (n_local, 2), rotation (n_local,) or None, relative bound) for each of job.field_omega in turn; extra holds attributes of the method, reduced the datasets of the group `reduced`.
+    omega and G (M,) and bounds (M, 3) on |ΔG*|, |ΔG'| and |ΔG''|, the same on all ranks; omega are among
+    job.omega; fields yields (displacement (n_local, 2), rotation (n_local,) or None, relative bound) for each
+    of job.field_omega in turn; extra holds attributes of the method, reduced the datasets of the group
+    `reduced`.
     """
     running = session.current()
     with ResultWriter(job.out, FORMAT, network.comm) as writer:

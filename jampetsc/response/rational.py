@@ -1,6 +1,7 @@
 """The whole spectrum from a handful of real factorisations, with a bound on the error at every frequency.
 
-Galerkin's method on a rational Krylov space (see `basis`). With residual r(iω) = f(iω) φ(iω) q the error of G* obeys
+Galerkin's method on a rational Krylov space (see `basis`). With residual r(iω) = f(iω) φ(iω) q the error of
+G* obeys
 
     |ΔG*| V ≤ √2 rᴴ(K + ωB)⁻¹r = √2 |f(iω) φ(iω)|² qᵀ(K + ωB)⁻¹q ,
 
@@ -8,8 +9,8 @@ and qᵀ(K + sB)⁻¹q costs one solve with a factor at hand. From there to ω, 
 
     (K + ωB)⁻¹ ≤ c (K + sB)⁻¹ ,    c = (λ_max + s)/(λ_max + ω)  for ω ≥ s ,    c = s/ω  for ω < s ,
 
-and between two shifts, because the inverse is operator convex, interpolation holds as well. The next shift goes where the bound is
-furthest from what was asked for.
+and between two shifts, because the inverse is operator convex, interpolation holds as well. The next shift
+goes where the bound is furthest from what was asked for.
 """
 
 import numpy as np
@@ -64,13 +65,13 @@ class RationalSweep:
             return []
         if self.basis.complete and not np.isfinite(ratio[worst]):
             raise ConvergenceError(
-                f"G″ vanishes at ω = {self.omega[worst]:g}, so no relative accuracy can be met: nothing moves against the strain, "
-                "and there is no fluid"
+                f"G″ vanishes at ω = {self.omega[worst]:g}, so no relative accuracy can be met: nothing moves "
+                "against the strain, and there is no fluid"
             )
         if self.basis.complete or self.basis.size >= MOST_VECTORS:
             raise ConvergenceError(
-                f"the bound on the error of G* stays at {ratio[worst]:.1e} times what --accuracy {self.accuracy:g} allows at "
-                f"ω = {self.omega[worst]:g} after {self.factorisations} factorisations"
+                f"the bound on the error of G* stays at {ratio[worst]:.1e} times what --accuracy {self.accuracy:g} "
+                f"allows at ω = {self.omega[worst]:g} after {self.factorisations} factorisations"
             )
         shifts = []
         candidates = self._clip(self.omega)
@@ -151,8 +152,8 @@ class RationalSweep:
         if not np.all(relative <= 2.0 * self.accuracy):
             worst = np.unravel_index(np.argmax(np.nan_to_num(relative, nan=np.inf)), relative.shape)
             raise ConvergenceError(
-                f"{('G′', 'G″')[worst[1]]} at ω = {self.omega[worst[0]]:g} is only certain to {relative[worst]:.1e}, by rounding; "
-                f"--accuracy {self.accuracy:g} cannot be met here"
+                f"{('G′', 'G″')[worst[1]]} at ω = {self.omega[worst[0]]:g} is only certain to {relative[worst]:.1e}, "
+                f"by rounding; --accuracy {self.accuracy:g} cannot be met here"
             )
         return galerkin, G, bounds
 
@@ -166,8 +167,8 @@ class RationalSweep:
 def largest_rate(pencil: Pencil) -> float:
     """λ_max with K ≤ λ_max B. Collective.
 
-    Contact damping: each contact has k in K and at least kτ₁ in B, and pre-stress only lowers K. Stokes: the largest sum of
-    absolute values in a row of K, over kτ₁.
+    Contact damping: each contact has k in K and at least kτ₁ in B, and pre-stress only lowers K. Stokes: the
+    largest sum of absolute values in a row of K, over kτ₁.
     """
     network, law = pencil.network, pencil.law
     damping = network.k * law.tau1

@@ -4,8 +4,8 @@ import numpy as np
 
 from jampetsc.errors import InputError
 from jampetsc.mechanics.assembly import assemble
+from jampetsc.mechanics.cholesky import NotPositiveDefinite
 from jampetsc.mechanics.compatibility import build_compatibility
-from jampetsc.mechanics.shifted import NotPositiveDefinite
 from jampetsc.progress import Progress
 from jampetsc.response.job import Job, split_field, write_sweep
 from jampetsc.response.rational import RationalSweep
@@ -16,8 +16,9 @@ from jampetsc.storage.checkpoint import Checkpoint
 def run(job: Job):
     """Sweep and write the file. Collective.
 
-    Returns (omega, G, bounds) as for `write_sweep`. K must be positive semi-definite, see `stability`: raises InputError where a
-    factorisation shows that it is not, ConvergenceError where the accuracy cannot be certified.
+    Returns (omega, G, bounds) as for `write_sweep`. K must be positive semi-definite, see `stability`: raises
+    InputError where a factorisation shows that it is not, ConvergenceError where the accuracy cannot be
+    certified.
     """
     session = current()
     with session.stage("assembly"):

@@ -1,16 +1,17 @@
 """Whether a packing is a minimum of its energy, and what becomes of a sweep when it is not.
 
-The rational method and every error bound need K + ωB to be positive definite. Where K has negative modes G* is still defined, and
-is solved for frequency by frequency.
+The rational method and every error bound need K + ωB to be positive definite. Where K has negative modes G*
+is still defined, and is solved for frequency by frequency.
 """
 
 from dataclasses import replace
 
 from jampetsc.mechanics.assembly import assemble
+from jampetsc.mechanics.cholesky import NotPositiveDefinite
 from jampetsc.mechanics.examine import elastic_inertia
 from jampetsc.mechanics.laws import Law
 from jampetsc.mechanics.network import Network
-from jampetsc.mechanics.shifted import NotPositiveDefinite, ShiftedFactor
+from jampetsc.mechanics.shifted import ShiftedFactor
 from jampetsc.progress import Progress
 from jampetsc.response.job import Job
 from jampetsc.session import current
@@ -19,7 +20,8 @@ from jampetsc.session import current
 def negative_modes(network: Network) -> int:
     """Number of negative eigenvalues of K with pre-stress. Collective; needs the real build.
 
-    None when Cholesky's factorisation of K succeeds, otherwise counted by inertia. Raises ConvergenceError if that fails.
+    None when Cholesky's factorisation of K succeeds, otherwise counted by inertia. Raises ConvergenceError if
+    that fails.
     """
     pencil = assemble(network, Law(beta=0.0))
     try:

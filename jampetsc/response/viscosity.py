@@ -16,10 +16,11 @@ import numpy as np
 
 from jampetsc.errors import InputError
 from jampetsc.mechanics.assembly import Pencil, assemble
+from jampetsc.mechanics.cholesky import NotPositiveDefinite
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.mechanics.laws import Law
 from jampetsc.mechanics.network import Network
-from jampetsc.mechanics.shifted import NotPositiveDefinite, ShiftedFactor
+from jampetsc.mechanics.shifted import ShiftedFactor
 from jampetsc.response.relaxation import relax
 from jampetsc.session import current
 

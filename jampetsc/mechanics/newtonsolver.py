@@ -1,0 +1,57 @@
+"""The solver that `packing.newton` is handed: one rank's own Hessian, factorised by `Cholesky`, prefix `newton_`."""
+
+import numpy as np
+
+from jampetsc.errors import InputError
+from jampetsc.mechanics.cholesky import Cholesky, NotPositiveDefinite
+from jampetsc.session import current
+
+PREFIX = "newton_"
+
+
+class NewtonSolver:
+    """Solves with real symmetric matrices of this rank alone (MPI_COMM_SELF), and says which are positive definite."""
+
+    def __init__(self):
+        session = current()
+        if session.scalar_type != "real":
+            raise InputError("Cholesky needs the real build of PETSc: start the session with scalar='real'")
+        self._petsc = session.PETSc
+        self._cholesky = self._pattern = None
+
+    def factorise(self, indptr, indices, values) -> bool:
+        """Factorise the upper triangle with its diagonal, CSR (int32, sorted). False if not positive definite."""
+        pattern = (indptr, indices)
+        if self._cholesky is None or not all(map(np.array_equal, pattern, self._pattern)):
+            self.destroy()
+            size = len(indptr) - 1
+            matrix = self._petsc.Mat().createSBAIJ(
+                (size, size), 1, csr=(indptr, indices, values), comm=self._petsc.COMM_SELF
+            )
+            matrix.assemble()
+            self._pattern = pattern
+            self._cholesky = Cholesky(matrix, PREFIX, f"the Hessian of a Newton step ({size} unknowns)")
+            self._solution, self._right = matrix.createVecs()
+        else:
+            self._cholesky.matrix.setValuesCSR(indptr, indices, values)
+            self._cholesky.matrix.assemble()
+        try:
+            self._cholesky.factorise()
+        except NotPositiveDefinite:
+            self.destroy()
+            return False
+        return True
+
+    def solve(self, b):
+        """x with A x = b, (n,) float64, after a `factorise` that said True."""
+        self._right.setArray(b)
+        self._cholesky.solve(self._right, self._solution)
+        return self._solution.getArray().copy()
+
+    def destroy(self) -> None:
+        """Free the factor and the matrix."""
+        if self._cholesky is not None:
+            self._cholesky.destroy()
+            self._right.destroy()
+            self._solution.destroy()
+        self._cholesky = None
