@@ -26,7 +26,7 @@ import numpy as np
 from jampetsc.mechanics.assembly import ROW, Pencil, largest_entry
 from jampetsc.mechanics.shifted import ShiftedFactor
 
-BREAKDOWN = 1e-14  # what is left is rounding when it is this small, relative to what it is the difference of
+BREAKDOWN = 1e-15  # what is left is rounding when it is this small, relative to what it is the difference of
 NEW = 1e-5  # shortest new part of a vector, relative to it, that still has enough right digits
 
 
