@@ -11,8 +11,8 @@ each accuracy, compared at `--references` frequencies with
   N > 64   one L D Lᵀ of the real form of K + iωB per frequency, which has a bound of its own (added to the sweep's)
 
 A sweep ends certified, or refused with its reason. "error/bound" is the largest of all, "bound/error" the median for
-|G*| where the error is not all rounding (more than 1e-12). Exit status 1 if a bound was violated or an accuracy not met.
-`--n 100000 --pressure 1e-2 --references 1` is the large one.
+|G*| where the error is not all rounding (more than 1e-12). Exit status 1 if a bound was violated or an accuracy not
+met. `--n 100000 --pressure 1e-2 --references 1` is the large one.
 """
 
 import argparse
@@ -240,9 +240,10 @@ def main():
                 over = [ratio for record in done for ratio in record["over"]]
                 counts = [record["factorisations"] for record in done]
                 print(
-                    f"{n:6d} {pressure:>7} {accuracy:9.0e} {len(of_it):7d} {len(of_it) - len(done):7d}"
-                    f" {worst['storage']:9.1e} {worst['loss']:10.1e} {worst['violation']:12.2f} {np.median(over) if over else 0:12.1f}"
-                    f" {min(counts):8d}–{max(counts)}",
+                    f"{n:6d} {pressure:>7} {accuracy:9.0e} {len(of_it):7d} {len(of_it) - len(done):7d}",
+                    f"{worst['storage']:9.1e} {worst['loss']:10.1e} {worst['violation']:12.2f}",
+                    f"{np.median(over):12.1f}" if over else f"{'–':>12}",
+                    f"{min(counts):8d}–{max(counts)}",
                     flush=True,
                 )
                 wrong += worst["violation"] > 1 or max(worst["storage"], worst["loss"]) > accuracy
