@@ -5,7 +5,7 @@
 β = 1 with rotations and pre-stress, accuracy 1e-6 in G' and in G'' each. Peers, on the same matrices in the
 same run:
   MUMPS    complex symmetric LDLᵀ per frequency, symbolic analysis reused (`sweep --method direct`)
-  SuperLU  scipy.sparse.linalg.splu, symmetric mode, MMD_AT_PLUS_A
+  SuperLU  scipy.sparse.linalg.splu, symmetric mode, MMD_AT_PLUS_A, relax=1 (see direct.py)
   pyMOR    IRKA of order 24 on the same pencil, where pyMOR is installed (pip install pymor)
 The first two are timed on `--sample` frequencies spread over the range and scaled to 141: each costs the
 same. The true error is that against them at those frequencies. "factorisations" is the sweep's time in units

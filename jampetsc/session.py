@@ -59,7 +59,9 @@ def start(scalar=None, petsc_argv=()):
         with builds.selected(scalar):
             PETSc, SLEPc, comm = _load(petsc_argv)
         _session = Session(PETSc, SLEPc, comm, petsc_argv)
-        stop_on_sigterm()  # PETSc's own handler, set by the start, would abort without a chance to clean up
+        # PETSc's own handlers, set by the start, would abort: without a chance to clean up, and for a closed pipe as well
+        stop_on_sigterm()
+        signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # python then raises BrokenPipeError
         if comm.size > 1:
             sys.excepthook = _abort
     elif petsc_argv:
