@@ -59,7 +59,7 @@ def start(scalar=None, petsc_argv=()):
         with builds.selected(scalar):
             PETSc, SLEPc, comm = _load(petsc_argv)
         _session = Session(PETSc, SLEPc, comm, petsc_argv)
-        # PETSc's own handlers, set by the start, would abort: without a chance to clean up, and for a closed pipe as well
+        # PETSc's own handlers, set by the start, would abort, without a chance to clean up, a closed pipe included
         stop_on_sigterm()
         signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # python then raises BrokenPipeError
         if comm.size > 1:
