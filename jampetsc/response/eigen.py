@@ -49,11 +49,12 @@ def translations(pencil: Pencil):
     return moves.reshape(2 * len(roots), -1)
 
 
-def lowest(pencil: Pencil, count: int, stiffness: float) -> Eigenpairs:
+def lowest(pencil: Pencil, count: int, stiffness: float, known=None) -> Eigenpairs:
     """At least `count` eigenpairs of K, and one more if there is one, to tell where they end. Collective.
 
     pencil      K with nothing pinned (the Stokes law), positive semi-definite
     stiffness   the largest contact stiffness, which sets the scale
+    known       (l, unknowns_local) orthonormal eigenvectors that are not to be found again
 
     Raises InputError when there are not so many, ConvergenceError when SLEPc does not find them.
     """
@@ -61,8 +62,9 @@ def lowest(pencil: Pencil, count: int, stiffness: float) -> Eigenpairs:
     there = pencil.unknowns - len(moves)
     if count > there:
         raise InputError(f"{count} modes: K has {there} besides its translations; ask for no more")
-    if 2 * (count + SPARE) < there:
-        return _krylov(pencil, moves, count + SPARE, stiffness)
+    if 2 * (count + SPARE) < there or known is not None:
+        deflated = moves if known is None else np.vstack((moves, known))
+        return _krylov(pencil, deflated, count + SPARE, stiffness)
     if pencil.unknowns > DENSE:
         raise InputError(
             f"{count} of {there} modes: so large a part of the spectrum is found up to {DENSE // 2} disks; "
