@@ -110,7 +110,7 @@ BAD = [
     ({"--n": None, "--radii": "none.txt"}, "none.txt: cannot be read"),
     ({"--n": None, "--radii": "words.txt"}, "words.txt"),
     ({"--n": None, "--radii": "negative.txt"}, "negative.txt: radii must be positive"),
-    ({"--from": "none.h5"}, "--n: belongs to the packing"),
+    ({"--sizes": "monodisperse", "--from": "none.h5"}, "--sizes: belongs to the packing"),
     ({"--n": None, "--from": "none.h5"}, "none.h5"),
     ({"--n": None, "--from": "words.txt"}, "words.txt"),
     ({"--out": "nowhere/a.h5"}, "nowhere"),
@@ -131,6 +131,14 @@ def test_bad_input_gets_one_line(change, said, tmp_path, monkeypatch):
         cli.dispatch(["pack", *line])
     assert said in str(raised.value) and "\n" not in str(raised.value)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["negative.txt", "words.txt"]
+
+
+def test_a_number_of_disks_beside_a_packing_must_be_its_own(tmp_path):
+    assert pack(tmp_path, "--n", 16, "--pressure", "1e-2", "--out", "a.h5").returncode == 0
+    onwards = ("--pressure", "5e-3", "--from", "a.h5", "--out", "b.h5")
+    wrong = pack(tmp_path, "--n", 17, *onwards)
+    assert wrong.returncode == 2 and "a.h5 has 16 disks" in wrong.stderr
+    assert pack(tmp_path, "--n", 16, *onwards).returncode == 0
 
 
 def test_another_packing_is_not_overwritten(tmp_path):

@@ -198,10 +198,12 @@ def _from_packing(args):
     from jampetsc.packing.forces import deformed
     from jampetsc.storage.packing_file import read_packing
 
-    for name in ("n", "potential", "stiffness", "sizes", "radii"):
+    for name in ("potential", "stiffness", "sizes", "radii"):
         if getattr(args, name) is not None:
             raise InputError(f"--{name}: belongs to the packing {args.source}; leave it out with --from")
     disks = replace(read_packing(args.source), record={})
+    if args.n not in (None, disks.n):
+        raise InputError(f"--n {args.n}: {args.source} has {disks.n} disks; leave --n out with --from")
     if args.phi is None and measure(disks).pressure <= 0:
         raise InputError(
             f"{args.source}: no disks touch, so there is no pressure to change: use --phi, or a random start"
