@@ -22,7 +22,8 @@ def add_parser(subparsers):
         "--omega",
         default=DEFAULT_OMEGA,
         metavar="LOW:HIGH:COUNT|LIST",
-        help=f"frequencies in units of 1/τ₁: a logarithmic grid or a list (default {DEFAULT_OMEGA})",
+        help="frequencies (in units of 1/τ₁ with the default τ₁ = 1): a logarithmic grid or a list (default "
+        f"{DEFAULT_OMEGA})",
     )
     parser.add_argument(
         "--method",

@@ -6,15 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from jampetsc import session
 from jampetsc.analysis.nonlinear import EquivalentDamping
 from jampetsc.errors import InputError
 from jampetsc.mechanics.laws import Law
 from jampetsc.mechanics.network import build_network
 from jampetsc.packing.disks import Disks
 from jampetsc.response.grid import LARGEST, SMALLEST
+from jampetsc.response.record import run_record
 from jampetsc.storage.packing_file import packing_identity, read_packing
-from jampetsc.storage.provenance import provenance
 from jampetsc.storage.result_file import ResultWriter
 
 FORMAT = "jampetsc-sweep"
@@ -137,7 +136,6 @@ def write_sweep(
     of job.field_omega in turn; extra holds attributes of the method, reduced the datasets of the group
     `reduced`.
     """
-    running = session.current()
     with ResultWriter(job.out, FORMAT, network.comm) as writer:
         writer.dataset("omega", job.asked(omega))
         if job.damping is not None:
@@ -157,30 +155,11 @@ def write_sweep(
                     writer.append("fields/rotation", rotation)
                 errors.append(error)
             writer.dataset("fields/error_bound", np.array(errors))
-        record = job.disks.record
         writer.attributes(
-            **provenance(
-                versions=session.versions(),
-                scalar_type=running.scalar_type,
-                petsc_options=" ".join(
-                    f"-{name} {value or ''}".strip() for name, value in running.options().items()
-                ),
-                ranks=network.comm.size,
-                packing=job.identity,
-                law=job.parameters,
-                wall_seconds=time.perf_counter() - job.started,
-            ),
+            **run_record(job.disks, job.identity, job.parameters, network, job.started),
             method=job.method,
             accuracy=job.accuracy,
             positive_semidefinite=job.positive_semidefinite,
-            pressure=network.pressure,
-            phi=job.disks.phi,
-            k=network.k,
-            particle_count=job.disks.n,
-            rattlers=network.rattlers,
-            coordination=network.coordination,
-            force_threshold=network.threshold,
-            seed=record.get("seed"),
             **extra,
         )
 

@@ -1,0 +1,184 @@
+"""What `jampetsc pack` is asked to make: a task per packing, where each starts, and which are there already."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from jampetsc.errors import InputError
+from jampetsc.packing.potentials import Potential
+from jampetsc.packing.sizes import SIZES, radii_of
+
+FEWEST, MOST = 16, 10_000_000
+PRESSURES = (1e-8, 1.0)
+PHIS = (0.8, 1.5)
+TOLERANCES = (1e-13, 1e-4)
+
+
+@dataclass(frozen=True)
+class Task:
+    """One packing to make."""
+
+    path: Path
+    seed: int | None  # None: from a file
+    target: object  # protocols.Target
+
+
+def plan(args) -> list[Task]:
+    """The packings asked for. Raises InputError for values out of range."""
+    from jampetsc.packing.protocols import Target
+
+    if not TOLERANCES[0] <= args.tolerance <= TOLERANCES[1]:
+        raise InputError(
+            f"--tolerance {args.tolerance:g}: must lie in [{TOLERANCES[0]:g}, {TOLERANCES[1]:g}]"
+        )
+    if args.phi is not None:
+        if not PHIS[0] <= args.phi <= PHIS[1]:
+            raise InputError(
+                f"--phi {args.phi:g}: must lie in [{PHIS[0]:g}, {PHIS[1]:g}]; disks jam near 0.84"
+            )
+        if args.stabilise == "shear":
+            raise InputError("--stabilise shear: needs --pressure; at fixed --phi the cell does not move")
+        targets = {"": Target(phi=args.phi, tolerance=args.tolerance)}
+    else:
+        targets = {
+            word: Target(_pressure(word), stabilise=args.stabilise, tolerance=args.tolerance)
+            for word in args.pressure.split(",")
+        }
+    seeds = [None] if args.source else _seeds(args)
+    for field, values in (("{seed}", seeds), ("{pressure}", targets)):
+        if len(values) > 1 and field not in args.out:
+            raise InputError(f"--out {args.out}: one name for {len(values)} packings: put {field} into it")
+    if args.source and "{seed}" in args.out:
+        raise InputError(f"--out {args.out}: {{seed}} has no meaning with --from")
+    return [
+        Task(Path(args.out.replace("{seed}", str(seed)).replace("{pressure}", word)), seed, target)
+        for seed in seeds
+        for word, target in targets.items()
+    ]
+
+
+def _pressure(word) -> float:
+    try:
+        value = float(word)
+    except ValueError:
+        raise InputError(f"--pressure {word}: must be a number, or several with commas between") from None
+    if not PRESSURES[0] <= value <= PRESSURES[1]:
+        raise InputError(f"--pressure {word}: must lie in [{PRESSURES[0]:g}, {PRESSURES[1]:g}]")
+    return value
+
+
+def _seeds(args) -> list[int]:
+    if args.seeds is None:
+        seeds = [1 if args.seed is None else args.seed]
+    else:
+        try:
+            first, last = (int(word) for word in args.seeds.split(":"))
+        except ValueError:
+            raise InputError(f"--seeds {args.seeds}: must be FIRST:LAST, for instance 1:20") from None
+        if last < first:
+            raise InputError(f"--seeds {args.seeds}: the last must not be below the first")
+        seeds = list(range(first, last + 1))
+    if seeds[0] < 0:
+        raise InputError(f"--seed {seeds[0]}: must not be negative")
+    return seeds
+
+
+def starter(args):
+    """Function of (seed, target) that gives the disks to begin with. Raises InputError for bad input."""
+    from jampetsc.packing.protocols import random_start, start_phi
+
+    if args.source:
+        return _from_packing(args)
+    if args.radii:
+        if args.n is not None or args.sizes:
+            raise InputError(
+                f"--radii {args.radii}: gives number and sizes of the disks; leave out --n and --sizes"
+            )
+        radii = _read_radii(args.radii)
+    else:
+        if args.n is None:
+            raise InputError("--n is missing: how many disks? (or --radii FILE, or --from FILE)")
+        radii = None
+    n = args.n if radii is None else len(radii)
+    if not FEWEST <= n <= MOST:
+        raise InputError(
+            f"{'--n' if radii is None else args.radii}: {n} disks: must lie in [{FEWEST}, {MOST}]"
+        )
+    radii = radii_of(args.sizes or SIZES[0], n) if radii is None else radii
+    potential = Potential(args.potential or "harmonic", args.stiffness or "constant")
+    return lambda seed, target: random_start(radii, target.phi or start_phi(target.pressure), seed, potential)
+
+
+def _from_packing(args):
+    from jampetsc.packing.contacts import measure
+    from jampetsc.packing.forces import deformed
+    from jampetsc.storage.packing_file import read_packing
+
+    for name in ("potential", "stiffness", "sizes", "radii"):
+        if getattr(args, name) is not None:
+            raise InputError(f"--{name}: belongs to the packing {args.source}; leave it out with --from")
+    disks = replace(read_packing(args.source), record={})
+    if args.n not in (None, disks.n):
+        raise InputError(f"--n {args.n}: {args.source} has {disks.n} disks; leave --n out with --from")
+    if args.phi is None and measure(disks).pressure <= 0:
+        raise InputError(
+            f"{args.source}: no disks touch, so there is no pressure to change: use --phi, or a random start"
+        )
+    still = np.zeros((disks.n, 2))
+    return lambda seed, target: (
+        disks if target.phi is None else deformed(disks, still, 0.5 * np.log(disks.phi / target.phi), 0.0)
+    )
+
+
+def _read_radii(path):
+    try:
+        radii = np.loadtxt(path, dtype=float, ndmin=1)
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"{path}: cannot be read as radii ({' '.join(str(error).split())}): give one number per line"
+        ) from None
+    if radii.ndim != 1 or not (np.isfinite(radii).all() and (radii > 0).all()):
+        raise InputError(f"{path}: radii must be positive numbers, one per line")
+    return radii
+
+
+def request_of(args) -> dict:
+    """What a file must say to be what is asked for, beyond its target and seed."""
+    entries = {"stabilise": args.stabilise, "tolerance": args.tolerance}
+    if args.source:
+        from jampetsc.storage.packing_file import packing_identity
+
+        name, digest = packing_identity(args.source)
+        return entries | {"source": name, "source_sha256": digest}
+    return entries | {
+        "sizes": f"radii of {Path(args.radii).name}" if args.radii else args.sizes or SIZES[0],
+        "requested_n": args.n or 0,
+        "requested_potential": args.potential or "harmonic",
+        "requested_stiffness": args.stiffness or "constant",
+    }
+
+
+def entries(task, request) -> dict:
+    aim = (
+        {"requested_phi": task.target.phi}
+        if task.target.phi
+        else {"requested_pressure": task.target.pressure}
+    )
+    return request | aim | ({} if task.seed is None else {"seed": task.seed})
+
+
+def complete(task, request) -> bool:
+    """Whether the file is there already. Raises InputError if it holds something else."""
+    from jampetsc.storage.packing_file import read_packing
+
+    if not task.path.exists():
+        return False
+    found = read_packing(task.path).record
+    for name, value in entries(task, request).items():
+        if found.get(name) != value:
+            raise InputError(
+                f"{task.path}: is there already with {name} = {found.get(name)}, not {value}: "
+                "remove it, or choose another --out"
+            )
+    return True
