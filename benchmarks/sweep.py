@@ -13,6 +13,7 @@ range and scaled to 141: each costs the same. The true error is that against MUM
 """
 
 import argparse
+import importlib.util
 import sys
 import time
 
@@ -65,7 +66,7 @@ def rational(path, chosen):
         )
 
 
-def pymor(path, chosen):
+def irka(path, chosen):
     """IRKA on x' E = A x + g u, y = gᵀx with E = B, A = −K, after the same shift of origin as ours."""
     from direct import matrices
     from pymor.models.iosys import LTIModel
@@ -113,16 +114,11 @@ def main():
             "rational": lambda: rational(path, chosen),
             "MUMPS": lambda: ours(path, OMEGA[chosen]),
             "SuperLU": lambda: superlu(path, OMEGA[chosen]),
-            "pyMOR": lambda: pymor(path, chosen),
+            "pyMOR": lambda: irka(path, chosen),
         }
         run[kind]()
         return
-    try:
-        import pymor
-
-        peers = ("MUMPS", "SuperLU", "pyMOR")
-    except ImportError:
-        peers = ("MUMPS", "SuperLU")
+    peers = ["MUMPS", "SuperLU"] + ["pyMOR"] * (importlib.util.find_spec("pymor") is not None)
     print(machine())
     for n in map(int, args.n.split(",")):
         path = packing(n, args.pressure)
