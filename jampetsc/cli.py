@@ -74,6 +74,8 @@ def dispatch(argv):
             f"{args.command} {petsc_argv[0]}: single-dash options are PETSc's, which has nothing to do here; "
             "the program's own begin with --"
         )
+    if _rank() and not args.takes_petsc(args):
+        return 0  # without MPI the work is done once, however many ranks mpirun started
     return args.run(args, petsc_argv)
 
 

@@ -1,5 +1,6 @@
 """`jampetsc info`: what it says of packings, results and matrices."""
 
+import launch
 import numpy as np
 import pytest
 from samples import JAMBASHBULK, JAXMD, gears, honeycomb, isostatic, polydisperse, published
@@ -178,3 +179,12 @@ def test_matrices_below_jamming_are_refused(capsys, session, shared_path):
     assert status == 2
     assert entry(lines, "contacts").startswith("12 ")
     assert "12 contacts between 8 disks leave at least 2 floppy modes: below jamming" in error
+
+
+def test_work_without_mpi_is_done_once_on_any_number_of_ranks(tmp_path):
+    write_packing(tmp_path / "p.h5", import_packing(JAMBASHBULK))
+    alone, on_two = (
+        launch.run(ranks, "../jampetsc/__main__.py", "info", tmp_path / "p.h5") for ranks in (0, 2)
+    )
+    assert alone.returncode == on_two.returncode == 0
+    assert "16 disks" in alone.stdout and on_two.stdout == alone.stdout
