@@ -1,4 +1,4 @@
-"""A rational sweep killed half-way: the same command continues, another one starts from the beginning."""
+"""A sweep killed half-way: the same command continues, another one starts from the beginning."""
 
 import re
 
@@ -42,6 +42,20 @@ def test_the_same_command_continues(packing, tmp_path, ranks):
     assert vectors[0] > 4
     factorisations = [result.attributes["factorisations"] for result in results]
     assert factorisations[1] <= factorisations[0] + max(ranks, 1)
+
+
+@pytest.mark.parametrize("ranks", [0, 2])
+def test_the_direct_method_continues(packing, tmp_path, ranks):
+    out, whole = tmp_path / "sweep.h5", tmp_path / "whole.h5"
+    direct = ("--method", "direct", "--omega", "1e-4:1:6")
+    assert sweep(ranks, 99, packing, whole, *direct).returncode == 0
+    assert sweep(ranks, 4, packing, out, *direct).returncode != 0
+    done = sweep(ranks, 99, packing, out, *direct)
+    assert done.returncode == 0, done.stderr
+    assert f"continuing {out}.resume: 4 frequencies are finished" in done.stderr
+    results = [jampetsc.load(path) for path in (whole, out)]
+    np.testing.assert_allclose(results[1].G, results[0].G, rtol=1e-12)
+    np.testing.assert_allclose(*(result["fields/displacement"] for result in results), atol=1e-9)
 
 
 def test_another_command_starts_from_the_beginning(packing, tmp_path):

@@ -1,0 +1,77 @@
+"""Every file in options/ does what it is for, over the whole range of frequencies, and a user's own option wins."""
+
+import numpy as np
+import pytest
+from dense import Reference
+from launch import ROOT, run
+from samples import polydisperse
+
+import jampetsc
+from jampetsc.mechanics.laws import Law
+from jampetsc.storage.packing_file import write_packing
+
+OMEGA = "1e-10:1e4:15"
+PROGRAM = "../jampetsc/__main__.py"
+FOR_SWEEPS = ("mumps", "superlu_dist", "iterative", "low_memory")
+FOR_MODES = ("modes_cholmod", "modes_many", "modes_mumps")
+
+
+@pytest.fixture
+def packing(tmp_path):
+    path = tmp_path / "packing.h5"
+    write_packing(path, polydisperse(3)[0])
+    return path
+
+
+def test_every_file_is_tested():
+    assert sorted(path.stem for path in (ROOT / "options").glob("*.opts")) == sorted(FOR_SWEEPS + FOR_MODES)
+
+
+@pytest.mark.parametrize("law", [Law(), Law("stokes", eta_f=0.0)], ids=str)
+@pytest.mark.parametrize("name", FOR_SWEEPS)
+def test_sweep_by_each_file(name, law, packing, tmp_path):
+    out = tmp_path / "sweep.h5"
+    words = ["--law", law.kind] + (["--eta-f", "0"] if law.kind == "stokes" else [])
+    file = ROOT / "options" / f"{name}.opts"
+    done = run(0, PROGRAM, "sweep", packing, "--out", out, "--method", "direct", "--omega", OMEGA, *words,
+               "-options_file", file)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    sweep = jampetsc.load(out)
+    exact = np.array([Reference(polydisperse(3)[0], law).modulus(omega) for omega in sweep.omega])
+    np.testing.assert_allclose(sweep.G_storage, exact.real, rtol=1e-9)
+    np.testing.assert_allclose(sweep.G_loss, exact.imag, rtol=1e-9)
+
+
+@pytest.mark.parametrize("name", [name for name in FOR_SWEEPS if name != "low_memory"])
+def test_sweep_by_each_file_on_two_ranks(name, packing, tmp_path):
+    results = []
+    for ranks in (0, 2):
+        out = tmp_path / f"sweep-{ranks}.h5"
+        file = ROOT / "options" / f"{name}.opts"
+        done = run(ranks, PROGRAM, "sweep", packing, "--out", out, "--method", "direct", "--omega", "1e-6,1e-2,10",
+                   "-options_file", file)  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        results.append(jampetsc.load(out).G)
+    np.testing.assert_allclose(results[1].real, results[0].real, rtol=1e-10)
+    np.testing.assert_allclose(results[1].imag, results[0].imag, rtol=1e-10)
+
+
+@pytest.mark.parametrize("name", FOR_MODES)
+def test_modes_by_each_file(name, packing, tmp_path):
+    found = []
+    for number, options in enumerate(([], ["-options_file", ROOT / "options" / f"{name}.opts"])):
+        out = tmp_path / f"modes-{number}.h5"
+        done = run(0, PROGRAM, "modes", packing, "--out", out, "--count", 12, *options)
+        assert done.returncode == 0, done.stderr
+        found.append(jampetsc.load(out)["eigenvalues"])
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-9)
+
+
+def test_an_option_of_the_user_wins_over_file_and_default(packing, tmp_path):
+    out = tmp_path / "sweep.h5"
+    file = ROOT / "options" / "mumps.opts"
+    done = run(0, PROGRAM, "sweep", packing, "--out", out, "--method", "direct", "--omega", "1e-3,1",
+               "-options_file", file, "-freq_pc_type", "lu", "-freq_ksp_type", "gmres")  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    used = jampetsc.load(out).attributes["petsc_options"]
+    assert "-freq_pc_type lu" in used and "-freq_ksp_type gmres" in used
