@@ -49,15 +49,16 @@ class PartList:
         Called after reading as well: parts never come back under the same name, so what was read was theirs.
         """
         for name, size in self.sizes.items():
-            part = self.path.parent / name
-            if not part.is_file():
+            try:  # in one look: the part of a replaced run may go at any moment
+                found = (self.path.parent / name).stat().st_size
+            except (FileNotFoundError, NotADirectoryError):
                 raise InputError(
                     f"{self.shown}: part {name} is missing: keep the folder {Path(name).parent} beside "
                     "the file (`jampetsc merge` makes one file of them)"
-                )
-            if part.stat().st_size != size:
+                ) from None
+            if found != size:
                 raise InputError(
-                    f"{self.shown}: part {name} has {part.stat().st_size} bytes instead of {size}: "
+                    f"{self.shown}: part {name} has {found} bytes instead of {size}: "
                     "truncated or not copied completely; copy it again"
                 )
 
