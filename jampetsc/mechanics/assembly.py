@@ -52,14 +52,8 @@ class Pencil:
         """Remove the mean displacement of each piece from x (n_local,), in place, where nothing pins it. Collective."""
         if self.law.kind != "stokes":
             return
-        network, dofs = self.network, self.law.dofs
-        root, piece = np.unique(self.pieces.label, return_inverse=True)
-        local = x.reshape(-1, dofs)
-        mine = piece[network.first : network.last]
-        total = np.zeros((len(root), dofs), local.dtype)
-        np.add.at(total, mine, local)
-        mean = network.sum(total) / np.bincount(piece)[:, None]
-        local -= mean[mine]
+        local = x.reshape(-1, self.law.dofs)
+        local -= self.pieces.mean(self.network, local)
 
     def destroy(self):
         """Free the PETSc objects. Collective."""

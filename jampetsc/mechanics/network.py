@@ -6,6 +6,7 @@ that matrices assemble without communication.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -143,6 +144,18 @@ class Pieces:
     def roots(self):
         """One disk of each piece, the lowest in number."""
         return np.unique(self.label)
+
+    @cached_property
+    def index(self):
+        """(n,) which of the pieces, 0, 1, …, each disk belongs to."""
+        return np.unique(self.label, return_inverse=True)[1]
+
+    def mean(self, network: Network, values):
+        """Mean over its piece of what each owned disk has: values and result (last − first, c). Collective."""
+        mine = self.index[network.first : network.last]
+        total = np.zeros((self.index.max() + 1, values.shape[1]), values.dtype)
+        np.add.at(total, mine, values)
+        return (network.sum(total) / np.bincount(self.index)[:, None])[mine]
 
 
 def find_pieces(network: Network) -> Pieces:

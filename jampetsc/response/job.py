@@ -169,11 +169,7 @@ def split_field(pencil, x):
 
     Displacements are per unit strain and without the mean of each piece. Collective.
     """
-    network, dofs = pencil.network, pencil.law.dofs
+    dofs = pencil.law.dofs
     values = np.asarray(x).reshape(-1, dofs)
-    _, piece = np.unique(pencil.pieces.label, return_inverse=True)
-    mine = piece[network.first : network.last]
-    total = np.zeros((piece.max() + 1, 2), values.dtype)
-    np.add.at(total, mine, values[:, :2])
-    mean = network.sum(total) / np.bincount(piece)[:, None]
-    return values[:, :2] - mean[mine], values[:, 2].copy() if dofs == 3 else None
+    displacement = values[:, :2] - pencil.pieces.mean(pencil.network, values[:, :2])
+    return displacement, values[:, 2].copy() if dofs == 3 else None
