@@ -140,7 +140,6 @@ class Quench:
     def __init__(self, disks: Disks, goal: Goal):
         self.goal = goal
         self.evaluations = 0
-        self.rebuilds = 0
         self.skin = 0.3 * self._diameter(disks)
         self.set_disks(disks)
         self.rest()
@@ -155,7 +154,6 @@ class Quench:
         self.pairs = PairList.build(disks, self.skin)
         self.offsets = np.zeros((disks.n, 2))
         self.box = np.vstack((np.zeros(2), getattr(self, "box", np.zeros((2, 2)))[1]))
-        self.rebuilds += 1
 
     def rest(self):
         """Forget all velocities."""

@@ -6,7 +6,7 @@ Figures are made without pyplot: no display, no global state, and the same bytes
 import io
 import os
 import re
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 import matplotlib
@@ -16,7 +16,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
 from jampetsc.errors import InputError
-from jampetsc.storage.atomic import check_writable, write_error
+from jampetsc.storage.atomic import check_writable, write_whole
 
 COLUMN, PAGE = 3.4, 7.0  # inches: one and two columns of a journal
 GREY = "0.45"
@@ -122,24 +122,13 @@ def check_output(path) -> None:
 
 def save(fig, path) -> None:
     """Write the picture in the format of its ending, complete or not at all. Raises JampetscError."""
-    path = Path(os.path.realpath(path))
-    suffix = path.suffix.lower()
+    suffix = Path(os.path.realpath(path)).suffix.lower()
     image = io.BytesIO()
     fig.savefig(image, format=suffix[1:], metadata=FORMATS[suffix])
     content = image.getvalue()
     if suffix == ".svg":
         content = _numbered_clips(content)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        with open(temporary, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except OSError as error:
-        with suppress(OSError):
-            temporary.unlink(missing_ok=True)
-        raise write_error(path, error) from None
+    write_whole(path, content)
 
 
 def _numbered_clips(svg: bytes) -> bytes:

@@ -33,6 +33,22 @@ _REFUSED = (
 )
 
 
+def write_whole(path, content: bytes) -> None:
+    """Write a small file complete or not at all, in the place of what was there. Raises JampetscError."""
+    path = Path(os.path.realpath(path))
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        with open(temporary, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    except OSError as error:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        raise write_error(path, error) from None
+
+
 def write_error(path, error: OSError) -> JampetscError:
     """The one-line error for a failed write to `path`."""
     if error.errno in _FULL:

@@ -3,11 +3,9 @@
 import csv
 import io
 import math
-import os
 from dataclasses import dataclass, fields
-from pathlib import Path
 
-from jampetsc.storage.atomic import write_error
+from jampetsc.storage.atomic import write_whole
 
 MEANINGS = {
     "group": "what is varied",
@@ -93,7 +91,7 @@ class Table:
         writer.writerow(names)
         for row in self.rows:
             writer.writerow([_cell(getattr(row, name)) for name in names])
-        _replace(Path(os.path.realpath(path)), text.getvalue())
+        write_whole(path, text.getvalue().encode())
 
     @property
     def resolved(self) -> float:
@@ -137,16 +135,3 @@ def _cell(value):
     if isinstance(value, bool):
         return int(value)
     return f"{value:.6g}" if isinstance(value, float) else value
-
-
-def _replace(path, content):
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        with open(temporary, "w") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise write_error(path, error) from None
