@@ -18,8 +18,8 @@ from common import machine, packing, report, worker
 def matrices(path):
     """(pencil, network) of a packing in the complex build."""
     from jampetsc import session
+    from jampetsc.contacts.laws import Law
     from jampetsc.mechanics.assembly import assemble
-    from jampetsc.mechanics.laws import Law
     from jampetsc.mechanics.network import build_network
     from jampetsc.storage.packing_file import read_packing
 

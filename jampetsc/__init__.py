@@ -17,7 +17,7 @@ def __getattr__(name):  # PEP 562: `jampetsc.load` and `jampetsc.Disks` import n
 
         return load
     if name == "Disks":
-        from jampetsc.packing.disks import Disks
+        from jampetsc.contacts.disks import Disks
 
         return Disks
     raise AttributeError(f"module 'jampetsc' has no attribute {name!r}")

@@ -8,9 +8,9 @@ import h5py
 import numpy as np
 from dense import Reference
 
-from jampetsc.mechanics.laws import Law
-from jampetsc.packing.disks import Disks
-from jampetsc.packing.potentials import Potential
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.laws import Law
+from jampetsc.contacts.potentials import Potential
 from jampetsc.storage.packing_file import read_packing
 
 DATA = Path(__file__).parent / "data"

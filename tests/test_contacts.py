@@ -7,8 +7,11 @@ import pytest
 from dense import Reference
 from samples import ORACLE, SAMPLES, polydisperse, published
 
-from jampetsc.mechanics.laws import Law
-from jampetsc.packing.contacts import (
+from jampetsc.contacts.disks import GRID, Disks, join, split
+from jampetsc.contacts.laws import Law
+from jampetsc.contacts.neighbours import neighbour_pairs
+from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
+from jampetsc.contacts.state import (
     Contacts,
     bond_vectors,
     find_contacts,
@@ -16,9 +19,6 @@ from jampetsc.packing.contacts import (
     measure,
     net_forces,
 )
-from jampetsc.packing.disks import GRID, Disks, join, split
-from jampetsc.packing.neighbours import neighbour_pairs
-from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
 
 
 def test_split_loses_nothing():

@@ -14,8 +14,8 @@ from jampetsc.analysis.correlations import (
     length_spread,
     stokes_collapse,
 )
+from jampetsc.contacts.disks import Disks
 from jampetsc.errors import InputError
-from jampetsc.packing.disks import Disks
 from jampetsc.storage.packing_file import packing_identity, write_packing
 from jampetsc.storage.provenance import derived_from
 from jampetsc.storage.reader import load

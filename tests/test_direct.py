@@ -5,11 +5,11 @@ import pytest
 from gathered import unknowns
 from samples import LAWS, ORACLE, SAMPLES, laws_of, modulus, published, reference
 
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.laws import Law
 from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.assembly import assemble
-from jampetsc.mechanics.laws import Law
 from jampetsc.mechanics.network import build_network
-from jampetsc.packing.disks import Disks
 from jampetsc.response.direct import FrequencySolver
 
 pytestmark = pytest.mark.scalar("complex", "real")

@@ -9,7 +9,7 @@ from dense import Reference
 from samples import isostatic, polydisperse, published
 from sweeps import Sweep, judge
 
-from jampetsc.mechanics.laws import Law
+from jampetsc.contacts.laws import Law
 
 pytestmark = pytest.mark.scalar("real")
 

@@ -6,11 +6,11 @@ from dense import Reference
 from gathered import dense
 from samples import LAWS, SAMPLES, isostatic, laws_of, polydisperse, reference
 
+from jampetsc.contacts.laws import Law
+from jampetsc.contacts.state import measure
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
-from jampetsc.mechanics.laws import Law
 from jampetsc.mechanics.network import build_network
-from jampetsc.packing.contacts import measure
 from jampetsc.response.direct import FrequencySolver
 from jampetsc.session import current
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from jampetsc.commands import importing
+from jampetsc.contacts.potentials import Potential
+from jampetsc.contacts.state import measure
 from jampetsc.errors import InputError
-from jampetsc.packing.contacts import measure
-from jampetsc.packing.importers import import_packing
-from jampetsc.packing.potentials import Potential
+from jampetsc.storage.importers import import_packing
 from jampetsc.storage.packing_file import read_packing
 
 DATA = Path(__file__).parent / "data"

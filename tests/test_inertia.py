@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from samples import LAWS, SAMPLES, reference
 
+from jampetsc.contacts.laws import Law
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.examine import asymmetry, examine
-from jampetsc.mechanics.inertia import count_eigenvalues
-from jampetsc.mechanics.laws import Law
 from jampetsc.mechanics.network import build_network
+from jampetsc.solvers.inertia import count_eigenvalues
 
 pytestmark = pytest.mark.scalar("real")
 

@@ -6,8 +6,8 @@ import pytest
 from samples import JAMBASHBULK, JAXMD, gears, honeycomb, isostatic, polydisperse, published
 
 from jampetsc import cli
-from jampetsc.packing.disks import Disks
-from jampetsc.packing.importers import import_packing
+from jampetsc.contacts.disks import Disks
+from jampetsc.storage.importers import import_packing
 from jampetsc.storage.packing_file import write_packing
 from jampetsc.storage.result_file import ResultWriter
 

@@ -12,10 +12,10 @@ from samples import DATA, SAMPLES, gears, published, reference, strips
 
 import jampetsc
 from jampetsc import cli
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.laws import Law
 from jampetsc.errors import InputError
-from jampetsc.mechanics.laws import Law
 from jampetsc.mechanics.network import build_network
-from jampetsc.packing.disks import Disks
 from jampetsc.response.elastic import ElasticResponse
 from jampetsc.response.modes import lowest_modes
 from jampetsc.storage.packing_file import write_packing

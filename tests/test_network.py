@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from samples import SAMPLES, honeycomb, published, reference, strips
 
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.laws import Law
 from jampetsc.errors import InputError
 from jampetsc.mechanics.assembly import assemble
-from jampetsc.mechanics.laws import Law
 from jampetsc.mechanics.network import build_network, find_pieces
-from jampetsc.packing.disks import Disks
 
 pytestmark = pytest.mark.scalar("real")
 

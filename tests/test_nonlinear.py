@@ -12,14 +12,14 @@ import samples
 from dense import Reference
 from scipy.integrate import quad
 
-from jampetsc.analysis.nonlinear import EquivalentDamping
+from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.analysis.scaling import fit_power_law
-from jampetsc.commands.lawoptions import damping_from
+from jampetsc.contacts.laws import Law
 from jampetsc.errors import InputError
-from jampetsc.mechanics.laws import Law
 from jampetsc.storage.packing_file import write_packing
 from jampetsc.storage.reader import load
+from jampetsc.words.law import damping_from
 
 OMEGA = np.geomspace(1e-16, 1e12, 281)
 ALPHAS = (0.1, 0.5, 2 / 3, 1.5, 2.0, 5.0)

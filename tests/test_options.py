@@ -7,7 +7,7 @@ from launch import ROOT, run
 from samples import polydisperse
 
 import jampetsc
-from jampetsc.mechanics.laws import Law
+from jampetsc.contacts.laws import Law
 from jampetsc.storage.packing_file import write_packing
 
 OMEGA = "1e-10:1e4:15"

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from jampetsc import cli
+from jampetsc.contacts.state import measure
 from jampetsc.errors import InputError
-from jampetsc.packing.contacts import measure
 from jampetsc.storage.packing_file import read_packing
 
 

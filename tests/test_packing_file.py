@@ -10,9 +10,9 @@ import launch
 import numpy as np
 import pytest
 
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import InputError
-from jampetsc.packing.disks import Disks
-from jampetsc.packing.potentials import Potential
 from jampetsc.storage.atomic import check_writable
 from jampetsc.storage.packing_file import is_complete, packing_identity, read_packing, write_packing
 from jampetsc.storage.reader import load

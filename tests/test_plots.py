@@ -10,9 +10,9 @@ import samples
 from matplotlib.image import imread
 
 from jampetsc import cli
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.state import measure
 from jampetsc.errors import InputError
-from jampetsc.packing.contacts import measure
-from jampetsc.packing.disks import Disks
 from jampetsc.plots import logaxes, periodic, style
 from jampetsc.plots.curves import Curve, group_curves
 from jampetsc.plots.fields import ARROWS, _spread

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from jampetsc.contacts.potentials import Potential
+from jampetsc.contacts.state import measure
 from jampetsc.errors import InputError
-from jampetsc.mechanics.newtonsolver import NewtonSolver
 from jampetsc.packing import protocols
-from jampetsc.packing.contacts import measure
-from jampetsc.packing.potentials import Potential
 from jampetsc.packing.protocols import Target
 from jampetsc.packing.sizes import radii_of
+from jampetsc.solvers.local import NewtonSolver
 
 pytestmark = pytest.mark.scalar("real")
 

@@ -11,10 +11,10 @@ from samples import DATA, LAWS, SAMPLES, gears, honeycomb, laws_of, polydisperse
 import jampetsc
 from jampetsc import cli
 from jampetsc.analysis.distribution import Distribution
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.laws import Law
 from jampetsc.errors import InputError
-from jampetsc.mechanics.laws import Law
 from jampetsc.mechanics.network import build_network
-from jampetsc.packing.disks import Disks
 from jampetsc.response.elastic import ElasticResponse
 from jampetsc.response.quasistatic import solve
 from jampetsc.response.viscosity import Viscosity

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jampetsc.mechanics.newtonsolver import NewtonSolver
+from jampetsc.contacts.disks import GRID, Disks
+from jampetsc.contacts.kernel import PairList, deformed, law_constants, pair_forces
+from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
+from jampetsc.contacts.state import find_contacts, measure, net_forces, stress_tensor
 from jampetsc.packing import protocols
-from jampetsc.packing.contacts import find_contacts, measure, net_forces, stress_tensor
-from jampetsc.packing.disks import GRID, Disks
 from jampetsc.packing.fire import Goal, Quench
-from jampetsc.packing.forces import PairList, deformed, law_constants, pair_forces
 from jampetsc.packing.hessian import Bonds, Pattern, border
 from jampetsc.packing.newton import Polish, limits
-from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.packing.sizes import radii_of
+from jampetsc.solvers.local import NewtonSolver
 
 LAWS = [Potential(kind, stiffness, 1.7) for kind in EXPONENTS for stiffness in STIFFNESSES]
 

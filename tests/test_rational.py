@@ -9,9 +9,9 @@ from sweeps import Sweep, errors, judge
 
 import jampetsc
 from jampetsc import cli
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.laws import Law
 from jampetsc.errors import ConvergenceError
-from jampetsc.mechanics.laws import Law
-from jampetsc.packing.disks import Disks
 from jampetsc.storage.packing_file import write_packing
 
 pytestmark = pytest.mark.scalar("real")

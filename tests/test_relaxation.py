@@ -10,8 +10,8 @@ from scipy.integrate import quad
 from jampetsc.analysis.creep import retardation
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.analysis.transient import transient
+from jampetsc.contacts.laws import Law
 from jampetsc.errors import InputError
-from jampetsc.mechanics.laws import Law
 
 OMEGA = np.geomspace(1e-12, 1e8, 121)
 

@@ -13,15 +13,15 @@ import pytest
 from matplotlib.image import imread
 
 from jampetsc import cli
-from jampetsc.commands.lawoptions import add_law_options, law_from
+from jampetsc.contacts.laws import Law
 from jampetsc.errors import InputError
-from jampetsc.mechanics.laws import Law
 from jampetsc.plots.trade import plot_trade
 from jampetsc.progress import Progress
-from jampetsc.trade import choices, ensembles, processes
-from jampetsc.trade.advice import advise
-from jampetsc.trade.compare import CRITICAL_START, Reference, log_interpolate
-from jampetsc.trade.table import MEANINGS, Row, Table
+from jampetsc.speed_accuracy import choices, ensembles, processes
+from jampetsc.speed_accuracy.advice import advise
+from jampetsc.speed_accuracy.compare import CRITICAL_START, Reference, log_interpolate
+from jampetsc.speed_accuracy.table import MEANINGS, Row, Table
+from jampetsc.words.law import add_law_options, law_from
 
 OMEGA = "1e-2:10:16"  # six of them in the critical window of p = 1e-3
 

@@ -8,8 +8,8 @@ import sys
 
 import numpy as np
 
+from jampetsc.contacts.disks import Disks
 from jampetsc.errors import JampetscError
-from jampetsc.packing.disks import Disks
 from jampetsc.storage.atomic import OutputFile, check_writable
 from jampetsc.storage.packing_file import write_packing
 

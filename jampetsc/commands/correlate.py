@@ -50,9 +50,9 @@ def run(args, petsc_argv) -> int:
     import numpy as np
 
     from jampetsc.analysis.correlations import correlate, grid_cells, lane_sums
-    from jampetsc.response.grid import parse_omega
     from jampetsc.storage.atomic import check_writable
-    from jampetsc.storage.belongings import chosen_frequencies, packing_of, particle_rows
+    from jampetsc.storage.fields import chosen_frequencies, packing_of, particle_rows
+    from jampetsc.words.frequencies import parse_omega
 
     began = time.perf_counter()
     lanes = _lanes(args.lane)

@@ -20,9 +20,9 @@ def add_parser(subparsers) -> None:
 
 def run(args, petsc_argv) -> int:
     """Import, write and print what was found beside what was published."""
-    from jampetsc.packing.contacts import measure
-    from jampetsc.packing.importers import import_packing
+    from jampetsc.contacts.state import measure
     from jampetsc.storage.atomic import check_writable
+    from jampetsc.storage.importers import import_packing
     from jampetsc.storage.packing_file import write_packing
 
     check_writable(args.out)

@@ -1,7 +1,7 @@
 """`jampetsc info FILE`: what a packing or a result is, in words and numbers."""
 
-from jampetsc.commands.lawoptions import add_law_options, law_from
 from jampetsc.errors import InputError
+from jampetsc.words.law import add_law_options, law_from
 
 
 def add_parser(subparsers) -> None:
@@ -23,10 +23,10 @@ def add_parser(subparsers) -> None:
 
 def run(args, petsc_argv) -> int:
     """Print the description; collective with --matrices."""
-    from jampetsc.commands import describe
-    from jampetsc.mechanics.laws import Law
-    from jampetsc.packing.disks import Disks
+    from jampetsc.contacts.disks import Disks
+    from jampetsc.contacts.laws import Law
     from jampetsc.storage.reader import load
+    from jampetsc.words import describe
 
     law = law_from(args)
     if not args.matrices and law != Law():

@@ -5,10 +5,10 @@ import time
 
 import numpy as np
 
-from jampetsc.commands.packtasks import complete, entries, plan, request_of, starter
+from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES
 from jampetsc.errors import ConvergenceError, JampetscError
-from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES
 from jampetsc.packing.sizes import SIZES
+from jampetsc.words.packtasks import complete, entries, plan, request_of, starter
 
 EPILOG = """examples
   jampetsc pack --n 1024 --pressure 1e-4 --seed 1 --out p1e-4.h5
@@ -73,7 +73,7 @@ def run(args, petsc_argv) -> int:
         check_writable(task.path)
     session = door.start(scalar="real", petsc_argv=petsc_argv)
     pending = session.comm.bcast(pending)
-    from jampetsc.mechanics.newtonsolver import NewtonSolver
+    from jampetsc.solvers.local import NewtonSolver
 
     solver = NewtonSolver()
     solver.factorise(*_identity())

@@ -169,8 +169,8 @@ def _collapse(args, items):
 
 def _fields(args, items):
     from jampetsc.plots.fields import plot_fields
-    from jampetsc.response.grid import parse_omega
-    from jampetsc.storage.belongings import chosen_frequencies, packing_of, particle_rows
+    from jampetsc.storage.fields import chosen_frequencies, packing_of, particle_rows
+    from jampetsc.words.frequencies import parse_omega
 
     (sweep,) = items
     fields = sweep.fields
@@ -193,7 +193,7 @@ def _spectrum(args, items):
 
 def _correlation(args, items):
     from jampetsc.plots.correlation import correlation_curve, plot_comparison, plot_correlation
-    from jampetsc.response.grid import parse_omega
+    from jampetsc.words.frequencies import parse_omega
 
     curves = [correlation_curve(item) for item in items]
     wanted = None if args.omega is None else parse_omega(args.omega)
@@ -238,7 +238,7 @@ def _viscosities(args, items):
 
 def _response(args, items):
     from jampetsc.plots.fields import plot_panels
-    from jampetsc.storage.belongings import packing_of
+    from jampetsc.storage.fields import packing_of
 
     (result,) = items
     fields = {"no pre-stress": "no_prestress/nonaffine", "pre-stress": "nonaffine"}
@@ -260,7 +260,7 @@ def _modes(args, items):
 def _mode(args, items):
     from jampetsc.plots.fields import plot_panels
     from jampetsc.plots.vibrations import chosen_modes
-    from jampetsc.storage.belongings import packing_of
+    from jampetsc.storage.fields import packing_of
 
     (result,) = items
     panels = chosen_modes(result, args.mode or "1")

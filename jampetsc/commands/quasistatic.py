@@ -1,7 +1,7 @@
 """`jampetsc quasistatic`: response to a slow shear, G₀, bulk modulus, and the viscosities η₀ and η_∞."""
 
-from jampetsc.commands.lawoptions import add_law_options, law_from
 from jampetsc.errors import InputError
+from jampetsc.words.law import add_law_options, law_from
 
 
 def add_parser(subparsers):

@@ -1,7 +1,7 @@
 """`jampetsc sweep`: G*(ω) of a packing."""
 
-from jampetsc.commands.lawoptions import add_damping_options, add_law_options, damping_from, law_from
 from jampetsc.errors import InputError
+from jampetsc.words.law import add_damping_options, add_law_options, damping_from, law_from
 
 NAME = "sweep"
 DEFAULT_OMEGA = "1e-10:1e4:141"
@@ -59,9 +59,9 @@ def run(args, petsc_argv) -> int:
     import numpy as np
 
     from jampetsc import builds, session
-    from jampetsc.response.grid import parse_omega
     from jampetsc.response.job import Job
     from jampetsc.storage.atomic import check_writable
+    from jampetsc.words.frequencies import parse_omega
 
     law, damping = law_from(args), damping_from(args)
     omega = parse_omega(args.omega)

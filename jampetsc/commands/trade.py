@@ -1,7 +1,7 @@
 """`jampetsc trade`: what speed costs in accuracy, measured on the user's own packing and machine."""
 
-from jampetsc.commands.lawoptions import add_law_options, law_from
 from jampetsc.errors import InputError
+from jampetsc.words.law import add_law_options, law_from
 
 DEFAULT_OMEGA = "1e-10:1e4:141"
 GROUPS = ("accuracy", "method", "physics", "frequencies")
@@ -67,7 +67,7 @@ def run(args, petsc_argv) -> int:
     """Measure, write both files, print table and advice. Raises JampetscError only if the reference fails."""
     from pathlib import Path
 
-    from jampetsc.trade.measure import Request, measure
+    from jampetsc.speed_accuracy.measure import Request, measure
 
     groups = _groups(args.choices)
     out = Path(args.out)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import coo_array
 
-from jampetsc.mechanics.laws import Law
+from jampetsc.contacts.laws import Law
 from jampetsc.mechanics.network import Network, Pieces, find_pieces
 from jampetsc.session import current
 

@@ -4,11 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from jampetsc.contacts.laws import Law
 from jampetsc.mechanics.assembly import Pencil, assemble
-from jampetsc.mechanics.inertia import Inertia, count_eigenvalues
-from jampetsc.mechanics.laws import Law
 from jampetsc.mechanics.network import Network
 from jampetsc.session import current
+from jampetsc.solvers.inertia import Inertia, count_eigenvalues
 
 
 @dataclass(frozen=True, eq=False)

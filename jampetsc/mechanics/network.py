@@ -12,10 +12,10 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.neighbours import spatial_order
+from jampetsc.contacts.state import RIGID, Contacts, find_contacts, force_threshold
 from jampetsc.errors import InputError
-from jampetsc.packing.contacts import RIGID, Contacts, find_contacts, force_threshold
-from jampetsc.packing.disks import Disks
-from jampetsc.packing.neighbours import spatial_order
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from jampetsc.packing.disks import Disks
-from jampetsc.packing.forces import FAST, PairList, deformed, law_constants, pair_forces
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.kernel import FAST, PairList, deformed, law_constants, pair_forces
 
 STEP = 0.5  # largest time step, in units of √(m/k): the stiffest mode, ω² ≈ 8–12 k/m, is stable up to 0.6
 DELAY = 20  # steps downhill before the time step grows

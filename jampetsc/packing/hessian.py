@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from jampetsc.packing.forces import PairList
+from jampetsc.contacts.kernel import PairList
 
 
 @dataclass(frozen=True, eq=False)

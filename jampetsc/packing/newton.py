@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.packing.contacts import RIGID, force_threshold
+from jampetsc.contacts.state import RIGID, force_threshold
 from jampetsc.packing.fire import Quench
 from jampetsc.packing.hessian import Bonds, Pattern, border
 

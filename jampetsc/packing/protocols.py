@@ -4,13 +4,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.neighbours import spatial_order
+from jampetsc.contacts.potentials import Potential
+from jampetsc.contacts.state import measure
 from jampetsc.errors import ConvergenceError, InputError
-from jampetsc.packing.contacts import measure
-from jampetsc.packing.disks import Disks
 from jampetsc.packing.fire import Goal, Quench
-from jampetsc.packing.neighbours import spatial_order
 from jampetsc.packing.newton import Polish, limits
-from jampetsc.packing.potentials import Potential
 
 FIRST = 1e-3  # pressure in units of k from which a random start goes down decade by decade
 LOOSE = 1e-2  # max |F| / (p d) to which the packings on the way are quenched

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.collections import EllipseCollection, LineCollection
 
-from jampetsc.packing.contacts import measure
+from jampetsc.contacts.state import measure
 from jampetsc.plots.periodic import disk_images, extent, frame_cell, segment_images, wrap
 from jampetsc.plots.style import COLUMN, PAGE, figure, power_or_number, save
 

@@ -1,7 +1,7 @@
 """What the files given to `jampetsc plot` hold."""
 
+from jampetsc.contacts.disks import Disks
 from jampetsc.errors import InputError
-from jampetsc.packing.disks import Disks
 from jampetsc.storage.reader import load
 
 

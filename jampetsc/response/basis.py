@@ -24,7 +24,7 @@ recurrence gives, but free of the cancellation that the recurrence suffers where
 import numpy as np
 
 from jampetsc.mechanics.assembly import ROW, Pencil, largest_entry
-from jampetsc.mechanics.shifted import ShiftedFactor
+from jampetsc.solvers.shifted import ShiftedFactor
 
 BREAKDOWN = 1e-15  # what is left is rounding when it is this small, relative to what it is the difference of
 NEW = 1e-5  # shortest new part of a vector, relative to it, that still has enough right digits

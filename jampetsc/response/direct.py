@@ -10,12 +10,12 @@ otherwise. The symbolic factorisation is done once, because the pattern never ch
 import numpy as np
 
 from jampetsc.errors import ConvergenceError
-from jampetsc.mechanics import mumps
 from jampetsc.mechanics.assembly import Pencil
 from jampetsc.mechanics.compatibility import build_compatibility
-from jampetsc.mechanics.complexform import ComplexForm
 from jampetsc.response.certificate import Certified, Functional
 from jampetsc.session import current
+from jampetsc.solvers import mumps
+from jampetsc.solvers.complexform import ComplexForm
 
 PREFIX = "freq_"
 DEFAULTS = {

@@ -5,15 +5,15 @@ K acts on the displacements alone and has no use for angles or damping; translat
 
 import numpy as np
 
+from jampetsc.contacts.laws import Law
 from jampetsc.errors import InputError
 from jampetsc.mechanics.assembly import assemble
-from jampetsc.mechanics.cholesky import NotPositiveDefinite
 from jampetsc.mechanics.compatibility import build_compatibility
-from jampetsc.mechanics.inertia import count_eigenvalues
-from jampetsc.mechanics.laws import Law
 from jampetsc.mechanics.network import Network
-from jampetsc.mechanics.shifted import ShiftedFactor
-from jampetsc.response.relaxation import Relaxed, relax
+from jampetsc.response.balance import Relaxed, relax
+from jampetsc.solvers.cholesky import NotPositiveDefinite
+from jampetsc.solvers.inertia import count_eigenvalues
+from jampetsc.solvers.shifted import ShiftedFactor
 
 SOFT = 1e-11  # smallest eigenvalue of K scaled to a unit diagonal below which zero modes are counted
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.assembly import Pencil
-from jampetsc.mechanics.shifted import ShiftedFactor
 from jampetsc.response.basis import NEW, RationalBasis
 from jampetsc.session import current
+from jampetsc.solvers.shifted import ShiftedFactor
 
 SAME_SHIFT = 1.5  # a factor within this ratio of the shift wanted serves instead of a new one
 MOST_AT_ONCE = 4  # more shifts at once than a sweep needs would be guesses

@@ -6,15 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
-from jampetsc.analysis.nonlinear import EquivalentDamping
+from jampetsc.analysis.equivalent_damping import EquivalentDamping
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.laws import Law
 from jampetsc.errors import InputError
-from jampetsc.mechanics.laws import Law
 from jampetsc.mechanics.network import build_network
-from jampetsc.packing.disks import Disks
-from jampetsc.response.grid import LARGEST, SMALLEST
 from jampetsc.response.record import run_record
 from jampetsc.storage.packing_file import packing_identity, read_packing
 from jampetsc.storage.result_file import ResultWriter
+from jampetsc.words.frequencies import LARGEST, SMALLEST
 
 FORMAT = "jampetsc-sweep"
 NOT_SHOWN = "not shown: error_bound is a bound only if K has no negative modes"

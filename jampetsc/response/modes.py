@@ -15,15 +15,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from jampetsc.contacts.laws import Law
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.mechanics.assembly import Pencil, assemble
 from jampetsc.mechanics.compatibility import Compatibility, build_compatibility
-from jampetsc.mechanics.inertia import SHIFT, count_below
-from jampetsc.mechanics.laws import Law
 from jampetsc.mechanics.network import Network
-from jampetsc.response.eigen import Eigenpairs, lowest
 from jampetsc.response.elastic import ElasticResponse
 from jampetsc.response.job import split_field
+from jampetsc.solvers.eigen import Eigenpairs, lowest
+from jampetsc.solvers.inertia import SHIFT, count_below
 
 GAP = 1e-7  # eigenvalues closer than this, relatively, belong together: a count cannot tell them apart
 ATTEMPTS = 4  # with more modes each time, where a cluster goes on or the count shows that some were missed

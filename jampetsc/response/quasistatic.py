@@ -20,13 +20,13 @@ from pathlib import Path
 import numpy as np
 
 from jampetsc.analysis.distribution import Distribution
+from jampetsc.contacts.laws import Law
 from jampetsc.errors import InputError
-from jampetsc.mechanics.laws import Law
 from jampetsc.mechanics.network import Network, build_network
+from jampetsc.response.balance import Relaxed
 from jampetsc.response.elastic import ElasticResponse
 from jampetsc.response.job import split_field
 from jampetsc.response.record import run_record
-from jampetsc.response.relaxation import Relaxed
 from jampetsc.response.viscosity import Flow, Viscosity
 from jampetsc.session import current
 from jampetsc.storage.packing_file import packing_identity, read_packing

@@ -4,12 +4,12 @@ import numpy as np
 
 from jampetsc.errors import InputError
 from jampetsc.mechanics.assembly import assemble
-from jampetsc.mechanics.cholesky import NotPositiveDefinite
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.progress import Progress
 from jampetsc.response.job import Job, split_field, write_sweep
 from jampetsc.response.rational import RationalSweep
 from jampetsc.session import current
+from jampetsc.solvers.cholesky import NotPositiveDefinite
 from jampetsc.storage.checkpoint import Checkpoint
 
 

@@ -3,8 +3,8 @@
 import time
 
 from jampetsc import session
+from jampetsc.contacts.disks import Disks
 from jampetsc.mechanics.network import Network
-from jampetsc.packing.disks import Disks
 from jampetsc.storage.provenance import provenance
 
 

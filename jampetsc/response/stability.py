@@ -6,15 +6,15 @@ is still defined, and is solved for frequency by frequency.
 
 from dataclasses import replace
 
+from jampetsc.contacts.laws import Law
 from jampetsc.mechanics.assembly import assemble
-from jampetsc.mechanics.cholesky import NotPositiveDefinite
 from jampetsc.mechanics.examine import elastic_inertia
-from jampetsc.mechanics.laws import Law
 from jampetsc.mechanics.network import Network
-from jampetsc.mechanics.shifted import ShiftedFactor
 from jampetsc.progress import Progress
 from jampetsc.response.job import Job
 from jampetsc.session import current
+from jampetsc.solvers.cholesky import NotPositiveDefinite
+from jampetsc.solvers.shifted import ShiftedFactor
 
 
 def negative_modes(network: Network) -> int:

@@ -14,15 +14,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from jampetsc.contacts.laws import Law
 from jampetsc.errors import InputError
 from jampetsc.mechanics.assembly import Pencil, assemble
-from jampetsc.mechanics.cholesky import NotPositiveDefinite
 from jampetsc.mechanics.compatibility import build_compatibility
-from jampetsc.mechanics.laws import Law
 from jampetsc.mechanics.network import Network
-from jampetsc.mechanics.shifted import ShiftedFactor
-from jampetsc.response.relaxation import relax
+from jampetsc.response.balance import relax
 from jampetsc.session import current
+from jampetsc.solvers.cholesky import NotPositiveDefinite
+from jampetsc.solvers.shifted import ShiftedFactor
 
 
 @dataclass(frozen=True, eq=False)

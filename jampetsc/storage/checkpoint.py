@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jampetsc.storage.agreement import agreed
+from jampetsc.collective import agreed
 from jampetsc.storage.atomic import follow, sync_folder, write_error
 from jampetsc.storage.parts import remove_if_empty
 

@@ -11,9 +11,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from jampetsc.contacts.disks import Disks, join
+from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.errors import InputError
-from jampetsc.packing.disks import Disks, join
-from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.storage.atomic import OutputFile
 from jampetsc.storage.hdf5 import attributes, check_format, open_file, reading
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from jampetsc.analysis.nonlinear import EquivalentDamping
+from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.errors import InputError
 from jampetsc.storage.hdf5 import attributes, check_format, open_file, reading, undisturbed

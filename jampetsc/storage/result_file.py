@@ -12,8 +12,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from jampetsc.collective import agreed
 from jampetsc.errors import JampetscError
-from jampetsc.storage.agreement import agreed
 from jampetsc.storage.atomic import OutputFile, check_writable, follow, remove_abandoned, write_error
 from jampetsc.storage.parts import GROUP, part_name, parts_of, remove_if_empty
 

@@ -1,7 +1,7 @@
 """The options that choose a damping law, shared by every command that needs one."""
 
+from jampetsc.contacts.laws import KINDS, Law
 from jampetsc.errors import InputError
-from jampetsc.mechanics.laws import KINDS, Law
 
 BELONGS_TO = {"beta": "contact", "no_rotations": "contact", "eta_f": "stokes"}
 
@@ -49,7 +49,7 @@ def damping_from(args):
         )
     if args.law != "contact":
         raise InputError(f"--alpha {args.alpha:g}: belongs to --law contact, not to {args.law}; leave it out")
-    from jampetsc.analysis.nonlinear import EquivalentDamping
+    from jampetsc.analysis.equivalent_damping import EquivalentDamping
 
     return EquivalentDamping(args.alpha, args.stress)
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from jampetsc.contacts.laws import Law
 from jampetsc.errors import ConvergenceError, InputError, JampetscError
-from jampetsc.mechanics.laws import Law
+from jampetsc.speed_accuracy import processes
+from jampetsc.speed_accuracy.compare import Reference, certified, log_interpolate
+from jampetsc.speed_accuracy.table import Row
 from jampetsc.storage.reader import load
-from jampetsc.trade import processes
-from jampetsc.trade.compare import Reference, certified, log_interpolate
-from jampetsc.trade.table import Row
 
 GROUPS = ("accuracy", "method", "physics", "frequencies")
 ACCURACIES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)

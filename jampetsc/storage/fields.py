@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
+from jampetsc.contacts.disks import Disks
 from jampetsc.errors import InputError
-from jampetsc.packing.disks import Disks
 from jampetsc.storage.packing_file import packing_identity, read_packing
 
 _SAME = 0.01  # a frequency asked for may differ from the stored one by this fraction: 0.0316 means 10^-1.5

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from jampetsc.packing.contacts import bond_vectors
-from jampetsc.packing.disks import Disks, split
-from jampetsc.packing.neighbours import neighbour_pairs
+from jampetsc.contacts.disks import Disks, split
+from jampetsc.contacts.neighbours import neighbour_pairs
+from jampetsc.contacts.state import bond_vectors
 
 BLOCK = 1024  # pairs worked on at a time: their temporaries stay in the first-level cache
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.mechanics import mumps
 from jampetsc.session import current
+from jampetsc.solvers import mumps
 
 SHIFT = 1e-12
 PREFIX = "inertia_"

@@ -7,8 +7,8 @@ Scaled symmetrically to a unit diagonal first: at small s the θ block is of ord
 import numpy as np
 
 from jampetsc.mechanics.assembly import Pencil
-from jampetsc.mechanics.cholesky import Cholesky, NotPositiveDefinite
 from jampetsc.session import current
+from jampetsc.solvers.cholesky import Cholesky, NotPositiveDefinite
 
 PREFIX = "shift_"
 

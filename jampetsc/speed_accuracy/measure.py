@@ -10,16 +10,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from jampetsc import __version__
+from jampetsc.contacts.laws import Law
 from jampetsc.errors import InputError
-from jampetsc.mechanics.laws import Law
 from jampetsc.progress import Progress
-from jampetsc.response.grid import parse_omega
+from jampetsc.speed_accuracy import choices, ensembles, processes
+from jampetsc.speed_accuracy.advice import advise
+from jampetsc.speed_accuracy.table import Table
 from jampetsc.storage.atomic import check_writable
 from jampetsc.storage.packing_file import packing_identity, read_packing
 from jampetsc.storage.provenance import git_commit
-from jampetsc.trade import choices, ensembles, processes
-from jampetsc.trade.advice import advise
-from jampetsc.trade.table import Table
+from jampetsc.words.frequencies import parse_omega
 
 _WORLD = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE")  # set by the launcher above this process
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import InputError
-from jampetsc.packing.potentials import Potential
 
 GRID = 2.0**-24  # exact for coordinates below 2**29; leaves offsets a resolution of 1e-24
 

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.potentials import Potential
+from jampetsc.contacts.state import measure
 from jampetsc.errors import InputError
-from jampetsc.packing.contacts import measure
-from jampetsc.packing.disks import Disks
-from jampetsc.packing.potentials import Potential
 from jampetsc.storage.hdf5 import open_file, reading
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"

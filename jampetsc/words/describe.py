@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jampetsc.packing.contacts import measure
+from jampetsc.contacts.state import measure
 from jampetsc.storage.parts import parts_of
 
 DIGITS = 10  # of numbers that one may want to compare with published ones

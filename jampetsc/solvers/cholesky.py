@@ -4,8 +4,8 @@ CHOLMOD on one rank, MUMPS on more, unless the options say otherwise.
 """
 
 from jampetsc.errors import ConvergenceError
-from jampetsc.mechanics import mumps
 from jampetsc.session import current
+from jampetsc.solvers import mumps
 
 NOT_POSITIVE = 81  # PETSC_ERR_MAT_CH_ZRPVT, what CHOLMOD's breakdown becomes
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 from jampetsc.errors import InputError
-from jampetsc.mechanics.cholesky import Cholesky, NotPositiveDefinite
 from jampetsc.session import current
+from jampetsc.solvers.cholesky import Cholesky, NotPositiveDefinite
 
 PREFIX = "newton_"
 

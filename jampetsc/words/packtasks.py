@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import InputError
-from jampetsc.packing.potentials import Potential
 from jampetsc.packing.sizes import SIZES, radii_of
 
 FEWEST, MOST = 16, 10_000_000
@@ -111,8 +111,8 @@ def starter(args):
 
 
 def _from_packing(args):
-    from jampetsc.packing.contacts import measure
-    from jampetsc.packing.forces import deformed
+    from jampetsc.contacts.kernel import deformed
+    from jampetsc.contacts.state import measure
     from jampetsc.storage.packing_file import read_packing
 
     for name in ("potential", "stiffness", "sizes", "radii"):

@@ -4,8 +4,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from jampetsc.packing.disks import Disks
-from jampetsc.packing.neighbours import neighbour_pairs
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.neighbours import neighbour_pairs
 
 TOUCH = 1e-6  # a contact that carries less than this fraction of p·d only just touches and does not count
 ROUNDING = 1e-14  # … nor does one whose force is within rounding of none, in units of k·d

@@ -4,11 +4,11 @@ from dataclasses import fields
 
 import numpy as np
 
+from jampetsc.speed_accuracy import processes
+from jampetsc.speed_accuracy.choices import PHYSICS_ACCURACY, Bench, deviation, law_words
+from jampetsc.speed_accuracy.compare import Exponents
+from jampetsc.speed_accuracy.table import Row
 from jampetsc.storage.packing_file import read_packing
-from jampetsc.trade import processes
-from jampetsc.trade.choices import PHYSICS_ACCURACY, Bench, deviation, law_words
-from jampetsc.trade.compare import Exponents
-from jampetsc.trade.table import Row
 
 SHARES = (1, 4, 16)  # so many packings of N over so many disks
 FIRST_SEED = 1001  # other packings than the one of the reference
