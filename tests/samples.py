@@ -85,6 +85,13 @@ def honeycomb():
     )
 
 
+def lattice(side=8, spacing=0.97):
+    """A square lattice of equal disks under pressure, balanced but no minimum: 14 negative modes as it is."""
+    row, column = np.divmod(np.arange(side**2), side)
+    places = spacing * np.column_stack((column, row))
+    return Disks.from_positions(places, np.full(side**2, 0.5), side * spacing * np.eye(2))
+
+
 SAMPLES = {
     "published": published,
     "hertzian": lambda: published("hertzian"),

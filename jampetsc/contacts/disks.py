@@ -6,6 +6,7 @@ offset: `base` is a multiple of GRID, so that differences of bases and cell vect
 (|offset| ≤ GRID/2) carries the rest.
 """
 
+import hashlib
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -131,6 +132,18 @@ class Disks:
     def phi(self) -> float:
         """Packing fraction Σ π ρ² / V, overlaps counted twice (the field's convention)."""
         return float(np.pi * np.sum(self.radii**2) / self.area)
+
+    @property
+    def fingerprint(self) -> str:
+        """sha256 of what forces follow from: coordinates to the last bit, radii, cell and potential.
+
+        The same for disks that were written to a file and read again, however base and offset share a coordinate.
+        """
+        law = f"{self.potential.kind} {self.potential.stiffness} {float(self.potential.k).hex()} {self.n}"
+        digest = hashlib.sha256(law.encode())
+        for array in (*join(self.base, self.offset), self.radii, *join(self.cell_base, self.cell_offset)):
+            digest.update(np.ascontiguousarray(array + 0.0, "<f8"))  # + 0.0: -0 and 0 are one number
+        return digest.hexdigest()
 
     def with_record(self, **entries) -> "Disks":
         """The same disks with `entries` added to the record."""

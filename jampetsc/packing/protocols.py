@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.minimum import with_proof
 from jampetsc.contacts.neighbours import spatial_order
 from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import measure
@@ -168,7 +169,7 @@ def _exactly(quench, target, solver, generator, effort) -> Polish:
 
 def _recorded(disks, target, proof, protocol, effort) -> Disks:
     state = measure(disks)
-    return disks.with_record(
+    return with_proof(disks).with_record(
         pressure=state.pressure,
         phi=disks.phi,
         energy=state.energy,
@@ -177,8 +178,6 @@ def _recorded(disks, target, proof, protocol, effort) -> Disks:
         rattlers=int(np.count_nonzero(state.rattlers)),
         shear_stress=float(state.stress[0, 1]),
         shear_modulus=proof.modulus,
-        negative_modes=0,
-        negative_modes_counted_by="Cholesky of K with pre-stress, without rattlers, one disk pinned",
         protocol=protocol,
         stabilise=target.stabilise,
         tolerance=target.tolerance,

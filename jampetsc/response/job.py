@@ -9,6 +9,7 @@ import numpy as np
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import Law
+from jampetsc.contacts.minimum import proved_minimum
 from jampetsc.errors import InputError
 from jampetsc.mechanics.network import build_network
 from jampetsc.response.record import run_record
@@ -77,7 +78,7 @@ class Job:
             damping=damping,
             parallel=parallel,
             experiment=experiment,
-            negative_modes=disks.record.get("negative_modes") if law.prestress else 0,
+            negative_modes=0 if not law.prestress or proved_minimum(disks) else None,
         )
 
     def network(self, comm):
@@ -109,7 +110,7 @@ class Job:
             return (
                 f"no: {self.negative_modes} negative modes; error_bound is an estimate, |rᵀA⁻¹r|, not a bound"
             )
-        if "negative_modes" in self.disks.record:
+        if proved_minimum(self.disks):
             return "proved when the packing was made"
         return "proved by Cholesky's factorisation of K"
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from jampetsc.contacts.minimum import ENTRIES, proved_minimum
 from jampetsc.contacts.state import measure
 from jampetsc.storage.parts import parts_of
 
@@ -75,7 +76,14 @@ def packing(path, disks) -> str:
         ("coordination Z", f"{number(state.coordination)} without rattlers"),
         ("max |F| / p", _residual(disks, state)),
     ]
-    for name in ("max_force", "coordination", "rattlers"):  # measured above
+    stated = record.get("negative_modes")
+    if proved_minimum(disks):
+        rows.append(("minimum", f"proved when it was made: {record['negative_modes_counted_by']}"))
+    elif stated is not None:
+        notes.append(
+            f"the file records negative_modes = {stated}, but not of these disks: it counts for nothing"
+        )
+    for name in ("max_force", "coordination", "rattlers", *ENTRIES):  # measured above
         record.pop(name, None)
     if record:
         rows.append(("recorded in the file",))
