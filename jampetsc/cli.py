@@ -15,10 +15,9 @@ import re
 import sys
 import time
 
-from jampetsc import __version__
+from jampetsc import __version__, session
 from jampetsc.commands import COMMANDS
 from jampetsc.errors import InputError, JampetscError
-from jampetsc.session import Terminated, stop_on_sigterm
 
 REMEDIES = {errno.ENOSPC: ": free some space, or write elsewhere", errno.EACCES: ": check its permissions"}
 MORE_MEMORY = "use more nodes, or a smaller packing"
@@ -33,7 +32,7 @@ def main(argv=None):
     """Run `jampetsc argv` and return the exit status. Errors are printed once, by one rank."""
     for variable in THREAD_VARIABLES:
         os.environ.setdefault(variable, "1")
-    stop_on_sigterm()
+    session.stop_on_sigterm()
     try:
         status = dispatch(sys.argv[1:] if argv is None else argv)
         sys.stdout.flush()
@@ -49,8 +48,12 @@ def main(argv=None):
         return _fail(_system_message(error), 1)
     except KeyboardInterrupt:
         return _fail("interrupted", 130)
-    except Terminated as stop:
+    except session.Terminated as stop:
         return _fail("stopped by SIGTERM; what was finished is on disk", stop.code)
+    except RuntimeError as error:
+        if not session.is_petsc_error(error):
+            raise
+        return _fail(f"PETSc: {session.petsc_message(error)} (error {error.ierr})", 1)
 
 
 def dispatch(argv):
@@ -76,7 +79,10 @@ def dispatch(argv):
         )
     if _rank() and not args.takes_petsc(args):
         return 0  # without MPI the work is done once, however many ranks mpirun started
-    return args.run(args, petsc_argv)
+    status = args.run(args, petsc_argv)
+    if petsc_argv:
+        _note_unused()
+    return status
 
 
 def split_petsc(argv):
@@ -143,6 +149,14 @@ def _unknown(token, parser):
 def _did_you_mean(word, known):
     near = difflib.get_close_matches(word, known, n=1)
     return f"; did you mean {near[0]}?" if near else ""
+
+
+def _note_unused():
+    """Say which PETSc options were not needed in the end, though the run might have read them. Collective."""
+    unused = session.current().unused_options()
+    if unused and _rank() == 0:
+        names = ", ".join(f"-{name}" for name in unused)
+        sys.stderr.write(f"jampetsc: note: PETSc option {names}: not needed in this run\n")
 
 
 def _fail(message, status):

@@ -4,9 +4,11 @@ Importing this module starts nothing; `start` does, once per process:
 
     s = session.start(scalar="complex", petsc_argv=["-log_view"])
     s.set_defaults({"freq_ksp_type": "preonly", "freq_pc_type": "lu"})
+    with s.rehearsal():                     # stops on an option that nobody asks for
+        ...                                 # set the solvers up on a small matrix, see `solvers.rehearsal`
     ksp = s.PETSc.KSP().create(s.comm)
-    ...                                     # prefix, operators, setFromOptions, setUp
-    s.check_options()                       # stops on an option that nobody asked for
+    ...                                     # prefix, operators, setFromOptions, setUp: the work
+    s.unused_options()                      # what was not needed in the end
 """
 
 import contextlib
@@ -100,7 +102,7 @@ class Session:
             PETSc.__file__
         )  # finds the symbols of the libpetsc it is linked to as well
         self._defaults = set()
-        self._given = self._names_given()
+        self._given = self._names_given() & {name.lower() for name in self._unused()} - READ_LATE
 
     def options(self):
         """All PETSc options in force, {name: value}, without their dash."""
@@ -118,24 +120,51 @@ class Session:
                 database.setValue(name, value)
                 self._defaults.add(name.lower())
 
-    def check_options(self):
-        """Stop on options that no object asked for. Collective: asked for by one rank is enough.
+    def options_given(self) -> bool:
+        """Whether some rank has options of the user that no start of PETSc has asked for yet. Collective."""
+        return any(self.comm.allgather(bool(self._given)))
 
-        Call it after the first solver is set up, when all that reads options has done so. Looks at what the
-        command line and its options files gave, not at PETSC_OPTIONS or a .petscrc: other programs use those
-        too.
+    @contextlib.contextmanager
+    def rehearsal(self):
+        """Setting up solvers inside tells which options they read and whether they can. Collective.
+
+        Defaults set in the block are gone after it, and nothing in it counts as use. Raises InputError that
+        names the options of the user that nothing in the block asked for, or what PETSc says of their values.
+        """
+        before = set(self._defaults)
+        self._forget_use()
+        try:
+            yield
+            self.check_options()
+        except self.PETSc.Error as error:
+            given = " ".join(self.petsc_argv)
+            raise InputError(f"{given}: {petsc_message(error)}: correct or remove the option") from error
+        finally:
+            for name in self._defaults - before:
+                self.PETSc.Options().delValue(name)
+            self._defaults = before
+            self._forget_use()
+
+    def check_options(self):
+        """Stop on options that no object has asked for. Collective: asked for by one rank is enough.
 
         Raises InputError that names the options.
         """
-        mine = {name for name in self._unused() if name.lower() in self._given - READ_LATE}
-        unused = set.intersection(*self.comm.allgather(mine))
-        if not unused:
-            return
         hints = []
-        for name in sorted(unused):
+        for name in self.unused_options():
             near = difflib.get_close_matches(name, self._defaults, n=1, cutoff=0.75)
             hints.append(f"-{name}" + (f" (did you mean -{near[0]}?)" if near else ""))
-        raise InputError(f"PETSc option {', '.join(hints)}: not used by this run: correct or remove it")
+        if hints:
+            raise InputError(f"PETSc option {', '.join(hints)}: not used by this run: correct or remove it")
+
+    def unused_options(self) -> list[str]:
+        """Names of the options that no object on any rank has asked for. Collective.
+
+        Looks at what the command line and its options files gave, not at PETSC_OPTIONS or a .petscrc: other
+        programs use those too.
+        """
+        mine = {name for name in self._unused() if name.lower() in self._given}
+        return sorted(set.intersection(*self.comm.allgather(mine)))
 
     @contextlib.contextmanager
     def stage(self, name):
@@ -159,6 +188,14 @@ class Session:
         names = {name.lower() for name in database.getAll()}
         database.destroy()
         return names
+
+    def _forget_use(self):
+        """Make every option given unused again: PETSc knows no other way than to set it anew."""
+        database = self.PETSc.Options()
+        for name, value in self.options().items():
+            if name.lower() in self._given:
+                database.delValue(name)
+                database.setValue(name, value)
 
     def _unused(self):
         """Names in PETSc's database that nothing has asked for on this rank; petsc4py has no call for it."""
@@ -187,6 +224,16 @@ def versions():
         known["slepc"] = ".".join(map(str, _session.SLEPc.Sys.getVersion())) if _session.SLEPc else "unknown"
         known["mumps"] = _mumps_version()
     return known
+
+
+def is_petsc_error(error) -> bool:
+    """Whether PETSc raised this exception."""
+    return _session is not None and isinstance(error, _session.PETSc.Error)
+
+
+def petsc_message(error) -> str:
+    """What a PETSc.Error says, without the places in PETSc's sources: its last line."""
+    return " ".join(str(error).rpartition("\n")[2].removeprefix(f"[{_session.rank}]").split())
 
 
 def stop_on_sigterm():

@@ -23,7 +23,12 @@ def environment():
 def command(ranks, program, *args):
     """Command line of tests/`program` on so many ranks; 0 ranks means without mpirun."""
     python = [sys.executable, str(ROOT / "tests" / program), *map(str, args)]
-    return ["mpirun", "--oversubscribe", "-n", str(ranks), *python] if ranks else python
+    return [*mpirun(ranks), *python]
+
+
+def mpirun(ranks):
+    """Words before a command for so many ranks, more than there are cores or not; none for 0."""
+    return ["mpirun", "--oversubscribe", "--bind-to", "none", "-n", str(ranks)] if ranks else []
 
 
 def start(ranks, program, *args, **options):

@@ -8,10 +8,12 @@ from pathlib import Path
 
 import launch
 import pytest
+import samples
 
 import jampetsc.session
 from jampetsc import builds
 from jampetsc.errors import InputError
+from jampetsc.storage.packing_file import write_packing
 
 BLOCK = """
 import sys
@@ -217,6 +219,85 @@ def test_options_file_with_a_line_that_is_no_option(tmp_path):
     options.write_text("# fine\nprobe_pc_type none\n")
     line = f"{options}: line 2: probe_pc_type: options begin with -, comments with #"
     assert probe("-options_file", options).stderr == f"jampetsc: error: {line}\n"
+
+
+def jampetsc_run(*words, ranks=0):
+    """The finished `jampetsc words`."""
+    return launch.run(ranks, "../jampetsc/__main__.py", *words)
+
+
+@pytest.fixture
+def packing(tmp_path):
+    write_packing(tmp_path / "packing.h5", samples.polydisperse(3)[0])
+    return tmp_path / "packing.h5"
+
+
+@pytest.mark.parametrize("ranks", [0, 2])
+def test_an_option_that_is_needed_late_is_no_mistake(packing, ranks):
+    option = ("-shift_pc_factor_mat_solver_type", "mumps")  # for the response to shear, after the modes
+    done = jampetsc_run(
+        "modes", packing, "--out", packing.with_name("m.h5"), "--count", 3, *option, ranks=ranks
+    )
+    assert done.returncode == 0 and "note" not in done.stderr, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("command", "option", "message"),
+    [
+        ("modes --all", "-modes_typo 1", "PETSc option -modes_typo: not used by this run"),
+        ("modes", "-shift_pc_typ lu", "PETSc option -shift_pc_typ (did you mean -shift_pc_type?): not used"),
+        (
+            "modes",
+            "-modes_eps_type foo",
+            "-modes_eps_type foo: Unknown EPS type given: foo: correct or remove",
+        ),
+        (
+            "sweep",
+            "-shift_pc_type foo",
+            "-shift_pc_type foo: Unable to find requested PC type foo: correct or",
+        ),
+        ("sweep", "-freq_pc_type lu -modes_eps_tol 1", "PETSc option -modes_eps_tol: not used by this run"),
+        (
+            "sweep --method direct",
+            "-freq_pc_type foo",
+            "-freq_pc_type foo: Unable to find requested PC type foo: correct",
+        ),
+        ("quasistatic", "-inertia_pc_type jacobi", "-inertia_pc_type jacobi: No method getfactor"),
+    ],
+)
+def test_a_mistaken_option_is_refused_before_the_work(packing, command, option, message):
+    name, *words = command.split()
+    out = packing.with_name("out.h5")
+    done = jampetsc_run(name, packing, "--out", out, *words, *option.split(), ranks=2 if words else 0)
+    lines = [line for line in done.stderr.splitlines() if line.startswith("jampetsc")]
+    assert done.returncode == 2 and len(lines) == 1 and "Traceback" not in done.stderr, done.stderr
+    assert lines[0].startswith(f"jampetsc: error: {message}")
+    assert list(packing.parent.iterdir()) == [packing]
+
+
+def test_an_option_that_was_not_needed_in_the_end_is_noted(packing):
+    # nothing is known of this packing, so a direct sweep was possible
+    words = ("sweep", packing, "--out", packing.with_name("s.h5"), "--omega", "1", "-freq_pc_type", "lu")
+    done = jampetsc_run(*words)
+    assert done.returncode == 0
+    assert (
+        done.stderr.splitlines()[-1] == "jampetsc: note: PETSc option -freq_pc_type: not needed in this run"
+    )
+
+
+@pytest.mark.parametrize(("asking", "unused"), [(1, "[]"), (2, "['Lonely_x']")])
+def test_an_option_that_one_rank_asks_for_is_used(asking, unused):
+    code = (
+        "from jampetsc import session\n"
+        "s = session.start('real', ['-Lonely_x', '1'])\n"
+        f"if s.rank == {asking}: s.PETSc.Options().getInt('lonely_x')\n"
+        "print(s.unused_options())"
+    )
+    done = subprocess.run(
+        [*launch.mpirun(2), sys.executable, "-c", code],
+        capture_output=True, text=True, timeout=60, env=launch.environment(),
+    )  # fmt: skip
+    assert done.stdout.count(unused) == 2, done.stderr
 
 
 # In the running session

@@ -44,6 +44,11 @@ def run(args, petsc_argv) -> int:
     from jampetsc import session
 
     running = session.start("real", petsc_argv)
+
+    from jampetsc.solvers import inertia
+    from jampetsc.solvers.rehearsal import rehearse
+
+    rehearse(inertia.rehearse)
     if running.rank == 0:
         print(describe.packing(args.file, loaded), flush=True)
 

@@ -52,7 +52,11 @@ def run(args, petsc_argv) -> int:
     check_writable(args.out)
     running = session.start("real", petsc_argv)
     from jampetsc.response import modes_file
+    from jampetsc.solvers import eigen, inertia, shifted
+    from jampetsc.solvers.rehearsal import rehearse
 
+    # shifted: for the shares that the modes have of the response to shear
+    rehearse(inertia.rehearse, shifted.rehearse, *([] if args.all else [eigen.rehearse]))
     count = DEFAULT_COUNT if args.count is None and args.below is None and not args.all else args.count
     modes = modes_file.run(args.packing, args.out, not args.no_prestress, count, args.below)
     if running.rank == 0:

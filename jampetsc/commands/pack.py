@@ -3,8 +3,6 @@
 import sys
 import time
 
-import numpy as np
-
 from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES
 from jampetsc.errors import ConvergenceError, JampetscError
 from jampetsc.packing.sizes import SIZES
@@ -73,11 +71,11 @@ def run(args, petsc_argv) -> int:
         check_writable(task.path)
     session = door.start(scalar="real", petsc_argv=petsc_argv)
     pending = session.comm.bcast(pending)
-    from jampetsc.solvers.local import NewtonSolver
+    from jampetsc.solvers import local
+    from jampetsc.solvers.rehearsal import rehearse
 
-    solver = NewtonSolver()
-    solver.factorise(*_identity())
-    session.check_options()
+    rehearse(local.rehearse)
+    solver = local.NewtonSolver()
     if session.rank == 0 and len(pending) < len(tasks):
         print(f"{len(tasks) - len(pending)} of {len(tasks)} packings are there already", flush=True)
     failures = _make(pending[session.rank :: session.size], start, request, solver, session)
@@ -134,8 +132,3 @@ def _summary(path, disks, seconds) -> str:
         f"{record['rattlers']} rattlers, max|F|/p = {record['max_force'] / record['pressure']:.1e}, "
         f"{record['evaluations']} force evaluations, {seconds:.2f} s"
     )
-
-
-def _identity():
-    """A matrix of order two to set the solver up with, so that unknown options show before the work."""
-    return np.array([0, 1, 2], np.int32), np.array([0, 1], np.int32), np.ones(2)

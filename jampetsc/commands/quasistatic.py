@@ -35,7 +35,10 @@ def run(args, petsc_argv) -> int:
     check_writable(args.out)
     running = session.start("real", petsc_argv)
     from jampetsc.response import quasistatic
+    from jampetsc.solvers import inertia, shifted
+    from jampetsc.solvers.rehearsal import rehearse
 
+    rehearse(shifted.rehearse, inertia.rehearse)
     outcome = quasistatic.run(args.packing, args.out, law, betas)
     if running.rank == 0:
         print(summary(args.out, law, outcome))

@@ -76,9 +76,14 @@ def run(args, petsc_argv) -> int:
     scalar = ("complex" if builds.to_choose("complex") else None) if args.method == "direct" else "real"
     running = session.start(scalar, petsc_argv)
 
-    from jampetsc.response import direct_sweep, rational_sweep
+    from jampetsc.response import direct, direct_sweep, rational_sweep
     from jampetsc.response.stability import settle
+    from jampetsc.solvers import inertia, shifted
+    from jampetsc.solvers.rehearsal import rehearse
 
+    rational = [shifted.rehearse, inertia.rehearse] if job.method == "rational" else []
+    # a packing that turns out to be no minimum is solved by the direct method
+    rehearse(*rational, *([] if rational and job.negative_modes == 0 else [direct.rehearse]))
     job = settle(job)
     sweep = direct_sweep if job.method == "direct" else rational_sweep
     omega, G, bounds = sweep.run(job)

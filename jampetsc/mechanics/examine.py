@@ -82,7 +82,6 @@ def examine(network: Network, law: Law) -> Examination:
         )
     finally:
         pencil.destroy()
-    current().check_options()  # before the long part
     return replace(
         facts,
         with_prestress=elastic_inertia(network, prestress=True),

@@ -35,20 +35,11 @@ class FrequencySolver:
     """
 
     def __init__(self, pencil: Pencil):
-        session = current()
-        PETSc = session.PETSc
-        session.set_defaults(DEFAULTS)
         self.pencil = pencil
         self.compatibility = build_compatibility(pencil)
         self.functional = Functional(self.compatibility)
         self.form = ComplexForm(pencil)
-        self.ksp = PETSc.KSP().create(pencil.network.comm)
-        self.ksp.setOptionsPrefix(PREFIX)
-        self.ksp.setOperators(self.form.A)
-        self.ksp.setFromOptions()
-        # With -freq_ksp_reuse_preconditioner the factor of an earlier frequency serves until it no longer
-        # converges.
-        self.reuse = PETSc.Options(PREFIX).getBool("ksp_reuse_preconditioner", False)
+        self.ksp, self.reuse = _solver(self.form.A)
         self.factorised = False
         self.iterations = 0
         self.factorisations = 0
@@ -130,6 +121,28 @@ class FrequencySolver:
         """Free all solver objects. Collective."""
         for item in (self.ksp, self.form, self.compatibility):
             item.destroy()
+
+
+def rehearse(matrix) -> None:
+    """Set the KSP up for a positive definite matrix. Collective."""
+    ksp, _ = _solver(matrix)
+    try:
+        mumps.factorise(ksp, matrix, "a small matrix")
+    finally:
+        ksp.destroy()
+
+
+def _solver(matrix):
+    """(KSP for a matrix, its options read; whether the factor of an earlier frequency serves until it no longer
+    converges).
+    """
+    session = current()
+    session.set_defaults(DEFAULTS)
+    ksp = session.PETSc.KSP().create(matrix.getComm())
+    ksp.setOptionsPrefix(PREFIX)
+    ksp.setOperators(matrix)
+    ksp.setFromOptions()
+    return ksp, session.PETSc.Options(PREFIX).getBool("ksp_reuse_preconditioner", False)
 
 
 def _reason_name(code):

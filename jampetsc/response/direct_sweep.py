@@ -38,9 +38,6 @@ def run(job: Job):
                 failures[index] = error
                 progress.step(f"failed: {error}")
                 continue
-            finally:
-                if index == todo[0]:
-                    session.check_options()
             record, fields = {"G": result.G, "bounds": [result.error_bound, *result.parts]}, None
             if omega in job.field_omega:
                 displacement, rotation = split_field(pencil, solver.x)

@@ -136,7 +136,6 @@ def _solve_all(network, law, betas):
     viscosity = Viscosity(network, law)
     with session.stage("quasistatic"):
         responses = {name: solve(network, one, viscosity) for name, one in laws.items()}
-    session.check_options()
     with session.stage("eta_inf"):
         eta_inf = viscosity.infinite()
     viscosity.destroy()

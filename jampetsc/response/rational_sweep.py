@@ -38,8 +38,6 @@ def run(job: Job):
                     sweep.add_shifts(shifts)
             except NotPositiveDefinite as error:
                 raise InputError(f"{job.packing}: {error}; use --method direct") from None
-            if not checkpoint.done:
-                session.check_options()
             basis = sweep.basis
             fields = {"vectors": basis.vectors[before:]} | ({} if before else {"x0": basis.x0})
             checkpoint.save(

@@ -74,26 +74,11 @@ def lowest(pencil: Pencil, count: int, stiffness: float, known=None) -> Eigenpai
 
 
 def _krylov(pencil, moves, count, stiffness):
-    session = current()
-    SLEPc = session.SLEPc
-    if SLEPc is None:
-        raise InputError(
-            "slepc4py is missing: install it for the PETSc in use (Debian: python3-slepc4py-real)"
-        )
-    _set_defaults(session, pencil.network.comm.size, pencil.unknowns)
+    SLEPc = current().SLEPc
     deflated = [_vector(pencil, move) for move in moves]
-    eps = SLEPc.EPS().create(pencil.network.comm)
-    eps.setOptionsPrefix(PREFIX)
-    eps.setOperators(pencil.K)
-    eps.setProblemType(SLEPc.EPS.ProblemType.HEP)
-    eps.setDimensions(count)
-    eps.setTarget(-SHIFT * stiffness)
-    eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
+    eps = _solver(pencil.K, count, stiffness)
     eps.setDeflationSpace(deflated)
-    eps.setFromOptions()
     try:
-        eps.setUp()
-        session.check_options()
         eps.solve()
         found, reason = eps.getConverged(), eps.getConvergedReason()
         if found < count:
@@ -116,6 +101,35 @@ def _krylov(pencil, moves, count, stiffness):
     finally:
         for item in (eps, *deflated):
             item.destroy()
+
+
+def rehearse(matrix) -> None:
+    """Set up the shift-invert transform for a positive definite matrix. Collective."""
+    eps = _solver(matrix, 1, 1.0)
+    try:
+        eps.setUp()
+    finally:
+        eps.destroy()
+
+
+def _solver(matrix, count, stiffness):
+    """The EPS for `count` modes of a matrix, its options read."""
+    session = current()
+    SLEPc = session.SLEPc
+    if SLEPc is None:
+        raise InputError(
+            "slepc4py is missing: install it for the PETSc in use (Debian: python3-slepc4py-real)"
+        )
+    _set_defaults(session, matrix.getComm().size, matrix.getSize()[0])
+    eps = SLEPc.EPS().create(matrix.getComm())
+    eps.setOptionsPrefix(PREFIX)
+    eps.setOperators(matrix)
+    eps.setProblemType(SLEPc.EPS.ProblemType.HEP)
+    eps.setDimensions(count)
+    eps.setTarget(-SHIFT * stiffness)
+    eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
+    eps.setFromOptions()
+    return eps
 
 
 def _set_defaults(session, ranks, unknowns):

@@ -9,6 +9,15 @@ from jampetsc.solvers.cholesky import Cholesky, NotPositiveDefinite
 PREFIX = "newton_"
 
 
+def rehearse(matrix) -> None:
+    """Set a NewtonSolver up for a matrix of its own kind, of order two."""
+    solver = NewtonSolver()
+    try:
+        solver.factorise(np.array([0, 1, 2], np.int32), np.array([0, 1], np.int32), np.ones(2))
+    finally:
+        solver.destroy()
+
+
 class NewtonSolver:
     """Solves with real symmetric matrices of this rank alone (MPI_COMM_SELF), and says which are positive definite."""
 

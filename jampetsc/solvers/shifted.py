@@ -13,6 +13,17 @@ from jampetsc.solvers.cholesky import Cholesky, NotPositiveDefinite
 PREFIX = "shift_"
 
 
+def rehearse(matrix) -> None:
+    """Set up as a ShiftedFactor would for this matrix, on all ranks together and on each alone. Collective."""
+    alone = [matrix.getDiagonalBlock().copy()] if matrix.getComm().size > 1 else []
+    for one in (matrix.copy(), *alone):
+        cholesky = Cholesky(one, PREFIX, "a small matrix")
+        try:
+            cholesky.factorise()
+        finally:
+            cholesky.destroy()
+
+
 class ShiftedFactor:
     """(K + sB)⁻¹ for one s. Collective.
 
