@@ -61,13 +61,16 @@ def without(moves, x):
 
 
 class Reference:
-    """K, B and G* of `disks` under `law`; unknowns interleaved per disk, disks in file order, no rattlers.
+    """K, B and G* of `disks` for `physics` (law, prestress), rattlers left out.
+
+    Unknowns are interleaved per disk, disks in file order.
 
     `K` and `B` are (m + 1, m + 1): their last row and column belong to the strain γ.
     """
 
-    def __init__(self, disks, law):
-        self.law, self.k, potential = law, LONG(disks.potential.k), disks.potential
+    def __init__(self, disks, physics):
+        self.law, self.prestress = physics.law, physics.prestress
+        self.k, potential = LONG(disks.potential.k), disks.potential
         positions, cell = total(disks.base, disks.offset), total(disks.cell_base, disks.cell_offset)
         radii = total(disks.radii)
         self.area = cell[0, 0] * cell[1, 1]
@@ -92,7 +95,7 @@ class Reference:
         self.r, self.distance, self.force, self.stiffness = (a[kept] for a in (r, distance, force, stiffness))
         self.radii = radii[self.disks]
         self.n, self.contacts = len(self.disks), len(kept)
-        self.dofs = 3 if law.kind == "contact" and law.rotations and law.beta > 0 else 2
+        self.dofs = 3 if self.law.sliding > 0 else 2
         self.K, self.B = self._matrices()
 
     def _matrices(self):
@@ -107,19 +110,18 @@ class Reference:
             bond[:, :2], bond[:, d : d + 2] = -np.eye(2), np.eye(2)
             bond[0, -1] = self.r[c][1]
             hessian = self.stiffness[c] * np.outer(n, n)
-            if law.prestress:
+            if self.prestress:
                 hessian = hessian - self.force[c] / self.distance[c] * np.outer(t, t)
             K[np.ix_(at, at)] += bond.T @ hessian @ bond
-            if law.kind == "contact":
-                slide = t @ bond
-                if d == 3:
-                    slide[2], slide[5] = -self.radii[i], -self.radii[j]
-                along = n @ bond
-                B[np.ix_(at, at)] += damping * (
-                    np.outer(along, along) + LONG(law.beta) * np.outer(slide, slide)
-                )
-        if law.kind == "stokes":
-            B += damping * np.diag([LONG(1)] * m + [LONG(law.eta_f) * self.area])
+            across = t @ bond
+            slide = across.copy()
+            if d == 3:
+                slide[2], slide[5] = -self.radii[i], -self.radii[j]
+            forms = (law.normal, n @ bond), (law.transverse, across), (law.sliding, slide)
+            for weight, form in forms:
+                B[np.ix_(at, at)] += damping * LONG(weight) * np.outer(form, form)
+        moves = np.tile([LONG(1), LONG(1), LONG(0)][:d], self.n)  # the fluid does not feel a disk turn
+        B += damping * np.diag([*(LONG(law.drag) * moves), LONG(law.eta_f) * self.area])
         return K, B
 
     def pieces(self):
@@ -169,7 +171,7 @@ class Reference:
 
     def solution(self, omega):
         """(x, G*) at frequency ω: the field per unit strain, without free moves, and the modulus."""
-        moves = self.free_moves() if self.law.kind == "contact" else np.zeros((self.n * self.dofs, 0), LONG)
+        moves = np.zeros((self.n * self.dofs, 0), LONG) if self.law.drag else self.free_moves()
         x, value = self._relax(self.K + COMPLEX(1j) * LONG(omega) * self.B, moves)
         return without(self.free_moves(), x), value / self.area
 
@@ -188,21 +190,25 @@ class Reference:
         if self.dofs == 3:
             slide = across - self.radii[self.i] * u[self.i, 2] - self.radii[self.j] * u[self.j, 2]
 
+        law = self.law
+
         def forms(part):
             """`part` of all squares in K and in B, summed."""
             K = (self.stiffness * part(along)).sum()
-            if self.law.prestress:
+            if self.prestress:
                 K -= (self.force / self.distance * part(across)).sum()
-            if self.law.kind == "contact":
-                B = part(along).sum() + LONG(self.law.beta) * part(slide).sum()
-            else:
-                B = part(x).sum()
+            weighted = (
+                (law.normal, along),
+                (law.transverse, across),
+                (law.sliding, slide),
+                (law.drag, u[:, :2]),
+            )
+            B = sum(LONG(weight) * part(motion).sum() for weight, motion in weighted)
             return K, self.k * LONG(self.law.tau1) * B
 
         omega = LONG(omega)
         (K, B), (K_cross, B_cross) = forms(lambda a: a.real**2 - a.imag**2), forms(lambda a: a.real * a.imag)
-        if self.law.kind == "stokes":
-            B += self.k * LONG(self.law.tau1) * LONG(self.law.eta_f) * self.area
+        B += self.k * LONG(law.tau1) * LONG(law.eta_f) * self.area
         return complex((K - 2 * omega * B_cross) / self.area, (omega * B + 2 * K_cross) / self.area)
 
     def quasistatic(self):

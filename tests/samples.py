@@ -9,8 +9,9 @@ import numpy as np
 from dense import Reference
 
 from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.laws import Law
+from jampetsc.contacts.laws import Physics, damping_law
 from jampetsc.contacts.potentials import Potential
+from jampetsc.mechanics.network import build_network
 from jampetsc.storage.packing_file import read_packing
 
 DATA = Path(__file__).parent / "data"
@@ -102,36 +103,53 @@ SAMPLES = {
     "strips": strips,
 }
 
+
+def physics(*name, prestress=True, **options):
+    """Physics with the law of these options."""
+    return Physics(damping_law(*name, **options), prestress)
+
+
+def network_of(disks, physics, comm):
+    """The contact network of `disks`, linearised as `physics` has it. Collective."""
+    return build_network(disks, comm, physics.prestress)
+
+
 LAWS = {
-    str(law): law
-    for law in (
-        Law(),
-        Law(rotations=False),
-        Law(prestress=False),
-        Law(beta=0.0),
-        Law(beta=1e-7),
-        Law(beta=1e2, tau1=2.5),
-        Law("stokes"),
-        Law("stokes", prestress=False, eta_f=1e-5),
-        Law("stokes", eta_f=0.0, tau1=0.3),
+    str(one): one
+    for one in (
+        physics(),
+        physics(rotations=False),
+        physics(prestress=False),
+        physics(beta=0.0),
+        physics(beta=1e-7),
+        physics(beta=1e2, tau1=2.5),
+        physics(normal=0.25, beta=3.0),
+        physics(normal=0.0, rotations=False),  # Vågberg's CDt
+        physics("stokes"),
+        physics("stokes", prestress=False, eta_f=1e-5),
+        physics("stokes", eta_f=0.0, tau1=0.3),
     )
 }
 
 
 def laws_of(sample):
     """Names of the laws to try: all of them on the published packing, some on the others."""
-    some = [Law(), Law("stokes")]
-    some += {"gears": [Law(prestress=False)], "two images": [Law(rotations=False)]}.get(sample, [])
-    return list(LAWS) if sample == "published" else [str(law) for law in some]
+    some = [physics(), physics("stokes")]
+    some += {
+        "gears": [physics(prestress=False)],
+        "two images": [physics(rotations=False)],
+        "isostatic": [physics(normal=0.0, rotations=False)],
+    }.get(sample, [])
+    return list(LAWS) if sample == "published" else [str(one) for one in some]
 
 
 @cache
-def reference(sample, law):
-    """The dense Reference of SAMPLES[sample] under LAWS[law], made once per process."""
-    return Reference(SAMPLES[sample](), LAWS[law])
+def reference(sample, name):
+    """The dense Reference of SAMPLES[sample] for LAWS[name], made once per process."""
+    return Reference(SAMPLES[sample](), LAWS[name])
 
 
 @cache
-def modulus(sample, law, omega):
+def modulus(sample, name, omega):
     """G*(ω) of that reference, complex."""
-    return reference(sample, law).modulus(omega)
+    return reference(sample, name).modulus(omega)

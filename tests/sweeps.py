@@ -1,23 +1,23 @@
 """Rational sweeps without files, and how they compare with a reference."""
 
 import numpy as np
+from samples import network_of
 
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
-from jampetsc.mechanics.network import build_network
 from jampetsc.response.rational import RationalSweep
 
 
 class Sweep:
-    """The sweep of `disks` under `law`, finished; a context manager. Collective.
+    """The sweep of `disks` for `physics`, finished; a context manager. Collective.
 
     G (M,), bounds (M, 3) on |ΔG*|, |ΔG'|, |ΔG''|; galerkin, basis and sweep as the package made them
     """
 
-    def __init__(self, disks, law, omega, accuracy, comm, parallel="auto"):
+    def __init__(self, disks, physics, omega, accuracy, comm, parallel="auto"):
         self.omega = np.atleast_1d(np.asarray(omega, float))
-        self.network = build_network(disks, comm)
-        self.pencil = assemble(self.network, law)
+        self.network = network_of(disks, physics, comm)
+        self.pencil = assemble(self.network, physics.law)
         self.compatibility = build_compatibility(self.pencil)
         self.sweep = RationalSweep(self.pencil, self.compatibility, self.omega, accuracy, parallel)
 

@@ -5,10 +5,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from dense import Reference
-from samples import ORACLE, SAMPLES, polydisperse, published
+from samples import ORACLE, SAMPLES, physics, polydisperse, published
 
 from jampetsc.contacts.disks import GRID, Disks, join, split
-from jampetsc.contacts.laws import Law
 from jampetsc.contacts.neighbours import neighbour_pairs
 from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.contacts.state import (
@@ -76,7 +75,7 @@ def test_force_and_stiffness_are_derivatives_of_the_energy(kind, stiffness):
 @pytest.mark.parametrize("name", SAMPLES)
 def test_state_against_loops_over_all_images(name):
     disks = SAMPLES[name]()
-    state, reference = measure(disks), Reference(disks, Law())
+    state, reference = measure(disks), Reference(disks, physics())
     assert list(np.flatnonzero(~state.rattlers)) == reference.disks
     number = np.array(reference.disks)
     here = sorted(zip(state.contacts.i, state.contacts.j, *state.contacts.r.T, strict=True))

@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 from gathered import unknowns
-from samples import LAWS, ORACLE, SAMPLES, laws_of, modulus, published, reference
+from samples import LAWS, ORACLE, SAMPLES, laws_of, modulus, network_of, physics, published, reference
 
 from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.laws import Law
 from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.assembly import assemble
-from jampetsc.mechanics.network import build_network
 from jampetsc.response.direct import FrequencySolver
 
 pytestmark = pytest.mark.scalar("complex", "real")
@@ -20,8 +18,8 @@ OMEGA = (1e-10, 1e-6, 1e-3, 1.0, 1e3)
 class Solver(FrequencySolver):
     """A solver that frees its pencil as well; a context manager."""
 
-    def __init__(self, disks, law, comm):
-        super().__init__(assemble(build_network(disks, comm), law))
+    def __init__(self, disks, physics, comm):
+        super().__init__(assemble(network_of(disks, physics, comm), physics.law))
 
     def __enter__(self):
         return self
@@ -45,7 +43,7 @@ def compare(found, wanted, accuracy, what):
 def test_published_moduli(session, case):
     """Nine laws at eleven frequencies in 50-digit arithmetic; printed to 14 digits."""
     parameters = dict(case["parameters"])
-    law = Law(kind=parameters.pop("law"), **parameters)
+    law = physics(parameters.pop("law"), **parameters)
     with Solver(published(), law, session.comm) as solver:
         for omega, storage, loss in zip(case["omega"], case["G_storage"], case["G_loss"], strict=True):
             G = solver.solve(omega, 1e-9).G
@@ -65,7 +63,7 @@ def test_against_the_dense_reference(session, sample):
                 compare(found, modulus(sample, law, omega), accuracy, (law, omega))
 
 
-@pytest.mark.parametrize("name", [str(Law()), str(Law("stokes"))])
+@pytest.mark.parametrize("name", [str(physics()), str(physics("stokes"))])
 def test_field(session, name):
     """x is the non-affine motion per unit strain, up to translations of each piece under contact damping."""
     law, exact = LAWS[name], reference("strips", name)
@@ -85,7 +83,7 @@ def test_field(session, name):
 @pytest.mark.parametrize("sample", ["published", "gears", "strips"])
 def test_where_the_packing_is_pinned_does_not_matter(session, sample):
     """Moving everything by a vector changes the order of the disks and with it which one is pinned."""
-    disks, law = SAMPLES[sample](), Law()
+    disks, law = SAMPLES[sample](), physics()
     values, held = [], set()
     for shift in ([0.0, 0.0], [3.3, 1.7], [-2.0, 5.1]):
         moved = Disks.from_positions(disks.positions + shift, disks.radii, disks.cell)
@@ -120,7 +118,7 @@ def test_the_bound_holds_for_poor_solves(session, sample):
 
 def test_the_bound_is_the_error_of_a_wrong_field(session):
     """Of a field that is off by noise the bound tells the size of the error, and never less."""
-    law, omega = str(Law()), 0.01
+    law, omega = str(physics()), 0.01
     exact = modulus("published", law, omega)
     with Solver(published(), LAWS[law], session.comm) as solver:
         solver.solve(omega, 1e-10)
@@ -138,7 +136,7 @@ def test_the_bound_is_the_error_of_a_wrong_field(session):
 
 
 def test_what_cannot_be_solved_is_an_error(session):
-    with Solver(published(), Law(), session.comm) as solver:
+    with Solver(published(), physics(), session.comm) as solver:
         solver.ksp.setType("gmres")
         solver.ksp.getPC().setType("none")
         solver.ksp.setTolerances(max_it=2)
@@ -151,7 +149,7 @@ def test_what_cannot_be_solved_is_an_error(session):
 
 def test_a_factor_of_another_frequency_will_do(session):
     """With -freq_ksp_reuse_preconditioner a factor serves until it no longer converges."""
-    law = str(Law())
+    law = str(physics())
     with Solver(published(), LAWS[law], session.comm) as solver:
         solver.reuse = True
         solver.ksp.setType("gmres")

@@ -6,19 +6,21 @@
 import numpy as np
 import pytest
 from dense import Reference
-from samples import isostatic, polydisperse, published
+from samples import isostatic, physics, polydisperse, published
 from sweeps import Sweep, judge
-
-from jampetsc.contacts.laws import Law
 
 pytestmark = pytest.mark.scalar("real")
 
 OMEGA = np.geomspace(1e-14, 1e8, 12)
 LAWS = [
-    *(Law(beta=beta, prestress=prestress) for beta in (0.0, 1e-10, 1.0, 1e4) for prestress in (True, False)),
-    *(Law(beta=beta, rotations=False) for beta in (1e-10, 1e4)),
-    *(Law("stokes", eta_f=eta) for eta in (0.0, 1e-10, 1e10)),
-    Law("stokes", eta_f=0.0, prestress=False),
+    *(
+        physics(beta=beta, prestress=prestress)
+        for beta in (0.0, 1e-10, 1.0, 1e4)
+        for prestress in (True, False)
+    ),
+    *(physics(beta=beta, rotations=False) for beta in (1e-10, 1e4)),
+    *(physics("stokes", eta_f=eta) for eta in (0.0, 1e-10, 1e10)),
+    physics("stokes", eta_f=0.0, prestress=False),
 ]
 
 
@@ -35,7 +37,9 @@ def test_small_packings(session, sample, law):
 
 
 @pytest.mark.parametrize("omega", [1e-14, 1e8], ids=str)
-@pytest.mark.parametrize("law", [Law(beta=1e-10), Law(beta=1e4), Law("stokes", eta_f=1e10)], ids=str)
+@pytest.mark.parametrize(
+    "law", [physics(beta=1e-10), physics(beta=1e4), physics("stokes", eta_f=1e10)], ids=str
+)
 def test_one_frequency_alone(session, law, omega):
     disks, _ = polydisperse(0)
     with Sweep(disks, law, [omega], 1e-8, session.comm) as found:
@@ -46,13 +50,13 @@ def test_a_negative_shear_modulus_is_no_instability(session):
     """The box is held, so K may be positive and G₀ negative: the strain is no unknown."""
     for index in range(10):
         disks, _ = polydisperse(index)
-        exact = Reference(disks, Law())
+        exact = Reference(disks, physics())
         found_G0 = exact.quasistatic()[1]
         if found_G0 < 0:
             break
     else:
         pytest.fail("none of the ten packings has a negative modulus")
     wanted = np.array([exact.modulus(omega) for omega in OMEGA])
-    with Sweep(disks, Law(), OMEGA, 1e-6, session.comm) as found:
+    with Sweep(disks, physics(), OMEGA, 1e-6, session.comm) as found:
         assert found.galerkin.spectrum.G0 < 0
         judge(found.G, found.bounds, wanted, 1e-6, index)

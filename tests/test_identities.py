@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from dense import Reference
 from gathered import dense
-from samples import LAWS, SAMPLES, isostatic, laws_of, polydisperse, reference
+from samples import LAWS, SAMPLES, isostatic, laws_of, network_of, physics, polydisperse, reference
 
-from jampetsc.contacts.laws import Law
+from jampetsc.contacts.laws import UNDAMPED
 from jampetsc.contacts.state import measure
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
@@ -17,9 +17,9 @@ from jampetsc.session import current
 MINIMA = ("published", "polydisperse", "isostatic")
 
 
-def moduli(disks, law, omega):
+def moduli(disks, physics, omega):
     """G* at each ω, complex (M,). Collective."""
-    pencil = assemble(build_network(disks, current().comm), law)
+    pencil = assemble(network_of(disks, physics, current().comm), physics.law)
     solver = FrequencySolver(pencil)
     values = np.array([solver.solve(w, 1e-6).G for w in omega])
     solver.destroy()
@@ -42,7 +42,7 @@ def test_low_frequencies_without_low_frequencies(session, sample):
 @pytest.mark.parametrize("sample", ["published", "polydisperse", "two images"])
 def test_high_frequencies(session, sample):
     """η_∞ is the least dissipation any field allows (identity 3): less than that of the affine one."""
-    for law in (Law(), Law(rotations=False), Law(prestress=False)):
+    for law in (physics(), physics(rotations=False), physics(prestress=False)):
         if str(law) not in laws_of(sample):
             continue
         exact = reference(sample, str(law))
@@ -55,7 +55,8 @@ def test_high_frequencies(session, sample):
 @pytest.mark.parametrize("sample", MINIMA)
 def test_without_prestress_the_contacts_hold_all_the_energy(session, sample):
     """k Σ_c a∥² = G₀ V (identity 1), the sum taken over the contacts of the quasistatic field."""
-    pencil = assemble(build_network(SAMPLES[sample](), session.comm), Law(prestress=False, beta=0.0))
+    bare = physics(prestress=False, beta=0.0)
+    pencil = assemble(network_of(SAMPLES[sample](), bare, session.comm), bare.law)
     solver = FrequencySolver(pencil)
     G0 = solver.solve(1e-10, 1e-6).G.real
     c = solver.compatibility
@@ -64,7 +65,7 @@ def test_without_prestress_the_contacts_hold_all_the_energy(session, sample):
     solver.destroy()
     pencil.destroy()
     assert energy / pencil.network.area == pytest.approx(G0, rel=1e-9)
-    exact = Reference(SAMPLES[sample](), Law(prestress=False, beta=0.0))
+    exact = Reference(SAMPLES[sample](), physics(prestress=False, beta=0.0))
     assert G0 == pytest.approx(exact.quasistatic()[1], rel=1e-9)
 
 
@@ -73,7 +74,7 @@ def test_without_prestress_the_contacts_hold_all_the_energy(session, sample):
 def test_proportional_damping_is_kelvin_voigt(session, sample):
     """β = 0, no pre-stress, one stiffness: B = τ₁ K, so G* = G₀ (1 + iωτ₁) (identity 4)."""
     omega = np.geomspace(1e-8, 1e6, 8)
-    law = Law(beta=0.0, prestress=False, tau1=0.3)
+    law = physics(beta=0.0, prestress=False, tau1=0.3)
     G = moduli(SAMPLES[sample](), law, omega)
     G0 = Reference(SAMPLES[sample](), law).quasistatic()[1]
     np.testing.assert_allclose(G.real, G0, rtol=1e-9)
@@ -84,8 +85,8 @@ def test_proportional_damping_is_kelvin_voigt(session, sample):
 @pytest.mark.parametrize("sample", MINIMA)
 def test_stokes_at_high_frequency_is_affine(session, sample):
     """G* → G_affine + iω η_F (identity 5); the next term of G'' is |k_γ|²/(ω V kτ₁)."""
-    omega, eta_f, law = 1e5, 0.7, Law("stokes", eta_f=0.7)
-    exact = reference(sample, str(Law("stokes")))
+    omega, eta_f, law = 1e5, 0.7, physics("stokes", eta_f=0.7)
+    exact = reference(sample, str(physics("stokes")))
     (G,) = moduli(SAMPLES[sample](), law, [omega])
     assert G.real == pytest.approx(float(exact.K[-1, -1] / exact.area), rel=1e-8)
     border = exact.K[:-1, -1]
@@ -98,8 +99,7 @@ STRAINS = {"xx": [[1, 0], [0, 0]], "yy": [[0, 0], [0, 1]], "xy": [[0, 0.5], [0.5
 
 def elastic_constants(disks, prestress):
     """C_ijkl for symmetric linear strains, from the package's K and C: {"xxyy": …}. Collective."""
-    law = Law("stokes", prestress=prestress)  # the law that pins nothing
-    pencil = assemble(build_network(disks, current().comm), law)
+    pencil = assemble(build_network(disks, current().comm, prestress), UNDAMPED, pinned=False)
     c, network = build_compatibility(pencil), pencil.network
     once = network.contacts.i < network.contacts.j
     contacts = network.contacts[once]
@@ -137,7 +137,7 @@ def test_simple_shear_and_symmetric_strain(session, index):
     That is C_xyxy − p/2 under isotropic pressure.
     """
     disks, record = polydisperse(index)
-    (G,) = moduli(disks, Law(), [1e-8])
+    (G,) = moduli(disks, physics(), [1e-8])
     stress = record["Stress"].reshape(2, 2)
     assert G.real == pytest.approx(record["Cijkl"][2] + (3 * stress[1, 1] - stress[0, 0]) / 4, rel=2e-6)
 
@@ -156,7 +156,7 @@ def test_one_state_of_self_stress(session):
     norm = disks.area * np.sum(f**2)
     shear = np.sum(f * n[:, 0] * contacts.r[:, 1]) ** 2 / norm
     if session.scalar_type == "complex":
-        (G,) = moduli(disks, Law(prestress=False), [1e-10])
+        (G,) = moduli(disks, physics(prestress=False), [1e-10])
         assert G.real == pytest.approx(shear, rel=1e-6)  # the quench left forces balanced to 1e-9
         return
     C = elastic_constants(disks, prestress=False)

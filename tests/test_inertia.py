@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from samples import LAWS, SAMPLES, reference
+from samples import LAWS, SAMPLES, physics, reference
 
-from jampetsc.contacts.laws import Law
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.examine import asymmetry, examine
 from jampetsc.mechanics.network import build_network
@@ -27,8 +26,8 @@ def signs(matrix):
 @pytest.mark.parametrize("sample", SAMPLES)
 def test_counts_are_those_of_the_dense_eigenvalues(session, sample):
     network = build_network(SAMPLES[sample](), session.comm)
-    for name in (str(Law()), str(Law("stokes"))):
-        pencil, exact = assemble(network, LAWS[name]), reference(sample, name)
+    for name in (str(physics()), str(physics("stokes"))):
+        pencil, exact = assemble(network, LAWS[name].law), reference(sample, name)
         for matrix in "KB":
             found = count_eigenvalues(getattr(pencil, matrix), matrix, pencil.pins)
             negative, zero, positive = signs(getattr(exact, matrix)[:-1, :-1])
@@ -43,7 +42,7 @@ def test_counts_are_those_of_the_dense_eigenvalues(session, sample):
 @pytest.mark.parametrize("shift", [1e-14, 1e-10])
 def test_the_shift_hardly_matters(session, shift):
     """Four decades around the one that is used: no eigenvalue of a packing at p = 1e-7 lies between."""
-    pencil = assemble(build_network(SAMPLES["isostatic"](), session.comm), Law("stokes"))
+    pencil = assemble(build_network(SAMPLES["isostatic"](), session.comm), physics("stokes").law)
     found = count_eigenvalues(pencil.K, "K", shift=shift)
     pencil.destroy()
     assert (found.negative, found.zero, found.positive) == (0, 2, 42)
@@ -83,8 +82,8 @@ def test_asymmetry_is_measured(session):
 
 @pytest.mark.parametrize("sample", SAMPLES)
 def test_examination(session, sample):
-    exact = reference(sample, str(Law()))
-    facts = examine(build_network(SAMPLES[sample](), session.comm), Law())
+    exact = reference(sample, str(physics()))
+    facts = examine(build_network(SAMPLES[sample](), session.comm), physics().law)
     plane = [row for row in range(3 * exact.n) if row % 3 < 2]
     negative, zero, positive = signs(exact.K[np.ix_(plane, plane)])
     K = facts.with_prestress

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from dense import Reference
 from gathered import unknowns
-from samples import DATA, SAMPLES, gears, published, reference, strips
+from samples import DATA, SAMPLES, gears, physics, published, reference, strips
 
 import jampetsc
 from jampetsc import cli
 from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.laws import Law
 from jampetsc.errors import InputError
 from jampetsc.mechanics.network import build_network
 from jampetsc.response.elastic import ElasticResponse
@@ -28,7 +27,7 @@ PACKING = DATA / "isostatic-N24-p1e-7.h5"
 def spectrum(sample, prestress=True):
     """(λ (m,), φ (unknowns, m), exact) of the dense K, translations left out."""
     exact = reference(
-        sample, str(Law("stokes")) if prestress else str(Law("stokes", prestress=False, eta_f=1e-5))
+        sample, str(physics("stokes")) if prestress else str(physics("stokes", prestress=False, eta_f=1e-5))
     )
     K = exact.K[:-1, :-1].astype(float)
     moves = exact.free_moves().astype(float)
@@ -64,7 +63,7 @@ def check(modes, wanted, vectors, exact):
 def test_against_dense(session, sample, count, prestress):
     """Few modes come from SLEPc, many from LAPACK; every quantity of a mode from its definition."""
     wanted, vectors, exact = spectrum(sample, prestress)
-    modes = lowest_modes(build_network(SAMPLES[sample](), session.comm), prestress, count)
+    modes = lowest_modes(build_network(SAMPLES[sample](), session.comm, prestress), count)
     assert modes.method == ("lapack" if 2 * (count + 2) >= len(wanted) else "krylovschur")
     check(modes, wanted, vectors, exact)
     assert modes.complete == (count == len(wanted))
@@ -93,8 +92,8 @@ def test_all_modes_carry_the_whole_response(session, sample):
     assert modes.share_modulus.sum() == pytest.approx(1.0, abs=1e-9)
     assert modes.share_nonaffine.sum() == pytest.approx(1.0, abs=1e-8)
     field = -np.tensordot(modes.shear_force / modes.eigenvalues, modes.vectors, axes=1)
-    exact, _ = reference(sample, str(Law("stokes"))).quasistatic()
-    rows = unknowns(network, 1, reference(sample, str(Law("stokes"))).disks)
+    exact, _ = reference(sample, str(physics("stokes"))).quasistatic()
+    rows = unknowns(network, 1, reference(sample, str(physics("stokes"))).disks)
     mine = rows[network.first : network.last]
     np.testing.assert_allclose(
         field, exact[mine].astype(float), rtol=0, atol=1e-8 * float(np.abs(exact).max())
@@ -127,24 +126,24 @@ def test_planted_floppy_mode(session):
 
     That mode costs nothing and only slides; the modes above it are ordinary.
     """
-    network = build_network(SAMPLES["isostatic"](), session.comm)
+    network = build_network(SAMPLES["isostatic"](), session.comm, prestress=False)
     assert network.contact_count == 2 * network.n - 1
     c = network.contacts
     first = session.comm.allgather([(int(i), int(j)) for i, j in zip(c.i, c.j, strict=True) if i < j])
     contacts = [pair for part in first for pair in part]
     degree = np.bincount(np.array(contacts).ravel(), minlength=network.n)
     free = [pair for pair in contacts if (degree[list(pair)] > 3).all()]
-    one = lowest_modes(cut(network, free[:1]), False, 3)
+    one = lowest_modes(cut(network, free[:1]), 3)
     assert one.eigenvalues[0] > 1e-6
     floppy = cut(network, [free[0], free[-1]])
-    modes = lowest_modes(floppy, False, 3)
+    modes = lowest_modes(floppy, 3)
     assert abs(modes.eigenvalues[0]) < 1e-13 and modes.eigenvalues[1] > 1e-6
     assert modes.normal[0] < 1e-20 and modes.transverse[0] > 1e-3
     assert modes.floppiness[0] > 1e8 and modes.floppiness[1] < 1e3
     assert modes.share_modulus is None
     assert abs(modes.shear_force[0]) < 1e-10
     with pytest.raises(InputError, match="K has 1 floppy mode besides its translations"):
-        ElasticResponse(floppy, prestress=False)
+        ElasticResponse(floppy)
 
 
 def crystal():
@@ -172,10 +171,10 @@ def test_clusters_are_kept_whole(session, count):
 
 def test_each_piece_has_its_translations(session):
     """Two strips that do not touch, without pre-stress: four moves of no cost, and the rest as dense says."""
-    exact = Reference(strips(), Law(prestress=False, beta=0.0))
+    exact = Reference(strips(), physics(prestress=False, beta=0.0))
     values = np.linalg.eigvalsh(exact.K[:-1, :-1].astype(float))
     zeros = int(np.sum(np.abs(values) < 1e-12))
-    modes = lowest_modes(build_network(strips(), session.comm), False, 8)
+    modes = lowest_modes(build_network(strips(), session.comm, prestress=False), 8)
     found = modes.eigenvalues
     np.testing.assert_allclose(found, values[4 : 4 + len(found)], rtol=1e-9, atol=1e-13)
     assert int(np.sum(np.abs(found) < 1e-12)) == min(zeros - 4, 8)
@@ -225,7 +224,9 @@ def test_no_minimum_is_refused_with_the_count(session, shared_path, capsys):
         write_packing(shared_path / "packing.h5", gears())
     session.comm.Barrier()
     negative = int(
-        np.sum(np.linalg.eigvalsh(reference("gears", str(Law("stokes"))).K[:-1, :-1].astype(float)) < -1e-9)
+        np.sum(
+            np.linalg.eigvalsh(reference("gears", str(physics("stokes"))).K[:-1, :-1].astype(float)) < -1e-9
+        )
     )
     assert command("modes", shared_path / "packing.h5", "--out", shared_path / "m.h5") == 2
     assert session.rank or f"packing.h5: K has {negative} negative modes" in capsys.readouterr().err

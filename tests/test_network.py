@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from samples import SAMPLES, honeycomb, published, reference, strips
+from samples import SAMPLES, honeycomb, physics, published, reference, strips
 
 from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.laws import Law
 from jampetsc.errors import InputError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.network import build_network, find_pieces
@@ -28,7 +27,7 @@ def numbered(network):
 
 @pytest.mark.parametrize("name", SAMPLES)
 def test_contacts_do_not_depend_on_the_ranks(session, name):
-    disks, dense = SAMPLES[name](), reference(name, str(Law()))
+    disks, dense = SAMPLES[name](), reference(name, str(physics()))
     network = build_network(disks, session.comm)
     rows = rows_of(network)
     assert [0, *(last for _, last in rows)] == [*(first for first, _ in rows), dense.n]
@@ -51,7 +50,7 @@ def test_contacts_do_not_depend_on_the_ranks(session, name):
 
 @pytest.mark.parametrize("name", SAMPLES)
 def test_pieces_and_gears(session, name):
-    dense = reference(name, str(Law()))
+    dense = reference(name, str(physics()))
     network = build_network(SAMPLES[name](), session.comm)
     pieces = find_pieces(network)
     particles = np.concatenate(session.comm.allgather(network.particles))
@@ -83,8 +82,8 @@ def test_a_rank_may_own_rattlers_only(session):
     assert network.comm.allreduce(network.last - network.first) == 48
     if session.size == 3:
         assert any(first == last for first, last in rows_of(network))
-    pencil = assemble(network, Law())
-    assert pencil.k_gg == pytest.approx(float(reference("strips", str(Law())).K[-1, -1]), rel=1e-13)
+    pencil = assemble(network, physics().law)
+    assert pencil.k_gg == pytest.approx(float(reference("strips", str(physics())).K[-1, -1]), rel=1e-13)
     assert len(pencil.pins) == 4
     pencil.destroy()
 

@@ -15,7 +15,6 @@ from scipy.integrate import quad
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.analysis.scaling import fit_power_law
-from jampetsc.contacts.laws import Law
 from jampetsc.errors import InputError
 from jampetsc.storage.packing_file import write_packing
 from jampetsc.storage.reader import load
@@ -150,7 +149,7 @@ def test_a_sweep_is_the_linear_one_at_equivalent_frequencies(tmp_path, method):
     np.testing.assert_allclose(omega, np.geomspace(1e-8, 1, 9))
     np.testing.assert_allclose(solved, EquivalentDamping(0.5, 1e-5).frequency(omega * 2.5) / 2.5)
     np.testing.assert_array_equal(found.fields.omega, [1e-4])
-    law = Law(beta=0.3, tau1=2.5)
+    law = samples.physics(beta=0.3, tau1=2.5)
     exact = np.array([Reference(samples.published(), law).modulus(w) for w in solved[::4]])
     assert (np.abs(found.G[::4] - exact) <= found.error_bound[::4]).all()
     assert (found.error_bound < 1e-5 * np.abs(found.G)).all()

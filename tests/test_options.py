@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from dense import Reference
 from launch import ROOT, run
-from samples import polydisperse
+from samples import physics, polydisperse
 
 import jampetsc
-from jampetsc.contacts.laws import Law
 from jampetsc.storage.packing_file import write_packing
+from jampetsc.words.law import words_of
 
 OMEGA = "1e-10:1e4:15"
 PROGRAM = "../jampetsc/__main__.py"
@@ -27,11 +27,11 @@ def test_every_file_is_tested():
     assert sorted(path.stem for path in (ROOT / "options").glob("*.opts")) == sorted(FOR_SWEEPS + FOR_MODES)
 
 
-@pytest.mark.parametrize("law", [Law(), Law("stokes", eta_f=0.0)], ids=str)
+@pytest.mark.parametrize("law", [physics(), physics("stokes", eta_f=0.0)], ids=str)
 @pytest.mark.parametrize("name", FOR_SWEEPS)
 def test_sweep_by_each_file(name, law, packing, tmp_path):
     out = tmp_path / "sweep.h5"
-    words = ["--law", law.kind] + (["--eta-f", "0"] if law.kind == "stokes" else [])
+    words = words_of(law)
     file = ROOT / "options" / f"{name}.opts"
     done = run(0, PROGRAM, "sweep", packing, "--out", out, "--method", "direct", "--omega", OMEGA, *words,
                "-options_file", file)  # fmt: skip

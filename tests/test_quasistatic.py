@@ -1,18 +1,26 @@
 """The quasistatic response against dense references, identities and published constants; refusals; file."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from dense import Reference
 from gathered import unknowns
-from samples import DATA, LAWS, SAMPLES, gears, honeycomb, laws_of, polydisperse, reference
+from samples import (
+    DATA,
+    LAWS,
+    SAMPLES,
+    gears,
+    honeycomb,
+    laws_of,
+    network_of,
+    physics,
+    polydisperse,
+    reference,
+)
 
 import jampetsc
 from jampetsc import cli
 from jampetsc.analysis.distribution import Distribution
 from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.laws import Law
 from jampetsc.errors import InputError
 from jampetsc.mechanics.network import build_network
 from jampetsc.response.elastic import ElasticResponse
@@ -30,12 +38,12 @@ def whole(network, local):
     return np.concatenate(network.comm.allgather(local))
 
 
-def response(disks, law, comm):
+def response(disks, physics, comm):
     """(Quasistatic, η_∞)."""
-    network = build_network(disks, comm)
-    viscosity = Viscosity(network, law)
+    network = network_of(disks, physics, comm)
+    viscosity = Viscosity(network, physics.law)
     try:
-        return solve(network, law, viscosity), viscosity.infinite()
+        return solve(network, physics.law, viscosity), viscosity.infinite()
     finally:
         viscosity.destroy()
 
@@ -65,7 +73,8 @@ def test_against_dense(session, sample):
         assert found.G0 == pytest.approx(G0, rel=1e-10, abs=1e-12)
         assert found.flow.eta0 == pytest.approx(exact.eta0(), rel=1e-10)
         assert found.crossover == pytest.approx(G0 / exact.eta0(), rel=1e-9)
-        wanted = LAWS[law].eta_f * LAWS[law].tau1 if LAWS[law].kind == "stokes" else exact.eta_infinity()
+        fluid = LAWS[law].law.eta_f * LAWS[law].law.tau1
+        wanted = fluid if LAWS[law].law.drag else exact.eta_infinity()
         assert eta_inf == pytest.approx(wanted, rel=1e-10)
         assert found.identity < 1e-10 and found.error < 1e-10
 
@@ -74,12 +83,12 @@ def test_against_dense(session, sample):
 def test_without_prestress_contacts_hold_all_the_energy(session, sample):
     """Identity 1, with G₀ from the border: k Σ (Δu∥)² = G₀ V. And identity 4: η₀ = G₀ τ₁ at β = 0."""
     disks = SAMPLES[sample]()
-    found, _ = response(disks, Law(prestress=False, beta=0.0, tau1=2.0), session.comm)
+    found, _ = response(disks, physics(prestress=False, beta=0.0, tau1=2.0), session.comm)
     network = found.network
     c = network.contacts
     stiffness = c.stiffness[c.i < c.j]
     energy = network.sum(float(stiffness @ found.normal**2))
-    _, G0 = Reference(disks, Law(prestress=False, beta=0.0)).quasistatic()
+    _, G0 = Reference(disks, physics(prestress=False, beta=0.0)).quasistatic()
     assert energy / network.area == pytest.approx(G0, rel=1e-10)
     if disks.potential.alpha == 2 and disks.potential.stiffness == "constant":
         assert found.flow.eta0 == pytest.approx(2.0 * found.G0, rel=1e-12)
@@ -89,8 +98,8 @@ def test_without_prestress_contacts_hold_all_the_energy(session, sample):
 @pytest.mark.parametrize("beta", [1e-7, 3.0, 1e4])
 def test_angles_do_not_depend_on_beta(session, beta):
     """The disks turn alike at every β, so that η₀ is a straight line in β (BT eq. 22)."""
-    one, _ = response(SAMPLES["published"](), Law(), session.comm)
-    other, _ = response(SAMPLES["published"](), Law(beta=beta), session.comm)
+    one, _ = response(SAMPLES["published"](), physics(), session.comm)
+    other, _ = response(SAMPLES["published"](), physics(beta=beta), session.comm)
     assert other.flow.parts["normal"] == pytest.approx(one.flow.parts["normal"], rel=1e-12)
     assert other.flow.parts["transverse"] == pytest.approx(beta * one.flow.parts["transverse"], rel=1e-12)
     np.testing.assert_allclose(other.flow.rotation, one.flow.rotation, rtol=1e-9, atol=1e-12)
@@ -100,7 +109,7 @@ def test_angles_do_not_depend_on_beta(session, beta):
 def test_bulk_modulus_of_published_packings(session, index):
     """−V dp/dV = (C_xxxx + C_yyyy + 2 C_xxyy)/4 + p/2, with jax-md's constants."""
     disks, record = polydisperse(index)
-    found, _ = response(disks, Law(), session.comm)
+    found, _ = response(disks, physics(), session.comm)
     xxxx, yyyy, _, xxyy, _, _ = record["Cijkl"]
     wanted = (xxxx + yyyy + 2 * xxyy) / 4 + found.network.pressure / 2
     assert found.bulk_modulus == pytest.approx(wanted, rel=2e-6)
@@ -108,7 +117,7 @@ def test_bulk_modulus_of_published_packings(session, index):
 
 def test_bulk_modulus_of_one_state_of_self_stress(session):
     """Identity 6: k (Σ f r)²/(4 V Σ f²), without pre-stress."""
-    found, _ = response(SAMPLES["isostatic"](), Law(prestress=False), session.comm)
+    found, _ = response(SAMPLES["isostatic"](), physics(prestress=False), session.comm)
     network, c = found.network, found.network.contacts
     once = c.i < c.j
     moment, square = network.sum(np.array([c.force[once] @ c.distance[once], c.force[once] @ c.force[once]]))
@@ -116,11 +125,11 @@ def test_bulk_modulus_of_one_state_of_self_stress(session):
 
 
 def test_no_minimum_is_refused_with_the_count(session):
-    exact = reference("gears", str(Law("stokes")))
+    exact = reference("gears", str(physics("stokes")))
     negative = int(np.sum(np.linalg.eigvalsh(exact.K[:-1, :-1].astype(float)) < -1e-9))
     assert negative > 1
     with pytest.raises(InputError, match=rf"K has {negative} negative modes: not a minimum"):
-        ElasticResponse(build_network(gears(), session.comm), prestress=True)
+        ElasticResponse(build_network(gears(), session.comm))
 
 
 def square_lattice():
@@ -133,9 +142,9 @@ def square_lattice():
 
 def test_floppy_modes_are_refused_with_the_count(session):
     """Each of 4 rows and 6 columns slides; all rows together, and all columns, are the two translations."""
-    network = build_network(square_lattice(), session.comm)
+    network = build_network(square_lattice(), session.comm, prestress=False)
     with pytest.raises(InputError, match=r"K has 8 floppy modes besides its translations"):
-        ElasticResponse(network, prestress=False)
+        ElasticResponse(network)
 
 
 def command(*words):
@@ -149,7 +158,7 @@ def test_file(session, shared_path):
     n, contacts = len(found["particles"]), len(found["contacts/pairs"])
     assert found.format == "jampetsc-quasistatic" and found.law["beta"] == 2.0
     assert (n, contacts) == (22, 43)
-    exact = reference("isostatic", str(Law("stokes")))
+    exact = reference("isostatic", str(physics("stokes")))
     bonds = found["contacts/bonds"]
     u = found["nonaffine"]
     i, j = found["contacts/pairs"].T
@@ -207,12 +216,12 @@ def test_refused_packings_leave_no_file(session, shared_path, capsys, disks, say
 
 def test_rotations_of_gears(session):
     """A bipartite network without pre-stress: one gear is held, and η₀ does not depend on which."""
-    law = Law(prestress=False)
+    law = physics(prestress=False)
     exact = reference("gears", str(law))
     found, eta_inf = response(gears(), law, session.comm)
     assert found.flow.eta0 == pytest.approx(exact.eta0(), rel=1e-8)
     assert eta_inf == pytest.approx(exact.eta_infinity(), rel=1e-10)
-    without = replace(law, rotations=False)
+    without = physics(prestress=False, rotations=False)
     assert response(gears(), without, session.comm)[0].flow.eta0 > found.flow.eta0
 
 

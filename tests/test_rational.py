@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 from dense import Reference, without
 from gathered import unknowns
-from samples import DATA, LAWS, ORACLE, SAMPLES, isostatic, published, reference
+from samples import DATA, LAWS, ORACLE, SAMPLES, isostatic, physics, published, reference
 from sweeps import Sweep, errors, judge
 
 import jampetsc
 from jampetsc import cli
 from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.laws import Law
 from jampetsc.errors import ConvergenceError
 from jampetsc.storage.packing_file import write_packing
 
@@ -29,7 +28,7 @@ def exact(sample, law, omega=OMEGA):
 def test_published_moduli(session, case):
     """Nine laws at eleven frequencies in 50-digit arithmetic; printed to 14 digits."""
     parameters = dict(case["parameters"])
-    law = Law(kind=parameters.pop("law"), **parameters)
+    law = physics(parameters.pop("law"), **parameters)
     with Sweep(published(), law, case["omega"], 1e-10, session.comm) as found:
         np.testing.assert_allclose(found.G.real, case["G_storage"], rtol=1e-10)
         np.testing.assert_allclose(found.G.imag, case["G_loss"], rtol=1e-10)
@@ -37,7 +36,7 @@ def test_published_moduli(session, case):
 
 @pytest.mark.parametrize("sample", MINIMA)
 def test_bounds_hold_and_accuracies_are_met(session, sample):
-    for law in LAWS if sample == "published" else (str(Law()), str(Law("stokes"))):
+    for law in LAWS if sample == "published" else (str(physics()), str(physics("stokes"))):
         wanted = exact(sample, law)
         for accuracy in (1e-2, 1e-6):
             with Sweep(SAMPLES[sample](), LAWS[law], OMEGA, accuracy, session.comm) as found:
@@ -46,7 +45,7 @@ def test_bounds_hold_and_accuracies_are_met(session, sample):
 
 @pytest.mark.parametrize("parallel", ["shifts", "matrix"])
 def test_ranks_may_be_used_in_two_ways(session, parallel):
-    law = str(Law())
+    law = str(physics())
     with Sweep(SAMPLES["polydisperse"](), LAWS[law], OMEGA, 1e-8, session.comm, parallel) as found:
         judge(found.G, found.bounds, exact("polydisperse", law), 1e-8, parallel)
 
@@ -55,7 +54,7 @@ def test_the_bound_is_not_far_from_the_error(session):
     """Where rounding is far away: never below the error, half of the time within a factor of ten."""
     ratios = []
     for sample in ("polydisperse", "isostatic"):
-        for law in (str(Law()), str(Law("stokes"))):
+        for law in (str(physics()), str(physics("stokes"))):
             with Sweep(SAMPLES[sample](), LAWS[law], OMEGA, 1e-2, session.comm, "matrix") as found:
                 error, size = errors(found.G, exact(sample, law))
                 large = error[:, 0] > 1e-10 * size[:, 0]
@@ -65,7 +64,9 @@ def test_the_bound_is_not_far_from_the_error(session):
     assert np.median(ratios) < 10.0
 
 
-@pytest.mark.parametrize("law", [Law(), Law(beta=1e4), Law(beta=1e-7), Law("stokes")], ids=str)
+@pytest.mark.parametrize(
+    "law", [physics(), physics(beta=1e4), physics(beta=1e-7), physics("stokes")], ids=str
+)
 @pytest.mark.parametrize("parallel", ["shifts", "matrix"])
 def test_residual_is_one_vector_times_one_function(session, law, parallel):
     """K x(iω) + iωB x(iω) + k_γ + iω b_γ = f φ q, which the bound rests on: at any ω, to rounding."""
@@ -85,7 +86,7 @@ def test_residual_is_one_vector_times_one_function(session, law, parallel):
 
 def test_accuracy_costs(session):
     """Fewer vectors for less accuracy, and fewer factorisations for a narrow range."""
-    law = Law()
+    law = physics()
     sizes = []
     for accuracy in (1e-2, 1e-6, 1e-10):
         with Sweep(SAMPLES["polydisperse"](), law, OMEGA, accuracy, session.comm, "matrix") as found:
@@ -100,7 +101,7 @@ def test_accuracy_costs(session):
 @pytest.mark.parametrize("sample", ["published", "isostatic"])
 def test_proportional_damping_takes_one_factorisation(session, sample):
     """β = 0 without pre-stress, one stiffness for all: G* = G₀(1 + iωτ₁) (identity 4)."""
-    law = Law(beta=0.0, prestress=False, tau1=0.3)
+    law = physics(beta=0.0, prestress=False, tau1=0.3)
     omega = np.geomspace(1e-14, 1e8, 23)
     with Sweep(SAMPLES[sample](), law, omega, 1e-10, session.comm, "matrix") as found:
         assert (found.sweep.factorisations, found.basis.size) == (1, 0)
@@ -116,7 +117,7 @@ def lattice():
 
 
 def test_a_crystal_has_no_relaxation(session):
-    law = Law("stokes", eta_f=2.0, prestress=False)
+    law = physics("stokes", eta_f=2.0, prestress=False)
     with Sweep(lattice(), law, OMEGA, 1e-10, session.comm) as found:
         assert found.sweep.factorisations <= session.size and found.basis.size == 0
         assert found.G.real == pytest.approx(found.pencil.k_gg / found.network.area, rel=1e-12)
@@ -127,7 +128,7 @@ def test_what_does_not_dissipate_is_refused(session):
     """A crystal in a fluid without viscosity has G'' = 0, of which nothing is known relatively."""
     with (
         pytest.raises(ConvergenceError, match=r"G″ vanishes at ω = 1e-10"),
-        Sweep(lattice(), Law("stokes", eta_f=0.0, prestress=False), OMEGA, 1e-2, session.comm),
+        Sweep(lattice(), physics("stokes", eta_f=0.0, prestress=False), OMEGA, 1e-2, session.comm),
     ):
         pass
 
@@ -137,18 +138,18 @@ def test_too_much_accuracy_is_refused(session):
         pytest.raises(
             ConvergenceError, match=r"only certain to .*, by rounding; --accuracy 1e-16 cannot be met"
         ),
-        Sweep(isostatic(), Law(), [1e-3], 1e-16, session.comm),
+        Sweep(isostatic(), physics(), [1e-3], 1e-16, session.comm),
     ):
         pass
 
 
-@pytest.mark.parametrize("name", [str(Law()), str(Law(rotations=False)), str(Law("stokes"))])
+@pytest.mark.parametrize("name", [str(physics()), str(physics(rotations=False)), str(physics("stokes"))])
 def test_fields_and_their_bounds(session, name):
     """Energy norm of the error of a field against the dense one, over that of the field."""
     law, exact_law = LAWS[name], reference("polydisperse", name)
     ratios = []
     with Sweep(SAMPLES["polydisperse"](), law, OMEGA, 1e-4, session.comm) as found:
-        rows = unknowns(found.network, law.dofs, exact_law.disks)
+        rows = unknowns(found.network, law.law.dofs, exact_law.disks)
         for omega in OMEGA[::3]:
             bound = found.galerkin.field_bound(omega, found.sweep.error_at(omega))
             x = np.concatenate(session.comm.allgather(found.galerkin.field(omega)))
@@ -178,7 +179,7 @@ def test_files_hold_the_spectrum_and_fields(session, shared_path):
     assert result.attributes["positive_semidefinite"] == "proved by Cholesky's factorisation of K"
     assert result.attributes["factorisations"] < 9
     other = np.array([2e-5, 0.033, 7.7])
-    wanted = exact("polydisperse", str(Law()), other)
+    wanted = exact("polydisperse", str(physics()), other)
     np.testing.assert_allclose(result.modulus(other), wanted, rtol=1e-7)
     assert result["fields/error_bound"].shape == (2,)
     assert np.all(result["fields/error_bound"] < 1e-3)
@@ -199,7 +200,7 @@ def test_what_is_no_minimum_is_solved_directly(session, shared_path, capfd):
     session.comm.Barrier()
     assert cli.main(f"sweep {packing} --out {out} --omega 1e-6,1e-2,10 --fields 0.01".split()) == 0
     session.comm.Barrier()
-    wanted = Reference(unstable(), Law())
+    wanted = Reference(unstable(), physics())
     modes = (
         wanted.K[:-1, :-1]
         .astype(float)

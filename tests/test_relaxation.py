@@ -10,7 +10,6 @@ from scipy.integrate import quad
 from jampetsc.analysis.creep import retardation
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.analysis.transient import transient
-from jampetsc.contacts.laws import Law
 from jampetsc.errors import InputError
 
 OMEGA = np.geomspace(1e-12, 1e8, 121)
@@ -190,7 +189,7 @@ def test_a_window_out_of_range(width):
         spectrum().smoothed(1.0, width)
 
 
-@pytest.mark.parametrize("law", [Law(), Law("stokes")], ids=str)
+@pytest.mark.parametrize("law", [samples.physics(), samples.physics("stokes")], ids=str)
 def test_nodes_against_all_modes_of_a_packing(law):
     """Few nodes know the true cumulative weight within that of each node, and H over a window."""
     reference = Reference(samples.published(), law)

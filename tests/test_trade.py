@@ -13,7 +13,7 @@ import pytest
 from matplotlib.image import imread
 
 from jampetsc import cli
-from jampetsc.contacts.laws import Law
+from jampetsc.contacts.laws import Physics, damping_law
 from jampetsc.errors import InputError
 from jampetsc.plots.trade import plot_trade
 from jampetsc.progress import Progress
@@ -21,7 +21,7 @@ from jampetsc.speed_accuracy import choices, ensembles, processes
 from jampetsc.speed_accuracy.advice import advise
 from jampetsc.speed_accuracy.compare import CRITICAL_START, Reference, log_interpolate
 from jampetsc.speed_accuracy.table import MEANINGS, Row, Table
-from jampetsc.words.law import add_law_options, law_from
+from jampetsc.words.law import add_law_options, physics_from, words_of
 
 OMEGA = "1e-2:10:16"  # six of them in the critical window of p = 1e-3
 
@@ -61,7 +61,7 @@ def clean(monkeypatch):
 @pytest.fixture
 def bench(packing, tmp_path, clean):
     with Progress(None, "trade") as progress:
-        yield choices.Bench(packing, Law(), OMEGA, None, tmp_path, progress)
+        yield choices.Bench(packing, Physics(damping_law()), OMEGA, None, tmp_path, progress)
 
 
 # The whole of it
@@ -158,25 +158,26 @@ def test_no_mpirun_is_said(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "law",
+    "physics",
     [
-        Law(beta=0.25, rotations=False, prestress=False),
-        Law(kind="stokes", eta_f=0.0, tau1=2.5),
-        Law(beta=1e-3, tau1=0.1),
+        Physics(damping_law(beta=0.25, rotations=False), prestress=False),
+        Physics(damping_law("stokes", eta_f=0.0, tau1=2.5)),
+        Physics(damping_law(beta=1e-3, tau1=0.1)),
+        Physics(damping_law(normal=0.5)),
     ],
 )
-def test_a_law_survives_as_options(law):
+def test_a_law_survives_as_options(physics):
     parser = ArgumentParser()
     add_law_options(parser)
-    assert law_from(parser.parse_args(choices.law_words(law))) == law
+    assert physics_from(parser.parse_args(words_of(physics))) == physics
 
 
 def test_simpler_physics_of_each_law():
-    names = [name for name, _ in choices.simpler(Law(rotations=False, prestress=False))]
+    names = [name for name, _ in choices.simpler(Physics(damping_law(rotations=False), prestress=False))]
     assert names == ["with rotations", "with pre-stress", "Stokes drag, eta_f = 0"]
-    others = dict(choices.simpler(Law(kind="stokes", tau1=2.0)))
-    assert others["contact damping, beta = 1"] == Law(tau1=2.0)
-    assert others["without pre-stress"] == Law(kind="stokes", tau1=2.0, prestress=False)
+    others = dict(choices.simpler(Physics(damping_law("stokes", tau1=2.0))))
+    assert others["contact damping, beta = 1"] == Physics(damping_law(tau1=2.0))
+    assert others["without pre-stress"] == Physics(damping_law("stokes", tau1=2.0), prestress=False)
 
 
 def test_the_options_files_are_there():
@@ -223,7 +224,7 @@ def test_a_violated_bound_is_seen():
     reference = Reference(Curve(omega))
     assert reference.violation(Curve(omega, 1 + 1e-7)) is None
     assert reference.violation(Curve(omega, 1 + 1e-5)) == pytest.approx(1e-8)
-    judge = choices._accuracy(Law(), 1e-6).judge
+    judge = choices._accuracy(Physics(damping_law()), 1e-6).judge
     assert judge(reference, Curve(omega, 1 + 1e-5))["note"] == "EXCEEDS ITS BOUND at omega = 1e-08"
 
 

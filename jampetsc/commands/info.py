@@ -1,7 +1,7 @@
 """`jampetsc info FILE`: what a packing or a result is, in words and numbers."""
 
 from jampetsc.errors import InputError
-from jampetsc.words.law import add_law_options, law_from
+from jampetsc.words.law import add_law_options, physics_from
 
 
 def add_parser(subparsers) -> None:
@@ -24,13 +24,13 @@ def add_parser(subparsers) -> None:
 def run(args, petsc_argv) -> int:
     """Print the description; collective with --matrices."""
     from jampetsc.contacts.disks import Disks
-    from jampetsc.contacts.laws import Law
+    from jampetsc.contacts.laws import Physics, damping_law
     from jampetsc.storage.reader import load
     from jampetsc.words import describe
 
-    law = law_from(args)
-    if not args.matrices and law != Law():
-        raise InputError(f"{law}: only the matrices depend on a damping law; add --matrices")
+    physics = physics_from(args)
+    if not args.matrices and physics != Physics(damping_law()):
+        raise InputError(f"{physics}: only the matrices depend on a damping law; add --matrices")
     loaded = load(args.file)
     if not isinstance(loaded, Disks):
         if args.matrices:
@@ -55,8 +55,8 @@ def run(args, petsc_argv) -> int:
     from jampetsc.mechanics.examine import examine
     from jampetsc.mechanics.network import build_network
 
-    network = build_network(loaded, running.comm)
-    facts = examine(network, law)
+    network = build_network(loaded, running.comm, physics.prestress)
+    facts = examine(network, physics.law)
     if running.rank == 0:
-        print("\n" + describe.matrices(loaded, network, law, facts, running.size))
+        print("\n" + describe.matrices(loaded, network, physics, facts, running.size))
     return 0

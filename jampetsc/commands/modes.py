@@ -73,7 +73,7 @@ def summary(out, modes) -> str:
         else f"inertia counts {modes.inertia_count} below {modes.inertia_shift:.4g}"
     )
     lines = [
-        f"{out}: {m} modes, {'pre-stress' if modes.prestress else 'no pre-stress'}; {proof}",
+        f"{out}: {m} modes, {'pre-stress' if modes.network.prestress else 'no pre-stress'}; {proof}",
         f"  eigenvalues {modes.eigenvalues[0]:.6g} to {modes.eigenvalues[-1]:.6g}, residuals ≤ "
         f"{modes.residuals.max():.1e}",
         f"  floppiness (rms Δu⊥ / Δu∥) {modes.floppiness[0]:.3g} to {modes.floppiness[-1]:.3g}",

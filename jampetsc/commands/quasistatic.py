@@ -1,7 +1,8 @@
 """`jampetsc quasistatic`: response to a slow shear, G₀, bulk modulus, and the viscosities η₀ and η_∞."""
 
+from jampetsc.contacts.laws import having
 from jampetsc.errors import InputError
-from jampetsc.words.law import add_law_options, law_from
+from jampetsc.words.law import add_law_options, physics_from
 
 
 def add_parser(subparsers):
@@ -30,8 +31,8 @@ def run(args, petsc_argv) -> int:
     from jampetsc import session
     from jampetsc.storage.atomic import check_writable
 
-    law = law_from(args)
-    betas = _betas(args, law)
+    physics = physics_from(args)
+    betas = _betas(args, physics.law)
     check_writable(args.out)
     running = session.start("real", petsc_argv)
     from jampetsc.response import quasistatic
@@ -39,37 +40,36 @@ def run(args, petsc_argv) -> int:
     from jampetsc.solvers.rehearsal import rehearse
 
     rehearse(shifted.rehearse, inertia.rehearse)
-    outcome = quasistatic.run(args.packing, args.out, law, betas)
+    outcome = quasistatic.run(args.packing, args.out, physics, betas)
     if running.rank == 0:
-        print(summary(args.out, law, outcome))
+        print(summary(args.out, physics, outcome))
     return 0
 
 
 def _betas(args, law):
     """The β of --betas, increasing. Raises InputError."""
-    from dataclasses import replace
-
     if args.betas is None:
         return []
-    if law.kind != "contact":
+    owners = having("beta")
+    if law.family not in owners:
         raise InputError(
-            f"--betas {args.betas}: belongs to --law contact, not to --law {law.kind}; leave it out"
+            f"--betas {args.betas}: belongs to --law {' or '.join(owners)}, not to --law {law.family}; leave it out"
         )
     try:
         betas = sorted({float(word) for word in args.betas.split(",")})
     except ValueError:
         raise InputError(f"--betas {args.betas}: write numbers with commas, such as 1e-4,1e-2,1") from None
     for beta in betas:
-        replace(law, beta=beta)  # refuses what is out of range
+        law.altered(beta=beta)  # refuses what is out of range
     return betas
 
 
-def summary(out, law, outcome) -> str:
+def summary(out, physics, outcome) -> str:
     """What a user wants to read."""
-    lines = [f"{out}: {law}, eta_inf = {outcome.eta_inf:.6g}"]
+    lines = [f"{out}: {physics}, eta_inf = {outcome.eta_inf:.6g}"]
     for name, response in outcome.responses.items():
         found = outcome.distributions[name]
-        stress = "pre-stress" if response.law.prestress else "no pre-stress"
+        stress = "pre-stress" if response.network.prestress else "no pre-stress"
         parts = ", ".join(f"{part} {value:.4g}" for part, value in response.flow.parts.items())
         lines += [
             f"  {stress}: G0 = {response.G0:.6g}, bulk modulus {response.bulk_modulus:.6g}, eta0 = "

@@ -1,7 +1,7 @@
 """`jampetsc sweep`: G*(ω) of a packing."""
 
 from jampetsc.errors import InputError
-from jampetsc.words.law import add_damping_options, add_law_options, damping_from, law_from
+from jampetsc.words.law import add_damping_options, add_law_options, damping_from, physics_from
 
 NAME = "sweep"
 DEFAULT_OMEGA = "1e-10:1e4:141"
@@ -63,14 +63,15 @@ def run(args, petsc_argv) -> int:
     from jampetsc.storage.atomic import check_writable
     from jampetsc.words.frequencies import parse_omega
 
-    law, damping = law_from(args), damping_from(args)
+    physics = physics_from(args)
+    damping = damping_from(args, physics.law)
     omega = parse_omega(args.omega)
     fields = parse_omega(args.fields, "--fields") if args.fields else np.zeros(0)
     if not 1e-12 <= args.accuracy <= 0.1:
         raise InputError(f"--accuracy {args.accuracy:g}: choose between 1e-12 and 0.1")
     check_writable(args.out)
     job = Job.read(
-        args.packing, law, omega, fields, args.method, args.accuracy, args.out, damping, args.parallel
+        args.packing, physics, omega, fields, args.method, args.accuracy, args.out, damping, args.parallel
     )
     # Real scalars will do for the direct method, but take twice the memory.
     scalar = ("complex" if builds.to_choose("complex") else None) if args.method == "direct" else "real"
@@ -98,8 +99,8 @@ def summary(job, omega, G, bounds) -> str:
 
     storage, loss = np.max(bounds[:, 1] / np.abs(G.real)), np.max(bounds[:, 2] / np.abs(G.imag))
     lines = [
-        f"{job.out}: {job.law}, {len(omega)} frequencies, {'certified' if job.negative_modes == 0 else 'estimated'} to "
-        f"{storage:.1e} in G' and {loss:.1e} in G''",
+        f"{job.out}: {job.physics}, {len(omega)} frequencies, "
+        f"{'certified' if job.negative_modes == 0 else 'estimated'} to {storage:.1e} in G' and {loss:.1e} in G''",
         f"  omega {omega[0]:.3g}: G' = {G[0].real:.6g}, G'' = {G[0].imag:.6g}",
         f"  omega {omega[-1]:.3g}: G' = {G[-1].real:.6g}, G'' = {G[-1].imag:.6g}",
     ]

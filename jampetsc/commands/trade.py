@@ -1,7 +1,7 @@
 """`jampetsc trade`: what speed costs in accuracy, measured on the user's own packing and machine."""
 
 from jampetsc.errors import InputError
-from jampetsc.words.law import add_law_options, law_from
+from jampetsc.words.law import add_law_options, physics_from
 
 DEFAULT_OMEGA = "1e-10:1e4:141"
 GROUPS = ("accuracy", "method", "physics", "frequencies")
@@ -80,7 +80,7 @@ def run(args, petsc_argv) -> int:
             raise InputError(f"--options-files {path}: no such file")
     request = Request(
         packing=args.packing,
-        law=law_from(args),
+        physics=physics_from(args),
         omega=args.omega,
         ranks=args.ranks,
         groups=groups,

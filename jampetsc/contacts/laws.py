@@ -1,43 +1,104 @@
-"""Damping laws: what dissipates, and which unknowns that needs."""
+"""Damping laws as data: how much each relative motion of a contact, and each disk's motion in the fluid, costs.
+
+All laws are values of the weights of one dissipation function (BT eqs. 5–9; Vågberg, thesis eqs. 4.16–4.28),
+
+    2R/kτ₁ = Σ_c [ normal (ȧ∥)² + transverse (ȧ⊥)² + sliding (ȧ⊥ᶜ)² ] + drag Σ_i |u̇_i|² + η_F V γ̇² ,
+
+with a∥, a⊥ the relative motions of two disks along and across their bond, a⊥ᶜ = a⊥ − ρ_i θ_i − ρ_j θ_j the
+sliding of their rims, and u_i a disk's motion relative to the affine flow. FAMILIES is the table of the laws
+that can be asked for by name; a new law is one more row there, and nothing else in the package asks which law
+it has: matrices, forces, dissipation, null moves and command-line options all follow from weights and rows.
+"""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 
 from jampetsc.errors import InputError
 
-KINDS = ("contact", "stokes")
+LARGEST = 1e12  # of a weight
+
+
+@dataclass(frozen=True)
+class Option:
+    """A parameter of a family: a number ≥ 0, or a switch where the default is True."""
+
+    default: float | bool
+    meaning: str  # for a switch: of turning it off
+
+
+@dataclass(frozen=True)
+class Family:
+    """A row of the table: laws that differ in the values of some parameters."""
+
+    label: str
+    options: dict[str, Option]
+    weights: Callable  # of the options' values → those weights of `Law` that are not zero
+    leading: str  # the option that a message always tells
+    simplest: dict  # values of options for a first comparison with laws of other families
+
+
+FAMILIES = {
+    "contact": Family(  # BT eqs. 5, 6; Vågberg's CD, CDn, CDt: --no-rotations with (1, 1), (1, 0), (0, 1)
+        "contact damping",
+        {
+            "normal": Option(1.0, "weight of normal contact damping, ≥ 0"),
+            "beta": Option(1.0, "transverse to normal contact damping, ≥ 0"),
+            "rotations": Option(True, "disks do not roll"),
+        },
+        lambda normal, beta, rotations: {"normal": normal, "sliding" if rotations else "transverse": beta},
+        leading="beta",
+        simplest={"beta": 1.0},
+    ),
+    "stokes": Family(  # BT eqs. 7, 8; Vågberg's RD with η_F = 0
+        "Stokes drag",
+        {"eta_f": Option(1.0, "fluid viscosity in units of k τ₁, ≥ 0")},
+        lambda eta_f: {"drag": 1.0, "eta_f": eta_f},
+        leading="eta_f",
+        simplest={"eta_f": 0.0},
+    ),
+}
+DEFAULT = "contact"
+OPTIONS = tuple(name for family in FAMILIES.values() for name in family.options)
 
 
 @dataclass(frozen=True)
 class Law:
-    """A linear damping law together with the pre-stress switch of K.
+    """A damping law: weights in units of kτ₁. Make one with `damping_law`, or with numbers of your own."""
 
-    contact:  kτ₁ Σ_c [(Δu∥)² + β (Δu⊥ᶜ)²]   (BT eqs. 5, 6), with particle rotations in Δu⊥ᶜ unless switched off
-    stokes:   kτ₁ Σ_i |ũ_i|² + η_F V γ²       (BT eqs. 7, 8), η_F in units of kτ₁
-
-    Raises InputError for values out of range.
-    """
-
-    kind: str = "contact"  # contact | stokes
-    beta: float = 1.0  # ratio of transverse to normal damping, ≥ 0
-    rotations: bool = True  # disks roll (contact law only)
-    eta_f: float = 1.0  # viscosity of the fluid (Stokes law only), ≥ 0
-    prestress: bool = True  # keep the −f/r term of K (BT eq. 4)
-    tau1: float = 1.0  # damping time τ₁ > 0
+    label: str
+    normal: float = 0.0  # of (ȧ∥)²
+    transverse: float = 0.0  # of (ȧ⊥)²
+    sliding: float = 0.0  # of (ȧ⊥ᶜ)²; disks then roll
+    drag: float = 0.0  # of |u̇|², per disk
+    eta_f: float = 0.0  # η_F, viscosity of the fluid that the disks are in
+    exponent: float = 1.0  # α of a viscous force ∝ |ȧ|^α (BT eq. 9); 1 is linear
+    tau1: float = 1.0  # damping time τ₁
+    family: str | None = None  # row of FAMILIES it was made from, with its options
+    options: tuple = field(default=(), compare=False)  # ((name, value), …)
 
     def __post_init__(self):
-        if self.kind not in KINDS:
-            raise InputError(f"--law {self.kind}: choose one of {', '.join(KINDS)}")
-        for name, value in (("beta", self.beta), ("eta-f", self.eta_f)):
-            if not (math.isfinite(value) and 0 <= value <= 1e12):
-                raise InputError(f"--{name} {value:g}: must lie between 0 and 1e12")
+        for name in ("normal", "transverse", "sliding", "drag", "eta_f"):
+            weight = getattr(self, name)
+            if not (math.isfinite(weight) and 0 <= weight <= LARGEST):
+                raise InputError(f"{name} = {weight:g}: must lie between 0 and {LARGEST:g}")
         if not (math.isfinite(self.tau1) and self.tau1 > 0):
             raise InputError(f"--tau1 {self.tau1:g}: must be positive")
 
     @property
+    def on_contacts(self) -> tuple[float, float, float]:
+        """Weights of (ȧ∥)², (ȧ⊥)², (ȧ⊥ᶜ)²."""
+        return self.normal, self.transverse, self.sliding
+
+    @property
+    def damps_contacts(self) -> bool:
+        """Whether contacts dissipate; otherwise only the fluid does, if anything."""
+        return any(self.on_contacts)
+
+    @property
     def couples_rotations(self) -> bool:
-        """Whether the law needs the angles θ: only transverse contact damping couples to them."""
-        return self.kind == "contact" and self.rotations and self.beta > 0
+        """Whether the law needs the angles θ: only the sliding of rims couples to them."""
+        return self.sliding > 0
 
     @property
     def dofs(self) -> int:
@@ -45,15 +106,86 @@ class Law:
         return 3 if self.couples_rotations else 2
 
     @property
+    def holds_translations(self) -> bool:
+        """Whether moving a whole piece costs something: contacts do not feel it, the fluid does."""
+        return self.drag > 0
+
+    @property
     def parameters(self) -> dict:
-        """The parameters that this law really has, for files and messages."""
-        common = {"law": self.kind, "prestress": self.prestress, "tau1": self.tau1}
-        if self.kind == "stokes":
-            return {**common, "eta_f": self.eta_f}
-        return {**common, "beta": self.beta, "rotations": self.rotations}
+        """Name and parameters, for files: {"law": "contact", "tau1": 1.0, "beta": 1.0, …}."""
+        return {"law": self.family, "tau1": self.tau1, **dict(self.options)}
+
+    def altered(self, **options) -> "Law":
+        """The law of the same family with some options changed."""
+        kept = {"tau1": self.tau1, "exponent": self.exponent}
+        return damping_law(self.family, **{**dict(self.options), **kept, **options})
 
     def __str__(self):
-        stress = "" if self.prestress else ", no pre-stress"
-        if self.kind == "stokes":
-            return f"Stokes drag, eta_f = {self.eta_f:g}{stress}"
-        return f"contact damping, beta = {self.beta:g}{'' if self.rotations else ', no rotations'}{stress}"
+        return self.label
+
+
+@dataclass(frozen=True)
+class Physics:
+    """What a linear response models: a damping law, and whether contacts are springs under stress or at rest."""
+
+    law: Law
+    prestress: bool = True  # K keeps the −f/r of its contacts (BT eq. 4)
+
+    @property
+    def parameters(self) -> dict:
+        """The law's parameters and `prestress`, for files."""
+        return {**self.law.parameters, "prestress": self.prestress}
+
+    def __str__(self):
+        return f"{self.law}{'' if self.prestress else ', no pre-stress'}"
+
+
+UNDAMPED = Law("no damping")  # K alone
+
+
+def damping_law(name: str = DEFAULT, *, tau1: float = 1.0, exponent: float = 1.0, **options) -> Law:
+    """The law of a family with these options, the others at their defaults.
+
+    Raises InputError for a name that is not in FAMILIES, an option of another family, values out of range, and
+    where nothing would dissipate.
+    """
+    if name not in FAMILIES:
+        raise InputError(f"--law {name}: choose one of {', '.join(FAMILIES)}")
+    family = FAMILIES[name]
+    for option in options:
+        if option not in family.options:
+            raise InputError(
+                f"--{_written(option)}: belongs to {' or '.join(f'--law {other}' for other in having(option))}, "
+                f"not to --law {name}; leave it out"
+            )
+    values = {option: options.get(option, family.options[option].default) for option in family.options}
+    for option, value in values.items():
+        if not isinstance(value, bool) and not (math.isfinite(value) and 0 <= value <= LARGEST):
+            raise InputError(f"--{_written(option)} {value:g}: must lie between 0 and {LARGEST:g}")
+    label = family.label + "".join(
+        f", no {option}" if value is False else f", {option} = {value:g}"
+        for option, value in values.items()
+        if value != family.options[option].default or option == family.leading
+    )
+    made = Law(
+        label,
+        **family.weights(**values),
+        exponent=exponent,
+        tau1=tau1,
+        family=name,
+        options=(*values.items(),),
+    )
+    if not (made.damps_contacts or made.drag):
+        raise InputError(f"{label}: nothing dissipates; raise one of the weights")
+    return made
+
+
+def having(option: str) -> list[str]:
+    """Names of the families that have an option."""
+    return [name for name, family in FAMILIES.items() if option in family.options]
+
+
+def _written(option):
+    """An option as the command line has it."""
+    switch = next(isinstance(FAMILIES[name].options[option].default, bool) for name in having(option))
+    return ("no-" if switch else "") + option.replace("_", "-")

@@ -33,6 +33,11 @@ class Contacts:
         return Contacts(*(getattr(self, f.name)[selection] for f in fields(self)))
 
     @property
+    def tension(self):
+        """f/r, (M,): what pre-stress takes from the stiffness across a bond (BT eq. 4)."""
+        return self.force / self.distance
+
+    @property
     def normal(self):
         """n = r/|r|, (M, 2)."""
         return self.r / self.distance[:, None]
@@ -78,28 +83,35 @@ def force_threshold(disks: Disks, pressure: float) -> float:
     return max(TOUCH * pressure * d, ROUNDING * disks.potential.k * d)
 
 
-def virial_pressure(contacts: Contacts, area: float) -> float:
-    """p = Σ f r / (2V)."""
-    return float(np.dot(contacts.force, contacts.distance)) / (2.0 * area)
+def virial_pressure(force, distance, area: float) -> float:
+    """p = Σ f r / (2V) of contacts that are each listed once, (M,) and (M,)."""
+    return float(np.dot(force, distance)) / (2.0 * area)
 
 
 def stress_tensor(contacts: Contacts, area: float):
     """σ_ab = −Σ f r_a r_b / (|r| V), (2, 2): compression is negative, p = −tr σ / 2."""
-    weighted = contacts.r * (contacts.force / contacts.distance)[:, None]
+    weighted = contacts.r * contacts.tension[:, None]
     return -(weighted.T @ contacts.r) / area
 
 
-def find_rattlers(n: int, contacts: Contacts):
-    """Mask (N,) of disks with fewer than three contacts, after removing such disks again and again."""
+def find_rattlers(n: int, i, j, joined=lambda loose: loose):
+    """Mask (N,) of disks with fewer than three contacts, after removing such disks again and again.
+
+    i, j     disks of each contact (M,), every contact from both its ends (`both_ends`)
+    joined   of a mask (N,) that is right for the disks whose contacts are listed here, the mask of all
+    """
     rattler = np.zeros(n, bool)
-    alive = np.ones(len(contacts), bool)
     while True:
-        count = np.bincount(contacts.i[alive], minlength=n) + np.bincount(contacts.j[alive], minlength=n)
-        loose = (count < RIGID) & ~rattler
-        if not loose.any():
+        alive = ~(rattler[i] | rattler[j])
+        loose = joined(np.bincount(i[alive], minlength=n) < RIGID)
+        if np.array_equal(loose, rattler):
             return rattler
-        rattler |= loose
-        alive &= ~(rattler[contacts.i] | rattler[contacts.j])
+        rattler = loose
+
+
+def both_ends(i, j):
+    """(i, j) of contacts that are listed once, seen from both ends, (2M,) each."""
+    return np.concatenate((i, j)), np.concatenate((j, i))
 
 
 def net_forces(n: int, contacts: Contacts):
@@ -134,10 +146,10 @@ class State:
 def measure(disks: Disks) -> State:
     """Contacts, rattlers, p, U, stress and force residual of a packing."""
     every = find_contacts(disks)
-    pressure = virial_pressure(every, disks.area)
+    pressure = virial_pressure(every.force, every.distance, disks.area)
     threshold = force_threshold(disks, pressure)
     loaded = every[every.force > threshold]
-    rattlers = find_rattlers(disks.n, loaded)
+    rattlers = find_rattlers(disks.n, *both_ends(loaded.i, loaded.j))
     backbone = loaded[~(rattlers[loaded.i] | rattlers[loaded.j])]
     residual = net_forces(disks.n, every)[~rattlers]
     return State(

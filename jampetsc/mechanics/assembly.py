@@ -6,7 +6,7 @@ interleaved (x, y, θ) per disk. A contact contributes squares of linear forms i
 
     a∥  = n·(ũ_j − ũ_i) + γ n_x r_y,    a⊥ = t·(ũ_j − ũ_i) + γ t_x r_y,    a⊥ᶜ = a⊥ − ρ_i θ_i − ρ_j θ_j
     K:  k (a∥)² − (f/r) (a⊥)²           (BT eqs. 4, 11)
-    B:  kτ₁ [(a∥)² + β (a⊥ᶜ)²]          (BT eqs. 5, 6)     or     kτ₁ Σ|ũ_i|² + η_F V γ²   (BT eqs. 7, 8)
+    B:  kτ₁ × the weights of the law on (a∥)², (a⊥)², (a⊥ᶜ)², |ũ_i|² and V γ²   (see `contacts.laws`)
 """
 
 from dataclasses import dataclass
@@ -25,11 +25,10 @@ ROW = 6.0  # |A| ≤ ROW max(diagonal) for the A of a contact network: six unkno
 class Pencil:
     """K + sB and its border for one law on one network. Matrices and vectors are distributed alike.
 
-    Moves that cost nothing (translations of each piece and gear modes under contact damping) are held by one
-    pinned unknown each: its row and column are those of the identity (times k) in K and zero in B, and its
-    border entries are zero. The answer does not depend on it, because K, B and the border vanish on such
-    moves. Under Stokes drag nothing is pinned: there translations cost something, and `project` removes them
-    instead.
+    Moves that cost nothing (translations of each piece, unless there is drag, and gear modes where disks roll)
+    are held by one pinned unknown each: its row and column are those of the identity (times k) in K and zero in
+    B, and its border entries are zero. The answer does not depend on it, because K, B and the border vanish on
+    such moves. Under drag translations cost something, and `project` removes them instead.
     """
 
     network: Network
@@ -50,9 +49,9 @@ class Pencil:
 
     def project(self, x):
         """Remove the mean displacement of each piece from x (n_local,), in place, where nothing pins it. Collective."""
-        if self.law.kind != "stokes":
+        if not self.law.holds_translations:
             return
-        local = x.reshape(-1, self.law.dofs)
+        local = x.reshape(-1, self.law.dofs)[:, :2]
         local -= self.pieces.mean(self.network, local)
 
     def destroy(self):
@@ -62,35 +61,38 @@ class Pencil:
 
 
 def linear_forms(network: Network, dofs: int):
-    """Coefficients of a∥, a⊥ and a⊥ᶜ: for each (on disk i, on disk j, on γ) of shapes (M, dofs), (M, dofs), (M,)."""
+    """Coefficients of a∥, a⊥ and, with angles, a⊥ᶜ.
+
+    Each (on disk i, on disk j, on γ) of shapes (M, dofs), (M, dofs), (M,).
+    """
     c = network.contacts
     n, t = c.normal, c.transverse
     zero = np.zeros((len(c), dofs - 2))
     along = (np.hstack((-n, zero)), np.hstack((n, zero)), n[:, 0] * c.r[:, 1])
     across = (np.hstack((-t, zero)), np.hstack((t, zero)), t[:, 0] * c.r[:, 1])
     if dofs == 2:
-        return along, across, across
+        return along, across
     turn = [-network.radii[end][:, None] for end in (c.i, c.j)]
     sliding = (np.hstack((-t, turn[0])), np.hstack((t, turn[1])), across[2])
     return along, across, sliding
 
 
 def weights(network: Network, law: Law):
-    """Weights of (a∥)², (a⊥)², (a⊥ᶜ)² per contact, complex (M, 3): of K in the real, of B in the imaginary part."""
+    """Weights of `linear_forms`, squared, per contact, complex (M, forms): real part for K, imaginary for B."""
     c = network.contacts
     w = np.zeros((len(c), 3), complex)
     w[:, 0] = c.stiffness
-    if law.prestress:
-        w[:, 1] = -c.force / c.distance
-    if law.kind == "contact":
-        damping = network.k * law.tau1
-        w[:, 0] += 1j * damping
-        w[:, 2] += 1j * damping * law.beta
-    return w
+    if network.prestress:
+        w[:, 1] = -c.tension
+    w += 1j * network.damping(law) * np.array(law.on_contacts)
+    return w[:, : law.dofs]
 
 
-def assemble(network: Network, law: Law) -> Pencil:
-    """K, B and the border, in the scalar type of the running PETSc. Collective."""
+def assemble(network: Network, law: Law, pinned: bool = True) -> Pencil:
+    """K, B and the border, in the scalar type of the running PETSc. Collective.
+
+    pinned   hold the moves that cost nothing; False leaves K + sB singular on them
+    """
     dofs, c = law.dofs, network.contacts
     m, rows = len(c), (network.last - network.first) * dofs
     forms, w = linear_forms(network, dofs), weights(network, law)
@@ -113,9 +115,9 @@ def assemble(network: Network, law: Law) -> Pencil:
     starts = np.searchsorted(local, own)  # contacts come ordered by i, and every disk here has at least three
     diagonal = np.add.reduceat(near, starts)
     gamma = np.add.reduceat(border, starts)
-    if law.kind == "stokes":
-        diagonal += 1j * network.k * law.tau1 * np.eye(dofs)
-        corner += 1j * network.k * law.tau1 * law.eta_f * network.area
+    damping = network.damping(law)
+    diagonal[:, [0, 1], [0, 1]] += 1j * damping * law.drag
+    corner += 1j * damping * law.eta_f * network.area
 
     component = np.arange(dofs)
     row = np.r_[own, local][:, None, None] * dofs + component[None, :, None]
@@ -132,7 +134,7 @@ def assemble(network: Network, law: Law) -> Pencil:
     gamma = gamma.ravel()
 
     pieces = find_pieces(network)
-    pins = _pins(law, pieces)
+    pins = _pins(law, pieces) if pinned else np.zeros(0, int)
     _pin(matrix, gamma, pins, network.first * dofs, network.k)
     return Pencil(
         network, law, pieces,
@@ -145,10 +147,8 @@ def assemble(network: Network, law: Law) -> Pencil:
 
 def _pins(law, pieces):
     """Unknowns that hold the moves without cost: (x, y) of a disk of each piece, θ of one of each bipartite piece."""
-    if law.kind == "stokes":
-        return np.zeros(0, int)
     roots = pieces.roots
-    held = [roots * law.dofs, roots * law.dofs + 1]
+    held = [np.zeros(0, int)] if law.holds_translations else [roots * law.dofs, roots * law.dofs + 1]
     if law.couples_rotations:
         held.append(roots[pieces.bipartite[roots]] * law.dofs + 2)
     return np.sort(np.concatenate(held))

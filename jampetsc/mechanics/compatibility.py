@@ -3,7 +3,7 @@
 A row of C turns unknowns into one of the relative motions a∥, a⊥, a⊥ᶜ of one contact, g holds what a unit
 shear strain adds:
 
-    a = C x + γ g ,      K = Cᵀ W_K C ,      B = Cᵀ W_B C   (+ kτ₁ 1 under Stokes drag).
+    a = C x + γ g ,      K = Cᵀ W_K C ,      B = Cᵀ W_B C   (+ kτ₁ drag 1).
 
 Sums over contacts of W a² lose no digits where the assembled matrices would: at low pressure the relative
 motions are far smaller than the displacements, and only here the difference is rounded once, contact by
@@ -32,7 +32,7 @@ class Compatibility:
     size_K: (
         np.ndarray
     )  # (rows,) |w_K| plus what rounding may do to it, in units of ε: an overlap is off by ε σ
-    drag: float  # kτ₁ under Stokes drag, else 0: the part of B that acts on disks, not contacts
+    drag: float  # kτ₁ times the drag per disk: the part of B that acts on disks, not contacts
     drag_gg: float  # the part of b_γγ that does not come from contacts, kτ₁ η_F V
 
     def motions(self, x):
@@ -67,19 +67,13 @@ def build_compatibility(pencil: Pencil) -> Compatibility:
     network, law = pencil.network, pencil.law
     once = network.contacts.i < network.contacts.j
     i, j = network.contacts.i[once], network.contacts.j[once]
-    along, across, sliding = linear_forms(network, law.dofs)
-    w = weights(network, law)[once]
-    if law.couples_rotations:
-        forms = (along, across, sliding)
-    else:  # a⊥ᶜ is a⊥: one row serves both
-        forms = (along, across)
-        w = np.column_stack((w[:, 0], w[:, 1] + w[:, 2]))
+    forms, w = linear_forms(network, law.dofs), weights(network, law)[once]
     m, f, d = len(i), len(forms), law.dofs
     size_K = np.abs(w.real)
     contacts = network.contacts[once]
     bend = contacts.stiffness * contacts.overlap / contacts.force - 1.0  # α − 2
     size_K[:, 0] += contacts.stiffness * np.abs(bend) * contacts.sigma / contacts.overlap
-    if law.prestress:
+    if network.prestress:
         size_K[:, 1] += contacts.stiffness * contacts.sigma / contacts.distance
     values = np.empty((m, f, 2 * d))
     g = np.empty((m, f))
@@ -102,8 +96,8 @@ def build_compatibility(pencil: Pencil) -> Compatibility:
         ),
         comm=network.comm,
     )
-    stokes = network.k * law.tau1 if law.kind == "stokes" else 0.0
+    damping = network.damping(law)
     return Compatibility(
-        pencil, C, f, g.ravel(), w.real.ravel(), w.imag.ravel(), size_K.ravel(), stokes,
-        stokes * law.eta_f * network.area,
+        pencil, C, f, g.ravel(), w.real.ravel(), w.imag.ravel(), size_K.ravel(), damping * law.drag,
+        damping * law.eta_f * network.area,
     )  # fmt: skip

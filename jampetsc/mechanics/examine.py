@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.contacts.laws import Law
+from jampetsc.contacts.laws import UNDAMPED, Law
 from jampetsc.mechanics.assembly import Pencil, assemble
 from jampetsc.mechanics.network import Network
 from jampetsc.session import current
@@ -17,6 +17,7 @@ class Examination:
 
     contacts: int  # on all ranks
     unknowns: int  # rows of K and B
+    dofs: int  # unknowns of each disk
     nonzeros: int  # entries stored in each of K and B
     pieces: int  # connected pieces of the contact graph
     gears: int  # bipartite pieces, whose disks can turn like gears
@@ -46,14 +47,14 @@ def asymmetry(matrix) -> float:
     return float(result)
 
 
-def elastic_inertia(network: Network, prestress: bool) -> Inertia:
+def elastic_inertia(network: Network) -> Inertia:
     """Inertia of K on the displacements, with nothing pinned. Collective; needs the real build.
 
     Raises ConvergenceError if a factorisation fails.
     """
-    pencil = assemble(network, Law("stokes", prestress=prestress))  # the law without angles and without pins
+    pencil = assemble(network, UNDAMPED, pinned=False)
     try:
-        return count_eigenvalues(pencil.K, f"K {'with' if prestress else 'without'} pre-stress")
+        return count_eigenvalues(pencil.K, f"K {'with' if network.prestress else 'without'} pre-stress")
     finally:
         pencil.destroy()
 
@@ -70,6 +71,7 @@ def examine(network: Network, law: Law) -> Examination:
         facts = Examination(
             contacts=network.contact_count,
             unknowns=pencil.unknowns,
+            dofs=law.dofs,
             nonzeros=int(info["nz_used"]),
             pieces=len(roots),
             gears=int(np.count_nonzero(pencil.pieces.bipartite[roots])),
@@ -84,6 +86,6 @@ def examine(network: Network, law: Law) -> Examination:
         pencil.destroy()
     return replace(
         facts,
-        with_prestress=elastic_inertia(network, prestress=True),
-        without_prestress=elastic_inertia(network, prestress=False),
+        with_prestress=elastic_inertia(replace(network, prestress=True)),
+        without_prestress=elastic_inertia(network.unstressed()),
     )

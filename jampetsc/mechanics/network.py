@@ -5,7 +5,7 @@ that touch its own range. A contact between two ranks is kept by both, each seei
 that matrices assemble without communication.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,8 +13,15 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.laws import Law
 from jampetsc.contacts.neighbours import spatial_order
-from jampetsc.contacts.state import RIGID, Contacts, find_contacts, force_threshold
+from jampetsc.contacts.state import (
+    Contacts,
+    find_contacts,
+    find_rattlers,
+    force_threshold,
+    virial_pressure,
+)
 from jampetsc.errors import InputError
 
 
@@ -38,6 +45,15 @@ class Network:
     pressure: float  # p = Σ f r / (2V) over all overlaps
     rattlers: int  # number of disks left out
     threshold: float  # force above which a contact counts
+    prestress: bool = True  # K keeps the −f/r of its contacts (BT eq. 4); False: BT's 'without pre-stress'
+
+    def unstressed(self) -> "Network":
+        """The same contacts as springs at rest: K without pre-stress."""
+        return replace(self, prestress=False)
+
+    def damping(self, law: Law) -> float:
+        """kτ₁, the unit of a law's weights: one number for all contacts, whatever the stiffness convention."""
+        return self.k * law.tau1
 
     def sum(self, value):
         """Sum over ranks of a number or an array. Collective."""
@@ -63,22 +79,8 @@ def _range(n, rank, size):
     return rank * n // size, (rank + 1) * n // size
 
 
-def _rattlers(comm, n, rows, contacts):
-    """Mask (n,) of disks with fewer than three contacts, removed again and again. Collective."""
-    first, last = rows
-    rattler = np.zeros(n, bool)
-    alive = np.ones(len(contacts), bool)
-    while True:
-        count = np.bincount(contacts.i[alive] - first, minlength=last - first)
-        loose = np.concatenate(comm.allgather(count < RIGID))
-        if np.array_equal(loose, rattler):
-            return rattler
-        rattler = loose
-        alive = ~(rattler[contacts.i] | rattler[contacts.j])
-
-
-def build_network(disks: Disks, comm) -> Network:
-    """The network of a packing that every rank has read. Collective.
+def build_network(disks: Disks, comm, prestress: bool = True) -> Network:
+    """The network of a packing that every rank has read, linearised with pre-stress or without. Collective.
 
     Raises InputError when too few contacts are left to be rigid: n disks in a periodic cell need at
     least 2n − 2 (Maxwell's count), and each missing one leaves a floppy mode.
@@ -87,10 +89,12 @@ def build_network(disks: Disks, comm) -> Network:
     disks = disks.reordered(order)
     rows = _range(disks.n, comm.rank, comm.size)
     every = find_contacts(disks, rows)
-    pressure = comm.allreduce(float(np.dot(every.force, every.distance))) / (4.0 * disks.area)
+    pressure = comm.allreduce(virial_pressure(every.force, every.distance, disks.area)) / 2.0  # two ends each
     threshold = force_threshold(disks, pressure)
     loaded = every[every.force > threshold]
-    rattler = _rattlers(comm, disks.n, rows, loaded)
+    rattler = find_rattlers(
+        disks.n, loaded.i, loaded.j, lambda loose: np.concatenate(comm.allgather(loose[slice(*rows)]))
+    )
 
     contacts = loaded[~(rattler[loaded.i] | rattler[loaded.j])]
     number = np.cumsum(~rattler) - 1
@@ -114,6 +118,7 @@ def build_network(disks: Disks, comm) -> Network:
         pressure=pressure,
         rattlers=int(np.count_nonzero(rattler)),
         threshold=threshold,
+        prestress=prestress,
     )
     _require_rigid(network, disks.n)
     return network

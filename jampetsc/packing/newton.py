@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.contacts.state import RIGID, force_threshold
+from jampetsc.contacts.state import both_ends, find_rattlers, force_threshold, virial_pressure
 from jampetsc.packing.fire import Quench
 from jampetsc.packing.hessian import Bonds, Pattern, border
 
@@ -65,7 +65,7 @@ class Polish:
         disks = quench.disks
         self.disks, self.n, self.area = disks, disks.n, disks.area
         self.bonds = bonds = Bonds.of(quench.pairs, disks.potential)
-        self.pressure = float(np.dot(bonds.force, bonds.distance)) / (2.0 * self.area)
+        self.pressure = virial_pressure(bonds.force, bonds.distance, self.area)
         self.forces = bonds.on_disks(bonds.force * bonds.normal, self.n)
         self.rattlers = self._rattlers()
         self.drive = np.array([0.0, float(np.sum(bonds.force * bonds.normal[0] * bonds.pairs.r0[1]))])
@@ -80,16 +80,8 @@ class Polish:
         return self.residual
 
     def _rattlers(self):
-        i, j = self.bonds.pairs.i, self.bonds.pairs.j
-        alive = self.bonds.force > force_threshold(self.disks, self.pressure)
-        rattlers = np.zeros(self.n, bool)
-        while True:
-            count = np.bincount(i[alive], minlength=self.n) + np.bincount(j[alive], minlength=self.n)
-            loose = (count < RIGID) & ~rattlers
-            if not loose.any():
-                return rattlers
-            rattlers |= loose
-            alive &= ~(rattlers[i] | rattlers[j])
+        bears = self.bonds.force > force_threshold(self.disks, self.pressure)
+        return find_rattlers(self.n, *both_ends(self.bonds.pairs.i[bears], self.bonds.pairs.j[bears]))
 
     def _factorise(self, bonds):
         """Factor, border and Schur complement of the cell for these bonds; None if K has a negative mode.

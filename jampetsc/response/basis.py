@@ -5,8 +5,8 @@ leaves. Then
 
     x(s) = x₀ − (s − s₁)(K + sB)⁻¹ g   exactly,
 
-so the whole response is one resolvent applied to one vector. Under Stokes drag the expansion starts at s₁ = ∞
-instead, where x₀ = 0:
+so the whole response is one resolvent applied to one vector. Where only a fluid dissipates the expansion
+starts at s₁ = ∞ instead, where x₀ = 0:
 
     x(s) = −(K + sB)⁻¹ g ,    g = k_γ .
 
@@ -61,10 +61,10 @@ class RationalBasis:
 
     @classmethod
     def start(cls, pencil: Pencil, factor: ShiftedFactor) -> "RationalBasis":
-        """The basis that has no vectors yet, and x₀ at the shift of `factor` or, under Stokes drag, at infinity."""
+        """The basis without vectors, and x₀ at the shift of `factor`; at infinity where contacts do not dissipate."""
         x, r, image = (pencil.K.createVecRight() for _ in range(3))
         x.zeroEntries()
-        if pencil.law.kind == "stokes":
+        if not pencil.law.damps_contacts:
             first = np.inf
         else:
             first = factor.s

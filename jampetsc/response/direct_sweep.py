@@ -21,7 +21,7 @@ def run(job: Job):
     session = current()
     with session.stage("assembly"):
         network = job.network(session.comm)
-        pencil = assemble(network, job.law)
+        pencil = assemble(network, job.physics.law)
         solver = FrequencySolver(pencil)
     checkpoint = Checkpoint(job.out, job.key(session.size), session.comm)
     failures = {}

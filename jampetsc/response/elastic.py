@@ -5,7 +5,7 @@ K acts on the displacements alone and has no use for angles or damping; translat
 
 import numpy as np
 
-from jampetsc.contacts.laws import Law
+from jampetsc.contacts.laws import UNDAMPED
 from jampetsc.errors import InputError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
@@ -19,14 +19,14 @@ SOFT = 1e-11  # smallest eigenvalue of K scaled to a unit diagonal below which z
 
 
 class ElasticResponse:
-    """K with or without pre-stress, factorised. Methods are collective; needs the real build of PETSc.
+    """K of a network, factorised. Methods are collective; needs the real build of PETSc.
 
     Raises InputError, with their number, where K has negative modes, or zero modes other than translations.
     """
 
-    def __init__(self, network: Network, prestress: bool):
-        self.network, self.prestress = network, prestress
-        self.pencil = assemble(network, Law(beta=0.0, prestress=prestress))
+    def __init__(self, network: Network):
+        self.network = network
+        self.pencil = assemble(network, UNDAMPED)
         self.compatibility = build_compatibility(self.pencil)
         try:
             self.factor = ShiftedFactor(self.pencil, 0.0)
@@ -55,7 +55,7 @@ class ElasticResponse:
 
     def _refuse(self):
         """Raise InputError if K, nothing pinned, has negative modes or more zero modes than translations."""
-        free = assemble(self.network, Law("stokes", prestress=self.prestress))  # the law that pins nothing
+        free = assemble(self.network, UNDAMPED, pinned=False)
         inertia = count_eigenvalues(free.K, "K")
         translations = 2 * len(free.pieces.roots)
         free.destroy()

@@ -8,7 +8,7 @@ import numpy as np
 
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.laws import Law
+from jampetsc.contacts.laws import Physics
 from jampetsc.contacts.minimum import proved_minimum
 from jampetsc.errors import InputError
 from jampetsc.mechanics.network import build_network
@@ -34,7 +34,7 @@ class Job:
     packing: Path
     disks: Disks
     identity: tuple  # name and sha256 of the packing file
-    law: Law
+    physics: Physics
     omega: np.ndarray  # (M,) increasing
     field_omega: np.ndarray  # (F,) increasing, where displacement fields are wanted
     method: str  # rational | direct
@@ -48,7 +48,16 @@ class Job:
 
     @classmethod
     def read(
-        cls, packing, law, omega, field_omega, method, accuracy, out, damping=None, parallel="auto"
+        cls,
+        packing,
+        physics,
+        omega,
+        field_omega,
+        method,
+        accuracy,
+        out,
+        damping=None,
+        parallel="auto",
     ) -> "Job":
         """The job for a packing file; fields are stored at frequencies of the sweep, so those are added to it.
 
@@ -56,7 +65,11 @@ class Job:
         """
         apart = ~np.isclose(np.asarray(omega)[:, None], field_omega, rtol=SAME, atol=0.0).any(axis=1)
         experiment = np.union1d(np.asarray(omega)[apart], field_omega)
-        solved = experiment if damping is None else damping.frequency(experiment * law.tau1) / law.tau1
+        solved = (
+            experiment
+            if damping is None
+            else damping.frequency(experiment * physics.law.tau1) / physics.law.tau1
+        )
         beyond = (solved < SMALLEST) | (solved > LARGEST)
         if beyond.any():
             raise InputError(
@@ -69,7 +82,7 @@ class Job:
             packing=Path(packing),
             disks=disks,
             identity=packing_identity(packing),
-            law=law,
+            physics=physics,
             omega=solved,
             field_omega=solved[np.searchsorted(experiment, field_omega)],
             method=method,
@@ -78,13 +91,13 @@ class Job:
             damping=damping,
             parallel=parallel,
             experiment=experiment,
-            negative_modes=0 if not law.prestress or proved_minimum(disks) else None,
+            negative_modes=0 if not physics.prestress or proved_minimum(disks) else None,
         )
 
     def network(self, comm):
         """The contact network of the packing. Collective. Raises InputError, naming the file, where it is not rigid."""
         try:
-            return build_network(self.disks, comm)
+            return build_network(self.disks, comm, self.physics.prestress)
         except InputError as error:
             raise InputError(f"{self.packing}: {error}") from None
 
@@ -96,13 +109,13 @@ class Job:
     def parameters(self) -> dict:
         """The law as a file tells it, with exponent and stress of power-law damping."""
         if self.damping is None:
-            return self.law.parameters
-        return {**self.law.parameters, "alpha": self.damping.alpha, "stress": self.damping.stress}
+            return self.physics.parameters
+        return {**self.physics.parameters, "alpha": self.damping.alpha, "stress": self.damping.stress}
 
     @property
     def positive_semidefinite(self) -> str:
         """Whether K has no negative modes, and how that is known; the error bound rests on it."""
-        if not self.law.prestress:
+        if not self.physics.prestress:
             return "by construction (no pre-stress)"
         if self.negative_modes is None:
             return NOT_SHOWN

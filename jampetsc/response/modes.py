@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.contacts.laws import Law
+from jampetsc.contacts.laws import UNDAMPED
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.mechanics.assembly import Pencil, assemble
 from jampetsc.mechanics.compatibility import Compatibility, build_compatibility
@@ -38,7 +38,6 @@ class Modes:
     """m modes of one network, eigenvalues increasing, translations left out. Units of k."""
 
     network: Network
-    prestress: bool
     eigenvalues: np.ndarray  # (m,) λ, in k
     vectors: np.ndarray  # (m, n_local, 2) φ, |φ| = 1
     residuals: np.ndarray  # (m,) ‖Kφ − λφ‖, in k
@@ -61,9 +60,7 @@ class Modes:
             return np.sqrt(self.transverse / self.normal)
 
 
-def lowest_modes(
-    network: Network, prestress: bool = True, count: int | None = None, below: float | None = None
-) -> Modes:
+def lowest_modes(network: Network, count: int | None = None, below: float | None = None) -> Modes:
     """The lowest `count` modes, or all `below` an eigenvalue (in k), or all there are if both are None.
     Collective.
 
@@ -74,9 +71,7 @@ def lowest_modes(
     ConvergenceError when SLEPc fails or the count does not come out.
     """
     stiffness = network.max(float(network.contacts.stiffness.max(initial=0.0)))
-    pencil = assemble(
-        network, Law("stokes", prestress=prestress)
-    )  # the law that has no angles and pins nothing
+    pencil = assemble(network, UNDAMPED, pinned=False)
     compatibility = build_compatibility(pencil)
     try:
         negative = count_below(pencil.K, -SHIFT * stiffness, "K")
@@ -94,7 +89,7 @@ def lowest_modes(
                     f"--below {below:g}: no mode lies there; raise it, or ask for a number with --count"
                 )
         pairs, kept, shift = _certified(pencil, compatibility, there if count is None else count, stiffness)
-        return _describe(pencil, compatibility, prestress, pairs, kept, shift)
+        return _describe(pencil, compatibility, pairs, kept, shift)
     finally:
         compatibility.destroy()
         pencil.destroy()
@@ -178,7 +173,7 @@ def _cut(values, count, there, stiffness):
     return (there, float(values[-1])) if len(values) == there else (None, None)
 
 
-def _describe(pencil: Pencil, compatibility, prestress, pairs, m, shift):
+def _describe(pencil: Pencil, compatibility, pairs, m, shift):
     network = pencil.network
     values, vectors = pairs.values[:m], pairs.vectors[:m]
     sums = np.empty((m, 4))
@@ -188,9 +183,9 @@ def _describe(pencil: Pencil, compatibility, prestress, pairs, m, shift):
         sums[row] = *np.sum(_motions(compatibility, vector) ** 2, axis=0), np.sum(squares**2), push @ vector
     sums = network.sum(sums)
     contacts, force = network.contact_count, sums[:, 3]
-    shares = _shares(network, prestress, values, force)
+    shares = _shares(network, values, force)
     return Modes(
-        network, prestress, values, vectors.reshape(m, -1, 2), pairs.residuals[:m],
+        network, values, vectors.reshape(m, -1, 2), pairs.residuals[:m],
         normal=sums[:, 0] / contacts, transverse=sums[:, 1] / contacts,
         participation=1.0 / (network.n * sums[:, 2]),
         shear_force=force, share_nonaffine=shares[0], share_modulus=shares[1],
@@ -199,14 +194,14 @@ def _describe(pencil: Pencil, compatibility, prestress, pairs, m, shift):
     )  # fmt: skip
 
 
-def _shares(network, prestress, values, force):
+def _shares(network, values, force):
     """What each mode carries of Σ|ũ|² and of G_affine − G₀.
 
     (None, None) where zero modes leave ũ undetermined, and where the response is affine, as in a crystal.
     """
     if values[0] <= SHIFT:
         return None, None
-    elastic = ElasticResponse(network, prestress)
+    elastic = ElasticResponse(network)
     shear = elastic.shear()
     field, _ = split_field(elastic.pencil, shear.x)
     square = network.sum(float(np.sum(field**2)))

@@ -25,9 +25,9 @@ def run(packing, out, prestress: bool, count=None, below=None) -> Modes:
     session = current()
     disks, identity = read_packing(packing), packing_identity(packing)
     try:
-        network = build_network(disks, session.comm)
+        network = build_network(disks, session.comm, prestress)
         with session.stage("modes"):
-            modes = lowest_modes(network, prestress, count, below)
+            modes = lowest_modes(network, count, below)
     except InputError as error:
         raise InputError(f"{packing}: {error}") from None
     with session.stage("output"), ResultWriter(Path(out), FORMAT, session.comm) as writer:

@@ -14,13 +14,13 @@ by finite size. See benchmarks/floppy.py.
 """
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from jampetsc.analysis.distribution import Distribution
-from jampetsc.contacts.laws import Law
+from jampetsc.contacts.laws import Law, Physics
 from jampetsc.errors import InputError
 from jampetsc.mechanics.network import Network, build_network
 from jampetsc.response.balance import Relaxed
@@ -33,7 +33,7 @@ from jampetsc.storage.packing_file import packing_identity, read_packing
 from jampetsc.storage.result_file import ResultWriter
 
 FORMAT = "jampetsc-quasistatic"
-BARE = "no_prestress"  # name of what belongs to K without pre-stress, where the law has it
+BARE = "no_prestress"  # name of what belongs to K without pre-stress, where there is any
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,14 +73,14 @@ def solve(network: Network, law: Law, viscosity: Viscosity) -> Quasistatic:
     Raises InputError where K is not positive definite (its negative or floppy modes are counted),
     ConvergenceError where a solve is not accurate.
     """
-    elastic = ElasticResponse(network, law.prestress)
+    elastic = ElasticResponse(network)
     try:
         shear, compression = elastic.shear(), elastic.compression()
         nonaffine, _ = split_field(elastic.pencil, shear.x)
         G_affine = elastic.pencil.k_gg / network.area
     finally:
         elastic.destroy()
-    field = nonaffine if law.kind == "stokes" else shear.x.reshape(-1, 2)
+    field = nonaffine if law.holds_translations else shear.x.reshape(-1, 2)
     return Quasistatic(
         network,
         law,
@@ -90,15 +90,15 @@ def solve(network: Network, law: Law, viscosity: Viscosity) -> Quasistatic:
         viscosity.quasistatic(field),
         G0=shear.value / network.area,
         G_affine=G_affine,
-        bulk_modulus=_bulk_modulus(network, law, compression),
+        bulk_modulus=_bulk_modulus(network, compression),
         identity=shear.defect,
         error=max(shear.error, compression.error),
     )
 
 
-def _bulk_modulus(network, law, compression: Relaxed):
+def _bulk_modulus(network, compression: Relaxed):
     """−V dp/dV = (d²U/dε²)/(4V) + p/2 for the linear strain ε; without forces no p."""
-    return compression.value / (4.0 * network.area) + (0.5 * network.pressure if law.prestress else 0.0)
+    return compression.value / (4.0 * network.area) + (0.5 * network.pressure if network.prestress else 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,14 +106,14 @@ class Outcome:
     """What `run` found, for a summary."""
 
     network: Network
-    responses: dict  # "" and, where the law has pre-stress, "no_prestress" → Quasistatic
+    responses: dict  # "" and, where K has pre-stress, "no_prestress" → Quasistatic
     distributions: dict  # the same names → {"normal": Distribution, …}
     eta_inf: float
     scan: np.ndarray  # (b, 4): β, η₀, η₀ without pre-stress, η_∞
 
 
-def run(packing, out, law: Law, betas=()) -> Outcome:
-    """Solve for a packing file under `law`, and for η₀, η_∞ at other β, and write the result. Collective.
+def run(packing, out, physics: Physics, betas=()) -> Outcome:
+    """Solve for a packing file under `physics`, and for η₀, η_∞ at other β, and write the result. Collective.
 
     Raises InputError for a packing that is not a rigid minimum.
     """
@@ -121,26 +121,26 @@ def run(packing, out, law: Law, betas=()) -> Outcome:
     session = current()
     disks, identity = read_packing(packing), packing_identity(packing)
     try:
-        outcome = _solve_all(build_network(disks, session.comm), law, betas)
+        outcome = _solve_all(build_network(disks, session.comm, physics.prestress), physics.law, betas)
     except InputError as error:
         raise InputError(f"{packing}: {error}") from None
     with session.stage("output"), ResultWriter(Path(out), FORMAT, session.comm) as writer:
         _write(writer, outcome)
-        writer.attributes(**run_record(disks, identity, law.parameters, outcome.network, started))
+        writer.attributes(**run_record(disks, identity, physics.parameters, outcome.network, started))
     return outcome
 
 
 def _solve_all(network, law, betas):
     session = current()
-    laws = {"": law} | ({BARE: replace(law, prestress=False)} if law.prestress else {})
+    networks = {"": network} | ({BARE: network.unstressed()} if network.prestress else {})
     viscosity = Viscosity(network, law)
     with session.stage("quasistatic"):
-        responses = {name: solve(network, one, viscosity) for name, one in laws.items()}
+        responses = {name: solve(one, law, viscosity) for name, one in networks.items()}
     with session.stage("eta_inf"):
         eta_inf = viscosity.infinite()
     viscosity.destroy()
     with session.stage("beta"):
-        scan = [_at_beta(network, replace(law, beta=beta), responses) for beta in betas]
+        scan = [(beta, *_viscosities(network, law.altered(beta=beta), responses)) for beta in betas]
     return Outcome(
         network,
         responses,
@@ -150,11 +150,11 @@ def _solve_all(network, law, betas):
     )
 
 
-def _at_beta(network, law, responses):
-    """(β, η₀, η₀ without pre-stress, η_∞): the quasistatic fields do not depend on β."""
+def _viscosities(network, law, responses):
+    """(η₀, η₀ without pre-stress, η_∞) of another law: the quasistatic fields do not depend on it."""
     viscosity = Viscosity(network, law)
     eta0 = [viscosity.quasistatic(response.field).eta0 for response in responses.values()]
-    found = law.beta, eta0[0], eta0[-1], viscosity.infinite()
+    found = eta0[0], eta0[-1], viscosity.infinite()
     viscosity.destroy()
     return found
 

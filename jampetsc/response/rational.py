@@ -16,7 +16,7 @@ goes where the bound is furthest from what was asked for.
 import numpy as np
 
 from jampetsc.errors import ConvergenceError
-from jampetsc.mechanics.assembly import Pencil
+from jampetsc.mechanics.assembly import Pencil, largest_entry
 from jampetsc.mechanics.compatibility import Compatibility
 from jampetsc.response.basis import RationalBasis
 from jampetsc.response.factors import make_factors
@@ -26,6 +26,7 @@ VECTORS = 4  # per factorisation: a solve is some twentieth of one, and more tha
 MOST_VECTORS = 240
 APART = 30.0  # shifts that are done at the same time differ by this ratio at least
 SMALLEST_SHIFT = 1e-12  # relative to the largest rate: below it K + sB is K to a Cholesky factorisation
+LARGEST_SHIFT = 1e6  # relative to the same: where B is singular, K would be rounding beside sB
 
 
 class RationalSweep:
@@ -40,6 +41,9 @@ class RationalSweep:
         self.pencil, self.compatibility = pencil, compatibility
         self.omega, self.accuracy = np.asarray(omega, float), accuracy
         self.largest_rate = largest_rate(pencil)
+        self.rate = self.largest_rate  # sets the scale of the shifts
+        if not np.isfinite(self.rate):
+            self.rate = largest_entry(pencil.K) / largest_entry(pencil.B)
         self.factors = make_factors(pencil, parallel)
         self.basis: RationalBasis | None = None
         self.error = np.full(len(self.omega), np.inf)
@@ -86,7 +90,7 @@ class RationalSweep:
         return [*shifts, *(float(s) for s in more[::-1][: self.factors.width - 1] if s > APART * shifts[0])]
 
     def _clip(self, omega):
-        return np.clip(omega, SMALLEST_SHIFT * self.largest_rate, self.largest_rate)
+        return np.clip(omega, SMALLEST_SHIFT * self.rate, min(self.largest_rate, LARGEST_SHIFT * self.rate))
 
     def add_shifts(self, shifts) -> None:
         """Factorise K + sB at each of them, or take a factor close by, extend the basis and renew the bound."""
@@ -126,7 +130,8 @@ class RationalSweep:
         energies = self.factors.energies(q)
         at = np.array(sorted(energies))
         energy = np.array([energies[s] for s in at])
-        transfer = np.where(omega >= at[:, None], (top + at[:, None]) / (top + omega), at[:, None] / omega)
+        above = (top + at[:, None]) / (top + omega) if np.isfinite(top) else 1.0
+        transfer = np.where(omega >= at[:, None], above, at[:, None] / omega)
         best = np.min(energy[:, None] * transfer, axis=0)
         between = (omega > at[0]) & (omega < at[-1])
         best[between] = np.minimum(best[between], np.interp(omega[between], at, energy))
@@ -165,16 +170,18 @@ class RationalSweep:
 
 
 def largest_rate(pencil: Pencil) -> float:
-    """λ_max with K ≤ λ_max B. Collective.
+    """λ_max with K ≤ λ_max B, infinite where B lets motions along the bonds pass. Collective.
 
-    Contact damping: each contact has k in K and at least kτ₁ in B, and pre-stress only lowers K. Stokes: the
-    largest sum of absolute values in a row of K, over kτ₁.
+    A contact has k (a∥)² in K, which pre-stress only lowers, and kτ₁ normal (a∥)² in B. With drag, K is at most
+    the largest sum of absolute values in one of its rows, and B at least kτ₁ drag.
     """
     network, law = pencil.network, pencil.law
-    damping = network.k * law.tau1
-    if law.kind == "contact":
+    limits = [np.inf]
+    if law.normal:
         local = float(network.contacts.stiffness.max(initial=0.0))
-        return network.max(local) / damping
-    indptr, _, values = pencil.K.getValuesCSR()
-    local = float(np.add.reduceat(np.abs(values), indptr[:-1]).max()) if len(values) else 0.0
-    return network.max(local) / damping
+        limits.append(network.max(local) / (network.damping(law) * law.normal))
+    if law.drag:
+        indptr, _, values = pencil.K.getValuesCSR()
+        local = float(np.add.reduceat(np.abs(values), indptr[:-1]).max()) if len(values) else 0.0
+        limits.append(network.max(local) / (network.damping(law) * law.drag))
+    return min(limits)

@@ -23,7 +23,7 @@ def run(job: Job):
     session = current()
     with session.stage("assembly"):
         network = job.network(session.comm)
-        pencil = assemble(network, job.law)
+        pencil = assemble(network, job.physics.law)
         compatibility = build_compatibility(pencil)
     sweep = RationalSweep(pencil, compatibility, job.omega, job.accuracy, job.parallel)
     checkpoint = Checkpoint(job.out, job.key(session.size), session.comm)

@@ -6,7 +6,7 @@ is still defined, and is solved for frequency by frequency.
 
 from dataclasses import replace
 
-from jampetsc.contacts.laws import Law
+from jampetsc.contacts.laws import UNDAMPED
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.examine import elastic_inertia
 from jampetsc.mechanics.network import Network
@@ -18,17 +18,17 @@ from jampetsc.solvers.shifted import ShiftedFactor
 
 
 def negative_modes(network: Network) -> int:
-    """Number of negative eigenvalues of K with pre-stress. Collective; needs the real build.
+    """Number of negative eigenvalues of K. Collective; needs the real build.
 
     None when Cholesky's factorisation of K succeeds, otherwise counted by inertia. Raises ConvergenceError if
     that fails.
     """
-    pencil = assemble(network, Law(beta=0.0))
+    pencil = assemble(network, UNDAMPED)
     try:
         ShiftedFactor(pencil, 0.0).destroy()
         return 0
     except NotPositiveDefinite:
-        return elastic_inertia(network, prestress=True).negative
+        return elastic_inertia(network).negative
     finally:
         pencil.destroy()
 

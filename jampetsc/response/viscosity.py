@@ -4,8 +4,8 @@ least.
 η₀ V γ² is what B costs for the quasistatic field, the disks turning such that it is least (PHYSICS: their
 torques vanish as ω → 0):
 
-    η₀ = (kτ₁/V) [ Σ a∥² + β min_θ Σ (a⊥ − ρ_i θ_i − ρ_j θ_j)² ]     contact damping, split as in BT eq. 22
-    η₀ = (kτ₁/V) Σ |ũ_i|² + η_F                                      Stokes drag
+    η₀ = (kτ₁/V) [ Σ a∥² + β min_θ Σ (a⊥ − ρ_i θ_i − ρ_j θ_j)² ]     damping by contacts, split as in BT eq. 22
+    η₀ = (kτ₁/V) Σ |ũ_i|² + η_F                                      by the fluid
 
 η_∞ V γ² is the minimum of B over all fields and angles.
 """
@@ -50,10 +50,10 @@ class Viscosity:
     def quasistatic(self, displacement) -> Flow:
         """η₀ of the field `displacement` (n_local, 2), non-affine per unit strain.
 
-        Stokes: it must be without the mean of each piece; contact damping: with the disks of pins at rest.
+        With drag it must be without the mean of each piece, else with the disks of pins at rest.
         """
         network, law, c = self.network, self.law, self.compatibility
-        if law.kind == "stokes":
+        if not law.damps_contacts:
             drag = network.sum(float(np.sum(displacement**2)))
             fluid = c.drag_gg / network.area
             return Flow({"drag": c.drag * drag / network.area, "fluid": fluid}, None, None)
@@ -92,7 +92,7 @@ class Viscosity:
         rows = PETSc.IS().createStride(last - first, 3 * first + 2, 3, comm=self.network.comm)
         block = self.pencil.B.createSubMatrix(rows, rows)
         held = self.pencil.pins[self.pencil.pins % 3 == 2] // 3
-        _hold(block, held, self.law.beta * self.network.k * self.law.tau1)
+        _hold(block, held, self.law.sliding * self.network.damping(self.law))
         factor = self._factor(replace(self.pencil, K=block, B=block))
         work = block.createVecRight()
 
@@ -115,10 +115,10 @@ class Viscosity:
         Raises InputError where B leaves a flow besides translations and gears without cost.
         """
         c = self.compatibility
-        if self.law.kind == "stokes":  # disks that follow the affine flow dissipate nothing but η_F
+        if not self.law.damps_contacts:  # disks that follow the affine flow dissipate nothing but η_F
             return c.drag_gg / self.network.area
         block = self.pencil.B.copy()
-        _hold(block, self.pencil.pins, self.network.k * self.law.tau1)
+        _hold(block, self.pencil.pins, self.network.damping(self.law))
         factor = self._factor(replace(self.pencil, K=block, B=block))
         relaxed = relax(c, c.w_B, factor.solve, c.g, "flow of least dissipation")
         factor.destroy()
@@ -131,8 +131,7 @@ class Viscosity:
         except NotPositiveDefinite:
             raise InputError(
                 f"B of {self.law} has moves without dissipation besides translations: η is not unique; "
-                "raise the pressure "
-                "or beta"
+                "raise the pressure or the weights of the law"
             ) from None
 
     def destroy(self):

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from jampetsc.contacts.laws import Law
+from jampetsc.contacts.laws import FAMILIES, Physics, damping_law
 from jampetsc.errors import ConvergenceError, InputError, JampetscError
 from jampetsc.speed_accuracy import processes
 from jampetsc.speed_accuracy.compare import Reference, certified, log_interpolate
 from jampetsc.speed_accuracy.table import Row
 from jampetsc.storage.reader import load
+from jampetsc.words.law import words_of
 
 GROUPS = ("accuracy", "method", "physics", "frequencies")
 ACCURACIES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
@@ -34,10 +35,10 @@ class Choice:
 
 
 class Bench:
-    """Runs sweeps of one packing under one law, in a folder of its own, and tells a Progress about them."""
+    """Runs sweeps of one packing under one physics, in a folder of its own, and tells a Progress about them."""
 
-    def __init__(self, packing, law: Law, omega: str, ranks: int | None, folder, progress):
-        self.packing, self.law, self.omega, self.ranks = Path(packing), law, omega, ranks
+    def __init__(self, packing, physics: Physics, omega: str, ranks: int | None, folder, progress):
+        self.packing, self.physics, self.omega, self.ranks = Path(packing), physics, omega, ranks
         self.folder, self.progress = Path(folder), progress
         self.reference = None
         self.reference_accuracy = None
@@ -64,7 +65,7 @@ class Bench:
         """
         rows = []
         for accuracy in TIGHTEST:
-            words = [*law_words(self.law), "--accuracy", f"{accuracy:g}"]
+            words = [*words_of(self.physics), "--accuracy", f"{accuracy:g}"]
             outcome, result = self.sweep(self.packing, words)
             name = f"--accuracy {accuracy:g}"
             if result is None:
@@ -111,20 +112,20 @@ class Bench:
 
 def plan(bench: Bench, groups, options_files) -> tuple[list[Choice], list[str]]:
     """(choices, lines on what is left out and why) for the groups asked for."""
-    law, choices, left_out = bench.law, [], []
+    physics, choices, left_out = bench.physics, [], []
     if "accuracy" in groups:
-        choices += [_accuracy(law, a) for a in ACCURACIES if a > bench.reference_accuracy]
+        choices += [_accuracy(physics, a) for a in ACCURACIES if a > bench.reference_accuracy]
     if "method" in groups:
         missing = [path for path in options_files if not Path(path).is_file()]
         left_out += [f"{path} is not there: left out; --options-files names others" for path in missing]
-        choices.append(_method(law, "direct, MUMPS", []))
+        choices.append(_method(physics, "direct, MUMPS", []))
         choices += [
-            _method(law, f"direct, {Path(path).name}", ["-options_file", path])
+            _method(physics, f"direct, {Path(path).name}", ["-options_file", path])
             for path in options_files
             if path not in missing
         ]
     if "physics" in groups:
-        choices += [_physics(name, other) for name, other in simpler(law)]
+        choices += [_physics(name, other) for name, other in simpler(physics)]
     if "frequencies" in groups:
         low, colon, _ = bench.omega.partition(":")
         if colon:
@@ -133,7 +134,7 @@ def plan(bench: Bench, groups, options_files) -> tuple[list[Choice], list[str]]:
             counts = sorted({max(2, 1 + round(decades * n)) for n in PER_DECADE})
             grids = {f"{low}:{high}:{count}": count for count in counts if count < len(bench.reference.omega)}
             grids[bench.omega] = len(bench.reference.omega)
-            choices += [_frequencies(law, grid, count) for grid, count in grids.items()]
+            choices += [_frequencies(physics, grid, count) for grid, count in grids.items()]
         else:
             left_out.append("number of frequencies: left out, it needs a logarithmic grid in --omega")
     if bench.reference.window is None:
@@ -141,32 +142,24 @@ def plan(bench: Bench, groups, options_files) -> tuple[list[Choice], list[str]]:
     return choices, left_out
 
 
-def simpler(law: Law) -> list[tuple[str, Law]]:
-    """Other physics for the same packing: rotations and pre-stress the other way, the other damping law.
+def simpler(physics: Physics) -> list[tuple[str, Physics]]:
+    """Other physics for the same packing: rotations and pre-stress the other way, the other damping laws.
 
     Stokes drag with η_F → 0 is the stand-in for contact damping at β = 1: the same exponents, another
     microscopic picture (BT sec. 5).
     """
+    law, prestress = physics.law, physics.prestress
     others = []
-    if law.kind == "contact" and law.beta > 0:
-        name = "without rotations" if law.rotations else "with rotations"
-        others.append((name, replace(law, rotations=not law.rotations)))
-    name = "without pre-stress" if law.prestress else "with pre-stress"
-    others.append((name, replace(law, prestress=not law.prestress)))
-    kept = {"prestress": law.prestress, "tau1": law.tau1}
-    if law.kind == "contact":
-        others.append(("Stokes drag, eta_f = 0", Law(kind="stokes", eta_f=0.0, **kept)))
-    else:
-        others.append(("contact damping, beta = 1", Law(kind="contact", beta=1.0, **kept)))
+    if "rotations" in dict(law.options) and (law.sliding or law.transverse):
+        name = "without rotations" if law.couples_rotations else "with rotations"
+        others.append((name, Physics(law.altered(rotations=not law.couples_rotations), prestress)))
+    name = "without pre-stress" if prestress else "with pre-stress"
+    others.append((name, Physics(law, not prestress)))
+    for name, family in FAMILIES.items():
+        if name != law.family:
+            other = damping_law(name, tau1=law.tau1, **family.simplest)
+            others.append((str(other), Physics(other, prestress)))
     return others
-
-
-def law_words(law: Law) -> list[str]:
-    """The options of `jampetsc sweep` that mean this law."""
-    words = ["--law", law.kind, "--tau1", repr(law.tau1)]
-    words += ["--eta-f", repr(law.eta_f)] if law.kind == "stokes" else ["--beta", repr(law.beta)]
-    words += ["--no-rotations"] if law.kind == "contact" and not law.rotations else []
-    return words + ([] if law.prestress else ["--no-prestress"])
 
 
 def deviation(reference, G) -> dict:
@@ -178,21 +171,21 @@ def deviation(reference, G) -> dict:
     return fields | _slopes(reference, G)
 
 
-def _accuracy(law, accuracy):
+def _accuracy(physics, accuracy):
     name = f"--accuracy {accuracy:g}"
-    return Choice("accuracy", name, [*law_words(law), "--accuracy", f"{accuracy:g}"], _judge_certified)
+    return Choice("accuracy", name, [*words_of(physics), "--accuracy", f"{accuracy:g}"], _judge_certified)
 
 
-def _method(law, name, words):
-    return Choice("method", name, [*law_words(law), "--method", "direct", *words], _judge_certified)
+def _method(physics, name, words):
+    return Choice("method", name, [*words_of(physics), "--method", "direct", *words], _judge_certified)
 
 
-def _physics(name, law):
-    words = [*law_words(law), "--accuracy", f"{PHYSICS_ACCURACY:g}"]
+def _physics(name, physics):
+    words = [*words_of(physics), "--accuracy", f"{PHYSICS_ACCURACY:g}"]
     return Choice("physics", name, words, lambda reference, result: deviation(reference, result.G))
 
 
-def _frequencies(law, grid, count):
+def _frequencies(physics, grid, count):
     def judge(reference, result):
         storage, loss = reference.interpolation_errors(result.omega, result.G)
         seen = log_interpolate(reference.omega, result.omega, result.G)
@@ -200,7 +193,7 @@ def _frequencies(law, grid, count):
         note = "direct, log-log interpolation between them"
         return fields | {"error_storage": storage, "error_loss": loss, "note": note}
 
-    words = [*law_words(law), "--method", "direct"]
+    words = [*words_of(physics), "--method", "direct"]
     return Choice("frequencies", f"{count} frequencies", words, judge, grid)
 
 

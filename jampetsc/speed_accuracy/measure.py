@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from jampetsc import __version__
-from jampetsc.contacts.laws import Law
+from jampetsc.contacts.laws import Physics
 from jampetsc.errors import InputError
 from jampetsc.progress import Progress
 from jampetsc.speed_accuracy import choices, ensembles, processes
@@ -29,7 +29,7 @@ class Request:
     """A trade as it was asked for. Frequencies as the word of --omega."""
 
     packing: str
-    law: Law
+    physics: Physics
     omega: str
     ranks: int | None  # None: without mpirun
     groups: list[str]  # of choices.GROUPS
@@ -49,7 +49,9 @@ def measure(request: Request, out) -> str:
         tempfile.TemporaryDirectory(prefix="jampetsc-trade-") as folder,
         Progress(None, "trade") as progress,
     ):
-        bench = choices.Bench(request.packing, request.law, request.omega, request.ranks, folder, progress)
+        bench = choices.Bench(
+            request.packing, request.physics, request.omega, request.ranks, folder, progress
+        )
         rows = bench.find_reference()
         todo, remarks = choices.plan(bench, request.groups, request.options_files or choices.OPTIONS_FILES)
         shares, more = ensembles.plan(request.packing) if request.ensemble else ([], [])
@@ -92,7 +94,7 @@ def _facts(request, reference, load):
     facts = [
         f"command: {shlex.join(['jampetsc', *sys.argv[1:]])}",
         f"packing: {name}, N = {disks.n}, p = {attributes['pressure']:.6g}, sha256 {digest}",
-        f"law: {request.law}, tau1 = {request.law.tau1:g}; frequencies {request.omega}",
+        f"law: {request.physics}, tau1 = {request.physics.law.tau1:g}; frequencies {request.omega}",
         f"runs: {how}; {platform.machine()}, {os.cpu_count()} cores, load average {load} at the start",
         f"program: {versions}; {date}",
         f"reference: certified to {reference.certified:.1e}; errors below that are not resolved",

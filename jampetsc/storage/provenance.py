@@ -6,8 +6,10 @@ import shlex
 import sys
 from pathlib import Path
 
+from jampetsc.contacts.laws import OPTIONS
+
 LONGEST = 10_000  # characters of a list of files
-LAW_PARAMETERS = ("beta", "rotations", "eta_f", "prestress", "tau1", "alpha", "stress")
+LAW_PARAMETERS = (*OPTIONS, "prestress", "tau1", "alpha", "stress")
 
 
 def provenance(*, versions, scalar_type, petsc_options, ranks, packing, law, wall_seconds, argv=None) -> dict:

@@ -160,22 +160,22 @@ def _moduli(sweep):
     return rows
 
 
-def matrices(disks, network, law, facts, ranks) -> str:
+def matrices(disks, network, physics, facts, ranks) -> str:
     """Sizes, symmetry and definiteness of K and B, and in words whether the packing is a minimum."""
     contacts = facts.contacts
     excess = contacts - (2 * network.n - 2)
     rows = [
-        (f"K and B for {law}, on {ranks} rank{'s' * (ranks > 1)}",),
+        (f"K and B for {physics}, on {ranks} rank{'s' * (ranks > 1)}",),
         (
             "unknowns",
-            f"{facts.unknowns}, {law.dofs} for each of {network.n} disks; "
+            f"{facts.unknowns}, {facts.dofs} for each of {network.n} disks; "
             f"{network.rattlers} rattlers left out",
         ),
         ("nonzeros", f"{facts.nonzeros} in each of K and B, one pattern"),
         ("contacts", f"{contacts}, Z = {number(2.0 * contacts / network.n)}"),
         ("Maxwell's count", f"{contacts} contacts − (2·{network.n} − 2) = {excess} in excess"),
         ("pieces", f"{facts.pieces} connected, {facts.gears} of them bipartite (gears)"),
-        ("pinned unknowns", _pins(law, facts)),
+        ("pinned unknowns", _pins(facts)),
         ("asymmetry", f"|K − Kᵀ|/|K| = {facts.asymmetry_K:.1e}, |B − Bᵀ|/|B| = {facts.asymmetry_B:.1e}"),
         ("eigenvalues", "negative", "zero", "positive", ""),
         _inertia("K, pre-stress", facts.with_prestress, "displacements, nothing pinned"),
@@ -197,8 +197,8 @@ def _inertia(name, inertia, remark):
     return name, str(inertia.negative), str(inertia.zero), str(inertia.positive), remark
 
 
-def _pins(law, facts):
-    if law.kind == "stokes":
+def _pins(facts):
+    if not facts.pins:
         return "0: every move meets drag"
     gears = f" and {facts.pins - facts.translations} gear mode{'s' * (facts.pins - facts.translations > 1)}"
     return f"{facts.pins}: {facts.translations} translations" + gears * (facts.pins > facts.translations)

@@ -1,28 +1,40 @@
 """The options that choose a damping law, shared by every command that needs one."""
 
-from jampetsc.contacts.laws import KINDS, Law
+from jampetsc.contacts.laws import DEFAULT, FAMILIES, OPTIONS, Law, Physics, damping_law, having
 from jampetsc.errors import InputError
-
-BELONGS_TO = {"beta": "contact", "no_rotations": "contact", "eta_f": "stokes"}
 
 
 def add_law_options(parser) -> None:
-    """Add --law and what goes with it to an argparse parser."""
+    """Add --law and what goes with it, and --no-prestress, to an argparse parser."""
     group = parser.add_argument_group("damping law")
-    group.add_argument(
-        "--law", choices=KINDS, default="contact", help="contact damping (default) or Stokes drag"
-    )
-    group.add_argument(
-        "--beta", type=float, metavar="BETA", help="transverse to normal contact damping, ≥ 0 (default 1)"
-    )
-    group.add_argument("--no-rotations", action="store_true", help="disks do not roll (contact law)")
-    group.add_argument(
-        "--eta-f", type=float, metavar="ETA", help="fluid viscosity in units of k τ₁, ≥ 0 (Stokes, default 1)"
-    )
-    group.add_argument(
-        "--no-prestress", action="store_true", help="drop the f/r term of K (BT: 'without pre-stress')"
-    )
+    labels = " or ".join(f"{family.label} ({name})" for name, family in FAMILIES.items())
+    group.add_argument("--law", choices=FAMILIES, default=DEFAULT, help=f"{labels}; default {DEFAULT}")
+    for name in OPTIONS:
+        owners = having(name)
+        option = FAMILIES[owners[0]].options[name]
+        belongs = f"--law {' or '.join(owners)}"
+        if isinstance(option.default, bool):
+            group.add_argument(
+                f"--no-{name}",
+                dest=name,
+                action="store_false",
+                default=None,
+                help=f"{option.meaning} ({belongs})",
+            )
+        else:
+            group.add_argument(
+                f"--{name.replace('_', '-')}",
+                type=float,
+                metavar=name.upper(),
+                help=f"{option.meaning} ({belongs}, default {option.default:g})",
+            )
     group.add_argument("--tau1", type=float, default=1.0, metavar="TIME", help="damping time τ₁ (default 1)")
+    group.add_argument(
+        "--no-prestress",
+        dest="prestress",
+        action="store_false",
+        help="drop the f/r term of K (BT: 'without pre-stress')",
+    )
 
 
 def add_damping_options(parser) -> None:
@@ -37,7 +49,7 @@ def add_damping_options(parser) -> None:
     )
 
 
-def damping_from(args):
+def damping_from(args, law: Law):
     """The EquivalentDamping of parsed arguments, or None for linear damping. Raises InputError."""
     if args.alpha is None and args.stress is None:
         return None
@@ -47,25 +59,30 @@ def damping_from(args):
         raise InputError(
             f"--alpha {args.alpha:g}: power-law damping depends on the amplitude: give --stress, in units of k"
         )
-    if args.law != "contact":
-        raise InputError(f"--alpha {args.alpha:g}: belongs to --law contact, not to {args.law}; leave it out")
+    if not law.damps_contacts:
+        raise InputError(
+            f"--alpha {args.alpha:g}: belongs to damping by contacts, not to {law}; leave it out"
+        )
     from jampetsc.analysis.equivalent_damping import EquivalentDamping
 
-    return EquivalentDamping(args.alpha, args.stress)
+    return EquivalentDamping(law.exponent, args.stress)
 
 
-def law_from(args) -> Law:
-    """The Law of parsed arguments. Raises InputError for an option that belongs to the other law."""
-    for name, kind in BELONGS_TO.items():
-        if getattr(args, name) not in (None, False) and args.law != kind:
-            raise InputError(
-                f"--{name.replace('_', '-')}: belongs to --law {kind}, not to --law {args.law}; leave it out"
-            )
-    given = {name: getattr(args, name) for name in ("beta", "eta_f") if getattr(args, name) is not None}
-    return Law(
-        kind=args.law,
-        rotations=not args.no_rotations,
-        prestress=not args.no_prestress,
-        tau1=args.tau1,
-        **given,
-    )
+def physics_from(args) -> Physics:
+    """Law and pre-stress of parsed arguments. Raises InputError for an option that belongs to another law."""
+    given = {name: getattr(args, name) for name in OPTIONS if getattr(args, name) is not None}
+    alpha = getattr(args, "alpha", None)  # only some commands have it
+    law = damping_law(args.law, tau1=args.tau1, exponent=1.0 if alpha is None else alpha, **given)
+    return Physics(law, args.prestress)
+
+
+def words_of(physics: Physics) -> list[str]:
+    """The options that mean it: what `physics_from` makes the same of."""
+    law = physics.law
+    words = ["--law", law.family, "--tau1", repr(law.tau1)]
+    for name, value in law.options:
+        if value is False:
+            words.append(f"--no-{name}")
+        elif value is not True:
+            words += [f"--{name.replace('_', '-')}", repr(value)]
+    return words + ([] if physics.prestress else ["--no-prestress"])
