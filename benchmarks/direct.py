@@ -18,14 +18,14 @@ from common import machine, packing, report, worker
 def matrices(path):
     """(pencil, network) of a packing in the complex build."""
     from jampetsc import session
-    from jampetsc.contacts.laws import Law
+    from jampetsc.contacts.laws import damping_law
     from jampetsc.mechanics.assembly import assemble
     from jampetsc.mechanics.network import build_network
     from jampetsc.storage.packing_file import read_packing
 
     running = session.start("complex")
     network = build_network(read_packing(path), running.comm)
-    return assemble(network, Law()), network
+    return assemble(network, damping_law()), network
 
 
 def ours(path, omega):

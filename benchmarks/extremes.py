@@ -3,7 +3,7 @@
     .venv/bin/python benchmarks/extremes.py [--n 16,64,1024] [--pressure 1e-1,1e-2,…,1e-7] [--accuracy 1e-2,1e-6,1e-10]
                                             [--points 89] [--references 9] [--ranks 1]
 
-Frequencies from 1e-14 to 1e8, 16 laws with and without pre-stress (β from 0 to 1e4, η_F from 0 to 1e10), one sweep for
+Frequencies from 1e-14 to 1e8, 18 laws with and without pre-stress (β from 0 to 1e4, also without normal damping, η_F from 0 to 1e10), one sweep for
 each accuracy, compared at `--references` frequencies with
 
   N ≤ 64   the dense reference of the tests in extended precision; where mpmath is installed that one is compared with
@@ -17,6 +17,7 @@ met. `--n 100000 --pressure 1e-2 --references 1` is the large one.
 
 import argparse
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -31,15 +32,17 @@ DIGITS = 50
 
 def laws():
     """All laws with what varies most first."""
-    from jampetsc.contacts.laws import Law
+    from jampetsc.contacts.laws import Physics, damping_law
 
     for prestress in (True, False):
         for beta in (0.0, 1e-10, 1e-6, 1e-3, 1.0, 1e4):
-            yield Law(beta=beta, prestress=prestress)
+            yield Physics(damping_law(beta=beta), prestress)
         for beta in (1e-10, 1e-3, 1.0, 1e4):
-            yield Law(beta=beta, rotations=False, prestress=prestress)
+            yield Physics(damping_law(beta=beta, rotations=False), prestress)
+        for normal in (0.0, 1e-6):
+            yield Physics(damping_law(normal=normal, rotations=False), prestress)
         for eta_f in (0.0, 1e-10, 1e-5, 1.0, 1e5, 1e10):
-            yield Law("stokes", eta_f=eta_f, prestress=prestress)
+            yield Physics(damping_law("stokes", eta_f=eta_f), prestress)
 
 
 def digits(reference, omega):
@@ -54,7 +57,7 @@ def digits(reference, omega):
 
     moves = reference.free_moves()
     held = set()  # an unknown for each move that costs nothing, as the largest entry of its column
-    if reference.law.kind == "contact":
+    if not reference.law.drag:
         held = {int(np.argmax(np.abs(move) > 0)) for move in moves.T}
     m = reference.n * reference.dofs
     law, damping = reference.law, number(reference.k) * mpmath.mpf(reference.law.tau1)
@@ -73,20 +76,19 @@ def digits(reference, omega):
                 entries |= {of_i + 2: -number(reference.radii[i]), of_j + 2: -number(reference.radii[j])}
             return entries
 
-        contact = law.kind == "contact"
-        terms = [(form(n, False), number(reference.stiffness[c]) + (s * damping if contact else 0))]
-        if law.prestress:
-            terms.append((form(t, False), -number(reference.force[c]) / number(reference.distance[c])))
-        if contact and law.beta:
-            terms.append((form(t, True), s * damping * mpmath.mpf(law.beta)))
+        tension = number(reference.force[c]) / number(reference.distance[c]) if reference.prestress else 0
+        terms = [
+            (form(n, False), number(reference.stiffness[c]) + s * damping * mpmath.mpf(law.normal)),
+            (form(t, False), s * damping * mpmath.mpf(law.transverse) - tension),
+            (form(t, True), s * damping * mpmath.mpf(law.sliding)),
+        ]
         for entries, weight in terms:
             for a, x in entries.items():
                 for b, y in entries.items():
                     A[a][b] += weight * x * y
-    if law.kind == "stokes":
-        for a in range(m):
-            A[a][a] += s * damping
-        A[m][m] += s * damping * mpmath.mpf(law.eta_f) * number(reference.area)
+    for a in range(m):
+        A[a][a] += s * damping * mpmath.mpf(law.drag) * (a % reference.dofs < 2)
+    A[m][m] += s * damping * mpmath.mpf(law.eta_f) * number(reference.area)
     for p in held:
         for a in range(m + 1):
             A[a][p] = A[p][a] = mpmath.mpc(0)
@@ -101,12 +103,12 @@ def digits(reference, omega):
     return complex(A[m][m] / number(reference.area))
 
 
-def references(disks, network, law, omega):
+def references(disks, network, physics, omega):
     """(G* (R,), bounds of its own (R, 3), largest relative difference from 50 digits or None)."""
     if disks.n <= DENSE:
         from dense import Reference
 
-        reference = Reference(disks, law)
+        reference = Reference(disks, physics)
         G = np.array([reference.modulus(w) for w in omega])
         off = None
         if disks.n <= 16:
@@ -124,7 +126,7 @@ def references(disks, network, law, omega):
     from jampetsc.mechanics.assembly import assemble
     from jampetsc.response.direct import FrequencySolver
 
-    pencil = assemble(network, law)
+    pencil = assemble(replace(network, prestress=physics.prestress), physics.law)
     solver = FrequencySolver(pencil)
     found = [solver.solve(w, 0.1) for w in omega]
     solver.destroy()
@@ -132,13 +134,13 @@ def references(disks, network, law, omega):
     return np.array([f.G for f in found]), np.array([[f.error_bound, *f.parts] for f in found]), None
 
 
-def sweep(network, law, omega, accuracy):
+def sweep(network, physics, omega, accuracy):
     """(G*, bounds, factorisations, vectors)."""
     from jampetsc.mechanics.assembly import assemble
     from jampetsc.mechanics.compatibility import build_compatibility
     from jampetsc.response.rational import RationalSweep
 
-    pencil = assemble(network, law)
+    pencil = assemble(replace(network, prestress=physics.prestress), physics.law)
     compatibility = build_compatibility(pencil)
     rational = RationalSweep(pencil, compatibility, omega, accuracy)
     try:
@@ -164,12 +166,14 @@ def run_one(path, accuracies, points, count):
     omega = np.geomspace(LOW, HIGH, points)
     at = np.unique(np.linspace(0, points - 1, count).astype(int))
     records = []
-    for law in laws():
-        exact, own, off = references(disks, network, law, omega[at])
+    for physics in laws():
+        exact, own, off = references(disks, network, physics, omega[at])
         for accuracy in accuracies:
-            record = {"law": str(law), "accuracy": accuracy, "off": off}
+            record = {"law": str(physics), "accuracy": accuracy, "off": off}
             try:
-                G, bounds, record["factorisations"], record["vectors"] = sweep(network, law, omega, accuracy)
+                G, bounds, record["factorisations"], record["vectors"] = sweep(
+                    network, physics, omega, accuracy
+                )
             except ConvergenceError as error:
                 records.append(record | {"refused": str(error)})
                 continue

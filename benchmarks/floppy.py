@@ -37,7 +37,7 @@ def ensemble(n, pressures, seeds):
 def measure(files, modes):
     """Rows (p, seed, pre-stress or not, three medians, mean/rms of Δu∥, G₀, share of the low modes)."""
     from jampetsc import session
-    from jampetsc.contacts.laws import Law
+    from jampetsc.contacts.laws import damping_law
     from jampetsc.errors import InputError
     from jampetsc.mechanics.network import build_network
     from jampetsc.response.modes import lowest_modes
@@ -48,9 +48,9 @@ def measure(files, modes):
     comm = session.start("real").comm
     rows = []
     for (p, seed), path in files.items():
-        network = build_network(read_packing(path), comm)
+        law = damping_law(beta=0.0)
         for prestress in (False, True):
-            law = Law(beta=0.0, prestress=prestress)
+            network = build_network(read_packing(path), comm, prestress)
             viscosity = Viscosity(network, law)
             try:
                 found = solve(network, law, viscosity)
@@ -60,7 +60,7 @@ def measure(files, modes):
             finally:
                 viscosity.destroy()
             by_name = found.distributions()
-            share = lowest_modes(network, prestress, modes).share_nonaffine.sum() if modes else np.nan
+            share = lowest_modes(network, modes).share_nonaffine.sum() if modes else np.nan
             rows.append(
                 (float(p), seed, prestress, *(by_name[name].median for name in NAMES),
                  by_name["normal"].mean / by_name["normal"].rms, found.G0, share)

@@ -21,7 +21,7 @@ def measure(path, count, repeats):
     from scipy.sparse.linalg import eigsh
 
     from jampetsc import session
-    from jampetsc.contacts.laws import Law
+    from jampetsc.contacts.laws import UNDAMPED
     from jampetsc.mechanics.assembly import assemble
     from jampetsc.mechanics.network import build_network
     from jampetsc.solvers.eigen import SHIFT, SPARE, lowest
@@ -30,7 +30,7 @@ def measure(path, count, repeats):
 
     running = session.start("real")
     network = build_network(read_packing(path), running.comm)
-    pencil = assemble(network, Law("stokes"))
+    pencil = assemble(network, UNDAMPED, pinned=False)
     indptr, indices, values = pencil.K.getValuesCSR()
     K = csc_array((values, indices, indptr), shape=pencil.K.getSize())
     seconds = {"slepc": [], "count": [], "scipy": []}

@@ -27,7 +27,7 @@ OMEGA = np.geomspace(1e-10, 1e4, 141)
 def rational(path, chosen):
     """Wall seconds of all that `jampetsc sweep` does between reading the packing and writing the file."""
     from jampetsc import session
-    from jampetsc.contacts.laws import Law
+    from jampetsc.contacts.laws import damping_law
     from jampetsc.mechanics.assembly import assemble
     from jampetsc.mechanics.compatibility import build_compatibility
     from jampetsc.mechanics.network import build_network
@@ -40,7 +40,7 @@ def rational(path, chosen):
     build_network(disks, running.comm)  # compiles, or loads, the pair search
     start = time.perf_counter()
     network = build_network(disks, running.comm)
-    pencil = assemble(network, Law())
+    pencil = assemble(network, damping_law())
     compatibility = build_compatibility(pencil)
     assembled = time.perf_counter()
     sweep = RationalSweep(pencil, compatibility, OMEGA, 1e-6)

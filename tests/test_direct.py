@@ -70,11 +70,11 @@ def test_field(session, name):
     with Solver(SAMPLES["strips"](), law, session.comm) as solver:
         solver.solve(0.1, 1e-6)
         x = np.concatenate(session.comm.allgather(solver.x))
-        rows = unknowns(solver.pencil.network, law.dofs, exact.disks)
+        rows = unknowns(solver.pencil.network, law.law.dofs, exact.disks)
     wanted = exact.solution(0.1)[0].astype(complex)[rows]
-    difference = (x - wanted).reshape(-1, law.dofs)
+    difference = (x - wanted).reshape(-1, law.law.dofs)
     if law.kind == "contact":
-        second = rows[:: law.dofs] >= law.dofs * 24
+        second = rows[:: law.law.dofs] >= law.law.dofs * 24
         for piece in (second, ~second):
             difference[piece, :2] -= difference[piece, :2].mean(axis=0)
     np.testing.assert_allclose(difference, 0, atol=1e-10 * np.abs(wanted).max())
@@ -90,7 +90,7 @@ def test_where_the_packing_is_pinned_does_not_matter(session, sample):
         with Solver(moved, law, session.comm) as solver:
             values.append([solver.solve(omega, 1e-8).G for omega in OMEGA])
             particles = np.concatenate(session.comm.allgather(solver.pencil.network.particles))
-            held.add(tuple(particles[solver.pencil.pins // law.dofs]))
+            held.add(tuple(particles[solver.pencil.pins // law.law.dofs]))
     assert len(held) > 1
     for other in values[1:]:
         np.testing.assert_allclose(np.real(other), np.real(values[0]), rtol=1e-10)

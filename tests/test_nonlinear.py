@@ -15,6 +15,7 @@ from scipy.integrate import quad
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.analysis.scaling import fit_power_law
+from jampetsc.contacts.laws import damping_law
 from jampetsc.errors import InputError
 from jampetsc.storage.packing_file import write_packing
 from jampetsc.storage.reader import load
@@ -116,11 +117,12 @@ def test_exponents_of_the_moduli(alpha):
 )
 def test_bad_options(alpha, stress, law, message):
     with pytest.raises(InputError, match=message):
-        damping_from(SimpleNamespace(alpha=alpha, stress=stress, law=law))
+        exponent = 1.0 if alpha is None else alpha
+        damping_from(SimpleNamespace(alpha=alpha, stress=stress), damping_law(law, exponent=exponent))
 
 
 def test_linear_damping_without_the_options():
-    assert damping_from(SimpleNamespace(alpha=None, stress=None, law="contact")) is None
+    assert damping_from(SimpleNamespace(alpha=None, stress=None), damping_law()) is None
 
 
 # The sweep

@@ -60,8 +60,9 @@ def damping_from(args, law: Law):
             f"--alpha {args.alpha:g}: power-law damping depends on the amplitude: give --stress, in units of k"
         )
     if not law.damps_contacts:
+        owners = [name for name in FAMILIES if damping_law(name).damps_contacts]
         raise InputError(
-            f"--alpha {args.alpha:g}: belongs to damping by contacts, not to {law}; leave it out"
+            f"--alpha {args.alpha:g}: belongs to --law {' or '.join(owners)}, not to {law.family}; leave it out"
         )
     from jampetsc.analysis.equivalent_damping import EquivalentDamping
 
