@@ -3,8 +3,8 @@
     .venv/bin/python benchmarks/extremes.py [--n 16,64,1024] [--pressure 1e-1,1e-2,…,1e-7] [--accuracy 1e-2,1e-6,1e-10]
                                             [--points 89] [--references 9] [--ranks 1]
 
-
-
+Frequencies from 1e-14 to 1e8, 18 laws with and without pre-stress (β from 0 to 1e4, also without normal damping, η_F
+from 0 to 1e10), one sweep for each accuracy, compared at `--references` frequencies with
 
   N ≤ 64   the dense reference of the tests in extended precision; where mpmath is installed that one is compared with
            50-digit arithmetic at N = 16

@@ -8,7 +8,7 @@ import pytest
 from samples import lattice, published
 
 from jampetsc.contacts.disks import GRID, Disks
-from jampetsc.contacts.laws import Law
+from jampetsc.contacts.laws import Physics, damping_law
 from jampetsc.contacts.minimum import PROVED_BY, proved_minimum, with_proof
 from jampetsc.contacts.potentials import Potential
 from jampetsc.storage.packing_file import read_packing, write_packing
@@ -102,7 +102,9 @@ def test_a_sweep_counts_anew_what_was_forged_or_edited(session, shared_path):
             if edit:
                 edited(path, edit)
         session.comm.Barrier()
-        job = Job.read(path, Law(), np.ones(1), np.zeros(0), "rational", 1e-6, shared_path / "s.h5")
+        job = Job.read(
+            path, Physics(damping_law()), np.ones(1), np.zeros(0), "rational", 1e-6, shared_path / "s.h5"
+        )
         session.comm.Barrier()
         return job.negative_modes, settle(job)
 
