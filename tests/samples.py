@@ -1,6 +1,7 @@
 """Packings that tests share: those of tests/data, and small lattices made for one property each."""
 
 import json
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -95,6 +96,7 @@ def lattice(side=8, spacing=0.97):
 
 SAMPLES = {
     "published": published,
+    "k = 2.5": lambda: replace(published(), potential=Potential(k=2.5)),
     "hertzian": lambda: published("hertzian"),
     "polydisperse": lambda: polydisperse(3)[0],
     "isostatic": isostatic,
@@ -128,6 +130,7 @@ LAWS = {
         physics("stokes"),
         physics("stokes", prestress=False, eta_f=1e-5),
         physics("stokes", eta_f=0.0, tau1=0.3),
+        physics("stokes", eta_f=0.7, tau1=0.3),
     )
 }
 
@@ -135,6 +138,8 @@ LAWS = {
 def laws_of(sample):
     """Names of the laws to try: all of them on the published packing, some on the others."""
     some = [physics(), physics("stokes")]
+    if sample == "k = 2.5":  # where every unit shows
+        return [str(one) for one in LAWS.values() if one.law.tau1 != 1.0]
     some += {
         "gears": [physics(prestress=False)],
         "two images": [physics(rotations=False)],

@@ -1,0 +1,109 @@
+"""Laws as data: the table, what its rows mean, and a law that only a row makes, through every command."""
+
+import numpy as np
+import pytest
+from samples import LAWS, physics, published, reference
+
+import jampetsc
+from jampetsc import cli
+from jampetsc.contacts.laws import FAMILIES, LARGEST, UNDAMPED, damping_law
+from jampetsc.errors import InputError
+from jampetsc.storage.packing_file import write_packing
+
+TRANSVERSE = physics(normal=0.0, rotations=False)
+
+
+@pytest.mark.parametrize(
+    ("law", "weights"),
+    [
+        (damping_law(), (1, 0, 1, 0, 0)),
+        (damping_law(beta=0.5, normal=2.0), (2, 0, 0.5, 0, 0)),
+        (damping_law(rotations=False, beta=0.5), (1, 0.5, 0, 0, 0)),
+        (TRANSVERSE.law, (0, 1, 0, 0, 0)),
+        (damping_law("stokes"), (0, 0, 0, 1, 1)),
+        (damping_law("stokes", eta_f=0.0), (0, 0, 0, 1, 0)),
+        (UNDAMPED, (0, 0, 0, 0, 0)),
+    ],
+    ids=str,
+)
+def test_weights(law, weights):
+    assert (*law.on_contacts, law.drag, law.eta_f) == weights
+    assert law.dofs == (3 if law.sliding else 2)
+    assert law.holds_translations == bool(law.drag)
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_every_option_of_a_family_does_something(name):
+    family, base = FAMILIES[name], damping_law(name)
+    assert base == damping_law(name, **{option: row.default for option, row in family.options.items()})
+    for option, row in family.options.items():
+        other = base.altered(**{option: not row.default if isinstance(row.default, bool) else 0.25})
+        assert (*other.on_contacts, other.drag, other.eta_f) != (*base.on_contacts, base.drag, base.eta_f)
+        assert str(other) != str(base) and dict(other.options)[option] != row.default
+
+
+def test_a_changed_law_keeps_the_rest():
+    law = damping_law(beta=0.1, tau1=2.0, exponent=0.5, rotations=False).altered(beta=0.3)
+    assert law == damping_law(beta=0.3, tau1=2.0, exponent=0.5, rotations=False)
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "says"),
+    [
+        ("glue", {}, "--law glue: choose one of contact, stokes"),
+        ("stokes", {"beta": 1.0}, "--beta: belongs to --law contact, not to --law stokes"),
+        ("contact", {"eta_f": 1.0}, "--eta-f: belongs to --law stokes, not to --law contact"),
+        ("stokes", {"rotations": False}, "--no-rotations: belongs to --law contact"),
+        ("contact", {"beta": -1.0}, "--beta -1: must lie between 0 and 1e"),
+        ("contact", {"normal": float("nan")}, "--normal nan: must lie"),
+        ("stokes", {"eta_f": 10 * LARGEST}, "--eta-f 1e+13: must lie"),
+        ("contact", {"tau1": 0.0}, "--tau1 0: must be positive"),
+        ("contact", {"normal": 0.0, "beta": 0.0}, "nothing dissipates"),
+    ],
+)
+def test_refused(name, options, says):
+    with pytest.raises(InputError) as caught:
+        damping_law(name, **options)
+    assert says in str(caught.value)
+
+
+@pytest.mark.scalar("real")
+def test_a_law_of_a_row_alone_through_every_command(session, shared_path, capsys):
+    """Vågberg's CDt in linear response, against the dense reference of the same weights."""
+    exact = reference("published", str(TRANSVERSE))
+    packing, words = shared_path / "packing.h5", ("--normal", "0", "--no-rotations")
+    if session.rank == 0:
+        write_packing(packing, published())
+    session.comm.Barrier()
+
+    def command(name, *more):
+        return cli.main([name, str(packing), *words, *map(str, more)])
+
+    for method in ("rational", "direct"):
+        out = shared_path / f"{method}.h5"
+        assert command("sweep", "--out", out, "--omega", "1e-6,1e-2,10", "--method", method) == 0
+        found = jampetsc.load(out)
+        wanted = np.array([exact.modulus(omega) for omega in found.omega])
+        np.testing.assert_allclose(found.G, wanted, rtol=1e-6)
+        assert found.law["normal"] == 0.0 and found.law["rotations"] == np.False_
+        session.comm.Barrier()
+    out = shared_path / "slow.h5"
+    assert command("quasistatic", "--out", out) == 0
+    slow = jampetsc.load(out).attributes
+    assert slow["eta0"] == pytest.approx(exact.eta0(), rel=1e-9)
+    assert slow["eta_inf"] == pytest.approx(exact.eta_infinity(), rel=1e-9)
+    assert slow["eta0_normal"] == 0.0
+    capsys.readouterr()
+    assert command("info", "--matrices") == 0
+    if session.rank == 0:
+        assert "K and B for contact damping, normal = 0, beta = 1, no rotations" in capsys.readouterr().out
+
+
+def test_samples_cover_the_table():
+    """Every option of every family has a value that is not its default in some law that tests compare."""
+    for name, family in FAMILIES.items():
+        for option, row in family.options.items():
+            assert any(
+                one.law.family == name and dict(one.law.options)[option] != row.default
+                for one in LAWS.values()
+            ), option
