@@ -33,7 +33,7 @@ class ElasticResponse:
         except NotPositiveDefinite:
             self._refuse()
             raise
-        if self._softest() < SOFT:
+        if not self.factor.cholesky.prove() or self._softest() < SOFT:
             self._refuse()
 
     def _softest(self):

@@ -44,6 +44,7 @@ class Job:
     parallel: str = "auto"  # what ranks share in the rational method: shifts | matrix | auto
     experiment: np.ndarray | None = None  # (M,) frequency of the experiment for each of omega
     negative_modes: int | None = None  # of K; None: not known
+    counted_by: str = ""  # how that number is known, where this run has found it out
     started: float = field(default_factory=time.perf_counter)
 
     @classmethod
@@ -123,9 +124,7 @@ class Job:
             return (
                 f"no: {self.negative_modes} negative modes; error_bound is an estimate, |rᵀA⁻¹r|, not a bound"
             )
-        if proved_minimum(self.disks):
-            return "proved when the packing was made"
-        return "proved by Cholesky's factorisation of K"
+        return f"proved {f'by {self.counted_by}' if self.counted_by else 'when the packing was made'}"
 
     def key(self, ranks: int) -> dict:
         """What identifies the job to a checkpoint; rows of fields belong to ranks, numbers do not."""

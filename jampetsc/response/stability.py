@@ -17,20 +17,24 @@ from jampetsc.solvers.cholesky import NotPositiveDefinite
 from jampetsc.solvers.shifted import ShiftedFactor
 
 
-def negative_modes(network: Network) -> int:
-    """Number of negative eigenvalues of K. Collective; needs the real build.
+def negative_modes(network: Network) -> tuple[int, str]:
+    """Number of negative eigenvalues of K, and how it is known. Collective; needs the real build.
 
-    None when Cholesky's factorisation of K succeeds, otherwise counted by inertia. Raises ConvergenceError if
-    that fails.
+    None when Cholesky's factorisation of K succeeds and proves it, otherwise counted by inertia. Raises
+    ConvergenceError if that fails.
     """
     pencil = assemble(network, UNDAMPED)
     try:
-        ShiftedFactor(pencil, 0.0).destroy()
-        return 0
+        factor = ShiftedFactor(pencil, 0.0)
+        proved = factor.cholesky.prove()
+        factor.destroy()
     except NotPositiveDefinite:
-        return elastic_inertia(network).negative
+        proved = False
     finally:
         pencil.destroy()
+    if proved:
+        return 0, "Cholesky's factorisation of K"
+    return elastic_inertia(network).negative, "the inertia of K"
 
 
 def settle(job: Job) -> Job:
@@ -42,7 +46,8 @@ def settle(job: Job) -> Job:
         return job
     if job.negative_modes is None:
         network = job.network(current().comm)
-        job = replace(job, negative_modes=negative_modes(network))
+        negative, how = negative_modes(network)
+        job = replace(job, negative_modes=negative, counted_by=how)
     if not job.negative_modes:
         return job
     with Progress(None, "sweep", current().rank) as progress:

@@ -1,13 +1,21 @@
 """L Lᵀ of a real symmetric PETSc matrix: it solves, and its success proves the matrix positive definite.
 
-CHOLMOD on one rank, MUMPS on more, unless the options say otherwise.
+CHOLMOD on one rank, MUMPS on more, unless the options say otherwise. Whatever they say, a solve that returns is right:
+its residual is looked at and refined away. What a success proves is another matter, see `proof`.
 """
+
+import numpy as np
 
 from jampetsc.errors import ConvergenceError
 from jampetsc.session import current
 from jampetsc.solvers import mumps
+from jampetsc.solvers.proof import doubt
 
 NOT_POSITIVE = 81  # PETSC_ERR_MAT_CH_ZRPVT, what CHOLMOD's breakdown becomes
+SOLVED = 1e-14  # |b − A x| ≤ SOLVED (|A| |x| + |b|): more than any factor of A leaves
+REFINEMENTS = (
+    40  # an iterative method of few digits needs some; what does not halve the residual will not get there
+)
 
 
 class NotPositiveDefinite(ConvergenceError):
@@ -19,12 +27,13 @@ class Cholesky:
 
     matrix  PETSc.Mat, real and symmetric; `factorise` takes its values as they are then
     what    names it in messages
+    doubt   why the last `factorise` does not prove that the matrix is positive definite; empty if it does
     """
 
     def __init__(self, matrix, prefix: str, what: str):
         session = current()
         PETSc = session.PETSc
-        self.matrix, self.what = matrix, what
+        self.matrix, self.prefix, self.what = matrix, prefix, what
         alone = matrix.getComm().size == 1 and PETSc.Sys.hasExternalPackage("suitesparse")
         session.set_defaults(
             {
@@ -49,9 +58,9 @@ class Cholesky:
         )
         for option in (PETSc.Mat.Option.SYMMETRIC, PETSc.Mat.Option.SPD):
             matrix.setOption(option, True)
-        self.ksp = PETSc.KSP().create(matrix.getComm())
-        self.ksp.setOptionsPrefix(prefix)
-        self.ksp.setFromOptions()
+        self.ksp = mumps.make_ksp(matrix.getComm(), prefix)
+        self._left, self._step = matrix.createVecs()
+        self.doubt = "nothing is factorised"
 
     def factorise(self) -> None:
         """Factorise; the symbolic analysis is kept while the pattern stays the same.
@@ -60,6 +69,7 @@ class Cholesky:
         no use.
         """
         petsc = current().PETSc
+        self.doubt = "nothing is factorised"
         try:
             mumps.factorise(self.ksp, self.matrix, self.what)
         except petsc.Error as error:
@@ -74,15 +84,63 @@ class Cholesky:
         if mumps.failure(pc) is not None and pc.getFactorMatrix().getMumpsInfog(12) > 0:
             # told that the matrix is positive definite, MUMPS lets negative pivots pass
             raise NotPositiveDefinite(f"{self.what} is not positive definite")
+        self._norm = self.matrix.norm(petsc.NormType.INFINITY)  # bounds |A|, as A is symmetric
+        self.doubt = doubt(self.ksp)
 
     def solve(self, rhs, out) -> None:
-        """out ← A⁻¹ rhs, PETSc vectors. Raises ConvergenceError when the solve fails."""
+        """out ← A⁻¹ rhs, two PETSc vectors, refined until only rounding is left of the residual. Collective.
+
+        Raises ConvergenceError where the solver fails, or where refinement does not get there.
+        """
+        self._apply(rhs, out)
+        error = np.inf
+        for _ in range(REFINEMENTS):
+            before, error = error, self._backward_error(rhs, out)
+            if error <= SOLVED:
+                return
+            if not error <= 0.5 * before:  # nan as well
+                break
+            self._apply(self._left, self._step)
+            out.axpy(1.0, self._step)
+        raise ConvergenceError(
+            f"solve with {self.what}: a residual of {error:.0e} is left and refinement does not remove it: the "
+            f"options that begin with -{self.prefix} choose a solver that is too poor"
+        )
+
+    def _apply(self, rhs, out):
         self.ksp.solve(rhs, out)
         reason = self.ksp.getConvergedReason()
         if reason < 0:
             raise ConvergenceError(f"solve with {self.what} failed (KSP reason {reason})")
 
+    def _backward_error(self, rhs, x):
+        """|b − A x| / (|A| |x| + |b|); what is left of b stays in `_left`."""
+        self.matrix.mult(x, self._left)
+        self._left.aypx(-1.0, rhs)
+        left = self._left.norm()
+        return left / (self._norm * x.norm() + rhs.norm()) if left else 0.0
+
+    def prove(self) -> bool:
+        """Whether the last `factorise` proves that the matrix is positive definite. Collective.
+
+        Its options must be such (see `proof`), and a solve with a random right-hand side must come out. `doubt` says
+        why not.
+        """
+        if self.doubt:
+            return False
+        x, b = self.matrix.createVecs()
+        b.setArray(
+            np.random.default_rng(self.matrix.getOwnershipRange()[0]).standard_normal(b.getLocalSize())
+        )
+        try:
+            self.solve(b, x)
+        except ConvergenceError as error:
+            self.doubt = str(error)
+        for vector in (x, b):
+            vector.destroy()
+        return not self.doubt
+
     def destroy(self) -> None:
         """Free the factor and the matrix."""
-        self.ksp.destroy()
-        self.matrix.destroy()
+        for item in (self.ksp, self.matrix, self._left, self._step):
+            item.destroy()

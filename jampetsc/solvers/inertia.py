@@ -13,8 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.session import current
 from jampetsc.solvers import mumps
+from jampetsc.solvers.proof import doubt
 
 SHIFT = 1e-12
 PREFIX = "inertia_"
@@ -44,10 +46,9 @@ def count_eigenvalues(matrix, what: str, pins=(), shift: float = SHIFT) -> Inert
     what   name of the matrix, for messages
     pins   global numbers of unknowns that do not count: their rows and columns are zero off the diagonal
 
-    Raises ConvergenceError if a factorisation fails.
+    Raises ConvergenceError if a factorisation fails, InputError for options with which it counts nothing.
     """
-    session = current()
-    session.set_defaults(DEFAULTS)
+    current().set_defaults(DEFAULTS)
     pins = np.asarray(pins, int)
     scaled = matrix.duplicate(copy=True)
     diagonal = scaled.getDiagonal()
@@ -60,9 +61,7 @@ def count_eigenvalues(matrix, what: str, pins=(), shift: float = SHIFT) -> Inert
     values[pins[(pins >= first) & (pins < last)] - first] = 1.0
     scaled.setDiagonal(diagonal)
 
-    ksp = session.PETSc.KSP().create(matrix.getComm())
-    ksp.setOptionsPrefix(PREFIX)
-    ksp.setFromOptions()
+    ksp = mumps.make_ksp(matrix.getComm(), PREFIX)
     try:
         scaled.shift(-shift)
         below_plus = _negative(ksp, scaled, what)
@@ -76,23 +75,28 @@ def count_eigenvalues(matrix, what: str, pins=(), shift: float = SHIFT) -> Inert
 
 
 def _negative(ksp, matrix, what):
-    """Number of negative eigenvalues of a regular matrix."""
+    """Number of negative eigenvalues of a regular matrix: of negative pivots, if they are all there."""
     mumps.factorise(ksp, matrix, what)
-    return ksp.getPC().getFactorMatrix().getInertia()[0]
+    if reason := doubt(ksp, null_pivots=True):
+        raise InputError(f"{reason}: that would count no eigenvalues of {what}; leave this option out")
+    negative, null, _ = ksp.getPC().getFactorMatrix().getInertia()
+    if null:
+        raise ConvergenceError(
+            f"{what}: {null} pivots of L D Lᵀ are zero to rounding, so how many eigenvalues are negative is not certain"
+        )
+    return negative
 
 
 def count_below(matrix, value: float, what: str) -> int:
     """Number of eigenvalues of a distributed symmetric Mat below `value`, itself none of them. Collective.
 
-    One LDLᵀ factorisation of A − value. Raises ConvergenceError if it fails.
+    One LDLᵀ factorisation of A − value. Raises ConvergenceError if it fails, InputError for options with which it
+    counts nothing.
     """
-    session = current()
-    session.set_defaults(DEFAULTS)
+    current().set_defaults(DEFAULTS)
     shifted = matrix.copy()
     shifted.shift(-value)
-    ksp = session.PETSc.KSP().create(matrix.getComm())
-    ksp.setOptionsPrefix(PREFIX)
-    ksp.setFromOptions()
+    ksp = mumps.make_ksp(matrix.getComm(), PREFIX)
     try:
         return _negative(ksp, shifted, what)
     finally:

@@ -1,4 +1,7 @@
-"""The solver that `packing.newton` is handed: one rank's own Hessian, factorised by `Cholesky`, prefix `newton_`."""
+"""The solver that `packing.newton` is handed: one rank's own Hessian, factorised by `Cholesky`, prefix `newton_`.
+
+A quench ends with the proof that it found a minimum, so options with which a factorisation proves nothing are refused.
+"""
 
 import numpy as np
 
@@ -29,7 +32,10 @@ class NewtonSolver:
         self._cholesky = self._pattern = None
 
     def factorise(self, indptr, indices, values) -> bool:
-        """Factorise the upper triangle with its diagonal, CSR (int32, sorted). False if not positive definite."""
+        """Factorise the upper triangle with its diagonal, CSR (int32, sorted). False if not positive definite.
+
+        Raises InputError where the options are such that True would be no proof.
+        """
         pattern = (indptr, indices)
         if self._cholesky is None or not all(map(np.array_equal, pattern, self._pattern)):
             self.destroy()
@@ -49,6 +55,8 @@ class NewtonSolver:
         except NotPositiveDefinite:
             self.destroy()
             return False
+        if self._cholesky.doubt:
+            raise InputError(f"{self._cholesky.doubt}: that would prove no minimum; leave this option out")
         return True
 
     def solve(self, b):

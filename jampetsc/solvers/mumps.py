@@ -1,4 +1,6 @@
-"""What a failed factorisation says, in words, and the one failure that more workspace cures."""
+"""Set up a factorisation; what a failed one says, in words, and the one failure that more workspace cures."""
+
+import re
 
 from jampetsc.errors import ConvergenceError
 from jampetsc.session import current
@@ -8,6 +10,8 @@ MEMORY = (-13, -19)  # INFOG(1): the machine, or the limit ICNTL(23), has no mor
 SINGULAR = (-10,)
 NOT_POSITIVE = (-10, -40)  # INFOG(1): told to expect a positive definite matrix, met one that is not
 OUT_OF_CORE = (-90,)
+PETSC_MEMORY = 55  # PETSC_ERR_MEM
+CHOLMOD_MEMORY = re.compile(r"CHOLMOD .*status -[23]\b")  # out of memory, too large
 ATTEMPTS = 5  # at twice the workspace each time
 
 
@@ -26,15 +30,33 @@ def failure(pc):
     return pc.getFactorMatrix().getMumpsInfog(1)
 
 
+def make_ksp(comm, prefix: str):
+    """A PETSc.KSP with the options of this prefix. Collective."""
+    ksp = current().PETSc.KSP().create(comm)
+    ksp.setOptionsPrefix(prefix)
+    ksp.setFromOptions()
+    return ksp
+
+
 def factorise(ksp, matrix, what: str) -> int:
     """Set up `ksp` for `matrix`; where MUMPS ran out of workspace, start afresh with twice as much. Collective.
 
-    Returns how many factorisations that took. Raises Failure naming `what`.
+    Returns how many factorisations that took. Raises Failure naming `what`, and PETSc.Error for what has no words here.
     """
     attempt = 1
     while True:
         ksp.setOperators(matrix)
-        ksp.setUp()
+        try:
+            ksp.setUp()
+        except current().PETSc.Error as error:
+            if error.ierr == PETSC_MEMORY or CHOLMOD_MEMORY.search(str(error)):
+                prefix = ksp.getOptionsPrefix()
+                raise Failure(
+                    f"factorisation of {what}: out of memory; use more ranks or nodes, or have the factor on disk with "
+                    f"-{prefix}pc_factor_mat_solver_type mumps -{prefix}mat_mumps_icntl_22 1",
+                    MEMORY[0],
+                ) from None
+            raise
         pc = ksp.getPC()
         code = failure(pc) if pc.getType() in ("cholesky", "lu") else 0
         if not code or code > 0:  # positive codes are warnings

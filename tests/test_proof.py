@@ -1,0 +1,222 @@
+"""A factorisation counts as a proof only where its success is one: whatever options say, nothing false is proved."""
+
+import itertools
+
+import numpy as np
+import pytest
+from launch import run
+from samples import lattice, polydisperse
+
+import jampetsc
+from jampetsc.errors import ConvergenceError
+from jampetsc.solvers.cholesky import Cholesky, NotPositiveDefinite
+from jampetsc.storage.packing_file import write_packing
+
+PROGRAM = "../jampetsc/__main__.py"
+NUMBER = (
+    itertools.count()
+)  # of a test's prefix: under one used before, its defaults would win over the options
+
+# options, without their prefix, with which a factorisation of an indefinite matrix may succeed
+MUMPS = ["pc_factor_mat_solver_type mumps"]
+UNPROVING = [
+    ["mat_cholmod_factor SIMPLICIAL"],
+    ["mat_cholmod_factor AUTO"],
+    ["mat_cholmod_dbound 1e-3"],
+    ["pc_factor_mat_solver_type petsc"],
+    ["pc_type lu", "pc_factor_mat_solver_type petsc"],
+    ["pc_type jacobi", "ksp_type cg", "ksp_rtol 1e-12"],
+    ["ksp_type cg"],
+    ["ksp_reuse_preconditioner"],
+    [*MUMPS, "mat_mumps_icntl_24 1"],
+    [*MUMPS, "mat_mumps_icntl_35 1"],
+    [*MUMPS, "mat_mumps_cntl_4 0.01"],
+]
+PROVING = [
+    [],
+    MUMPS,
+    [*MUMPS, "mat_mumps_icntl_7 0", "mat_mumps_icntl_14 50"],
+    ["mat_cholmod_factor supernodal"],
+]
+
+
+@pytest.fixture
+def given(session):
+    """given(options): sets PETSc options with a prefix that nothing else has, and returns it."""
+    database = session.PETSc.Options()
+    prefix = f"trial{next(NUMBER)}_"
+
+    def set_options(options):
+        for option in options:
+            name, _, value = option.partition(" ")
+            database.setValue(prefix + name, value or None)
+        return prefix
+
+    yield set_options
+    for name in database.getAll():
+        if name.startswith(prefix):
+            database.delValue(name)
+
+
+def matrix(session, dense):
+    """A distributed PETSc Mat with these entries, zeros on the diagonal included."""
+    made = session.PETSc.Mat().createAIJ(len(dense), nnz=len(dense), comm=session.comm)
+    for row in range(*made.getOwnershipRange()):
+        made.setValues(row, range(len(dense)), dense[row])
+    made.assemble()
+    return made
+
+
+def definite(n=12):
+    """A tridiagonal matrix with eigenvalues between 0.06 and 3.94."""
+    return 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("options", PROVING, ids=" ".join)
+def test_what_proves(session, given, options):
+    prefix = given(options)
+    if session.size > 1 and any("cholmod" in option for option in options):
+        return
+    cholesky = Cholesky(matrix(session, definite()), prefix, "A")
+    cholesky.factorise()
+    assert cholesky.prove(), cholesky.doubt
+    cholesky.destroy()
+    cholesky = Cholesky(matrix(session, definite() - 0.1 * np.eye(12)), prefix, "A")
+    with pytest.raises(NotPositiveDefinite):
+        cholesky.factorise()
+    assert not cholesky.prove()
+    cholesky.destroy()
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("options", UNPROVING, ids=" ".join)
+def test_what_does_not_prove(session, given, options):
+    """The doubt names the option."""
+    if session.size > 1 and (any("cholmod" in option for option in options) or options[-1].endswith("petsc")):
+        return  # for one rank
+    prefix = given(options)
+    cholesky = Cholesky(matrix(session, definite()), prefix, "A")
+    cholesky.factorise()
+    assert not cholesky.prove()
+    assert any(f"-{prefix}{option.split()[0]}" in cholesky.doubt for option in options)
+    cholesky.destroy()
+
+
+@pytest.mark.scalar("real")
+def test_on_several_ranks_the_root_must_be_counted(session, given):
+    prefix = given([*MUMPS, "mat_mumps_icntl_13 0"])
+    cholesky = Cholesky(matrix(session, definite()), prefix, "A")
+    cholesky.factorise()
+    assert cholesky.prove() == (session.size == 1)
+    cholesky.destroy()
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize(
+    "options",
+    [
+        ["ksp_type cg", "pc_type jacobi", "ksp_rtol 1e-2"],
+        [*MUMPS, "mat_mumps_icntl_35 1", "mat_mumps_cntl_7 1e-2"],
+    ],
+    ids=" ".join,
+)
+def test_a_poor_solver_is_refined(session, given, options):
+    """A solve that returns is right to rounding, whatever made it."""
+    dense = definite(30)
+    prefix = given(options)
+    cholesky = Cholesky(matrix(session, dense), prefix, "A")
+    cholesky.factorise()
+    x, b = cholesky.matrix.createVecs()
+    b.set(1.0)
+    cholesky.solve(b, x)
+    found = np.concatenate(session.comm.allgather(x.getArray()))
+    np.testing.assert_allclose(found, np.linalg.solve(dense, np.ones(30)), rtol=1e-11)
+    for item in (cholesky, x, b):
+        item.destroy()
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("options", [["pc_type none"], ["pc_type jacobi"]], ids=" ".join)
+def test_a_solver_that_cannot_be_refined_is_refused(session, given, options):
+    prefix = given(options)
+    cholesky = Cholesky(matrix(session, definite(30)), prefix, "A")
+    cholesky.factorise()
+    x, b = cholesky.matrix.createVecs()
+    b.set(1.0)
+    with pytest.raises(
+        ConvergenceError, match="refinement does not remove it: the options that begin with -trial"
+    ):
+        cholesky.solve(b, x)
+    for item in (cholesky, x, b):
+        item.destroy()
+
+
+@pytest.mark.parametrize(
+    "option", ["pc_factor_mat_solver_type petsc", "mat_mumps_icntl_35 1", "pc_type jacobi"]
+)
+def test_what_does_not_count_is_refused(tmp_path, option):
+    packing, out = tmp_path / "packing.h5", tmp_path / "modes.h5"
+    write_packing(packing, polydisperse(3)[0])
+    name, value = option.split()
+    done = run(0, PROGRAM, "modes", packing, "--out", out, "--count", 3, f"-inertia_{name}", value)
+    assert done.returncode == 2 and not out.exists()
+    assert f"-inertia_{name}" in done.stderr and "would count no eigenvalues" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_lack_of_memory_is_said():
+    done = run(0, "run_out_of_memory.py")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("factorisation of a large grid: out of memory; use more ranks")
+    assert "-trial_pc_factor_mat_solver_type mumps" in done.stdout
+
+
+def sweep(folder, disks, *words, ranks=0):
+    """`jampetsc sweep` of these disks: the process, and the result if there is one."""
+    packing, out = folder / "packing.h5", folder / "sweep.h5"
+    write_packing(packing, disks)
+    done = run(ranks, PROGRAM, "sweep", packing, "--out", out, *words)
+    return done, jampetsc.load(out) if out.exists() else None
+
+
+@pytest.mark.parametrize("options", (UNPROVING[0], UNPROVING[5]), ids=" ".join)
+def test_an_indefinite_packing_is_never_certified(tmp_path, options):
+    """14 negative modes, which these options let pass."""
+    given = [word for option in options for word in f"-shift_{option}".split()]
+    done, result = sweep(tmp_path, lattice(), "--omega", "10,100", *given)
+    assert done.returncode == 0, done.stderr
+    assert "K has 14 negative modes" in done.stderr
+    assert "certified" not in done.stdout and "estimated to" in done.stdout
+    assert result.attributes["positive_semidefinite"].startswith("no: 14 negative modes")
+
+
+def test_a_count_stands_in_for_a_factorisation_that_proves_nothing(tmp_path):
+    done, result = sweep(
+        tmp_path, polydisperse(3)[0], "--omega", "1,10", "-shift_mat_cholmod_factor", "SIMPLICIAL"
+    )
+    assert done.returncode == 0, done.stderr
+    assert "certified to" in done.stdout
+    assert result.attributes["positive_semidefinite"] == "proved by the inertia of K"
+
+
+def test_a_quench_does_not_take_what_proves_nothing(tmp_path):
+    out = tmp_path / "packing.h5"
+    done = run(
+        0,
+        PROGRAM,
+        "pack",
+        "--n",
+        16,
+        "--pressure",
+        "1e-2",
+        "--out",
+        out,
+        "-newton_pc_factor_mat_solver_type",
+        "petsc",
+    )
+    assert done.returncode == 2 and not out.exists()
+    assert (
+        "-newton_pc_factor_mat_solver_type petsc" in done.stderr and "would prove no minimum" in done.stderr
+    )
+    assert len(done.stderr.splitlines()) == 1
