@@ -287,6 +287,8 @@ def test_pictures(tmp_path, kind):
         ("lost.h5", r"lost\.h5: its packing packing-lost\.h5 is not beside it: give it with --packing"),
         ("s.h5 --packing packing-t.h5", r"packing-t\.h5: is not the packing that s\.h5 was made from"),
         ("s.h5 t.h5 --packing packing-s.h5", r"--packing packing-s\.h5: one packing for 2 sweeps"),
+        ("s.h5 t.h5 s.h5", r"s\.h5: this file is given already: name each file once"),
+        ("s.h5 t.h5 again.h5", r"again\.h5: comes from the same packing as s\.h5 \(sha256 [0-9a-f]{12}…\)"),
         ("s.h5 contact.h5", r"contact\.h5: law law contact"),
         ("s.h5 large.h5", r"large\.h5: number of disks 900, but s\.h5 has 400"),
         ("s.h5 dense.h5", r"dense\.h5: pressure 0\.01, but s\.h5 has 0\.001: average sweeps of one pressure"),
@@ -303,11 +305,12 @@ def test_bad_input(tmp_path, monkeypatch, line, message):
     write_sweep(here, "s")
     write_sweep(here, "t", seed=1)
     write_sweep(here, "lost")
+    write_sweep(here, "again")
     (tmp_path / "packing-lost.h5").unlink()
     write_sweep(here, "contact", law="contact")
     write_sweep(here, "large", n=900)
     write_sweep(here, "dense", pressure=1e-2)
-    write_sweep(here, "other", omega=np.array([1e-4, 3e-2]))
+    write_sweep(here, "other", seed=2, omega=np.array([1e-4, 3e-2]))
     with ResultWriter("bare.h5", "jampetsc-sweep") as writer:
         for name in ("omega", "G", "error_bound"):
             writer.dataset(name, np.ones(2))

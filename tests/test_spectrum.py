@@ -108,6 +108,11 @@ def test_units_of_the_sweep_drop_out_of_the_picture(tmp_path):
 @pytest.mark.parametrize(
     ("line", "message"),
     [
+        (
+            "sweep.h5 --out s.gif",
+            r"--out s\.gif: give it the ending \.h5 for a file, \.png, \.pdf, \.svg for",
+        ),
+        ("sweep.h5 sweep.h5 --out s.png", r"sweep\.h5: this file is given already"),
         ("direct.h5 --out s.h5", r"direct\.h5: holds no spectrum: run the sweep with --method rational"),
         ("sweep.h5 sweep.h5 --out s.h5", r"s\.h5: a file holds one spectrum, not 2"),
         ("sweep.h5 --out s.h5 --window 2", r"--window 2: choose between 0\.01 and 1\.5"),
@@ -127,4 +132,4 @@ def test_bad_input(tmp_path, monkeypatch, line, message):
             writer.dataset(name, np.ones(3))
     with pytest.raises(InputError, match=message):
         run(*line.split())
-    assert not (tmp_path / "s.h5").exists() and not (tmp_path / "s.png").exists()
+    assert not (tmp_path / "s.h5").exists() and not list(tmp_path.glob("s.[pg]*"))

@@ -1,5 +1,7 @@
 """`jampetsc correlate`: correlation of transverse displacements along the flow; without PETSc or MPI."""
 
+import math
+
 from jampetsc.errors import InputError
 
 LANES = "0.5,0.25,1"
@@ -51,12 +53,14 @@ def run(args, petsc_argv) -> int:
 
     from jampetsc.analysis.correlations import correlate, grid_cells, lane_sums
     from jampetsc.storage.atomic import check_writable
-    from jampetsc.storage.fields import chosen_frequencies, packing_of, particle_rows
+    from jampetsc.storage.fields import chosen_frequencies, field_at, packing_of, particle_rows
+    from jampetsc.words.files import refuse_repeated
     from jampetsc.words.frequencies import parse_omega
 
     began = time.perf_counter()
     lanes = _lanes(args.lane)
     wanted = None if args.omega is None else parse_omega(args.omega)
+    refuse_repeated(args.files)
     check_writable(args.out)
     sweeps = _open(args.files)
     if args.packing and len(sweeps) > 1:
@@ -66,14 +70,14 @@ def run(args, petsc_argv) -> int:
     frequencies, sums, cells, scales = [], [[] for _ in lanes], None, []
     for sweep in sweeps:
         fields = sweep.fields
-        rows = np.argsort(fields.omega) if wanted is None else chosen_frequencies(sweep, wanted)
+        rows = chosen_frequencies(sweep, fields.omega[np.argsort(fields.omega)] if wanted is None else wanted)
         frequencies.append(fields.omega[rows])
         disks = packing_of(sweep, args.packing)
         particles = particle_rows(sweep, disks)
         diameter = 2.0 * float(disks.radii.mean())
         scales.append((disks.cell[0, 0], diameter))
         cells = cells or grid_cells(disks.cell[0, 0], diameter)
-        transverse = np.array([fields.displacement[int(row), :, 1] for row in rows])
+        transverse = np.array([field_at(sweep, row)[0][:, 1] for row in rows])
         parts = np.stack((transverse.real, transverse.imag), axis=1).reshape(2 * len(rows), -1)
         for width, found in zip(lanes, sums, strict=True):
             try:
@@ -102,8 +106,9 @@ def _lanes(text):
 
 
 def _open(paths):
-    """The sweeps, all of one law, pressure and number of disks. Raises InputError."""
+    """The sweeps, of different packings, all of one law, pressure and number of disks. Raises InputError."""
     from jampetsc.storage.reader import SweepResult, load
+    from jampetsc.words.files import refuse_one_packing
 
     sweeps = [load(path) for path in paths]
     for path, sweep in zip(paths, sweeps, strict=True):
@@ -123,6 +128,7 @@ def _open(paths):
             raise InputError(
                 f"{path}: pressure {pressure:g}, but {paths[0]} has {first:g}: average sweeps of one pressure"
             )
+    refuse_one_packing(sweeps)
     return sweeps
 
 
@@ -183,8 +189,6 @@ def _mean_pressure(sweeps):
 
 def _summary(out, sweeps, omega, lanes, results, size):
     """Lengths in diameters of the first lane width, and how far the others are from it."""
-    import numpy as np
-
     first = results[0]
     count = f"{len(sweeps)} packing{'s' * (len(sweeps) > 1)}"
     lines = [f"{out}: {count}, L = {size:.4g} d, lanes of {lanes[0]:g} d, {first.pairs} pairs"]
@@ -195,10 +199,19 @@ def _summary(out, sweeps, omega, lanes, results, size):
         ]
         lines.append(f"  omega {w:.3g}: l/d {',  '.join(parts)}")
     for width, other in zip(lanes[1:], results[1:], strict=True):
-        change = np.sqrt(np.nanmean((other.values - first.values)[:, 1:] ** 2))
-        error = np.sqrt(np.nanmean(np.hypot(first.errors, other.errors)[:, 1:] ** 2))
-        lines.append(f"  lanes of {width:g} d: C differs by {change:.2g} (rms), with errors of {error:.2g}")
+        change = _rms(other.values - first.values)
+        error = math.hypot(_rms(first.errors), _rms(other.errors))
+        known = f"differs by {change:.2g} (rms), with errors of {error:.2g}"
+        lines.append(f"  lanes of {width:g} d: C {known if change == change else 'is not known'}")
     return "\n".join(lines)
+
+
+def _rms(values):
+    """Root mean square of what is known of values (F, D + 1) beyond δ = 0; nan if nothing is."""
+    import numpy as np
+
+    known = values[:, 1:][np.isfinite(values[:, 1:])]
+    return np.sqrt(np.mean(known**2)) if len(known) else np.nan
 
 
 def _with_error(value, error):

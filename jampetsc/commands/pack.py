@@ -63,8 +63,8 @@ def run(args, petsc_argv) -> int:
     from jampetsc import session as door
     from jampetsc.storage.atomic import check_writable
 
-    tasks = plan(args)
     start = starter(args)
+    tasks = plan(args)
     request = request_of(args)
     pending = [task for task in tasks if not complete(task, request)]
     for task in pending:

@@ -169,7 +169,7 @@ def _collapse(args, items):
 
 def _fields(args, items):
     from jampetsc.plots.fields import plot_fields
-    from jampetsc.storage.fields import chosen_frequencies, packing_of, particle_rows
+    from jampetsc.storage.fields import chosen_frequencies, field_at, packing_of, particle_rows
     from jampetsc.words.frequencies import parse_omega
 
     (sweep,) = items
@@ -178,8 +178,8 @@ def _fields(args, items):
     disks = packing_of(sweep, args.packing)
     particles = particle_rows(sweep, disks)
     omega = fields.omega[rows] * float(sweep.attributes.get("tau1", 1.0))
-    displacement = [fields.displacement[row] for row in rows]
-    rotation = None if fields.rotation is None else [fields.rotation[row] for row in rows]
+    displacement, rotation = zip(*(field_at(sweep, row) for row in rows), strict=True)
+    rotation = None if fields.rotation is None else rotation
     plot_fields(disks, omega, displacement, rotation, particles, args.out)
     return f"displacement fields at omega tau1 = {', '.join(f'{w:g}' for w in omega)}"
 

@@ -2,10 +2,13 @@
 
 from jampetsc.errors import InputError
 
+HDF5 = (".h5", ".hdf5")  # endings of a file; those of a picture are `plots.style.FORMATS`
+
 DESCRIPTION = """\
 What a sweep with --method rational says about the response in time: relaxation times and weights, the
 spectrum H(tau), stress relaxation G(t), creep compliance J(t) and its retardation spectrum. One sweep gives
-an HDF5 file; any number of sweeps give a picture, where FILE ends in .png, .pdf or .svg."""
+an HDF5 file, where FILE ends in .h5; any number of sweeps give a picture, where it ends in .png, .pdf or
+.svg."""
 EPILOG = """\
 A packing has thousands of modes, the spectrum of a sweep a few tens: nodes of a quadrature that gives G* to
 the accuracy of the sweep. H(tau) is therefore given as its mean between neighbouring nodes, and averaged
@@ -43,10 +46,21 @@ def run(args, petsc_argv) -> int:
     from jampetsc.plots.style import FORMATS, check_output
     from jampetsc.storage.atomic import check_writable
     from jampetsc.storage.reader import SweepResult, load
+    from jampetsc.words.files import refuse_repeated
 
     if args.window is not None and not 0.01 <= args.window <= WIDEST:
         raise InputError(f"--window {args.window:g}: choose between 0.01 and {WIDEST:g} decades")
-    picture = Path(args.out).suffix.lower() in FORMATS
+    suffix = Path(args.out).suffix.lower()
+    picture = suffix in FORMATS
+    if not picture and suffix not in HDF5:
+        raise InputError(
+            f"--out {args.out}: give it the ending {HDF5[0]} for a file, {', '.join(FORMATS)} for a picture"
+        )
+    if not picture and len(args.files) > 1:
+        raise InputError(
+            f"--out {args.out}: a file holds one spectrum, not {len(args.files)}: run once for each, or draw them"
+        )
+    refuse_repeated(args.files)
     (check_output if picture else check_writable)(args.out)
     sweeps = [load(path) for path in args.files]
     for path, sweep in zip(args.files, sweeps, strict=True):
@@ -58,10 +72,6 @@ def run(args, petsc_argv) -> int:
         plot_spectra([spectrum_curve(sweep, args.window) for sweep in sweeps], args.out)
         print(f"{args.out}: spectra, G(t) and J(t) of {len(sweeps)} sweep{'s' * (len(sweeps) > 1)}")
         return 0
-    if len(sweeps) > 1:
-        raise InputError(
-            f"--out {args.out}: a file holds one spectrum, not {len(sweeps)}: run once for each, or draw them"
-        )
     print(_write(sweeps[0], args.out, args.window))
     return 0
 

@@ -42,9 +42,8 @@ def add_parser(subparsers):
     parser.add_argument(
         "--parallel",
         choices=("auto", "shifts", "matrix"),
-        default="auto",
         help="rational method on several ranks: each factorises a shift of its own, or all share each factorisation "
-        "(default: by the number of ranks and unknowns)",
+        "(default auto: by the number of ranks and unknowns)",
     )
     parser.add_argument(
         "--fields", default=None, metavar="LIST", help="also store displacement fields at these frequencies"
@@ -66,12 +65,24 @@ def run(args, petsc_argv) -> int:
     physics = physics_from(args)
     damping = damping_from(args, physics.law)
     omega = parse_omega(args.omega)
-    fields = parse_omega(args.fields, "--fields") if args.fields else np.zeros(0)
+    fields = np.zeros(0) if args.fields is None else parse_omega(args.fields, "--fields")
+    if args.parallel and args.method == "direct":
+        raise InputError(
+            f"--parallel {args.parallel}: belongs to --method rational; with direct all ranks share each solve"
+        )
     if not 1e-12 <= args.accuracy <= 0.1:
         raise InputError(f"--accuracy {args.accuracy:g}: choose between 1e-12 and 0.1")
     check_writable(args.out)
     job = Job.read(
-        args.packing, physics, omega, fields, args.method, args.accuracy, args.out, damping, args.parallel
+        args.packing,
+        physics,
+        omega,
+        fields,
+        args.method,
+        args.accuracy,
+        args.out,
+        damping,
+        args.parallel or "auto",
     )
     # Real scalars will do for the direct method, but take twice the memory.
     scalar = ("complex" if builds.to_choose("complex") else None) if args.method == "direct" else "real"
@@ -95,9 +106,11 @@ def run(args, petsc_argv) -> int:
 
 def summary(job, omega, G, bounds) -> str:
     """What a user wants to read after a sweep."""
-    import numpy as np
+    from jampetsc.analysis.bounds import relative_bound
 
-    storage, loss = np.max(bounds[:, 1] / np.abs(G.real)), np.max(bounds[:, 2] / np.abs(G.imag))
+    storage, loss = (
+        relative_bound(bound, part).max() for bound, part in ((bounds[:, 1], G.real), (bounds[:, 2], G.imag))
+    )
     lines = [
         f"{job.out}: {job.physics}, {len(omega)} frequencies, "
         f"{'certified' if job.negative_modes == 0 else 'estimated'} to {storage:.1e} in G' and {loss:.1e} in G''",

@@ -12,6 +12,7 @@ from jampetsc.errors import InputError
 from jampetsc.plots.curves import Curve, group_curves
 from jampetsc.plots.logaxes import place_legend, set_log_axes
 from jampetsc.plots.style import PAGE, colours, figure, power_or_number, save, sequential
+from jampetsc.plots.units import units_of
 
 HEIGHT = 2.9  # inches, of a row of panels
 _PARTS = (("Re", "-", 0), ("Im", (0, (4, 1.6)), 1))
@@ -37,15 +38,14 @@ class CorrelationCurve(Curve):
 
 def correlation_curve(result) -> CorrelationCurve:
     """A correlation file in units of the mean diameter d, k and 1/τ₁."""
-    k, tau1 = (float(result.attributes.get(name, 1.0)) for name in ("k", "tau1"))
-    d, pressure = float(result.attributes["mean_diameter"]), result.attributes.get("pressure")
+    units, d = units_of(result), float(result.attributes["mean_diameter"])
     length, error = result["length"][0] / d, result["length_error"][0] / d
     return CorrelationCurve(
         name=result.path.name,
-        omega=result["omega"] * tau1,
+        omega=result["omega"] * units.tau1,
         G=length[:, 0] + 1j * length[:, 1],
         bounds=error.T,
-        pressure=None if pressure is None else float(pressure) / k,
+        pressure=units.pressure,
         attributes=result.attributes,
         C=result["C"],
         errors=result["C_error"],

@@ -6,8 +6,10 @@ import numpy as np
 
 from jampetsc.errors import InputError
 from jampetsc.plots.style import MARKERS, colours, number, power_or_number, sequential
+from jampetsc.plots.units import units_of
 
 _SAME = 1e-9  # frequencies closer than this, relatively, are one: a grid and a list that meet
+_LARGEST = 1e200  # modulus that a log axis can show, and the inverse of the smallest
 _BOUNDS = ("error_bound_storage", "error_bound_loss")  # sharper than the one on |ΔG*|, where a file has them
 _SYMBOLS = {"beta": r"\beta", "eta_f": r"\eta_F", "alpha": r"\alpha", "stress": r"\sigma_0/k"}
 _SWITCHES = {  # attribute -> what to say if it is (off, on)
@@ -50,23 +52,26 @@ class Group:
 def curve_of(result) -> Curve:
     """The curve of a SweepResult, brought to units of k and 1/τ₁ with its attributes `k` and `tau1`.
 
-    Raises InputError for a file without any modulus.
+    Raises InputError for a file without any modulus, or with one beyond all measure.
     """
-    k, tau1 = (float(result.attributes.get(name, 1.0)) for name in ("k", "tau1"))
-    pressure = result.attributes.get("pressure")
+    units = units_of(result)
     order = np.argsort(result.omega)
     order = order[np.isfinite(result.G[order])]
     repeated = np.diff(np.log(result.omega[order]), prepend=-np.inf) < _SAME
     order = order[~repeated]
     if not len(order):
         raise InputError(f"{result.path}: holds no modulus at any frequency: run the sweep again")
+    for part in (result.G.real[order], result.G.imag[order]):
+        size = np.abs(part[part != 0])
+        if not ((size > 1 / _LARGEST) & (size < _LARGEST)).all():
+            raise InputError(f"{result.path}: holds moduli that no picture can show: run the sweep again")
     bounds = [result[name] if name in result else result.error_bound for name in _BOUNDS]
     return Curve(
         name=result.path.name,
-        omega=result.omega[order] * tau1,
-        G=result.G[order] / k,
-        bounds=np.array(bounds)[:, order] / k,
-        pressure=None if pressure is None else float(pressure) / k,
+        omega=result.omega[order] * units.tau1,
+        G=result.G[order] / units.k,
+        bounds=np.array(bounds)[:, order] / units.k,
+        pressure=units.pressure,
         attributes=result.attributes,
     )
 

@@ -8,6 +8,7 @@ from matplotlib.lines import Line2D
 from jampetsc.errors import InputError
 from jampetsc.plots.logaxes import place_legend, set_log_axes
 from jampetsc.plots.style import COLUMN, GREY, MARKERS, colours, figure, power_or_number, save
+from jampetsc.plots.units import units_of
 
 HEIGHT = 2.9  # inches
 BARE = "no_prestress"
@@ -23,9 +24,10 @@ def pressures_of(results):
     """p/k of each file, (F,). Raises InputError where it is not positive."""
     found = []
     for result in results:
-        pressure = result.attributes.get("pressure", 0.0) / result.attributes.get("k", 1.0)
-        if not pressure > 0:
-            raise InputError(f"{result.path}: pressure {pressure:g}: must be positive on a log axis")
+        pressure = units_of(result).pressure
+        if pressure is None or not pressure > 0:
+            known = "is not recorded" if pressure is None else f"{pressure:g}"
+            raise InputError(f"{result.path}: pressure {known}: must be positive on a log axis")
         found.append(float(f"{pressure:.6g}"))
     return np.array(found)
 
@@ -117,7 +119,8 @@ def _cycle(count):
 def _rows(result):
     """(β, η₀, η_∞) in kτ₁, the file's own and its scan's, β > 0."""
     attributes = result.attributes
-    unit = attributes.get("k", 1.0) * attributes.get("tau1", 1.0)
+    units = units_of(result)
+    unit = units.k * units.tau1
     rows = [(attributes["beta"], attributes["eta0"] / unit, attributes["eta_inf"] / unit)]
     if "beta_scan/beta" in result:
         scan = (result[f"beta_scan/{name}"] for name in ("beta", "eta0", "eta_inf"))

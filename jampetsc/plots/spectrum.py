@@ -11,6 +11,7 @@ from jampetsc.errors import InputError
 from jampetsc.plots.curves import Curve, group_curves
 from jampetsc.plots.logaxes import set_log_axes
 from jampetsc.plots.style import PAGE, figure, number, save
+from jampetsc.plots.units import units_of
 
 HEIGHT = 5.0  # inches
 _FEW = 2  # so many spectra or fewer: the modes and the content between them are drawn too
@@ -30,12 +31,12 @@ def spectrum_curve(result, window=None) -> SpectrumCurve:
 
     Raises InputError for a sweep that holds none.
     """
-    k, tau1 = (float(result.attributes.get(name, 1.0)) for name in ("k", "tau1"))
+    units = units_of(result)
+    k, tau1 = units.k, units.tau1
     found, (slowest, fastest) = result.spectrum, result.frequency_range
     spectrum = RelaxationSpectrum(
         found.G0 / k, found.eta_inf / (k * tau1), found.rates * tau1, found.weights / k
     ).sorted()
-    pressure = result.attributes.get("pressure")
     if window is None:
         window = result.attributes.get("window_decades")
     return SpectrumCurve(
@@ -43,7 +44,7 @@ def spectrum_curve(result, window=None) -> SpectrumCurve:
         omega=spectrum.rates,
         G=spectrum.modulus(spectrum.rates),
         bounds=np.zeros((2, len(spectrum.rates))),
-        pressure=None if pressure is None else float(pressure) / k,
+        pressure=units.pressure,
         attributes=result.attributes,
         spectrum=spectrum,
         transient=transient(spectrum, slowest * tau1, fastest * tau1, window),

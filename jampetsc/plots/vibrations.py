@@ -10,14 +10,20 @@ from jampetsc.errors import InputError
 from jampetsc.plots.floppy import pressures_of
 from jampetsc.plots.logaxes import place_legend, set_log_axes
 from jampetsc.plots.style import COLUMN, MARKERS, colours, figure, power_or_number, save, sequential
+from jampetsc.plots.units import units_of
 
 BINS = 8  # per decade of frequency, of the density of states
 _DASHES = (0, (4, 1.6))
 
 
+def eigenvalues(result):
+    """λ/k of the modes, increasing, (m,)."""
+    return result["eigenvalues"] / units_of(result).k
+
+
 def frequencies(result):
     """√(λ/k) of the modes, in units of √(k/m); modes of no energy are left out."""
-    values = result["eigenvalues"] / result.attributes.get("k", 1.0)
+    values = eigenvalues(result)
     return np.sqrt(values[values > 0])
 
 
@@ -38,7 +44,7 @@ def plot_spectra(results, path) -> None:
         above, below = fig.subplots(2, 1, sharex=True, height_ratios=(1.4, 1))
         lines = []
         for result, marker in zip(results, _markers(results), strict=True):
-            values = result["eigenvalues"] / result.attributes.get("k", 1.0)
+            values = eigenvalues(result)
             shown = values > 0
             number = 1 + np.flatnonzero(shown)
             colour = sequential()(norm(np.minimum(result["floppiness"][shown], norm.vmax)))
@@ -86,7 +92,7 @@ def chosen_modes(result, text):
     beyond = [n for n in numbers if not 1 <= n <= m]
     if beyond:
         raise InputError(f"--mode {beyond[0]}: {result.path.name} holds modes 1 to {m}")
-    values = result["eigenvalues"] / result.attributes.get("k", 1.0)
+    values = eigenvalues(result)
     stored = result.stored("modes")
     return [
         (rf"mode {n}, $\lambda/k={power_or_number(max(values[n - 1], 0.0))}$", stored[n - 1]) for n in numbers

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from jampetsc.analysis.bounds import relative_bound
 from jampetsc.analysis.scaling import CRITICAL_END, fit_power_law
 
 CRITICAL_START = 10.0  # ωτ₁ over p/k: well above the lower crossover, which is near 2 to 4 (BT eq. 16)
@@ -93,16 +94,12 @@ def log_interpolate(x, omega, G):
 
 def certified(result) -> float:
     """The larger of a sweep's relative bounds on G' and on G''."""
-    return float(
-        max(
-            np.max(result["error_bound_storage"] / np.abs(result.G.real)),
-            np.max(result["error_bound_loss"] / np.abs(result.G.imag)),
-        )
-    )
+    parts = (("error_bound_storage", result.G.real), ("error_bound_loss", result.G.imag))
+    return float(max(relative_bound(result[name], part).max() for name, part in parts))
 
 
 def _largest(exact, G):
     return tuple(
-        float(np.max(np.abs(part - true) / np.abs(true)))
+        float(relative_bound(np.abs(part - true), true).max())
         for part, true in ((G.real, exact.real), (G.imag, exact.imag))
     )

@@ -8,6 +8,7 @@ from jampetsc.contacts.disks import Disks
 from jampetsc.errors import InputError
 from jampetsc.storage.packing_file import packing_identity, read_packing
 
+_HUGE = 1e100  # displacements per unit strain that no packing has
 _SAME = 0.01  # a frequency asked for may differ from the stored one by this fraction: 0.0316 means 10^-1.5
 
 
@@ -29,11 +30,29 @@ def packing_of(result, given=None) -> Disks:
     return read_packing(path)
 
 
+def field_at(result, row):
+    """(displacement (n, 2), rotation (n,) or None), complex, of a sweep's field number `row`.
+
+    Raises InputError for a field that holds no numbers.
+    """
+    fields = result.fields
+    arrays = [None if part is None else part[int(row)] for part in (fields.displacement, fields.rotation)]
+    for array in arrays:
+        if array is not None and not (np.abs(array) < _HUGE).all():  # nan too
+            raise InputError(
+                f"{result.path}: its field at omega = {fields.omega[int(row)]:g} holds values that are no "
+                "numbers or beyond all measure: run the sweep again"
+            )
+    return tuple(arrays)
+
+
 def particle_rows(result, disks):
     """Rows (n,) of the packing that the fields belong to. Raises InputError if the numbers do not fit."""
     count = result.fields.displacement.shape[1]
     rows = result["particles"] if "particles" in result else np.arange(disks.n)
-    if len(rows) != count or (count and not (0 <= rows.min() and rows.max() < disks.n)):
+    if not count:
+        raise InputError(f"{result.path}: its fields are those of no disk, every one is a rattler")
+    if len(rows) != count or not (0 <= rows.min() and rows.max() < disks.n):
         raise InputError(
             f"{result.path}: fields of {count} particles do not fit the {disks.n} disks of the packing: "
             "run the sweep again"
@@ -47,6 +66,8 @@ def chosen_frequencies(result, wanted=None):
     Raises InputError naming the nearest stored ones where a frequency is not there.
     """
     stored = result.fields.omega
+    if not len(stored):
+        raise InputError(f"{result.path}: holds no fields: run the sweep with --fields w1,w2,…")
     if wanted is None:
         order = np.argsort(stored)
         return order[np.unique(np.linspace(0, len(order) - 1, min(len(order), 4)).round().astype(int))]

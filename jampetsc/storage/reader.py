@@ -14,6 +14,7 @@ from jampetsc.storage.packing_file import packing_from
 from jampetsc.storage.parts import GROUP, PartList
 from jampetsc.storage.provenance import law_of
 
+_SLOWEST = 1e-100  # rates beyond this and its inverse are no rates of relaxation
 _SAME = 1e-12  # two frequencies that differ by less, relatively, are the same
 
 
@@ -171,8 +172,9 @@ class SweepResult(Result):
         """Relaxation spectrum of a rational sweep, linear damping. Raises InputError if there is none."""
         if "reduced/rates" not in self:
             raise InputError(f"{self.path}: holds no spectrum: run the sweep with --method rational")
-        scalars = (float(self[f"reduced/{name}"]) for name in ("G0", "eta_inf"))
-        return RelaxationSpectrum(*scalars, *(self[f"reduced/{name}"] for name in ("rates", "weights")))
+        return _sound_spectrum(
+            self.path, *(self[f"reduced/{name}"] for name in ("G0", "eta_inf", "rates", "weights"))
+        )
 
     @property
     def frequency_range(self) -> tuple[float, float]:
@@ -187,13 +189,22 @@ class SpectrumResult(Result):
     @property
     def spectrum(self) -> RelaxationSpectrum:
         """The relaxation spectrum, modes in the order of their times."""
-        scalars = (float(self.attributes[name]) for name in ("G0", "eta_inf"))
-        return RelaxationSpectrum(*scalars, self["relaxation/rates"], self["relaxation/weights"])
+        scalars = (self.attributes[name] for name in ("G0", "eta_inf"))
+        return _sound_spectrum(self.path, *scalars, self["relaxation/rates"], self["relaxation/weights"])
 
     @property
     def frequency_range(self) -> tuple[float, float]:
         """Lowest and highest frequency of the sweep behind it."""
         return tuple(float(self.attributes[name]) for name in ("slowest_omega", "fastest_omega"))
+
+
+def _sound_spectrum(path, G0, eta_inf, rates, weights):
+    """The RelaxationSpectrum of these numbers. Raises InputError for what none can be."""
+    spectrum = RelaxationSpectrum(float(G0), float(eta_inf), rates, weights)
+    numbers = np.isfinite([spectrum.G0, spectrum.eta_inf]).all() and np.isfinite(weights).all()
+    if not numbers or rates.shape != weights.shape or not ((rates > _SLOWEST) & (rates < 1 / _SLOWEST)).all():
+        raise InputError(f"{path}: its spectrum holds values that no packing has: run the sweep again")
+    return spectrum
 
 
 LOADERS = {  # format -> loader(h5, path); a new format needs a line here

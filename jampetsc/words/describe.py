@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from jampetsc.analysis.bounds import relative_bound
 from jampetsc.contacts.minimum import ENTRIES, proved_minimum
 from jampetsc.contacts.state import measure
 from jampetsc.storage.parts import parts_of
@@ -154,7 +155,7 @@ def _moduli(sweep):
         ("worst bound, G*", "error_bound", np.abs(G)),
     ):
         if bound in sweep:
-            relative = sweep[bound] / np.abs(part)
+            relative = relative_bound(sweep[bound], part)
             worst = int(np.argmax(relative))
             rows.append((label, f"{relative[worst]:.1e} relative, at omega = {omega[worst]:.4g}"))
     return rows

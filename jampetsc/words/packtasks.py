@@ -1,5 +1,6 @@
 """What `jampetsc pack` is asked to make: a task per packing, where each starts, and which are there already."""
 
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,6 +14,8 @@ FEWEST, MOST = 16, 10_000_000
 PRESSURES = (1e-8, 1.0)
 PHIS = (0.8, 1.5)
 TOLERANCES = (1e-13, 1e-4)
+MANY = 1_000_000  # packings in one run
+LAST_SEED = 2**63 - 1  # what a file can record
 
 
 @dataclass(frozen=True)
@@ -27,6 +30,7 @@ class Task:
 def plan(args) -> list[Task]:
     """The packings asked for. Raises InputError for values out of range."""
     from jampetsc.packing.protocols import Target
+    from jampetsc.storage.packing_file import read_packing
 
     if not TOLERANCES[0] <= args.tolerance <= TOLERANCES[1]:
         raise InputError(
@@ -41,16 +45,23 @@ def plan(args) -> list[Task]:
             raise InputError("--stabilise shear: needs --pressure; at fixed --phi the cell does not move")
         targets = {"": Target(phi=args.phi, tolerance=args.tolerance)}
     else:
+        k = read_packing(args.source).potential.k if args.source else 1.0
         targets = {
-            word: Target(_pressure(word), stabilise=args.stabilise, tolerance=args.tolerance)
+            word: Target(k * _pressure(word), stabilise=args.stabilise, tolerance=args.tolerance)
             for word in args.pressure.split(",")
         }
     seeds = [None] if args.source else _seeds(args)
     for field, values in (("{seed}", seeds), ("{pressure}", targets)):
         if len(values) > 1 and field not in args.out:
             raise InputError(f"--out {args.out}: one name for {len(values)} packings: put {field} into it")
-    if args.source and "{seed}" in args.out:
-        raise InputError(f"--out {args.out}: {{seed}} has no meaning with --from")
+    meaningless = {"{seed}": args.source and "--from", "{pressure}": args.phi is not None and "--phi"}
+    for field in re.findall(r"\{[^{}]*\}?|\}", args.out):
+        if field not in meaningless:
+            raise InputError(
+                f"--out {args.out}: {field} stands for nothing: only {{seed}} and {{pressure}} do"
+            )
+        if meaningless[field]:
+            raise InputError(f"--out {args.out}: {field} has no meaning with {meaningless[field]}")
     return [
         Task(Path(args.out.replace("{seed}", str(seed)).replace("{pressure}", word)), seed, target)
         for seed in seeds
@@ -68,7 +79,8 @@ def _pressure(word) -> float:
     return value
 
 
-def _seeds(args) -> list[int]:
+def _seeds(args):
+    """The seeds, increasing. Raises InputError."""
     if args.seeds is None:
         seeds = [1 if args.seed is None else args.seed]
     else:
@@ -78,9 +90,12 @@ def _seeds(args) -> list[int]:
             raise InputError(f"--seeds {args.seeds}: must be FIRST:LAST, for instance 1:20") from None
         if last < first:
             raise InputError(f"--seeds {args.seeds}: the last must not be below the first")
-        seeds = list(range(first, last + 1))
-    if seeds[0] < 0:
-        raise InputError(f"--seed {seeds[0]}: must not be negative")
+        if last - first >= MANY:
+            raise InputError(f"--seeds {args.seeds}: {last - first + 1} packings: at most {MANY} at a time")
+        seeds = range(first, last + 1)
+    for seed in (seeds[0], seeds[-1]):
+        if not 0 <= seed <= LAST_SEED:
+            raise InputError(f"--seed {seed}: must lie in [0, {LAST_SEED}]")
     return seeds
 
 

@@ -1,0 +1,92 @@
+"""Files of odd contents: every command that reads results says one line or draws, without a warning of numpy's."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from jampetsc import cli
+from jampetsc.contacts.disks import Disks
+from jampetsc.errors import InputError
+from jampetsc.storage.packing_file import packing_identity, write_packing
+from jampetsc.storage.result_file import ResultWriter
+
+OMEGA = np.geomspace(1e-6, 1e2, 9)
+LINEAR = OMEGA * (1 + 1j)
+RATES = np.geomspace(1e-2, 1.0, 5)
+DISKS = 16
+
+
+def write_sweep(path, G=LINEAR, bound=1e-9, fields=None, spectrum=None, **attributes):
+    """A sweep; fields is (omega (F,), displacement (F, n, 2)) and spectrum (G0, eta_inf, rates, weights)."""
+    with ResultWriter(path, "jampetsc-sweep") as writer:
+        for name, values in (("omega", OMEGA), ("G", G), ("error_bound", np.full(len(OMEGA), bound))):
+            writer.dataset(name, values)
+        known = {"law": "contact", "beta": 1.0, "pressure": 1e-3, "k": 1.0, "tau1": 1.0} | attributes
+        if fields is not None:
+            omega, displacement = fields
+            writer.dataset("fields/omega", np.array(omega))
+            writer.dataset("fields/displacement", displacement)
+            writer.dataset("particles", np.arange(displacement.shape[1]))
+            points = np.random.default_rng(0).random((DISKS, 2)) * 4.0
+            packing = path.with_name("packing.h5")
+            write_packing(packing, Disks.from_positions(points, np.full(DISKS, 0.5), 4.0 * np.eye(2)))
+            known |= dict(zip(("packing", "packing_sha256"), packing_identity(packing), strict=True))
+        if spectrum is not None:
+            for name, values in zip(("G0", "eta_inf", "rates", "weights"), spectrum, strict=True):
+                writer.dataset(f"reduced/{name}", values)
+        writer.attributes(**known)
+
+
+def field(value, count=DISKS, frequencies=1):
+    return np.geomspace(1e-4, 1e-2, frequencies), np.full((frequencies, count, 2), value, complex)
+
+
+@pytest.mark.parametrize(
+    ("contents", "line", "message"),
+    [
+        ({"G": 0 * LINEAR}, "info s.h5", None),
+        ({"G": 0 * LINEAR}, "plot s.h5 --out s.svg", "nothing to show on log axes"),
+        ({"G": np.nan * LINEAR}, "plot s.h5 --out s.svg", "holds no modulus at any frequency"),
+        ({"G": 1e300 * LINEAR}, "plot s.h5 --out s.svg", "holds moduli that no picture can show"),
+        ({"G": 1e-300 * LINEAR}, "plot s.h5 --out s.svg", "holds moduli that no picture can show"),
+        ({"bound": np.inf}, "plot s.h5 --out s.svg", None),
+        ({"k": 0.0}, "plot s.h5 --out s.svg", "attribute k = 0.0: must be a positive number"),
+        ({"pressure": np.nan}, "plot s.h5 --out s.svg", "attribute pressure = nan: must be a number"),
+        ({"tau1": "one"}, "plot s.h5 --out s.svg", "attribute tau1 = one: must be a positive number"),
+        ({"spectrum": (np.nan, 0.1, RATES, RATES)}, "spectrum s.h5 --out o.h5", "values that no packing has"),
+        (
+            {"spectrum": (0.1, 0.1, RATES**200, RATES)},
+            "spectrum s.h5 --out o.h5",
+            "values that no packing has",
+        ),
+        ({"spectrum": (0.1, 0.1, RATES, 0 * RATES)}, "spectrum s.h5 --out o.svg", "no relaxation modes"),
+        ({"spectrum": (0.0, 0.0, RATES, RATES)}, "spectrum s.h5 --out o.h5", None),
+        ({"fields": field(0.0)}, "correlate s.h5 --lane 1,2 --out o.h5", None),
+        ({"fields": field(0.0)}, "plot s.h5 --kind fields --out s.svg", None),
+        (
+            {"fields": field(np.nan)},
+            "correlate s.h5 --out o.h5",
+            r"field at omega = 0\.0001 holds values that are",
+        ),
+        ({"fields": field(1e200)}, "plot s.h5 --kind fields --out s.svg", "no numbers or beyond all measure"),
+        ({"fields": field(1.0, count=0)}, "correlate s.h5 --out o.h5", "fields are those of no disk"),
+        (
+            {"fields": field(1.0, frequencies=0)},
+            "correlate s.h5 --out o.h5",
+            "holds no fields: run the sweep",
+        ),
+    ],
+)
+def test_odd_contents(contents, line, message, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    write_sweep(tmp_path / "s.h5", **contents)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        if message is None:
+            assert cli.dispatch(line.split()) == 0
+        else:
+            with pytest.raises(InputError, match=message) as raised:
+                cli.dispatch(line.split())
+            assert "s.h5" in str(raised.value) and "\n" not in str(raised.value)
+    assert capsys.readouterr().err == ""
