@@ -15,7 +15,7 @@ import re
 import sys
 import time
 
-from jampetsc import __version__, session
+from jampetsc import __version__, launcher, session
 from jampetsc.commands import COMMANDS
 from jampetsc.errors import InputError, JampetscError
 
@@ -24,8 +24,6 @@ MORE_MEMORY = "use more nodes, or a smaller packing"
 PETSC_OPTION = re.compile(r"-[A-Za-z]")
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")  # read when numpy is imported
 PATIENCE = 2.0  # seconds that a rank in trouble waits for the others to report the same
-SIZE_VARIABLES = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE")  # set by the launcher; known before MPI is started
-RANK_VARIABLES = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK", "SLURM_PROCID")
 
 
 def main(argv=None):
@@ -33,6 +31,7 @@ def main(argv=None):
     for variable in THREAD_VARIABLES:
         os.environ.setdefault(variable, "1")
     session.stop_on_sigterm()
+    launcher.forget_if_inherited()
     try:
         status = dispatch(sys.argv[1:] if argv is None else argv)
         sys.stdout.flush()
@@ -77,8 +76,8 @@ def dispatch(argv):
             f"{args.command} {petsc_argv[0]}: single-dash options are PETSc's, which has nothing to do here; "
             "the program's own begin with --"
         )
-    if _rank() and not args.takes_petsc(args):
-        return 0  # without MPI the work is done once, however many ranks mpirun started
+    if not args.takes_petsc(args) and not _chosen(argv):
+        return 0
     status = args.run(args, petsc_argv)
     if petsc_argv:
         _note_unused()
@@ -114,7 +113,7 @@ class Parser(argparse.ArgumentParser):
         raise InputError(f"{message} (see {self.prog} --help)")
 
     def print_help(self, file=None):
-        if _rank() == 0:
+        if _chosen(sys.argv):
             super().print_help(file)
 
 
@@ -151,6 +150,21 @@ def _did_you_mean(word, known):
     return f"; did you mean {near[0]}?" if near else ""
 
 
+def _chosen(request):
+    """Whether this process is to do what needs no MPI: of the ranks with the same request one does.
+
+    `request` is a command line. Where mpirun started several ranks MPI is started to compare them, and ended:
+    nobody waits for the one that works.
+    """
+    MPI = _start_mpi()
+    if not MPI:
+        return True
+    requests = MPI.COMM_WORLD.allgather((request, os.getcwd()))
+    chosen = requests.index(requests[MPI.COMM_WORLD.rank]) == MPI.COMM_WORLD.rank
+    MPI.Finalize()
+    return chosen
+
+
 def _note_unused():
     """Say which PETSc options were not needed in the end, though the run might have read them. Collective."""
     unused = session.current().unused_options()
@@ -161,12 +175,10 @@ def _note_unused():
 
 def _fail(message, status):
     """Print `message` once and return `status`; abort the job if some rank is not failing with this one."""
-    if any(int(os.environ.get(name, 1)) > 1 for name in SIZE_VARIABLES):
-        # start MPI if need be: a rank that left before rank 0 has printed would end the job without a word
-        with contextlib.suppress(ImportError):
-            importlib.import_module("mpi4py.MPI")
+    MPI = _start_mpi()  # a rank that left before another has printed would end the job without a word
     if _all_here():
-        if _rank() == 0:
+        messages = MPI.COMM_WORLD.allgather(message) if MPI else [message]
+        if messages.index(message) == _rank():
             _print_error(message)
         return status
     _print_error(f"rank {_rank()}: {message}")
@@ -186,16 +198,22 @@ def _all_here():
     return True
 
 
+def _start_mpi():
+    """`_mpi()`, which is started first where mpirun may have started several ranks."""
+    if launcher.several():
+        with contextlib.suppress(ImportError):
+            importlib.import_module("mpi4py.MPI")
+    return _mpi()
+
+
 def _mpi():
-    """mpi4py's MPI if something has loaded and started it, else None."""
+    """mpi4py's MPI if something has loaded and started it, and nothing ended it, else None."""
     MPI = sys.modules.get("mpi4py.MPI")
     return MPI if MPI and MPI.Is_initialized() and not MPI.Is_finalized() else None
 
 
 def _rank():
-    if _mpi():
-        return _mpi().COMM_WORLD.rank
-    return next((int(os.environ[name]) for name in RANK_VARIABLES if name in os.environ), 0)
+    return _mpi().COMM_WORLD.rank if _mpi() else 0
 
 
 def _print_error(message):

@@ -5,14 +5,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+from jampetsc.launcher import without_launcher
+
 ROOT = Path(__file__).resolve().parents[1]
 
 
 def environment():
     """The environment without what an mpirun above left in it, and with one thread per rank."""
-    clean = {
-        name: value for name, value in os.environ.items() if not name.startswith(("OMPI_", "PMIX_", "PRTE_"))
-    }
+    clean = without_launcher(os.environ)
     paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
     clean |= {"OMP_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(paths)}
     if os.geteuid() == 0:

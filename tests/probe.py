@@ -52,6 +52,10 @@ def nothing(args):
     pass
 
 
+def make(args):
+    Path(args.file).touch()
+
+
 def input_error(args):
     from jampetsc.errors import InputError
 

@@ -113,6 +113,55 @@ def test_help_and_errors_come_from_one_rank():
     assert done.returncode == 2
 
 
+# Which of several processes does what needs no MPI
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        "SLURM_PROCID=1 SLURM_NTASKS=2",
+        "SLURM_PROCID=1 SLURM_NTASKS=2 PMI_RANK=1 PMI_SIZE=2",
+        "PMIX_RANK=1",
+        "OMPI_COMM_WORLD_RANK=1 OMPI_COMM_WORLD_SIZE=2",
+        "MPI_LOCALNRANKS=2 PMI_RANK=1 PMI_SIZE=2",
+    ],
+)
+def test_variables_of_a_launcher_do_not_make_a_rank(given):
+    variables = dict(word.split("=") for word in given.split())
+    line = launch.command(0, "probe.py", "probe", "f", "--do", "input_error")
+    done = subprocess.run(
+        line, capture_output=True, text=True, timeout=60, env=launch.environment() | variables
+    )
+    assert (done.returncode, words_of(done)) == (2, ["jampetsc: error: f: radius -1: must be positive"])
+
+
+def test_ranks_with_the_same_request_do_it_once():
+    assert probe("probe", "f", ranks=2).stdout.count("done") == 1
+    done = probe("probe", "f", "--do", "input_error", ranks=2)
+    assert words_of(done) == ["jampetsc: error: f: radius -1: must be positive"] and done.returncode == 2
+
+
+def made_under_mpirun(folder, *line):
+    """Names of the files in `folder` after two ranks have run this command line there."""
+    environment = launch.environment()
+    pipes = {"capture_output": True, "text": True}
+    done = subprocess.run([*launch.mpirun(2), *line], timeout=60, env=environment, cwd=folder, **pipes)
+    assert done.returncode == 0, done.stderr
+    return sorted(os.listdir(folder))
+
+
+def test_ranks_with_requests_of_their_own_do_them(tmp_path):
+    farm = ["sh", "-c", 'exec "$@" $OMPI_COMM_WORLD_RANK', "farm"]
+    line = launch.command(0, "probe.py", "probe", "--do", "make")
+    assert made_under_mpirun(tmp_path, *farm, *line) == ["0", "1"]
+
+
+def test_what_a_rank_starts_is_no_rank(tmp_path):
+    line = launch.command(0, "probe.py", "probe", "--do", "make", "--scalar", "real")
+    code = f"from mpi4py import MPI; import subprocess; subprocess.run([*{line}, str(MPI.COMM_WORLD.rank)])"
+    assert made_under_mpirun(tmp_path, launch.sys.executable, "-c", code) == ["0", "1"]
+
+
 # Errors while a command runs
 
 

@@ -43,7 +43,7 @@ def pytest_on(ranks, folder, code):
     (folder / "pytest.ini").write_text("[pytest]\nmarkers = scalar\n")
     (folder / "test_sample.py").write_text(code)
     python = [sys.executable, "-m", "pytest", "-q", "--color=no", "-p", "no:cacheprovider", str(folder)]
-    line = ["mpirun", "--oversubscribe", "-n", str(ranks), *python] if ranks else python
+    line = [*launch.mpirun(ranks), *python]
     environment = launch.environment() | ({"JAMPETSC_TEST_SCALAR": "real"} if ranks else {})
     environment.pop("PYTEST_CURRENT_TEST", None)
     return subprocess.run(line, capture_output=True, text=True, timeout=60, env=environment, cwd=os.sep)

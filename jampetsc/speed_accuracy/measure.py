@@ -9,7 +9,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from jampetsc import __version__
+from jampetsc import __version__, launcher
 from jampetsc.contacts.laws import Physics
 from jampetsc.errors import InputError
 from jampetsc.progress import Progress
@@ -20,8 +20,6 @@ from jampetsc.storage.atomic import check_writable
 from jampetsc.storage.packing_file import packing_identity, read_packing
 from jampetsc.storage.provenance import git_commit
 from jampetsc.words.frequencies import parse_omega
-
-_WORLD = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE")  # set by the launcher above this process
 
 
 @dataclass(frozen=True)
@@ -73,7 +71,7 @@ def measure(request: Request, out) -> str:
 
 def _check(request, out, picture):
     """Raise InputError for what can be known to be wrong before anything runs."""
-    if any(int(os.environ.get(name, 1)) > 1 for name in _WORLD):
+    if launcher.several():
         raise InputError("jampetsc trade starts its own processes: run it without mpirun and give --ranks")
     processes.launcher(request.ranks)
     parse_omega(request.omega)

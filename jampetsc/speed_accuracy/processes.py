@@ -1,6 +1,7 @@
 """One run of jampetsc in processes of its own: each can load one PETSc build, and has its time and memory."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -9,9 +10,9 @@ import time
 from dataclasses import dataclass
 
 from jampetsc.errors import InputError
+from jampetsc.launcher import without_launcher
 
 _LAUNCHERS = ("mpirun", "mpiexec")
-_INHERITED = ("OMPI_COMM_", "OMPI_UNIVERSE_", "OMPI_APP_CTX_", "PMIX_", "PMI_", "PRTE_")  # of an mpirun above
 _PATIENCE = 10.0  # seconds that a run gets to clean up when it is stopped
 
 
@@ -32,7 +33,10 @@ def launcher(ranks: int | None) -> list[str]:
     found = next((path for name in _LAUNCHERS if (path := shutil.which(name))), None)
     if found is None:
         raise InputError(f"--ranks {ranks}: neither mpirun nor mpiexec is in PATH: leave out --ranks")
-    return [found, "-n", str(ranks)]
+    about = subprocess.run([found, "--version"], capture_output=True, text=True).stdout
+    # Open MPI would refuse more ranks than cores, and put two runs on the same ones; MPICH does neither
+    freely = ["--oversubscribe", "--bind-to", "none"] if re.search(r"Open ?(MPI|RTE)", about) else []
+    return [found, *freely, "-n", str(ranks)]
 
 
 def run(words, ranks: int | None = None) -> Outcome:
@@ -58,7 +62,7 @@ def run(words, ranks: int | None = None) -> Outcome:
 
 def _environment():
     """This process's environment without what an mpirun above it left there."""
-    clean = {name: value for name, value in os.environ.items() if not name.startswith(_INHERITED)}
+    clean = without_launcher(os.environ)
     if os.geteuid() == 0:  # in a container, where Open MPI wants to be told twice
         clean |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
     return clean

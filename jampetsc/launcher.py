@@ -1,0 +1,55 @@
+"""Whether this process is one of several that mpirun or mpiexec started together.
+
+The environment alone cannot tell: its variables reach every process that a rank starts, and Slurm sets some for
+tasks that have nothing to do with each other. So what is found here is a reason to start MPI and ask, no more;
+a process that MPI says is alone does its work.
+
+Slurm's srun is left out on purpose: `srun bash -c 'jampetsc plot $SLURM_PROCID.h5 …'` is a farm of tasks, and MPI
+would make each wait for all others. What needs no MPI is done by every task of srun.
+"""
+
+import os
+import re
+from pathlib import Path
+
+# what Open MPI (through PMIx and PRRTE) and MPICH (its process manager hydra) give to the processes they start
+INHERITED = (
+    *("OMPI_COMM_", "OMPI_UNIVERSE_", "OMPI_APP_CTX_", "OMPI_MCA_ess", "OMPI_MCA_orte_", "OMPI_MCA_pmix"),
+    *("PMIX_", "PRTE_", "PMI_", "MPI_LOCAL"),
+)
+DAEMONS = re.compile(r"mpirun|mpiexec|orte|prte|hydra|slurmstepd")  # they start ranks
+
+
+def several() -> bool:
+    """Whether the environment is that of one of several ranks."""
+    hydra = "MPI_LOCALNRANKS" in os.environ  # srun --mpi=pmi2 gives PMI_SIZE as well
+    sizes = [os.environ.get("OMPI_COMM_WORLD_SIZE"), os.environ.get("PMI_SIZE") if hydra else None]
+    return any(size is not None and size.isdecimal() and int(size) > 1 for size in sizes)
+
+
+def without_launcher(environment) -> dict:
+    """The environment for a process that is no rank of the mpirun above it, if there is one."""
+    return {name: value for name, value in environment.items() if not name.startswith(INHERITED)}
+
+
+def forget_if_inherited() -> None:
+    """In a process that a rank started, drop what mpirun gave to that rank: joining in its place would hang."""
+    if several() and _started_by_rank():
+        for name in set(os.environ) - set(without_launcher(os.environ)):
+            del os.environ[name]
+
+
+def _started_by_rank():
+    """Whether a process below mpirun and above this one uses MPI. False where /proc does not tell."""
+    pid = os.getppid()
+    try:
+        while pid > 1:
+            folder = Path("/proc", str(pid))
+            if DAEMONS.search((folder / "comm").read_text()):
+                return False
+            if re.search(r"/libmpi[\w-]*\.so", (folder / "maps").read_text()):
+                return True
+            pid = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
+    except OSError:
+        pass
+    return False
