@@ -1,8 +1,12 @@
-"""One rank's failure as everybody's: after a step in which any rank may fail, all go on or all raise."""
+"""What ranks do as one: a failure of one rank is everybody's, and what one rank finds out all of them know."""
 
 from contextlib import contextmanager
 
+import numpy as np
+
 from jampetsc.errors import JampetscError
+
+_PIECE = 1 << 30  # bytes broadcast at a time: MPI counts in 32 bits
 
 
 @contextmanager
@@ -20,3 +24,30 @@ def agreed(comm):
     for error in failures:
         if error is not None:
             raise error from None
+
+
+def by_rank_0(comm, action):
+    """Collective. What `action()` returns on rank 0, on every rank; a JampetscError that it raises there, too.
+
+    For what is to happen once, such as a look at a file. `comm` as in `agreed`.
+    """
+    found = None
+    with agreed(comm):
+        if comm is None or comm.rank == 0:
+            found = action()
+    return found if comm is None else comm.bcast(found)
+
+
+def from_rank_0(comm, arrays: dict | None) -> dict:
+    """Collective. Rank 0's dictionary of numpy arrays, of any size, on every rank; the others give None."""
+    if comm is None:
+        return arrays
+    shapes = comm.bcast(arrays and {name: (array.shape, array.dtype) for name, array in arrays.items()})
+    shared = {}
+    for name, (shape, dtype) in shapes.items():
+        array = np.ascontiguousarray(arrays[name]) if comm.rank == 0 else np.empty(shape, dtype)
+        content = array.reshape(-1).view(np.uint8)
+        for start in range(0, len(content), _PIECE):
+            comm.Bcast(content[start : start + _PIECE])
+        shared[name] = array
+    return shared

@@ -1,6 +1,8 @@
 """Published packings: their numbers come out, and files that are something else are refused."""
 
 import json
+import os
+import re
 from argparse import ArgumentParser
 from pathlib import Path
 
@@ -12,6 +14,7 @@ from jampetsc.commands import importing
 from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import measure
 from jampetsc.errors import InputError
+from jampetsc.storage import importers
 from jampetsc.storage.importers import import_packing
 from jampetsc.storage.packing_file import read_packing
 
@@ -101,6 +104,30 @@ def test_spoiled_text_is_refused_in_one_line(tmp_path, edit):
         import_packing(spoiled)
     assert str(caught.value).startswith(f"{spoiled}: ")
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("off", "refused"), [(1e-8, False), (1e-5, True)])
+def test_how_far_a_stored_pressure_may_be_off(tmp_path, off, refused):
+    """Published numbers have some nine digits; 1e-5 is another packing."""
+    spoiled = tmp_path / "packing.txt"
+    spoiled.write_text(re.sub(r"P = [\d.e-]+", f"P = {1e-3 * (1 + off):.17g}", JAMBASHBULK.read_text()))
+    if refused:
+        with pytest.raises(InputError, match=r"pressure is .* but stored as"):
+            import_packing(spoiled)
+    else:
+        assert import_packing(spoiled).n == 16
+
+
+def test_a_file_without_an_end_is_not_read(tmp_path, monkeypatch):
+    """A pipe whose writer goes on, and a text larger than a packing can be."""
+    os.mkfifo(tmp_path / "pipe")
+    holder = os.open(tmp_path / "pipe", os.O_RDWR)  # keeps a writer there: a reader would wait
+    with pytest.raises(InputError, match="is a pipe: give a regular file"):
+        import_packing(tmp_path / "pipe")
+    os.close(holder)
+    monkeypatch.setattr(importers, "_LARGEST", 1000)
+    with pytest.raises(InputError, match="more than 0 MB of text"):
+        import_packing(JAMBASHBULK)
 
 
 def test_other_files_are_refused(tmp_path):

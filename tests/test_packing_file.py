@@ -14,7 +14,13 @@ from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import InputError
 from jampetsc.storage.atomic import check_writable
-from jampetsc.storage.packing_file import is_complete, packing_identity, read_packing, write_packing
+from jampetsc.storage.packing_file import (
+    is_complete,
+    packing_identity,
+    read_identified,
+    read_packing,
+    write_packing,
+)
 from jampetsc.storage.reader import load
 
 RECORD = {
@@ -226,3 +232,47 @@ def test_readers_see_a_whole_file_at_any_time(path):
     process.kill()
     process.communicate()
     assert seeds == sorted(seeds)
+
+
+def test_arrays_and_hash_are_of_one_file_while_it_is_replaced(path, tmp_path):
+    process = launch.start(0, "write_packings.py", "forever", path)
+    assert process.stdout.readline() == "0\n"
+    seen = set()
+    while len(seen) < 20:
+        found, identity = read_identified(path)
+        write_packing(tmp_path / "again.h5", found)
+        assert identity == ("p.h5", packing_identity(tmp_path / "again.h5")[1])
+        seen.add(found.record["seed"])
+    process.kill()
+    process.communicate()
+
+
+@pytest.mark.scalar("real")
+def test_rank_0_reads_for_all(session, shared_path, disks):
+    """The other ranks are given a name that is not there."""
+    name = shared_path / ("p.h5" if session.rank == 0 else "none.h5")
+    if session.rank == 0:
+        write_packing(name, disks)
+    found, identity = read_identified(name, session.comm)
+    assert identity[0] == "p.h5"
+    assert len(set(session.comm.allgather((found.fingerprint, identity)))) == 1
+    assert found.fingerprint == disks.fingerprint
+    assert found.record == RECORD
+    assert found.potential == disks.potential
+    if session.rank == 0:
+        name.write_text("no longer")
+    with pytest.raises(InputError, match=r"p\.h5: not an HDF5 file"):
+        read_packing(name, session.comm)
+
+
+@pytest.mark.scalar("real")
+def test_arrays_larger_than_one_message(session, monkeypatch):
+    from jampetsc import collective
+
+    monkeypatch.setattr(collective, "_PIECE", 24)  # bytes: three numbers of the rows below
+    arrays = {"a": np.arange(14.0).reshape(7, 2), "none": np.zeros((0, 2)), "F": np.ones((2, 3), order="F")}
+    found = collective.from_rank_0(session.comm, arrays if session.rank == 0 else None)
+    assert found.keys() == arrays.keys()
+    for name, array in arrays.items():
+        assert np.array_equal(found[name], array)
+        assert found[name].dtype == array.dtype

@@ -4,6 +4,7 @@ import math
 
 from jampetsc.errors import InputError
 
+FORMAT = "jampetsc-correlation"
 LANES = "0.5,0.25,1"
 SAME_PRESSURE = 0.01  # sweeps are averaged if their pressures differ by no more than this fraction
 
@@ -52,8 +53,8 @@ def run(args, petsc_argv) -> int:
     import numpy as np
 
     from jampetsc.analysis.correlations import correlate, grid_cells, lane_sums
-    from jampetsc.storage.atomic import check_writable
     from jampetsc.storage.fields import chosen_frequencies, field_at, packing_of, particle_rows
+    from jampetsc.storage.outputs import check_output
     from jampetsc.words.files import refuse_repeated
     from jampetsc.words.frequencies import parse_omega
 
@@ -61,7 +62,7 @@ def run(args, petsc_argv) -> int:
     lanes = _lanes(args.lane)
     wanted = None if args.omega is None else parse_omega(args.omega)
     refuse_repeated(args.files)
-    check_writable(args.out)
+    check_output(args.out, FORMAT, [*args.files, *filter(None, [args.packing])])
     sweeps = _open(args.files)
     if args.packing and len(sweeps) > 1:
         raise InputError(
@@ -160,7 +161,7 @@ def _write(out, sweeps, omega, widths, results, length, diameter, began):
         stacked = np.array([getattr(result, name) for result in results])
         return stacked.reshape(len(results), len(omega), 2, *stacked.shape[2:])
 
-    with ResultWriter(out, "jampetsc-correlation") as writer:
+    with ResultWriter(out, FORMAT) as writer:
         for name, values in {
             "omega": omega,
             "lane_width": np.array(widths),

@@ -21,11 +21,11 @@ def add_parser(subparsers) -> None:
 def run(args, petsc_argv) -> int:
     """Import, write and print what was found beside what was published."""
     from jampetsc.contacts.state import measure
-    from jampetsc.storage.atomic import check_writable
     from jampetsc.storage.importers import import_packing
-    from jampetsc.storage.packing_file import write_packing
+    from jampetsc.storage.outputs import check_output
+    from jampetsc.storage.packing_file import FORMAT, write_packing
 
-    check_writable(args.out)
+    check_output(args.out, FORMAT, [args.file])
     disks = import_packing(args.file, args.index)
     write_packing(args.out, disks)
     state = measure(disks)

@@ -42,6 +42,9 @@ def run(args, petsc_argv) -> int:
         return 0
 
     from jampetsc import session
+    from jampetsc.mechanics.examine import examine
+    from jampetsc.mechanics.network import build_network
+    from jampetsc.storage.packing_file import read_packing
 
     running = session.start("real", petsc_argv)
 
@@ -49,14 +52,11 @@ def run(args, petsc_argv) -> int:
     from jampetsc.solvers.rehearsal import rehearse
 
     rehearse(inertia.rehearse)
+    disks = read_packing(args.file, running.comm)  # of one rank for all: the file may have been replaced
     if running.rank == 0:
-        print(describe.packing(args.file, loaded), flush=True)
-
-    from jampetsc.mechanics.examine import examine
-    from jampetsc.mechanics.network import build_network
-
-    network = build_network(loaded, running.comm, physics.prestress)
+        print(describe.packing(args.file, disks), flush=True)
+    network = build_network(disks, running.comm, physics.prestress)
     facts = examine(network, physics.law)
     if running.rank == 0:
-        print("\n" + describe.matrices(loaded, network, physics, facts, running.size))
+        print("\n" + describe.matrices(disks, network, physics, facts, running.size))
     return 0

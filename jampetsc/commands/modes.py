@@ -43,15 +43,15 @@ def add_parser(subparsers):
 def run(args, petsc_argv) -> int:
     """Find the modes and write them. Collective."""
     from jampetsc import session
-    from jampetsc.storage.atomic import check_writable
+    from jampetsc.response import modes_file
+    from jampetsc.storage.outputs import check_output
 
     if args.count is not None and args.count < 1:
         raise InputError(f"--count {args.count}: must be at least 1")
     if args.below is not None and not 0 < args.below < float("inf"):
         raise InputError(f"--below {args.below:g}: must be positive")
-    check_writable(args.out)
+    check_output(args.out, modes_file.FORMAT, [args.packing])
     running = session.start("real", petsc_argv)
-    from jampetsc.response import modes_file
     from jampetsc.solvers import eigen, inertia, shifted
     from jampetsc.solvers.rehearsal import rehearse
 

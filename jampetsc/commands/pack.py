@@ -3,10 +3,11 @@
 import sys
 import time
 
+from jampetsc.collective import by_rank_0
 from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES
 from jampetsc.errors import ConvergenceError, JampetscError
 from jampetsc.packing.sizes import SIZES
-from jampetsc.words.packtasks import complete, entries, plan, request_of, starter
+from jampetsc.words.packtasks import complete, entries, plan, radii_for, request_of, starter
 
 EPILOG = """examples
   jampetsc pack --n 1024 --pressure 1e-4 --seed 1 --out p1e-4.h5
@@ -61,16 +62,22 @@ def add_parser(subparsers) -> None:
 def run(args, petsc_argv) -> int:
     """Make what is not there yet. Collective; every rank makes its own packings."""
     from jampetsc import session as door
-    from jampetsc.storage.atomic import check_writable
+    from jampetsc.storage.outputs import check_output
+    from jampetsc.storage.packing_file import FORMAT, read_identified
 
-    start = starter(args)
+    radii = radii_for(args)
     tasks = plan(args)
-    request = request_of(args)
-    pending = [task for task in tasks if not complete(task, request)]
-    for task in pending:
-        check_writable(task.path)
+    for task in tasks:
+        check_output(task.path, FORMAT, filter(None, [args.source, args.radii]))
     session = door.start(scalar="real", petsc_argv=petsc_argv)
-    pending = session.comm.bcast(pending)
+    radii = session.comm.bcast(radii)  # of one rank for all: the file may have been replaced
+    source, identity = None, None
+    if args.source:
+        source, identity = read_identified(args.source, session.comm)
+        tasks = plan(args, source.potential.k)
+    start = starter(args, radii, source)
+    request = request_of(args, identity)
+    pending = by_rank_0(session.comm, lambda: [task for task in tasks if not complete(task, request)])
     from jampetsc.solvers import local
     from jampetsc.solvers.rehearsal import rehearse
 

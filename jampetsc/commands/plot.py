@@ -81,10 +81,10 @@ def add_parser(subparsers):
 def run(args, petsc_argv):
     """Draw the picture and print what it shows; returns 0. Raises InputError."""
     from jampetsc.plots.sources import open_files
-    from jampetsc.plots.style import check_output
+    from jampetsc.plots.style import check_picture
 
     kinds = _asked_kinds(args)
-    check_output(args.out)
+    check_picture(args.out, [*args.files, *filter(None, [args.packing])])
     held, items = open_files(args.files)
     kind = next((name for name in kinds if held in KINDS[name]), kinds[0])
     if held not in KINDS[kind]:

@@ -29,13 +29,13 @@ def add_parser(subparsers):
 def run(args, petsc_argv) -> int:
     """Solve and write. Collective."""
     from jampetsc import session
-    from jampetsc.storage.atomic import check_writable
+    from jampetsc.response import quasistatic
+    from jampetsc.storage.outputs import check_output
 
     physics = physics_from(args)
     betas = _betas(args, physics.law)
-    check_writable(args.out)
+    check_output(args.out, quasistatic.FORMAT, [args.packing])
     running = session.start("real", petsc_argv)
-    from jampetsc.response import quasistatic
     from jampetsc.solvers import inertia, shifted
     from jampetsc.solvers.rehearsal import rehearse
 

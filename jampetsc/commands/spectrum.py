@@ -2,6 +2,7 @@
 
 from jampetsc.errors import InputError
 
+FORMAT = "jampetsc-spectrum"
 HDF5 = (".h5", ".hdf5")  # endings of a file; those of a picture are `plots.style.FORMATS`
 
 DESCRIPTION = """\
@@ -43,8 +44,8 @@ def run(args, petsc_argv) -> int:
     from pathlib import Path
 
     from jampetsc.analysis.relaxation import WIDEST
-    from jampetsc.plots.style import FORMATS, check_output
-    from jampetsc.storage.atomic import check_writable
+    from jampetsc.plots.style import FORMATS
+    from jampetsc.storage.outputs import PICTURE, check_output
     from jampetsc.storage.reader import SweepResult, load
     from jampetsc.words.files import refuse_repeated
 
@@ -61,7 +62,7 @@ def run(args, petsc_argv) -> int:
             f"--out {args.out}: a file holds one spectrum, not {len(args.files)}: run once for each, or draw them"
         )
     refuse_repeated(args.files)
-    (check_output if picture else check_writable)(args.out)
+    check_output(args.out, PICTURE if picture else FORMAT, args.files)
     sweeps = [load(path) for path in args.files]
     for path, sweep in zip(args.files, sweeps, strict=True):
         if not isinstance(sweep, SweepResult):
@@ -90,7 +91,7 @@ def _write(sweep, out, window):
     found = transient(spectrum, slowest, fastest, window)
     times, between = spectrum.between()
     late = found.retardation
-    with ResultWriter(out, "jampetsc-spectrum") as writer:
+    with ResultWriter(out, FORMAT) as writer:
         for name, values in {
             "relaxation/times": times,
             "relaxation/rates": spectrum.rates,

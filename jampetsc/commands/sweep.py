@@ -58,8 +58,8 @@ def run(args, petsc_argv) -> int:
     import numpy as np
 
     from jampetsc import builds, session
-    from jampetsc.response.job import Job
-    from jampetsc.storage.atomic import check_writable
+    from jampetsc.response.job import FORMAT, Job
+    from jampetsc.storage.outputs import check_output
     from jampetsc.words.frequencies import parse_omega
 
     physics = physics_from(args)
@@ -72,21 +72,12 @@ def run(args, petsc_argv) -> int:
         )
     if not 1e-12 <= args.accuracy <= 0.1:
         raise InputError(f"--accuracy {args.accuracy:g}: choose between 1e-12 and 0.1")
-    check_writable(args.out)
-    job = Job.read(
-        args.packing,
-        physics,
-        omega,
-        fields,
-        args.method,
-        args.accuracy,
-        args.out,
-        damping,
-        args.parallel or "auto",
-    )
+    check_output(args.out, FORMAT, [args.packing])
     # Real scalars will do for the direct method, but take twice the memory.
     scalar = ("complex" if builds.to_choose("complex") else None) if args.method == "direct" else "real"
     running = session.start(scalar, petsc_argv)
+    how = (args.method, args.accuracy, args.out, damping, args.parallel or "auto")
+    job = Job.read(args.packing, physics, omega, fields, *how, comm=running.comm)
 
     from jampetsc.response import direct, direct_sweep, rational_sweep
     from jampetsc.response.stability import settle

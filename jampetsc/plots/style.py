@@ -16,7 +16,8 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
 from jampetsc.errors import InputError
-from jampetsc.storage.atomic import check_writable, write_whole
+from jampetsc.storage.atomic import write_whole
+from jampetsc.storage.outputs import PICTURE, check_output
 
 COLUMN, PAGE = 3.4, 7.0  # inches: one and two columns of a journal
 GREY = "0.45"
@@ -113,11 +114,11 @@ def figure(width, height, **settings):
         yield fig
 
 
-def check_output(path) -> None:
-    """Raise InputError unless a picture of a known kind could be written at `path`."""
+def check_picture(path, inputs=()) -> None:
+    """Raise InputError unless a picture of a known kind may be put at `path`; inputs: files that the run reads."""
     if Path(path).suffix.lower() not in FORMATS:
         raise InputError(f"--out {path}: give it the ending {' or '.join(FORMATS)}")
-    check_writable(path)
+    check_output(path, PICTURE, inputs)
 
 
 def save(fig, path) -> None:

@@ -13,7 +13,7 @@ from jampetsc.contacts.minimum import proved_minimum
 from jampetsc.errors import InputError
 from jampetsc.mechanics.network import build_network
 from jampetsc.response.record import run_record
-from jampetsc.storage.packing_file import packing_identity, read_packing
+from jampetsc.storage.packing_file import read_identified
 from jampetsc.storage.result_file import ResultWriter
 from jampetsc.words.frequencies import LARGEST, SMALLEST
 
@@ -59,10 +59,12 @@ class Job:
         out,
         damping=None,
         parallel="auto",
+        comm=None,
     ) -> "Job":
         """The job for a packing file; fields are stored at frequencies of the sweep, so those are added to it.
 
-        Raises InputError where power-law damping would need frequencies beyond what can be solved.
+        Collective over `comm`, as `read_identified`. Raises InputError as that does, and where power-law damping
+        would need frequencies beyond what can be solved.
         """
         apart = ~np.isclose(np.asarray(omega)[:, None], field_omega, rtol=SAME, atol=0.0).any(axis=1)
         experiment = np.union1d(np.asarray(omega)[apart], field_omega)
@@ -78,11 +80,11 @@ class Job:
                 f"equivalent to {solved[beyond][0]:g} under linear damping, outside {SMALLEST:g} to "
                 f"{LARGEST:g}: narrow --omega"
             )
-        disks = read_packing(packing)
+        disks, identity = read_identified(packing, comm)
         return cls(
             packing=Path(packing),
             disks=disks,
-            identity=packing_identity(packing),
+            identity=identity,
             physics=physics,
             omega=solved,
             field_omega=solved[np.searchsorted(experiment, field_omega)],

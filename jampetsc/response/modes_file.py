@@ -10,7 +10,7 @@ from jampetsc.mechanics.network import build_network
 from jampetsc.response.modes import Modes, lowest_modes
 from jampetsc.response.record import run_record
 from jampetsc.session import current
-from jampetsc.storage.packing_file import packing_identity, read_packing
+from jampetsc.storage.packing_file import read_identified
 from jampetsc.storage.result_file import ResultWriter
 
 FORMAT = "jampetsc-modes"
@@ -23,7 +23,7 @@ def run(packing, out, prestress: bool, count=None, below=None) -> Modes:
     """
     started = time.perf_counter()
     session = current()
-    disks, identity = read_packing(packing), packing_identity(packing)
+    disks, identity = read_identified(packing, session.comm)
     try:
         network = build_network(disks, session.comm, prestress)
         with session.stage("modes"):

@@ -29,7 +29,7 @@ from jampetsc.response.job import split_field
 from jampetsc.response.record import run_record
 from jampetsc.response.viscosity import Flow, Viscosity
 from jampetsc.session import current
-from jampetsc.storage.packing_file import packing_identity, read_packing
+from jampetsc.storage.packing_file import read_identified
 from jampetsc.storage.result_file import ResultWriter
 
 FORMAT = "jampetsc-quasistatic"
@@ -119,7 +119,7 @@ def run(packing, out, physics: Physics, betas=()) -> Outcome:
     """
     started = time.perf_counter()
     session = current()
-    disks, identity = read_packing(packing), packing_identity(packing)
+    disks, identity = read_identified(packing, session.comm)
     try:
         outcome = _solve_all(build_network(disks, session.comm, physics.prestress), physics.law, betas)
     except InputError as error:

@@ -16,8 +16,8 @@ from jampetsc.progress import Progress
 from jampetsc.speed_accuracy import choices, ensembles, processes
 from jampetsc.speed_accuracy.advice import advise
 from jampetsc.speed_accuracy.table import Table
-from jampetsc.storage.atomic import check_writable
-from jampetsc.storage.packing_file import packing_identity, read_packing
+from jampetsc.storage.outputs import PICTURE, TABLE, check_output
+from jampetsc.storage.packing_file import read_identified, read_packing
 from jampetsc.storage.provenance import git_commit
 from jampetsc.words.frequencies import parse_omega
 
@@ -75,14 +75,14 @@ def _check(request, out, picture):
         raise InputError("jampetsc trade starts its own processes: run it without mpirun and give --ranks")
     processes.launcher(request.ranks)
     parse_omega(request.omega)
+    inputs = [request.packing, *(request.options_files or ())]
+    check_output(out, TABLE, inputs)
+    check_output(picture, PICTURE, inputs)
     read_packing(request.packing)
-    check_writable(out)
-    check_writable(picture)
 
 
 def _facts(request, reference, load):
-    disks = read_packing(request.packing)
-    name, digest = packing_identity(request.packing)
+    disks, (name, digest) = read_identified(request.packing)
     attributes = reference.result.attributes
     how = f"mpirun -n {request.ranks}" if request.ranks else "one process each"
     versions = (

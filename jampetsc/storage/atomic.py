@@ -16,6 +16,7 @@ from pathlib import Path
 import h5py
 
 from jampetsc.errors import InputError, JampetscError
+from jampetsc.storage.regular import kind
 
 _FULL = {
     errno.ENOSPC: "disk full",
@@ -36,6 +37,7 @@ _REFUSED = (
 def write_whole(path, content: bytes) -> None:
     """Write a small file complete or not at all, in the place of what was there. Raises JampetscError."""
     path = Path(os.path.realpath(path))
+    _require_regular(path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
         with open(temporary, "wb") as file:
@@ -62,8 +64,7 @@ def check_writable(path) -> None:
     """Raise InputError unless a file could be put at `path` now. Call it before long work."""
     path = follow(path)
     try:
-        if path.is_dir():
-            raise InputError(f"{path}: is a folder: give a file name with --out")
+        _require_regular(path)
         if not path.parent.is_dir():
             raise InputError(f"{path}: folder {path.parent} does not exist: create it first")
         if path.exists() and not os.access(path, os.W_OK):
@@ -73,6 +74,17 @@ def check_writable(path) -> None:
         probe.unlink(missing_ok=True)
     except OSError as error:
         raise write_error(path, error) from None
+
+
+def _require_regular(path):
+    """Raise InputError if there is something at `path`, links followed, that no file may replace."""
+    found = kind(os.stat(path).st_mode) if os.path.exists(path) else None
+    if found == "a folder":
+        raise InputError(f"{path}: is a folder: give a file name with --out")
+    if found is not None:
+        raise InputError(
+            f"{path}: is {found}, which a file would replace: give the name of a file with --out"
+        )
 
 
 def sync_folder(folder) -> None:
@@ -147,6 +159,7 @@ class OutputFile:
 
     def __init__(self, path):
         self.path = follow(path)
+        _require_regular(self.path)
         self.temporary = _temporary_name(self.path)
         remove_abandoned(self.path.parent, glob.escape(self.path.name))
         try:

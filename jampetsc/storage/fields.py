@@ -6,7 +6,7 @@ import numpy as np
 
 from jampetsc.contacts.disks import Disks
 from jampetsc.errors import InputError
-from jampetsc.storage.packing_file import packing_identity, read_packing
+from jampetsc.storage.packing_file import read_identified
 
 _HUGE = 1e100  # displacements per unit strain that no packing has
 _SAME = 0.01  # a frequency asked for may differ from the stored one by this fraction: 0.0316 means 10^-1.5
@@ -21,13 +21,13 @@ def packing_of(result, given=None) -> Disks:
     path = Path(given) if given else result.path.parent / str(name)
     if not given and (name is None or not path.is_file()):
         raise InputError(f"{result.path}: its packing {name or ''} is not beside it: give it with --packing")
-    _, sha256 = packing_identity(path)
+    disks, (_, sha256) = read_identified(path)
     if recorded is not None and sha256 != recorded:
         raise InputError(
             f"{path}: is not the packing that {result.path.name} was made from (sha256 {sha256[:12]}… "
             f"instead of {recorded[:12]}…): give that one with --packing"
         )
-    return read_packing(path)
+    return disks
 
 
 def field_at(result, row):

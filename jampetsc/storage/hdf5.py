@@ -2,30 +2,36 @@
 
 import os
 from contextlib import contextmanager
-from pathlib import Path
 
 import h5py
 import numpy as np
 
 from jampetsc.errors import InputError
+from jampetsc.storage.regular import open_regular
 
 
 def open_file(path) -> h5py.File:
-    """Open for reading. Raises InputError: missing, no permission, a folder, not HDF5, truncated."""
-    try:
+    """Open for reading. Raises InputError as `opening` does."""
+    with opening(path):
+        open_regular(path).close()
         # HDF5 would look for the parts of a symbolic link beside the link and in the working directory first
         return h5py.File(os.path.realpath(path), "r")
+
+
+@contextmanager
+def opening(path):
+    """Turn what the system and HDF5 say of a file into InputError: missing, no permission, not HDF5, truncated."""
+    try:
+        yield
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except PermissionError:
         raise InputError(f"{path}: no permission to read it") from None
     except OSError as error:
-        raise InputError(f"{path}: {_explain(path, error)}") from None
+        raise InputError(f"{path}: {_explain(error)}") from None
 
 
-def _explain(path, error) -> str:
-    if Path(path).is_dir():
-        return "is a folder: give the file in it"
+def _explain(error) -> str:
     if "truncated file" in str(error):
         return "truncated: it was not written or copied completely; copy or make it again"
     if "signature not found" in str(error):

@@ -14,9 +14,11 @@ from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import measure
 from jampetsc.errors import InputError
 from jampetsc.storage.hdf5 import open_file, reading
+from jampetsc.storage.regular import open_regular
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _NUMBER = r"([-+.\deE]+|[-+]?nan|[-+]?inf)"
+_LARGEST = 1 << 29  # bytes of text, about ten million disks
 _AGREE = 1e-6  # relative difference from a stored value that still counts as the same packing
 _STRESS = ("xx", "xy", "yx", "yy")
 _MODULI = ("xxxx", "yyyy", "xyxy", "xxyy", "xxxy", "yyxy")  # for a symmetric linear strain
@@ -30,13 +32,16 @@ def import_packing(path, index=0) -> Disks:
     wrong index, or one whose stored pressure or energy its positions do not have.
     """
     try:
-        with open(path, "rb") as file:
-            start = file.read(len(_HDF5))
+        with open_regular(path) as file:
+            content = file.read(len(_HDF5))
+            if content != _HDF5:
+                content += file.read(_LARGEST)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    read = _read_jaxmd if start == _HDF5 else _read_jambashbulk
+    if len(content) > _LARGEST:
+        raise InputError(f"{path}: more than {_LARGEST >> 20} MB of text: no packing that can be imported")
     try:
-        disks = read(path, index)
+        disks = _read_jaxmd(path, index) if content == _HDF5 else _read_jambashbulk(path, content, index)
     except InputError as error:
         text = str(error)
         raise InputError(text if text.startswith(f"{path}: ") else f"{path}: {text}") from None
@@ -62,9 +67,9 @@ def _pick(path, index, count):
     return index
 
 
-def _read_jambashbulk(path, index):
+def _read_jambashbulk(path, content, index):
     try:
-        text = Path(path).read_text()
+        text = content.decode()
     except UnicodeDecodeError:
         text = ""
     packings = re.split(r"(?m)^(?=[ \t]*N\s*=)", re.sub(r"(?m)^\s*#.*$", "", text))[1:]

@@ -1,11 +1,13 @@
 """A joint file and its parts as one plain file."""
 
+import os
 from pathlib import Path
 
 import h5py
 
-from jampetsc.storage.atomic import OutputFile, check_writable
+from jampetsc.storage.atomic import OutputFile
 from jampetsc.storage.hdf5 import attributes, check_format, open_file, reading, undisturbed
+from jampetsc.storage.outputs import check_output
 from jampetsc.storage.parts import GROUP, PartList
 
 _BLOCK_BYTES = 1 << 25  # copied at a time
@@ -22,15 +24,15 @@ def merge(path, out=None) -> int:
 
 def _merge(path, out):
     target = Path(path if out is None else out)
-    in_place = out is None or (target.exists() and target.samefile(path))
+    in_place = os.path.realpath(target) == os.path.realpath(path)
     with open_file(path) as h5:
         with reading(path):
-            check_format(path, attributes(h5))
+            kind = check_format(path, attributes(h5))
         parts = PartList(h5, path)
         parts.check()
         if in_place and not parts:
             return 0
-        check_writable(target)
+        check_output(target, kind, [] if in_place else [path])
         with OutputFile(target) as merged:
             _copy(h5, merged, path)
             parts.check_present()

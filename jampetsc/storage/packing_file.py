@@ -6,19 +6,24 @@ Datasets `positions` (N, 2), `radii` (N,), `cell` (2, 2) rows a1, a2, and the pa
 """
 
 import hashlib
+import io
 from pathlib import Path
 
 import h5py
 import numpy as np
 
+from jampetsc.collective import agreed, from_rank_0
 from jampetsc.contacts.disks import Disks, join
 from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.errors import InputError
 from jampetsc.storage.atomic import OutputFile
-from jampetsc.storage.hdf5 import attributes, check_format, open_file, reading
+from jampetsc.storage.hdf5 import attributes, check_format, open_file, opening, reading
+from jampetsc.storage.outputs import check_replaced
+from jampetsc.storage.regular import open_regular
 
 FORMAT = "jampetsc-packing"
 FORMAT_VERSION = "1.0"
+_ARRAYS = ("base", "offset", "radii", "cell_base", "cell_offset")
 _HEADER = ("format", "format_version", "potential", "stiffness", "k")
 
 
@@ -41,23 +46,65 @@ def write_packing(path, disks: Disks) -> None:
     record = {
         name: value for name, value in disks.record.items() if value is not None and name not in _HEADER
     }
+    check_replaced(path, FORMAT)
     with OutputFile(path) as h5:
         h5.attrs.update(dict(zip(_HEADER, header, strict=True)) | record)
         for name, array in datasets.items():
             h5.create_dataset(name, data=array)
 
 
-def read_packing(path) -> Disks:
-    """Read a packing file. Raises InputError naming the file, what is wrong with it and the remedy."""
+def read_packing(path, comm=None) -> Disks:
+    """Read a packing file. Collective over `comm` as `read_identified`, which says what it raises."""
+    return read_identified(path, comm)[0]
+
+
+def read_identified(path, comm=None) -> tuple[Disks, tuple[str, str]]:
+    """The packing at `path` and its identity: name and sha256 of the file, by which results refer to it.
+
+    Collective: rank 0 of the mpi4py communicator `comm` reads the bytes once, for hash and arrays alike. A file that is
+    replaced meanwhile gives one packing or the other, on all ranks. None: one process reads for itself.
+
+    Raises InputError, on all ranks, naming the file, what is wrong with it and the remedy.
+    """
+    first, found = comm is None or comm.rank == 0, (None, None)
+    with agreed(comm):
+        if first:
+            found = _read(path)
+    if comm is None or comm.size == 1:
+        return found
+    disks, identity = found
+    arrays = from_rank_0(comm, {name: getattr(disks, name) for name in _ARRAYS} if first else None)
+    potential, record, identity = comm.bcast((disks.potential, disks.record, identity) if first else None)
+    return Disks(**arrays, potential=potential, record=record), identity
+
+
+def _read(path):
+    with opening(path), open_regular(path) as file:
+        with h5py.File(file, "r") as h5:
+            _check_header(h5, path)  # before all of what may be a large result is read
+        file.seek(0)
+        content = file.read()
+        with h5py.File(io.BytesIO(content), "r") as h5:
+            disks = packing_from(h5, path)
+    return disks, (Path(path).name, hashlib.sha256(content).hexdigest())
+
+
+def check_packing(path) -> None:
+    """Raise InputError unless `path` is a packing file by its header: a look before long work."""
     with open_file(path) as h5:
-        return packing_from(h5, path)
+        _check_header(h5, path)
+
+
+def _check_header(h5, path):
+    with reading(path):
+        attrs = attributes(h5)
+    check_format(path, attrs, FORMAT)
+    return attrs
 
 
 def packing_from(h5, path) -> Disks:
     """Disks from an open packing file; `path` is for messages. Raises InputError."""
-    with reading(path):
-        attrs = attributes(h5)
-    check_format(path, attrs, FORMAT)
+    attrs = _check_header(h5, path)
     arrays = {name: _array(h5, path, name) for name in ("positions", "radii", "cell")}
     arrays |= {name: _array(h5, path, name) for name in ("positions_low", "cell_low") if name in h5}
     if not np.isfinite(arrays.get("cell_low", 0.0)).all():
@@ -89,13 +136,13 @@ def _array(h5, path, name):
 
 
 def packing_identity(path) -> tuple[str, str]:
-    """(name, sha256) of a packing file, by which results refer to it.
+    """(name, sha256) of a packing file as in `read_identified`, without a look at what it holds.
 
     Raises InputError if it cannot be read.
     """
     digest = hashlib.sha256()
     try:
-        with open(path, "rb") as file:
+        with open_regular(path) as file:
             while block := file.read(1 << 20):
                 digest.update(block)
     except OSError as error:

@@ -14,7 +14,8 @@ import numpy as np
 
 from jampetsc.collective import agreed
 from jampetsc.errors import JampetscError
-from jampetsc.storage.atomic import OutputFile, check_writable, follow, remove_abandoned, write_error
+from jampetsc.storage.atomic import OutputFile, follow, remove_abandoned, write_error
+from jampetsc.storage.outputs import check_output
 from jampetsc.storage.parts import GROUP, part_name, parts_of, remove_if_empty
 
 FORMAT_VERSION = "1.0"
@@ -58,8 +59,8 @@ class ResultWriter:
         self._layouts = {}
         self._open = True
         with self._step():
-            check_writable(self.path)
             if self.rank == 0:  # before the others open theirs
+                check_output(self.path, format)
                 remove_abandoned(self._part_path().parent)
         with self._step():
             if self.rank == 0:

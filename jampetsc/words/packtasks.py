@@ -9,6 +9,7 @@ import numpy as np
 from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import InputError
 from jampetsc.packing.sizes import SIZES, radii_of
+from jampetsc.storage.regular import open_regular
 
 FEWEST, MOST = 16, 10_000_000
 PRESSURES = (1e-8, 1.0)
@@ -27,10 +28,9 @@ class Task:
     target: object  # protocols.Target
 
 
-def plan(args) -> list[Task]:
-    """The packings asked for. Raises InputError for values out of range."""
+def plan(args, k=1.0) -> list[Task]:
+    """The packings asked for; k: of the packing to start from. Raises InputError for values out of range."""
     from jampetsc.packing.protocols import Target
-    from jampetsc.storage.packing_file import read_packing
 
     if not TOLERANCES[0] <= args.tolerance <= TOLERANCES[1]:
         raise InputError(
@@ -45,7 +45,6 @@ def plan(args) -> list[Task]:
             raise InputError("--stabilise shear: needs --pressure; at fixed --phi the cell does not move")
         targets = {"": Target(phi=args.phi, tolerance=args.tolerance)}
     else:
-        k = read_packing(args.source).potential.k if args.source else 1.0
         targets = {
             word: Target(k * _pressure(word), stabilise=args.stabilise, tolerance=args.tolerance)
             for word in args.pressure.split(",")
@@ -99,12 +98,19 @@ def _seeds(args):
     return seeds
 
 
-def starter(args):
-    """Function of (seed, target) that gives the disks to begin with. Raises InputError for bad input."""
-    from jampetsc.packing.protocols import random_start, start_phi
+def radii_for(args):
+    """Radii (N,) of the disks of a random start, None with --from. Raises InputError for what does not go together.
 
+    Looks at the files that are named, not yet into a packing.
+    """
     if args.source:
-        return _from_packing(args)
+        from jampetsc.storage.packing_file import check_packing
+
+        for name in ("potential", "stiffness", "sizes", "radii"):
+            if getattr(args, name) is not None:
+                raise InputError(f"--{name}: belongs to the packing {args.source}; leave it out with --from")
+        check_packing(args.source)
+        return None
     if args.radii:
         if args.n is not None or args.sizes:
             raise InputError(
@@ -120,20 +126,27 @@ def starter(args):
         raise InputError(
             f"{'--n' if radii is None else args.radii}: {n} disks: must lie in [{FEWEST}, {MOST}]"
         )
-    radii = radii_of(args.sizes or SIZES[0], n) if radii is None else radii
+    return radii_of(args.sizes or SIZES[0], n) if radii is None else radii
+
+
+def starter(args, radii, source):
+    """Function of (seed, target) that gives the disks to begin with, from `radii` or the packing `source`.
+
+    Raises InputError for a packing that cannot be begun with.
+    """
+    from jampetsc.packing.protocols import random_start, start_phi
+
+    if source is not None:
+        return _from_packing(args, source)
     potential = Potential(args.potential or "harmonic", args.stiffness or "constant")
     return lambda seed, target: random_start(radii, target.phi or start_phi(target.pressure), seed, potential)
 
 
-def _from_packing(args):
+def _from_packing(args, source):
     from jampetsc.contacts.kernel import deformed
     from jampetsc.contacts.state import measure
-    from jampetsc.storage.packing_file import read_packing
 
-    for name in ("potential", "stiffness", "sizes", "radii"):
-        if getattr(args, name) is not None:
-            raise InputError(f"--{name}: belongs to the packing {args.source}; leave it out with --from")
-    disks = replace(read_packing(args.source), record={})
+    disks = replace(source, record={})
     if args.n not in (None, disks.n):
         raise InputError(f"--n {args.n}: {args.source} has {disks.n} disks; leave --n out with --from")
     if args.phi is None and measure(disks).pressure <= 0:
@@ -148,7 +161,10 @@ def _from_packing(args):
 
 def _read_radii(path):
     try:
-        radii = np.loadtxt(path, dtype=float, ndmin=1)
+        with open_regular(path) as file:
+            radii = np.loadtxt(file, dtype=float, ndmin=1, max_rows=MOST + 1)
+    except InputError:
+        raise
     except (OSError, ValueError) as error:
         raise InputError(
             f"{path}: cannot be read as radii ({' '.join(str(error).split())}): give one number per line"
@@ -158,14 +174,11 @@ def _read_radii(path):
     return radii
 
 
-def request_of(args) -> dict:
-    """What a file must say to be what is asked for, beyond its target and seed."""
+def request_of(args, identity) -> dict:
+    """What a file must say to be what is asked for, beyond its target and seed; identity: of --from, or None."""
     entries = {"stabilise": args.stabilise, "tolerance": args.tolerance}
-    if args.source:
-        from jampetsc.storage.packing_file import packing_identity
-
-        name, digest = packing_identity(args.source)
-        return entries | {"source": name, "source_sha256": digest}
+    if identity is not None:
+        return entries | dict(zip(("source", "source_sha256"), identity, strict=True))
     return entries | {
         "sizes": f"radii of {Path(args.radii).name}" if args.radii else args.sizes or SIZES[0],
         "requested_n": args.n or 0,

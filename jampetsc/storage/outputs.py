@@ -1,0 +1,79 @@
+"""What may be put at `--out`: in one place for all commands.
+
+A result replaces an earlier result of its own kind and nothing else: no input, no file of another kind, no pipe
+and no device.
+"""
+
+import os
+from pathlib import Path
+
+from jampetsc.errors import InputError
+from jampetsc.storage.atomic import check_writable
+from jampetsc.storage.hdf5 import attributes, open_file, reading
+from jampetsc.storage.regular import open_regular
+
+PICTURE, TABLE = "picture", "table"
+_PICTURES = (b"\x89PNG\r\n", b"%PDF-", b"<?xml", b"<svg")  # how the files begin
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+
+
+def check_output(out, kind, inputs=()) -> None:
+    """Raise InputError unless a `kind` of file may be put at `out` now. Call it before long work.
+
+    kind     "picture", "table" or the format of a result, such as "jampetsc-sweep"
+    inputs   paths of what the run reads; those that do not exist are left to who reads them
+    """
+    for source in inputs:
+        if _same(out, source):
+            alias = "" if str(out) == str(source) else f" {source}"
+            raise InputError(f"{out}: is the input{alias}, which would be lost: choose another --out")
+    check_writable(out)
+    check_replaced(out, kind)
+
+
+def check_replaced(out, kind) -> None:
+    """Raise InputError if there is something at `out` that a `kind` of file may not replace."""
+    held = _held(out)
+    if held not in (None, kind):
+        raise InputError(
+            f"{out}: is there already and is {_article(held)}, not {_article(kind)}: "
+            "choose another --out, or remove it first"
+        )
+
+
+def _same(one, other):
+    try:
+        return os.path.samefile(one, other)
+    except OSError:
+        return False
+
+
+def _article(kind):
+    return f"a {kind} file" if kind.startswith("jampetsc-") else kind if " " in kind else f"a {kind}"
+
+
+def _held(path):
+    """Kind of the file at `path`, as `check_output` has it, or in words; None where nothing would be lost."""
+    try:
+        with open_regular(path) as file:
+            start = file.read(4096)
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except OSError as error:
+        return f"a file that cannot be read ({error.strerror})"
+    if not start:
+        return None
+    if start.startswith(_HDF5):
+        return _format(path)
+    if start.lstrip(b"\xef\xbb\xbf").startswith(_PICTURES):
+        return PICTURE
+    return TABLE if Path(path).suffix.lower() == ".csv" and b"\0" not in start else "a file of another kind"
+
+
+def _format(path):
+    try:
+        with open_file(path) as h5, reading(path):
+            name = attributes(h5).get("format")
+    except InputError:
+        return "a damaged HDF5 file"
+    return name if str(name).startswith("jampetsc-") else "an HDF5 file of another program"

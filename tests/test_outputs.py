@@ -1,0 +1,166 @@
+"""What `--out` may be: no command destroys an input, a file of another kind, or what is no regular file."""
+
+import os
+import socket
+import stat
+from pathlib import Path
+
+import numpy as np
+import pytest
+from samples import JAMBASHBULK, published
+
+from jampetsc import cli
+from jampetsc.errors import InputError
+from jampetsc.storage.merge import merge
+from jampetsc.storage.outputs import PICTURE, TABLE, check_output
+from jampetsc.storage.packing_file import write_packing
+from jampetsc.storage.result_file import ResultWriter
+
+COMMANDS = {  # words without --out -> the ending of what it writes
+    "pack --from p.h5 --pressure 1e-4": ".h5",
+    "import p.txt": ".h5",
+    "sweep p.h5": ".h5",
+    "sweep p.h5 --method direct": ".h5",
+    "quasistatic p.h5": ".h5",
+    "modes p.h5": ".h5",
+    "spectrum s.h5": ".h5",
+    "spectrum s.h5 --window 1": ".png",
+    "correlate s.h5": ".h5",
+    "correlate t.h5 --packing s.h5": ".h5",
+    "merge s.h5": ".h5",
+    "plot s.h5": ".png",
+    "plot t.h5 --kind fields --packing s.h5": ".svg",
+    "trade p.h5": ".csv",
+    "trade t.h5 --options-files p.h5": ".csv",
+}
+HELD = {"import": "packing", "pack": "packing", "merge": "sweep"}  # what else the command could replace
+
+
+@pytest.fixture
+def inputs(tmp_path, monkeypatch):
+    """A folder, which is the working directory, with a packing, two sweeps and a published packing."""
+    monkeypatch.chdir(tmp_path)
+    write_packing("p.h5", published())
+    for name in ("s.h5", "t.h5"):
+        result(name, "jampetsc-sweep")
+    Path("p.txt").write_bytes(JAMBASHBULK.read_bytes())
+    return tmp_path
+
+
+def result(name, format):
+    with ResultWriter(name, format) as writer:
+        for dataset in ("omega", "G", "error_bound"):
+            writer.dataset(dataset, np.ones(2))
+
+
+def content(folder):
+    """Type and content of everything in the folder."""
+    found = {}
+    for path in folder.iterdir():
+        mode = path.lstat().st_mode
+        found[path.name] = stat.S_IFMT(mode), path.read_bytes() if path.is_file() else None
+    return found
+
+
+def refused(capsys, words, out):
+    """The one line of error that the command ends with, nothing in the folder changed."""
+    before = content(Path.cwd())
+    assert cli.main([*words.split(), "--out", str(out)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert content(Path.cwd()) == before
+    return line
+
+
+def used(words):
+    """The input that --out must not be."""
+    return words.split()[-1] if words.split()[-1].endswith(".h5") else words.split()[1 + ("--from" in words)]
+
+
+@pytest.mark.parametrize("words", COMMANDS)
+def test_an_input_is_never_the_output(inputs, capsys, words):
+    source, ending = used(words), COMMANDS[words]
+    Path("symbolic" + ending).symlink_to(source)
+    os.link(source, "hard" + ending)
+    (inputs / "folder").symlink_to(inputs)
+    places = ["symbolic" + ending, "hard" + ending, f"folder/../{inputs.name}/hard{ending}"]
+    if words == "merge s.h5":  # to which the file itself means: in place
+        places = places[1:]
+    elif ending == ".h5":
+        places += [source, f"./{source}", inputs / source, f"folder/{source}"]
+    for out in places:
+        line = refused(capsys, words, out)
+        assert f"{Path(out)}: is the input" in line
+        assert line.endswith("which would be lost: choose another --out")
+
+
+@pytest.mark.parametrize("words", COMMANDS)
+def test_a_file_of_another_kind_is_never_replaced(inputs, capsys, words):
+    ending, kind = COMMANDS[words], HELD.get(words.split()[0], "correlation")
+    other = next(name for name in ("packing", "sweep") if name != kind)
+    if other == "packing":
+        write_packing("other" + ending, published())
+    else:
+        result("other" + ending, "jampetsc-sweep")
+    (inputs / ("text" + ending)).write_bytes(b"dear diary\0")
+    (inputs / ("foreign" + ending)).write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(500))
+    for name, held in (
+        ("other", f"a jampetsc-{other} file"),
+        ("text", "a file of"),
+        ("foreign", "a damaged"),
+    ):
+        if words.startswith(("sweep", "spectrum")) and other == "sweep" and name == "other":
+            continue
+        line = refused(capsys, words, name + ending)
+        assert f"{name}{ending}: is there already and is {held}" in line
+        assert line.endswith("choose another --out, or remove it first")
+
+
+@pytest.mark.parametrize("words", COMMANDS)
+def test_what_is_no_regular_file_is_never_replaced(inputs, capsys, words):
+    ending = COMMANDS[words]
+    os.mkfifo("pipe" + ending)
+    Path("link" + ending).symlink_to("pipe" + ending)
+    (inputs / ("folder" + ending)).mkdir()
+    places = {"pipe": "is a pipe", "link": "is a pipe", "folder": "is a folder", "socket": "is a socket"}
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind("socket" + ending)
+        if os.geteuid() == 0:
+            os.mknod("node" + ending, stat.S_IFCHR | 0o600, os.makedev(1, 3))  # what /dev/null is
+            places["node"] = "is a device"
+        for name, message in places.items():
+            assert message in refused(capsys, words, name + ending)
+
+
+def test_earlier_results_of_the_same_kind_are_replaced(inputs):
+    (inputs / "empty").touch()
+    (inputs / "table.csv").write_text("# measured\n1,2\n")
+    for name, start in (("a.png", b"\x89PNG\r\n\x1a\n"), ("a.pdf", b"%PDF-1.4"), ("a.svg", b"<?xml version")):
+        (inputs / name).write_bytes(start + bytes(9))
+        check_output(name, PICTURE)
+        with pytest.raises(InputError, match="is a picture, not a table"):
+            check_output(name, TABLE)
+    for name, kind in (("s.h5", "jampetsc-sweep"), ("p.h5", "jampetsc-packing"), ("table.csv", TABLE)):
+        check_output(name, kind)
+        check_output("none" + name, kind)
+        check_output("empty", kind)
+
+
+def test_what_writes_asks_again(inputs):
+    """For scripts, which do not go through the commands."""
+    os.mkfifo("pipe")
+    for path, message in (("s.h5", "is a jampetsc-sweep file, not"), ("pipe", "pipe: is a pipe")):
+        with pytest.raises(InputError, match=message):
+            write_packing(path, published())
+    for path, message in (("p.h5", "is a jampetsc-packing file, not"), ("pipe", "pipe: is a pipe")):
+        with pytest.raises(InputError, match=message):
+            result(path, "jampetsc-sweep")
+        with pytest.raises(InputError, match=message):
+            merge("s.h5", path)
+    assert stat.S_ISFIFO(Path("pipe").stat().st_mode)
+
+
+def test_reading_what_is_no_regular_file_ends(inputs, capsys):
+    os.mkfifo("pipe.h5")
+    for words in ("info pipe.h5", "merge pipe.h5", "import pipe.h5 --out q.h5", "plot pipe.h5 --out q.png"):
+        assert cli.main(words.split()) == 2
+        assert "pipe.h5: is a pipe: give a regular file" in capsys.readouterr().err
