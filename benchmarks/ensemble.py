@@ -15,7 +15,7 @@ import numpy as np
 from common import machine
 
 from jampetsc import session as door
-from jampetsc.contacts.kernel import PairList
+from jampetsc.contacts.pairs import PairList
 from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import measure
 from jampetsc.packing import protocols

@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from jampetsc import session as door
-from jampetsc.contacts.kernel import deformed
+from jampetsc.contacts.pairs import deformed
 from jampetsc.contacts.potentials import Potential
 from jampetsc.packing import protocols
 from jampetsc.packing.fire import STEP, Goal, Quench

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from jampetsc.contacts.disks import GRID, Disks
-from jampetsc.contacts.kernel import PairList, deformed, law_constants, pair_forces
+from jampetsc.contacts.kernel import law_constants, pair_forces
+from jampetsc.contacts.pairs import PairList, deformed
 from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.contacts.state import find_contacts, measure, net_forces, stress_tensor
 from jampetsc.packing import protocols

@@ -149,6 +149,18 @@ class Disks:
         """The same disks with `entries` added to the record."""
         return replace(self, record={**self.record, **entries})
 
+    def folded(self) -> "Disks":
+        """The same packing in the equivalent cell with tilt |γ| ≤ ½ Lx/Ly, a2 → a2 − m a1, every disk inside it.
+
+        Whole cell vectors are taken away, so no bond changes by more than the rounding of offsets.
+        """
+        turns = np.round(self.cell[1, 0] / self.cell[0, 0])
+        whole = np.array([[1.0, 0.0], [-turns, 1.0]])
+        cell_base, cell_offset = whole @ self.cell_base, whole @ self.cell_offset
+        image = np.floor(self.positions @ np.linalg.inv(cell_base + cell_offset))
+        base, offset = self.base - image @ cell_base, self.offset - image @ cell_offset
+        return replace(self, base=base, offset=offset, cell_base=cell_base, cell_offset=cell_offset)
+
     def reordered(self, order) -> "Disks":
         """The same packing with its disks in another order."""
         return replace(self, base=self.base[order], offset=self.offset[order], radii=self.radii[order])

@@ -1,42 +1,31 @@
-"""Contact forces of a quench: a pair list frozen between rebuilds, and the compiled loop over it.
+"""The bond kernel: forces, virial, energy and dissipation of all pairs of a list, in one compiled loop.
 
-A list holds r0 = x_j − x_i + image · cell of every nearby pair, rounded once from the split coordinates.
-Until the next rebuild disks move by small offsets o and the whole cell by F = e^ε [[1, g], [0, 1]]. A bond is
+A bond is r = F (r0 + o_j − o_i) (see `pairs`), n = r/|r|, t = ẑ × n. Where disks have velocities, u the
+non-affine ones, and spins Ω, their contact moves by
 
-    r = F (r0 + o_j − o_i)
+    ṙ = u_j − u_i + γ̇ r_y x̂,    a∥ = n·ṙ,    a⊥ = t·ṙ,    a⊥ᶜ = a⊥ − ρ_i Ω_i − ρ_j Ω_j,
 
-with neither images nor large coordinates: forces are exact to the rounding of r ~ d whatever the size of the
-cell.
+with r_y of the pair itself, never y_j − y_i: only so is the flow the same from every origin. Force on j:
+
+    f = −V'(r) n  −  c_∥ a∥ n  −  (c_⊥ a⊥ + c_s a⊥ᶜ) t,    torque on i and j: ρ c_s a⊥ᶜ,
+
+and it dissipates c_∥ a∥² + c_⊥ a⊥² + c_s a⊥ᶜ². The three c are the damping law's weights times kτ₁. The viscous
+virial f_a r_b is not symmetric; the part that does the work of shear is f_x r_y.
+
+Blocks of pairs go through three plain passes (gather, compute, scatter) without a branch: a contact is a factor
+0 or 1. Loops over the neighbours of each disk lose most of their time to mispredicted ends. What is None at
+compile time, motion or rolling, is not in the loop at all.
 """
-
-from dataclasses import dataclass
 
 import numba
 import numpy as np
 
-from jampetsc.contacts.disks import Disks, split
-from jampetsc.contacts.neighbours import neighbour_pairs
-from jampetsc.contacts.state import bond_vectors
-
 BLOCK = 1024  # pairs worked on at a time: their temporaries stay in the first-level cache
-
-
-@dataclass(frozen=True, eq=False)
-class PairList:
-    """Half list of the M pairs closer than σ + skin, sorted by i."""
-
-    i: np.ndarray  # (M,) uint32: unsigned, so that compiled code need not think of negative indices
-    j: np.ndarray  # (M,) uint32
-    r0: np.ndarray  # (2, M)
-    sigma: np.ndarray  # (M,) ρ_i + ρ_j
-    skin: float
-
-    @classmethod
-    def build(cls, disks: Disks, skin: float) -> "PairList":
-        """All pairs of `disks` closer than σ + skin."""
-        i, j, image = neighbour_pairs(disks.positions, disks.radii, disks.cell, skin=skin)
-        r0 = np.ascontiguousarray(bond_vectors(disks, i, j, image).T)
-        return cls(i.astype(np.uint32), j.astype(np.uint32), r0, disks.radii[i] + disks.radii[j], skin)
+# Rows of one array: with an array for each the compiler would have too many to prove that none overlaps
+# another, and would not vectorise.
+UX, UY, ROLL, END = (row * BLOCK for row in range(4))
+# Sums may be reordered and multiplications fused: that lets the compiler use its widest vectors.
+FAST = {"reassoc", "contract", "nsz", "arcp", "nnan", "ninf"}
 
 
 def law_constants(potential):
@@ -44,36 +33,25 @@ def law_constants(potential):
     return potential.k, potential.kind == "hertzian", potential.stiffness == "inverse-square-diameter"
 
 
-def deformed(disks: Disks, offsets, strain, shear) -> Disks:
-    """The disks at F (x + o), with F = e^strain [[1, shear], [0, 1]].
-
-    Only the change is rounded, never the coordinates: base + (offset + o) + (F − 1)(x + o).
-    """
-    growth = np.expm1(strain)
-    mixing = np.exp(strain) * shear
-
-    def change(x):
-        delta = growth * x
-        delta[:, 0] += mixing * x[:, 1]
-        return delta
-
-    moved = disks.offset + offsets
-    base, offset = split(disks.base, moved + change(disks.base + moved))
-    cell_base, cell_offset = split(disks.cell_base, disks.cell_offset + change(disks.cell))
-    return Disks(base, offset, disks.radii, cell_base, cell_offset, disks.potential, disks.record)
-
-
-# Sums may be reordered and multiplications fused: that lets the compiler use its widest vectors.
-FAST = {"reassoc", "contract", "nsz", "arcp", "nnan", "ninf"}
-
-
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def _bond_forces(r0x, r0y, sigma, bx, by, scale, mix, k, hertzian, scaled):
-    """Turn o_j − o_i in (bx, by) into the forces on j, for one block of pairs: no branches, no indices."""
+def _block_forces(r0x, r0y, sigma, bx, by, moving, scale, mix, law, motion, rolling):
+    """Turn o_j − o_i in (bx, by) into the forces on j, for one block of pairs: no branches, no indices.
+
+    With motion (bx, by) hold r0 too: two arrays fewer, within the compiler's limit for such proofs.
+    Rows UX, UY of `moving`: u_j − u_i; row ROLL: ρ_i Ω_i + ρ_j Ω_j, turned into c_s a⊥ᶜ.
+    """
+    k, hertzian, scaled = law
+    if motion is not None:
+        _, rate, (along_weight, across_weight, sliding_weight) = motion
     energy = wxx = wxy = wyy = 0.0
-    for q in range(len(bx)):
-        dy = r0y[q] + by[q]
-        rx = scale * (r0x[q] + bx[q]) + mix * dy
+    contacts = dissipation = vxx = vxy = vyx = vyy = 0.0
+    for q in range(len(sigma)):
+        dx = bx[q]
+        dy = by[q]
+        if motion is None:
+            dx += r0x[q]
+            dy += r0y[q]
+        rx = scale * dx + mix * dy
         ry = scale * dy
         r = np.sqrt(rx * rx + ry * ry)
         d = sigma[q] - r
@@ -89,53 +67,111 @@ def _bond_forces(r0x, r0y, sigma, bx, by, scale, mix, k, hertzian, scaled):
         wxx += wx * rx
         wxy += wx * ry
         wyy += wy * ry
-        bx[q] = wx
-        by[q] = wy
-    return energy, wxx, wxy, wyy
+        if motion is None:
+            bx[q] = wx
+            by[q] = wy
+        else:
+            # a conditional increment instead of this factor would keep the loop from being vectorised
+            touching = 1.0 if d > 0.0 else 0.0
+            contacts += touching
+            nx = rx / r
+            ny = ry / r
+            vx = moving[UX + q] + rate * ry
+            vy = moving[UY + q]
+            along = touching * (nx * vx + ny * vy)
+            across = touching * (nx * vy - ny * vx)
+            push = along_weight * along
+            drag = across_weight * across
+            dissipation += push * along + drag * across
+            if rolling is not None:
+                sliding = across - touching * moving[ROLL + q]
+                rim = sliding_weight * sliding
+                dissipation += rim * sliding
+                drag += rim
+                moving[ROLL + q] = rim
+            px = drag * ny - push * nx
+            py = -drag * nx - push * ny
+            vxx += px * rx
+            vxy += px * ry
+            vyx += py * rx
+            vyy += py * ry
+            bx[q] = wx + px
+            by[q] = wy + py
+    return energy, wxx, wxy, wyy, contacts, dissipation, vxx, vxy, vyx, vyy
 
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def pair_forces(i, j, r0, sigma, o, strain, shear, law, forces):
-    """Net contact forces into `forces` (N, 2); returns U and Σ (f/r) r_x r_x, r_x r_y, r_y r_y.
+def bond_forces(pairs, o, strain, shear, law, forces, motion, rolling):
+    """Net forces of all bonds into `forces` (N, 2); returns the sums over bonds.
 
-    i, j, r0, sigma: a PairList; o (N, 2) offsets; law = `law_constants(potential)`. Three plain passes per
-    block (gather, compute, scatter) without a branch: loops over the neighbours of each disk lose most of
-    their time to mispredicted ends.
+    pairs = (i, j, r0, sigma) of a PairList; o (N, 2) offsets; law = `law_constants(potential)`
+    motion    None, or (u (N, 2), γ̇, (c_∥, c_⊥, c_s)): damped contacts
+    rolling   None, or (Ω (N,), ρ (N,), torques (N,)): with spins; the torques are written
+
+    Returns (α U, Σ of the elastic f_x r_x, f_x r_y, f_y r_y, number of contacts, dissipation, Σ of the viscous
+    f_x r_x, f_x r_y, f_y r_x, f_y r_y), α the exponent of the potential, and zeros from the fifth on without motion.
     """
-    k, hertzian, scaled = law
+    i, j, r0, sigma = pairs
     scale = np.exp(strain)
     mix = scale * shear
     r0x, r0y = r0[0], r0[1]
     bx = np.empty(BLOCK)
     by = np.empty(BLOCK)
+    moving = np.empty(END if motion is not None else 1)
+    if motion is not None:
+        ux, uy, rolled = moving[UX:UY], moving[UY:ROLL], moving[ROLL:END]
+    if motion is not None:
+        u = motion[0]
+    if rolling is not None:
+        spin, radii, torques = rolling
+        torques[:] = 0.0
     energy = wxx = wxy = wyy = 0.0
+    contacts = dissipation = vxx = vxy = vyx = vyy = 0.0
     forces[:] = 0.0
-    pairs = np.uint64(len(j))
+    pairs_left = np.uint64(len(j))
     begin = np.uint64(0)
-    while begin < pairs:
-        end = min(begin + np.uint64(BLOCK), pairs)
+    while begin < pairs_left:
+        end = min(begin + np.uint64(BLOCK), pairs_left)
         for p in range(begin, end):
             a = i[p]
             b = j[p]
-            bx[p - begin] = o[b, 0] - o[a, 0]
-            by[p - begin] = o[b, 1] - o[a, 1]
+            dx = o[b, 0] - o[a, 0]
+            dy = o[b, 1] - o[a, 1]
+            if motion is not None:
+                dx += r0x[p]
+                dy += r0y[p]
+                ux[p - begin] = u[b, 0] - u[a, 0]
+                uy[p - begin] = u[b, 1] - u[a, 1]
+            if rolling is not None:
+                rolled[p - begin] = radii[a] * spin[a] + radii[b] * spin[b]
+            bx[p - begin] = dx
+            by[p - begin] = dy
         block = slice(begin, end)
-        sums = _bond_forces(
+        inside = slice(0, end - begin)
+        sums = _block_forces(
             r0x[block],
             r0y[block],
             sigma[block],
-            bx[: end - begin],
-            by[: end - begin],
+            bx[inside],
+            by[inside],
+            moving,
             scale,
             mix,
-            k,
-            hertzian,
-            scaled,
+            law,
+            motion,
+            rolling,
         )
         energy += sums[0]
         wxx += sums[1]
         wxy += sums[2]
         wyy += sums[3]
+        if motion is not None:
+            contacts += sums[4]
+            dissipation += sums[5]
+            vxx += sums[6]
+            vxy += sums[7]
+            vyx += sums[8]
+            vyy += sums[9]
         for p in range(begin, end):
             a = i[p]
             b = j[p]
@@ -145,5 +181,15 @@ def pair_forces(i, j, r0, sigma, o, strain, shear, law, forces):
             forces[b, 1] += wy
             forces[a, 0] -= wx
             forces[a, 1] -= wy
+            if rolling is not None:
+                torques[a] += radii[a] * rolled[p - begin]
+                torques[b] += radii[b] * rolled[p - begin]
         begin = end
-    return energy / (2.5 if hertzian else 2.0), wxx, wxy, wyy
+    return energy, wxx, wxy, wyy, contacts, dissipation, vxx, vxy, vyx, vyy
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def pair_forces(i, j, r0, sigma, o, strain, shear, law, forces):
+    """Net elastic forces into `forces` (N, 2); returns U and Σ (f/r) r_x r_x, r_x r_y, r_y r_y. See `bond_forces`."""
+    sums = bond_forces((i, j, r0, sigma), o, strain, shear, law, forces, None, None)
+    return sums[0] / (2.5 if law[1] else 2.0), sums[1], sums[2], sums[3]

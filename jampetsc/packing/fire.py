@@ -13,12 +13,12 @@ import numba
 import numpy as np
 
 from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.kernel import FAST, PairList, deformed, law_constants, pair_forces
+from jampetsc.contacts.kernel import FAST, law_constants, pair_forces
+from jampetsc.contacts.pairs import SKIN_START, PairList, deformed, is_stale, tuned_skin
 
 STEP = 0.5  # largest time step, in units of √(m/k): the stiffest mode, ω² ≈ 8–12 k/m, is stable up to 0.6
 DELAY = 20  # steps downhill before the time step grows
 MIXING = 0.1
-SKIN_RANGE = (0.02, 0.5)  # skin of the pair list in units of d
 
 
 @dataclass(frozen=True)
@@ -127,9 +127,7 @@ def _descend(i, j, r0, sigma, law, o, v, f, box, moving, target, slack, limit, c
             box[1, b] = keep * box[1, b] + push * g
             box[0, b] += dt * box[1, b] / scale
         far = np.sqrt(2.0) * _move(flat_o, flat_v, flat_f, keep, push * factor, dt, back)
-        # No unlisted pair can touch while s (σ + skin − 2 max|o|) ≥ σ, s the least stretch of F.
-        squeeze = np.exp(box[0, 0]) * (1.0 - abs(box[0, 1]))
-        if squeeze * (largest + slack - 2.0 * far) < largest:
+        if is_stale(far, box[0, 0], box[0, 1], largest, slack):
             return step + 1, 2, _longest(f), box_force
     return steps, 0, _longest(f), box_force
 
@@ -140,7 +138,7 @@ class Quench:
     def __init__(self, disks: Disks, goal: Goal):
         self.goal = goal
         self.evaluations = 0
-        self.skin = 0.3 * self._diameter(disks)
+        self.skin = SKIN_START * self._diameter(disks)
         self.set_disks(disks)
         self.rest()
 
@@ -210,15 +208,10 @@ class Quench:
                 *(target, pairs.skin, limit, self.clock, min(2000, budget - self.evaluations)),
             )
             self.evaluations += done
-            if status == 2:
-                # A rebuild costs about twenty steps; a wide skin costs a few per cent of every step.
-                if done < 60:
-                    self.skin = min(1.3 * self.skin, SKIN_RANGE[1] * diameter)
-                elif done > 400:
-                    self.skin = max(0.7 * self.skin, SKIN_RANGE[0] * diameter)
-                self.fold()
-            elif done >= 2000 and self.skin > SKIN_RANGE[0] * diameter:
-                self.skin = max(0.5 * self.skin, SKIN_RANGE[0] * diameter)
+            skin = self.skin
+            if status == 2 or done >= 2000:
+                self.skin = tuned_skin(skin, done, diameter)
+            if status == 2 or self.skin != skin:
                 self.fold()
             if status == 1 or self.evaluations >= budget:
                 return status == 1, worst, box_force

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from jampetsc.contacts.kernel import PairList
+from jampetsc.contacts.pairs import PairList
 
 
 @dataclass(frozen=True, eq=False)

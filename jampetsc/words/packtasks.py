@@ -143,7 +143,7 @@ def starter(args, radii, source):
 
 
 def _from_packing(args, source):
-    from jampetsc.contacts.kernel import deformed
+    from jampetsc.contacts.pairs import deformed
     from jampetsc.contacts.state import measure
 
     disks = replace(source, record={})

@@ -1,0 +1,88 @@
+"""The pair list: nearby pairs frozen between rebuilds, the one rule for when it is stale, and the width of its skin.
+
+A list holds r0 = x_j − x_i + image · cell of every pair closer than σ + skin, rounded once from the split
+coordinates. Until the next list disks move by small offsets o, and the whole cell by F = e^ε [[1, g], [0, 1]], so
+that a bond is
+
+    r = F (r0 + o_j − o_i)
+
+with neither images nor large coordinates: forces are exact to the rounding of r ~ d whatever the size of the
+cell. A quench moves o, ε and g; under steady shear ε = 0 and g = γ − γ_ref.
+
+Staleness. Two disks that touch now, |r| ≤ σ, had r0 = F⁻¹ r − (o_j − o_i), hence
+
+    |r0| ≤ ‖F⁻¹‖ σ + 2 max|o|,    ‖F⁻¹‖ = e^−ε (√(1 + g²/4) + |g|/2),
+
+the larger singular value of F⁻¹. So no touching pair is missing from the list while, with σ_max the largest σ,
+
+    2 max|o| + max(0, ‖F⁻¹‖ − 1) σ_max ≤ skin.
+"""
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from jampetsc.contacts.disks import Disks, split
+from jampetsc.contacts.neighbours import neighbour_pairs
+from jampetsc.contacts.state import bond_vectors
+
+SKIN_START = 0.3  # skin of the first list in units of d,
+SKIN_RANGE = (0.02, 0.5)  # and between which it is tuned
+
+
+@dataclass(frozen=True, eq=False)
+class PairList:
+    """Half list of the M pairs closer than σ + skin, sorted by i."""
+
+    i: np.ndarray  # (M,) uint32: unsigned, so that compiled code need not think of negative indices
+    j: np.ndarray  # (M,) uint32
+    r0: np.ndarray  # (2, M)
+    sigma: np.ndarray  # (M,) ρ_i + ρ_j
+    skin: float
+
+    @classmethod
+    def build(cls, disks: Disks, skin: float) -> "PairList":
+        """All pairs of `disks` closer than σ + skin."""
+        i, j, image = neighbour_pairs(disks.positions, disks.radii, disks.cell, skin=skin)
+        r0 = np.ascontiguousarray(bond_vectors(disks, i, j, image).T)
+        return cls(i.astype(np.uint32), j.astype(np.uint32), r0, disks.radii[i] + disks.radii[j], skin)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def is_stale(far, strain, shear, largest, skin):
+    """Whether a list may miss a touching pair: far = max |o|, (ε, g) = (strain, shear), largest = σ_max."""
+    stretch = np.exp(-strain) * (np.sqrt(1.0 + 0.25 * shear * shear) + 0.5 * abs(shear))
+    return 2.0 * far + max(stretch - 1.0, 0.0) * largest > skin
+
+
+def tuned_skin(skin: float, steps: int, diameter: float) -> float:
+    """Skin of the next list when the last one served for `steps` evaluations; lengths of one unit.
+
+    A rebuild costs about twenty evaluations; a wide skin costs a few per cent of every one.
+    """
+    narrowest, widest = (limit * diameter for limit in SKIN_RANGE)
+    if steps < 60:
+        return min(1.3 * skin, widest)
+    if steps > 400:
+        return max((0.7 if steps < 2000 else 0.5) * skin, narrowest)
+    return skin
+
+
+def deformed(disks: Disks, offsets, strain, shear) -> Disks:
+    """The disks at F (x + o), with F = e^strain [[1, shear], [0, 1]].
+
+    Only the change is rounded, never the coordinates: base + (offset + o) + (F − 1)(x + o).
+    """
+    growth = np.expm1(strain)
+    mixing = np.exp(strain) * shear
+
+    def change(x):
+        delta = growth * x
+        delta[:, 0] += mixing * x[:, 1]
+        return delta
+
+    moved = disks.offset + offsets
+    base, offset = split(disks.base, moved + change(disks.base + moved))
+    cell_base, cell_offset = split(disks.cell_base, disks.cell_offset + change(disks.cell))
+    return Disks(base, offset, disks.radii, cell_base, cell_offset, disks.potential, disks.record)

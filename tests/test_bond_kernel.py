@@ -1,0 +1,93 @@
+"""The bond kernel against sums over pairs in plain numpy, for every weight of a damping law, with and without spins."""
+
+import numpy as np
+import pytest
+
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.kernel import bond_forces, law_constants
+from jampetsc.contacts.pairs import PairList, deformed
+from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
+from jampetsc.contacts.state import find_contacts
+from jampetsc.packing.sizes import radii_of
+
+WEIGHTS = {
+    "CD": (1, 1, 0),
+    "CDn": (1, 0, 0),
+    "CDt": (0, 1, 0),
+    "rolling": (1.3, 0, 0.7),
+    "all": (0.3, 0.8, 2.1),
+}
+
+
+def crowd(potential=None, n=700):
+    """Enough disks for more than one block of pairs, in a tilted cell."""
+    rng = np.random.default_rng(5)
+    radii = radii_of("bidisperse", n)
+    height = np.sqrt(np.pi * np.sum(radii**2) / 1.1)
+    cell = np.array([[height, 0.0], [0.37 * height, height]])
+    return Disks.from_positions(rng.random((n, 2)) @ cell, radii, cell, potential)
+
+
+def reference(disks, u, rate, weights, spin):
+    """(forces (N, 2), torques (N,), contacts, dissipation, viscous virial (2, 2)) by sums over contacts."""
+    c = find_contacts(disks)
+    n, t = c.normal, c.transverse
+    velocity = u[c.j] - u[c.i] + rate * np.column_stack((c.r[:, 1], np.zeros(len(c))))
+    along, across = (n * velocity).sum(1), (t * velocity).sum(1)
+    sliding = across - disks.radii[c.i] * spin[c.i] - disks.radii[c.j] * spin[c.j]
+    viscous = -(weights[0] * along)[:, None] * n - (weights[1] * across + weights[2] * sliding)[:, None] * t
+    total = c.force[:, None] * n + viscous
+    forces, torques = np.zeros((disks.n, 2)), np.zeros(disks.n)
+    np.add.at(forces, c.j, total)
+    np.add.at(forces, c.i, -total)
+    for end in (c.i, c.j):
+        np.add.at(torques, end, disks.radii[end] * weights[2] * sliding)
+    work = weights[0] * along**2 + weights[1] * across**2 + weights[2] * sliding**2
+    return forces, torques, len(c), work.sum(), viscous.T @ c.r
+
+
+@pytest.mark.parametrize("name", WEIGHTS)
+@pytest.mark.parametrize("spinning", [False, True])
+@pytest.mark.parametrize("kind, stiffness", [(k, s) for k in EXPONENTS for s in STIFFNESSES])
+def test_against_sums_over_contacts(name, spinning, kind, stiffness):
+    potential = Potential(kind, stiffness, 1.7)
+    disks, rng = crowd(potential), np.random.default_rng(2)
+    weights = tuple(float(w) for w in WEIGHTS[name])
+    if not spinning:
+        weights = (*weights[:2], 0.0)
+    offsets, u, spin = (rng.normal(0, s, (disks.n, 2)) for s in (0.02, 1.0, 1.0))
+    spin = spin[:, 0].copy()
+    strain, shear, rate = 0.01, -0.03, 0.3
+    pairs, forces, torques = PairList.build(disks, 0.3), np.empty((disks.n, 2)), np.empty(disks.n)
+    assert len(pairs.i) > 1024
+    sums = bond_forces(
+        (pairs.i, pairs.j, pairs.r0, pairs.sigma), offsets, strain, shear, law_constants(potential), forces,
+        (u, rate, weights), (spin, disks.radii, torques) if spinning else None,
+    )  # fmt: skip
+    moved = deformed(disks, offsets, strain, shear)
+    wanted, turned, contacts, work, virial = reference(moved, u, rate, weights, spin)
+    c = find_contacts(moved)
+    assert np.abs(forces - wanted).max() < 1e-12 * np.abs(wanted).max()
+    if spinning:
+        assert np.abs(torques - turned).max() < 1e-12 * max(np.abs(turned).max(), 1)
+    assert sums[4] == contacts
+    assert sums[5] == pytest.approx(work, rel=1e-12)
+    assert np.allclose(sums[6:], virial.ravel(), rtol=0, atol=1e-11 * np.abs(virial).max())
+    assert sums[0] / potential.alpha == pytest.approx(potential.energy(c.overlap, c.sigma).sum(), rel=1e-12)
+    elastic = (c.normal * c.force[:, None]).T @ c.r
+    assert np.allclose(sums[1:4], [elastic[0, 0], elastic[0, 1], elastic[1, 1]], rtol=1e-11)
+
+
+def test_normal_and_tangential_damping_add_up():
+    disks, rng = crowd(), np.random.default_rng(2)
+    u, pairs = rng.normal(size=(disks.n, 2)), PairList.build(disks, 0.1)
+    forces = {}
+    for name in ("CD", "CDn", "CDt"):
+        forces[name] = np.empty((disks.n, 2))
+        weights = tuple(float(w) for w in WEIGHTS[name])
+        law = (0.0, False, False)  # no elastic force
+        bond_forces(
+            (pairs.i, pairs.j, pairs.r0, pairs.sigma), np.zeros_like(u), 0.0, 0.0, law, forces[name],
+            (u, 0.1, weights), None,
+        )  # fmt: skip
+    assert np.abs(forces["CD"] - forces["CDn"] - forces["CDt"]).max() < 1e-12

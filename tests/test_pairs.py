@@ -1,0 +1,103 @@
+"""The pair list: complete until its rule calls it stale, whatever disks and cell do; the cell put upright again."""
+
+import numpy as np
+import pytest
+
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.neighbours import neighbour_pairs
+from jampetsc.contacts.pairs import SKIN_RANGE, PairList, deformed, is_stale, tuned_skin
+from jampetsc.contacts.state import find_contacts, measure
+from jampetsc.packing.sizes import radii_of
+
+
+def crowd(seed, n=60, phi=0.9, tilt=0.3):
+    """Disks at random places in a tilted cell, a little longer than high."""
+    rng = np.random.default_rng(seed)
+    radii = radii_of("bidisperse", n) * rng.uniform(0.7, 1.3, n)
+    height = np.sqrt(np.pi * np.sum(radii**2) / phi / 1.3)
+    cell = np.array([[1.3 * height, 0.0], [tilt * height, height]])
+    return Disks.from_positions(rng.random((n, 2)) @ cell, radii, cell)
+
+
+def listed(pairs):
+    return set(zip(pairs.i.tolist(), pairs.j.tolist(), strict=True))
+
+
+def touching(disks):
+    i, j, _ = neighbour_pairs(disks.positions, disks.radii, disks.cell)
+    return set(zip(i.tolist(), j.tolist(), strict=True))
+
+
+@pytest.mark.parametrize("kind", ["moves", "strain", "shear", "all"])
+def test_no_touching_pair_is_missing_until_the_list_is_stale(kind):
+    """Random walks of disks, of the cell's size and of its shear, each until the list is stale, then one step more."""
+    newcomers = 0
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        disks, skin = crowd(seed), rng.uniform(0.05, 0.5)
+        pairs, largest = PairList.build(disks, skin), 2 * disks.radii.max()
+        known, first = listed(pairs), touching(disks)
+        offsets, strain, shear = np.zeros((disks.n, 2)), 0.0, 0.0
+        drift = rng.normal(0, 0.02, (disks.n, 2))
+        squeeze, turn = -0.03, rng.choice([-0.05, 0.05])
+        while True:
+            if kind in ("moves", "all"):
+                offsets = offsets + drift + rng.normal(0, 0.01, offsets.shape)
+            if kind in ("strain", "all"):
+                strain += squeeze
+            if kind in ("shear", "all"):
+                shear += turn
+            far = np.hypot(*offsets.T).max()
+            moved = deformed(disks, offsets, strain, shear)
+            if is_stale(far, strain, shear, largest, skin):
+                break
+            now = touching(moved)
+            assert now <= known
+            newcomers += len(now - first)
+    assert newcomers > 50
+
+
+def test_the_worst_case_is_just_covered():
+    """One pair, pulled together and turned as the bound allows: it touches when the list is stale, not before."""
+    skin, largest = 0.3, 1.0
+    for strain, shear in [(0.0, 0.2), (0.0, -0.2), (-0.1, 0.0), (-0.05, 0.15)]:
+        deform = np.exp(strain) * np.array([[1.0, shear], [0.0, 1.0]])
+        outward, stretch, _ = np.linalg.svd(np.linalg.inv(deform))
+        apart = (
+            stretch[0] * largest
+        )  # |r0| of a pair in the direction that is squeezed most, touching at o = 0
+        far = (largest + skin - apart) / 2
+        assert far > 0
+        assert not is_stale(far - 1e-9, strain, shear, largest, skin)
+        assert is_stale(far + 1e-9, strain, shear, largest, skin)
+        meets = deform @ outward[:, 0] * apart  # where a pair lies that was so far apart in that direction
+        assert abs(np.hypot(*meets) - largest) < 1e-12
+
+
+def test_growing_the_cell_never_makes_a_list_stale():
+    assert not is_stale(0.0, 0.5, 0.0, 1.4, 0.02)
+    assert is_stale(0.0, -0.5, 0.0, 1.4, 0.02)
+
+
+def test_skin_follows_how_long_lists_serve():
+    assert tuned_skin(0.2, 10, 1.0) > 0.2 > tuned_skin(0.2, 1000, 1.0) > tuned_skin(0.2, 5000, 1.0)
+    assert tuned_skin(0.2, 200, 1.0) == 0.2
+    assert tuned_skin(0.5, 10, 1.0) == SKIN_RANGE[1] and tuned_skin(0.02, 5000, 1.0) == SKIN_RANGE[0]
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.49, -0.66, 1.3, -3.2])
+def test_folding_leaves_every_bond(tilt):
+    disks = crowd(3, n=200, tilt=tilt)
+    far = Disks.from_positions(disks.positions + np.array([3, -2]) @ disks.cell, disks.radii, disks.cell)
+    folded = far.folded()
+    width, height = folded.cell[0, 0], folded.cell[1, 1]
+    assert abs(folded.cell[1, 0]) <= width / 2
+    inside = folded.positions @ np.linalg.inv(folded.cell)
+    assert inside.min() >= -1e-12 and inside.max() <= 1 + 1e-12
+    assert (width, height) == (disks.cell[0, 0], disks.cell[1, 1])
+    before, after = find_contacts(far), find_contacts(folded)
+    assert len(before) == len(after) > disks.n
+    for name in ("r", "overlap"):
+        rows = [np.sort(getattr(c, name).reshape(len(c), -1), axis=0) for c in (before, after)]
+        assert np.abs(rows[0] - rows[1]).max() < 1e-14 * 50
+    assert measure(folded).pressure == pytest.approx(measure(disks).pressure, rel=1e-12)
