@@ -169,6 +169,10 @@ def test_labels_tell_what_differs():
     assert [g.label for g in groups] == [r"contact, $\beta=1$", r"Stokes, $\eta_F=1$"]
     _, groups = group_curves([curve(1e-3, beta=1.0), curve(1e-2, beta=2.0)])
     assert [g.label for g in groups] == [r"$p/k=10^{-3}$, $\beta=1$", r"$p/k=10^{-2}$, $\beta=2$"]
+    _, groups = group_curves([curve(1e-3, alpha=0.5, stress=1e-6), curve(1e-3)])
+    assert [g.label for g in groups] == [r"$\alpha=0.5$, $\sigma_0/k=10^{-6}$", "linear"]
+    _, groups = group_curves([curve(1e-3, normal=0.0), curve(1e-3)])  # a file older than --normal has 1
+    assert [g.label for g in groups] == [r"$w_\parallel=0$", r"$w_\parallel=1$"]
     _, groups = group_curves([curve(None)])
     assert [g.label for g in groups] == ["$p$ unknown"]
 
@@ -183,6 +187,7 @@ def test_colours_grow_lighter_with_pressure_and_stay_visible_on_white():
     shades = [luminance(g.colour) for g in groups]
     assert (np.diff(shades) > 0.02).all()
     assert shades[-1] < 0.65
+    assert 1.05 / (shades[-1] + 0.05) >= 3  # contrast with white, as WCAG 2 asks of graphics
 
 
 @pytest.mark.parametrize(

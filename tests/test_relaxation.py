@@ -219,3 +219,16 @@ def test_times_stay_within_what_was_swept():
     assert 1e-12 < wide.time[0] < wide.time[-1] < 1e15
     grows = transient(spectrum(G0=-0.02, modes=5), 1e-15, 1e12)
     assert np.isfinite(grows.J).all() and len(grows.creep_time) < len(grows.time)
+
+
+def test_the_smoothed_spectrum_ends_with_its_modes():
+    """Half a window beyond them H has fallen to about half of what the last mode gives; further out nothing is new."""
+    s = spectrum(modes=5)
+    found = transient(s, 1e-15, 1e12, window=0.5)
+    reach = 10.0**0.25
+    np.testing.assert_allclose(
+        (found.tau[0], found.tau[-1]), (1 / s.rates.max() / reach, reach / s.rates.min()), rtol=1e-12
+    )
+    assert found.time[0] < found.tau[0] and found.tau[-1] < found.time[-1]
+    beyond = transient(s, 10 * s.rates.max(), 1e12, window=0.5)  # no mode within what was swept
+    assert len(beyond.tau) > 2 and np.isfinite(beyond.H).all()

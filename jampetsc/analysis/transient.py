@@ -20,8 +20,8 @@ _GROWTH = 5.0  # creep that grows is followed for so many times its time constan
 class Transient:
     """Response in time; units as in the spectrum. G lacks the Dirac part η_∞ δ(t)."""
 
-    tau: np.ndarray  # (n,)
-    H: np.ndarray  # (n,) averaged over `window` decades
+    tau: np.ndarray  # (m,): to half a window beyond all modes; further out H is the flank of the window
+    H: np.ndarray  # (m,) averaged over `window` decades
     window: float
     time: np.ndarray  # (n,)
     G: np.ndarray  # (n,) stress relaxation
@@ -46,12 +46,11 @@ def transient(spectrum: RelaxationSpectrum, slowest: float, fastest: float, wind
     if len(rates):
         first = min(max(first, 1.0 / (_BEYOND * rates.max())), last)
         last = max(min(last, _BEYOND / rates.min()), first)
-    count = max(2, int(np.ceil(PER_DECADE * np.log10(last / first))) + 1)
-    time = np.geomspace(first, last, count)
+    time, tau = _grid(first, last), _grid(*_seen(first, last, spectrum.rates, window))
     creep_time = time[time * late.growth_rate <= _GROWTH]
     return Transient(
-        tau=time,
-        H=spectrum.smoothed(time, window),
+        tau=tau,
+        H=spectrum.smoothed(tau, window),
         window=window,
         time=time,
         G=spectrum.stress_relaxation(time),
@@ -59,3 +58,17 @@ def transient(spectrum: RelaxationSpectrum, slowest: float, fastest: float, wind
         J=late.creep(creep_time),
         retardation=late,
     )
+
+
+def _grid(first, last):
+    """Times from first to last, PER_DECADE of them to a decade."""
+    return np.geomspace(first, last, max(2, int(np.ceil(PER_DECADE * np.log10(last / first))) + 1))
+
+
+def _seen(first, last, rates, window):
+    """The part of first … last that is within half a window of the times of the modes, if there is any."""
+    if not len(rates):
+        return first, last
+    reach = 10.0 ** (0.5 * window)
+    low, high = np.clip((1.0 / (rates.max() * reach), reach / rates.min()), first, last)
+    return (low, high) if low < high else (first, last)

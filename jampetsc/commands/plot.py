@@ -185,9 +185,9 @@ def _fields(args, items):
 
 
 def _spectrum(args, items):
-    from jampetsc.plots.spectrum import plot_spectra, spectrum_curve
+    from jampetsc.plots.spectrum import plot_relaxation, spectrum_curve
 
-    plot_spectra([spectrum_curve(item) for item in items], args.out)
+    plot_relaxation([spectrum_curve(item) for item in items], args.out)
     return f"relaxation spectrum, G(t) and J(t) of {_count(items, 'spectrum', 'spectra')}"
 
 
@@ -251,9 +251,9 @@ def _response(args, items):
 
 
 def _modes(args, items):
-    from jampetsc.plots.vibrations import plot_spectra
+    from jampetsc.plots.vibrations import plot_modes
 
-    plot_spectra(items, args.out)
+    plot_modes(items, args.out)
     return f"modes of {_count(items, 'packing', 'packings')}"
 
 

@@ -68,9 +68,9 @@ def run(args, petsc_argv) -> int:
         if not isinstance(sweep, SweepResult):
             raise InputError(f"{path}: is not a sweep: spectra come from `jampetsc sweep`")
     if picture:
-        from jampetsc.plots.spectrum import plot_spectra, spectrum_curve
+        from jampetsc.plots.spectrum import plot_relaxation, spectrum_curve
 
-        plot_spectra([spectrum_curve(sweep, args.window) for sweep in sweeps], args.out)
+        plot_relaxation([spectrum_curve(sweep, args.window) for sweep in sweeps], args.out)
         print(f"{args.out}: spectra, G(t) and J(t) of {len(sweeps)} sweep{'s' * (len(sweeps) > 1)}")
         return 0
     print(_write(sweeps[0], args.out, args.window))

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from jampetsc.contacts.laws import FAMILIES, OPTIONS
 from jampetsc.errors import InputError
 from jampetsc.plots.style import MARKERS, colours, number, power_or_number, sequential
 from jampetsc.plots.units import units_of
@@ -11,10 +12,15 @@ from jampetsc.plots.units import units_of
 _SAME = 1e-9  # frequencies closer than this, relatively, are one: a grid and a list that meet
 _LARGEST = 1e200  # modulus that a log axis can show, and the inverse of the smallest
 _BOUNDS = ("error_bound_storage", "error_bound_loss")  # sharper than the one on |ΔG*|, where a file has them
-_SYMBOLS = {"beta": r"\beta", "eta_f": r"\eta_F", "alpha": r"\alpha", "stress": r"\sigma_0/k"}
+_LEADING = [family.leading for family in FAMILIES.values()]  # told wherever laws differ
 _SWITCHES = {  # attribute -> what to say if it is (off, on)
     "rotations": ("no rotations", "rotations"),
     "prestress": ("no pre-stress", "pre-stress"),
+}
+_SYMBOLS = {  # parameter -> its symbol; that of a law without one is its name
+    **{name: rf"\rm {name}".replace("_", r"\_") for name in OPTIONS if name not in _SWITCHES},
+    **{"normal": r"w_\parallel", "beta": r"\beta", "eta_f": r"\eta_F"},
+    **{"alpha": r"\alpha", "stress": r"\sigma_0/k"},
 }
 
 
@@ -34,8 +40,10 @@ class Curve:
         """What may distinguish it from other sweeps, in the order of the label."""
         found = {"p/k": None if self.pressure is None else float(f"{self.pressure:.3g}")}
         found["law"] = self.attributes.get("law")
+        options = FAMILIES[found["law"]].options if found["law"] in FAMILIES else {}
         for key in (*_SYMBOLS, *_SWITCHES):
-            found[key] = self.attributes.get(key)
+            default = options[key].default if key in options else None  # of files older than the option
+            found[key] = self.attributes.get(key, default)
         return found | {"alpha": self.attributes.get("alpha", 1.0)}  # linear damping unless told otherwise
 
 
@@ -107,8 +115,11 @@ def _by_pressure(pressures):
 
 
 def _varies(key, values):
-    """Whether a property tells sweeps apart; a switch that a law does not have is neither on nor off."""
-    return len({str(v) for v in values if not (key in _SWITCHES and v is None)}) > 1
+    """Whether a property tells sweeps apart; what a law does not have differs from nothing, but for _LEADING."""
+    return (
+        len({str(v) for v in values if v is not None or key not in (*OPTIONS, *_SWITCHES) or key in _LEADING})
+        > 1
+    )
 
 
 def _rank(description):
@@ -124,8 +135,10 @@ def _part(key, value, bare):
         return "" if key != "p/k" else "$p$ unknown"
     if key == "p/k":
         return f"${power_or_number(value)}$" if bare else f"$p/k={power_or_number(value)}$"
+    if key == "alpha" and value == 1.0:
+        return "linear"
     if key in _SYMBOLS:
         return f"${_SYMBOLS[key]}={number(value)}$"
     if key in _SWITCHES:
         return _SWITCHES[key][bool(value)]
-    return {"stokes": "Stokes"}.get(value, str(value))
+    return FAMILIES[value].label.split()[0] if value in FAMILIES else str(value)

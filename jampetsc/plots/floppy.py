@@ -5,6 +5,7 @@ files.
 import numpy as np
 from matplotlib.lines import Line2D
 
+from jampetsc.contacts.laws import having
 from jampetsc.errors import InputError
 from jampetsc.plots.logaxes import place_legend, set_log_axes
 from jampetsc.plots.style import COLUMN, GREY, MARKERS, colours, figure, power_or_number, save
@@ -54,7 +55,7 @@ def plot_medians(results, path) -> None:
                 medians = np.array([np.nanmedian(y[p == level]) for level in levels])
                 ax.plot(levels, medians, linestyle=dash, markerfacecolor=face, **look)
                 if len(p) > len(levels):
-                    ax.plot(p, y, ".", color=shade, markersize=1.5, alpha=0.5)
+                    ax.plot(p, y, ".", color=shade, markersize=2, markeredgewidth=0)
                 lines.append((levels, medians))
             guide = lines[-1][1] if len(lines) == 1 else lines[-2][1]
             middle = np.exp(np.mean(np.log(guide)) + slope * (np.log(levels) - np.mean(np.log(levels))))
@@ -65,6 +66,8 @@ def plot_medians(results, path) -> None:
             Line2D([], [], color="0.2", marker="o", mfc="white", linestyle=_DASHES, label="pre-stress"),
             Line2D([], [], color=GREY, linestyle=":", linewidth=0.8, label=r"$p^{\pm 1/4}$"),
         ]
+        if len(p) > len(levels):
+            handles.append(Line2D([], [], color="0.2", marker=".", ms=2, ls="none", label="single files"))
         place_legend(fig, ax, "", handles, lines)
         save(fig, path)
 
@@ -84,7 +87,7 @@ def plot_viscosities(results, path) -> None:
     Raises InputError for files of another law.
     """
     for result in results:
-        if "beta" not in result.attributes:
+        if result.attributes.get("law") not in having("beta"):
             raise InputError(
                 f"{result.path}: law {result.attributes.get('law')}: has no beta; give contact damping"
             )

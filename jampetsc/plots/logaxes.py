@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogFormatterMathtext, NullFormatter
 
 from jampetsc.analysis.scaling import local_slope
-from jampetsc.plots.style import GREY, number, power_text
+from jampetsc.plots.style import GREY, power_text, tick_text
 
 _TICKS = 7  # labelled decades at most
 _SHORT_AXIS = 2.0  # decades
@@ -29,10 +29,10 @@ def set_log_axes(ax, lines) -> None:
         low, high = np.log10(low), np.log10(high)
         margin = max(0.04 * (high - low), 0.1)
         axis.axes.set(**{f"{axis.axis_name}lim": (10 ** (low - margin), 10 ** (high + margin))})
-        _set_ticks(axis, low - margin, high + margin)
+        set_ticks(axis, low - margin, high + margin)
 
 
-def _set_ticks(axis, low, high):
+def set_ticks(axis, low, high):
     """Ticks from 10^low to 10^high: labels at powers of ten, if these are few also at 2 and 5 times them."""
     floors = np.arange(np.floor(low), np.ceil(high))
     decades = np.arange(np.ceil(low), np.floor(high) + 1)
@@ -48,7 +48,7 @@ def _set_ticks(axis, low, high):
     axis.set_major_locator(FixedLocator(10.0**labelled))
     axis.set_minor_locator(FixedLocator(10.0 ** (between if step == 1 else decades)))
     if high - low < _SHORT_AXIS:
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"${number(value)}$"))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"${tick_text(value)}$"))
     else:
         axis.set_major_formatter(LogFormatterMathtext())
     axis.set_minor_formatter(NullFormatter())

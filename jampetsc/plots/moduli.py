@@ -100,8 +100,8 @@ def _draw(ax, group, curve, number):
             markerfacecolor=face,
             markeredgewidth=0.7,
             markevery=_marker_rows(curve.omega, number),
-            linewidth=1.1 if solitary else 0.6,
-            alpha=1.0 if solitary else 0.6,
+            linewidth=1.1 if solitary else 0.7,
+            alpha=1.0 if solitary else 0.8,
         )
         lower = np.maximum(values - bound, 1e-12 * np.nanmin(shown))  # to the edge of the picture
         ax.fill_between(

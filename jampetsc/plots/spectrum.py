@@ -10,7 +10,7 @@ from jampetsc.analysis.transient import Transient, transient
 from jampetsc.errors import InputError
 from jampetsc.plots.curves import Curve, group_curves
 from jampetsc.plots.logaxes import set_log_axes
-from jampetsc.plots.style import PAGE, figure, number, save
+from jampetsc.plots.style import PAGE, figure, letter_panels, number, save
 from jampetsc.plots.units import units_of
 
 HEIGHT = 5.0  # inches
@@ -51,7 +51,7 @@ def spectrum_curve(result, window=None) -> SpectrumCurve:
     )
 
 
-def plot_spectra(curves, path) -> None:
+def plot_relaxation(curves, path) -> None:
     """Four panels: H(τ), its cumulative weight, G(t) and J(t), in units of k and τ₁.
 
     Raises InputError where no spectrum holds a mode.
@@ -75,8 +75,7 @@ def plot_spectra(curves, path) -> None:
             set_log_axes(ax, [line for line in lines if len(line[0])])
         axes[0, 1].set_yscale("linear")
         axes[0, 1].set_ylim(0.0, 1.05 * max(curve.spectrum.weights.sum() for curve in curves))
-        for ax, letter in zip(axes.flat, "abcd", strict=True):
-            ax.set_title(f"({letter})", loc="left", pad=3)
+        letter_panels(axes.flat)
         _notes(axes, curves)
         handles = [Line2D([], [], color=g.colour, label=g.label) for g in groups]
         if len(groups) > 1 or title:
@@ -96,7 +95,7 @@ def _spectrum(ax, colour, curve, count):
     ax.plot(tau, H, color=colour)
     if count <= _FEW and len(spectrum.rates) > 1:
         times, between = spectrum.between()
-        ax.stairs(np.maximum(between, 1e-300), times, color=colour, linewidth=0.5, alpha=0.8)
+        ax.stairs(np.maximum(between, 1e-300), times, baseline=None, color=colour, linewidth=0.5)
         middle, between = _positive(np.sqrt(times[1:] * times[:-1]), between)
         kept = between >= _SHARE * between.max()
         return [(tau, H), (middle[kept], between[kept])]
@@ -129,10 +128,13 @@ def _notes(axes, curves):
     small = {"fontsize": 7.5, "va": "top", "ha": "right"}
     windows = sorted({round(curve.transient.window, 2) for curve in curves})
     text = f"averaged over {windows[0]:g}" + (f" to {windows[-1]:g}" if len(windows) > 1 else "") + " decades"
-    axes[0, 0].text(0.97, 0.97, text, transform=axes[0, 0].transAxes, **small)
+    handles = [Line2D([], [], color="0.2", label=text)]
+    if len(curves) <= _FEW and any(len(curve.spectrum.rates) > 1 for curve in curves):
+        handles.append(Line2D([], [], color="0.2", linewidth=0.5, label="mean between nodes"))
+    axes[0, 0].legend(handles=handles, loc="lower left")
     viscous = [curve.spectrum.eta_inf for curve in curves if curve.spectrum.eta_inf > 0]
     if viscous:
-        text = r"and $\eta_\infty\,\delta(t)$"
+        text = r"without $\eta_\infty\,\delta(t)$"
         if max(viscous) < 1.005 * min(viscous):
             text += rf", $\eta_\infty={number(viscous[0])}\,k\tau_1$"
         axes[1, 0].text(0.97, 0.97, text, transform=axes[1, 0].transAxes, **small)

@@ -4,12 +4,21 @@ import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogFormatter
 
 from jampetsc.errors import InputError
 from jampetsc.plots.floppy import pressures_of
-from jampetsc.plots.logaxes import place_legend, set_log_axes
-from jampetsc.plots.style import COLUMN, MARKERS, colours, figure, power_or_number, save, sequential
+from jampetsc.plots.logaxes import place_legend, set_log_axes, set_ticks
+from jampetsc.plots.style import (
+    COLUMN,
+    GREY,
+    MARKERS,
+    colours,
+    figure,
+    letter_panels,
+    power_or_number,
+    save,
+    sequential,
+)
 from jampetsc.plots.units import units_of
 
 BINS = 8  # per decade of frequency, of the density of states
@@ -32,7 +41,7 @@ def _labels(results):
     return p, [f"${power_or_number(float(f'{one:.3g}'))}$" for one in p]
 
 
-def plot_spectra(results, path) -> None:
+def plot_modes(results, path) -> None:
     """Above: frequency of each mode against its number, floppiness (rms Δu⊥/Δu∥) in colour. Below: the
     cumulative shares of Σ|u_na|² (solid) and of G_affine − G₀ (dashed) that the modes carry. A marker for
     each file.
@@ -62,10 +71,12 @@ def plot_spectra(results, path) -> None:
         set_log_axes(above, lines)
         above.set(ylabel=r"$\omega_m\ [\sqrt{k/m}]$")
         above.tick_params(labelbottom=False)
-        below.set(xlabel="mode number", ylabel="cumulative share", ylim=(0, 1.05))
+        below.set(xlabel="mode number", ylabel="cumulative share", ylim=(0, 1.3), yticks=(0, 0.5, 1))
+        below.axhline(1.0, color=GREY, linewidth=0.5, zorder=0)
+        letter_panels((above, below))
         bar = fig.colorbar(ScalarMappable(norm, sequential()), ax=above, pad=0.02, aspect=25)
         bar.set_label(r"$\langle\Delta u_\perp^2\rangle^{1/2}/\,\langle\Delta u_\parallel^2\rangle^{1/2}$")
-        bar.ax.yaxis.set_minor_formatter(LogFormatter(minor_thresholds=(2, 0.5)))
+        set_ticks(bar.ax.yaxis, *np.log10((norm.vmin, norm.vmax)))
         bar.ax.tick_params(which="both", length=2)
         handles = [
             Line2D([], [], ls="none", marker=marker, color="0.3", label=label)
@@ -77,7 +88,8 @@ def plot_spectra(results, path) -> None:
                 Line2D([], [], color="k", lw=0.8, label=r"$\Sigma|u_{\rm na}|^2$"),
                 Line2D([], [], color="k", lw=0.8, ls=_DASHES, label=r"$G_{\rm aff}-G_0$"),
             ],
-            loc="best",
+            loc="upper left",
+            ncol=2,
         )
         save(fig, path)
 
