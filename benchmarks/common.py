@@ -31,7 +31,7 @@ def environment() -> dict:
 
 def worker(script, *arguments, ranks: int = 1) -> dict:
     """Run `script arguments…` in processes of its own; returns what it handed to `report`."""
-    start = ["mpirun", "--oversubscribe", "-n", str(ranks)] if ranks > 1 else []
+    start = ["mpirun", "--oversubscribe", "--bind-to", "none", "-n", str(ranks)] if ranks > 1 else []
     done = subprocess.run(
         [*start, sys.executable, str(script), *map(str, arguments)],
         capture_output=True,

@@ -16,8 +16,7 @@ from jampetsc.storage.packing_file import read_packing
 
 def pack(folder, *words, ranks=0):
     """`jampetsc pack words…` in `folder`, on so many ranks (0: without mpirun)."""
-    start = ["mpirun", "--oversubscribe", "-n", str(ranks)] if ranks else []
-    command = [*start, sys.executable, "-m", "jampetsc", "pack", *map(str, words)]
+    command = [*launch.mpirun(ranks), sys.executable, "-m", "jampetsc", "pack", *map(str, words)]
     finished = {"capture_output": True, "text": True, "timeout": 100, "cwd": folder}
     return subprocess.run(command, env=launch.environment(), **finished)
 

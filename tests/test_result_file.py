@@ -341,6 +341,7 @@ def test_a_law_parameter_cannot_get_lost():
         )
 
 
+@pytest.mark.skipif(not shutil.which("git"), reason="needs git")
 def test_git_commit_in_and_outside_of_a_checkout(tmp_path):
     def git(*words, folder=tmp_path / "repo"):
         who = ["-c", "user.name=a", "-c", "user.email=a@b", "-c", "commit.gpgsign=false"]
