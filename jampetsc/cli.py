@@ -15,7 +15,7 @@ import re
 import sys
 import time
 
-from jampetsc import __version__, launcher, session
+from jampetsc import __version__, launcher, session, streams
 from jampetsc.commands import COMMANDS
 from jampetsc.errors import InputError, JampetscError
 
@@ -30,6 +30,7 @@ def main(argv=None):
     """Run `jampetsc argv` and return the exit status. Errors are printed once, by one rank."""
     for variable in THREAD_VARIABLES:
         os.environ.setdefault(variable, "1")
+    streams.prepare()
     session.stop_on_sigterm()
     launcher.forget_if_inherited()
     try:
@@ -41,7 +42,7 @@ def main(argv=None):
     except MemoryError as error:
         return _fail(": ".join(filter(None, ["out of memory", _one_line(error), MORE_MEMORY])), 1)
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # keeps python's last flush quiet
+        streams.forsake()
         return 141
     except OSError as error:
         return _fail(_system_message(error), 1)
@@ -170,7 +171,7 @@ def _note_unused():
     unused = session.current().unused_options()
     if unused and _rank() == 0:
         names = ", ".join(f"-{name}" for name in unused)
-        sys.stderr.write(f"jampetsc: note: PETSc option {names}: not needed in this run\n")
+        streams.say(f"jampetsc: note: PETSc option {names}: not needed in this run\n")
 
 
 def _fail(message, status):
@@ -217,8 +218,8 @@ def _rank():
 
 
 def _print_error(message):
-    sys.stderr.write("".join(f"jampetsc: error: {line}\n" for line in message.splitlines()))
-    sys.stderr.flush()
+    streams.say("".join(f"jampetsc: error: {line}\n" for line in message.splitlines()))
+    streams.forsake()
 
 
 def _system_message(error):

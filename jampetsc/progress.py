@@ -4,6 +4,8 @@ import sys
 
 from tqdm import tqdm
 
+from jampetsc import streams
+
 
 class Progress:
     """Counts `total` steps of a run (None: not known before), `done` of them finished earlier; a context manager."""
@@ -22,16 +24,14 @@ class Progress:
             self.bar.set_postfix_str(line, refresh=False)
             self.bar.update()
         elif not self.silent:
-            print(
-                f"[{self.count}{f'/{self.total}' if self.total else ''}] {line}", file=sys.stderr, flush=True
-            )
+            streams.say(f"[{self.count}{f'/{self.total}' if self.total else ''}] {line}\n")
 
     def note(self, line: str) -> None:
         """Say something beside the count."""
         if self.bar is not None:
             self.bar.write(line, file=sys.stderr)
         elif not self.silent:
-            print(line, file=sys.stderr, flush=True)
+            streams.say(f"{line}\n")
 
     def __enter__(self):
         return self

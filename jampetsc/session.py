@@ -57,7 +57,7 @@ def start(scalar=None, petsc_argv=()):
     global _session
     petsc_argv = [str(token) for token in petsc_argv]
     if _session is None:
-        _check_options_files(petsc_argv)
+        _check_words(petsc_argv)
         with builds.selected(scalar):
             PETSc, SLEPc, comm = _load(petsc_argv)
         _session = Session(PETSc, SLEPc, comm, petsc_argv)
@@ -288,18 +288,20 @@ def _load(petsc_argv):
     return PETSc, SLEPc, MPI.COMM_WORLD
 
 
-def _check_options_files(petsc_argv):
-    """InputError for an options file that PETSc would refuse with a page of its own."""
+def _check_words(petsc_argv):
+    """InputError for words that petsc4py cannot hand on, and for an options file that PETSc would refuse at length."""
+    for word in petsc_argv:
+        if not word.isprintable():
+            raise InputError(f"{ascii(word)[1:-1]}: PETSc takes printable text only: use another name")
     for flag, name in itertools.pairwise([*petsc_argv, ""]):
         if flag != "-options_file":
             continue
         if not name:
             raise InputError("-options_file: needs the name of a file")
         try:
-            lines = Path(name).read_text().splitlines()
-        except (OSError, UnicodeDecodeError) as error:
-            reason = getattr(error, "strerror", None) or "not a text file"
-            raise InputError(f"{name}: {reason}: give a PETSc options file") from error
+            lines = Path(name).read_text(encoding="utf-8", errors="replace").splitlines()
+        except OSError as error:
+            raise InputError(f"{name}: {error.strerror}: give a PETSc options file") from error
         if Path(name).suffix in (".yml", ".yaml"):
             continue
         for number, line in enumerate(lines, 1):

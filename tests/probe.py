@@ -1,5 +1,6 @@
 """A command of the tests, to see how the command line treats errors: python tests/probe.py probe FILE …"""
 
+import os
 import sys
 import time
 from pathlib import Path
@@ -50,6 +51,19 @@ def solve(running):
 
 def nothing(args):
     pass
+
+
+def progress(args):
+    from jampetsc.progress import Progress
+
+    with Progress(1, "work") as bar:
+        bar.note("a note")
+        bar.step("a step")
+
+
+def open_file(args):
+    if os.open(os.devnull, os.O_RDONLY) <= 2:
+        raise AssertionError("what a library prints would go into this file")
 
 
 def make(args):

@@ -8,10 +8,12 @@ from importlib.metadata import version
 
 import launch
 import pytest
+from samples import polydisperse
 
 import jampetsc
 from jampetsc import cli, commands
 from jampetsc.errors import InputError
+from jampetsc.storage.packing_file import write_packing
 
 
 def probe(*words, ranks=0):
@@ -249,3 +251,68 @@ def test_one_thread_per_rank_unless_told_otherwise():
 def test_a_file_name_that_is_no_utf8_can_be_reported():
     done = probe("probe", os.fsdecode(b"\xff"), "--do", "input_error")
     assert done.returncode == 2 and "must be positive" in done.stderr
+
+
+# Streams and locales
+
+
+@pytest.mark.parametrize(
+    ("where", "deed", "status", "stderr"),
+    [
+        (">&-", "nothing", 0, ""),
+        (">&-", "input_error", 2, "jampetsc: error: f: radius -1: must be positive\n"),
+        ("2>&-", "input_error", 2, ""),
+        (">&- 2>&- <&-", "input_error", 2, ""),
+        (">&- <&-", "open_file", 0, ""),
+        ("2>/dev/full", "progress", 0, ""),
+        ("2>/dev/full", "input_error", 2, ""),
+        (
+            ">/dev/full",
+            "nothing",
+            1,
+            "jampetsc: error: No space left on device: free some space, or write elsewhere\n",
+        ),
+    ],
+)
+def test_standard_streams_that_lead_nowhere(where, deed, status, stderr):
+    line = [
+        "sh",
+        "-c",
+        f'exec "$@" {where}',
+        "sh",
+        *launch.command(0, "probe.py", "probe", "f", "--do", deed),
+    ]
+    done = subprocess.run(line, capture_output=True, text=True, timeout=60, env=launch.environment())
+    assert (done.returncode, done.stderr) == (status, stderr)
+
+
+ASCII = {"PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "LC_ALL": "C"}
+
+
+def test_a_locale_without_the_letters_of_physics(tmp_path):
+    options = tmp_path / "a.opts"
+    options.write_text("# K + iωB\n-modes_eps_tol 1e-12\n")
+    write_packing(tmp_path / "p.h5", polydisperse(3)[0])
+    for words in (
+        ["--help"],
+        ["sweep", "--help"],
+        ["info", tmp_path / "p.h5"],
+        ["modes", tmp_path / "p.h5", "--out", tmp_path / "m.h5", "--count", "3", "-options_file", options],
+    ):
+        line = launch.command(0, "../jampetsc/__main__.py", *words)
+        environment = launch.environment() | ASCII
+        done = subprocess.run(line, capture_output=True, timeout=60, env=environment)
+        assert done.returncode == 0 and done.stdout.isascii() and b"\\u" in done.stdout, done.stderr
+
+
+def test_file_names_that_are_no_text(tmp_path):
+    packing, sweep = (tmp_path / os.fsdecode(name) for name in (b"\xff.h5", b"\xfe.h5"))
+    write_packing(packing, polydisperse(3)[0])
+    done = launch.run(0, "../jampetsc/__main__.py", "sweep", packing, "--out", sweep, "--omega", "1")
+    assert done.returncode == 0, done.stderr
+    told = launch.run(0, "../jampetsc/__main__.py", "info", sweep)
+    assert told.returncode == 0 and "sweep of \\udcff.h5" in told.stdout
+    done = probe("probe", "f", "--scalar", "real", "-options_file", packing)
+    assert done.returncode == 2 and words_of(done) == [
+        f"jampetsc: error: {tmp_path}/\\udcff.h5: PETSc takes printable text only: use another name"
+    ]

@@ -70,6 +70,15 @@ def _identity(path):
     return status.st_ino, status.st_mtime_ns
 
 
+def set_attributes(h5, values: dict) -> None:
+    """Store attributes, None left out. Bytes of a file name that are no text are stored as escapes: \\udcff."""
+    for name, value in values.items():
+        if isinstance(value, str):
+            value = value.encode(errors="backslashreplace").decode()
+        if value is not None:
+            h5.attrs[name] = value
+
+
 def attributes(h5) -> dict:
     """Attributes as Python strings, numbers, booleans or (for lists) numpy arrays."""
     return {name: _plain(value) for name, value in h5.attrs.items()}

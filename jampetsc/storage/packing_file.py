@@ -17,7 +17,14 @@ from jampetsc.contacts.disks import Disks, join
 from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.errors import InputError
 from jampetsc.storage.atomic import OutputFile
-from jampetsc.storage.hdf5 import attributes, check_format, open_file, opening, reading
+from jampetsc.storage.hdf5 import (
+    attributes,
+    check_format,
+    open_file,
+    opening,
+    reading,
+    set_attributes,
+)
 from jampetsc.storage.outputs import check_replaced
 from jampetsc.storage.regular import open_regular
 
@@ -43,12 +50,10 @@ def write_packing(path, disks: Disks) -> None:
         disks.potential.stiffness,
         float(disks.potential.k),
     )
-    record = {
-        name: value for name, value in disks.record.items() if value is not None and name not in _HEADER
-    }
+    record = {name: value for name, value in disks.record.items() if name not in _HEADER}
     check_replaced(path, FORMAT)
     with OutputFile(path) as h5:
-        h5.attrs.update(dict(zip(_HEADER, header, strict=True)) | record)
+        set_attributes(h5, dict(zip(_HEADER, header, strict=True)) | record)
         for name, array in datasets.items():
             h5.create_dataset(name, data=array)
 

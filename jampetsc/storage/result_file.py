@@ -15,6 +15,7 @@ import numpy as np
 from jampetsc.collective import agreed
 from jampetsc.errors import JampetscError
 from jampetsc.storage.atomic import OutputFile, follow, remove_abandoned, write_error
+from jampetsc.storage.hdf5 import set_attributes
 from jampetsc.storage.outputs import check_output
 from jampetsc.storage.parts import GROUP, part_name, parts_of, remove_if_empty
 
@@ -97,9 +98,7 @@ class ResultWriter:
         """Collective. Store scalars, strings and short lists as attributes; None is left out."""
         with self._step():
             if self.rank == 0:
-                self._joint.h5.attrs.update(
-                    {name: value for name, value in values.items() if value is not None}
-                )
+                set_attributes(self._joint.h5, values)
 
     def dataset(self, name, array) -> None:
         """Collective. Store an array that every rank holds; rank 0 writes it."""
