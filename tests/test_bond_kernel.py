@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.kernel import bond_forces, law_constants
+from jampetsc.contacts.kernel import bond_forces
 from jampetsc.contacts.pairs import PairList, deformed
 from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.contacts.state import find_contacts
@@ -61,7 +61,7 @@ def test_against_sums_over_contacts(name, spinning, kind, stiffness):
     pairs, forces, torques = PairList.build(disks, 0.3), np.empty((disks.n, 2)), np.empty(disks.n)
     assert len(pairs.i) > 1024
     sums = bond_forces(
-        (pairs.i, pairs.j, pairs.r0, pairs.sigma), offsets, strain, shear, law_constants(potential), forces,
+        (pairs.i, pairs.j, pairs.r0, pairs.sigma), offsets, strain, shear, potential.constants, forces,
         (u, rate, weights), (spin, disks.radii, torques) if spinning else None,
     )  # fmt: skip
     moved = deformed(disks, offsets, strain, shear)

@@ -11,8 +11,8 @@ from jampetsc.contacts.disks import GRID, Disks, join, split
 from jampetsc.contacts.neighbours import neighbour_pairs
 from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.contacts.state import (
-    Contacts,
     bond_vectors,
+    both_ends,
     find_contacts,
     find_rattlers,
     measure,
@@ -104,18 +104,11 @@ def test_net_forces_are_the_gradient_of_the_energy():
     assert power == pytest.approx(-slope, rel=1e-6)
 
 
-def graph(n, edges):
-    """Contacts of which only the graph matters."""
-    i, j = np.array(edges).T
-    one = np.ones(len(i))
-    return Contacts(i, j, np.column_stack((one, one)), one, one, one, one, one)
-
-
 def test_rattlers_are_removed_again_and_again():
     square = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]  # three contacts each: stays
     tail = [(3, 4), (3, 5), (4, 5), (4, 6), (5, 6), (6, 7)]  # falls from its end: 7, then 6, then 4 and 5
-    assert list(np.flatnonzero(find_rattlers(9, graph(9, square + tail)))) == [4, 5, 6, 7, 8]
-    assert find_rattlers(8, graph(8, tail)).all()
+    assert list(np.flatnonzero(find_rattlers(9, *both_ends(*np.array(square + tail).T)))) == [4, 5, 6, 7, 8]
+    assert find_rattlers(8, *both_ends(*np.array(tail).T)).all()
 
 
 def test_a_contact_that_only_just_touches_does_not_count():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jampetsc.contacts.disks import GRID, Disks
-from jampetsc.contacts.kernel import law_constants, pair_forces
+from jampetsc.contacts.kernel import pair_forces
 from jampetsc.contacts.pairs import PairList, deformed
 from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.contacts.state import find_contacts, measure, net_forces, stress_tensor
@@ -39,7 +39,7 @@ def evaluate(disks, offsets, strain=0.0, shear=0.0):
         offsets,
         strain,
         shear,
-        law_constants(disks.potential),
+        disks.potential.constants,
         forces,
     )
     return energy, forces, virial

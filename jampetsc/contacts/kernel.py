@@ -20,6 +20,8 @@ compile time, motion or rolling, is not in the loop at all.
 import numba
 import numpy as np
 
+from jampetsc.contacts.potentials import secant_stiffness
+
 BLOCK = 1024  # pairs worked on at a time: their temporaries stay in the first-level cache
 # Rows of one array: with an array for each the compiler would have too many to prove that none overlaps
 # another, and would not vectorise.
@@ -28,9 +30,7 @@ UX, UY, ROLL, END = (row * BLOCK for row in range(4))
 FAST = {"reassoc", "contract", "nsz", "arcp", "nnan", "ninf"}
 
 
-def law_constants(potential):
-    """(k, hertzian, scaled): the potential as the compiled loops take it."""
-    return potential.k, potential.kind == "hertzian", potential.stiffness == "inverse-square-diameter"
+_secant = numba.njit(fastmath=FAST, error_model="numpy")(secant_stiffness)
 
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy")
@@ -40,7 +40,6 @@ def _block_forces(r0x, r0y, sigma, bx, by, moving, scale, mix, law, motion, roll
     With motion (bx, by) hold r0 too: two arrays fewer, within the compiler's limit for such proofs.
     Rows UX, UY of `moving`: u_j − u_i; row ROLL: ρ_i Ω_i + ρ_j Ω_j, turned into c_s a⊥ᶜ.
     """
-    k, hertzian, scaled = law
     if motion is not None:
         _, rate, (along_weight, across_weight, sliding_weight) = motion
     energy = wxx = wxy = wyy = 0.0
@@ -56,10 +55,7 @@ def _block_forces(r0x, r0y, sigma, bx, by, moving, scale, mix, law, motion, roll
         r = np.sqrt(rx * rx + ry * ry)
         d = sigma[q] - r
         d = d if d > 0.0 else 0.0
-        unit = 1.0 / sigma[q] if scaled else 1.0
-        f = k * unit * unit * d
-        if hertzian:
-            f *= np.sqrt(unit * d)
+        f = _secant(d, sigma[q], law) * d
         energy += f * d
         w = f / r
         wx = w * rx
@@ -104,7 +100,7 @@ def _block_forces(r0x, r0y, sigma, bx, by, moving, scale, mix, law, motion, roll
 def bond_forces(pairs, o, strain, shear, law, forces, motion, rolling):
     """Net forces of all bonds into `forces` (N, 2); returns the sums over bonds.
 
-    pairs = (i, j, r0, sigma) of a PairList; o (N, 2) offsets; law = `law_constants(potential)`
+    pairs = (i, j, r0, sigma) of a PairList; o (N, 2) offsets; law = `potential.constants`
     motion    None, or (u (N, 2), γ̇, (c_∥, c_⊥, c_s)): damped contacts
     rolling   None, or (Ω (N,), ρ (N,), torques (N,)): with spins; the torques are written
 

@@ -4,6 +4,9 @@ With σ = ρ_i + ρ_j the sum of the radii, δ = σ − r the overlap and α = 2
 
     constant                  V = (k/α) δ^α           (d = 1 sets the length; BT: U = ½ k δ²)
     inverse-square-diameter   V = (k/α) (δ/σ)^α       (Vågberg, thesis eq. 4.7, k = k_e)
+
+The one formula behind energies, forces and stiffnesses, here and in the compiled loop of `kernel`, is the secant
+stiffness f/δ: V = (f/δ) δ²/α, f = (f/δ) δ and d²V/dr² = (α − 1) f/δ.
 """
 
 from dataclasses import dataclass
@@ -14,6 +17,14 @@ from jampetsc.errors import InputError
 
 EXPONENTS = {"harmonic": 2.0, "hertzian": 2.5}
 STIFFNESSES = ("constant", "inverse-square-diameter")
+
+
+def secant_stiffness(overlap, sigma, constants):
+    """f/δ of contacts with overlap δ ≥ 0, numbers or arrays; constants = `Potential.constants`."""
+    k, hertzian, scaled = constants
+    unit = 1.0 / sigma if scaled else 1.0
+    secant = k * unit * unit
+    return secant * np.sqrt(unit * overlap) if hertzian else secant
 
 
 @dataclass(frozen=True)
@@ -37,20 +48,24 @@ class Potential:
         """Exponent of the potential: 2 or 5/2."""
         return EXPONENTS[self.kind]
 
+    @property
+    def constants(self) -> tuple[float, bool, bool]:
+        """(k, hertzian, scaled by the diameter): the potential as compiled loops take it."""
+        return self.k, self.kind == "hertzian", self.stiffness == "inverse-square-diameter"
+
     def scale(self, sigma):
         """Length by which overlaps are measured: σ, or the unit of length (shape of sigma)."""
         return sigma if self.stiffness == "inverse-square-diameter" else np.ones_like(sigma)
 
     def energy(self, overlap, sigma):
         """V(δ) per contact; overlap δ ≥ 0 and sigma are arrays (M,)."""
-        return self.k / self.alpha * (overlap / self.scale(sigma)) ** self.alpha
+        return self.force(overlap, sigma) * overlap / self.alpha
 
     def force(self, overlap, sigma):
         """Repulsive force f = −dV/dr ≥ 0 per contact, (M,)."""
-        scale = self.scale(sigma)
-        return self.k / scale * (overlap / scale) ** (self.alpha - 1.0)
+        return secant_stiffness(overlap, sigma, self.constants) * overlap
 
     def contact_stiffness(self, overlap, sigma):
         """d²V/dr² per contact, (M,): the k of BT eq. 4."""
-        scale = self.scale(sigma)
-        return self.k * (self.alpha - 1.0) / scale**2 * (overlap / scale) ** (self.alpha - 2.0)
+        secant = secant_stiffness(overlap, sigma, self.constants)
+        return (self.alpha - 1.0) * np.broadcast_to(secant, np.shape(overlap))

@@ -13,7 +13,7 @@ import numba
 import numpy as np
 
 from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.kernel import FAST, law_constants, pair_forces
+from jampetsc.contacts.kernel import FAST, pair_forces
 from jampetsc.contacts.pairs import SKIN_START, PairList, deformed, is_stale, tuned_skin
 
 STEP = 0.5  # largest time step, in units of √(m/k): the stiffest mode, ω² ≈ 8–12 k/m, is stable up to 0.6
@@ -195,7 +195,7 @@ class Quench:
         moving = np.array([goal.pressure is not None, goal.shear])
         limit = np.array([force_limit, box_limit])
         forces = np.empty((n, 2))
-        law = law_constants(self._disks.potential)
+        law = self._disks.potential.constants
         diameter = self._diameter(self._disks)
         budget = self.evaluations + max_evaluations
         while True:
