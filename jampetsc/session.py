@@ -87,7 +87,8 @@ class Session:
     """PETSc as it runs in this process; made by `start`.
 
     PETSc, SLEPc   the petsc4py and slepc4py modules; SLEPc is None where no slepc4py is installed
-    comm           mpi4py COMM_WORLD; rank and size are its
+    comm           mpi4py communicator of the work at hand, COMM_WORLD but for `alone`; rank and size are its
+    world          COMM_WORLD
     scalar_type    "real" or "complex"
     petsc_argv     the PETSc options this process was given
     """
@@ -95,7 +96,8 @@ class Session:
     def __init__(self, PETSc, SLEPc, comm, petsc_argv):
         self.PETSc = PETSc
         self.SLEPc = SLEPc
-        self.comm, self.rank, self.size = comm, comm.rank, comm.size
+        self.world = comm
+        self._work_on(comm)
         self.scalar_type = "complex" if PETSc.ScalarType(0).dtype.kind == "c" else "real"
         self.petsc_argv = petsc_argv
         self._library = ctypes.CDLL(
@@ -103,6 +105,24 @@ class Session:
         )  # finds the symbols of the libpetsc it is linked to as well
         self._defaults = set()
         self._given = self._names_given() & {name.lower() for name in self._unused()} - READ_LATE
+
+    def _work_on(self, comm):
+        self.comm, self.rank, self.size = comm, comm.rank, comm.size
+
+    @contextlib.contextmanager
+    def alone(self):
+        """Work inside is this rank's own: `comm` is COMM_SELF, and nothing in it waits for other ranks.
+
+        PETSc's options are those of the whole run, which has rehearsed them: inside there are none to rehearse.
+        """
+        before, given = self.comm, self._given
+        self._work_on(importlib.import_module("mpi4py.MPI").COMM_SELF)
+        self._given = set()
+        try:
+            yield
+        finally:
+            self._work_on(before)
+            self._given = given
 
     def options(self):
         """All PETSc options in force, {name: value}, without their dash."""
@@ -233,7 +253,7 @@ def is_petsc_error(error) -> bool:
 
 def petsc_message(error) -> str:
     """What a PETSc.Error says, without the places in PETSc's sources: its last line."""
-    return " ".join(str(error).rpartition("\n")[2].removeprefix(f"[{_session.rank}]").split())
+    return " ".join(str(error).rpartition("\n")[2].removeprefix(f"[{_session.world.rank}]").split())
 
 
 def stop_on_sigterm():
@@ -254,9 +274,9 @@ def _terminate(number, frame):
 def _abort(kind, error, trace):
     """sys.excepthook: a rank that ends by an exception would leave the others waiting for it forever."""
     text = "".join(traceback.format_exception(kind, error, trace))
-    sys.stderr.write(f"jampetsc: rank {_session.rank} of {_session.size} failed:\n{text}")
+    sys.stderr.write(f"jampetsc: rank {_session.world.rank} of {_session.world.size} failed:\n{text}")
     sys.stderr.flush()
-    _session.comm.Abort(1)
+    _session.world.Abort(1)
 
 
 def _load(petsc_argv):

@@ -1,8 +1,10 @@
 """Results of one rank or many: the same to a reader, complete or absent, and no mixture of two runs."""
 
 import os
+import shlex
 import shutil
 import subprocess
+import sys
 
 import h5py
 import launch
@@ -11,7 +13,7 @@ import pytest
 from write_results import LAW, N, arrays
 
 from jampetsc.errors import InputError
-from jampetsc.storage.provenance import git_commit, law_of, provenance
+from jampetsc.storage.provenance import derived_from, git_commit, law_of, provenance, recorded_as
 from jampetsc.storage.reader import load
 from jampetsc.storage.result_file import ResultWriter
 
@@ -326,6 +328,12 @@ def test_provenance_round_trip(tmp_path):
     assert found["petsc_version"] == "3.18.5"
     assert found["argv"] == "jampetsc sweep 'my packing.h5'"
     assert law_of(found) == {"law": "stokes", "eta_f": 1.0, "prestress": True}
+
+
+def test_a_process_can_work_for_other_command_lines():
+    with recorded_as(["jampetsc", "modes", "p.h5"]):
+        assert derived_from([], 0.0)["argv"] == "jampetsc modes p.h5"
+    assert derived_from([], 0.0)["argv"] == shlex.join(sys.argv)
 
 
 def test_a_law_parameter_cannot_get_lost():

@@ -11,7 +11,7 @@ import pytest
 import samples
 
 import jampetsc.session
-from jampetsc import builds
+from jampetsc import builds, cli
 from jampetsc.errors import InputError
 from jampetsc.storage.packing_file import write_packing
 
@@ -370,3 +370,19 @@ def test_stages_are_named_in_the_log(tmp_path):
     assert done.returncode == 0, done.stderr
     log = (tmp_path / "log").read_text()
     assert log.count(":   Factor shifts:") == 1
+
+
+# A rank on its own
+
+
+@pytest.mark.scalar("real")
+def test_what_one_rank_does_alone_waits_for_no_other(session, tmp_path):
+    if session.rank == session.size - 1:
+        write_packing(tmp_path / "p.h5", samples.published())
+        with session.alone():
+            assert (session.rank, session.size) == (0, 1)
+            for command in ("quasistatic", "modes", "sweep"):
+                out = tmp_path / f"{command}.h5"
+                assert cli.dispatch([command, str(tmp_path / "p.h5"), "--out", str(out)]) == 0
+                assert jampetsc.load(out).attributes["ranks"] == 1
+    assert session.size == session.world.size

@@ -5,6 +5,8 @@ A command module has
     add_parser(subparsers)      adds its parser (`subparsers.add_parser("sweep", help=…)`) and calls
                                 parser.set_defaults(run=run), with takes_petsc=lambda args: True where PETSc's
                                 single-dash options may be given; otherwise the command line refuses them
+    check(args)                 refuses what is wrong whatever the files hold, before any work; `run` begins with it,
+                                and a study calls it for all its tasks: parser.set_defaults(run=run, check=check)
     run(args, petsc_argv)       does the work and returns the exit status; `petsc_argv` is for `session.start`
 
 and keeps its heavy imports (numpy, h5py, numba, matplotlib) inside `run`, so that `--help` is instant.

@@ -43,7 +43,14 @@ def add_parser(subparsers) -> None:
     )
     parser.add_argument("--omega", metavar="w1,w2,…", help="fields at these frequencies (default: all)")
     parser.add_argument("--packing", metavar="FILE", help="packing of a single sweep, if it is not beside it")
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, check=check)
+
+
+def check(args):
+    """(lane widths, frequencies or None for all). Raises InputError."""
+    from jampetsc.words.frequencies import parse_omega
+
+    return _lanes(args.lane), None if args.omega is None else parse_omega(args.omega)
 
 
 def run(args, petsc_argv) -> int:
@@ -56,11 +63,9 @@ def run(args, petsc_argv) -> int:
     from jampetsc.storage.fields import chosen_frequencies, field_at, packing_of, particle_rows
     from jampetsc.storage.outputs import check_output
     from jampetsc.words.files import refuse_repeated
-    from jampetsc.words.frequencies import parse_omega
 
     began = time.perf_counter()
-    lanes = _lanes(args.lane)
-    wanted = None if args.omega is None else parse_omega(args.omega)
+    lanes, wanted = check(args)
     refuse_repeated(args.files)
     check_output(args.out, FORMAT, [*args.files, *filter(None, [args.packing])])
     sweeps = _open(args.files)

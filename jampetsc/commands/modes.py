@@ -37,7 +37,15 @@ def add_parser(subparsers):
     parser.add_argument(
         "--no-prestress", action="store_true", help="drop the f/r term of K (BT: 'without pre-stress')"
     )
-    parser.set_defaults(run=run, takes_petsc=lambda args: True)
+    parser.set_defaults(run=run, check=check, takes_petsc=lambda args: True)
+
+
+def check(args):
+    """Raises InputError for values that no packing can have."""
+    if args.count is not None and args.count < 1:
+        raise InputError(f"--count {args.count}: must be at least 1")
+    if args.below is not None and not 0 < args.below < float("inf"):
+        raise InputError(f"--below {args.below:g}: must be positive")
 
 
 def run(args, petsc_argv) -> int:
@@ -46,10 +54,7 @@ def run(args, petsc_argv) -> int:
     from jampetsc.response import modes_file
     from jampetsc.storage.outputs import check_output
 
-    if args.count is not None and args.count < 1:
-        raise InputError(f"--count {args.count}: must be at least 1")
-    if args.below is not None and not 0 < args.below < float("inf"):
-        raise InputError(f"--below {args.below:g}: must be positive")
+    check(args)
     check_output(args.out, modes_file.FORMAT, [args.packing])
     running = session.start("real", petsc_argv)
     from jampetsc.solvers import eigen, inertia, shifted

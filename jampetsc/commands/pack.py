@@ -56,7 +56,12 @@ def add_parser(subparsers) -> None:
     how.add_argument(
         "--out", required=True, metavar="FILE", help="packing file; {seed} and {pressure} are replaced"
     )
-    parser.set_defaults(run=run, takes_petsc=lambda args: True)
+    parser.set_defaults(run=run, check=check, takes_petsc=lambda args: True)
+
+
+def check(args):
+    """(radii, tasks): the disks of a random start, and a task per packing. Raises InputError."""
+    return radii_for(args), plan(args)
 
 
 def run(args, petsc_argv) -> int:
@@ -65,8 +70,7 @@ def run(args, petsc_argv) -> int:
     from jampetsc.storage.outputs import check_output
     from jampetsc.storage.packing_file import FORMAT, read_identified
 
-    radii = radii_for(args)
-    tasks = plan(args)
+    radii, tasks = check(args)
     for task in tasks:
         check_output(task.path, FORMAT, filter(None, [args.source, args.radii]))
     session = door.start(scalar="real", petsc_argv=petsc_argv)

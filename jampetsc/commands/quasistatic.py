@@ -23,7 +23,13 @@ def add_parser(subparsers):
         "--betas", metavar="b1,b2,…", help="also η₀ and η_∞ at these β, from the same fields (contact law)"
     )
     add_law_options(parser)
-    parser.set_defaults(run=run, takes_petsc=lambda args: True)
+    parser.set_defaults(run=run, check=check, takes_petsc=lambda args: True)
+
+
+def check(args):
+    """(physics, betas). Raises InputError."""
+    physics = physics_from(args)
+    return physics, _betas(args, physics.law)
 
 
 def run(args, petsc_argv) -> int:
@@ -32,8 +38,7 @@ def run(args, petsc_argv) -> int:
     from jampetsc.response import quasistatic
     from jampetsc.storage.outputs import check_output
 
-    physics = physics_from(args)
-    betas = _betas(args, physics.law)
+    physics, betas = check(args)
     check_output(args.out, quasistatic.FORMAT, [args.packing])
     running = session.start("real", petsc_argv)
     from jampetsc.solvers import inertia, shifted

@@ -36,21 +36,27 @@ def add_parser(subparsers) -> None:
         metavar="DECADES",
         help="H(tau) is averaged over so many decades (0.01 to 1.5)",
     )
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, check=check)
+
+
+def check(args):
+    """Raises InputError for values that no sweep can have."""
+    from jampetsc.analysis.relaxation import WIDEST
+
+    if args.window is not None and not 0.01 <= args.window <= WIDEST:
+        raise InputError(f"--window {args.window:g}: choose between 0.01 and {WIDEST:g} decades")
 
 
 def run(args, petsc_argv) -> int:
     """Write the spectrum or draw the spectra; prints a summary. Raises InputError."""
     from pathlib import Path
 
-    from jampetsc.analysis.relaxation import WIDEST
     from jampetsc.plots.style import FORMATS
     from jampetsc.storage.outputs import PICTURE, check_output
     from jampetsc.storage.reader import SweepResult, load
     from jampetsc.words.files import refuse_repeated
 
-    if args.window is not None and not 0.01 <= args.window <= WIDEST:
-        raise InputError(f"--window {args.window:g}: choose between 0.01 and {WIDEST:g} decades")
+    check(args)
     suffix = Path(args.out).suffix.lower()
     picture = suffix in FORMATS
     if not picture and suffix not in HDF5:

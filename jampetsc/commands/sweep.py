@@ -50,16 +50,13 @@ def add_parser(subparsers):
     )
     add_law_options(parser)
     add_damping_options(parser)
-    parser.set_defaults(run=run, takes_petsc=lambda args: True)
+    parser.set_defaults(run=run, check=check, takes_petsc=lambda args: True)
 
 
-def run(args, petsc_argv) -> int:
-    """Run the sweep. Collective."""
+def check(args):
+    """(physics, damping, omega, fields) as `Job.read` takes them. Raises InputError."""
     import numpy as np
 
-    from jampetsc import builds, session
-    from jampetsc.response.job import FORMAT, Job
-    from jampetsc.storage.outputs import check_output
     from jampetsc.words.frequencies import parse_omega
 
     physics = physics_from(args)
@@ -72,6 +69,16 @@ def run(args, petsc_argv) -> int:
         )
     if not 1e-12 <= args.accuracy <= 0.1:
         raise InputError(f"--accuracy {args.accuracy:g}: choose between 1e-12 and 0.1")
+    return physics, damping, omega, fields
+
+
+def run(args, petsc_argv) -> int:
+    """Run the sweep. Collective."""
+    from jampetsc import builds, session
+    from jampetsc.response.job import FORMAT, Job
+    from jampetsc.storage.outputs import check_output
+
+    physics, damping, omega, fields = check(args)
     check_output(args.out, FORMAT, [args.packing])
     # Real scalars will do for the direct method, but take twice the memory.
     scalar = ("complex" if builds.to_choose("complex") else None) if args.method == "direct" else "real"

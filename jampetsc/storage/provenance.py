@@ -1,9 +1,11 @@
 """How a result came about: the attributes that every result file carries."""
 
+import contextlib
 import datetime
 import re
 import shlex
 import sys
+from contextvars import ContextVar
 from pathlib import Path
 
 from jampetsc.contacts.laws import OPTIONS
@@ -11,13 +13,31 @@ from jampetsc.contacts.laws import OPTIONS
 LONGEST = 10_000  # characters of a list of files
 LAW_PARAMETERS = (*OPTIONS, "prestress", "tau1", "alpha", "stress")
 
+_recorded = ContextVar("argv that results record", default=None)
+
+
+@contextlib.contextmanager
+def recorded_as(argv):
+    """Results written inside record the command line `argv`: one process may do the work of several commands."""
+    token = _recorded.set([str(word) for word in argv])
+    try:
+        yield
+    finally:
+        _recorded.reset(token)
+
+
+def command_line(argv=None) -> str:
+    """The command line `argv` as results record it; default: that of `recorded_as`, else of this process."""
+    words = argv or _recorded.get() or sys.argv
+    return _shortened(shlex.join(words))
+
 
 def provenance(*, versions, scalar_type, petsc_options, ranks, packing, law, wall_seconds, argv=None) -> dict:
     """Attributes of a result, for `ResultWriter.attributes(**…)`.
 
     versions: {"petsc": "3.18.5", "slepc": …, "mumps": …}; petsc_options: the options as one string;
     packing: (name, sha256) from `packing_identity`; law: {"law": "contact", "beta": 1.0, …}, entries of None
-    left out; argv: the full command line (default: that of this process).
+    left out; argv: the full command line (default: as `command_line` has it).
     """
     from jampetsc import __version__
 
@@ -32,7 +52,7 @@ def provenance(*, versions, scalar_type, petsc_options, ranks, packing, law, wal
         **{f"{library}_version": version for library, version in versions.items()},
         "python_version": sys.version.split()[0],
         "scalar_type": scalar_type,
-        "argv": shlex.join(sys.argv if argv is None else argv),
+        "argv": command_line(argv),
         "petsc_options": petsc_options,
         "ranks": ranks,
         "packing": packing[0],
@@ -56,7 +76,7 @@ def derived_from(sweeps, wall_seconds, argv=None) -> dict:
         "jampetsc_version": __version__,
         "git_commit": git_commit(),
         "python_version": sys.version.split()[0],
-        "argv": _shortened(shlex.join(sys.argv if argv is None else argv)),
+        "argv": command_line(argv),
         "sources": _shortened(shlex.join(sweep.path.name for sweep in sweeps)),
         "source_runs": _shortened(" ".join(str(attributes.get("run_id", "?")) for attributes in known)),
         **{
