@@ -6,6 +6,8 @@ from matplotlib.image import imread
 
 from jampetsc import cli
 from jampetsc.analysis.correlations import (
+    ENOUGH_PACKINGS,
+    LaneSums,
     bin_edges,
     correlate,
     first_root,
@@ -128,6 +130,37 @@ def test_errors_shrink_with_the_number_of_packings():
         return np.nanmean(correlate(sums).errors[0][1:])
 
     assert 0.3 < error(32) / error(8) < 0.75
+
+
+@pytest.mark.parametrize("packings", [ENOUGH_PACKINGS - 1, ENOUGH_PACKINGS])
+def test_from_enough_packings_on_whole_ones_are_resampled(packings):
+    """Copies of one packing: drawn whole they never differ, drawn as strips they do."""
+    points = scattered(2000, SQUARE)
+    one = lane_sums(points, SQUARE, random_field(points, SQUARE, 1)[0][None], 1.0, grid_cells(SIDE, 1.0))
+    errors = correlate([one] * packings).errors[:, 1:]
+    if packings < ENOUGH_PACKINGS:
+        assert (errors > 1e-4).all()
+    else:
+        np.testing.assert_allclose(errors, 0.0, atol=1e-12)
+
+
+def test_errors_are_those_of_the_mean_of_packings():
+    """Many packings of independent C at one δ: the error is their scatter over √n, as for any mean."""
+    rng = np.random.default_rng(4)
+    ones = np.ones((1, 1))
+    packings = [
+        LaneSums(np.full((1, 1, 1), c), ones, ones, 0.25 * ones, np.ones(1), 1.0, 10.0)
+        for c in rng.normal(0.3, 0.1, 200)
+    ]
+    scatter = np.std([sums.products[0, 0, 0] for sums in packings], ddof=1)
+    assert correlate(packings).errors[0, 1] == pytest.approx(scatter / np.sqrt(200), rel=0.2)
+
+
+def test_one_unit_has_no_error():
+    points = scattered(50, SQUARE)
+    alone = lane_sums(points, SQUARE, np.ones((1, 50)), SIDE, 64)  # one lane is one strip
+    found = correlate([alone])
+    assert np.isnan(found.errors).all() and np.isnan(found.root_error).all()
 
 
 def test_each_packing_weighs_the_same_whatever_its_amplitude():

@@ -117,6 +117,16 @@ def test_power_law_and_its_standard_errors():
     np.testing.assert_allclose(spread, expected, rtol=0.12)
 
 
+def test_the_error_of_three_points_by_hand():
+    """ln x = −1, 0, 1 and ln y = 0, 1, 0: slope 0, mean ⅓, residuals −⅓, ⅔, −⅓ with 3 − 2 degrees of freedom."""
+    fit = fit_power_law(np.exp([-1.0, 0.0, 1.0]), np.exp([0.0, 1.0, 0.0]))
+    variance = 2 / 3 / (3 - 2)
+    assert fit.exponent == pytest.approx(0.0, abs=1e-15)
+    assert fit.exponent_error == pytest.approx(np.sqrt(variance / 2))
+    assert fit.prefactor == pytest.approx(np.exp(1 / 3))
+    assert fit.prefactor_error == pytest.approx(np.exp(1 / 3) * np.sqrt(variance / 3))
+
+
 def test_power_law_fits_inside_its_window_only():
     x = np.geomspace(1e-3, 1e3, 61)
     fit = fit_power_law(x, np.where(x < 1, x, x**0.5), window=(2.0, 500.0))

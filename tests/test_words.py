@@ -1,14 +1,9 @@
 """What the words of the command line mean: those that contradict each other, or mean nothing, are refused."""
 
-from dataclasses import replace
-
 import pytest
-from samples import published
 
 from jampetsc import cli
-from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import InputError
-from jampetsc.storage.packing_file import write_packing
 from jampetsc.words.files import refuse_repeated
 from jampetsc.words.packtasks import plan
 
@@ -46,10 +41,9 @@ def test_words_that_mean_nothing(line, message, tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-def test_pressure_is_in_units_of_the_k_of_the_packing(tmp_path):
-    write_packing(tmp_path / "soft.h5", replace(published(), potential=Potential(k=1e-6)))
-    line = ["pack", "--from", str(tmp_path / "soft.h5"), "--pressure", "1e-3,1e-2", "--out", "p{pressure}.h5"]
-    tasks = plan(cli.command_parser(line)[0].parse_args(line))
+def test_pressure_is_in_units_of_the_k_of_the_packing():
+    line = ["pack", "--from", "soft.h5", "--pressure", "1e-3,1e-2", "--out", "p{pressure}.h5"]
+    tasks = plan(cli.command_parser(line)[0].parse_args(line), 1e-6)
     assert [(task.path.name, task.target.pressure) for task in tasks] == [
         ("p1e-3.h5", pytest.approx(1e-9)),
         ("p1e-2.h5", pytest.approx(1e-8)),

@@ -128,15 +128,18 @@ def correlate(packings, seed: int = 0) -> Correlation:
     count = len(units.disks)
     with np.errstate(invalid="ignore"):
         separation = np.r_[0.0, units.separations.sum(axis=0) / units.pairs.sum(axis=0)]
-    draws = np.random.default_rng(seed).multinomial(count, np.full(count, 1.0 / count), SAMPLES)
-    values, resampled = units.correlation(np.ones(count)), [units.correlation(draw) for draw in draws]
-    places = [[_places(separation, c) for c in sample] for sample in (values, *resampled)]
-    root, minimum = np.moveaxis(places[0], -1, 0)
-    root_error, minimum_error = np.moveaxis(_scatter(np.array(places[1:]), count), -1, 0)
+
+    def found(drawn):
+        """C (F, D + 1), followed by its root and the place of its minimum, of the units numbered in `drawn`."""
+        values = units.correlation(np.bincount(drawn, minlength=count))
+        return np.hstack((values, [_places(separation, c) for c in values]))
+
+    values, (root, minimum) = _parts(found(np.arange(count)))
+    errors, (root_error, minimum_error) = _parts(_scatter(_resampled(found, count, seed)))
     return Correlation(
         separation=separation,
         values=values,
-        errors=_scatter(np.array(resampled), count),
+        errors=errors,
         root=root,
         root_error=root_error,
         minimum=minimum,
@@ -164,14 +167,34 @@ class _Units:
         return np.concatenate((np.ones((len(values), 1)), values), axis=1)
 
 
-def _scatter(samples, units):
-    """Standard deviation along the first axis; nan where fewer than half of the samples have a value."""
+def _resampled(statistic, count, seed):
+    """statistic(indices) of SAMPLES bootstrap samples of `count` units, the last axis numbers the samples."""
+    from scipy.stats import bootstrap  # takes half a second to import
+
+    if count < 2:  # nothing to draw from
+        return np.full((*statistic(np.arange(count)).shape, SAMPLES), np.nan)
+
+    def of_each(drawn, axis):
+        return np.stack([statistic(row) for row in np.atleast_2d(drawn)], axis=-1)
+
+    samples = bootstrap(
+        (np.arange(count),), of_each, n_resamples=SAMPLES, method="percentile", random_state=seed
+    )
+    return samples.bootstrap_distribution
+
+
+def _scatter(samples):
+    """Standard deviation along the last axis; nan where fewer than half of the samples have a value."""
     finite = np.isfinite(samples)
-    count = finite.sum(axis=0)
-    mean = np.where(finite, samples, 0.0).sum(axis=0) / np.maximum(count, 1)
-    variance = np.where(finite, (samples - mean) ** 2, 0.0).sum(axis=0) / np.maximum(count - 1, 1)
-    known = (2 * count >= len(samples)) & (units > 1)
-    return np.where(known, np.sqrt(variance), np.nan)
+    known = 2 * finite.sum(axis=-1) >= samples.shape[-1]
+    scatter = np.full(samples.shape[:-1], np.nan)
+    scatter[known] = np.nanstd(samples[known], axis=-1, ddof=1)
+    return scatter
+
+
+def _parts(found):
+    """(C (F, D + 1), (roots (F,), minima (F,))) out of rows with all of them."""
+    return found[:, :-2], found[:, -2:].T
 
 
 def _places(separation, values):

@@ -17,6 +17,7 @@ from scipy.sparse import coo_array
 from jampetsc.contacts.laws import Law
 from jampetsc.mechanics.network import Network, Pieces, find_pieces
 from jampetsc.session import current
+from jampetsc.solvers.matrices import distributed_matrix
 
 ROW = 6.0  # |A| ≤ ROW max(diagonal) for the A of a contact network: six unknowns at most share a form
 
@@ -164,24 +165,6 @@ def _pin(matrix, gamma, pins, offset, k):
             entries = slice(matrix.indptr[row], matrix.indptr[row + 1])
             matrix.data[entries] = np.where(matrix.indices[entries] == row + offset, k, 0.0)
             gamma[row] = 0.0
-
-
-def distributed_matrix(comm, csr, values):
-    """A symmetric PETSc Mat of this rank's rows, a scipy CSR array with `values` for its data. Collective."""
-    PETSc = current().PETSc
-    rows, columns = csr.shape
-    matrix = PETSc.Mat().createAIJ(
-        ((rows, columns), (rows, columns)),
-        csr=(
-            csr.indptr.astype(PETSc.IntType),
-            csr.indices.astype(PETSc.IntType),
-            values.astype(PETSc.ScalarType),
-        ),
-        comm=comm,
-    )
-    matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-    matrix.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, True)
-    return matrix
 
 
 def _vector(comm, values):

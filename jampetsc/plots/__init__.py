@@ -1,0 +1,1 @@
+"""Pictures of results, one module per family; without PETSc, MPI or a display."""

@@ -12,10 +12,10 @@ from jampetsc.contacts.laws import Physics
 from jampetsc.contacts.minimum import proved_minimum
 from jampetsc.errors import InputError
 from jampetsc.mechanics.network import build_network
+from jampetsc.response.limits import LARGEST, SMALLEST
 from jampetsc.response.record import run_record
 from jampetsc.storage.packing_file import read_identified
 from jampetsc.storage.result_file import ResultWriter
-from jampetsc.words.frequencies import LARGEST, SMALLEST
 
 FORMAT = "jampetsc-sweep"
 NOT_SHOWN = "not shown: error_bound is a bound only if K has no negative modes"

@@ -12,8 +12,8 @@ Local shares of complex vectors are numpy arrays here, the same for both forms.
 import numpy as np
 from scipy.sparse import bsr_array
 
-from jampetsc.mechanics.assembly import Pencil, distributed_matrix
 from jampetsc.session import current
+from jampetsc.solvers.matrices import distributed_matrix
 
 
 class ComplexForm:
@@ -23,7 +23,7 @@ class ComplexForm:
     magnitude   |diagonal of K + iωB| at the ω of the last `set`, (n_local,)
     """
 
-    def __init__(self, pencil: Pencil):
+    def __init__(self, pencil):
         if current().scalar_type == "complex":
             self._doubled, self._step = False, 1j
             self._K, self._B = pencil.K, pencil.B

@@ -14,7 +14,6 @@ from scipy.linalg import eigh
 from scipy.sparse import csr_array
 
 from jampetsc.errors import ConvergenceError, InputError
-from jampetsc.mechanics.assembly import Pencil
 from jampetsc.session import current
 
 PREFIX = "modes_"
@@ -37,7 +36,7 @@ class Eigenpairs:
     iterations: int
 
 
-def translations(pencil: Pencil):
+def translations(pencil):
     """Orthonormal translations of the connected pieces, (2 pieces, unknowns_local)."""
     network, label = pencil.network, pencil.pieces.label
     roots, sizes = np.unique(label, return_counts=True)
@@ -49,7 +48,7 @@ def translations(pencil: Pencil):
     return moves.reshape(2 * len(roots), -1)
 
 
-def lowest(pencil: Pencil, count: int, stiffness: float, known=None) -> Eigenpairs:
+def lowest(pencil, count: int, stiffness: float, known=None) -> Eigenpairs:
     """At least `count` eigenpairs of K, and one more if there is one, to tell where they end. Collective.
 
     pencil      K with nothing pinned (the Stokes law), positive semi-definite

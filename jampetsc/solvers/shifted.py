@@ -6,7 +6,6 @@ Scaled symmetrically to a unit diagonal first: at small s the θ block is of ord
 
 import numpy as np
 
-from jampetsc.mechanics.assembly import Pencil
 from jampetsc.session import current
 from jampetsc.solvers.cholesky import Cholesky, NotPositiveDefinite
 
@@ -31,7 +30,7 @@ class ShiftedFactor:
     is zero; ConvergenceError when the factorisation fails otherwise.
     """
 
-    def __init__(self, pencil: Pencil, s: float):
+    def __init__(self, pencil, s: float):
         self.pencil, self.s = pencil, s
         what = f"K + sB at s = {s:g}"
         matrix = pencil.K.copy()

@@ -60,9 +60,7 @@ def measure(request: Request, out) -> str:
         rows += [ensembles.measure(bench, share) for share in shares]
     table = Table(rows, _facts(request, bench.reference, load) + remarks + more)
     table.write(out)
-    from jampetsc.plots.trade import (
-        plot_trade,
-    )  # matplotlib only now: the runs have the memory for themselves
+    from jampetsc.plots.trade import plot_trade  # only now: matplotlib's memory is the runs' until then
 
     plot_trade(rows, bench.reference.certified, picture)
     lines = [str(table), "", *table.facts, "", *advise(rows), "", f"{out}, {picture}"]

@@ -5,6 +5,7 @@ import io
 import math
 from dataclasses import dataclass, fields
 
+from jampetsc.columns import aligned
 from jampetsc.storage.atomic import write_whole
 
 MEANINGS = {
@@ -117,12 +118,9 @@ class Table:
             cells = [self._text(row, field, form) for field, form in columns.values()]
             lines.append([row.group if row.group != before else "", row.choice, *cells, row.note])
             before = row.group
-        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-        lines.insert(1, ["-" * width for width in widths])
-        return "\n".join(
-            "| " + " | ".join(cell.ljust(w) for cell, w in zip(line, widths, strict=True)) + " |"
-            for line in lines
-        )
+        lines = aligned(lines)
+        lines.insert(1, ["-" * len(cell) for cell in lines[0]])
+        return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 def _known(value):

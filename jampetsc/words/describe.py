@@ -3,6 +3,7 @@
 import numpy as np
 
 from jampetsc.analysis.bounds import relative_bound
+from jampetsc.columns import aligned
 from jampetsc.contacts.minimum import ENTRIES, proved_minimum
 from jampetsc.contacts.state import measure
 from jampetsc.storage.parts import parts_of
@@ -13,19 +14,10 @@ BALANCED = 1e-4  # max |F| / (p d) above which nobody would call forces balanced
 
 
 def table(rows) -> str:
-    """Rows (name, value, …) with all but the last column padded; a row of one word is a heading."""
-    widths = [
-        max((len(row[c]) for row in rows if len(row) > c + 1), default=0) for c in range(max(map(len, rows)))
-    ]
-    lines = []
-    for row in rows:
-        if len(row) == 1:
-            lines.append(row[0])
-        else:
-            lines.append(
-                "  " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=False)).rstrip()
-            )
-    return "\n".join(lines)
+    """Rows (name, value, …) in columns; a row of one word is a heading."""
+    return "\n".join(
+        row[0] if len(row) == 1 else "  " + "  ".join(row).rstrip() for row in aligned(rows, last=False)
+    )
 
 
 def number(value) -> str:

@@ -3,8 +3,7 @@
 import numpy as np
 
 from jampetsc.errors import InputError
-
-SMALLEST, LARGEST = 1e-16, 1e12  # in units of 1/τ₁; beyond them K and ωB no longer share a double
+from jampetsc.response.limits import LARGEST, SMALLEST
 
 
 def parse_omega(text: str, option: str = "--omega"):

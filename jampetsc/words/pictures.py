@@ -1,0 +1,234 @@
+"""What `jampetsc plot --kind` can draw: of which files each picture is, which options it takes, what it tells."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from jampetsc.errors import InputError
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A kind of picture. `draw(args, items)` draws the opened files and returns what it shows, in words."""
+
+    draw: Callable
+    of: tuple[str, ...]  # what files it needs: packing, sweep, …
+    options: tuple[str, ...]  # options of the command that it takes, besides --out
+    single: bool  # one file at a time
+
+
+PICTURES: dict[str, Picture] = {}  # a file shows by itself the first that suits it and the options given
+
+
+def picture(kind: str, *of: str, options=(), single: bool = False):
+    """Decorator that enters a function into PICTURES."""
+
+    def enter(draw):
+        PICTURES[kind] = Picture(draw, of, tuple(options), single)
+        return draw
+
+    return enter
+
+
+def open_files(paths):
+    """What the files hold: ("packing", [Disks]), ("sweep", [SweepResult, …]), ("spectrum", [Result, …]), ….
+
+    Raises InputError for a mixture, and for several packings.
+    """
+    from jampetsc.contacts.disks import Disks
+    from jampetsc.storage.reader import load
+
+    found = [load(path) for path in paths]
+    held = ["packing" if isinstance(item, Disks) else item.format.removeprefix("jampetsc-") for item in found]
+    other = next((n for n, kind in enumerate(held) if kind != held[0]), None)
+    if other is not None:
+        hint = "; the packing of a sweep goes with --packing" if "packing" in held else ""
+        raise InputError(
+            f"{paths[0]} is a {held[0]}, {paths[other]} a {held[other]}: "
+            f"one picture shows one or the other{hint}"
+        )
+    if held[0] == "packing" and len(paths) > 1:
+        raise InputError(f"{len(paths)} packings: one picture shows one packing; plot them one by one")
+    return held[0], found
+
+
+def choose(kinds, held: str, paths) -> str:
+    """The picture to draw of files that hold this, out of those that the options leave.
+
+    Raises InputError where none of them shows such files, or not so many.
+    """
+    kind = next((name for name in kinds if held in PICTURES[name].of), kinds[0])
+    if held not in PICTURES[kind].of:
+        needed = " or ".join(_plural(what) for what in PICTURES[kind].of)
+        raise InputError(f"{paths[0]}: is a {held} file: {kind} pictures need {needed}")
+    if PICTURES[kind].single and len(paths) > 1:
+        raise InputError(f"{len(paths)} {held} files: {kind} pictures show one; plot them one by one")
+    return kind
+
+
+@picture("moduli", "sweep")
+def _moduli(args, items):
+    from jampetsc.plots.curves import curve_of
+    from jampetsc.plots.moduli import plot_moduli
+
+    plot_moduli([curve_of(item) for item in items], args.out)
+    return f"G' and G'' of {_count(items)}"
+
+
+@picture("collapse", "sweep", options=("mu", "lambda"))
+def _collapse(args, items):
+    from jampetsc.analysis.scaling import LAMBDA, MU, collapse_spread
+    from jampetsc.plots.curves import curve_of
+    from jampetsc.plots.moduli import plot_collapse
+
+    mu, lam = _within(args, "mu", 0, 10, MU), _within(args, "lambda", 0, 10, LAMBDA)
+    curves = [curve_of(item) for item in items]
+    plot_collapse(curves, args.out, mu, lam)
+    text = f"collapse of {_count(items)} with mu = {mu:g}, lambda = {lam:g}"
+    try:
+        spread = collapse_spread([(c.omega, c.G, c.pressure) for c in curves], mu, lam)
+    except InputError:  # one sweep, or sweeps that share no scaled frequency: there is no spread to tell
+        return text
+    return f"{text}; they differ by {100 * spread:.2g} % (rms) below omega tau1 = 0.1"
+
+
+@picture("fields", "sweep", options=("omega", "packing"), single=True)
+def _fields(args, items):
+    from jampetsc.plots.fields import plot_fields
+    from jampetsc.storage.fields import chosen_frequencies, field_at, packing_of, particle_rows
+    from jampetsc.words.frequencies import parse_omega
+
+    (sweep,) = items
+    fields = sweep.fields
+    rows = chosen_frequencies(sweep, None if args.omega is None else parse_omega(args.omega))
+    disks = packing_of(sweep, args.packing)
+    particles = particle_rows(sweep, disks)
+    omega = fields.omega[rows] * float(sweep.attributes.get("tau1", 1.0))
+    displacement, rotation = zip(*(field_at(sweep, row) for row in rows), strict=True)
+    rotation = None if fields.rotation is None else rotation
+    plot_fields(disks, omega, displacement, rotation, particles, args.out)
+    return f"displacement fields at omega tau1 = {', '.join(f'{w:g}' for w in omega)}"
+
+
+@picture("packing", "packing", single=True)
+def _packing(args, items):
+    from jampetsc.plots.packing import plot_packing
+
+    plot_packing(items[0], args.out)
+    return f"packing of {items[0].n} disks"
+
+
+@picture("spectrum", "spectrum", "sweep")
+def _spectrum(args, items):
+    from jampetsc.plots.spectrum import plot_relaxation, spectrum_curve
+
+    plot_relaxation([spectrum_curve(item) for item in items], args.out)
+    return f"relaxation spectrum, G(t) and J(t) of {_count(items, 'spectrum', 'spectra')}"
+
+
+@picture("correlation", "correlation", options=("omega",))
+def _correlation(args, items):
+    from jampetsc.plots.correlation import correlation_curve, plot_comparison, plot_correlation
+    from jampetsc.words.frequencies import parse_omega
+
+    curves = [correlation_curve(item) for item in items]
+    wanted = None if args.omega is None else parse_omega(args.omega)
+    if wanted is not None and len(wanted) > 1:
+        raise InputError(f"--omega {args.omega}: correlations are compared at one frequency")
+    if len(curves) == 1 and wanted is None:
+        plot_correlation(curves[0], args.out)
+        return f"correlation at {len(curves[0].omega)} frequencies"
+    omega = curves[0].omega.min() if wanted is None else wanted[0]
+    plot_comparison(curves, omega, args.out)
+    return f"correlation in {_count(items, 'file', 'files')} at omega tau1 = {omega:g}"
+
+
+@picture("length", "correlation", options=("log_exponent",))
+def _length(args, items):
+    from jampetsc.analysis.correlations import LOG_EXPONENT, length_spread
+    from jampetsc.plots.correlation import correlation_curve, plot_lengths
+
+    curves = [correlation_curve(item) for item in items]
+    exponent = _within(args, "log_exponent", -10, 10, LOG_EXPONENT)
+    plot_lengths(curves, args.out, exponent)
+    text = f"correlation lengths of {_count(items, 'file', 'files')}"
+    try:
+        spread = length_spread([(c.omega, c.G, c.pressure, c.size) for c in curves], exponent)
+    except InputError:  # one file, or files that share no scaled frequency
+        return text
+    return f"{text}; l (-ln p)^{exponent:g} differs by {100 * spread:.2g} % (rms) at equal omega/p^(1/2)"
+
+
+@picture("medians", "quasistatic")
+def _medians(args, items):
+    from jampetsc.plots.floppy import plot_medians
+
+    plot_medians(items, args.out)
+    return f"medians of floppy motion in {_count(items, 'file', 'files')}"
+
+
+@picture("viscosities", "quasistatic")
+def _viscosities(args, items):
+    from jampetsc.plots.floppy import plot_viscosities
+
+    plot_viscosities(items, args.out)
+    return f"eta0 and eta_inf against beta of {_count(items, 'file', 'files')}"
+
+
+@picture("response", "quasistatic", options=("packing",), single=True)
+def _response(args, items):
+    from jampetsc.plots.fields import plot_panels
+    from jampetsc.storage.fields import packing_of
+
+    (result,) = items
+    fields = {"no pre-stress": "no_prestress/nonaffine", "pre-stress": "nonaffine"}
+    if not result.attributes["prestress"]:
+        fields = {"no pre-stress": "nonaffine"}
+    panels = [(title, result[name]) for title, name in fields.items()]
+    disks = packing_of(result, args.packing)
+    plot_panels(disks, panels, result["particles"], args.out, r"u_{\rm na}/\gamma")
+    return f"quasistatic response, {' and '.join(fields)}"
+
+
+@picture("modes", "modes")
+def _modes(args, items):
+    from jampetsc.plots.vibrations import plot_modes
+
+    plot_modes(items, args.out)
+    return f"modes of {_count(items, 'packing', 'packings')}"
+
+
+@picture("mode", "modes", options=("packing", "mode"), single=True)
+def _mode(args, items):
+    from jampetsc.plots.fields import plot_panels
+    from jampetsc.plots.vibrations import chosen_modes
+    from jampetsc.storage.fields import packing_of
+
+    (result,) = items
+    panels = chosen_modes(result, args.mode or "1")
+    disks = packing_of(result, args.packing)
+    plot_panels(disks, panels, result["particles"], args.out, r"\varphi")
+    return f"mode {args.mode or 1}"
+
+
+@picture("states", "modes")
+def _states(args, items):
+    from jampetsc.plots.vibrations import plot_states
+
+    plot_states(items, args.out)
+    return f"density of states of {_count(items, 'packing', 'packings')}"
+
+
+def _count(items, one="sweep", many="sweeps"):
+    return f"{len(items)} {one if len(items) == 1 else many}"
+
+
+def _plural(word):
+    return {"packing": "a packing", "spectrum": "spectra"}.get(word, f"{word}s")
+
+
+def _within(args, option, low, high, default):
+    """The value of an option. Raises InputError unless it lies between low and high."""
+    value = vars(args)[option]
+    if value is not None and not low < value < high:
+        raise InputError(f"--{option.replace('_', '-')} {value:g}: must lie between {low} and {high}")
+    return default if value is None else value
