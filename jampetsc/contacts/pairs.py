@@ -48,6 +48,11 @@ class PairList:
         r0 = np.ascontiguousarray(bond_vectors(disks, i, j, image).T)
         return cls(i.astype(np.uint32), j.astype(np.uint32), r0, disks.radii[i] + disks.radii[j], skin)
 
+    @property
+    def arrays(self):
+        """(i, j, r0, sigma), as the compiled loops take them."""
+        return self.i, self.j, self.r0, self.sigma
+
 
 @numba.njit(cache=True, error_model="numpy")
 def is_stale(far, strain, shear, largest, skin):

@@ -1,0 +1,120 @@
+"""The flow file: series over strain, snapshots, means with errors, and the state from which the run goes on.
+
+A checkpoint is such a file too, of another format and without means, at `<out>.resume`.
+"""
+
+import json
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+
+from jampetsc.errors import InputError
+from jampetsc.storage.atomic import OutputFile, follow
+from jampetsc.storage.hdf5 import attributes, check_format, open_file, reading
+from jampetsc.storage.result_file import ResultWriter
+
+FORMAT, CHECKPOINT = "jampetsc-flow", "jampetsc-flow-checkpoint"
+PARTS = ("elastic", "viscous", "kinetic")
+# name -> columns, per row; the first six are means over the strain since the row before, the others are looked up
+SERIES = {
+    "strain": 0, "time": 0, "shear_stress": 3, "pressure": 3, "energy": 0, "dissipation": 0,
+    "coordination": 0, "clusters": 0, "largest_cluster": 0, "deepest_overlap": 0,
+}  # fmt: skip
+SNAPSHOTS = ("strain", "positions", "velocities", "cell")
+
+
+class Record:
+    """Rows and snapshots of a run so far."""
+
+    def __init__(self):
+        self.rows = {name: [] for name in SERIES}
+        self.snapshots = {name: [] for name in SNAPSHOTS}
+
+    def __len__(self):
+        return len(self.rows["strain"])
+
+    def add(self, **row) -> None:
+        """One row: a value for every name in SERIES."""
+        for name, values in self.rows.items():
+            values.append(row[name])
+
+    def snapshot(self, strain, disks, velocities) -> None:
+        """Keep positions, non-affine velocities and cell of this moment."""
+        kept = (strain, disks.positions, velocities.copy(), disks.cell)
+        for name, value in zip(SNAPSHOTS, kept, strict=True):
+            self.snapshots[name].append(value)
+
+    def series(self, name):
+        """(T,) or (T, 3) array of a name in SERIES."""
+        columns = SERIES[name]
+        return np.array(self.rows[name], float).reshape((-1, columns) if columns else -1)
+
+    def datasets(self) -> dict:
+        """Everything, as the file has it."""
+        found = {name: self.series(name) for name in SERIES}
+        if self.snapshots["strain"]:
+            found |= {f"snapshots/{name}": np.array(values) for name, values in self.snapshots.items()}
+        return found
+
+    @classmethod
+    def of(cls, h5) -> "Record":
+        """The record in an open file."""
+        record = cls()
+        record.rows = {name: list(h5[name][:]) for name in SERIES}
+        if "snapshots" in h5:
+            record.snapshots = {name: list(h5[f"snapshots/{name}"][:]) for name in SNAPSHOTS}
+        return record
+
+
+def write_record(path, record: Record, state: dict, settings: dict, facts: dict) -> None:
+    """The finished file: series, snapshots, state, settings and `facts`, its attributes. Raises as ResultWriter."""
+    with ResultWriter(path, FORMAT) as writer:
+        for name, array in record.datasets().items():
+            writer.dataset(name, array)
+        for name, value in state.items():
+            writer.dataset(f"state/{name}", value)
+        writer.attributes(settings=json.dumps(settings), **facts)
+
+
+def checkpoint_of(out) -> Path:
+    """Where a run that writes `out` keeps its checkpoint."""
+    path = follow(out)
+    return path.with_name(f"{path.name}.resume")
+
+
+def write_checkpoint(out, record: Record, state: dict, settings: dict) -> None:
+    """Put the run so far beside `out`; complete or not at all."""
+    with OutputFile(checkpoint_of(out)) as h5:
+        h5.attrs.update(format=CHECKPOINT, format_version="1.0", settings=json.dumps(settings))
+        for name, array in record.datasets().items():
+            h5[name] = array
+        for name, value in state.items():
+            h5[f"state/{name}"] = value
+
+
+def remove_checkpoint(out) -> None:
+    """Delete the checkpoint of a run that is finished."""
+    with suppress(FileNotFoundError):
+        checkpoint_of(out).unlink()
+
+
+def read_record(path, format=FORMAT):
+    """(record, state, settings, attributes) of a flow file or a checkpoint. Raises InputError."""
+    with open_file(path) as h5, reading(path):
+        attrs = attributes(h5)
+        check_format(path, attrs, format)
+        state = {name: value[()] for name, value in h5["state"].items()}
+        return Record.of(h5), state, json.loads(attrs["settings"]), attrs
+
+
+def resumed(out, settings: dict):
+    """(record, state) of a checkpoint of the same job beside `out`, else None."""
+    path = checkpoint_of(out)
+    if not path.exists():
+        return None
+    try:
+        record, state, kept, _ = read_record(path, CHECKPOINT)
+    except InputError:
+        return None
+    return (record, state) if kept == settings else None

@@ -1,0 +1,188 @@
+"""Disks under steady shear: their state, and how it goes on from one pair list to the next."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.kernel import law_constants
+from jampetsc.contacts.pairs import SKIN_START, PairList, deformed, tuned_skin
+from jampetsc.errors import ConvergenceError
+from jampetsc.flow import steps as compiled
+from jampetsc.flow.models import Model, Scheme
+from jampetsc.flow.resistance import centre_clusters, contact_graph
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What is looked at now and then: contacts, their clusters, the deepest overlap."""
+
+    coordination: float  # Z = 2 N_c / N, rattlers included
+    clusters: int  # connected ones, single disks included
+    largest_cluster: int  # its disks
+    deepest: float  # largest δ/σ
+
+
+class Shear:
+    """N disks sheared at a rate γ̇ under Lees–Edwards conditions.
+
+    After `advance` the packing is `disks`, in a cell with tilt |γ| ≤ ½ Lx/Ly, at total strain `strain`; `velocities`
+    (N, 2) are the non-affine ones. `seen` sums what every time step saw (see `steps.TALLY`).
+    """
+
+    ARRAYS = ("offsets", "velocities", "accelerations", "spins", "spin_rates")
+
+    def __init__(self, disks: Disks, model: Model, rate: float, scheme: Scheme):
+        self.model, self.rate, self.scheme = model, rate, scheme
+        n = disks.n
+        law, unit = model.law, disks.potential.k * model.law.tau1
+        self.weights = tuple(float(unit * w) for w in law.on_contacts)
+        self.physics = (
+            float(unit * model.drag),
+            float(model.mass),
+            float(rate),
+            float(unit * law.eta_f * disks.area),
+        )
+        self.largest = 2.0 * float(disks.radii.max())
+        self.diameter = 2.0 * float(disks.radii.mean())
+        self.inertia = 0.5 * model.mass * disks.radii**2  # uniform disks
+        self.skin = SKIN_START * self.diameter
+        self.steps = 0  # time steps done in all
+        self.since = 0  # of them, since the list was made
+        self.rebuilds = 0
+        self.velocities = np.zeros((n, 2))
+        self.accelerations = np.zeros((n, 2))
+        self.spins, self.spin_rates = np.zeros(n), np.zeros(n)
+        self.seen = np.zeros(len(compiled.TALLY))
+        self._list(disks.folded())
+        self.started = False
+
+    def _list(self, disks):
+        self.reference = disks  # at γ_ref, where the list was made
+        self.pairs = PairList.build(disks, self.skin)
+        self.offsets = np.zeros((disks.n, 2))
+        self.since = 0
+
+    @property
+    def strain(self) -> float:
+        """Total strain γ since the start."""
+        return self.steps * self.rate * self.scheme.step
+
+    @property
+    def shear(self) -> float:
+        """g = γ − γ_ref."""
+        return self.since * self.rate * self.scheme.step
+
+    @property
+    def disks(self) -> Disks:
+        """The packing as it is now, folded."""
+        return deformed(self.reference, self.offsets, 0.0, self.shear).folded()
+
+    def advance(self, steps: int) -> None:
+        """So many time steps. Raises ConvergenceError where the time step is too long for them."""
+        if not self.started:
+            self._start()
+        while steps > 0:
+            done, status = self._run(steps)
+            steps -= done
+            self.steps += done
+            self.since += done
+            if status == compiled.STALE and self.since:
+                self.skin = tuned_skin(self.skin, self.since, self.diameter)
+                self.rebuilds += 1
+                self._list(self.disks)
+            elif status == compiled.UNSOLVED:
+                raise ConvergenceError(
+                    f"strain {self.strain:.6g}: velocities not found to {self.scheme.tolerance:g}: raise --tolerance"
+                )
+            elif status != compiled.DONE:
+                raise ConvergenceError(
+                    f"strain {self.strain:.6g}: a disk moves by more than half a diameter in one step of "
+                    f"{self.scheme.step:g}: give a smaller --step"
+                )
+
+    def _start(self):
+        """Velocities and accelerations half a step apart, as velocity Verlet wants them."""
+        self.started = True
+        if self.scheme.method != "verlet":
+            return
+        forces, spins = np.empty_like(self.offsets), None
+        torques = np.zeros(len(self.spins))
+        if self.model.law.couples_rotations:
+            spins = (self.spins, self.reference.radii, torques)
+        compiled.residual_at(
+            self.pairs.arrays, self.offsets, self.shear, self._law, self.weights, self.physics, self.velocities,
+            forces, spins,
+        )  # fmt: skip
+        self.accelerations = forces / self.model.mass
+        self.spin_rates = torques / self.inertia
+        half = 0.5 * self.scheme.step
+        self.velocities = self.velocities - half * self.accelerations
+        self.spins = self.spins - half * self.spin_rates
+
+    @property
+    def _law(self):
+        return law_constants(self.reference.potential)
+
+    def _run(self, steps):
+        """Time steps with the list there is: (how many, status)."""
+        listed, clock = (self.largest, self.skin), (self.scheme.step, self.since)
+        forces = np.empty_like(self.offsets)
+        common = (self.pairs.arrays, listed, self._law)
+        if self.scheme.method == "verlet":
+            rolling = None
+            if self.model.law.couples_rotations:
+                rolling = (self.spins, self.spin_rates, self.reference.radii, self.inertia)
+            return compiled.massive_steps(
+                *common, self.weights, self.physics, clock, self.offsets, self.velocities, self.accelerations,
+                forces, rolling, self.seen, steps,
+            )  # fmt: skip
+        if self.model.law.damps_contacts or self.model.mass:
+            return compiled.contact_steps(
+                *common, self.weights, self.physics, clock, self.offsets, self.velocities, forces,
+                self.scheme.tolerance, self.scheme.heun, self.seen, steps,
+            )  # fmt: skip
+        return compiled.drag_steps(
+            *common, self.physics, clock, self.offsets, self.velocities, forces, self.scheme.heun, self.seen, steps
+        )  # fmt: skip
+
+    def look(self) -> Survey:
+        """Contacts as they are now."""
+        graph = contact_graph(self.pairs.arrays, self.offsets, self.shear, len(self.offsets), False)
+        number, largest = centre_clusters(graph, np.zeros_like(self.offsets))
+        return Survey(len(graph[1]) / len(self.offsets), number, largest, float(graph[3]))
+
+    @property
+    def settled(self) -> np.ndarray:
+        """Non-affine velocities (N, 2) of the last time that forces were evaluated, one step ago."""
+        if self.scheme.method != "verlet":
+            return self.velocities
+        return self.velocities - 0.5 * self.scheme.step * self.accelerations
+
+    def state(self) -> dict:
+        """Everything that goes on from here, as arrays and numbers; `restore` takes it back to the last bit."""
+        reference = self.reference
+        arrays = {name: getattr(self, name).copy() for name in self.ARRAYS}
+        arrays |= {
+            "base": reference.base,
+            "offset": reference.offset,
+            "cell_base": reference.cell_base,
+            "cell_offset": reference.cell_offset,
+        }
+        counts = {name: getattr(self, name) for name in ("steps", "since", "rebuilds")}
+        return arrays | {"seen": self.seen.copy(), "skin": self.skin, "started": self.started, **counts}
+
+    def restore(self, state: dict) -> None:
+        """Go on from what `state` gave."""
+        old = self.reference
+        arrays = (np.asarray(state[name], float) for name in ("cell_base", "cell_offset"))
+        disks = Disks(
+            np.asarray(state["base"], float), np.asarray(state["offset"], float), old.radii, *arrays, old.potential,
+            old.record,
+        )  # fmt: skip
+        self.skin = float(state["skin"])
+        self._list(disks)
+        for name in (*self.ARRAYS, "seen"):
+            setattr(self, name, np.array(state[name], float))
+        self.steps, self.since, self.rebuilds = (int(state[name]) for name in ("steps", "since", "rebuilds"))
+        self.started = bool(state["started"])
