@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 WINDOW = 6.0
-ENOUGH = 40.0  # correlation times that a series must be long
+ENOUGH = 25.0  # correlation times that a series must be long
 DRIFT = 4.0  # standard errors by which the halves of a series may differ
 
 

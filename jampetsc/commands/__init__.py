@@ -18,6 +18,7 @@ COMMANDS = {
     "sweep": "jampetsc.commands.sweep",
     "quasistatic": "jampetsc.commands.quasistatic",
     "modes": "jampetsc.commands.modes",
+    "flow": "jampetsc.commands.flow",
     "spectrum": "jampetsc.commands.spectrum",
     "correlate": "jampetsc.commands.correlate",
     "trade": "jampetsc.commands.trade",

@@ -65,7 +65,9 @@ class Means:
                 f"{self.correlation_strain:.2g}: the errors are rough; a longer --strain helps"
             )
         if self.shear_stress.drifts or self.pressure.drifts:
-            found.append("the two halves of the run differ by more than their errors: not steady yet; --discard more")
+            found.append(
+                "the two halves of the run differ by more than their errors: not steady yet; --discard more"
+            )
         return found
 
     def facts(self) -> dict:

@@ -79,7 +79,7 @@ class Scheme:
 
 
 def scheme_for(model: Model, disks, rate: float, step=None, tolerance=1e-4) -> Scheme:
-    """The scheme that FLOW's measurements recommend (docs/flow.md); `step` overrides its time step.
+    """The scheme that suits a model at this rate; `step` overrides its time step.
 
     Times are those of the stiffest contact, k/σ² at the smallest σ, against damping c = kτ₁ × weight and mass m:
     drag 0.2 c/k (unstable from 0.56), contacts 0.5 c/k (unstable from 2), velocity Verlet 0.1 min(m/c, √(m/k)).
@@ -96,7 +96,8 @@ def scheme_for(model: Model, disks, rate: float, step=None, tolerance=1e-4) -> S
         method = "heun" if fast else "euler"
     else:
         swing = math.sqrt(model.mass / stiffness)
-        damping = max([*weights, drag])
+        # A disk's moment of inertia is half its mass times ρ²: sliding brakes it so much the faster.
+        damping = max([*weights, drag, 4.0 * unit * law.sliding])
         if swing * stiffness / damping < QUALITY and not law.couples_rotations:
             method, slowest = "backward Euler", 0.25 * damping / stiffness
             if not (drag or (law.normal and law.transverse)):

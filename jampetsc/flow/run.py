@@ -5,16 +5,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.contacts.disks import Disks
-from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.errors import ConvergenceError
 from jampetsc.flow.means import UNBALANCED, Means
-from jampetsc.flow.record import Record, remove_checkpoint, resumed, write_checkpoint
+from jampetsc.flow.record import Record, resumed, write_checkpoint
 from jampetsc.flow.shearing import Shear
 from jampetsc.flow.steps import TALLY
+from jampetsc.progress import Progress
 
-ROW = 5e-3  # strain between rows, or a little less: some ten rows per correlation strain
-FEWEST_ROWS = 100  # of a short run
-INTERVAL = 30.0  # seconds between checkpoints
+ROW = 1e-2  # strain between rows: several per correlation strain (0.05 to 0.4)
+FEWEST_ROWS = 50  # of a short run
+INTERVAL = 10.0  # seconds between checkpoints
 LINES = 50  # of progress in a log
 BATCH = 20_000  # time steps between looks at signals
 
@@ -40,40 +40,36 @@ class Plan:
         return set(np.round(np.linspace(self.rows, first_kept, self.snapshots, endpoint=False)).astype(int))
 
 
-def run(shear: Shear, plan: Plan, out, settings: dict, progress, record=None) -> Record:
+def run(shear: Shear, plan: Plan, out, settings: dict, record=None) -> Record:
     """Shear until the plan's last row, from a checkpoint beside `out` where there is one of these settings.
 
-    The checkpoint holds at most INTERVAL seconds back; an interrupt writes it too. Raises ConvergenceError where
-    the time step is too long: a disk jumps, or the energy balance is off by more than 5 % in the mean.
+    A kill loses at most INTERVAL seconds. Raises ConvergenceError where the time step is too long: a disk jumps,
+    or the energy balance is off by more than 5 % in the mean.
     """
     kept = resumed(out, settings)
     if kept is not None:
         record, state = kept
         shear.restore(state)
-        progress.note(f"{out}: goes on from strain {shear.strain:.6g}")
     record = record or Record()
+    first, began = len(record), time.monotonic()
     per_row = plan.steps * shear.rate * shear.scheme.step
     photographed = plan.snapshot_rows(int(plan.discard / per_row + 1e-9)) if plan.snapshots else ()
-    saved, said, first, began = time.monotonic(), 0, len(record), time.monotonic()
-    try:
+    saved, said = began, first * LINES // plan.rows
+    with Progress(LINES, "flow", done=said) as progress:
+        if kept is not None:
+            progress.note(f"{out}: goes on from strain {shear.strain:.6g}")
         while len(record) < plan.rows:
             _row(shear, plan.steps, record)
             if len(record) in photographed:
                 record.snapshot(shear.strain, shear.disks, shear.velocities_now())
-            now = time.monotonic()
-            if now - saved > INTERVAL:
+            if time.monotonic() - saved > INTERVAL:
                 write_checkpoint(out, record, shear.state(), settings)
                 saved = time.monotonic()
             if len(record) * LINES // plan.rows > said:
-                said = len(record) * LINES // plan.rows
+                said += 1
                 means = check_balance(record, plan.discard, shear)
-                progress.to(len(record) / plan.rows, _line(shear, record, means, plan, now - began, first))
-    except BaseException as stop:
-        if len(record) > first and not isinstance(stop, ConvergenceError):
-            whole = shear.steps == len(record) * plan.steps
-            if whole:
-                write_checkpoint(out, record, shear.state(), settings)
-        raise
+                left = (time.monotonic() - began) / (len(record) - first) * (plan.rows - len(record))
+                progress.step(_line(shear, means, left))
     check_balance(record, plan.discard, shear)
     return record
 
@@ -112,10 +108,11 @@ def check_balance(record, discard, shear) -> Means | None:
     return means
 
 
-def _line(shear, record, means, plan, spent, first):
+def _line(shear, means, left):
     """Where a run is, for a log."""
-    left = spent / max(len(record) - first, 1) * (plan.rows - len(record))
-    told = "transient" if means is None else f"sigma {means.shear_stress.mean:.4g}, p {means.pressure.mean:.4g}"
+    told = (
+        "transient" if means is None else f"sigma {means.shear_stress.mean:.4g}, p {means.pressure.mean:.4g}"
+    )
     return f"strain {shear.strain:.4g}, {told}, {_duration(left)} left"
 
 
@@ -124,21 +121,3 @@ def _duration(seconds):
         if seconds >= size:
             return f"{seconds / size:.1f} {unit}"
     return f"{seconds:.0f} s"
-
-
-def start_from(disks: Disks) -> Disks:
-    """A packing as a start. Raises InputError where disks lie inside one another."""
-    from jampetsc.contacts.state import find_contacts
-
-    contacts = find_contacts(disks)
-    if len(contacts) and float(np.max(contacts.overlap / contacts.sigma)) > 0.5:
-        raise InputError(
-            f"overlap of {float(np.max(contacts.overlap / contacts.sigma)):.2g} of the distance of two disks: "
-            "no state of soft disks; quench it first with `jampetsc pack --from`"
-        )
-    return disks
-
-
-def finish(out) -> None:
-    """Remove the checkpoint of a run whose file is in place."""
-    remove_checkpoint(out)

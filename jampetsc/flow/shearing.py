@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.kernel import law_constants
 from jampetsc.contacts.pairs import SKIN_START, PairList, deformed, tuned_skin
 from jampetsc.errors import ConvergenceError
 from jampetsc.flow import steps as compiled
@@ -122,7 +121,7 @@ class Shear:
 
     @property
     def _law(self):
-        return law_constants(self.reference.potential)
+        return self.reference.potential.constants
 
     def _run(self, steps):
         """Time steps with the list there is: (how many, status)."""
@@ -152,12 +151,20 @@ class Shear:
         number, largest = centre_clusters(graph, np.zeros_like(self.offsets))
         return Survey(len(graph[1]) / len(self.offsets), number, largest, float(graph[3]))
 
-    @property
-    def settled(self) -> np.ndarray:
-        """Non-affine velocities (N, 2) of the last time that forces were evaluated, one step ago."""
-        if self.scheme.method != "verlet":
-            return self.velocities
-        return self.velocities - 0.5 * self.scheme.step * self.accelerations
+    def velocities_now(self) -> np.ndarray:
+        """Non-affine velocities (N, 2) at the positions as they are now."""
+        if not self.started:
+            self._start()
+        if self.model.mass:
+            ahead = 0.5 * self.scheme.step if self.scheme.method == "verlet" else 0.0
+            return self.velocities + ahead * self.accelerations
+        u, forces = self.velocities.copy(), np.empty_like(self.offsets)
+        place = (self.pairs.arrays, self.offsets, self.shear, self._law, self.weights, self.physics)
+        if self.model.law.damps_contacts:
+            compiled.balance(*place, self.scheme.step, u, forces, self.scheme.tolerance)
+            return u
+        compiled.residual_at(*place, np.zeros_like(u), forces, None)
+        return forces / self.physics[0]
 
     def state(self) -> dict:
         """Everything that goes on from here, as arrays and numbers; `restore` takes it back to the last bit."""

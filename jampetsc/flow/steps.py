@@ -131,7 +131,7 @@ def centre(graph, physics, u):
 
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def _balance(pairs, o, g, law, weights, physics, dt, u, forces, tolerance):
+def balance(pairs, o, g, law, weights, physics, dt, u, forces, tolerance):
     """Velocities at which forces balance, or that backward Euler gives a mass, into u; returns iterations."""
     residual_at(pairs, o, g, law, weights, physics, u, forces, None)
     graph = contact_graph(pairs, o, g, len(u), weights[0] != weights[1])
@@ -153,7 +153,7 @@ def contact_steps(pairs, listed, law, weights, physics, clock, o, u, forces, tol
     for step in range(steps):
         g = (since + step) * rate * dt
         middle = g + 0.5 * rate * dt
-        iterations = _balance(pairs, o, g, law, weights, physics, dt, u, forces, tolerance)
+        iterations = balance(pairs, o, g, law, weights, physics, dt, u, forces, tolerance)
         if iterations < 0:
             return step, UNSOLVED
         tally[8] += iterations
@@ -164,7 +164,7 @@ def contact_steps(pairs, listed, law, weights, physics, clock, o, u, forces, tol
             if verdict != DONE:
                 return step, verdict
             u2[:] = u
-            iterations = _balance(
+            iterations = balance(
                 pairs, ahead, g + rate * dt, law, weights, physics, dt, u2, forces, tolerance
             )
             if iterations < 0:

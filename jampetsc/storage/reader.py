@@ -214,6 +214,7 @@ LOADERS = {  # format -> loader(h5, path); a new format needs a line here
     "jampetsc-modes": Result,
     "jampetsc-spectrum": SpectrumResult,
     "jampetsc-correlation": Result,
+    "jampetsc-flow": Result,
 }
 
 

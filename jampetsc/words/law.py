@@ -6,9 +6,21 @@ from jampetsc.errors import InputError
 
 def add_law_options(parser) -> None:
     """Add --law and what goes with it, and --no-prestress, to an argparse parser."""
+    group = add_law(parser, DEFAULT)
+    group.add_argument(
+        "--no-prestress",
+        dest="prestress",
+        action="store_false",
+        help="drop the f/r term of K (BT: 'without pre-stress')",
+    )
+
+
+def add_law(parser, default):
+    """Add --law, with this default or None, and what goes with it to an argparse parser; returns their group."""
     group = parser.add_argument_group("damping law")
     labels = " or ".join(f"{family.label} ({name})" for name, family in FAMILIES.items())
-    group.add_argument("--law", choices=FAMILIES, default=DEFAULT, help=f"{labels}; default {DEFAULT}")
+    told = f"; default {default}" if default else ""
+    group.add_argument("--law", choices=FAMILIES, default=default, help=f"{labels}{told}")
     for name in OPTIONS:
         owners = having(name)
         option = FAMILIES[owners[0]].options[name]
@@ -29,12 +41,7 @@ def add_law_options(parser) -> None:
                 help=f"{option.meaning} ({belongs}, default {option.default:g})",
             )
     group.add_argument("--tau1", type=float, default=1.0, metavar="TIME", help="damping time τ₁ (default 1)")
-    group.add_argument(
-        "--no-prestress",
-        dest="prestress",
-        action="store_false",
-        help="drop the f/r term of K (BT: 'without pre-stress')",
-    )
+    return group
 
 
 def add_damping_options(parser) -> None:
@@ -71,10 +78,14 @@ def damping_from(args, law: Law):
 
 def physics_from(args) -> Physics:
     """Law and pre-stress of parsed arguments. Raises InputError for an option that belongs to another law."""
+    return Physics(law_from(args), args.prestress)
+
+
+def law_from(args) -> Law:
+    """The law of parsed arguments. Raises InputError for an option that belongs to another law."""
     given = {name: getattr(args, name) for name in OPTIONS if getattr(args, name) is not None}
     alpha = getattr(args, "alpha", None)  # only some commands have it
-    law = damping_law(args.law, tau1=args.tau1, exponent=1.0 if alpha is None else alpha, **given)
-    return Physics(law, args.prestress)
+    return damping_law(args.law, tau1=args.tau1, exponent=1.0 if alpha is None else alpha, **given)
 
 
 def words_of(physics: Physics) -> list[str]:

@@ -1,0 +1,127 @@
+"""`jampetsc flow`: steady shear of soft disks, overdamped or massive."""
+
+from jampetsc.contacts.potentials import EXPONENTS
+from jampetsc.errors import InputError
+from jampetsc.flow.models import MODELS
+from jampetsc.packing.sizes import SIZES
+from jampetsc.words.flowing import check_start, model_from, start_of
+from jampetsc.words.law import add_law
+
+EPILOG = """examples
+  jampetsc flow --n 1024 --phi 0.8433 --model RD0 --rate 1e-3 --strain 20 --out rd0.h5
+  jampetsc flow packing.h5 --model CD0 --rate 1e-4 --strain 5 --out cd0.h5 --snapshots 100
+  jampetsc flow --n 256 --phi 0.78 --model CDn --mass 1 --rate 1e-3 --strain 40 --out cdn.h5
+  jampetsc flow rd0.h5 --strain 20                                 twenty more
+
+A run that was killed goes on when the same command is given again."""
+
+
+def add_parser(subparsers) -> None:
+    """Add the command to the command line."""
+    parser = subparsers.add_parser(
+        "flow",
+        help="steady shear at a rate: stress, pressure, energy balance",
+        description="Shear soft disks steadily under Lees–Edwards conditions (Vågberg's six models, or a damping law).",
+        epilog=EPILOG,
+        allow_abbrev=False,
+    )
+    parser.add_argument(
+        "start", nargs="?", metavar="START", help="a packing to start from, or a flow file that goes on"
+    )
+    parser.add_argument("--rate", type=float, metavar="R", help="shear rate γ̇")
+    parser.add_argument("--strain", type=float, required=True, metavar="S", help="how far to shear")
+    parser.add_argument("--out", metavar="FILE", help="result file; a flow file that goes on keeps its own")
+    disks = parser.add_argument_group("disks, where START is no file: smallest diameter 1, k_e = k_d = 1")
+    disks.add_argument("--n", type=int, metavar="N", help="number of disks")
+    disks.add_argument("--phi", type=float, metavar="PHI", help="packing fraction")
+    disks.add_argument("--seed", type=int, metavar="S", help="of the random start (default 1)")
+    disks.add_argument("--sizes", choices=SIZES, help="bidisperse: 1:1.4, half and half (default)")
+    disks.add_argument("--potential", choices=EXPONENTS, help="(default harmonic)")
+    model = parser.add_argument_group("model")
+    model.add_argument("--model", choices=MODELS, help="drag (RD) or contact damping (CD); 0: overdamped")
+    model.add_argument("--mass", type=float, metavar="M", help="mass of every disk")
+    model.add_argument("--quality", type=float, metavar="Q", help="Q = √(m k)/(k τ₁), instead of --mass")
+    model.add_argument(
+        "--friction", type=float, metavar="D", help="drag δ beside contact damping (default: its limit zero)"
+    )
+    add_law(parser, None)
+    run_ = parser.add_argument_group("run")
+    run_.add_argument(
+        "--discard", type=float, metavar="S", help="strain before the means (default 1, at most half)"
+    )
+    run_.add_argument("--snapshots", type=int, metavar="K", help="states to keep, evenly after --discard")
+    run_.add_argument("--step", type=float, metavar="DT", help="time step (default: what suits the model)")
+    run_.add_argument(
+        "--tolerance", type=float, metavar="T", help="of the velocities of contact damping (default 1e-4)"
+    )
+    run_.add_argument("--last", metavar="FILE", help="write the last state as a packing, too")
+    parser.set_defaults(run=run)
+
+
+def run(args, petsc_argv) -> int:
+    """Shear and write."""
+    from jampetsc.flow import job as jobs
+
+    _check(args)
+    if args.start is not None and jobs.is_flow(args.start):
+        _refuse_settled(args)
+        job = jobs.continued(args.start, args.strain, args.out)
+    else:
+        job = _fresh(args, jobs)
+    means = jobs.execute(job, args.last)
+    print(jobs.summary(job, means))
+    return 0
+
+
+def _fresh(args, jobs):
+    """The job of the words, from its beginning."""
+    from jampetsc.storage.outputs import check_output
+
+    check_start(args)
+    if args.rate is None:
+        raise InputError("--rate is missing: how fast to shear?")
+    if args.out is None:
+        raise InputError("--out is missing: where to write the result?")
+    check_output(args.out, jobs.FORMAT, [args.start] if args.start else [])
+    model_from(args)  # refuses before disks are made
+    disks, origin = start_of(args)
+    return jobs.fresh(
+        disks,
+        origin,
+        model_from(args, disks.potential.k),
+        args.rate,
+        args.strain,
+        args.out,
+        discard=args.discard,
+        snapshots=args.snapshots or 0,
+        step=args.step,
+        tolerance=args.tolerance or 1e-4,
+    )
+
+
+def _check(args):
+    """Raise InputError for numbers out of range."""
+    from math import isfinite
+
+    for name in ("rate", "strain", "step", "tolerance"):
+        value = getattr(args, name)
+        if value is not None and not (isfinite(value) and value > 0):
+            raise InputError(f"--{name} {value:g}: must be positive")
+    if args.rate is not None and args.rate > 1:
+        raise InputError(f"--rate {args.rate:g}: must be at most 1, a strain of one per unit of time")
+    if args.discard is not None and not 0 <= args.discard < args.strain:
+        raise InputError(f"--discard {args.discard:g}: must lie in [0, --strain)")
+    if args.snapshots is not None and args.snapshots < 0:
+        raise InputError(f"--snapshots {args.snapshots}: must not be negative")
+    if args.tolerance is not None and not 1e-14 <= args.tolerance <= 0.1:
+        raise InputError(f"--tolerance {args.tolerance:g}: must lie in [1e-14, 0.1]")
+
+
+def _refuse_settled(args):
+    """A flow file has its settings: InputError for words that would change them."""
+    kept = ("start", "strain", "out", "last", "tau1", "command", "run", "takes_petsc")
+    for name, value in vars(args).items():
+        if name not in kept and value is not None:
+            raise InputError(
+                f"--{name.replace('_', '-')}: {args.start} goes on as it was begun; leave it out (or start anew)"
+            )

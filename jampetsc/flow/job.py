@@ -1,0 +1,179 @@
+"""A flow job: what is to be sheared and how far, made anew or read from a flow file, and the file it ends in."""
+
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from jampetsc import session
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.potentials import Potential
+from jampetsc.contacts.state import find_contacts
+from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.flow.means import Means
+from jampetsc.flow.models import Model, Scheme, scheme_for
+from jampetsc.flow.record import FORMAT, Record, read_record, remove_checkpoint, write_record
+from jampetsc.flow.run import Plan, check_balance
+from jampetsc.flow.run import run as shear_until
+from jampetsc.flow.shearing import Shear
+from jampetsc.storage.outputs import check_output
+from jampetsc.storage.packing_file import write_packing
+from jampetsc.storage.provenance import provenance
+
+DEEPEST = 0.5  # overlap of two disks, in units of σ, beyond which a start is none of soft disks
+KEPT = ("units", "seed", "sizes", "packing", "packing_sha256")  # attributes that a file hands on
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """One run; `settings` identify it."""
+
+    out: Path
+    disks: Disks  # at the start
+    model: Model
+    rate: float
+    scheme: Scheme
+    plan: Plan
+    origin: dict  # attributes: where the disks come from
+    before: tuple | None = None  # (Record, state) of the file it goes on from
+
+    @property
+    def settings(self) -> dict:
+        """What decides the result, as plain values."""
+        return {
+            "model": asdict(self.model) | {"law": _weights(self.model.law)},
+            "rate": self.rate,
+            "scheme": asdict(self.scheme),
+            "plan": asdict(self.plan),
+            "start": self.disks.fingerprint,
+            "done": len(self.before[0]) if self.before else 0,
+        }
+
+
+def _weights(law):
+    names = ("label", "normal", "transverse", "sliding", "drag", "eta_f", "tau1")
+    return {name: getattr(law, name) for name in names}
+
+
+def fresh(
+    disks, origin, model, rate, strain, out, *, discard=None, snapshots=0, step=None, tolerance=1e-4
+) -> Job:
+    """A job from its beginning. Raises InputError for disks that lie inside one another, or an `out` that cannot be."""
+    check_output(out, FORMAT)
+    contacts = find_contacts(disks)
+    deepest = float(np.max(contacts.overlap / contacts.sigma, initial=0.0))
+    if deepest > DEEPEST:
+        raise InputError(
+            f"overlap of {100 * deepest:.0f} % of the distance of two disks at contact: no state of soft disks; "
+            "quench it first with `jampetsc pack --from`"
+        )
+    scheme = scheme_for(model, disks, rate, step, tolerance)
+    discard = min(1.0, 0.5 * strain) if discard is None else discard
+    plan = Plan.of(rate, scheme.step, strain, discard, snapshots)
+    return Job(Path(out), disks, model, rate, scheme, plan, origin)
+
+
+def continued(path, strain, out=None) -> Job:
+    """The job of a flow file, `strain` farther. Raises InputError for a file that is none."""
+    from jampetsc.contacts.laws import Law
+
+    out = Path(path if out is None else out)
+    check_output(out, FORMAT)
+    record, state, settings, attrs = read_record(path)
+    settings["model"]["law"] = Law(**settings["model"]["law"])
+    model, scheme = Model(**settings["model"]), Scheme(**settings["scheme"])
+    old = Plan(**settings["plan"])
+    potential = Potential(*(attrs[name] for name in ("potential", "stiffness", "k")))
+    arrays = (
+        np.asarray(state[name], float) for name in ("base", "offset", "radii", "cell_base", "cell_offset")
+    )
+    disks = Disks(*arrays, potential)
+    rows = max(1, int(np.ceil(strain / (old.steps * settings["rate"] * scheme.step) - 1e-9)))
+    plan = Plan(old.steps, old.rows + rows, old.discard, old.snapshots)
+    origin = {name: attrs[name] for name in KEPT if name in attrs}
+    return Job(out, disks, model, settings["rate"], scheme, plan, origin, (record, state))
+
+
+def is_flow(path) -> bool:
+    """Whether the file at `path` is a flow file. Raises InputError if it is no jampetsc file."""
+    from jampetsc.storage.hdf5 import attributes, check_format, open_file, reading
+
+    with open_file(path) as h5, reading(path):
+        return check_format(path, attributes(h5)) == FORMAT
+
+
+def execute(job: Job, last=None) -> Means:
+    """Run the job and write its file, and the last state as a packing where `last` names one.
+
+    Raises ConvergenceError as `flow.run.run`, and where disks never touch.
+    """
+    began = time.perf_counter()
+    if last is not None:
+        check_output(last, "jampetsc-packing", [job.out])
+    shear = Shear(job.disks, job.model, job.rate, job.scheme)
+    record = Record()
+    if job.before is not None:
+        record, state = job.before
+        shear.restore(state)
+    record = shear_until(shear, job.plan, job.out, job.settings, record)
+    means = check_balance(record, job.plan.discard, shear)
+    if means is None or means.pressure.mean == 0.0:
+        raise ConvergenceError(
+            f"phi = {job.disks.phi:.4g}: no two disks touched within the strain of {shear.strain:.3g}: "
+            "choose a larger --phi, or a longer --strain"
+        )
+    state = shear.state() | {"radii": job.disks.radii}
+    write_record(job.out, record, state, job.settings, _facts(job, means, time.perf_counter() - began))
+    remove_checkpoint(job.out)
+    if last is not None:
+        write_packing(last, shear.disks.with_record(protocol=f"steady shear, {job.model}, rate {job.rate:g}"))
+    return means
+
+
+def _facts(job, means, seconds):
+    """Attributes of the file."""
+    disks, model, potential = job.disks, job.model, job.disks.potential
+    unit = potential.k * model.law.tau1
+    law = model.law.parameters if model.law.family else {"tau1": model.law.tau1}
+    common = provenance(
+        versions=session.versions(), scalar_type=None, petsc_options=None, ranks=1, packing=(None, None), law=law,
+        wall_seconds=seconds,
+    )  # fmt: skip
+    return {
+        **common,
+        **job.origin,
+        "model": str(model),
+        "rate": job.rate,
+        "phi": disks.phi,
+        "mass": model.mass,
+        "quality": float(np.sqrt(model.mass * potential.k)) / unit if model.mass else None,
+        "friction": model.friction,
+        "particle_count": disks.n,
+        "potential": potential.kind,
+        "stiffness": potential.stiffness,
+        "k": float(potential.k),
+        "step": job.scheme.step,
+        "method": job.scheme.method,
+        "tolerance": job.scheme.tolerance,
+        "discard": job.plan.discard,
+        **means.facts(),
+    }
+
+
+def summary(job: Job, means: Means) -> str:
+    """What a user wants to read."""
+
+    def told(average):
+        return f"{average.mean:.5g} ± {average.error:.2g}"
+
+    lines = [
+        f"{job.out}: {job.model}, phi = {job.disks.phi:.6g}, rate {job.rate:g}, {job.scheme.method} with steps of "
+        f"{job.scheme.step:.3g}; means over strain {means.strain:.4g}",
+        f"  sigma = {told(means.shear_stress)} (elastic {means.parts[0]:.4g}, viscous {means.parts[1]:.4g}, kinetic "
+        f"{means.parts[2]:.4g}), p = {told(means.pressure)}, sigma/p = "
+        f"{means.shear_stress.mean / means.pressure.mean:.4g}",
+        f"  Z = {told(means.coordination)}, energy balance {means.energy_balance:.4f}, correlation strain "
+        f"{means.correlation_strain:.2g}",
+    ]
+    return "\n".join(lines + [f"  note: {line}" for line in means.warnings()])

@@ -1,0 +1,75 @@
+"""Steady shear in dense numpy, written from the equations: what `jampetsc.flow` is compared with."""
+
+import numpy as np
+
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.laws import Law
+from jampetsc.contacts.potentials import Potential
+from jampetsc.contacts.state import find_contacts
+from jampetsc.flow.models import MODELS, Model, Scheme
+from jampetsc.flow.shearing import Shear
+from jampetsc.packing.fire import Goal, Quench
+from jampetsc.packing.sizes import radii_of
+
+# name -> (weights, mass): Vågberg's six, and laws of the linear part with rolling and with unequal weights
+ROWS = {name: (law, 0.7 if massive else 0.0) for name, (law, massive) in MODELS.items()}
+ROWS["rolling"] = (Law("rolling", normal=1.3, sliding=0.6), 0.7)
+ROWS["unequal"] = (Law("unequal", normal=1.0, transverse=0.3, tau1=1.4), 0.0)
+ROWS["both"] = (Law("both", normal=0.5, transverse=0.3, drag=0.8, eta_f=2.0), 0.7)
+OVERDAMPED = [name for name, (_, mass) in ROWS.items() if not mass]
+
+
+def model(name) -> Model:
+    law, mass = ROWS[name]
+    return Model(law, mass, name=name)
+
+
+def crowd(n=64, phi=0.86, aspect=1.3, tilt=0.2, seed=1, kind="harmonic"):
+    """Disks without deep overlaps in a tilted cell that is not square, stiffness as Vågberg's."""
+    rng = np.random.default_rng(seed)
+    radii = 0.6 * radii_of("bidisperse", n) / 0.5
+    height = np.sqrt(np.pi * np.sum(radii**2) / phi / aspect)
+    cell = np.array([[aspect * height, 0.0], [tilt * height, height]])
+    potential = Potential(kind, "inverse-square-diameter")
+    quench = Quench(Disks.from_positions(rng.random((n, 2)) @ cell, radii, cell, potential), Goal())
+    quench.descend(1e-3, np.inf, 200)
+    return quench.disks
+
+
+def shear(name, disks=None, rate=1e-2, step=0.05, method=None, tolerance=1e-13) -> Shear:
+    m = model(name)
+    method = method or ("verlet" if m.mass else "heun")
+    return Shear(disks or crowd(), m, rate, Scheme(step, method, tolerance))
+
+
+def forces(disks, law, rate, u, spin):
+    """(elastic (N, 2), viscous (N, 2), torques (N,), viscous virial Σ f_x r_y, dissipation in contacts)."""
+    c = find_contacts(disks)
+    unit = disks.potential.k * law.tau1
+    n, t = c.normal, c.transverse
+    velocity = u[c.j] - u[c.i] + rate * np.outer(c.r[:, 1], [1.0, 0.0])
+    along, across = np.sum(n * velocity, 1), np.sum(t * velocity, 1)
+    sliding = across - disks.radii[c.i] * spin[c.i] - disks.radii[c.j] * spin[c.j]
+    on_j = -unit * (
+        (law.normal * along)[:, None] * n + (law.transverse * across + law.sliding * sliding)[:, None] * t
+    )
+    elastic, viscous, torques = np.zeros((disks.n, 2)), np.zeros((disks.n, 2)), np.zeros(disks.n)
+    for end, sign in ((c.j, 1.0), (c.i, -1.0)):
+        np.add.at(elastic, end, sign * c.force[:, None] * n)
+        np.add.at(viscous, end, sign * on_j)
+        np.add.at(torques, end, unit * law.sliding * sliding * disks.radii[end])
+    spent = unit * np.sum(law.normal * along**2 + law.transverse * across**2 + law.sliding * sliding**2)
+    return elastic, viscous, torques, float(on_j[:, 0] @ c.r[:, 1]), float(spent)
+
+
+def overdamped_velocities(disks, law, rate):
+    """u (N, 2) with no net force on any disk; the limit of vanishing drag where there is none."""
+    still = np.zeros((disks.n, 2))
+    turned = np.zeros(disks.n)
+    load = sum(forces(disks, law, rate, still, turned)[:2]).ravel()
+    columns = [
+        forces(disks, law, 0.0, unit.reshape(-1, 2), turned)[1].ravel() for unit in np.eye(2 * disks.n)
+    ]
+    drag = law.drag * disks.potential.k * law.tau1
+    matrix = drag * np.eye(2 * disks.n) - np.array(columns).T
+    return np.linalg.lstsq(matrix, load, rcond=1e-11)[0].reshape(-1, 2)

@@ -1,0 +1,333 @@
+"""Steady shear: every law against dense numpy, its identities, invariances and order of convergence."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import sheared
+from sheared import OVERDAMPED, ROWS, crowd, shear
+
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.laws import Law
+from jampetsc.contacts.potentials import Potential
+from jampetsc.contacts.state import find_contacts, stress_tensor
+from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.flow import steps as compiled
+from jampetsc.flow.models import Model, Scheme
+from jampetsc.flow.shearing import Shear
+
+KINDS = ("harmonic", "hertzian")
+
+
+def rolling_of(run):
+    return (
+        (run.spins, run.reference.radii, np.empty(len(run.spins)))
+        if run.model.law.couples_rotations
+        else None
+    )
+
+
+def rates_of(run):
+    """(m u̇ (N, 2), torques, sums of bonds) of a run as it is, by the compiled loop."""
+    out, rolling = np.empty_like(run.offsets), rolling_of(run)
+    sums = compiled.residual_at(
+        run.pairs.arrays, run.offsets, run.shear, run._law, run.weights, run.physics, run.velocities, out, rolling
+    )  # fmt: skip
+    return out, rolling[2] if rolling else np.zeros(len(run.spins)), sums
+
+
+def moving(name, disks=None, rate=0.03, seed=4):
+    """A run with velocities and spins: balanced ones without mass, random ones with."""
+    run = shear(name, disks, rate=rate, tolerance=1e-14)
+    rng = np.random.default_rng(seed)
+    if run.model.mass:
+        run.velocities[:] = rng.normal(0, 0.02, run.velocities.shape)
+        run.spins[:] = rng.normal(0, 0.02, run.spins.shape)
+        run.started = True
+    else:
+        run.velocities[:] = run.velocities_now()
+    return run
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", ROWS)
+def test_right_hand_side_is_that_of_dense_numpy(name, kind):
+    run = moving(name, crowd(kind=kind))
+    law, rate, u = run.model.law, run.rate, run.velocities
+    disks = run.reference
+    if not run.model.mass:
+        exact = sheared.overdamped_velocities(disks, law, rate)
+        assert np.abs(u - exact).max() < 1e-9 * np.abs(exact).max()
+        return
+    elastic, viscous, torques, virial, spent = sheared.forces(disks, law, rate, u, run.spins)
+    total = elastic + viscous - law.drag * law.tau1 * u
+    total[:, 0] -= run.model.mass * rate * u[:, 1]
+    found, turned, sums = rates_of(run)
+    assert np.abs(found - total).max() < 1e-12
+    assert np.abs(turned - torques).max() < 1e-12
+    assert sums[7] == pytest.approx(virial, rel=1e-10)
+    assert sums[5] == pytest.approx(spent, rel=1e-10)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", ROWS)
+def test_energy_is_balanced_at_every_instant(name, kind):
+    """dE/dt = γ̇ V σ − D with σ_dis from f_x r_y; a symmetrised stress or another σ_kin misses it by per cents."""
+    run = moving(name, crowd(kind=kind))
+    force, torques, sums = rates_of(run)
+    u, mass, rate = run.velocities, run.model.mass, run.rate
+    tally = np.zeros(len(compiled.TALLY))
+    compiled.note(tally, sums, run.reference.potential.alpha, u, mass, run.physics[0], rate, run.physics[3])
+    power = -rate * (tally[0] + tally[2] + tally[4]) - tally[7]
+    change = float(np.sum(u * force)) + float(np.sum(run.spins * torques))  # of the kinetic energy
+
+    def energy(h):
+        g = rate * h
+        o = np.empty_like(u)
+        compiled.move(run.offsets, u, 0.5 * g, h, o)
+        out = np.empty_like(u)
+        return compiled.residual_at(
+            run.pairs.arrays, o, g, run._law, run.weights, run.physics, u, out, rolling_of(run)
+        )[0] / run.reference.potential.alpha  # fmt: skip
+
+    h = 1e-5
+    change = (change if mass else 0.0) + (energy(h) - energy(-h)) / (2 * h)
+    scale = tally[7]
+    assert scale > 0
+    assert abs(change - power) < 1e-6 * scale
+
+
+@pytest.mark.parametrize("name", OVERDAMPED)
+def test_the_flow_as_a_whole_stands_still(name):
+    run = moving(name)
+    if name != "CD0":
+        assert np.abs(run.velocities.sum(0)).max() < 1e-13
+    thin = crowd(phi=0.55)
+    run = moving("CD0", thin)
+    contacts = find_contacts(thin)
+    cluster = np.arange(thin.n)
+    while True:
+        least = cluster.copy()
+        np.minimum.at(least, contacts.i, cluster[contacts.j])
+        np.minimum.at(least, contacts.j, cluster[contacts.i])
+        if np.array_equal(least, cluster):
+            break
+        cluster = least
+    assert 5 < len(set(cluster)) < thin.n
+    for root in set(cluster):
+        assert np.abs(run.velocities[cluster == root].mean(0)).max() < 1e-14
+    look = run.look()
+    assert look.clusters == len(set(cluster)) and look.largest_cluster == np.bincount(cluster).max()
+    assert look.coordination == 2 * len(contacts) / thin.n
+    assert look.deepest == pytest.approx(np.max(contacts.overlap / contacts.sigma), rel=1e-12)
+
+
+def test_friction_tends_to_its_limit_linearly():
+    disks = crowd(phi=0.8)
+    exact = moving("CD0", disks).velocities
+    law = ROWS["CD0"][0]
+    off = []
+    for friction in (1e-4, 1e-5):
+        run = Shear(disks, Model(law, friction=friction), 0.03, Scheme(0.1, "euler", 1e-14))
+        off.append(np.abs(run.velocities_now() - exact).max())
+    assert off[0] == pytest.approx(10 * off[1], rel=0.05)
+    assert off[1] < 1e-3 * np.abs(exact).max()
+
+
+def history(run, rows=20, steps=10):
+    """(σ, p) of consecutive pieces of a run."""
+    found = []
+    for _ in range(rows):
+        run.seen[:] = 0
+        run.advance(steps)
+        found.append([run.seen[0] + run.seen[2] + run.seen[4], run.seen[1] + run.seen[3]])
+    return np.array(found)
+
+
+@pytest.mark.parametrize("name", ["RD0", "CD0"])
+def test_stress_does_not_depend_on_origin_images_tilt_or_skin(name):
+    disks, step = crowd(aspect=1.0, tilt=0.45), 0.1
+    reference = history(shear(name, disks, step=step))
+    cell = disks.cell
+    rng = np.random.default_rng(0)
+    shifted = replace(disks, base=disks.base + np.array([3.25, -7.5]))
+    images = rng.integers(-2, 3, (disks.n, 2)).astype(float)
+    moved = replace(
+        disks, base=disks.base + images @ disks.cell_base, offset=disks.offset + images @ disks.cell_offset
+    )
+    sideways = np.array([[1.0, 0.0], [-1.0, 1.0]])
+    tilted = replace(disks, cell_base=sideways @ disks.cell_base, cell_offset=sideways @ disks.cell_offset)
+    assert tilted.cell[1, 0] < 0 < cell[1, 0]
+    wide = shear(name, disks, step=step)
+    wide.skin = 0.9
+    wide._list(wide.reference)
+    runs = {"origin": shifted, "images": moved, "tilt": tilted}
+    for what, start in runs.items():
+        change = np.abs(history(shear(name, start, step=step)) / reference - 1).max()
+        assert change < 1e-11, what
+    assert np.abs(history(wide, 20) / reference - 1).max() < 1e-11
+
+
+def test_a_long_run_stays_folded():
+    run = shear("RD0", crowd(aspect=1.7, tilt=0.0), rate=0.05, step=0.2, method="euler")
+    area, radii = run.reference.area, run.reference.radii
+    for _ in range(60):
+        run.advance(10)
+        disks = run.disks
+        width, height = disks.cell[0, 0], disks.cell[1, 1]
+        assert abs(disks.cell[1, 0]) <= width / 2 * (1 + 1e-12)
+        assert disks.positions[:, 1].min() >= -1e-9 and disks.positions[:, 1].max() <= height + 1e-9
+        turns = (run.strain * height - disks.cell[1, 0]) / width
+        assert abs(turns - round(turns)) < 1e-9
+    assert run.strain == pytest.approx(6.0) and round(turns) >= 3
+    assert run.reference.area == pytest.approx(area, rel=1e-12) and run.reference.radii is radii
+
+
+@pytest.mark.parametrize("name", ROWS)
+@pytest.mark.parametrize("boundary", [(0, 0), (1, 0), (0, 1), (1, -1)])
+@pytest.mark.parametrize("tilt", [0.0, 0.49, -0.49])
+def test_one_pair_by_hand(name, boundary, tilt):
+    """Two disks, 5 % overlap, at an angle, across every boundary: forces, stress, dissipation from the formulas."""
+    law, mass = ROWS[name]
+    angle, side, rate = 0.7, 10.0, 0.2
+    radii = np.array([0.5, 0.7])
+    sigma, overlap = 1.2, 0.06
+    r = (sigma - overlap) * np.array([np.cos(angle), np.sin(angle)])
+    cell = np.array([[side, 0.0], [tilt * side, side]])
+    positions = np.array([[0.2, 0.3], np.array([0.2, 0.3]) + r - np.array(boundary) @ cell])
+    disks = Disks.from_positions(positions, radii, cell, Potential("harmonic", "inverse-square-diameter"))
+    run = Shear(disks, Model(law, mass), rate, Scheme(0.01, "verlet" if mass else "euler", 1e-14))
+    n, t = r / np.hypot(*r), np.array([-np.sin(angle), np.cos(angle)])
+    spring = overlap / sigma**2
+    unit = law.tau1
+    c = [unit * w for w in law.on_contacts]
+    flow = rate * r[1] * np.array([1.0, 0.0])
+    if mass:
+        run.velocities[:], run.started = [[0.01, 0.02], [-0.03, 0.05]], True
+        run.spins[:] = [0.1, -0.3]
+    else:
+        run.velocities[:] = run.velocities_now()
+    u, spin = run.velocities, run.spins
+    if not mass and law.damps_contacts:
+        # the pair shares its mean: ½ of the relative velocity each, along n and t apart
+        relative = (spring / c[0] * n) - flow
+        assert np.allclose(u, [-relative / 2, relative / 2], atol=1e-13)
+    elif not mass:
+        assert np.allclose(u, [-spring * n / unit, spring * n / unit], atol=1e-14)
+    velocity = u[1] - u[0] + flow
+    sliding = t @ velocity - radii @ spin
+    push = spring * n - c[0] * (n @ velocity) * n - (c[1] * (t @ velocity) + c[2] * sliding) * t
+    force, torques, sums = rates_of(run)
+    drag = law.drag * unit
+    exact = np.array([-push, push]) - drag * u - mass * rate * np.column_stack((u[:, 1], [0, 0]))
+    assert np.allclose(force, exact, atol=1e-13)
+    if law.couples_rotations:
+        assert np.allclose(torques, radii * c[2] * sliding, atol=1e-14)
+    assert sums[2] == pytest.approx(spring * n[0] * r[1], rel=1e-12)
+    assert sums[7] == pytest.approx((push - spring * n)[0] * r[1], abs=1e-14)
+    spent = c[0] * (n @ velocity) ** 2 + c[1] * (t @ velocity) ** 2 + c[2] * sliding**2
+    assert sums[5] == pytest.approx(spent, rel=1e-11, abs=1e-15)
+    assert sums[4] == 1
+
+
+@pytest.mark.parametrize("massive, overdamped", [("RD", "RD0"), ("CD", "CD0")])
+def test_light_disks_move_as_those_without_mass(massive, overdamped):
+    disks, off = crowd(phi=0.8), []
+    start = shear(overdamped, disks, method="euler", step=0.02)
+    limit = start.velocities_now()
+    for mass in (1e-4, 1e-5):
+        law = ROWS[massive][0]
+        run = Shear(disks, Model(law, mass), 1e-2, Scheme(0.02, "backward Euler", 1e-13))
+        run.advance(1)
+        other = Shear(disks, Model(ROWS[overdamped][0]), 1e-2, Scheme(0.02, "euler", 1e-13))
+        other.advance(1)
+        connected = np.abs(limit).max(axis=1) > 0
+        off.append(np.abs((run.velocities - other.velocities)[connected]).max())
+    assert off[1] < 0.2 * off[0] and off[1] < 1e-2 * np.abs(limit).max()
+
+
+def travelled(name, step, strain=0.02, rate=1e-2, method=None, start=None):
+    run = shear(name, start, rate=rate, step=step, method=method)
+    run.advance(round(strain / rate / step))
+    d = run.disks
+    return d.positions, d.cell
+
+
+def apart(one, other):
+    """rms distance of two states of the same disks, images aside."""
+    (x, cell), (y, _) = one, other
+    d = (x - y) @ np.linalg.inv(cell)
+    return float(np.sqrt(np.mean(np.sum(((d - np.round(d)) @ cell) ** 2, axis=1))))
+
+
+@pytest.mark.parametrize(
+    "name, method, step, order", [("RD0", "euler", 0.1, 1), ("RD0", "heun", 0.1, 2), ("RD", "verlet", 0.1, 2)]
+)
+def test_order_of_convergence(name, method, step, order):
+    """Drag is smooth: errors fall by 2^order when the step is halved. (Contact damping switches on: order 1.)"""
+    settled = shear("RD0", crowd(), step=0.1)
+    settled.advance(400)
+    start = settled.disks
+    exact = travelled(name, step / 32, method="heun" if method != "verlet" else method, start=start)
+    errors = [apart(travelled(name, h, method=method, start=start), exact) for h in (step, step / 2)]
+    assert errors[0] / errors[1] > 2**order * 0.8
+    assert errors[0] < 1e-3
+
+
+def test_contact_damping_converges():
+    start = crowd()
+    exact = travelled("CD0", 0.02, start=start)
+    assert apart(travelled("CD0", 0.25, method="euler", start=start), exact) < 1e-2
+    implicit = shear("CD", start, step=0.02, method="backward Euler")
+    explicit = shear("CD", start, step=0.02, method="verlet")
+    for run in (implicit, explicit):
+        run.advance(100)
+    assert apart(*[(r.disks.positions, r.disks.cell) for r in (implicit, explicit)]) < 5e-3
+
+
+def test_momentum_is_kept():
+    for method in ("verlet", "backward Euler"):
+        run = shear("CD", crowd(), method=method, tolerance=1e-4)
+        run.advance(500)
+        assert np.abs(run.velocities.sum(0)).max() < 1e-11
+
+
+def test_a_state_goes_on_to_the_last_bit():
+    for name in ("RD0", "CD0", "CD", "rolling"):
+        one, other = shear(name), shear(name)
+        one.advance(137)
+        kept = one.state()
+        one.advance(211)
+        other.restore(kept)
+        other.advance(211)
+        assert one.rebuilds > 0
+        for array in ("offsets", "velocities", "spins", "accelerations"):
+            assert np.array_equal(getattr(one, array), getattr(other, array)), name
+        assert np.array_equal(one.disks.positions, other.disks.positions)
+
+
+def test_stress_of_a_run_is_that_of_its_packing():
+    run = shear("RD0")
+    run.advance(200)
+    disks = run.disks
+    run.seen[:] = 0
+    run.advance(1)
+    stress = stress_tensor(find_contacts(disks), 1.0)
+    assert run.seen[0] == pytest.approx(-stress[0, 1], rel=1e-9)
+    assert run.seen[1] == pytest.approx(-np.trace(stress), rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["RD0", "CD0", "RD"])
+def test_steps_that_are_far_too_long_are_noticed(name):
+    run = shear(name, step=50.0)
+    with pytest.raises(ConvergenceError, match="smaller --step"):
+        run.advance(1000)
+
+
+def test_laws_without_an_overdamped_limit():
+    for weights in ({"normal": 1.0}, {"transverse": 1.0}, {"normal": 1.0, "sliding": 1.0}):
+        with pytest.raises(InputError, match="no overdamped limit"):
+            Model(Law("some", **weights))
+        Model(Law("some", **weights), mass=1.0)
+    with pytest.raises(InputError, match="belongs to contact damping"):
+        Model(Law("drag", drag=1.0), friction=0.1)

@@ -1,0 +1,209 @@
+"""`jampetsc flow`: the file it leaves, going on after a kill and after the end, and what bad input gets."""
+
+import re
+
+import numpy as np
+import pytest
+from sheared import crowd
+
+import jampetsc
+from jampetsc import cli
+from jampetsc.contacts.disks import Disks
+from jampetsc.flow import run as running
+from jampetsc.storage.packing_file import write_packing
+
+SMALL = "flow --n 64 --phi 0.86 --seed 2 --model RD0 --rate 1e-2 --strain 0.6 --discard 0.2".split()
+
+
+def flow(*words):
+    """Exit status of `jampetsc words`."""
+    return cli.main([str(word) for word in words])
+
+
+@pytest.fixture
+def short(monkeypatch):
+    """A checkpoint after every row."""
+    monkeypatch.setattr(running, "INTERVAL", -1.0)
+
+
+def test_the_file(tmp_path, capsys):
+    out, last = tmp_path / "flow.h5", tmp_path / "last.h5"
+    assert flow(*SMALL, "--snapshots", 4, "--out", out, "--last", last) == 0
+    text = capsys.readouterr().out
+    result = jampetsc.load(out)
+    strain, facts = result["strain"], result.attributes
+    assert strain[-1] == pytest.approx(0.6, rel=0.02) and (np.diff(strain) > 0).all()
+    assert np.allclose(result["time"], strain / 1e-2)
+    rows = len(strain)
+    assert result["shear_stress"].shape == result["pressure"].shape == (rows, 3)
+    for name in ("energy", "dissipation", "coordination", "clusters", "largest_cluster", "deepest_overlap"):
+        assert result[name].shape == (rows,)
+    assert (result["shear_stress"][:, 1:] == 0).all()  # drag alone has no other stress
+    kept = strain > 0.2 * (1 + 1e-12)
+    assert facts["shear_stress_mean"] == pytest.approx(result["shear_stress"].sum(1)[kept].mean())
+    assert facts["pressure_mean"] == pytest.approx(result["pressure"].sum(1)[kept].mean())
+    assert 0 < facts["shear_stress_error"] < facts["shear_stress_mean"]
+    assert facts["model"] == "RD0" and facts["rate"] == 1e-2 and facts["phi"] == pytest.approx(0.86)
+    assert facts["seed"] == 2 and facts["mass"] == 0 and "k_e" in facts["units"]
+    assert 0.5 < facts["energy_balance"] < 2
+    assert f"{facts['pressure_mean']:.5g}" in text and "short for a correlation strain" in text
+    snapshots = result["snapshots/strain"]
+    assert len(snapshots) == 4 and snapshots[0] > 0.2 and snapshots[-1] == strain[-1]
+    packing = jampetsc.load(last)
+    assert np.allclose(packing.positions, result["snapshots/positions"][-1], atol=1e-12)
+    assert np.allclose(packing.cell, result["snapshots/cell"][-1])
+    assert packing.radii.min() == 0.5 and packing.potential.stiffness == "inverse-square-diameter"
+    # the drag balances the forces of the snapshot: u = f/k_d
+    from jampetsc.contacts.state import find_contacts, net_forces
+
+    forces = net_forces(packing.n, find_contacts(packing))
+    assert np.abs(result["snapshots/velocities"][-1] - forces).max() < 1e-9
+
+
+def test_a_killed_run_goes_on_to_the_last_bit(tmp_path, short, monkeypatch, capsys):
+    whole, out = tmp_path / "whole.h5", tmp_path / "out.h5"
+    command = [*SMALL, "--snapshots", "3"]
+    assert flow(*command, "--out", whole) == 0
+    save, saved = running.write_checkpoint, []
+
+    def save_and_stop(*what):
+        save(*what)
+        saved.append(what)
+        if len(saved) == 40:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(running, "write_checkpoint", save_and_stop)
+    assert flow(*command, "--out", out) == 130
+    assert not out.exists() and (tmp_path / "out.h5.resume").exists()
+    assert flow(*command, "--out", out) == 0
+    assert "goes on from strain" in capsys.readouterr().err
+    assert not (tmp_path / "out.h5.resume").exists()
+    one, other = jampetsc.load(whole), jampetsc.load(out)
+    for name in one:
+        assert np.array_equal(one[name], other[name]), name
+    assert one.attributes["pressure_mean"] == other.attributes["pressure_mean"]
+
+
+def test_another_command_leaves_the_checkpoint_alone(tmp_path, short, monkeypatch, capsys):
+    out = tmp_path / "out.h5"
+    save = running.write_checkpoint
+
+    def save_and_stop(*what):
+        save(*what)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(running, "write_checkpoint", save_and_stop)
+    assert flow(*SMALL, "--out", out) == 130
+    monkeypatch.setattr(running, "write_checkpoint", save)
+    other = ["2e-2" if word == "1e-2" else word for word in SMALL]
+    assert flow(*other, "--out", out) == 0
+    assert "goes on" not in capsys.readouterr().err
+    assert jampetsc.load(out).attributes["rate"] == 2e-2
+
+
+@pytest.mark.parametrize("model", ["RD0", "CD0", "CDn"])
+def test_a_finished_run_goes_on_to_the_last_bit(tmp_path, model):
+    mass = ["--mass", "1"] if model == "CDn" else []
+    common = ["flow", "--n", 64, "--phi", 0.84, "--model", model, *mass, "--rate", 1e-2, "--discard", 0.1]
+    one, two, farther = tmp_path / "one.h5", tmp_path / "two.h5", tmp_path / "farther.h5"
+    assert flow(*common, "--strain", 1.0, "--out", one) == 0
+    assert flow(*common, "--strain", 2.0, "--out", two) == 0
+    assert flow("flow", one, "--strain", 1.0, "--out", farther) == 0
+    whole, parts = jampetsc.load(two), jampetsc.load(farther)
+    assert len(jampetsc.load(one)["strain"]) == len(whole["strain"]) // 2
+    for name in ("strain", "shear_stress", "pressure", "energy", "dissipation"):
+        assert np.array_equal(whole[name], parts[name])
+    assert parts.attributes["seed"] == 1
+    assert flow("flow", one, "--strain", 1.0) == 0  # in its own place
+    assert np.array_equal(jampetsc.load(one)["energy"], whole["energy"])
+
+
+def test_a_packing_keeps_its_own_units(tmp_path):
+    packing, out = tmp_path / "p.h5", tmp_path / "flow.h5"
+    disks = crowd(kind="hertzian")
+    write_packing(packing, disks)
+    words = ["flow", packing, "--model", "CD0", "--rate", 1e-2, "--strain", 0.3, "--out", out]
+    assert flow(*words) == 0
+    facts = jampetsc.load(out).attributes
+    assert facts["phi"] == pytest.approx(disks.phi) and facts["potential"] == "hertzian"
+    assert facts["packing"] == "p.h5" and "packing" in facts["units"]
+
+
+def test_quality_is_a_mass(tmp_path):
+    out = tmp_path / "flow.h5"
+    words = "flow --n 64 --phi 0.84 --model CD --quality 0.1 --rate 1e-2 --strain 0.2".split()
+    assert flow(*words, "--out", out) == 0
+    facts = jampetsc.load(out).attributes
+    assert facts["mass"] == pytest.approx(0.01) and facts["quality"] == pytest.approx(0.1)
+    assert facts["method"] == "backward Euler"
+
+
+def test_a_law_of_the_linear_part(tmp_path):
+    """Contact damping without rotations and β = 1 is CD0; with rotations it needs a mass."""
+    common = "flow --n 64 --phi 0.86 --rate 1e-2 --strain 0.3".split()
+    law, named, rolling = (tmp_path / name for name in ("law.h5", "named.h5", "rolling.h5"))
+    assert flow(*common, "--law", "contact", "--no-rotations", "--out", law) == 0
+    assert flow(*common, "--model", "CD0", "--out", named) == 0
+    assert np.array_equal(jampetsc.load(law)["shear_stress"], jampetsc.load(named)["shear_stress"])
+    assert flow(*common, "--law", "contact", "--beta", 2, "--mass", 1, "--out", rolling) == 0
+    assert jampetsc.load(rolling).law["beta"] == 2
+
+
+BAD = [
+    ("--rate 0", "--rate 0: must be positive"),
+    ("--rate -1", "must be positive"),
+    ("--rate nan", "must be positive"),
+    ("--rate 3", "at most 1"),
+    ("--strain 0", "must be positive"),
+    ("--discard 0.6", "must lie in"),
+    ("--phi 1.1", "must lie in"),
+    ("--phi 0.1 --strain 0.05 --discard 0.02", "no two disks touched"),
+    ("--step 0", "must be positive"),
+    ("--step 900", "smaller --step"),
+    ("--model CDn", "give its --mass"),
+    ("--model CDt --mass 0", "no overdamped limit"),
+    ("--model RD --mass 0", "the overdamped limit is --model RD0"),
+    ("--mass 1", "is overdamped"),
+    ("--law stokes", "--model RD0 and --law: give one"),
+    ("--model CD --mass 1 --quality 1", "leave one out"),
+    ("--friction 0.1", "belongs to contact damping"),
+    ("--n 3", "must lie in"),
+    ("--snapshots -1", "must not be negative"),
+    ("--tolerance 3", "must lie in"),
+]
+
+
+@pytest.mark.parametrize("words, message", BAD)
+def test_bad_words(tmp_path, capsys, words, message):
+    out = tmp_path / "out.h5"
+    status = flow(*SMALL, *words.split(), "--out", out)
+    error = capsys.readouterr().err
+    assert status in (2, 3) and message in error
+    assert len(re.findall("jampetsc: error:", error)) == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_bad_starts(tmp_path, capsys):
+    packing, out = tmp_path / "p.h5", tmp_path / "out.h5"
+    positions = np.random.default_rng(1).random((16, 2)) * 4
+    positions[1] = positions[0] + 0.01
+    write_packing(packing, Disks.from_positions(positions, np.full(16, 0.5), np.eye(2) * 4.0))
+    rest = ["--model", "RD0", "--rate", "0.01", "--strain", "1"]
+    for words, message in [
+        ((packing, *rest, "--out", out), "no state of soft disks"),
+        ((packing, *rest, "--out", packing), "is the input"),
+        ((packing, *rest, "--n", 16, "--out", out), "--n: belongs to"),
+        ((tmp_path / "none.h5", *rest, "--out", out), "no such file"),
+        ((*rest, "--out", out), "--n is missing"),
+        (("--n", 64, "--phi", 0.8, *rest), "--out is missing"),
+    ]:
+        assert flow("flow", *words) == 2
+        assert message in capsys.readouterr().err
+        assert not out.exists()
+
+
+def test_a_flow_file_goes_on_as_it_was_begun(tmp_path, capsys):
+    out = tmp_path / "out.h5"
+    assert flow(*SMALL, "--out", out) == 0
+    assert flow("flow", out, "--strain", 1, "--rate", 0.1) == 2
+    assert "goes on as it was begun" in capsys.readouterr().err
