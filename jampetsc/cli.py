@@ -15,7 +15,7 @@ import re
 import sys
 import time
 
-from jampetsc import __version__, launcher, session, streams
+from jampetsc import __version__, launcher, session, stopping, streams
 from jampetsc.commands import COMMANDS
 from jampetsc.errors import InputError, JampetscError
 
@@ -31,7 +31,7 @@ def main(argv=None):
     for variable in THREAD_VARIABLES:
         os.environ.setdefault(variable, "1")
     streams.prepare()
-    session.stop_on_sigterm()
+    stopping.stop_on_sigterm()
     launcher.forget_if_inherited()
     try:
         status = dispatch(sys.argv[1:] if argv is None else argv)
@@ -48,8 +48,8 @@ def main(argv=None):
         return _fail(_system_message(error), 1)
     except KeyboardInterrupt:
         return _fail("interrupted", 130)
-    except session.Terminated as stop:
-        return _fail("stopped by SIGTERM; what was finished is on disk", stop.code)
+    except stopping.Terminated as stop:
+        return _fail(stopping.MESSAGE, stop.code)
     except RuntimeError as error:
         if not session.is_petsc_error(error):
             raise
@@ -77,11 +77,12 @@ def dispatch(argv):
             f"{args.command} {petsc_argv[0]}: single-dash options are PETSc's, which has nothing to do here; "
             "the program's own begin with --"
         )
-    if not args.takes_petsc(args) and not _chosen(argv):
-        return 0
-    status = args.run(args, petsc_argv)
-    if petsc_argv:
-        _note_unused()
+    if not args.takes_petsc(args):
+        return args.run(args, petsc_argv) if _chosen(argv) else 0
+    with stopping.watched():
+        status = args.run(args, petsc_argv)
+        if petsc_argv:
+            _note_unused()
     return status
 
 
@@ -218,7 +219,7 @@ def _rank():
 
 
 def _print_error(message):
-    streams.say("".join(f"jampetsc: error: {line}\n" for line in message.splitlines()))
+    streams.say("".join(f"{streams.ERROR}{line}\n" for line in message.splitlines()))
     streams.forsake()
 
 

@@ -20,12 +20,12 @@ import itertools
 import re
 import signal
 import sys
-import threading
 import traceback
 from pathlib import Path
 
 from jampetsc import builds
 from jampetsc.errors import InputError
+from jampetsc.stopping import stop_on_sigterm
 
 # Read by PETSc when it finishes, or only in some situations: never called unused.
 READ_LATE = frozenset(
@@ -35,13 +35,6 @@ READ_LATE = frozenset(
 )
 
 _session = None
-
-
-class Terminated(SystemExit):
-    """SIGTERM arrived. `finally` blocks run on the way out; exit status 143 as from the shell."""
-
-    def __init__(self):
-        super().__init__(128 + signal.SIGTERM)
 
 
 def start(scalar=None, petsc_argv=()):
@@ -254,21 +247,6 @@ def is_petsc_error(error) -> bool:
 def petsc_message(error) -> str:
     """What a PETSc.Error says, without the places in PETSc's sources: its last line."""
     return " ".join(str(error).rpartition("\n")[2].removeprefix(f"[{_session.world.rank}]").split())
-
-
-def stop_on_sigterm():
-    """From now on SIGTERM raises Terminated, at the next python instruction; a second one kills at once.
-
-    mpirun passes SIGTERM to every rank and kills a second or so later, Slurm after KillWait. A rank inside a
-    long factorisation never gets to python in that time: what must survive has to be on disk before.
-    """
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTERM, _terminate)
-
-
-def _terminate(number, frame):
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    raise Terminated
 
 
 def _abort(kind, error, trace):

@@ -4,6 +4,8 @@ import contextlib
 import os
 import sys
 
+ERROR = "jampetsc: error: "  # before every line that says what is wrong
+
 
 def prepare() -> None:
     """Make what is closed lead nowhere, and everything printable.

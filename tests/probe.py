@@ -1,5 +1,7 @@
 """A command of the tests, to see how the command line treats errors: python tests/probe.py probe FILE …"""
 
+import functools
+import itertools
 import os
 import sys
 import time
@@ -109,6 +111,14 @@ def wait(args):
         time.sleep(60)
     finally:
         Path(args.file).write_text("cleaned up")
+
+
+def be_deaf(args):
+    from jampetsc.session import current
+
+    Path(f"{args.file}{current().rank}").write_text(str(os.getpid()))
+    # hours inside one instruction, where no handler of python runs, and first a word from there
+    sum(itertools.chain(map(functools.partial(os.write, 1), [b"waiting\n"]), range(10**13)))
 
 
 def talk(args):
