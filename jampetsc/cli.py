@@ -64,8 +64,11 @@ def dispatch(argv):
     words, petsc_argv = split_petsc(argv)
     parser, commands = command_parser(words)
     try:
-        args, rest = parser.parse_known_args(words)
+        args, rest = parser.parse_known_args(_with_negative_numbers(words))
     except InputError as error:
+        unknown = [word for word in words if _is_unknown(word, commands.choices.get(words[0]))]
+        if unknown and "required" in str(error):  # it is missing because it was misspelt
+            raise InputError(_unknown(unknown[0], commands.choices[words[0]])) from None
         taken = [token for token in petsc_argv if not PETSC_OPTION.match(token)]
         missing = taken and "required" in str(error)
         hint = f"; PETSc's options took {', '.join(taken)}: put them last" if missing else ""
@@ -136,6 +139,21 @@ def command_parser(words):
     for name in names:
         importlib.import_module(COMMANDS[name]).add_parser(subparsers)
     return parser, subparsers
+
+
+def _with_negative_numbers(words):
+    """The words with `--option -1e-4` as `--option=-1e-4`: argparse takes -1e-4 for an option."""
+    joined = []
+    for word in words:
+        if re.match(r"-\.?\d", word) and joined and joined[-1].startswith("--") and "=" not in joined[-1]:
+            joined[-1] += f"={word}"
+        else:
+            joined.append(word)
+    return joined
+
+
+def _is_unknown(word, parser):
+    return parser and word.startswith("--") and word.partition("=")[0] not in parser._option_string_actions
 
 
 def _unknown(token, parser):

@@ -32,6 +32,20 @@ from jampetsc.words.packtasks import plan
             "pack --n 64 --pressure 1e-3 --seeds 1:9999999999 --out {seed}.h5",
             "9999999999 packings: at most 1000000",
         ),
+        ("pack --n 64 --pressure -1e-4 --out k.h5", r"--pressure -1e-4: must lie in \[1e-08, 1\]"),
+        ("pack --n 64 --pressure 1e-3, --out k.h5", "--pressure 1e-3,: must be a number, or several"),
+        ("pack --n 64 --presure 1e-3 --out k.h5", "--presure: no such option; did you mean --pressure"),
+        ("sweep p.h5 --ouput s.h5", "--ouput: no such option; did you mean --out"),
+        (
+            "sweep p.h5 --out s.png",
+            r"--out s\.png: would be an HDF5 file by that name: give it the ending \.h5",
+        ),
+        (
+            "modes p.h5 --out m.h5 --below 1e-30",
+            "--below 1e-30: must be above 1e-12; softer modes cannot be told",
+        ),
+        ("correlate f.h5 --out c.h5 --lane 1,0.5,1", "--lane 1,0.5,1: gives a width twice"),
+        ("plot c.h5 --log-exponent -1e2 --out c.png", "c.h5: no such file"),
     ],
 )
 def test_words_that_mean_nothing(line, message, tmp_path, monkeypatch):

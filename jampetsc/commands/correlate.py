@@ -108,6 +108,8 @@ def _lanes(text):
     wrong = next((width for width in lanes if not 0.01 <= width <= 1e6), None)
     if wrong is not None:
         raise InputError(f"--lane {wrong:g}: a width in mean diameters must be at least 0.01")
+    if len(set(lanes)) < len(lanes):
+        raise InputError(f"--lane {text}: gives a width twice: leave one out")
     return lanes
 
 

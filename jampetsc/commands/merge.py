@@ -1,5 +1,7 @@
 """`jampetsc merge FILE`: one plain file out of a joint file and its parts."""
 
+import os
+
 
 def add_parser(subparsers) -> None:
     """Add the command to the command line."""
@@ -21,7 +23,7 @@ def run(args, petsc_argv) -> int:
     joined = merge(args.file, args.out)
     if joined:
         print(f"{args.out or args.file}: {joined} parts in one file")
-    elif args.out:
+    elif args.out and not os.path.samefile(args.out, args.file):
         print(f"{args.out}: copy of {args.file}, which was one file already")
     else:
         print(f"{args.file}: one file already, nothing to do")

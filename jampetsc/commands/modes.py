@@ -42,10 +42,16 @@ def add_parser(subparsers):
 
 def check(args):
     """Raises InputError for values that no packing can have."""
+    from jampetsc.solvers.inertia import SHIFT
+
     if args.count is not None and args.count < 1:
         raise InputError(f"--count {args.count}: must be at least 1")
     if args.below is not None and not 0 < args.below < float("inf"):
         raise InputError(f"--below {args.below:g}: must be positive")
+    if args.below is not None and args.below <= SHIFT:
+        raise InputError(
+            f"--below {args.below:g}: must be above {SHIFT:g}; softer modes cannot be told from translations"
+        )
 
 
 def run(args, petsc_argv) -> int:

@@ -112,8 +112,10 @@ def summary(job, omega, G, bounds) -> str:
     lines = [
         f"{job.out}: {job.physics}, {len(omega)} frequencies, "
         f"{'certified' if job.negative_modes == 0 else 'estimated'} to {storage:.1e} in G' and {loss:.1e} in G''",
-        f"  omega {omega[0]:.3g}: G' = {G[0].real:.6g}, G'' = {G[0].imag:.6g}",
-        f"  omega {omega[-1]:.3g}: G' = {G[-1].real:.6g}, G'' = {G[-1].imag:.6g}",
+    ]
+    lines += [
+        f"  omega {omega[end]:.3g}: G' = {G[end].real:.6g}, G'' = {G[end].imag:.6g}"
+        for end in ((0, -1) if len(omega) > 1 else (0,))
     ]
     return "\n".join(lines + (_damping_lines(job, G) if job.damping else []))
 

@@ -14,6 +14,7 @@ from jampetsc.storage.regular import open_regular
 
 PICTURE, TABLE = "picture", "table"
 _PICTURES = (b"\x89PNG\r\n", b"%PDF-", b"<?xml", b"<svg")  # how the files begin
+_NOT_HDF5 = (".png", ".pdf", ".svg", ".csv", ".txt", ".opts")  # endings that promise something else
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
@@ -23,6 +24,8 @@ def check_output(out, kind, inputs=()) -> None:
     kind     "picture", "table" or the format of a result, such as "jampetsc-sweep"
     inputs   paths of what the run reads; those that do not exist are left to who reads them
     """
+    if kind.startswith("jampetsc-") and Path(out).suffix.lower() in _NOT_HDF5:
+        raise InputError(f"--out {out}: would be an HDF5 file by that name: give it the ending .h5")
     for source in inputs:
         if _same(out, source):
             alias = "" if str(out) == str(source) else f" {source}"

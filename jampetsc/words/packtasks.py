@@ -46,7 +46,9 @@ def plan(args, k=1.0) -> list[Task]:
         targets = {"": Target(phi=args.phi, tolerance=args.tolerance)}
     else:
         targets = {
-            word: Target(k * _pressure(word), stabilise=args.stabilise, tolerance=args.tolerance)
+            word: Target(
+                k * _pressure(word, args.pressure), stabilise=args.stabilise, tolerance=args.tolerance
+            )
             for word in args.pressure.split(",")
         }
     seeds = [None] if args.source else _seeds(args)
@@ -68,11 +70,12 @@ def plan(args, k=1.0) -> list[Task]:
     ]
 
 
-def _pressure(word) -> float:
+def _pressure(word, text) -> float:
+    """The value of one of the words in `text`. Raises InputError."""
     try:
         value = float(word)
     except ValueError:
-        raise InputError(f"--pressure {word}: must be a number, or several with commas between") from None
+        raise InputError(f"--pressure {text}: must be a number, or several with commas between") from None
     if not PRESSURES[0] <= value <= PRESSURES[1]:
         raise InputError(f"--pressure {word}: must lie in [{PRESSURES[0]:g}, {PRESSURES[1]:g}]")
     return value

@@ -43,7 +43,7 @@ def open_files(paths):
     if other is not None:
         hint = "; the packing of a sweep goes with --packing" if "packing" in held else ""
         raise InputError(
-            f"{paths[0]} is a {held[0]}, {paths[other]} a {held[other]}: "
+            f"{paths[0]} is a {_noun(held[0])}, {paths[other]} a {_noun(held[other])}: "
             f"one picture shows one or the other{hint}"
         )
     if held[0] == "packing" and len(paths) > 1:
@@ -223,7 +223,11 @@ def _count(items, one="sweep", many="sweeps"):
 
 
 def _plural(word):
-    return {"packing": "a packing", "spectrum": "spectra"}.get(word, f"{word}s")
+    return {"packing": "a packing", "spectrum": "spectra"}.get(word, f"{_noun(word)}s")
+
+
+def _noun(word):
+    return f"{word} file" if word in ("modes", "quasistatic") else word
 
 
 def _within(args, option, low, high, default):
