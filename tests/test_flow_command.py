@@ -157,7 +157,7 @@ BAD = [
     ("--strain 0", "must be positive"),
     ("--discard 0.6", "must lie in"),
     ("--phi 1.1", "must lie in"),
-    ("--phi 0.1 --strain 0.05 --discard 0.02", "no two disks touched"),
+    ("--n 16 --phi 0.1 --strain 0.05 --discard 0.04", "no two disks touched"),
     ("--step 0", "must be positive"),
     ("--step 900", "smaller --step"),
     ("--model CDn", "give its --mass"),

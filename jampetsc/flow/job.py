@@ -22,6 +22,7 @@ from jampetsc.storage.packing_file import write_packing
 from jampetsc.storage.provenance import provenance
 
 DEEPEST = 0.5  # overlap of two disks, in units of σ, beyond which a start is none of soft disks
+UNTOUCHED = 1e-6  # p/(γ̇ kτ₁) of disks that do not touch; what a start left of overlaps fades only slowly
 KEPT = ("units", "seed", "sizes", "packing", "packing_sha256")  # attributes that a file hands on
 
 
@@ -118,7 +119,7 @@ def execute(job: Job, last=None) -> Means:
         shear.restore(state)
     record = shear_until(shear, job.plan, job.out, job.settings, record)
     means = check_balance(record, job.plan.discard, shear)
-    if means is None or means.pressure.mean == 0.0:
+    if means is None or means.pressure.mean < UNTOUCHED * job.rate * shear.unit:
         raise ConvergenceError(
             f"phi = {job.disks.phi:.4g}: no two disks touched within the strain of {shear.strain:.3g}: "
             "choose a larger --phi, or a longer --strain"

@@ -34,13 +34,14 @@ class Shear:
     def __init__(self, disks: Disks, model: Model, rate: float, scheme: Scheme):
         self.model, self.rate, self.scheme = model, rate, scheme
         n = disks.n
-        law, unit = model.law, disks.potential.k * model.law.tau1
-        self.weights = tuple(float(unit * w) for w in law.on_contacts)
+        law = model.law
+        self.unit = unit = float(disks.potential.k * law.tau1)  # kτ₁, of all weights
+        self.weights = tuple(unit * w for w in law.on_contacts)
         self.physics = (
-            float(unit * model.drag),
+            unit * model.drag,
             float(model.mass),
             float(rate),
-            float(unit * law.eta_f * disks.area),
+            unit * law.eta_f * disks.area,
         )
         self.largest = 2.0 * float(disks.radii.max())
         self.diameter = 2.0 * float(disks.radii.mean())

@@ -90,5 +90,5 @@ def start_of(args):
     seed = 1 if args.seed is None else args.seed
     potential = Potential(args.potential or next(iter(EXPONENTS)), "inverse-square-diameter")
     quench = Quench(random_start(radii * (0.5 / radii.min()), args.phi, seed, potential), Goal())
-    quench.descend(1e-6, np.inf, QUENCH)
+    quench.descend(1e-10, np.inf, QUENCH)
     return quench.disks, {"seed": seed, "sizes": sizes, "units": UNITS}
