@@ -2,6 +2,7 @@
 
 import re
 
+import launch
 import numpy as np
 import pytest
 from sheared import crowd
@@ -207,3 +208,43 @@ def test_a_flow_file_goes_on_as_it_was_begun(tmp_path, capsys):
     assert flow(*SMALL, "--out", out) == 0
     assert flow("flow", out, "--strain", 1, "--rate", 0.1) == 2
     assert "goes on as it was begun" in capsys.readouterr().err
+
+
+CONTACTS = "flow --n 64 --phi 0.86 --model CD0 --rate 1e-2 --strain 0.3 --tolerance 1e-12".split()
+
+
+def test_ranks_and_petsc_give_the_same(tmp_path):
+    alone, petsc, two = (tmp_path / name for name in ("alone.h5", "petsc.h5", "two.h5"))
+    assert flow(*CONTACTS, "--out", alone) == 0
+    done = launch.run(
+        0,
+        "../jampetsc/__main__.py",
+        *CONTACTS,
+        "--out",
+        petsc,
+        "-flow_ksp_type",
+        "minres",
+        "-flow_pc_type",
+        "none",
+    )
+    assert done.returncode == 0, done.stderr
+    done = launch.run(2, "../jampetsc/__main__.py", *CONTACTS, "--out", two)
+    assert done.returncode == 0, done.stderr
+    one = jampetsc.load(alone)
+    for path, ranks in ((petsc, 1), (two, 2)):
+        other = jampetsc.load(path)
+        assert np.abs(other["shear_stress"] / one["shear_stress"] - 1)[:, :2].max() < 1e-6
+        assert other.attributes["ranks"] == ranks and other.attributes["scalar_type"] == "real"
+    assert "scalar_type" not in one.attributes
+
+
+def test_options_that_petsc_does_not_know(tmp_path):
+    done = launch.run(
+        0, "../jampetsc/__main__.py", *CONTACTS, "--out", tmp_path / "x.h5", "-flow_ksp_tipe", "cg"
+    )
+    assert done.returncode == 2 and "-flow_ksp_tipe" in done.stderr
+    done = launch.run(
+        0, "../jampetsc/__main__.py", *SMALL, "--out", tmp_path / "x.h5", "-flow_ksp_type", "cg"
+    )
+    assert done.returncode == 2 and "PETSc" in done.stderr
+    assert not list(tmp_path.iterdir())

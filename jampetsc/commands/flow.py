@@ -13,7 +13,9 @@ EPILOG = """examples
   jampetsc flow --n 256 --phi 0.78 --model CDn --mass 1 --rate 1e-3 --strain 40 --out cdn.h5
   jampetsc flow rd0.h5 --strain 20                                 twenty more
 
-A run that was killed goes on when the same command is given again."""
+A run that was killed goes on when the same command is given again. One run with contact damping and many disks may
+use several ranks, or solvers of PETSc's with the prefix -flow_, e.g. -flow_pc_type gamg; independent runs are faster
+side by side."""
 
 
 def add_parser(subparsers) -> None:
@@ -55,26 +57,62 @@ def add_parser(subparsers) -> None:
         "--tolerance", type=float, metavar="T", help="of the velocities of contact damping (default 1e-4)"
     )
     run_.add_argument("--last", metavar="FILE", help="write the last state as a packing, too")
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, takes_petsc=_may_solve)
+
+
+def _may_solve(args):
+    """Whether the run may have velocities to solve for, so that PETSc has something to do."""
+    return args.model not in ("RD0", "RD") and args.law != "stokes"
 
 
 def run(args, petsc_argv) -> int:
-    """Shear and write."""
-    from jampetsc.flow import job as jobs
+    """Shear and write. Collective."""
+    from jampetsc import launcher, session
+    from jampetsc.collective import by_rank_0
 
     _check(args)
-    if args.start is not None and jobs.is_flow(args.start):
+    running = None
+    if _may_solve(args) and (petsc_argv or launcher.several()):
+        running = session.start("real", petsc_argv)
+    comm = running and running.comm
+    from jampetsc.flow import job as jobs
+    from jampetsc.storage.outputs import check_output
+
+    if args.start is not None and by_rank_0(comm, lambda: jobs.is_flow(args.start)):
         _refuse_settled(args)
-        job = jobs.continued(args.start, args.strain, args.out)
+        job = by_rank_0(comm, lambda: jobs.continued(args.start, args.strain, args.out))
+        inputs = [args.start] if args.out else []
     else:
-        job = _fresh(args, jobs)
-    means = jobs.execute(job, args.last)
-    print(jobs.summary(job, means))
+        inputs = [args.start] if args.start else []
+        job = _fresh(args, jobs, comm, inputs)
+    by_rank_0(comm, lambda: check_output(job.out, jobs.FORMAT, inputs))
+    if args.last is not None:
+        by_rank_0(comm, lambda: check_output(args.last, "jampetsc-packing", [*inputs, job.out]))
+    means = jobs.execute(job, args.last, _together(job, running))
+    if running is None or running.rank == 0:
+        print(jobs.summary(job, means))
     return 0
 
 
-def _fresh(args, jobs):
+def _together(job, running):
+    """What finds velocities with PETSc where it was started. Raises InputError where there is nothing to find."""
+    if running is None:
+        return None
+    if not job.solves:
+        raise InputError(
+            f"{job.model} by {job.scheme.method}: has nothing to solve for: leave PETSc's options and mpirun out"
+        )
+    from jampetsc.flow.together import Together
+    from jampetsc.solvers import resistance
+    from jampetsc.solvers.rehearsal import rehearse
+
+    rehearse(resistance.rehearse)
+    return Together(resistance.ContactSolver(job.scheme.tolerance))
+
+
+def _fresh(args, jobs, comm, inputs):
     """The job of the words, from its beginning."""
+    from jampetsc.collective import by_rank_0
     from jampetsc.storage.outputs import check_output
 
     check_start(args)
@@ -82,9 +120,9 @@ def _fresh(args, jobs):
         raise InputError("--rate is missing: how fast to shear?")
     if args.out is None:
         raise InputError("--out is missing: where to write the result?")
-    check_output(args.out, jobs.FORMAT, [args.start] if args.start else [])
+    by_rank_0(comm, lambda: check_output(args.out, jobs.FORMAT, inputs))
     model_from(args)  # refuses before disks are made
-    disks, origin = start_of(args)
+    disks, origin = start_of(args, comm)
     return jobs.fresh(
         disks,
         origin,

@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from jampetsc import session
+from jampetsc.collective import by_rank_0
 from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.laws import Law
 from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import find_contacts
 from jampetsc.errors import ConvergenceError, InputError
@@ -17,7 +19,7 @@ from jampetsc.flow.record import FORMAT, Record, read_record, remove_checkpoint,
 from jampetsc.flow.run import Plan, check_balance
 from jampetsc.flow.run import run as shear_until
 from jampetsc.flow.shearing import Shear
-from jampetsc.storage.outputs import check_output
+from jampetsc.storage.hdf5 import attributes, check_format, open_file, reading
 from jampetsc.storage.packing_file import write_packing
 from jampetsc.storage.provenance import provenance
 
@@ -40,6 +42,11 @@ class Job:
     before: tuple | None = None  # (Record, state) of the file it goes on from
 
     @property
+    def solves(self) -> bool:
+        """Whether a time step solves for velocities."""
+        return self.scheme.method != "verlet" and bool(self.model.law.damps_contacts or self.model.mass)
+
+    @property
     def settings(self) -> dict:
         """What decides the result, as plain values."""
         return {
@@ -60,8 +67,7 @@ def _weights(law):
 def fresh(
     disks, origin, model, rate, strain, out, *, discard=None, snapshots=0, step=None, tolerance=1e-4
 ) -> Job:
-    """A job from its beginning. Raises InputError for disks that lie inside one another, or an `out` that cannot be."""
-    check_output(out, FORMAT)
+    """A job from its beginning. Raises InputError for disks that lie inside one another."""
     contacts = find_contacts(disks)
     deepest = float(np.max(contacts.overlap / contacts.sigma, initial=0.0))
     if deepest > DEEPEST:
@@ -77,10 +83,7 @@ def fresh(
 
 def continued(path, strain, out=None) -> Job:
     """The job of a flow file, `strain` farther. Raises InputError for a file that is none."""
-    from jampetsc.contacts.laws import Law
-
     out = Path(path if out is None else out)
-    check_output(out, FORMAT)
     record, state, settings, attrs = read_record(path)
     settings["model"]["law"] = Law(**settings["model"]["law"])
     model, scheme = Model(**settings["model"]), Scheme(**settings["scheme"])
@@ -98,21 +101,19 @@ def continued(path, strain, out=None) -> Job:
 
 def is_flow(path) -> bool:
     """Whether the file at `path` is a flow file. Raises InputError if it is no jampetsc file."""
-    from jampetsc.storage.hdf5 import attributes, check_format, open_file, reading
-
     with open_file(path) as h5, reading(path):
         return check_format(path, attributes(h5)) == FORMAT
 
 
-def execute(job: Job, last=None) -> Means:
-    """Run the job and write its file, and the last state as a packing where `last` names one.
+def execute(job: Job, last=None, together=None) -> Means:
+    """Run the job and write its file, and the last state as a packing where `last` names one. Collective.
 
+    together: `flow.together.Together` on several ranks, or where PETSc is to find velocities.
     Raises ConvergenceError as `flow.run.run`, and where disks never touch.
     """
     began = time.perf_counter()
-    if last is not None:
-        check_output(last, "jampetsc-packing", [job.out])
-    shear = Shear(job.disks, job.model, job.rate, job.scheme)
+    comm = together and together.comm
+    shear = Shear(job.disks, job.model, job.rate, job.scheme, together)
     record = Record()
     if job.before is not None:
         record, state = job.before
@@ -124,23 +125,33 @@ def execute(job: Job, last=None) -> Means:
             f"phi = {job.disks.phi:.4g}: no two disks touched within the strain of {shear.strain:.3g}: "
             "choose a larger --phi, or a longer --strain"
         )
-    state = shear.state() | {"radii": job.disks.radii}
-    write_record(job.out, record, state, job.settings, _facts(job, means, time.perf_counter() - began))
-    remove_checkpoint(job.out)
-    if last is not None:
-        write_packing(last, shear.disks.with_record(protocol=f"steady shear, {job.model}, rate {job.rate:g}"))
+    facts = _facts(job, means, time.perf_counter() - began, together and session.current())
+    by_rank_0(comm, lambda: _write(job, record, shear, facts, last))
     return means
 
 
-def _facts(job, means, seconds):
-    """Attributes of the file."""
+def _write(job, record, shear, facts, last):
+    state = shear.state() | {"radii": job.disks.radii}
+    write_record(job.out, record, state, job.settings, facts)
+    remove_checkpoint(job.out)
+    if last is not None:
+        write_packing(last, shear.disks.with_record(protocol=f"steady shear, {job.model}, rate {job.rate:g}"))
+
+
+def _facts(job, means, seconds, petsc):
+    """Attributes of the file; petsc: the Session that found velocities, or None."""
     disks, model, potential = job.disks, job.model, job.disks.potential
     unit = potential.k * model.law.tau1
     law = model.law.parameters if model.law.family else {"tau1": model.law.tau1}
     common = provenance(
-        versions=session.versions(), scalar_type=None, petsc_options=None, ranks=1, packing=(None, None), law=law,
+        versions=session.versions(),
+        scalar_type=petsc and petsc.scalar_type,
+        petsc_options=petsc and " ".join(petsc.petsc_argv),
+        ranks=petsc.size if petsc else 1,
+        packing=(None, None),
+        law=law,
         wall_seconds=seconds,
-    )  # fmt: skip
+    )
     return {
         **common,
         **job.origin,

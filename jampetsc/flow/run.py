@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from jampetsc.collective import by_rank_0
 from jampetsc.errors import ConvergenceError
 from jampetsc.flow.means import UNBALANCED, Means
 from jampetsc.flow.record import Record, resumed, write_checkpoint
@@ -46,7 +47,9 @@ def run(shear: Shear, plan: Plan, out, settings: dict, record=None) -> Record:
     A kill loses at most INTERVAL seconds. Raises ConvergenceError where the time step is too long: a disk jumps,
     or the energy balance is off by more than 5 % in the mean.
     """
-    kept = resumed(out, settings)
+    comm = shear.together and shear.together.comm
+    rank = comm.rank if comm else 0
+    kept = by_rank_0(comm, lambda: resumed(out, settings))
     if kept is not None:
         record, state = kept
         shear.restore(state)
@@ -55,15 +58,16 @@ def run(shear: Shear, plan: Plan, out, settings: dict, record=None) -> Record:
     per_row = plan.steps * shear.rate * shear.scheme.step
     photographed = plan.snapshot_rows(int(plan.discard / per_row + 1e-9)) if plan.snapshots else ()
     saved, said = began, first * LINES // plan.rows
-    with Progress(LINES, "flow", done=said) as progress:
+    with Progress(LINES, "flow", rank, said) as progress:
         if kept is not None:
             progress.note(f"{out}: goes on from strain {shear.strain:.6g}")
         while len(record) < plan.rows:
             _row(shear, plan.steps, record)
             if len(record) in photographed:
                 record.snapshot(shear.strain, shear.disks, shear.velocities_now())
-            if time.monotonic() - saved > INTERVAL:
-                write_checkpoint(out, record, shear.state(), settings)
+            late = time.monotonic() - saved > INTERVAL
+            if comm.bcast(late) if comm else late:
+                by_rank_0(comm, lambda: write_checkpoint(out, record, shear.state(), settings))
                 saved = time.monotonic()
             if len(record) * LINES // plan.rows > said:
                 said += 1

@@ -31,8 +31,9 @@ class Shear:
 
     ARRAYS = ("offsets", "velocities", "accelerations", "spins", "spin_rates")
 
-    def __init__(self, disks: Disks, model: Model, rate: float, scheme: Scheme):
+    def __init__(self, disks: Disks, model: Model, rate: float, scheme: Scheme, together=None):
         self.model, self.rate, self.scheme = model, rate, scheme
+        self.together = together  # `flow.together.Together`, where PETSc finds velocities
         n = disks.n
         law = model.law
         self.unit = unit = float(disks.potential.k * law.tau1)  # kτ₁, of all weights
@@ -138,7 +139,8 @@ class Shear:
                 forces, rolling, self.seen, steps,
             )  # fmt: skip
         if self.model.law.damps_contacts or self.model.mass:
-            return compiled.contact_steps(
+            run = self.together.steps if self.together else compiled.contact_steps
+            return run(
                 *common, self.weights, self.physics, clock, self.offsets, self.velocities, forces,
                 self.scheme.tolerance, self.scheme.heun, self.seen, steps,
             )  # fmt: skip
@@ -162,7 +164,8 @@ class Shear:
         u, forces = self.velocities.copy(), np.empty_like(self.offsets)
         place = (self.pairs.arrays, self.offsets, self.shear, self._law, self.weights, self.physics)
         if self.model.law.damps_contacts:
-            compiled.balance(*place, self.scheme.step, u, forces, self.scheme.tolerance)
+            balance = self.together.balance if self.together else compiled.balance
+            balance(*place, self.scheme.step, u, forces, self.scheme.tolerance)
             return u
         compiled.residual_at(*place, np.zeros_like(u), forces, None)
         return forces / self.physics[0]

@@ -61,7 +61,7 @@ def note(tally, sums, alpha, u, mass, drag, rate, background):
 
 
 @numba.njit(cache=True)
-def _verdict(far, longest, g, listed):
+def verdict_of(far, longest, g, listed):
     """What a move means for the list: listed = (σ_max, skin)."""
     if not longest <= JUMP * listed[0]:
         return BLOWN_UP
@@ -88,7 +88,7 @@ def drag_steps(pairs, listed, law, physics, clock, o, u, forces, heun, tally, st
         velocity = u
         if heun:
             far, longest = move(o, u, middle, dt, ahead)
-            verdict = _verdict(far, longest, g + rate * dt, listed)
+            verdict = verdict_of(far, longest, g + rate * dt, listed)
             if verdict != DONE:
                 return step, verdict
             bond_forces(pairs, ahead, 0.0, g + rate * dt, law, forces, None, None)
@@ -98,7 +98,7 @@ def drag_steps(pairs, listed, law, physics, clock, o, u, forces, heun, tally, st
             velocity = u2
         note(tally, sums, alpha, u, 0.0, drag, rate, background)
         far, longest = move(o, velocity, middle, dt, o)
-        verdict = _verdict(far, longest, g + rate * dt, listed)
+        verdict = verdict_of(far, longest, g + rate * dt, listed)
         if verdict != DONE:
             return step + 1, verdict
     return steps, DONE
@@ -141,26 +141,34 @@ def balance(pairs, o, g, law, weights, physics, dt, u, forces, tolerance):
 
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def seen_and_moved(pairs, listed, law, weights, physics, dt, g, o, u, velocity, forces, tally):
+    """The end of a step: note what there is at velocities u, and move by `velocity`; returns the verdict."""
+    drag, mass, rate, background = physics
+    sums = bond_forces(pairs, o, 0.0, g, law, forces, (u, rate, weights), None)
+    note(tally, sums, 2.5 if law[1] else 2.0, u, mass, drag, rate, background)
+    far, longest = move(o, velocity, g + 0.5 * rate * dt, dt, o)
+    return verdict_of(far, longest, g + rate * dt, listed)
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
 def contact_steps(pairs, listed, law, weights, physics, clock, o, u, forces, tolerance, heun, tally, steps):
     """Disks damped by contacts, implicit in the velocities: without mass by Euler or Heun, with mass by Euler.
 
     weights = (c_∥, c_⊥, 0); the rest as for `drag_steps`.
     """
-    drag, mass, rate, background = physics
+    rate = physics[2]
     dt, since = clock
-    alpha = 2.5 if law[1] else 2.0
     ahead, u2 = np.empty_like(o), np.empty_like(u)
     for step in range(steps):
         g = (since + step) * rate * dt
-        middle = g + 0.5 * rate * dt
         iterations = balance(pairs, o, g, law, weights, physics, dt, u, forces, tolerance)
         if iterations < 0:
             return step, UNSOLVED
         tally[8] += iterations
         velocity = u
         if heun:
-            far, longest = move(o, u, middle, dt, ahead)
-            verdict = _verdict(far, longest, g + rate * dt, listed)
+            far, longest = move(o, u, g + 0.5 * rate * dt, dt, ahead)
+            verdict = verdict_of(far, longest, g + rate * dt, listed)
             if verdict != DONE:
                 return step, verdict
             u2[:] = u
@@ -173,10 +181,7 @@ def contact_steps(pairs, listed, law, weights, physics, clock, o, u, forces, tol
                 u2[a, 0] = 0.5 * (u[a, 0] + u2[a, 0])
                 u2[a, 1] = 0.5 * (u[a, 1] + u2[a, 1])
             velocity = u2
-        sums = bond_forces(pairs, o, 0.0, g, law, forces, (u, rate, weights), None)
-        note(tally, sums, alpha, u, mass, drag, rate, background)
-        far, longest = move(o, velocity, middle, dt, o)
-        verdict = _verdict(far, longest, g + rate * dt, listed)
+        verdict = seen_and_moved(pairs, listed, law, weights, physics, dt, g, o, u, velocity, forces, tally)
         if verdict != DONE:
             return step + 1, verdict
     return steps, DONE
@@ -221,7 +226,7 @@ def massive_steps(pairs, listed, law, weights, physics, clock, o, u, a_last, for
                 spin_last[a] = torques[a] / inertia[a]
                 spin[a] += dt * spin_last[a]
         far, longest = move(o, u, g + 0.5 * rate * dt, dt, o)
-        verdict = _verdict(far, longest, g + rate * dt, listed)
+        verdict = verdict_of(far, longest, g + rate * dt, listed)
         if verdict != DONE:
             return step + 1, verdict
     return steps, DONE

@@ -70,15 +70,15 @@ def check_start(args) -> None:
         raise InputError(f"--seed {args.seed}: must lie in [0, {LAST_SEED}]")
 
 
-def start_of(args):
-    """(disks, attributes that say where they come from). Raises InputError.
+def start_of(args, comm=None):
+    """(disks, attributes that say where they come from). Collective. Raises InputError.
 
     Without a packing: random places, deep overlaps quenched away, in Vågberg's units: the smallest diameter is 1.
     """
     if args.start is not None:
         from jampetsc.storage.packing_file import read_identified
 
-        disks, (name, digest) = read_identified(args.start)
+        disks, (name, digest) = read_identified(args.start, comm)
         return disks, {"packing": name, "packing_sha256": digest, "units": "those of the packing"}
     import numpy as np
 

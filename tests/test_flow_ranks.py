@@ -1,0 +1,50 @@
+"""Velocities under contact damping by PETSc on any number of ranks, against dense numpy and the compiled solver."""
+
+import numpy as np
+import pytest
+import sheared
+from sheared import crowd, shear
+
+from jampetsc.flow.models import Model, Scheme
+from jampetsc.flow.shearing import Shear
+
+
+@pytest.fixture
+def together(session):
+    from jampetsc.flow.together import Together
+    from jampetsc.solvers.resistance import ContactSolver
+
+    solver = ContactSolver(1e-13)
+    yield Together(solver)
+    solver.destroy()
+
+
+def beside(name, together, disks, **given):
+    """The same run with PETSc."""
+    alone = shear(name, disks, **given)
+    return alone, Shear(disks, alone.model, alone.rate, alone.scheme, together)
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("phi", [0.55, 0.86])
+@pytest.mark.parametrize("name", ["CD0", "unequal"])
+def test_velocities_are_those_of_dense_numpy(session, together, name, phi):
+    disks = crowd(phi=phi)
+    _, run = beside(name, together, disks, rate=0.03)
+    exact = sheared.overdamped_velocities(disks, run.model.law, run.rate)
+    assert np.abs(run.velocities_now() - exact).max() < 1e-9 * np.abs(exact).max()
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("name, method", [("CD0", "euler"), ("CD0", "heun"), ("CD", "backward Euler")])
+def test_a_run_is_the_same_on_any_number_of_ranks(session, together, name, method):
+    alone, run = beside(name, together, crowd(), method=method, step=0.1)
+    for one in (alone, run):
+        one.advance(100)
+    assert np.abs(alone.disks.positions - run.disks.positions).max() < 1e-8
+    assert np.abs(alone.seen[:8] - run.seen[:8]).max() < 1e-8 * np.abs(alone.seen[:8]).max()
+    assert len(set(session.comm.allgather(run.offsets.tobytes()))) == 1
+    law = alone.model.law
+    held = Shear(crowd(), Model(law, friction=0.1), 0.01, Scheme(0.1, "euler", 1e-13), together)
+    held.advance(3)
+    assert held.steps == 3
