@@ -120,6 +120,13 @@ def test_a_truncated_part_is_named(joint):
         load(joint)
 
 
+def test_a_part_that_is_a_byte_too_long_is_named(joint):
+    part = parts(joint)[2]
+    os.truncate(part, part.stat().st_size + 1)
+    with pytest.raises(InputError, match=rf"part s\.parts/{part.name} has \d+ bytes instead of \d+"):
+        load(joint)
+
+
 def test_a_foreign_part_is_named(joint, tmp_path):
     own, other = parts(joint)[1], parts(written(tmp_path / "t.h5", 3, seed=2))[1]
     shutil.copy(other, own)

@@ -10,7 +10,8 @@ import numpy as np
 
 from jampetsc.contacts.disks import Disks
 from jampetsc.errors import JampetscError
-from jampetsc.storage.atomic import OutputFile, check_writable
+from jampetsc.storage.atomic import check_writable
+from jampetsc.storage.hdf5 import OutputFile
 from jampetsc.storage.packing_file import write_packing
 
 

@@ -1,7 +1,7 @@
 """Output files that are complete or absent: temporary name, fsync, rename, fsync of the folder.
 
-HDF5 writes through a Python stream that remembers the first failed write and swallows those after it, so that
-the library closes in good order. By itself it crashes the interpreter at exit after a full disk (HDF5 1.10).
+A temporary file is named `.NAME.HOST.PID-xxxxxxxx.partial` and locked by its writer as long as that lives: one that is
+not was left behind by a killed process, and the next run with the same output removes it.
 """
 
 import errno
@@ -9,11 +9,10 @@ import fcntl
 import glob
 import io
 import os
+import secrets
 import socket
 from contextlib import suppress
 from pathlib import Path
-
-import h5py
 
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.storage.regular import kind
@@ -36,19 +35,13 @@ _REFUSED = (
 
 def write_whole(path, content: bytes) -> None:
     """Write a small file complete or not at all, in the place of what was there. Raises JampetscError."""
-    path = Path(os.path.realpath(path))
-    _require_regular(path)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    file = NewFile(path)
     try:
-        with open(temporary, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except OSError as error:
-        with suppress(OSError):
-            temporary.unlink(missing_ok=True)
-        raise write_error(path, error) from None
+        file.stream.write(content)
+        file.finish()
+        file.publish()
+    finally:
+        file.discard()
 
 
 def write_error(path, error: OSError) -> JampetscError:
@@ -69,9 +62,8 @@ def check_writable(path) -> None:
             raise InputError(f"{path}: folder {path.parent} does not exist: create it first")
         if path.exists() and not os.access(path, os.W_OK):
             raise InputError(f"{path}: exists and is write-protected: choose another --out")
-        probe = _temporary_name(path)
-        probe.touch()
-        probe.unlink(missing_ok=True)
+        remove_abandoned(path.parent, glob.escape(path.name))
+        NewFile(path).discard()
     except OSError as error:
         raise write_error(path, error) from None
 
@@ -106,87 +98,81 @@ def follow(path) -> Path:
 def remove_abandoned(folder, name="*") -> None:
     """Remove temporary files of `name` (a glob pattern) that a killed process of this machine left behind."""
     for leftover in Path(folder).glob(f".{name}.{glob.escape(socket.gethostname())}.*.partial"):
-        try:
-            with open(leftover, "rb") as file:
+        with suppress(OSError):
+            handle = os.open(leftover, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW)
+            try:
                 fcntl.flock(
-                    file, fcntl.LOCK_EX | fcntl.LOCK_NB
-                )  # its writer holds this lock as long as it lives
+                    handle, fcntl.LOCK_EX | fcntl.LOCK_NB
+                )  # its writer holds this as long as it lives
                 leftover.unlink()
-        except OSError:
-            continue
-
-
-def _temporary_name(path) -> Path:
-    path = Path(path)
-    return path.with_name(f".{path.name}.{socket.gethostname()}.{os.getpid()}.partial")
-
-
-def _lock(file) -> None:
-    with suppress(OSError):  # a file system without locks: an abandoned file then stays
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            finally:
+                os.close(handle)
 
 
 class _Stream(io.FileIO):
-    """Binary file that keeps the first error of a write, also an interrupt, for `OutputFile.check`."""
+    """Binary file that keeps the first error of a write, also an interrupt, for `NewFile.check`, and raises none.
+
+    HDF5 writes through it. A library that cannot write crashes the interpreter at exit (HDF5 1.10): it shall close in
+    good order, even if that comes after the end of the file.
+    """
 
     error = None
 
-    def write(self, data):
-        if self.error is None:
+    def _try(self, action, instead):
+        if self.error is None and not self.closed:
             try:
-                view, done = memoryview(data).cast("B"), 0
-                while done < len(view):
-                    done += super().write(view[done:])
+                return action()
             except BaseException as error:
                 self.error = error
+        return instead
+
+    def write(self, data):
+        self._try(lambda: self._write_all(memoryview(data).cast("B")), None)
         return len(data)
 
+    def _write_all(self, view):
+        done = 0
+        while done < len(view):
+            done += super().write(view[done:])
+
+    def seek(self, offset, whence=os.SEEK_SET):
+        return self._try(lambda: super(_Stream, self).seek(offset, whence), offset)
+
     def truncate(self, size=None):
-        if self.error is None:
-            try:
-                return super().truncate(size)
-            except BaseException as error:
-                self.error = error
-        return size
+        return self._try(lambda: super(_Stream, self).truncate(size), size)
 
 
-class OutputFile:
-    """An HDF5 file `.h5` under a temporary name: `finish` makes it durable, `publish` gives it its name.
+class NewFile:
+    """A file under a temporary name: `finish` makes it durable, `publish` gives it its name.
 
-    As a context manager it yields the h5py.File and does both, or `discard` after an exception.
-    Raises InputError or JampetscError where writing fails.
+    Write through `stream`. Raises InputError or JampetscError where writing fails.
     """
 
     def __init__(self, path):
         self.path = follow(path)
         _require_regular(self.path)
-        self.temporary = _temporary_name(self.path)
-        remove_abandoned(self.path.parent, glob.escape(self.path.name))
         try:
-            self._stream = _Stream(self.temporary, "w+b")
-            _lock(self._stream)
+            self.temporary, self.stream = _locked(self.path)
         except OSError as error:
             raise write_error(path, error) from None
-        self.h5 = h5py.File(self._stream, "w")
 
     def check(self) -> None:
         """Raise the error of an earlier write that failed."""
-        error = self._stream.error
+        error = self.stream.error
         if isinstance(error, OSError):
             raise write_error(self.path, error) from None
         if error is not None:
             raise error
 
     def finish(self) -> int:
-        """Close, check and fsync; returns the size in bytes. The temporary name stays."""
-        self.h5.close()
+        """Check, fsync and close; returns the size in bytes. The temporary name stays."""
         self.check()
         try:
-            os.fsync(self._stream.fileno())
+            os.fsync(self.stream.fileno())
         except OSError as error:
             raise write_error(self.path, error) from None
-        size = os.fstat(self._stream.fileno()).st_size
-        self._stream.close()
+        size = os.fstat(self.stream.fileno()).st_size
+        self.stream.close()
         return size
 
     def publish(self) -> None:
@@ -199,18 +185,19 @@ class OutputFile:
 
     def discard(self) -> None:
         """Close and remove the temporary file, if it is still there."""
-        self._stream.error = self._stream.error or OSError(errno.ECANCELED, "discarded")  # no use in flushing
-        self.h5.close()
-        self._stream.close()
+        self.stream.error = self.stream.error or OSError(errno.ECANCELED, "discarded")  # no use in flushing
+        self.stream.close()
         self.temporary.unlink(missing_ok=True)
 
-    def __enter__(self) -> h5py.File:
-        return self.h5
 
-    def __exit__(self, kind, error, trace):
-        try:
-            if kind is None:
-                self.finish()
-                self.publish()
-        finally:
-            self.discard()
+def _locked(path):
+    """(name, stream) of a new temporary file for `path`, locked before anybody can take it for an abandoned one."""
+    while True:
+        mark = f"{socket.gethostname()}.{os.getpid()}-{secrets.token_hex(4)}"
+        name = path.with_name(f".{path.name}.{mark}.partial")
+        stream = _Stream(name, "x+b")
+        with suppress(OSError):  # a file system without locks: an abandoned file then stays
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if os.fstat(stream.fileno()).st_nlink:  # else it was taken for one before the lock
+            return name, stream
+        stream.close()

@@ -1,5 +1,12 @@
-"""Reading HDF5 so that every defect of a file becomes one line: what file, what is wrong, what to do."""
+"""HDF5 as jampetsc writes and reads it.
 
+Every defect of a file becomes one line: what file, what is wrong, what to do. Files are written with the checksums that
+HDF5 has for metadata and for data, which protect them in other programs, and with our own (see `checksums`), which are
+looked at before libhdf5 sees a byte.
+"""
+
+import glob
+import math
 import os
 from contextlib import contextmanager
 
@@ -7,15 +14,116 @@ import h5py
 import numpy as np
 
 from jampetsc.errors import InputError
+from jampetsc.storage.atomic import NewFile, remove_abandoned
+from jampetsc.storage.checksums import Damaged, Verified, seal
 from jampetsc.storage.regular import open_regular
+
+_CHUNK = 1 << 20  # bytes that one checksum of data covers, at most
+_DAMAGE = (
+    OSError,
+    RuntimeError,
+    LookupError,
+    ValueError,
+    TypeError,
+    ArithmeticError,
+    AttributeError,
+)
+_DENSEST = 1100  # a compressed dataset is at most so many times as large as its file: deflate ends at 1032
+
+
+class OutputFile(NewFile):
+    """An HDF5 file `.h5` under a temporary name, as `NewFile`; as a context manager it yields the h5py.File.
+
+    Leaving the block finishes and publishes it, an exception discards it.
+    """
+
+    def __init__(self, path):
+        super().__init__(path)
+        remove_abandoned(self.path.parent, glob.escape(self.path.name))
+        self.h5 = _create(self.stream)
+
+    def finish(self) -> tuple[int, str]:
+        """Close, seal and fsync; returns size in bytes and seal. The temporary name stays."""
+        self.h5.close()
+        self.check()
+        digest = seal(self.stream)
+        return super().finish(), digest
+
+    def discard(self) -> None:
+        """Close and remove the temporary file, if it is still there."""
+        self.stream.error = self.stream.error or OSError("discarded")  # no use in flushing
+        self.h5.close()
+        super().discard()
+
+    def __enter__(self) -> h5py.File:
+        return self.h5
+
+    def __exit__(self, kind, error, trace):
+        try:
+            if kind is None:
+                self.finish()
+                self.publish()
+        finally:
+            self.discard()
+
+
+def _create(stream) -> h5py.File:
+    """An empty HDF5 file of format 1.10, whose metadata have checksums. The same contents give the same bytes."""
+    access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
+    access.set_fclose_degree(h5py.h5f.CLOSE_STRONG)
+    access.set_libver_bounds(h5py.h5f.LIBVER_V110, h5py.h5f.LIBVER_V110)
+    access.set_fileobj_driver(h5py.h5fd.fileobj_driver, stream)
+    creation = h5py.h5p.create(h5py.h5p.FILE_CREATE)
+    creation.set_obj_track_times(False)
+    return h5py.File(h5py.h5f.create(b"new", h5py.h5f.ACC_TRUNC, creation, access))
+
+
+def store(h5, name, array) -> h5py.Dataset:
+    """A dataset of this name with the values of `array`, data under checksums."""
+    array = np.asarray(array)
+    return h5.create_dataset(name, data=array, **checksummed(array.shape, array.dtype))
+
+
+def checksummed(shape, dtype) -> dict:
+    """What makes `create_dataset` put data of this shape and type under checksums; nothing for single numbers."""
+    if not all(shape) or not shape:
+        return {}
+    chunk = list(shape)
+    for axis in range(len(chunk)):
+        rest = math.prod(chunk) // chunk[axis] * dtype.itemsize
+        chunk[axis] = min(chunk[axis], max(1, _CHUNK // rest))
+    return {"chunks": tuple(chunk), "fletcher32": True}
 
 
 def open_file(path) -> h5py.File:
-    """Open for reading. Raises InputError as `opening` does."""
+    """Open for reading. Raises InputError as `opening` does, then and on reading.
+
+    Virtual datasets must not be read from it as they are: see `parts.read`.
+    """
     with opening(path):
-        open_regular(path).close()
-        # HDF5 would look for the parts of a symbolic link beside the link and in the working directory first
-        return h5py.File(os.path.realpath(path), "r")
+        return from_stream(open_regular(path))
+
+
+def from_stream(file) -> h5py.File:
+    """The HDF5 in a binary file, which it keeps open, to read only what its checksums confirm."""
+    verified = Verified(file)
+    try:
+        return h5py.File(verified, "r")
+    except BaseException:
+        verified.close()
+        raise
+
+
+def values(data: h5py.Dataset, selection=...):
+    """What a dataset holds, or some of it. Raises ValueError if it says that it is larger than its file can be."""
+    if data.is_virtual:
+        raise ValueError(f"dataset {data.name} lies in other files")
+    plist = data.id.get_create_plist()
+    filters = {plist.get_filter(n)[0] for n in range(plist.get_nfilters())}
+    most = data.file.id.get_filesize() * (_DENSEST if filters - {h5py.h5z.FILTER_FLETCHER32} else 1)
+    if math.prod(data.shape) * data.dtype.itemsize > most:
+        raise ValueError(f"dataset {data.name} says that it is {data.shape}, more than the file holds")
+    return data[selection]
 
 
 @contextmanager
@@ -32,6 +140,8 @@ def opening(path):
 
 
 def _explain(error) -> str:
+    if isinstance(error, Damaged):
+        return f"damaged ({error}): copy or make it again"
     if "truncated file" in str(error):
         return "truncated: it was not written or copied completely; copy or make it again"
     if "signature not found" in str(error):
@@ -46,7 +156,7 @@ def reading(path):
         yield
     except InputError:
         raise
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
+    except _DAMAGE as error:
         text = " ".join(str(error).strip("'\"").split())
         raise InputError(f"{path}: damaged ({text}): copy or make it again") from None
 

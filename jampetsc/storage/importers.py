@@ -13,7 +13,7 @@ from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import measure
 from jampetsc.errors import InputError
-from jampetsc.storage.hdf5 import open_file, reading
+from jampetsc.storage.hdf5 import open_file, reading, values
 from jampetsc.storage.regular import open_regular
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -120,7 +120,7 @@ def _read_jaxmd(path, index):
             raise InputError(f"{path}: no variable {', '.join(missing)}: not a packing file of jax-md")
         _pick(path, index, len(h5["pos"]))
         names = ("pos", "rad", "box", "Energy", "Stress", "Cijkl")
-        data = {name: np.asarray(h5[name][index], float) for name in names if name in h5}
+        data = {name: np.asarray(values(h5[name], index), float) for name in names if name in h5}
     if data["box"].shape != (4,) or data["pos"].shape != (2 * len(data["rad"]),):
         raise InputError(
             f"{path}: {data['pos'].size} coordinates for {data['rad'].size} disks: two-dimensional only"

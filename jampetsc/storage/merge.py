@@ -5,12 +5,21 @@ from pathlib import Path
 
 import h5py
 
-from jampetsc.storage.atomic import OutputFile
-from jampetsc.storage.hdf5 import attributes, check_format, open_file, reading, undisturbed
+from jampetsc.storage.hdf5 import (
+    OutputFile,
+    attributes,
+    check_format,
+    checksummed,
+    open_file,
+    reading,
+    store,
+    undisturbed,
+    values,
+)
 from jampetsc.storage.outputs import check_output
 from jampetsc.storage.parts import GROUP, PartList
 
-_BLOCK_BYTES = 1 << 25  # copied at a time
+_BLOCK_BYTES = 1 << 22  # copied at a time from each part
 
 
 def merge(path, out=None) -> int:
@@ -34,19 +43,19 @@ def _merge(path, out):
             return 0
         check_output(target, kind, [] if in_place else [path])
         with OutputFile(target) as merged:
-            _copy(h5, merged, path)
+            _copy(h5, parts, merged, path)
             parts.check_present()
     if in_place:
         parts.remove()
     return len(parts.sizes)
 
 
-def _copy(source, target, path):
+def _copy(source, parts, target, path):
     def copy(name, item):
         if name == GROUP or name.startswith(f"{GROUP}/"):
             return
         if isinstance(item, h5py.Dataset):
-            _copy_dataset(item, target, name)
+            _copy_dataset(item, parts, target, name)
         else:
             target.require_group(name)
         target[name].attrs.update(item.attrs)
@@ -56,11 +65,13 @@ def _copy(source, target, path):
         source.visititems(copy)
 
 
-def _copy_dataset(item, target, name):
-    if item.ndim == 0 or item.size == 0:
-        target.create_dataset(name, data=item[...], dtype=item.dtype)
+def _copy_dataset(item, parts, target, name):
+    if not item.is_virtual:
+        store(target, name, values(item))
         return
-    copied = target.create_dataset(name, shape=item.shape, dtype=item.dtype)
-    rows = max(1, _BLOCK_BYTES * item.shape[0] // item.nbytes)
+    copied = target.create_dataset(
+        name, shape=item.shape, dtype=item.dtype, **checksummed(item.shape, item.dtype)
+    )
+    rows = max(1, _BLOCK_BYTES * len(parts.sizes) * item.shape[0] // item.nbytes)
     for start in range(0, item.shape[0], rows):
-        copied[start : start + rows] = item[start : start + rows]
+        copied[start : start + rows] = parts.read(item, slice(start, start + rows))

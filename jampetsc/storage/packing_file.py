@@ -16,14 +16,17 @@ from jampetsc.collective import agreed, from_rank_0
 from jampetsc.contacts.disks import Disks, join
 from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.errors import InputError
-from jampetsc.storage.atomic import OutputFile
 from jampetsc.storage.hdf5 import (
+    OutputFile,
     attributes,
     check_format,
+    from_stream,
     open_file,
     opening,
     reading,
     set_attributes,
+    store,
+    values,
 )
 from jampetsc.storage.outputs import check_replaced
 from jampetsc.storage.regular import open_regular
@@ -55,7 +58,7 @@ def write_packing(path, disks: Disks) -> None:
     with OutputFile(path) as h5:
         set_attributes(h5, dict(zip(_HEADER, header, strict=True)) | record)
         for name, array in datasets.items():
-            h5.create_dataset(name, data=array)
+            store(h5, name, array)
 
 
 def read_packing(path, comm=None) -> Disks:
@@ -84,12 +87,11 @@ def read_identified(path, comm=None) -> tuple[Disks, tuple[str, str]]:
 
 
 def _read(path):
-    with opening(path), open_regular(path) as file:
-        with h5py.File(file, "r") as h5:
-            _check_header(h5, path)  # before all of what may be a large result is read
-        file.seek(0)
-        content = file.read()
-        with h5py.File(io.BytesIO(content), "r") as h5:
+    check_packing(path)  # before all of what may be a large result is read
+    with opening(path):
+        with open_regular(path) as file:
+            content = file.read()
+        with from_stream(io.BytesIO(content)) as h5:
             disks = packing_from(h5, path)
     return disks, (Path(path).name, hashlib.sha256(content).hexdigest())
 
@@ -137,7 +139,7 @@ def _array(h5, path, name):
         data = h5[name]
         if data.dtype.kind not in "fiu":
             raise InputError(f"{path}: dataset {name} holds {data.dtype}: must be real numbers")
-        return data[...].astype(float)
+        return values(data).astype(float)
 
 
 def packing_identity(path) -> tuple[str, str]:

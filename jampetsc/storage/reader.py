@@ -37,7 +37,7 @@ class StoredArray:
             if parts.run_id != self._run_id:
                 raise InputError(f"{path}: was replaced by another run since it was loaded: load it again")
             with reading(path):
-                values = h5[self._name][selection]
+                values = parts.read(h5[self._name], selection)
             parts.check_present()
         return values
 

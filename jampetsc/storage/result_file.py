@@ -14,13 +14,12 @@ import numpy as np
 
 from jampetsc.collective import agreed
 from jampetsc.errors import JampetscError
-from jampetsc.storage.atomic import OutputFile, follow, remove_abandoned, write_error
-from jampetsc.storage.hdf5 import set_attributes
+from jampetsc.storage.atomic import follow, remove_abandoned, write_error
+from jampetsc.storage.hdf5 import OutputFile, checksummed, set_attributes, store
 from jampetsc.storage.outputs import check_output
 from jampetsc.storage.parts import GROUP, part_name, parts_of, remove_if_empty
 
 FORMAT_VERSION = "1.0"
-_CHUNK_ROWS = 1 << 16
 
 
 class _Layout:
@@ -104,7 +103,7 @@ class ResultWriter:
         """Collective. Store an array that every rank holds; rank 0 writes it."""
         with self._step():
             if self.rank == 0:
-                self._joint.h5.create_dataset(name, data=array)
+                store(self._joint.h5, name, array)
 
     def distributed(self, name, local, axis=0) -> None:
         """Collective. Store an array whose rows along `axis` are spread over the ranks in rank order.
@@ -115,7 +114,7 @@ class ResultWriter:
         layout = self._add_layout(name, local.shape, local.dtype, axis)
         with self._step():
             if layout.counts[self.rank]:
-                self._part.h5.create_dataset(name, data=local)
+                store(self._part.h5, name, local)
 
     def append(self, name, local) -> None:
         """Collective. Add rows (n_local, …) as the next entry of an array (F, n, …) distributed along axis 1.
@@ -134,7 +133,7 @@ class ResultWriter:
                         shape=(0, *local.shape),
                         dtype=local.dtype,
                         maxshape=(None, *local.shape),
-                        chunks=(1, min(count, _CHUNK_ROWS), *local.shape[1:]),
+                        **checksummed((1, *local.shape), local.dtype),
                     )
                 data = self._part.h5[name]
                 data.resize(layout.shape[0], axis=0)
@@ -151,14 +150,13 @@ class ResultWriter:
         """Collective. Make everything durable, then let the joint file appear under its name."""
         for name, layout in self._layouts.items():
             self._describe(name, layout)
-        sizes = None
         if self.size > 1:
             with self._step():
-                size = self._part.finish()
-            sizes = self.comm.gather(size)
+                finished = self._part.finish()
+            finished = self.comm.gather(finished)
             with self._step():
                 if self.rank == 0:
-                    self._join(sizes)
+                    self._join(*zip(*finished, strict=True))
             with self._step():
                 self._part.publish()
         with self._step():
@@ -186,11 +184,15 @@ class ResultWriter:
         if self.rank == 0 and not sum(layout.counts):
             self._joint.h5.create_dataset(name, shape=tuple(layout.shape), dtype=layout.dtype)
 
-    def _join(self, sizes):
+    def _join(self, sizes, seals):
         joint = self._joint.h5
         names = [part_name(self.path, self.run_id, rank) for rank in range(self.size)]
-        joint[f"{GROUP}/names"] = np.array(names, dtype=h5py.string_dtype())
-        joint[f"{GROUP}/sizes"] = np.array(sizes, dtype=np.int64)
+        for name, column in (
+            ("names", np.char.encode(names)),
+            ("sizes", sizes),
+            ("seals", np.array(seals, "S")),
+        ):
+            store(joint, f"{GROUP}/{name}", column)
         for name, layout in self._layouts.items():
             virtual = h5py.VirtualLayout(shape=tuple(layout.shape), dtype=layout.dtype)
             for rank in range(self.size):
