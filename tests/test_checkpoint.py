@@ -1,7 +1,9 @@
 """Checkpoints of a sweep: what is saved survives a kill, what is torn or another job's is ignored."""
 
+import hashlib
 import os
 import resource
+from pathlib import Path
 
 import launch
 import numpy as np
@@ -24,8 +26,8 @@ def out(tmp_path):
     return tmp_path / "s.h5"
 
 
-def saved(out, count, key=KEY, with_fields=False):
-    checkpoint = Checkpoint(out, key)
+def saved(out, count, key=KEY, with_fields=False, ordered=False):
+    checkpoint = Checkpoint(out, key, ordered=ordered)
     for index in range(count):
         checkpoint.save(index, record(index), fields(index, 0) if with_fields else None)
     return checkpoint
@@ -77,7 +79,15 @@ def test_a_damaged_line_and_what_follows_are_solved_again(out):
 
 
 @pytest.mark.parametrize(
-    "change", [{"packing": "cd"}, {"law": {"law": "stokes"}}, {"omega": [1.0]}, {"fields": [1]}]
+    "change",
+    [
+        {"packing": "cd"},
+        {"law": {"law": "stokes"}},
+        {"omega": [1.0]},
+        {"fields": [1]},
+        {"ranks": 2},
+        {"accuracy": 1e-9},
+    ],
 )
 def test_another_job_is_ignored_with_a_notice_and_replaced(out, capsys, change):
     saved(out, 2, with_fields=True)
@@ -102,6 +112,131 @@ def test_fields_that_are_missing_or_torn_are_solved_again(out):
     assert Checkpoint(out, KEY).done.keys() == {2}
 
 
+def steps_of(out):
+    """Lines of the journal, and the files of fields, both in the order of the steps."""
+    lines = out.with_name("s.h5.resume").read_bytes().splitlines(keepends=True)
+    return lines, sorted(out.with_name("s.h5.resume.d").iterdir())
+
+
+def swap(one, other):
+    content = one.read_bytes(), other.read_bytes()
+    for path, bytes_ in zip((other, one), content, strict=True):
+        path.write_bytes(bytes_)
+
+
+def flip(path, place):
+    content = bytearray(path.read_bytes())
+    content[place] ^= 4
+    path.write_bytes(content)
+
+
+LINES = {  # what happens to the five steps' lines -> how many are left
+    "the first lost": (lambda steps: steps[1:], 0),
+    "one lost": (lambda steps: steps[:2] + steps[3:], 2),
+    "two swapped": (lambda steps: [steps[0], steps[2], steps[1], *steps[3:]], 1),
+    "one twice": (lambda steps: [*steps[:3], *steps[2:]], 3),
+    "one cut": (lambda steps: [*steps[:3], steps[3][:50], steps[4]], 3),
+    "a digit changed": (lambda steps: [steps[0], steps[1].replace(b"0.5", b"0.6"), *steps[2:]], 1),
+    "an index changed": (lambda steps: [*steps[:3], steps[3].replace(b'"index": 3', b'"index": 4')], 3),
+    "a line of another job": (lambda steps: [*steps[:4], foreign_line()], 4),
+}
+
+
+def foreign_line():
+    text = b'{"index": 4, "record": {}}'
+    return b"%s %s\n" % (hashlib.sha256(text).hexdigest()[:32].encode(), text)
+
+
+@pytest.mark.parametrize("ordered", [True, False])
+@pytest.mark.parametrize("change", LINES)
+def test_what_follows_a_gap_in_the_journal_does_not_count(out, change, ordered):
+    saved(out, 5, with_fields=True, ordered=ordered)
+    edit, count = LINES[change]
+    lines, _ = steps_of(out)
+    out.with_name("s.h5.resume").write_bytes(b"".join([lines[0], *edit(lines[1:])]))
+    again = Checkpoint(out, KEY, ordered=ordered)
+    assert again.done == {index: record(index) for index in range(count)}
+    assert again.next == count
+    again.save(count, record(9), fields(9, 0))
+    again = Checkpoint(out, KEY, ordered=ordered)
+    assert again.done == {index: record(index) for index in range(count)} | {count: record(9)}
+    assert np.array_equal(again.fields(count)["rotation"], fields(9, 0)["rotation"])
+
+
+FILES = {
+    "lost": lambda files: files[1].unlink(),
+    "cut": lambda files: os.truncate(files[1], 100),
+    "changed": lambda files: flip(files[1], -400),
+    "of another step": lambda files: files[1].write_bytes(files[3].read_bytes()),
+}
+
+
+@pytest.mark.parametrize("change", FILES)
+def test_a_step_without_its_fields_does_not_count(out, change):
+    saved(out, 5, with_fields=True)
+    FILES[change](steps_of(out)[1])
+    assert Checkpoint(out, KEY).done.keys() == {0, 2, 3, 4}
+
+
+@pytest.mark.parametrize("change", FILES)
+def test_nor_do_those_that_build_on_it(out, change):
+    saved(out, 5, with_fields=True, ordered=True)
+    FILES[change](steps_of(out)[1])
+    again = Checkpoint(out, KEY, ordered=True)
+    assert again.done.keys() == {0}
+    again.save(again.next, record(1), fields(1, 0))
+    assert Checkpoint(out, KEY, ordered=True).done.keys() == {0, 1}  # and not the old steps 2, 3, 4
+
+
+def test_fields_that_changed_places_do_not_count(out):
+    saved(out, 4, with_fields=True)
+    swap(*steps_of(out)[1][1:3])
+    assert Checkpoint(out, KEY).done.keys() == {0, 3}
+
+
+def test_steps_of_an_ordered_job_follow_each_other(out):
+    checkpoint = saved(out, 2, ordered=True)
+    assert checkpoint.next == 2
+    for index in (1, 3):
+        with pytest.raises(ValueError, match="cannot follow step 1"):
+            checkpoint.save(index, record(index))
+
+
+def test_fields_that_change_while_a_job_runs_are_noticed(out):
+    checkpoint = saved(out, 2, with_fields=True)
+    flip(steps_of(out)[1][1], 200)
+    checkpoint.fields(0)
+    with pytest.raises(JampetscError, match="changed during the run: run the same command again"):
+        checkpoint.fields(1)
+
+
+def test_what_is_saved_is_on_the_disk(out, monkeypatch):
+    """Bytes before a file gets its name, the name before the journal says so, and that before `save` returns."""
+    checkpoint = saved(out, 1, with_fields=True)
+    events = []
+
+    def note(name):
+        original = getattr(os, name)
+
+        def noted(target, *more):
+            path = os.readlink(f"/proc/self/fd/{target}") if isinstance(target, int) else str(target)
+            events.append((name, Path(path).name.partition(".npz")[0].lstrip(".")))
+            return original(target, *more)
+
+        monkeypatch.setattr(os, name, noted)
+
+    note("fsync")
+    note("replace")
+    checkpoint.save(1, record(1), fields(1, 0))
+    stem = steps_of(out)[1][1].stem
+    assert events == [
+        ("fsync", stem),
+        ("replace", stem),
+        ("fsync", "s.h5.resume.d"),
+        ("fsync", "s.h5.resume"),
+    ]
+
+
 def test_a_full_disk_is_one_line_and_keeps_what_there_was(out):
     checkpoint = saved(out, 2)
     size = out.with_name("s.h5.resume").stat().st_size
@@ -121,6 +256,15 @@ def test_a_full_disk_is_one_line_and_keeps_what_there_was(out):
 def test_values_that_cannot_be_kept_are_refused(out):
     with pytest.raises(TypeError, match="cannot be kept in a checkpoint"):
         Checkpoint(out, {"packing": object()})
+
+
+def test_a_change_on_one_rank_counts_on_all(out):
+    launch.run(3, "run_checkpoint.py", out, 4, -1, "a", "ordered")
+    flip(next(out.with_name("s.h5.resume.d").glob("*-00001-rank-0002.npz")), 150)
+    done = launch.run(3, "run_checkpoint.py", out, 4, -1, "a", "ordered")
+    assert sorted(done.stdout.splitlines()) == [f"rank {rank} solved [1, 2, 3]" for rank in range(3)], (
+        done.stderr
+    )
 
 
 @pytest.mark.parametrize("ranks", [1, 2, 3])

@@ -1,6 +1,7 @@
 """A sweep killed half-way: the same command continues, another one starts from the beginning."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -56,6 +57,59 @@ def test_the_direct_method_continues(packing, tmp_path, ranks):
     results = [jampetsc.load(path) for path in (whole, out)]
     np.testing.assert_allclose(results[1].G, results[0].G, rtol=1e-12)
     np.testing.assert_allclose(*(result["fields/displacement"] for result in results), atol=1e-9)
+
+
+def lose(first, last):
+    """Loses these lines of a journal, of which the first is the header."""
+
+    def edit(journal):
+        lines = journal.read_bytes().splitlines(keepends=True)
+        journal.write_bytes(b"".join(lines[:first] + lines[last + 1 :]))
+
+    return edit
+
+
+def lose_fields(step):
+    return lambda journal: next(Path(f"{journal}.d").glob(f"*-{step:05d}-rank-0000.npz")).unlink()
+
+
+GAPS = {  # what is lost of a checkpoint of three steps -> how many count
+    "the first step": (lose(1, 1), 0),
+    "the second step": (lose(2, 2), 1),
+    "the fields of the second": (lose_fields(1), 1),
+}
+
+
+@pytest.mark.parametrize("gap", GAPS)
+def test_what_follows_a_gap_is_not_built_upon(packing, tmp_path, gap):
+    """Certified is what the bound says: an error of the resumed run stays within it."""
+    out, whole = tmp_path / "sweep.h5", tmp_path / "whole.h5"
+    assert sweep(0, 99, packing, whole).returncode == 0
+    assert sweep(0, 3, packing, out).returncode != 0
+    journal, (edit, count) = tmp_path / "sweep.h5.resume", GAPS[gap]
+    edit(journal)
+    done = sweep(0, 99, packing, out)
+    assert done.returncode == 0, done.stderr
+    assert (f"{count} shifts are finished" in done.stderr) == (count > 0)
+    found, exact = (jampetsc.load(path) for path in (out, whole))
+    assert np.all(np.abs(found.G - exact.G) <= found.error_bound + exact.error_bound)
+    assert np.all(found.error_bound <= 2e-10 * np.abs(found.G))
+
+
+def test_a_checkpoint_of_other_ranks_or_of_less_accuracy_is_not_used(packing, tmp_path):
+    out, whole = tmp_path / "sweep.h5", tmp_path / "whole.h5"
+    assert sweep(0, 99, packing, whole).returncode == 0
+    exact = jampetsc.load(whole)
+    for ranks, words in ((2, ()), (0, ("--accuracy", "1e-2"))):
+        assert sweep(ranks, 1, packing, out, *words).returncode != 0
+        done = sweep(0, 99, packing, out)
+        assert done.returncode == 0, done.stderr
+        assert "belongs to another job: ignored" in done.stderr
+        found = jampetsc.load(out)
+        assert np.all(np.abs(found.G - exact.G) <= found.error_bound + exact.error_bound)
+        assert np.all(found.error_bound <= 2e-10 * np.abs(found.G))
+        assert found.attributes["accuracy"] == 1e-10
+        out.unlink()
 
 
 def test_another_command_starts_from_the_beginning(packing, tmp_path):

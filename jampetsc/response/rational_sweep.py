@@ -26,7 +26,7 @@ def run(job: Job):
         pencil = assemble(network, job.physics.law)
         compatibility = build_compatibility(pencil)
     sweep = RationalSweep(pencil, compatibility, job.omega, job.accuracy, job.parallel)
-    checkpoint = Checkpoint(job.out, job.key(session.size), session.comm)
+    checkpoint = Checkpoint(job.out, job.key(session.size), session.comm, ordered=True)
     with Progress(None, "sweep", session.rank) as progress:
         if checkpoint.done:
             _restore(sweep, checkpoint)
@@ -40,9 +40,7 @@ def run(job: Job):
                 raise InputError(f"{job.packing}: {error}; use --method direct") from None
             basis = sweep.basis
             fields = {"vectors": basis.vectors[before:]} | ({} if before else {"x0": basis.x0})
-            checkpoint.save(
-                len(checkpoint.done), {"first": basis.first, "shifts": basis.shifts[before:]}, fields
-            )
+            checkpoint.save(checkpoint.next, {"first": basis.first, "shifts": basis.shifts[before:]}, fields)
             listed = ", ".join(f"{shift:.2e}" for shift in shifts)
             progress.step(f"shift {listed}  vectors {basis.size}  worst bound / allowed {sweep.worst():.1e}")
         with session.stage("projection"):

@@ -1,65 +1,72 @@
 """What a sweep has finished, kept on disk so that the same command continues after a kill.
 
-The journal `<out>.resume` has one line per frequency with a checksum: a line that a kill tore is ignored.
-Its first line says which job it belongs to. Fields lie in `<out>.resume.d`, one file per frequency and rank,
-named after the job and renamed into place before the journal mentions them.
+The journal `<out>.resume` has one line per step, and each line begins with a hash of its text and of the line before:
+what follows a line that is torn, lost, moved or changed does not count. Its first line says which job it belongs to.
+Fields lie in `<out>.resume.d`, one file per step and rank, named after the job. They are there before the journal
+mentions them, and it names the sha256 of each: one that is lost, cut, changed or another step's does not count.
 """
 
+import glob
 import hashlib
+import io
 import json
 import os
 import sys
-import zipfile
-import zlib
 from pathlib import Path
 
 import numpy as np
 
 from jampetsc.collective import agreed
-from jampetsc.storage.atomic import follow, sync_folder, write_error
+from jampetsc.errors import InputError, JampetscError
+from jampetsc.storage.atomic import follow, remove_abandoned, write_error, write_whole
 from jampetsc.storage.parts import remove_if_empty
+from jampetsc.storage.regular import open_regular
 
-_VERSION = 1
+_VERSION = 2
+_LINK = 32  # characters of the hash that a line begins with
 
 
 class Checkpoint:
-    """Finished frequencies of one job with output `path`. Every method but `fields` is collective.
+    """Finished steps of one job with output `path`. Every method is collective.
 
-    `key` identifies the job: a dictionary of scalars, strings and lists (packing sha256, law, frequencies,
-    method, fields and, where fields are stored, ranks). `done` maps the index of a finished frequency to its
-    record.
-    A journal of another job is left alone, with a line on stderr, until this job finishes a frequency.
+    `key` identifies the job: a dictionary of scalars, strings and lists (packing sha256, law, frequencies, method,
+    accuracy, fields, ranks). `done` maps the index of a finished step to its record.
+
+    ordered: each step builds on those before it, so that only an unbroken sequence 0, 1, 2, … counts and the next step
+    is `next`. Otherwise steps are independent, such as frequencies solved one by one.
+
+    A journal of another job is left alone, with a line on stderr, until this job finishes a step.
     """
 
-    def __init__(self, path, key, comm=None):
+    def __init__(self, path, key, comm=None, ordered=False):
         self.path = follow(path)
         self.journal = self.path.with_name(f"{self.path.name}.resume")
         self.folder = self.path.with_name(f"{self.path.name}.resume.d")
         self.comm = comm
-        self.rank = 0 if comm is None else comm.rank
-        self._header = _line({"version": _VERSION, "key": json.loads(json.dumps(key, default=_encode))})
+        self.rank, self.size = (0, 1) if comm is None else (comm.rank, comm.size)
+        self.ordered = ordered
+        text = json.dumps({"version": _VERSION, "key": key}, default=_encode, sort_keys=True).encode()
+        self._header = _line(b"", text)
         self._job = hashlib.sha256(self._header).hexdigest()[:12]
-        self._end = 0  # on rank 0: length of the sound beginning of this job's journal, in bytes
+        self._end = 0  # on rank 0: length of the part of this job's journal that counts, in bytes
+        self._link = b""  # on rank 0: hash that the last line of that part begins with
+        steps = None
         with agreed(comm):
-            self.done = self._read() if self.rank == 0 else None
+            if self.rank == 0:
+                steps = self._read()
         if comm is not None:
-            self.done = comm.bcast(self.done)
-        incomplete = {
-            index for index, record in self.done.items() if "fields" in record and not self._sound(index)
-        }
-        if comm is not None:
-            incomplete = set().union(*comm.allgather(incomplete))
-        self.done = {
-            index: {name: value for name, value in record.items() if name != "fields"}
-            for index, record in self.done.items()
-            if index not in incomplete
-        }
+            steps = comm.bcast(steps)
+        self._digests = {}  # index -> sha256 of the fields' files, by rank
+        self.done = {}
+        self._take(steps)
 
     def _read(self):
+        """The steps in the journal that stand in an unbroken chain: [(index, record, digests or None, end, link)]."""
         try:
-            content = self.journal.read_bytes()
+            with open_regular(self.journal) as file:
+                content = file.read()
         except FileNotFoundError:
-            return {}
+            return []
         except OSError as error:
             raise write_error(self.journal, error) from None
         if not content.startswith(self._header):
@@ -67,91 +74,124 @@ class Checkpoint:
                 f"{self.journal}: belongs to another job: ignored, starting from the beginning",
                 file=sys.stderr,
             )
-            return {}
-        done = {}
-        for line in content.splitlines(keepends=True):
-            entry = _parse(line)
-            if entry is None:
+            return []
+        self._end, self._link = len(self._header), self._header[:_LINK]
+        steps, end, link = [], self._end, self._link
+        for line in content[end:].splitlines(keepends=True):
+            text = line[_LINK + 1 : -1]
+            if line != _line(link, text):
                 break
-            self._end += len(line)
-            if "index" in entry:
-                done[entry["index"]] = entry["record"]
-        return done
+            end, link = end + len(line), line[:_LINK]
+            entry = json.loads(text, object_hook=_decode)
+            steps.append((entry["index"], entry["record"], entry.get("fields"), end, link))
+        return steps
+
+    def _take(self, steps):
+        """Keep of these steps what counts: all files there, and in an ordered job nothing missing before them."""
+        sound = [fields is None or self._sound(index, fields) for index, _, fields, _, _ in steps]
+        if self.comm is not None:
+            sound = [all(ranks) for ranks in zip(*self.comm.allgather(sound), strict=True)]
+        for (index, record, fields, end, link), whole in zip(steps, sound, strict=True):
+            if self.ordered and not (whole and index == self.next):
+                break
+            self._end, self._link = end, link
+            self.done.pop(index, None)  # a later line about a step replaces an earlier one
+            if whole:
+                self.done[index], self._digests[index] = record, fields
+
+    @property
+    def next(self) -> int:
+        """Index of the step after the last one."""
+        return max(self.done, default=-1) + 1
 
     def save(self, index, record, local_fields=None) -> None:
-        """Collective. Keep a finished frequency: `record`, numbers all ranks have, and this rank's fields.
+        """Keep a finished step: `record`, numbers all ranks have, and this rank's fields.
 
         `local_fields` is a dictionary of arrays, or None on all ranks. On return they survive a kill.
         Raises JampetscError on all ranks if it cannot be written.
         """
+        index, digests = int(index), None
+        if self.ordered and index != self.next:
+            raise ValueError(f"step {index} of an ordered job cannot follow step {self.next - 1}")
         with agreed(self.comm):
             if self.rank == 0 and self._end == 0:
                 self._start()
         if local_fields is not None:
             with agreed(self.comm):
-                self._write_fields(index, local_fields)
-            record = {**record, "fields": sorted(local_fields)}
+                digest = self._write_fields(index, local_fields)
+            digests = [digest] if self.comm is None else self.comm.allgather(digest)
+        entry = {"index": index, "record": record} | ({} if digests is None else {"fields": digests})
         with agreed(self.comm):
             if self.rank == 0:
-                self._append(_line({"index": int(index), "record": record}))
-        self.done[int(index)] = {name: value for name, value in record.items() if name != "fields"}
+                self._append(json.dumps(entry, default=_encode, sort_keys=True).encode())
+        self.done[index], self._digests[index] = dict(record), digests
 
     def _start(self):
         """A fresh journal, in the place of another job's."""
-        try:
-            self._remove_fields("*-rank-*")
-            temporary = self.journal.with_name(f".{self.journal.name}.partial")
-            temporary.write_bytes(self._header)
-            os.replace(temporary, self.journal)
-            sync_folder(self.journal.parent)
-        except OSError as error:
-            raise write_error(self.journal, error) from None
-        self._end = len(self._header)
+        self._remove_fields("*-rank-*")
+        remove_abandoned(self.journal.parent, glob.escape(self.journal.name))
+        write_whole(self.journal, self._header)
+        self._end, self._link = len(self._header), self._header[:_LINK]
 
-    def _append(self, line):
+    def _append(self, text):
+        line = _line(self._link, text)
         try:
             with open(self.journal, "r+b") as file:
-                file.truncate(self._end)  # a torn line, if the last write failed or was killed
+                file.truncate(
+                    self._end
+                )  # what does not count: torn, if the last write failed or was killed, or broken off
                 file.seek(self._end)
                 file.write(line)
                 file.flush()
                 os.fsync(file.fileno())
         except OSError as error:
             raise write_error(self.journal, error) from None
-        self._end += len(line)
+        self._end, self._link = self._end + len(line), line[:_LINK]
 
     def _fields_path(self, index) -> Path:
         return self.folder / f"{self._job}-{index:05d}-rank-{self.rank:04d}.npz"
 
     def _write_fields(self, index, arrays):
+        """Write this rank's file; returns its sha256."""
+        content = io.BytesIO()
+        np.savez(content, **arrays)
         path = self._fields_path(index)
-        temporary = path.with_suffix(".partial")
         try:
             self.folder.mkdir(exist_ok=True)
-            with open(temporary, "wb") as file:
-                np.savez(file, **arrays)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(temporary, path)
-            sync_folder(self.folder)
         except OSError as error:
-            temporary.unlink(missing_ok=True)
-            raise write_error(path, error) from None
+            raise write_error(self.folder, error) from None
+        write_whole(path, content.getvalue())
+        return hashlib.sha256(content.getvalue()).hexdigest()
 
-    def _sound(self, index) -> bool:
+    def _content(self, index, digests):
+        """The bytes of this rank's file if it is the one that the journal names, else None."""
         try:
-            with zipfile.ZipFile(self._fields_path(index)) as stored:
-                return stored.testzip() is None
-        except (OSError, zipfile.BadZipFile):
-            return False
+            with open_regular(self._fields_path(index)) as file:
+                content = file.read()
+        except (OSError, InputError):
+            return None
+        named = len(digests) == self.size and digests[self.rank]
+        return content if hashlib.sha256(content).hexdigest() == named else None
+
+    def _sound(self, index, digests) -> bool:
+        return self._content(index, digests) is not None
 
     def fields(self, index) -> dict:
-        """This rank's rows of the fields of a finished frequency, as given to `save`."""
-        with np.load(self._fields_path(index)) as stored:
+        """This rank's rows of the fields of a finished step, as given to `save`.
+
+        Raises JampetscError on all ranks if a file was changed since the checkpoint was opened.
+        """
+        with agreed(self.comm):
+            content = self._content(index, self._digests[index])
+            if content is None:
+                raise JampetscError(
+                    f"{self._fields_path(index)}: changed during the run: run the same command again"
+                )
+        with np.load(io.BytesIO(content)) as stored:
             return {name: stored[name] for name in stored.files}
 
     def remove(self) -> None:
-        """Collective. Delete the checkpoint, once the result is in place."""
+        """Delete the checkpoint, once the result is in place."""
         if self.comm is not None:
             self.comm.Barrier()
         if self.rank == 0 and self._end:  # otherwise the journal is not ours
@@ -160,22 +200,15 @@ class Checkpoint:
             self._end = 0
 
     def _remove_fields(self, pattern):
+        remove_abandoned(self.folder)
         for file in self.folder.glob(pattern):
             file.unlink(missing_ok=True)
         remove_if_empty(self.folder)
 
 
-def _line(entry) -> bytes:
-    text = json.dumps(entry, default=_encode, sort_keys=True).encode()
-    return b"%08x %s\n" % (zlib.crc32(text), text)
-
-
-def _parse(line: bytes):
-    """The entry of a sound line, else None."""
-    checksum, _, text = line.rstrip(b"\n").partition(b" ")
-    if not line.endswith(b"\n") or checksum != b"%08x" % zlib.crc32(text):
-        return None
-    return json.loads(text, object_hook=_decode)
+def _line(link: bytes, text: bytes) -> bytes:
+    """A line of the journal: the hash that chains it to the line before, which begins with `link`, and its text."""
+    return b"%s %s\n" % (hashlib.sha256(link + text).hexdigest()[:_LINK].encode(), text)
 
 
 def _encode(value):
