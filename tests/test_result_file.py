@@ -292,7 +292,10 @@ DEFECTS = {
         {"format_version": "2.0", "jampetsc_version": "3.1"},
         "reads up to 1.x: use jampetsc 3.1 or newer",
     ),
-    "unknown": ({"format": "jampetsc-flow"}, "format jampetsc-flow: this jampetsc reads jampetsc-packing, "),
+    "unknown": (
+        {"format": "jampetsc-later"},
+        "format jampetsc-later: this jampetsc reads jampetsc-packing, ",
+    ),
     "foreign": ({"format": "NXdata"}, "format = 'NXdata': not a jampetsc file"),
     "a part": ({"format": "jampetsc-part"}, "is one rank's part: open the joint file beside its folder"),
 }
