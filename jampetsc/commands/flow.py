@@ -62,7 +62,9 @@ def add_parser(subparsers) -> None:
 
 def _may_solve(args):
     """Whether the run may have velocities to solve for, so that PETSc has something to do."""
-    return args.model not in ("RD0", "RD") and args.law != "stokes"
+    from jampetsc.contacts.laws import damping_law
+
+    return args.model not in ("RD0", "RD") and (args.law is None or damping_law(args.law).damps_contacts)
 
 
 def run(args, petsc_argv) -> int:
