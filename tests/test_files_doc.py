@@ -1,0 +1,83 @@
+"""docs/files.md against real files: every dataset and attribute is in it, and what is in it is in some file."""
+
+import re
+from fnmatch import fnmatch
+
+import h5py
+import launch
+import pytest
+from samples import isostatic
+
+from jampetsc import cli
+from jampetsc.storage.packing_file import write_packing
+from jampetsc.storage.parts import GROUP
+
+DOC = launch.ROOT / "docs" / "files.md"
+RARE = {  # of runs that are not made here
+    "jampetsc-packing": ("source", "source_sha256", "requested_phi"),
+    "jampetsc-flow": ("quality",),
+}
+RUNS = """\
+pack --n 16 --pressure 1e-2 --stabilise shear --out made.h5
+import JAMBASHBULK --out imported.h5
+sweep made.h5 --out sweep.h5 --fields 1e-3,1
+sweep p.h5 --out alpha.h5 --alpha 0.5 --stress 1e-6 --omega 1e-3,1
+sweep p.h5 --out stokes.h5 --law stokes --method direct --omega 1e-3
+quasistatic p.h5 --out slow.h5 --betas 1,2
+modes p.h5 --out modes.h5 --count 3
+spectrum sweep.h5 --out spectrum.h5
+correlate sweep.h5 --out correlation.h5
+flow made.h5 --model RD --mass 1 --rate 1e-2 --strain 0.5 --discard 0.1 --snapshots 2 --out flow.h5
+flow --n 16 --phi 0.9 --seed 1 --model RD0 --rate 1e-2 --strain 0.5 --discard 0.1 --out flow0.h5"""
+
+
+def documented():
+    """{format: (datasets, attributes)} of DOC, names as patterns; "" for what every result has."""
+    found, kind = {}, None
+    for line in DOC.read_text().splitlines():
+        if line.startswith("## "):
+            kind = (re.search(r"jampetsc-\w+", line) or [""])[0]
+            found[kind] = ([], [])
+        elif line.startswith(("| dataset", "| attribute")):
+            names = found[kind][line.startswith("| attribute")]
+        elif line.startswith("| `"):
+            names += re.findall(r"`([^`]+)`", line.split("|")[1])
+    return found
+
+
+def held(path):
+    """(format, datasets, attributes) of a file."""
+    datasets = []
+    with h5py.File(path) as h5:
+        h5.visititems(lambda name, item: datasets.append(name) if isinstance(item, h5py.Dataset) else None)
+        return h5.attrs["format"], [n for n in datasets if not n.startswith(GROUP)], list(h5.attrs)
+
+
+@pytest.mark.scalar("real")
+def test_files_hold_what_the_documentation_says(session, shared_path, monkeypatch, capsys):
+    if session.size > 1:
+        pytest.skip("the names are those of one rank")
+    monkeypatch.chdir(shared_path)
+    write_packing("p.h5", isostatic())
+    for line in RUNS.splitlines():
+        words = line.replace("JAMBASHBULK", str(launch.ROOT / "tests/data/jambashbulk-N16-P1e-3-0001.txt"))
+        args = cli.command_parser(words.split())[0].parse_args(words.split())
+        assert args.run(args, []) == 0  # `cli.dispatch` would end MPI after a command that does not need it
+    doc = documented()
+    missing, seen = [], {}
+    for path in sorted(shared_path.glob("*.h5")):
+        kind, *names = held(path)
+        for part in (0, 1):
+            known = doc[kind][part] + (doc[""][part] if kind != "jampetsc-packing" or part else [])
+            known += ["no_prestress/*", "no_prestress_*"] if kind == "jampetsc-quasistatic" else []
+            known += ["beta_scan/no_prestress_eta0"] if kind == "jampetsc-quasistatic" else []
+            missing += [f"{path.name}: {n}" for n in names[part] if not any(fnmatch(n, k) for k in known)]
+            seen.setdefault((kind, part), set()).update(names[part])
+    assert not missing, "not in docs/files.md: " + "; ".join(sorted(set(missing)))
+    everything = set().union(*(names for (_, part), names in seen.items() if part))
+    gone = [f"{name} of every result" for name in doc[""][1] if not any(fnmatch(n, name) for n in everything)]
+    for (kind, part), names in seen.items():
+        patterns = [name for name in doc[kind][part] if name not in RARE.get(kind, ())]
+        gone += [f"{name} of {kind}" for name in patterns if not any(fnmatch(n, name) for n in names)]
+    assert not gone, "in docs/files.md, but in no file: " + "; ".join(gone)
+    assert {kind for kind, _ in seen} == set(doc) - {""}
