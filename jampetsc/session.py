@@ -80,6 +80,7 @@ class Session:
     """PETSc as it runs in this process; made by `start`.
 
     PETSc, SLEPc   the petsc4py and slepc4py modules; SLEPc is None where no slepc4py is installed
+    MPI            mpi4py's
     comm           mpi4py communicator of the work at hand, COMM_WORLD but for `alone`; rank and size are its
     world          COMM_WORLD
     scalar_type    "real" or "complex"
@@ -88,6 +89,7 @@ class Session:
 
     def __init__(self, PETSc, SLEPc, comm, petsc_argv):
         self.PETSc = PETSc
+        self.MPI = importlib.import_module("mpi4py.MPI")
         self.SLEPc = SLEPc
         self.world = comm
         self._work_on(comm)
@@ -109,7 +111,7 @@ class Session:
         PETSc's options are those of the whole run, which has rehearsed them: inside there are none to rehearse.
         """
         before, given = self.comm, self._given
-        self._work_on(importlib.import_module("mpi4py.MPI").COMM_SELF)
+        self._work_on(self.MPI.COMM_SELF)
         self._given = set()
         try:
             yield

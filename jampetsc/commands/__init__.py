@@ -12,6 +12,8 @@ A command module has
 and keeps its heavy imports (numpy, h5py, numba, matplotlib) inside `run`, so that `--help` is instant.
 """
 
+import importlib
+
 COMMANDS = {
     "pack": "jampetsc.commands.pack",
     "import": "jampetsc.commands.importing",
@@ -21,8 +23,17 @@ COMMANDS = {
     "flow": "jampetsc.commands.flow",
     "spectrum": "jampetsc.commands.spectrum",
     "correlate": "jampetsc.commands.correlate",
+    "study": "jampetsc.commands.study",
     "trade": "jampetsc.commands.trade",
     "info": "jampetsc.commands.info",
     "merge": "jampetsc.commands.merge",
     "plot": "jampetsc.commands.plot",
 }
+
+
+def parsers_of(family, names) -> dict:
+    """{command: its parser}, made by the class of parsers `family`, for what is no command line but means one."""
+    subparsers = family(prog="jampetsc").add_subparsers(dest="command")
+    for name in names:
+        importlib.import_module(COMMANDS[name]).add_parser(subparsers)
+    return subparsers.choices

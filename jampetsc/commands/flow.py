@@ -57,7 +57,7 @@ def add_parser(subparsers) -> None:
         "--tolerance", type=float, metavar="T", help="of the velocities of contact damping (default 1e-4)"
     )
     run_.add_argument("--last", metavar="FILE", help="write the last state as a packing, too")
-    parser.set_defaults(run=run, takes_petsc=_may_solve)
+    parser.set_defaults(run=run, check=check, takes_petsc=_may_solve)
 
 
 def _may_solve(args):
@@ -65,6 +65,15 @@ def _may_solve(args):
     from jampetsc.contacts.laws import damping_law
 
     return args.model not in ("RD0", "RD") and (args.law is None or damping_law(args.law).damps_contacts)
+
+
+def check(args):
+    """Raises InputError for words of a flow that begins, whatever its packing holds."""
+    _check(args)
+    check_start(args)
+    if args.rate is None:
+        raise InputError("--rate is missing: how fast to shear?")
+    model_from(args)
 
 
 def run(args, petsc_argv) -> int:
@@ -76,6 +85,8 @@ def run(args, petsc_argv) -> int:
     running = None
     if _may_solve(args) and (petsc_argv or launcher.several()):
         running = session.start("real", petsc_argv)
+        if running.size == 1 and not petsc_argv:  # a rank that works alone
+            running = None
     comm = running and running.comm
     from jampetsc.flow import job as jobs
     from jampetsc.storage.outputs import check_output
@@ -117,13 +128,10 @@ def _fresh(args, jobs, comm, inputs):
     from jampetsc.collective import by_rank_0
     from jampetsc.storage.outputs import check_output
 
-    check_start(args)
-    if args.rate is None:
-        raise InputError("--rate is missing: how fast to shear?")
+    check(args)
     if args.out is None:
         raise InputError("--out is missing: where to write the result?")
     by_rank_0(comm, lambda: check_output(args.out, jobs.FORMAT, inputs))
-    model_from(args)  # refuses before disks are made
     disks, origin = start_of(args, comm)
     return jobs.fresh(
         disks,
@@ -159,7 +167,7 @@ def _check(args):
 
 def _refuse_settled(args):
     """A flow file has its settings: InputError for words that would change them."""
-    kept = ("start", "strain", "out", "last", "tau1", "command", "run", "takes_petsc")
+    kept = ("start", "strain", "out", "last", "tau1", "command", "run", "check", "takes_petsc")
     for name, value in vars(args).items():
         if name not in kept and value is not None:
             raise InputError(

@@ -9,6 +9,7 @@ import numpy as np
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.errors import InputError
+from jampetsc.storage.ensemble import TABLE, load_ensemble
 from jampetsc.storage.hdf5 import attributes, check_format, open_file, reading, undisturbed
 from jampetsc.storage.packing_file import packing_from
 from jampetsc.storage.parts import GROUP, PartList
@@ -221,8 +222,12 @@ LOADERS = {  # format -> loader(h5, path); a new format needs a line here
 def load(path):
     """Open a jampetsc file: Disks for a packing, SweepResult for a sweep, Result for the others.
 
+    The folder of a study gives an `ensemble.Ensemble`, its table as arrays with averages over packings.
+
     Raises InputError naming the file, what is wrong with it and the remedy.
     """
+    if (Path(path) / TABLE).exists():
+        return load_ensemble(path)
     return undisturbed(path, _load)
 
 

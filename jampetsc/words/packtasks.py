@@ -84,17 +84,24 @@ def _pressure(word, text) -> float:
 def _seeds(args):
     """The seeds, increasing. Raises InputError."""
     if args.seeds is None:
-        seeds = [1 if args.seed is None else args.seed]
-    else:
-        try:
-            first, last = (int(word) for word in args.seeds.split(":"))
-        except ValueError:
-            raise InputError(f"--seeds {args.seeds}: must be FIRST:LAST, for instance 1:20") from None
-        if last < first:
-            raise InputError(f"--seeds {args.seeds}: the last must not be below the first")
-        if last - first >= MANY:
-            raise InputError(f"--seeds {args.seeds}: {last - first + 1} packings: at most {MANY} at a time")
-        seeds = range(first, last + 1)
+        return _in_range([1 if args.seed is None else args.seed])
+    return seeds_of(args.seeds)
+
+
+def seeds_of(text: str):
+    """The seeds that `FIRST:LAST` stands for, both included. Raises InputError."""
+    try:
+        first, last = (int(word) for word in text.split(":"))
+    except ValueError:
+        raise InputError(f"--seeds {text}: must be FIRST:LAST, for instance 1:20") from None
+    if last < first:
+        raise InputError(f"--seeds {text}: the last must not be below the first")
+    if last - first >= MANY:
+        raise InputError(f"--seeds {text}: {last - first + 1} packings: at most {MANY} at a time")
+    return _in_range(range(first, last + 1))
+
+
+def _in_range(seeds):
     for seed in (seeds[0], seeds[-1]):
         if not 0 <= seed <= LAST_SEED:
             raise InputError(f"--seed {seed}: must lie in [0, {LAST_SEED}]")

@@ -1,0 +1,82 @@
+"""One study at a time in a folder, on one machine or many that share a disk.
+
+The system's lock on `FOLDER/lock` goes with its process, so that what was killed can continue at once. Some network
+file systems keep such locks within one machine; for those the file is touched now and then, and a lock that another
+machine has touched lately counts, too: after the loss of a node the folder is free when that is past.
+"""
+
+import contextlib
+import errno
+import fcntl
+import os
+import socket
+import threading
+from pathlib import Path
+
+from jampetsc.errors import InputError
+from jampetsc.storage.atomic import write_error
+
+NAME = "lock"
+BEAT = 20.0  # seconds between touches
+LOST = 120.0  # seconds without one after which another machine's study is dead
+
+
+class Lock:
+    """Held from `take` to `release`. Only one rank of a study has it."""
+
+    def __init__(self, folder):
+        self.path = Path(folder) / NAME
+        self._file = None
+        self._over = threading.Event()
+
+    def take(self) -> None:
+        """Raises InputError where another study has it."""
+        try:
+            self._file = open(self.path, "a+")
+        except OSError as error:
+            raise write_error(self.path, error) from None
+        mine = f"{socket.gethostname()} {os.getpid()}"
+        self._file.seek(0)
+        other = self._file.read().strip()
+        elsewhere = other and other.split()[0] != socket.gethostname()
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            if error.errno in (errno.EWOULDBLOCK, errno.EACCES):
+                self._refuse(other)
+            # a file system without locks: what the file says has to do
+        if elsewhere and (age := self._age()) < LOST:
+            self._refuse(other, f"; if it is dead, its lock is void in {LOST - age:.0f} s")
+        self._file.truncate(0)
+        self._file.write(f"{mine}\n")
+        self._file.flush()
+        threading.Thread(target=self._beat, daemon=True).start()
+
+    def _refuse(self, other, remedy=""):
+        self._file.close()
+        host, _, process = (other or "another machine ?").partition(" ")
+        raise InputError(
+            f"{self.path.parent}: a study is running there (process {process} on {host}): "
+            f"wait for it, or choose another --out{remedy}"
+        )
+
+    def _age(self):
+        """Seconds since the file was touched, by the clock of its file system."""
+        probe = self.path.with_name(f".{NAME}.{os.getpid()}")
+        probe.touch()
+        now = os.stat(probe).st_mtime
+        probe.unlink()
+        return now - os.fstat(self._file.fileno()).st_mtime
+
+    def _beat(self):
+        while not self._over.wait(BEAT):
+            with contextlib.suppress(OSError):
+                os.utime(self.path)
+
+    def release(self) -> None:
+        """Let the folder go."""
+        self._over.set()
+        if self._file is not None and not self._file.closed:
+            with contextlib.suppress(OSError):
+                self._file.truncate(0)
+            self._file.close()

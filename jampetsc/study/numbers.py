@@ -1,0 +1,82 @@
+"""The numbers of a result for its row in the table: every scalar that its file records, and what a fit adds."""
+
+import numpy as np
+
+from jampetsc.analysis.scaling import CRITICAL_END, fit_power_law, low_frequency_limit
+from jampetsc.contacts.disks import Disks
+from jampetsc.errors import InputError
+from jampetsc.speed_accuracy.compare import CRITICAL_START
+from jampetsc.storage.reader import load
+
+WORDS = ("law", "model", "method", "packing")  # texts that a row tells
+NOT = ("ranks", "wall_seconds", "negative_modes", "requested_n", "requested_pressure", "requested_phi")
+_ENOUGH = 5  # frequencies in the critical window
+
+
+def numbers_of(path) -> dict:
+    """{column: value} of a packing or a result. Raises InputError where it cannot be read."""
+    loaded = load(path)
+    if isinstance(loaded, Disks):
+        return {**_scalars(loaded.record), "phi": loaded.phi, "n": loaded.n}
+    found = _scalars(loaded.attributes)
+    found |= MORE.get(loaded.format, lambda result: {})(loaded)
+    if "particle_count" in found:
+        found["n"] = found.pop("particle_count")
+    return found
+
+
+def _scalars(attributes):
+    found = {}
+    for name, value in attributes.items():
+        if name in NOT or name.endswith("_version"):
+            continue
+        if isinstance(value, bool | np.bool_):
+            found[name] = int(value)
+        elif isinstance(value, int | float | np.number):
+            found[name] = value.item() if isinstance(value, np.number) else value
+        elif isinstance(value, str) and name in WORDS:
+            found[name] = value
+    return found
+
+
+def _sweep(result):
+    """G₀, η₀ and ω* of a sweep, and the slopes of its critical branch, where it reaches them."""
+    found = {}
+    try:
+        limit = low_frequency_limit(result.omega, result.G)
+        found |= {"G0": limit.modulus, "eta0": limit.viscosity, "omega_star": limit.crossover}
+    except InputError:
+        pass
+    attributes = result.attributes
+    x = result.omega * float(attributes.get("tau1", 1.0))
+    inside = (x >= CRITICAL_START * attributes["pressure"] / attributes["k"]) & (x <= CRITICAL_END)
+    for name, part in (("storage", result.G.real), ("loss", result.G.imag)):
+        if np.count_nonzero(inside) >= _ENOUGH and (part[inside] > 0).all():
+            found[f"exponent_{name}"] = fit_power_law(x[inside], part[inside]).exponent
+    return found
+
+
+def _modes(result):
+    return {
+        "lowest_eigenvalue": float(result["eigenvalues"][0]),
+        "lowest_participation": float(result["participation_ratio"][0]),
+        "lowest_floppiness": float(result["floppiness"][0]),
+    }
+
+
+def _correlation(result):
+    """Lengths at the lowest frequency, of the first lane width."""
+    lowest = int(np.argmin(result["omega"]))
+    length, error = (result[name][0, lowest] for name in ("length", "length_error"))
+    return {
+        "omega": float(result["omega"][lowest]),
+        **{f"length_{part}": float(length[n]) for n, part in enumerate(("storage", "loss"))},
+        **{f"length_{part}_error": float(error[n]) for n, part in enumerate(("storage", "loss"))},
+    }
+
+
+MORE = {  # format -> what its arrays add
+    "jampetsc-sweep": _sweep,
+    "jampetsc-modes": _modes,
+    "jampetsc-correlation": _correlation,
+}

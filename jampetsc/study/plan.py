@@ -1,0 +1,155 @@
+"""STUDY.toml as a list of tasks: tables are commands, keys their long options, lists are multiplied out.
+
+[pack]                    every response runs on every packing
+n = [256, 1024]
+pressure = [1e-2, 1e-3]
+seeds = "1:20"
+[[sweep]]
+beta = [1.0, 1e-3]
+[quasistatic]
+"""
+
+import difflib
+import hashlib
+import json
+import tomllib
+from dataclasses import dataclass
+
+from jampetsc.errors import InputError
+from jampetsc.storage.regular import open_regular
+from jampetsc.study.kinds import KINDS, NOTHING, PACKING, START, SWEEP, SWEEPS
+from jampetsc.study.options import Choice, choices_of, label_of
+
+SEED = "seed"
+HASH = 8  # hexadecimal digits in the name of a file
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """One run of a command. Its name says what it is about, and stays the same whatever else a study has."""
+
+    name: str
+    command: str
+    choice: Choice
+    columns: dict  # what it was asked for, with that of its packing: column -> value
+    inputs: tuple = ()  # tasks whose files it reads
+
+    @property
+    def file(self) -> str:
+        """Name of its result in the folder of the study."""
+        return f"{self.name}.h5"
+
+    @property
+    def words(self) -> list[str]:
+        """The command line that makes its file, given in the folder of the study."""
+        return self.line([task.file for task in self.inputs], self.file)
+
+    def line(self, inputs, out) -> list[str]:
+        """The command line for these names of files."""
+        return ["jampetsc", self.command, *inputs, "--out", out, *self.choice.words]
+
+    @property
+    def level(self) -> int:
+        """0 for a task that reads nothing, else one more than what it reads."""
+        return 1 + max((task.level for task in self.inputs), default=-1)
+
+
+def read(path) -> bytes:
+    """What STUDY.toml holds. Raises InputError where it cannot be read."""
+    try:
+        with open_regular(path) as file:
+            return file.read()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+
+
+def plan(path, content: bytes, parsers: dict) -> list[Task]:
+    """The tasks of a study, each after those whose files it reads.
+
+    path      names STUDY.toml in messages; content: what it holds
+    parsers   command -> its argparse parser, for all KINDS
+
+    Raises InputError naming file, table and key.
+    """
+    tables = _tables(path, content)
+    tasks = {}  # name -> Task: what is asked for twice is done once
+    found = {command: [] for command in KINDS}
+    for command, kind in KINDS.items():
+        for where, table in tables.get(command, []):
+            begins = kind.on is not NOTHING and not (kind.on is START and "n" in table)
+            for choice in choices_of(parsers[command], table, where, begins):
+                starts = _starts(kind, found, where) if begins else [()]
+                for inputs in starts:
+                    task = _task(command, choice, inputs)
+                    if task.name not in tasks:
+                        tasks[task.name] = task
+                        found[command].append(task)
+    if not tasks:
+        raise InputError(f"{path}: no table: a study needs [pack] and what to do with the packings")
+    return list(tasks.values())
+
+
+def _tables(path, content):
+    """{command: [(where, table)]}. Raises InputError."""
+    try:
+        content = tomllib.loads(content.decode())
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: is not TOML: {error}") from None
+    found = {}
+    for command, value in content.items():
+        if command not in KINDS:
+            near = difflib.get_close_matches(command, KINDS, n=1)
+            known = f"did you mean {near[0]}?" if near else f"there are {', '.join(KINDS)}"
+            raise InputError(f"{path}: {command}: no table of a study has this name; {known}")
+        tables = value if isinstance(value, list) else [value]
+        if not tables or not all(isinstance(table, dict) for table in tables):
+            raise InputError(f"{path}: {command} = {value}: must be a table: write [{command}]")
+        several = len(tables) > 1
+        found[command] = [
+            (f"{path}: [{command}]{f' number {number}' if several else ''}", table)
+            for number, table in enumerate(tables, 1)
+        ]
+    return found
+
+
+def _starts(kind, found, where):
+    """What the tasks of a kind begin with: [(task, …)]. Raises InputError where there is none."""
+    if kind.on in (PACKING, START):
+        if not found["pack"]:
+            raise InputError(
+                f"{where}: needs packings: add a table [pack]{' or n' if kind.on is START else ''}"
+            )
+        return [(packing,) for packing in found["pack"]]
+    sweeps = [task for task in found["sweep"] if kind.suits(task.choice.args)]
+    if not sweeps:
+        raise InputError(f"{where}: needs sweeps with {kind.needs}: add a table [sweep]")
+    if kind.on is SWEEP:
+        return [(sweep,) for sweep in sweeps]
+    groups = {}
+    for sweep in sweeps:
+        groups.setdefault(_identity(sweep, without_seed=True), []).append(sweep)
+    return [tuple(group) for group in groups.values()]
+
+
+def _task(command, choice, inputs):
+    shared = inputs[0].columns if inputs else {}  # seeds differ where a task takes all of them
+    shared = {k: v for k, v in shared.items() if all(task.columns.get(k) == v for task in inputs)}
+    of = [task.name for task in inputs]
+    if KINDS[command].on is SWEEPS:  # other seeds: the same task, done anew
+        shared.pop(SEED, None)
+        of = [_identity(task, without_seed=True) for task in inputs[:1]]
+    columns = {**shared, **choice.given}
+    digest = hashlib.sha256(json.dumps([command, choice.changed, of], sort_keys=True).encode()).hexdigest()[
+        :HASH
+    ]
+    return Task(
+        "-".join(filter(None, (command, label_of(columns), digest))), command, choice, columns, inputs
+    )
+
+
+def _identity(task, without_seed=False):
+    """What a task is, in JSON; without_seed: the same for all members of an ensemble."""
+    changed = {name: value for name, value in task.choice.changed.items() if name != SEED or not without_seed}
+    return json.dumps(
+        [task.command, changed, [_identity(one, without_seed) for one in task.inputs]], sort_keys=True
+    )

@@ -1,0 +1,169 @@
+"""A study as a run: what is left to do goes to the ranks, task by task, and the table is written at the end."""
+
+import os
+import time
+from pathlib import Path
+
+from jampetsc.collective import agreed, by_rank_0
+from jampetsc.errors import InputError
+from jampetsc.progress import Progress
+from jampetsc.storage.atomic import write_error, write_whole
+from jampetsc.storage.ensemble import TABLE
+from jampetsc.study.board import BROKEN, DONE, Board
+from jampetsc.study.costs import Costs, in_words
+from jampetsc.study.journal import Journal, records_of
+from jampetsc.study.lock import Lock
+from jampetsc.study.table import rows_of, table_text
+from jampetsc.study.tasks import Runner
+
+COPY = "study.toml"
+LARGE = 50_000  # disks from which all ranks work on one task together
+BYTES = 30_000  # per disk, of a sweep on one rank
+
+
+def run(tasks, folder, parsers, source: bytes, session) -> list[dict]:
+    """Do what is left of a study and write its table; the rows. Collective.
+
+    source   what STUDY.toml holds, kept beside the table
+
+    Raises InputError where another study runs in the folder. A task that fails is a row of the table.
+    """
+    folder, comm = Path(folder), session.comm
+    lock = Lock(folder)
+    by_rank_0(comm, lambda: _open(folder, lock))
+    try:
+        records = by_rank_0(comm, lambda: records_of(folder))
+        runner, journal = Runner(folder, parsers, records), Journal(folder, comm.rank)
+        left = by_rank_0(comm, lambda: [not runner.finished(task) for task in tasks])
+        left = [task for task, open_ in zip(tasks, left, strict=True) if open_]
+        work = _Work(session, runner, journal, left)
+        with work.progress:
+            for together, some in _phases(left, session):
+                (work.together if together else work.apart)(some)
+        new = comm.gather(work.made)
+        rows = None
+        with agreed(comm):
+            if comm.rank == 0:
+                records |= {record["task"]: record for made in new for record in made}
+                rows = rows_of(tasks, records)
+                write_whole(folder / TABLE, table_text(rows).encode())
+                write_whole(folder / COPY, source)
+        return comm.bcast(rows)
+    finally:
+        lock.release()
+
+
+def _open(folder, lock):
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise InputError(f"{folder}: is no folder: choose another --out") from None
+    except OSError as error:
+        raise write_error(folder, error) from None
+    lock.take()
+
+
+def _phases(tasks, session):
+    """[(whether together, tasks)]: small ones apart, large ones together, then what reads the large ones' files."""
+    most = 0 if session.size == 1 else _most_disks(session)
+    large = {task.name for task in tasks if most and task.inputs and task.columns.get("n", 0) > most}
+    late = {task.name for task in tasks if any(one.name in large for one in task.inputs)}
+    large -= late
+    first = [task for task in tasks if task.name not in large | late]
+    yield (
+        False,
+        sorted(first, key=lambda task: task.level),
+    )  # stable: packings in their order, then what reads them
+    yield True, [task for task in tasks if task.name in large]
+    yield False, [task for task in tasks if task.name in late]
+
+
+def _most_disks(session):
+    """Largest packing that a rank works on alone while the others of its machine do the same. Collective."""
+    comm, MPI = session.comm, session.MPI
+    node = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    fits = memory // 2 // node.size // BYTES
+    node.Free()
+    return comm.allreduce(min(LARGE, fits), op=MPI.MIN)
+
+
+class _Work:
+    """What is left of a study, done by this rank and the others."""
+
+    def __init__(self, session, runner, journal, tasks):
+        self.session, self.runner, self.journal = session, runner, journal
+        self.costs = Costs(runner.records.values())
+        self.made = []  # records of this rank
+        self.progress = Progress(len(tasks), "study", rank=0)
+        self.before = (0, 0)  # tasks finished, and failed, in earlier phases
+        self.broken = set()  # names of tasks that have failed, as far as this rank knows
+
+    def apart(self, tasks):
+        """Each task on a rank of its own. Collective."""
+        if not tasks:
+            return
+        comm = self.session.comm
+        board = Board(self.session, len(tasks))
+        numbers = {task.name: number for number, task in enumerate(tasks)}
+        if board.keeps_books:
+            board.wait_for(len(tasks))
+        else:
+            while (number := board.take()) < len(tasks):
+                task = tasks[number]
+                there = [one for one in task.inputs if self._there(board, numbers, one)]
+                with self.session.alone():
+                    record = self.runner.run(task, there)
+                self._keep(record)
+                finished, failed = board.settle(number, DONE if record["state"] == "done" else BROKEN)
+                self._tell(task, record, finished, failed, tasks[number + 1 :], comm.size)
+        board.wait_for(len(tasks))
+        states = board.states()
+        self.broken |= {task.name for task, state in zip(tasks, states, strict=True) if state == BROKEN}
+        self.before = (self.before[0] + len(tasks), self.before[1] + states.count(BROKEN))
+        board.close()
+        self.session.collect()
+
+    def _there(self, board, numbers, task):
+        """Whether the file of a task is there, once it is known."""
+        if task.name in numbers:
+            return board.settled(numbers[task.name]) == DONE
+        return task.name not in self.broken
+
+    def together(self, tasks):
+        """One task after another, on all ranks. Collective."""
+        for number, task in enumerate(tasks):
+            there = [one for one in task.inputs if one.name not in self.broken]
+            record = self.session.comm.bcast(self.runner.run(task, there, together=True))
+            if record["state"] != "done":
+                self.broken.add(task.name)
+            self.before = (self.before[0] + 1, self.before[1] + (record["state"] != "done"))
+            with agreed(self.session.comm):
+                if self.session.rank == 0:
+                    self._keep(record)
+                    self._tell(task, record, 0, 0, tasks[number + 1 :], 1)
+
+    def _keep(self, record):
+        if record is not self.runner.records.get(record["task"]):
+            self.journal.append(record)
+            self.made.append(record)
+            if record["state"] == "done":
+                self.costs.learn(record["row"], record["seconds"])
+
+    def _tell(self, task, record, finished, failed, left, ranks):
+        finished, failed = finished + self.before[0], failed + self.before[1]
+        rest = self.costs.total(left)
+        parts = [
+            f"{task.file} {record['seconds']:.2g} s"
+            if record["state"] == "done"
+            else f"{task.file}: {record['why']}",
+            f"{failed} failed" if failed else "",
+            f"{in_words(rest / ranks)} left" if left and rest is not None else "",
+        ]
+        self.progress.count = finished - 1
+        self.progress.step("; ".join(filter(None, parts)))
+
+
+def elapsed(began) -> str:
+    """Time since `began` in words."""
+    return in_words(time.perf_counter() - began)

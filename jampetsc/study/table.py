@@ -1,0 +1,49 @@
+"""table.csv: one row per task, what it was asked for, its state and its numbers."""
+
+import csv
+import io
+
+FIRST = (
+    "command",
+    "state",
+    "file",
+    "packing",
+    "n",
+    "pressure",
+    "phi",
+    "seed",
+    "law",
+)  # columns, where there are any
+LAST = ("seconds",)
+
+
+def rows_of(tasks, records: dict) -> list[dict]:
+    """The rows of the tasks that STUDY.toml asks for, in its order, then those done for it as it was before."""
+    asked = [task.name for task in tasks]
+    before = [name for name, record in records.items() if name not in asked and record["state"] == "done"]
+    return [_row(records[name]) for name in [*asked, *sorted(before)]]
+
+
+def _row(record):
+    state = "done" if record["state"] == "done" else f"failed: {record['why']}"
+    return record["row"] | {"state": state, "seconds": round(record["seconds"], 3)}
+
+
+def table_text(rows) -> str:
+    """The table as CSV; numbers to their last digit, nothing where a task has none."""
+    names = {name: None for row in rows for name in row}
+    columns = [name for name in FIRST if name in names]
+    columns += [name for name in names if name not in (*FIRST, *LAST)] + list(LAST)
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({name: _cell(value) for name, value in row.items()} for row in rows)
+    return text.getvalue()
+
+
+def _cell(value):
+    if isinstance(value, bool):
+        return int(value)
+    if value is None or value != value:
+        return ""
+    return value

@@ -1,0 +1,287 @@
+"""Studies: the same table on any number of ranks, after any kill, and whatever fails."""
+
+import functools
+import json
+import subprocess
+import sys
+
+import launch
+import numpy as np
+import pytest
+
+import jampetsc
+from jampetsc import cli, commands
+from jampetsc.errors import InputError
+from jampetsc.session import current
+from jampetsc.study import run as study_run
+from jampetsc.study.board import Board
+from jampetsc.study.journal import Journal, records_of
+from jampetsc.study.kinds import KINDS
+from jampetsc.study.lock import Lock
+from jampetsc.study.plan import plan
+
+ALL = """
+[pack]
+n = 16
+pressure = "1e-2"
+seeds = "1:2"
+[[sweep]]
+omega = "1e-4:1:5"
+beta = [1.0, 0.1]
+[[sweep]]
+omega = "1e-3:1:4"
+law = "stokes"
+fields = "1e-3,1"
+no-prestress = true
+[quasistatic]
+[modes]
+count = 3
+[[flow]]
+model = "CD0"
+rate = 1e-2
+strain = 0.05
+[[flow]]
+n = 16
+phi = 0.8
+model = "RD0"
+seeds = "1:2"
+rate = 1e-2
+strain = 0.05
+[spectrum]
+[correlate]
+"""
+
+
+def study(folder, text, status=0):
+    """The study `text` in a folder, on all ranks; its table."""
+    path = folder.with_suffix(".toml")
+    if current().rank == 0:
+        path.write_text(text)
+    assert cli.dispatch(["study", str(path), "--out", str(folder)]) == status
+    return jampetsc.load(folder)
+
+
+def require_same(table, other, rtol=1e-7):
+    """The two tables are the same to rounding, but for times."""
+    assert list(table) == list(other)
+    assert table.rows == other.rows
+    for name in set(table) - {"seconds"}:
+        if table[name].dtype.kind == "f":
+            atol = max(1e-12, rtol * np.nanmax(np.abs(table[name]), initial=0.0))
+            np.testing.assert_allclose(table[name], other[name], rtol=rtol, atol=atol, err_msg=name)
+        else:
+            assert table[name].tolist() == other[name].tolist(), name
+
+
+@pytest.mark.scalar("real")
+def test_the_table_is_the_same_on_any_number_of_ranks(session, shared_path):
+    table = study(shared_path / "all", ALL)
+    assert set(table["state"]) == {"done"} and set(table["command"]) == set(KINDS)
+    assert [len(table.where(command=name).results()) for name in KINDS] == [2, 6, 2, 2, 4, 6, 1]
+    if session.rank == 0 and session.size > 1:
+        with session.alone():
+            require_same(study(shared_path / "alone", ALL), table)
+    files = sorted(path.name for path in (shared_path / "all").glob("*.h5"))
+    assert files == sorted(table["file"])
+    sweep = table.where(command="sweep").results()[0]
+    assert sweep.attributes["argv"].split()[:2] == ["jampetsc", "sweep"] and sweep.attributes["ranks"] == 1
+
+
+SMALL = """
+[pack]
+n = 16
+pressure = 1e-2
+seeds = "1:2"
+[quasistatic]
+"""
+
+
+@pytest.mark.scalar("real")
+def test_large_tasks_are_done_by_all_ranks_together(session, shared_path, monkeypatch):
+    text = SMALL + '[sweep]\nomega = "1e-2,1"\nfields = "1"\n[correlate]\n'
+    apart = study(shared_path / "apart", text)
+    monkeypatch.setattr(study_run, "LARGE", 15)
+    together = study(shared_path / "together", text)
+    require_same(apart, together)
+    ranks = [result.attributes["ranks"] for result in together.where(command="quasistatic").results()]
+    assert ranks == [session.size] * 2
+
+
+@pytest.mark.scalar("real")
+def test_on_several_machines_rank_0_keeps_the_books(session, shared_path, monkeypatch):
+    monkeypatch.setattr(study_run, "Board", functools.partial(Board, node=session.MPI.COMM_SELF))
+    assert set(study(shared_path / "study", SMALL)["state"]) == {"done"}
+    made = sorted(path.name for path in (shared_path / "study" / "journal").iterdir())
+    assert made and (session.size == 1 or "rank-0000" not in made)
+
+
+@pytest.mark.scalar("real")
+def test_a_task_that_fails_is_a_row_and_the_others_go_on(session, shared_path):
+    text = "[pack]\nn = 24\nphi = [0.8, 0.95]\n[quasistatic]\n[modes]\ncount = [2, 1000]\n"
+    table = study(shared_path / "study", text, status=3)
+    found = dict(
+        zip(zip(table["command"], table["phi"], table["count"], strict=True), table["state"], strict=True)
+    )
+    reasons = {key: state for key, state in found.items() if state != "done"}
+    assert len(found) == 8 and len(reasons) == 5
+    states = {(c, round(p, 2), None if n != n else n): state for (c, p, n), state in reasons.items()}
+    assert "phi = 0.8: the disks do not touch" in states["pack", 0.8, None]
+    assert "failed: pack-n24-phi0.8" in states["quasistatic", 0.8, None]
+    assert "1000 modes: K has" in states["modes", 0.95, 1000]
+    assert str(shared_path) not in "".join(reasons.values())
+    # what is asked for no more fails no more; what was done stays as it is
+    before = {path.name: path.stat().st_mtime_ns for path in (shared_path / "study").glob("*.h5")}
+    session.comm.Barrier()
+    table = study(shared_path / "study", text.replace("0.8, ", "").replace(", 1000", ", 4"))
+    assert set(table["state"]) == {"done"} and table.rows == 4
+    after = {path.name: path.stat().st_mtime_ns for path in (shared_path / "study").glob("*.h5")}
+    assert before.items() <= after.items() and len(after) == len(before) + 1
+
+
+@pytest.mark.scalar("real")
+def test_more_seeds_are_added_and_the_rest_is_kept(session, shared_path):
+    text = '[pack]\nn = 16\npressure = 1e-2\nseeds = "1:2"\n[sweep]\nomega = "1"\nfields = "1"\n[correlate]\n'
+    first = study(shared_path / "study", text)
+    second = study(shared_path / "study", text.replace("1:2", "1:3"))
+    assert (first.rows, second.rows) == (5, 7)
+    assert first.where(command="correlate")["packings"] == [2]
+    assert second.where(command="correlate")["packings"] == [3]
+    fewer = study(shared_path / "study", text.replace("1:2", "2:2"))
+    assert fewer.rows == 7 and sorted(fewer["file"]) == sorted(second["file"])
+
+
+# Killed
+
+
+def launched(ranks, count, moment, *words):
+    return launch.run(ranks, "run_killed_study.py", count, moment, *words)
+
+
+def test_killed_at_any_moment_the_same_command_continues(tmp_path):
+    path, folder = tmp_path / "study.toml", tmp_path / "study"
+    path.write_text(SMALL + '[sweep]\nomega = "1e-2,1"\n')
+    words = ("study", path, "--out", folder)
+    kept = {}
+    for ranks, count, moment in ((0, 2, "before"), (2, 2, "within"), (0, 1, "after")):
+        done = launched(ranks, count, moment, *words)
+        assert done.returncode != 0 and not (folder / "table.csv").exists()
+        now = {file.name: file.stat().st_mtime_ns for file in folder.glob("*.h5")}
+        assert kept.items() <= now.items(), "what was made is not made again"
+        kept = now
+    done = launched(2, 99, "never", *words)
+    assert done.returncode == 0, done.stderr
+    table = jampetsc.load(folder)
+    assert set(table["state"]) == {"done"} and table.rows == 6
+    assert kept.items() <= {file.name: file.stat().st_mtime_ns for file in folder.glob("*.h5")}.items()
+    lines = [line for file in (folder / "journal").iterdir() for line in file.read_text().splitlines()]
+    assert len({json.loads(line[9:])["task"] for line in lines}) == len(lines) == 6, "nothing twice"
+    assert not list(folder.glob(".*")) and (folder / "study.toml").read_text() == path.read_text()
+
+
+def test_a_torn_line_of_the_journal_does_not_count(tmp_path):
+    Journal(tmp_path, 0).append({"task": "a", "time": 1})
+    with open(tmp_path / "journal" / "rank-0000", "a") as file:
+        file.write('12345678 {"task": "b"')
+    assert list(records_of(tmp_path)) == ["a"]
+    Journal(tmp_path, 0).append({"task": "c", "time": 2})
+    assert list(records_of(tmp_path)) == ["a", "c"]
+
+
+# One at a time
+
+
+def test_two_studies_at_once_in_a_folder_are_refused(tmp_path):
+    lock = Lock(tmp_path)
+    lock.take()
+    with pytest.raises(InputError, match=r"a study is running there \(process \d+ on .*\): wait for it"):
+        Lock(tmp_path).take()
+    lock.release()
+    again = Lock(tmp_path)
+    again.take()
+    again.release()
+
+
+def test_the_lock_of_a_machine_that_is_lost_ends(tmp_path, monkeypatch):
+    (tmp_path / "lock").write_text("elsewhere 123\n")
+    with pytest.raises(InputError, match=r"process 123 on elsewhere.*its lock is void in 1\d\d s"):
+        Lock(tmp_path).take()
+    monkeypatch.setattr("jampetsc.study.lock.LOST", 0.0)
+    lock = Lock(tmp_path)
+    lock.take()
+    lock.release()
+
+
+# STUDY.toml
+
+
+@functools.cache
+def parsers():
+    return commands.parsers_of(cli.Parser, KINDS)
+
+
+def tasks(text):
+    return plan("s.toml", text.encode(), parsers())
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[pack", "s.toml: is not TOML: "),
+        ("", "s.toml: no table: a study needs"),
+        ("[swep]\n", "s.toml: swep: no table of a study has this name; did you mean sweep?"),
+        ("pack = 3\n", "s.toml: pack = 3: must be a table: write [pack]"),
+        ("[pack]\nm = 3\n", "s.toml: [pack]: m: no such option"),
+        ("[pack]\nsead = 3\n", "s.toml: [pack]: sead: no such option; did you mean seed?"),
+        ('[pack]\nout = "x"\n', "s.toml: [pack]: out: the study itself gives --out"),
+        ("[pack]\nn = []\n", "s.toml: [pack]: n = []: give at least one value"),
+        ("[pack]\nn = true\n", "s.toml: [pack]: n = true: must be a number or a string"),
+        ("[pack]\nn = 16.5\npressure = 1\n", "s.toml: [pack]: argument --n: invalid int value: '16.5'"),
+        ("[pack]\nn = 16\n", "s.toml: [pack]: one of the arguments --pressure --phi is required"),
+        ("[pack]\nn = 16\npressure = 7.0\n", "s.toml: [pack]: --pressure 7.0: must lie in"),
+        ('[pack]\nn = 16\npressure = 1e-2\nseeds = "2:1"\n', "s.toml: [pack]: --seeds 2:1: the last"),
+        ("[sweep]\n", "s.toml: [sweep]: needs packings: add a table [pack]"),
+        ("[[modes]]\n[[modes]]\ncount = 0\n", "s.toml: [modes] number 2: --count 0: must be at least 1"),
+        (
+            "[sweep]\nno-prestress = 1\n",
+            "s.toml: [sweep]: no-prestress = 1: is a switch: write true or false",
+        ),
+        ('[sweep]\nlaw = "stoke"\n', "s.toml: [sweep]: argument --law: invalid choice: 'stoke'"),
+        ("[sweep]\nbeta = [1.0, -1.0]\n", "s.toml: [sweep]: --beta"),
+        ('[sweep]\nlaw = "stokes"\nbeta = 1\n', "s.toml: [sweep]: --beta"),
+        ("[pack]\nn = 16\npressure = 1e-2\n[correlate]\n", "s.toml: [correlate]: needs sweeps with fields"),
+    ],
+)
+def test_what_cannot_be_run_is_refused_with_file_table_and_key(text, message):
+    if text.startswith(("[sweep]\nbeta", '[sweep]\nlaw = "stokes"', "[[modes]]")):
+        text = "[pack]\nn = 16\npressure = 1e-2\n" + text
+    with pytest.raises(InputError) as refusal:
+        tasks(text)
+    assert str(refusal.value).startswith(message)
+
+
+def test_a_task_keeps_its_name_whatever_else_is_asked_for():
+    text = '[pack]\nn = 16\npressure = 0.01\nseed = [1, 2]\n[sweep]\nlaw = "contact"\n'
+    names = [task.name for task in tasks(text)]
+    assert len(set(names)) == 4 and names[0].startswith("pack-n16-p0.01-s1-")
+    other = (
+        text.replace("0.01", '["1e-2", 1e-3]').replace("seed = [1, 2]", 'seeds = "1:9"')
+        + "beta = [1.0, 2.0]\n"
+    )
+    more = [task.name for task in tasks(other + "[modes]\n")]
+    assert len(more) == len(set(more)) == 18 + 36 + 18
+    assert set(names[:2]) <= set(more)
+    assert tasks(text)[2].words == [
+        *["jampetsc", "sweep", f"{names[0]}.h5", "--out", f"{names[2]}.h5", "--law", "contact"]
+    ]
+
+
+def test_a_dry_run_tells_the_tasks_and_makes_nothing(tmp_path):
+    (tmp_path / "s.toml").write_text(SMALL)
+    line = [sys.executable, "-m", "jampetsc", "study", "s.toml", "--out", "new", "--dry-run"]
+    done = subprocess.run(
+        line, env=launch.environment(), cwd=tmp_path, capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("to do  jampetsc ") == 4
+    assert done.stdout.endswith("4 of 4 tasks to do, about unknown on one rank\n")
+    assert not (tmp_path / "new").exists()
