@@ -42,7 +42,7 @@ def main(argv=None):
     except MemoryError as error:
         return _fail(": ".join(filter(None, ["out of memory", _one_line(error), MORE_MEMORY])), 1)
     except BrokenPipeError:
-        streams.forsake()
+        streams.forsake(sys.stdout)
         return 141
     except OSError as error:
         return _fail(_system_message(error), 1)
@@ -50,10 +50,10 @@ def main(argv=None):
         return _fail("interrupted", 130)
     except stopping.Terminated as stop:
         return _fail(stopping.MESSAGE, stop.code)
-    except RuntimeError as error:
-        if not session.is_petsc_error(error):
+    except (RuntimeError, SystemError) as error:
+        if not session.petsc_error(error):
             raise
-        return _fail(f"PETSc: {session.petsc_message(error)} (error {error.ierr})", 1)
+        return _fail(f"PETSc: {session.petsc_message(error)}", 1)
 
 
 def dispatch(argv):
@@ -238,7 +238,7 @@ def _rank():
 
 def _print_error(message):
     streams.say("".join(f"{streams.ERROR}{line}\n" for line in message.splitlines()))
-    streams.forsake()
+    streams.forsake(sys.stdout)
 
 
 def _system_message(error):

@@ -23,7 +23,7 @@ import sys
 import traceback
 from pathlib import Path
 
-from jampetsc import builds
+from jampetsc import builds, streams
 from jampetsc.errors import InputError
 from jampetsc.stopping import stop_on_sigterm
 
@@ -151,7 +151,9 @@ class Session:
         try:
             yield
             self.check_options()
-        except self.PETSc.Error as error:
+        except (self.PETSc.Error, SystemError) as error:
+            if not petsc_error(error):
+                raise
             given = " ".join(self.petsc_argv)
             raise InputError(f"{given}: {petsc_message(error)}: correct or remove the option") from error
         finally:
@@ -241,21 +243,22 @@ def versions():
     return known
 
 
-def is_petsc_error(error) -> bool:
-    """Whether PETSc raised this exception."""
-    return _session is not None and isinstance(error, _session.PETSc.Error)
+def petsc_error(error):
+    """The PETSc.Error that an exception is or, as in slepc4py 3.25, was made of; None if there is none."""
+    found = (one for one in (error, error.__cause__) if _session and isinstance(one, _session.PETSc.Error))
+    return next(found, None)
 
 
 def petsc_message(error) -> str:
-    """What a PETSc.Error says, without the places in PETSc's sources: its last line."""
-    return " ".join(str(error).rpartition("\n")[2].removeprefix(f"[{_session.world.rank}]").split())
+    """What PETSc said, without the places in its sources: the last line."""
+    last = str(petsc_error(error)).rpartition("\n")[2]
+    return " ".join(last.removeprefix(f"[{_session.world.rank}]").split())
 
 
 def _abort(kind, error, trace):
     """sys.excepthook: a rank that ends by an exception would leave the others waiting for it forever."""
     text = "".join(traceback.format_exception(kind, error, trace))
-    sys.stderr.write(f"jampetsc: rank {_session.world.rank} of {_session.world.size} failed:\n{text}")
-    sys.stderr.flush()
+    streams.say(f"jampetsc: rank {_session.world.rank} of {_session.world.size} failed:\n{text}")
     _session.world.Abort(1)
 
 

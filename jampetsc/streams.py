@@ -24,16 +24,15 @@ def prepare() -> None:
 
 
 def say(text) -> None:
-    """Write lines to standard error; where they cannot be written the work goes on without them."""
+    """Write lines to standard error; where they cannot be written the work goes on without."""
     with contextlib.suppress(OSError):
         sys.stderr.write(text)
-        sys.stderr.flush()
+    forsake(sys.stderr)
 
 
-def forsake() -> None:
-    """Let what cannot be written go: python, which tries once more at its end, would complain."""
-    for stream in (sys.stdout, sys.stderr):
-        try:
-            stream.flush()
-        except OSError:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+def forsake(stream) -> None:
+    """Let go what a stream cannot write: python, which tries once more at its end, would complain."""
+    try:
+        stream.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

@@ -1,6 +1,7 @@
 """Starting programs of the test suite, with or without mpirun."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -31,6 +32,12 @@ def mpirun(ranks):
     return ["mpirun", "--oversubscribe", "--bind-to", "none", "-n", str(ranks)] if ranks else []
 
 
+def open_mpi():
+    """First number of the version of Open MPI that mpirun belongs to."""
+    told = subprocess.run(["mpirun", "--version"], capture_output=True, text=True).stdout
+    return int(re.search(r"Open MPI\) (\d+)", told)[1])
+
+
 def start(ranks, program, *args, **options):
     """A running Popen of tests/`program`, its output as text in pipes."""
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
@@ -40,4 +47,6 @@ def start(ranks, program, *args, **options):
 def run(ranks, program, *args, **options):
     """tests/`program`, finished within a minute: CompletedProcess with text output."""
     finished = {"capture_output": True, "text": True, "timeout": 60}
-    return subprocess.run(command(ranks, program, *args), env=environment(), **finished, **options)
+    done = subprocess.run(command(ranks, program, *args), env=environment(), **finished, **options)
+    done.stdout, done.stderr = (text.replace("\0", "") for text in (done.stdout, done.stderr))  # Open MPI 5
+    return done

@@ -190,8 +190,9 @@ def test_a_bug_keeps_its_traceback():
     assert done.stderr.startswith("Traceback") and done.stderr.endswith("ZeroDivisionError: a bug\n")
 
 
-def test_a_reader_that_leaves_is_no_error():
-    with launch.start(0, "probe.py", "probe", "f", "--do", "talk") as process:
+@pytest.mark.parametrize("extra", [[], ["--scalar", "real"]], ids=["bare", "petsc"])
+def test_a_reader_that_leaves_is_no_error(extra):
+    with launch.start(0, "probe.py", "probe", "f", "--do", "talk", *extra) as process:
         process.stdout.readline()
         process.stdout.close()
         assert process.stderr.read() == ""
@@ -225,6 +226,8 @@ def test_a_bug_on_one_rank_ends_the_job(rank):
 @pytest.mark.parametrize("ranks", [0, 2])
 @pytest.mark.parametrize("extra", [[], ["--scalar", "real"]], ids=["bare", "petsc"])
 def test_sigterm_runs_what_cleans_up(tmp_path, ranks, extra):
+    if ranks and launch.open_mpi() == 6:
+        pytest.skip("mpirun of Open MPI 6.0.0rc2, told to stop, kills its ranks and passes nothing on")
     with launch.start(ranks, "probe.py", "probe", tmp_path / "left", "--do", "wait", *extra) as process:
         heard, voices = "", ranks if ranks and extra else 1  # what needs no MPI runs on one rank
         while heard.count("waiting") < voices:  # mpirun may run the lines of two ranks together

@@ -101,6 +101,18 @@ def test_newest_build_for_this_python_comes_first(tmp_path):
     assert found[1].slepc_dir == tmp_path / "slepcdir/slepc3.18/any-linux-gnu-real"
 
 
+@pytest.mark.parametrize(("scalar", "chosen"), [(None, "real"), ("complex", "complex")])
+def test_real_is_preferred_to_a_newer_complex_build(tmp_path, scalar, chosen):
+    make_build(tmp_path, "petsc3.18/any-linux-gnu-real")
+    make_build(tmp_path, "petsc3.19/any-linux-gnu-complex")
+    code = (
+        "import os\nfrom jampetsc import builds\n"
+        f"builds.distribution_builds.__defaults__ = ({str(tmp_path)!r},)\n"
+        f"with builds.selected({scalar!r}): print(os.environ['PETSC_DIR'])"
+    )
+    assert python(code).stdout.rstrip().endswith(f"any-linux-gnu-{chosen}")
+
+
 @pytest.mark.parametrize("scalar", ["real", "complex"])
 def test_either_build_is_chosen_by_the_program(scalar):
     done = python(f"from jampetsc import session; print(session.start({scalar!r}).scalar_type)")

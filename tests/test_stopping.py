@@ -34,7 +34,9 @@ def ended(process):
             _, errors = process.communicate(timeout=60)
         finally:
             process.kill()
-    return process.returncode, [line for line in errors.splitlines() if line.startswith("jampetsc")]
+    return process.returncode, [
+        line for line in errors.replace("\0", "").splitlines() if line.startswith("jampetsc")
+    ]
 
 
 def handled(pid, number):
