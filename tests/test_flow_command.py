@@ -222,8 +222,6 @@ def test_ranks_and_petsc_give_the_same(tmp_path):
         *CONTACTS,
         "--out",
         petsc,
-        "-flow_ksp_type",
-        "minres",
         "-flow_pc_type",
         "none",
     )
