@@ -6,12 +6,14 @@ from jampetsc.errors import InputError
 
 FORMAT = "jampetsc-correlation"
 LANES = "0.5,0.25,1"
+FLOW_LANE, FLOW_BIN = 0.5, 1.0
 SAME_PRESSURE = 0.01  # sweeps are averaged if their pressures differ by no more than this fraction
 
 DESCRIPTION = """\
 Correlation C(delta) of the displacements u_y along x in narrow lanes (BT Fig. 7), real and imaginary part, of
 the fields that sweeps hold (jampetsc sweep --fields), and the length l at its first root. Several sweeps of
-one kind (law, pressure, number of disks) are averaged."""
+one kind (law, pressure, number of disks) are averaged. Of flow files with snapshots: the correlation g_y(x) of
+transverse velocities along the flow (Vågberg, eq. 4.23) of pairs closer than a lane in y, and its minimum."""
 EPILOG = """\
 Each packing is looked for beside its sweep. Errors come from resampling the packings, or strips of
 lanes where there are fewer than five packings; those are lower bounds.
@@ -19,6 +21,7 @@ lanes where there are fewer than five packings; those are lower bounds.
 examples:
   jampetsc correlate sweep.h5 --out correlation.h5
   jampetsc correlate stokes-s*.h5 --lane 0.5,1 --out stokes.h5
+  jampetsc correlate rd0-s1.h5 rd0-s2.h5 --out g.h5              of flow files, with --lane 0.5 --bin 1
   jampetsc plot stokes.h5 --out correlation.png
   jampetsc plot p1e-2.h5 p1e-3.h5 p1e-4.h5 --kind length --out length.png"""
 
@@ -32,14 +35,20 @@ def add_parser(subparsers) -> None:
         epilog=EPILOG,
     )
     parser.add_argument(
-        "files", nargs="+", metavar="SWEEP", help="sweeps with fields, of one law and pressure"
+        "files",
+        nargs="+",
+        metavar="FILE",
+        help="sweeps with fields, or flow files with snapshots, of one kind",
     )
     parser.add_argument("--out", required=True, metavar="FILE", help="result (HDF5)")
     parser.add_argument(
         "--lane",
-        default=LANES,
         metavar="w1,w2,…",
-        help=f"widths of a lane in mean diameters, the first for the summary (default {LANES})",
+        help=f"widths of a lane in mean diameters, the first for the summary (default {LANES}); "
+        f"flow: its one width in the file's unit of length (default {FLOW_LANE:g})",
+    )
+    parser.add_argument(
+        "--bin", type=float, metavar="B", help=f"flow: width of a bin of x (default {FLOW_BIN:g})"
     )
     parser.add_argument("--omega", metavar="w1,w2,…", help="fields at these frequencies (default: all)")
     parser.add_argument("--packing", metavar="FILE", help="packing of a single sweep, if it is not beside it")
@@ -50,7 +59,9 @@ def check(args):
     """(lane widths, frequencies or None for all). Raises InputError."""
     from jampetsc.words.frequencies import parse_omega
 
-    return _lanes(args.lane), None if args.omega is None else parse_omega(args.omega)
+    if args.bin is not None and not 0 < args.bin < float("inf"):
+        raise InputError(f"--bin {args.bin:g}: must be positive")
+    return _lanes(args.lane or LANES), None if args.omega is None else parse_omega(args.omega)
 
 
 def run(args, petsc_argv) -> int:
@@ -67,6 +78,10 @@ def run(args, petsc_argv) -> int:
     began = time.perf_counter()
     lanes, wanted = check(args)
     refuse_repeated(args.files)
+    if _is_flow(args.files[0]):
+        return _velocities(args, began)
+    if args.bin is not None:
+        raise InputError(f"--bin {args.bin:g}: belongs to flow files, not to {args.files[0]}; leave it out")
     check_output(args.out, FORMAT, [*args.files, *filter(None, [args.packing])])
     sweeps = _open(args.files)
     if args.packing and len(sweeps) > 1:
@@ -97,6 +112,60 @@ def run(args, petsc_argv) -> int:
     omega, (length, diameter) = frequencies[0], np.mean(scales, axis=0)
     _write(args.out, sweeps, omega, [found[0].width for found in sums], results, length, diameter, began)
     print(_summary(args.out, sweeps, omega, lanes, results, length / diameter))
+    return 0
+
+
+def _is_flow(path):
+    from jampetsc.storage.reader import load
+
+    return getattr(load(path), "format", "") == "jampetsc-flow"
+
+
+def _velocities(args, began):
+    """g_y of flow files: write it, print its minimum."""
+    import time
+
+    from jampetsc.flow import lanes
+    from jampetsc.storage.outputs import check_output
+    from jampetsc.storage.provenance import derived_from
+    from jampetsc.storage.reader import load
+    from jampetsc.storage.result_file import ResultWriter
+
+    for name in ("omega", "packing"):
+        if getattr(args, name) is not None:
+            raise InputError(f"--{name}: belongs to sweeps, not to {args.files[0]}; leave it out")
+    check_output(args.out, lanes.FORMAT, args.files)
+    widths = _lanes(args.lane) if args.lane else [FLOW_LANE]
+    if len(widths) > 1:
+        raise InputError(f"--lane {args.lane}: flow files are correlated at one width")
+    results = [load(path) for path in args.files]
+    for path, result in zip(args.files, results, strict=True):
+        if getattr(result, "format", "") != "jampetsc-flow":
+            raise InputError(f"{path}: is not a flow file as {args.files[0]} is: average one kind")
+    found = lanes.correlate_lanes(results, widths[0], args.bin or FLOW_BIN)
+    place, depth = found.minimum
+    with ResultWriter(args.out, lanes.FORMAT) as writer:
+        for name, values in (
+            ("x", found.centres),
+            ("g_y", found.values),
+            ("g_y_error", found.errors),
+            ("pairs", found.pairs),
+        ):
+            writer.dataset(name, values)
+        shared = {name: results[0].attributes.get(name) for name in ("model", "rate", "mass", "units")}
+        writer.attributes(
+            **derived_from(results, time.perf_counter() - began) | shared,
+            lane=widths[0],
+            bin=args.bin or FLOW_BIN,
+            snapshots=found.snapshots,
+            mean_square=found.mean_square,
+            minimum=depth,
+            minimum_at=place,
+        )
+    print(
+        f"{args.out}: g_y of {found.snapshots} snapshots, |y| < {widths[0]:g}: least {depth:.3g} at x = {place:.3g}, "
+        f"<u_y^2>/rate^2 = {found.mean_square:.3g}"
+    )
     return 0
 
 

@@ -1,0 +1,85 @@
+"""g_y(x) of flow files: correlation of transverse velocities in their snapshots, with errors over these."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jampetsc.analysis.averages import Average
+from jampetsc.analysis.velocities import lane_products
+from jampetsc.errors import InputError
+
+FORMAT = "jampetsc-velocity-correlation"
+ALIKE = ("model", "rate", "particle_count", "mass")  # what files that are averaged have in common
+SAME_PHI = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class LaneCorrelation:
+    """g_y in D bins of |x|; lengths in the units of the files."""
+
+    edges: np.ndarray  # (D + 1,)
+    values: np.ndarray  # (D,) nan where there are no pairs
+    errors: np.ndarray  # (D,) one standard error, over snapshots
+    pairs: np.ndarray  # (D,)
+    mean_square: float  # ⟨u_y²⟩/γ̇²
+    snapshots: int
+
+    @property
+    def centres(self):
+        """Middle of each bin, (D,)."""
+        return 0.5 * (self.edges[:-1] + self.edges[1:])
+
+    @property
+    def minimum(self) -> tuple[float, float]:
+        """(x, g_y) where it is least; x of the vertex of the parabola through three bins, where there are three."""
+        known = np.flatnonzero(np.isfinite(self.values))
+        at = known[np.argmin(self.values[known])]
+        x, g = self.centres, self.values
+        if 0 < at < len(x) - 1 and np.isfinite(g[at - 1 : at + 2]).all():
+            bend = g[at - 1] - 2 * g[at] + g[at + 1]
+            if bend > 0:
+                return float(x[at] + 0.5 * (g[at - 1] - g[at + 1]) / bend * (x[at + 1] - x[at])), float(g[at])
+        return float(x[at]), float(g[at])
+
+
+def correlate_lanes(results, lane: float, width: float) -> LaneCorrelation:
+    """g_y of the snapshots of all `results` (loaded flow files): pairs with |y| < lane, bins of `width` in |x|.
+
+    Raises InputError for files without snapshots or of different kinds, and for lanes or bins that do not fit.
+    """
+    first = results[0]
+    products, pairs, squares = [], [], []
+    edges = None
+    for result in results:
+        if "snapshots/velocities" not in result:
+            raise InputError(f"{result.path}: holds no snapshots: run `jampetsc flow` with --snapshots")
+        for name in ALIKE:
+            mine, other = result.attributes.get(name), first.attributes.get(name)
+            if mine != other:
+                raise InputError(
+                    f"{result.path}: {name} {mine}, but {first.path.name} has {other}: average one kind"
+                )
+        if abs(result.attributes["phi"] - first.attributes["phi"]) > SAME_PHI:
+            raise InputError(f"{result.path}: another phi than {first.path.name}: average one kind")
+        positions, velocities, cells = (result[f"snapshots/{n}"] for n in ("positions", "velocities", "cell"))
+        if edges is None:
+            half, height = 0.5 * cells[0][0, 0], cells[0][1, 1]
+            if not lane < 0.5 * height:
+                raise InputError(f"--lane {lane:g}: must be less than half of the cell's height {height:.4g}")
+            if not width <= half:
+                raise InputError(f"--bin {width:g}: must be at most half of the cell's width, {half:.4g}")
+            edges = width * np.arange(int(half / width + 1e-9) + 1)
+        for x, u, cell in zip(positions, velocities, cells, strict=True):
+            found = lane_products(x, cell, u[:, 1], lane, edges)
+            products.append(found[0])
+            pairs.append(found[1])
+            squares.append(np.mean(u[:, 1] ** 2))
+    products, pairs = np.array(products), np.array(pairs)
+    square, counts = float(np.mean(squares)), pairs.sum(0)
+    with np.errstate(invalid="ignore"):
+        values = products.sum(0) / counts / square
+    # a snapshot's part of the sum, relative to the mean number of pairs: its mean is the value
+    shares = products / np.where(counts > 0, counts / len(pairs), 1.0) / square
+    errors = np.array([Average.of(column).error for column in shares.T])
+    rate = float(first.attributes["rate"])
+    return LaneCorrelation(edges, values, errors, counts, square / rate**2, len(pairs))

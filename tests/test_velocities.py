@@ -1,0 +1,81 @@
+"""g_y(x) of snapshots against every pair and every image, and through the command."""
+
+import numpy as np
+import pytest
+
+import jampetsc
+from jampetsc import cli
+from jampetsc.analysis.velocities import lane_products
+
+
+def every_pair(positions, cell, v, lane, bins):
+    """The same sums by trying all pairs and images."""
+    products, pairs = np.zeros(len(bins) - 1), np.zeros(len(bins) - 1)
+    for i in range(len(v)):
+        for j in range(i):
+            for up in range(-3, 4):
+                r = positions[j] - positions[i] + up * cell[1]
+                if abs(r[1]) < lane:
+                    x = abs(r[0] - cell[0, 0] * np.round(r[0] / cell[0, 0]))
+                    row = np.searchsorted(bins, x, side="right") - 1
+                    if 0 <= row < len(pairs):
+                        products[row] += v[i] * v[j]
+                        pairs[row] += 1
+    return products, pairs
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.4, -0.45])
+@pytest.mark.parametrize("lane", [0.3, 1.7])
+def test_sums_are_those_of_every_pair(tilt, lane):
+    rng = np.random.default_rng(3)
+    cell = np.array([[11.0, 0.0], [tilt * 8.0, 8.0]])
+    positions = rng.uniform(-1, 2, (70, 2)) @ cell
+    v, bins = rng.normal(size=70), np.arange(6.0)
+    for found, wanted in zip(
+        lane_products(positions, cell, v, lane, bins), every_pair(positions, cell, v, lane, bins), strict=True
+    ):
+        assert np.allclose(found, wanted, atol=1e-12)
+
+
+def test_a_wave_is_found():
+    """v_y = cos(2π m x / L) has g_y = cos(2π m Δx / L)."""
+    rng = np.random.default_rng(1)
+    cell, n, waves = np.diag([20.0, 20.0]), 2000, 3
+    positions = rng.random((n, 2)) @ cell
+    bins = np.arange(0, 10.5, 0.5)
+    v = np.sqrt(2) * np.cos(2 * np.pi * waves * positions[:, 0] / 20)
+    products, pairs = lane_products(positions, cell, v, 0.5, bins)
+    middle = 0.5 * (bins[1:] + bins[:-1])
+    assert np.abs(products / pairs - np.cos(2 * np.pi * waves * middle / 20)).max() < 0.15
+
+
+def test_the_command(tmp_path, capsys):
+    flows = [tmp_path / f"f{seed}.h5" for seed in (1, 2)]
+    for seed, path in enumerate(flows, 1):
+        words = f"flow --n 64 --phi 0.84 --seed {seed} --model CD0 --rate 1e-2 --strain 0.6 --snapshots 6"
+        assert cli.main([*words.split(), "--out", str(path)]) == 0
+    out = tmp_path / "g.h5"
+    assert cli.main(["correlate", *map(str, flows), "--out", str(out), "--bin", "0.5"]) == 0
+    found = jampetsc.load(out)
+    facts = found.attributes
+    assert facts["snapshots"] == 12 and facts["lane"] == 0.5 and facts["model"] == "CD0"
+    assert found["x"][0] == 0.25 and len(found["x"]) == len(found["g_y"])
+    known = np.isfinite(found["g_y"])
+    # the mean velocity is zero, so that some disks move against each other
+    assert found["g_y"][known].max() > 0 > found["g_y"][known].min()
+    assert (found["g_y_error"][known] > 0).all()
+    assert facts["minimum"] == pytest.approx(found["g_y"][known].min())
+    velocities = jampetsc.load(flows[0])["snapshots/velocities"]
+    assert facts["mean_square"] == pytest.approx(np.mean(velocities[..., 1] ** 2) / 1e-4, rel=0.5)
+    plain = tmp_path / "plain.h5"
+    assert cli.main([*words.split()[:-2], "--out", str(plain)]) == 0
+    for more, message in [
+        ([flows[0], "--lane", "9"], "half of the cell's height"),
+        ([flows[0], "--bin", "90"], "half of the cell's width"),
+        ([flows[0], "--omega", "1"], "belongs to sweeps"),
+        ([plain], "holds no snapshots"),
+        ([flows[0], "--out", flows[0]], "is the input"),
+    ]:
+        assert cli.main(["correlate", "--out", str(tmp_path / "bad.h5"), *map(str, more)]) == 2
+        assert message in capsys.readouterr().err
+    assert not (tmp_path / "bad.h5").exists()
