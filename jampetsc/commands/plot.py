@@ -6,7 +6,8 @@ from jampetsc.words.pictures import PICTURES, choose, open_files
 DESCRIPTION = """\
 Draw what the files hold: G' and G'' of one or many sweeps, their scaling collapse, relaxation spectra with
 stress relaxation and creep, correlations of displacements and their length, a packing with its contacts and
-forces, displacement fields of a sweep, quasistatic responses, or modes. Frequencies are shown in 1/τ₁,
+forces, displacement fields of a sweep, quasistatic responses, modes, or steady shear: series of one rate, flow
+curves of several, snapshots, velocities and their correlation. Frequencies are shown in 1/τ₁,
 moduli and pressures in k."""
 EPILOG = """\
 examples:
@@ -18,6 +19,8 @@ examples:
   jampetsc plot stokes.h5 contact.h5 --omega 1e-3 --out compared.png
   jampetsc plot p1e-2.h5 p1e-3.h5 --kind length --out length.png  of correlations
   jampetsc plot q-p*.h5 --kind medians --out medians.png         of quasistatic files
+  jampetsc plot rd0-*.h5 --out flow.png                          flow curves of runs at several rates
+  jampetsc plot rd0.h5 --kind snapshot --out snapshot.png        or velocities
   jampetsc plot modes.h5 --mode 1,2,5 --out modes.png            on the packing"""
 
 

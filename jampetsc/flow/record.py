@@ -10,12 +10,20 @@ from pathlib import Path
 import numpy as np
 
 from jampetsc.errors import InputError
-from jampetsc.storage.atomic import OutputFile, follow
-from jampetsc.storage.hdf5 import attributes, check_format, open_file, reading
+from jampetsc.storage.atomic import follow
+from jampetsc.storage.hdf5 import (
+    OutputFile,
+    attributes,
+    check_format,
+    open_file,
+    reading,
+    set_attributes,
+    store,
+    values,
+)
 from jampetsc.storage.result_file import ResultWriter
 
 FORMAT, CHECKPOINT = "jampetsc-flow", "jampetsc-flow-checkpoint"
-PARTS = ("elastic", "viscous", "kinetic")
 # name -> columns, per row; the first six are means over the strain since the row before, the others are looked up
 SERIES = {
     "strain": 0, "time": 0, "shear_stress": 3, "pressure": 3, "energy": 0, "dissipation": 0,
@@ -36,8 +44,8 @@ class Record:
 
     def add(self, **row) -> None:
         """One row: a value for every name in SERIES."""
-        for name, values in self.rows.items():
-            values.append(row[name])
+        for name, column in self.rows.items():
+            column.append(row[name])
 
     def snapshot(self, strain, disks, velocities) -> None:
         """Keep positions, non-affine velocities and cell of this moment."""
@@ -54,16 +62,16 @@ class Record:
         """Everything, as the file has it."""
         found = {name: self.series(name) for name in SERIES}
         if self.snapshots["strain"]:
-            found |= {f"snapshots/{name}": np.array(values) for name, values in self.snapshots.items()}
+            found |= {f"snapshots/{name}": np.array(kept) for name, kept in self.snapshots.items()}
         return found
 
     @classmethod
     def of(cls, h5) -> "Record":
         """The record in an open file."""
         record = cls()
-        record.rows = {name: list(h5[name][:]) for name in SERIES}
+        record.rows = {name: list(values(h5[name])) for name in SERIES}
         if "snapshots" in h5:
-            record.snapshots = {name: list(h5[f"snapshots/{name}"][:]) for name in SNAPSHOTS}
+            record.snapshots = {name: list(values(h5[f"snapshots/{name}"])) for name in SNAPSHOTS}
         return record
 
 
@@ -86,11 +94,11 @@ def checkpoint_of(out) -> Path:
 def write_checkpoint(out, record: Record, state: dict, settings: dict) -> None:
     """Put the run so far beside `out`; complete or not at all."""
     with OutputFile(checkpoint_of(out)) as h5:
-        h5.attrs.update(format=CHECKPOINT, format_version="1.0", settings=json.dumps(settings))
+        set_attributes(h5, {"format": CHECKPOINT, "format_version": "1.0", "settings": json.dumps(settings)})
         for name, array in record.datasets().items():
-            h5[name] = array
+            store(h5, name, array)
         for name, value in state.items():
-            h5[f"state/{name}"] = value
+            store(h5, f"state/{name}", value)
 
 
 def remove_checkpoint(out) -> None:
@@ -104,7 +112,7 @@ def read_record(path, format=FORMAT):
     with open_file(path) as h5, reading(path):
         attrs = attributes(h5)
         check_format(path, attrs, format)
-        state = {name: value[()] for name, value in h5["state"].items()}
+        state = {name: values(data) for name, data in h5["state"].items()}
         return Record.of(h5), state, json.loads(attrs["settings"]), attrs
 
 

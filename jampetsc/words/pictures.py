@@ -218,6 +218,51 @@ def _states(args, items):
     return f"density of states of {_count(items, 'packing', 'packings')}"
 
 
+@picture("flow", "flow")
+def _flow(args, items):
+    from jampetsc.plots.shearing import plot_flow_curves, plot_series
+
+    rates = {float(item.attributes["rate"]) for item in items}
+    if len(rates) > 1:
+        plot_flow_curves(items, args.out)
+        return f"flow curves of {_count(items, 'run', 'runs')} at {len(rates)} rates"
+    plot_series(items, args.out)
+    return f"stress and pressure of {_count(items, 'run', 'runs')} over the strain"
+
+
+@picture("snapshot", "flow", single=True)
+def _snapshot(args, items):
+    from jampetsc.plots.packing import plot_packing
+    from jampetsc.plots.shearing import last_snapshot
+
+    disks = last_snapshot(items[0])
+    plot_packing(disks, args.out)
+    return f"{disks.n} disks at strain {items[0]['snapshots/strain'][-1]:.4g}"
+
+
+@picture("velocities", "flow", single=True)
+def _velocities(args, items):
+    import numpy as np
+
+    from jampetsc.plots.fields import plot_panels
+    from jampetsc.plots.shearing import last_snapshot
+
+    (result,) = items
+    disks = last_snapshot(result)
+    field = result["snapshots/velocities"][-1] / float(result.attributes["rate"])
+    strain = result["snapshots/strain"][-1]
+    plot_panels(disks, [(rf"$\gamma={strain:.4g}$", field)], np.arange(disks.n), args.out, r"u/\dot\gamma")
+    return f"non-affine velocities at strain {strain:.4g}"
+
+
+@picture("lanes", "velocity-correlation")
+def _lanes(args, items):
+    from jampetsc.plots.shearing import plot_lanes
+
+    plot_lanes(items, args.out)
+    return f"g_y of {_count(items, 'file', 'files')}"
+
+
 def _count(items, one="sweep", many="sweeps"):
     return f"{len(items)} {one if len(items) == 1 else many}"
 
@@ -227,7 +272,7 @@ def _plural(word):
 
 
 def _noun(word):
-    return f"{word} file" if word in ("modes", "quasistatic") else word
+    return f"{word} file" if word in ("modes", "quasistatic", "flow", "velocity-correlation") else word
 
 
 def _within(args, option, low, high, default):
