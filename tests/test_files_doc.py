@@ -28,6 +28,7 @@ modes p.h5 --out modes.h5 --count 3
 spectrum sweep.h5 --out spectrum.h5
 correlate sweep.h5 --out correlation.h5
 flow made.h5 --model RD --mass 1 --rate 1e-2 --strain 0.5 --discard 0.1 --snapshots 2 --out flow.h5
+correlate flow.h5 --out velocities.h5
 flow --n 16 --phi 0.9 --seed 1 --model RD0 --rate 1e-2 --strain 0.5 --discard 0.1 --out flow0.h5"""
 
 
@@ -36,7 +37,7 @@ def documented():
     found, kind = {}, None
     for line in DOC.read_text().splitlines():
         if line.startswith("## "):
-            kind = (re.search(r"jampetsc-\w+", line) or [""])[0]
+            kind = (re.search(r"jampetsc-[\w-]+", line) or [""])[0]
             found[kind] = ([], [])
         elif line.startswith(("| dataset", "| attribute")):
             names = found[kind][line.startswith("| attribute")]
