@@ -134,3 +134,13 @@ def test_viscosities_need_contact_damping(tmp_path):
     stokes = load(write_quasistatic(tmp_path / "q.h5", law="stokes"))
     with pytest.raises(InputError, match="law stokes: has no beta"):
         plot_viscosities([stokes], tmp_path / "out.png")
+
+
+@pytest.mark.parametrize("kind", ["medians", "viscosities"])
+def test_a_file_without_what_is_to_be_drawn(tmp_path, kind):
+    with ResultWriter(tmp_path / "bare.h5", "jampetsc-quasistatic") as writer:
+        writer.attributes(pressure=1e-3, law="contact", beta=1.0)
+    wanted = "no_prestress_normal_median" if kind == "medians" else "eta0"
+    with pytest.raises(InputError, match=rf"bare\.h5: attribute {wanted} is missing: make the file again"):
+        cli.dispatch(["plot", str(tmp_path / "bare.h5"), "--kind", kind, "--out", str(tmp_path / "p.png")])
+    assert not (tmp_path / "p.png").exists()

@@ -52,6 +52,17 @@ class StoredArray:
         return f"<{self._name} {self.shape} {self.dtype} in {self._path.name}>"
 
 
+class Attributes(dict):
+    """Attributes of a result; asking for one that is missing is an InputError that names the file."""
+
+    def __init__(self, path, values):
+        super().__init__(values)
+        self._path = path
+
+    def __missing__(self, name):
+        raise InputError(f"{self._path}: attribute {name} is missing: make the file again")
+
+
 class Result(Mapping):
     """A result file: `attributes` (how it came about), and a mapping of dataset names to numpy arrays.
 
@@ -60,7 +71,7 @@ class Result(Mapping):
 
     def __init__(self, h5, path):
         self.path = Path(path).resolve()
-        self.attributes = attributes(h5)
+        self.attributes = Attributes(self.path, attributes(h5))
         self._arrays = {}
 
         def collect(name, item):
