@@ -3,12 +3,14 @@
     import jampetsc
     result = jampetsc.load("sweep.h5")      # numpy arrays; needs neither MPI nor PETSc
     G = result.modulus(omega)
+    packing = jampetsc.pack(n=256, pressure=1e-3)       # the commands as functions, see `jampetsc.functions`
+    result = jampetsc.sweep(packing, beta=0.1)
 
 Importing the package loads nothing else. `jampetsc.session.start` is the one door to PETSc and MPI.
 """
 
 __version__ = "0.1.0"
-__all__ = ["Disks", "load"]
+__all__ = ["Disks", "load", "modes", "pack", "quasistatic", "run", "sweep"]
 
 
 def __getattr__(name):  # PEP 562: `jampetsc.load` and `jampetsc.Disks` import numpy and h5py when first used
@@ -20,4 +22,8 @@ def __getattr__(name):  # PEP 562: `jampetsc.load` and `jampetsc.Disks` import n
         from jampetsc.contacts.disks import Disks
 
         return Disks
+    if name in __all__:
+        from jampetsc import functions
+
+        return getattr(functions, name)
     raise AttributeError(f"module 'jampetsc' has no attribute {name!r}")

@@ -23,7 +23,7 @@ import sys
 import traceback
 from pathlib import Path
 
-from jampetsc import builds, streams
+from jampetsc import builds, launcher, streams
 from jampetsc.errors import InputError
 from jampetsc.stopping import stop_on_sigterm
 
@@ -74,6 +74,13 @@ def current():
     if _session is None:
         raise RuntimeError("no session: call jampetsc.session.start() first")
     return _session
+
+
+def communicator():
+    """That of the running session; without one that of all ranks if mpirun has started several, else None."""
+    if _session is not None:
+        return _session.comm
+    return importlib.import_module("mpi4py.MPI").COMM_WORLD if launcher.several() else None
 
 
 class Session:

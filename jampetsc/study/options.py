@@ -53,7 +53,7 @@ def choices_of(parser, table: dict, where: str, begins: bool) -> list[Choice]:
     stand_in = [STAND_IN] if positional is not None and begins else []
     found = []
     for chosen in itertools.product(*lists):
-        words = [word for action, value in chosen for word in _words(action, value)]
+        words = [word for action, value in chosen for word in words_of(action, value)]
         try:
             args = parser.parse_args([*stand_in, "--out", STAND_IN, *words])
             args.check(args)
@@ -104,7 +104,7 @@ def _toml(value):
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _words(action, value):
+def words_of(action, value):
     """The words of a command line for one value of an option, the same for 1e-3 and "0.001"."""
     option = action.option_strings[0]
     if action.nargs == 0:

@@ -1,0 +1,130 @@
+"""The commands as python functions: `jampetsc.sweep("p.h5", beta=0.1)` gives what `load` gives for the command's file.
+
+    import jampetsc
+    packing = jampetsc.pack(n=256, pressure=1e-3, seed=1, out="p.h5")
+    sweep = jampetsc.sweep("p.h5", beta=1e-3, fields=[1e-3, 1.0])
+    slow = jampetsc.quasistatic(packing, no_prestress=True)
+
+Keywords are the long options with _ for -; True is a switch that is given, a list is written with commas. PETSc is
+loaded by the first call that needs it. A command runs in this process, under mpirun on all ranks together.
+"""
+
+import atexit
+import contextlib
+import difflib
+import io
+import itertools
+import os
+import shutil
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from jampetsc import cli, session
+from jampetsc.collective import by_rank_0
+from jampetsc.commands import parsers_of
+from jampetsc.contacts.disks import Disks
+from jampetsc.errors import InputError
+from jampetsc.storage.packing_file import write_packing
+from jampetsc.storage.provenance import recorded_as
+from jampetsc.storage.reader import load
+from jampetsc.study.kinds import KINDS
+from jampetsc.study.options import positional_of, words_of
+
+_number = itertools.count(1)
+_folder = None  # of files that were given no name; goes with the process
+
+
+def run(command, *inputs, out=None, **options):
+    """What `jampetsc command inputs… --out out` writes, loaded. Collective.
+
+    command   one that a study may have: pack, sweep, quasistatic, modes, flow, spectrum, correlate, …
+    inputs    files, or what `load` and these functions have given: Disks or results
+    out       where to keep the file; None: a temporary one, gone when this process ends
+    options   the command's long options, see `jampetsc COMMAND --help`
+
+    Raises InputError for an option or a value that the command refuses, ConvergenceError where it does not get there.
+    """
+    if command not in KINDS:
+        raise InputError(f"{command}: no such function: there are {', '.join(KINDS)}")
+    parser = parsers_of(cli.Parser, [command])[command]
+    known = {
+        option[2:].replace("-", "_"): action for action in parser._actions for option in action.option_strings
+    }
+    words = []
+    for name, value in options.items():
+        if name not in known or name == "help":
+            near = difflib.get_close_matches(name, known, n=1)
+            raise InputError(
+                f"{command}: {name}: no such option{f'; did you mean {near[0]}?' if near else ''}"
+            )
+        if value is not None:
+            words += words_of(known[name], _one(value))
+    if inputs and positional_of(parser) is None:
+        raise InputError(f"{command}: takes no file, but {len(inputs)} are given")
+    files = [_file(one) for one in inputs]
+    out = _temporary() if out is None else os.fspath(out)
+    line = [*files, "--out", out, *words]
+    args = parser.parse_args(line)
+    with recorded_as(["jampetsc", command, *line]), contextlib.redirect_stdout(io.StringIO()):
+        if args.takes_petsc(args):
+            args.run(args, [])
+        else:
+            by_rank_0(session.communicator(), lambda: args.run(args, []))
+    return load(out)
+
+
+def _one(value):
+    """An option's value: a list or an array as the commands write it."""
+    if isinstance(value, list | tuple | np.ndarray):
+        return ",".join(
+            repr(one) if isinstance(one, float) else str(one) for one in np.asarray(value).tolist()
+        )
+    return (
+        value.item()
+        if isinstance(value, np.generic)
+        else os.fspath(value)
+        if isinstance(value, Path)
+        else value
+    )
+
+
+def _file(source):
+    """Name of the file of an input."""
+    if isinstance(source, Disks):
+        path = _temporary()
+        by_rank_0(session.communicator(), lambda: write_packing(path, source))
+        return path
+    return os.fspath(getattr(source, "path", source))
+
+
+def _temporary():
+    """A new name in a folder that goes with this process. Collective."""
+    global _folder
+    comm = session.communicator()
+    if _folder is None or not Path(_folder).is_dir():
+        _folder = by_rank_0(comm, lambda: tempfile.mkdtemp(prefix="jampetsc-"))
+        if comm is None or comm.rank == 0:
+            atexit.register(shutil.rmtree, _folder, ignore_errors=True)
+    return os.path.join(_folder, f"{next(_number)}.h5")
+
+
+def pack(*, out=None, **options):
+    """A packing, see `run` and `jampetsc pack --help`; Disks. Collective."""
+    return run("pack", out=out, **options)
+
+
+def sweep(packing, *, out=None, **options):
+    """G*(ω) of a packing, see `run` and `jampetsc sweep --help`; a SweepResult. Collective."""
+    return run("sweep", packing, out=out, **options)
+
+
+def quasistatic(packing, *, out=None, **options):
+    """Response to slow shear, see `run` and `jampetsc quasistatic --help`; a Result. Collective."""
+    return run("quasistatic", packing, out=out, **options)
+
+
+def modes(packing, *, out=None, **options):
+    """Lowest modes, see `run` and `jampetsc modes --help`; a Result. Collective."""
+    return run("modes", packing, out=out, **options)

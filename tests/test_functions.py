@@ -1,0 +1,76 @@
+"""The commands as python functions: the same file, loaded, and the same refusals."""
+
+import os
+import subprocess
+import sys
+
+import launch
+import numpy as np
+import pytest
+import samples
+
+import jampetsc
+from jampetsc import cli
+from jampetsc.errors import InputError
+from jampetsc.storage.packing_file import write_packing
+
+
+@pytest.fixture
+def packing(session, shared_path):
+    if session.rank == 0:
+        write_packing(shared_path / "p.h5", samples.published())
+    session.comm.Barrier()
+    return shared_path / "p.h5"
+
+
+@pytest.mark.scalar("real")
+def test_a_function_gives_what_load_gives_for_the_command(session, packing, shared_path):
+    out = shared_path / "command.h5"
+    words = ["--beta", "0.1", "--no-prestress", "--omega", "0.01,1.0"]
+    assert cli.dispatch(["sweep", str(packing), "--out", str(out), *words]) == 0
+    command = jampetsc.load(out)
+    options = {"beta": np.float64(0.1), "no_prestress": True, "omega": np.array([0.01, 1.0]), "fields": None}
+    for source in (packing, str(packing), jampetsc.load(packing)):
+        function = jampetsc.sweep(source, **options)
+        np.testing.assert_allclose(function.G, command.G, rtol=1e-9)
+        assert function.law == command.law and function.attributes["ranks"] == session.size
+    kept = jampetsc.sweep(packing, out=shared_path / "kept.h5", **options)
+    assert kept.attributes["argv"].endswith(f"sweep {packing} --out {shared_path}/kept.h5 {' '.join(words)}")
+    assert kept.path == shared_path / "kept.h5"
+
+
+@pytest.mark.scalar("real")
+def test_functions_take_what_functions_give(session):
+    disks = jampetsc.pack(n=16, pressure=1e-2, seed=3)
+    assert disks.n == 16 and disks.record["seed"] == 3
+    assert jampetsc.modes(disks, count=2)["eigenvalues"][0] > 0
+    sweep = jampetsc.sweep(disks, omega=[1e-3, 1.0])
+    spectrum = jampetsc.run("spectrum", sweep)  # has nothing to do with PETSc: one rank does it
+    slow = jampetsc.quasistatic(disks)
+    assert spectrum.spectrum.G0 == pytest.approx(slow.attributes["G0"], rel=1e-6)
+    session.comm.Barrier()
+
+
+@pytest.mark.scalar("real")
+def test_what_a_command_refuses_a_function_refuses(session, packing):
+    for call, message in (
+        (lambda: jampetsc.sweep(packing, bta=1), "sweep: bta: no such option; did you mean beta?"),
+        (lambda: jampetsc.sweep(packing, beta=-1.0), "--beta -1: must lie between"),
+        (lambda: jampetsc.run("swep", packing), "swep: no such function: there are pack, sweep"),
+        (lambda: jampetsc.run("pack", packing, n=16), "pack: takes no file, but 1 are given"),
+        (lambda: jampetsc.sweep("none.h5"), "none.h5: no such file"),
+    ):
+        with pytest.raises(InputError) as refusal:
+            call()
+        assert str(refusal.value).startswith(message)
+    session.comm.Barrier()
+
+
+def test_temporary_files_go_with_the_process(tmp_path):
+    code = "import jampetsc, sys; assert 'petsc4py' not in sys.modules; print(jampetsc.pack(n=16, phi=0.9).n)"
+    environment = launch.environment() | {"TMPDIR": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=60
+    )
+    assert done.stdout == "16\n", done.stderr
+    assert not [name for name in os.listdir(tmp_path) if not name.startswith("ompi")]
