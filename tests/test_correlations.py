@@ -23,6 +23,8 @@ from jampetsc.storage.provenance import derived_from
 from jampetsc.storage.reader import load
 from jampetsc.storage.result_file import ResultWriter
 
+pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
+
 SIDE = 60.0
 SQUARE = np.array([(SIDE, 0.0), (0.0, SIDE)])
 TILTED = np.array([(SIDE, 0.0), (23.0, SIDE)])

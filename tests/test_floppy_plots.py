@@ -13,6 +13,8 @@ from jampetsc.storage.packing_file import packing_identity, write_packing
 from jampetsc.storage.reader import load
 from jampetsc.storage.result_file import ResultWriter
 
+pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
+
 
 def write_quasistatic(path, pressure=1e-3, packing=None, prestress=True, law="contact"):
     """Medians that follow BT eqs. 19-21 exactly, η₀ = √p + β/√p and a field."""

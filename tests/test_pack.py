@@ -38,6 +38,16 @@ def test_one_packing(tmp_path):
     assert disks.record["max_force"] == state.max_force
 
 
+def test_a_tolerance_that_rounding_forbids_is_told(tmp_path):
+    done = pack(tmp_path, "--n", 24, "--pressure", "1e-7", "--seed", 2, "--out", "a.h5")
+    disks = read_packing(tmp_path / "a.h5")
+    residual = disks.record["max_force"] / (disks.record["pressure"] * 2 * disks.radii.mean())
+    assert residual > 1e-10
+    assert (
+        f"max|F|/(p d) = {residual:.1e} is what rounding leaves, more than --tolerance 1e-10" in done.stdout
+    )
+
+
 def test_ensemble_is_the_same_on_any_number_of_ranks(tmp_path):
     words = ("--n", 32, "--pressure", "1e-2,1e-3", "--seeds", "1:3", "--out", "p{pressure}-{seed}.h5")
     for ranks in (0, 2):

@@ -20,6 +20,8 @@ from jampetsc.plots.packing import plot_packing
 from jampetsc.storage.packing_file import packing_identity, write_packing
 from jampetsc.storage.result_file import ResultWriter
 
+pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
+
 OMEGA = np.geomspace(1e-8, 1e3, 45)
 
 

@@ -12,6 +12,8 @@ from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.analysis.transient import transient
 from jampetsc.errors import InputError
 
+pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
+
 OMEGA = np.geomspace(1e-12, 1e8, 121)
 
 

@@ -15,6 +15,9 @@ from jampetsc.analysis.scaling import (
 from jampetsc.errors import InputError
 
 G_LOW, ETA_HIGH = 0.03, 0.4
+
+pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
+
 RATES = np.geomspace(1e-4, 1.0, 30)
 WEIGHTS = 0.02 * np.sqrt(RATES)
 

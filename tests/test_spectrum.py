@@ -10,6 +10,8 @@ from jampetsc.errors import InputError
 from jampetsc.storage.reader import load
 from jampetsc.storage.result_file import ResultWriter
 
+pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
+
 OMEGA = np.geomspace(1e-8, 1e2, 41)
 
 

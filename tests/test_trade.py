@@ -23,6 +23,8 @@ from jampetsc.speed_accuracy.compare import CRITICAL_START, Reference, log_inter
 from jampetsc.speed_accuracy.table import MEANINGS, Row, Table
 from jampetsc.words.law import add_law_options, physics_from, words_of
 
+pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
+
 OMEGA = "1e-2:10:16"  # six of them in the critical window of p = 1e-3
 
 

@@ -137,9 +137,12 @@ def _make(tasks, start, request, solver, session):
 
 def _summary(path, disks, seconds) -> str:
     record = disks.record
+    residual = record["max_force"] / (record["pressure"] * 2.0 * float(disks.radii.mean()))
+    missed = residual > record["tolerance"]
+    note = f"\n  max|F|/(p d) = {residual:.1e} is what rounding leaves, more than --tolerance {record['tolerance']:g}"
     return (
         f"{path}: N = {disks.n}, p = {record['pressure']:.6g}, phi = {record['phi']:.6f}, "
         f"Z = {record['coordination']:.4f}, "
         f"{record['rattlers']} rattlers, max|F|/p = {record['max_force'] / record['pressure']:.1e}, "
-        f"{record['evaluations']} force evaluations, {seconds:.2f} s"
+        f"{record['evaluations']} force evaluations, {seconds:.2f} s{note * missed}"
     )
