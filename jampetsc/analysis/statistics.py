@@ -3,6 +3,7 @@
 import numpy as np
 
 RESAMPLES = 2000
+LEVEL = 0.6827  # of an interval: one standard deviation to either side
 STATISTICS = {"mean": np.mean, "median": np.median}
 
 
@@ -15,13 +16,24 @@ def bootstrap(values, statistic: str = "mean") -> tuple:
     The error is the standard deviation of the statistic over samples drawn anew with replacement (Efron 1979), times
     √(n/(n−1)), which makes that of a mean unbiased: (…), nan for n = 1. The same samples give the same error.
     """
-    from scipy.stats import bootstrap as resample  # takes half a second to import
-
     values = np.asarray(values, float)
-    function, n = STATISTICS[statistic], len(values)
-    value = function(values, axis=0)
+    value, n = STATISTICS[statistic](values, axis=0), len(values)
     if n < 2:
         return value, np.full_like(value, np.nan)
+    return value, np.asarray(_resampled(values, statistic).standard_error) * np.sqrt(n / (n - 1))
+
+
+def interval(values, statistic: str = "median") -> tuple:
+    """(low, high) between which 68 % of the statistics of samples drawn anew lie, for values (n, …) with n > 1.
+
+    What one standard error is for a normal distribution; it keeps its meaning where the tail is long.
+    """
+    return tuple(_resampled(np.asarray(values, float), statistic).confidence_interval)
+
+
+def _resampled(values, statistic):
+    from scipy.stats import bootstrap as resample  # takes half a second to import
+
     settings = {"axis": 0, "vectorized": True, "method": "percentile", "random_state": 0}
-    found = resample((values,), function, n_resamples=RESAMPLES, batch=200, **settings)
-    return value, np.asarray(found.standard_error) * np.sqrt(n / (n - 1))
+    settings |= {"n_resamples": RESAMPLES, "batch": 200, "confidence_level": LEVEL}
+    return resample((values,), STATISTICS[statistic], **settings)

@@ -1,7 +1,7 @@
 """`jampetsc plot`: pictures of sweeps, packings and displacement fields. Needs neither PETSc nor MPI."""
 
 from jampetsc.errors import InputError
-from jampetsc.words.pictures import PICTURES, choose, open_files
+from jampetsc.words.pictures import PICTURES, choose, of_studies, open_files
 
 DESCRIPTION = """\
 Draw what the files hold: G' and G'' of one or many sweeps, their scaling collapse, relaxation spectra with
@@ -19,6 +19,7 @@ examples:
   jampetsc plot stokes.h5 contact.h5 --omega 1e-3 --out compared.png
   jampetsc plot p1e-2.h5 p1e-3.h5 --kind length --out length.png  of correlations
   jampetsc plot q-p*.h5 --kind medians --out medians.png         of quasistatic files
+  jampetsc plot ensemble --kind collapse --out collapse.png      means over the packings of a study
   jampetsc plot rd0-*.h5 --out flow.png                          flow curves of runs at several rates
   jampetsc plot rd0.h5 --kind snapshot --out snapshot.png        or velocities
   jampetsc plot modes.h5 --mode 1,2,5 --out modes.png            on the packing"""
@@ -29,7 +30,9 @@ def add_parser(subparsers):
     parser = subparsers.add_parser(
         "plot", help="draw sweeps, packings and displacement fields", description=DESCRIPTION, epilog=EPILOG
     )
-    parser.add_argument("files", nargs="+", metavar="FILE", help="sweeps, or one packing")
+    parser.add_argument(
+        "files", nargs="+", metavar="FILE", help="sweeps, or one packing, or the folder of a study"
+    )
     parser.add_argument("--out", required=True, metavar="FILE", help="picture to write: .png, .pdf or .svg")
     parser.add_argument(
         "--kind",
@@ -64,10 +67,11 @@ def run(args, petsc_argv):
     from jampetsc.words.files import refuse_repeated
 
     kinds = _asked_kinds(args)
-    check_picture(args.out, [*args.files, *filter(None, [args.packing])])
-    held, items = open_files(args.files)
-    kind = choose(kinds, held, args.files)
-    refuse_repeated(args.files)
+    files, args.average = of_studies(args.files, kinds)
+    check_picture(args.out, [*files, *filter(None, [args.packing])])
+    held, items = open_files(files)
+    kind = choose(kinds, held, files)
+    refuse_repeated(files)
     print(f"{args.out}: {PICTURES[kind].draw(args, items)}")
     return 0
 

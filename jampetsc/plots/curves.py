@@ -39,6 +39,7 @@ class Curve:
     def description(self) -> dict:
         """What may distinguish it from other sweeps, in the order of the label."""
         found = {"p/k": None if self.pressure is None else float(f"{self.pressure:.3g}")}
+        found["N"] = self.attributes.get("particle_count")
         found["law"] = self.attributes.get("law")
         options = FAMILIES[found["law"]].options if found["law"] in FAMILIES else {}
         for key in (*_SYMBOLS, *_SWITCHES):
@@ -135,6 +136,8 @@ def _part(key, value, bare):
         return "" if key != "p/k" else "$p$ unknown"
     if key == "p/k":
         return f"${power_or_number(value)}$" if bare else f"$p/k={power_or_number(value)}$"
+    if key == "N":
+        return f"$N={value}$"
     if key == "alpha" and value == 1.0:
         return "linear"
     if key in _SYMBOLS:

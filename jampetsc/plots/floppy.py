@@ -4,7 +4,9 @@ files.
 
 import numpy as np
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
+from jampetsc.analysis.statistics import interval
 from jampetsc.contacts.laws import having
 from jampetsc.errors import InputError
 from jampetsc.plots.logaxes import place_legend, set_log_axes
@@ -37,14 +39,14 @@ def plot_medians(results, path) -> None:
     """Medians of |Δu∥|, |Δu⊥| and |u_na| per unit strain against p/k, with slopes ±1/4 (BT eqs. 19-21).
 
     Filled: without pre-stress; open: with. Small points are files, lines run through the medians of those of
-    one pressure.
+    one pressure; where each has several, bands are 68 % intervals of these medians by resampling the files.
     """
     p = pressures_of(results)
     levels = np.unique(p)
     shades = colours(len(QUANTITIES))
     with figure(COLUMN, HEIGHT, layout="constrained") as fig:
         ax = fig.add_subplot(xlabel="$p/k$", ylabel="median per unit strain")
-        lines, handles = [], []
+        lines, handles, band = [], [], []
         for (name, (symbol, slope)), shade, marker in zip(QUANTITIES.items(), shades, MARKERS, strict=False):
             look = {"color": shade, "marker": marker, "markeredgewidth": 0.7}
             handles.append(Line2D([], [], label=f"${symbol}$", **look))
@@ -54,6 +56,7 @@ def plot_medians(results, path) -> None:
                     continue
                 medians = np.array([np.nanmedian(y[p == level]) for level in levels])
                 ax.plot(levels, medians, linestyle=dash, markerfacecolor=face, **look)
+                band = _draw_intervals(ax, levels, [y[p == level] for level in levels], shade)
                 if len(p) > len(levels):
                     ax.plot(p, y, ".", color=shade, markersize=2, markeredgewidth=0)
                 lines.append((levels, medians))
@@ -68,8 +71,18 @@ def plot_medians(results, path) -> None:
         ]
         if len(p) > len(levels):
             handles.append(Line2D([], [], color="0.2", marker=".", ms=2, ls="none", label="single files"))
-        place_legend(fig, ax, "", handles, lines)
+        place_legend(fig, ax, "", handles + band, lines)
         save(fig, path)
+
+
+def _draw_intervals(ax, x, samples, shade) -> list:
+    """Where medians of samples drawn anew lie, a band over x (M,) for M samples; its legend entry, if it is drawn."""
+    known = [sample[np.isfinite(sample)] for sample in samples]
+    if not all(len(sample) > 1 for sample in known):
+        return []
+    low, high = np.transpose([interval(sample) for sample in known])
+    ax.fill_between(x, low, high, color=shade, alpha=0.25, linewidth=0)
+    return [Patch(facecolor="0.2", alpha=0.25, label="68 % interval")]
 
 
 def _value(result, prefix, name):
@@ -95,7 +108,7 @@ def plot_viscosities(results, path) -> None:
     levels = np.unique(p)
     with figure(COLUMN, HEIGHT, layout="constrained") as fig:
         ax = fig.add_subplot(xlabel=r"$\beta$", ylabel=r"$\eta_0,\ \eta_\infty\ [k\tau_1]$")
-        lines, handles = [], []
+        lines, handles, band = [], [], []
         for level, shade, marker in zip(levels, colours(len(levels)), _cycle(len(levels)), strict=True):
             files = [one for one, q in zip(results, p, strict=True) if q == level]
             points = np.array([row for one in files for row in _rows(one)])
@@ -104,6 +117,8 @@ def plot_viscosities(results, path) -> None:
             look = {"color": shade, "marker": marker, "markeredgewidth": 0.7}
             for column, face, dash in ((0, shade, "-"), (1, "white", _DASHES)):
                 ax.plot(betas, medians[:, column], linestyle=dash, markerfacecolor=face, **look)
+                samples = [points[points[:, 0] == beta, 1 + column] for beta in betas]
+                band = _draw_intervals(ax, betas, samples, shade)
                 lines.append((betas, medians[:, column]))
             handles.append(Line2D([], [], label=f"${power_or_number(level)}$", **look))
         set_log_axes(ax, lines)
@@ -111,7 +126,7 @@ def plot_viscosities(results, path) -> None:
             Line2D([], [], color="0.2", marker="o", label=r"$\eta_0$"),
             Line2D([], [], color="0.2", marker="o", mfc="white", linestyle=_DASHES, label=r"$\eta_\infty$"),
         ]
-        place_legend(fig, ax, "$p/k$", handles, lines)
+        place_legend(fig, ax, "$p/k$", handles + band, lines)
         save(fig, path)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from jampetsc.analysis.scaling import LAMBDA, MU, collapse
 from jampetsc.errors import InputError
@@ -20,19 +21,19 @@ _LEGEND_ROWS = 7  # more pressures than this get a colour bar instead
 _DASHES = (0, (4, 1.6))
 
 
-def plot_moduli(curves, path) -> None:
-    """G'/k (solid, filled) and G''/k (dashed, open) against ωτ₁, with the error bounds as bands."""
-    _plot(curves, path, r"$\omega\tau_1$", f"{STORAGE}$/k$,  {LOSS}$/k$", 0.5, r"\omega")
+def plot_moduli(curves, path, band="") -> None:
+    """G'/k (solid, filled) and G''/k (dashed, open) against ωτ₁, with `bounds` as bands; band: what these are."""
+    _plot(curves, path, r"$\omega\tau_1$", f"{STORAGE}$/k$,  {LOSS}$/k$", 0.5, r"\omega", band)
 
 
-def plot_collapse(curves, path, mu=MU, lam=LAMBDA) -> None:
-    """G'/p^μ and G''/p^μ against ω/p^λ, for ωτ₁ ≤ 1 where criticality ends; p in units of k.
+def plot_collapse(curves, path, mu=MU, lam=LAMBDA, band="") -> None:
+    """G'/p^μ and G''/p^μ against ω/p^λ, for ωτ₁ ≤ 1 where criticality ends; p in units of k. band as above.
 
     Raises InputError if a sweep's pressure is unknown or not positive, or it has no frequency up to 1/τ₁.
     """
     x = rf"$\omega\tau_1\,/\,{power_text('(p/k)', lam)}$"
     y = rf"{STORAGE}, {LOSS}  $[\,k\,{power_text('(p/k)', mu)}\,]$"
-    _plot([_scaled(curve, mu, lam) for curve in curves], path, x, y, mu / lam, "x")
+    _plot([_scaled(curve, mu, lam) for curve in curves], path, x, y, mu / lam, "x", band)
 
 
 def _scaled(curve, mu, lam):
@@ -56,7 +57,7 @@ def require_pressure(curve) -> None:
         raise InputError(f"{curve.name}: pressure {curve.pressure:g}: must be positive to scale with it")
 
 
-def _plot(curves, path, x_label, y_label, exponent, symbol):
+def _plot(curves, path, x_label, y_label, exponent, symbol, band):
     with figure(COLUMN, HEIGHT, layout="constrained") as fig:
         ax = fig.add_subplot(xlabel=x_label, ylabel=y_label)
         title, groups = group_curves(curves)
@@ -77,7 +78,8 @@ def _plot(curves, path, x_label, y_label, exponent, symbol):
         if len(groups) > _LEGEND_ROWS and title:
             _pressure_bar(fig, ax, groups)
             title, groups = "", []
-        place_legend(fig, ax, title, _handles(groups), lines)
+        handles = _handles(groups) + ([Patch(facecolor="0.2", alpha=0.25, label=band)] if band else [])
+        place_legend(fig, ax, title, handles, lines)
         save(fig, path)
 
 

@@ -16,6 +16,7 @@ class Picture:
     single: bool  # one file at a time
 
 
+COMMANDS = {"correlation": "correlate", "packing": "pack"}  # format -> the command, where they have two names
 PICTURES: dict[str, Picture] = {}  # a file shows by itself the first that suits it and the options given
 
 
@@ -51,6 +52,41 @@ def open_files(paths):
     return held[0], found
 
 
+def of_studies(paths, kinds) -> tuple[list[str], bool]:
+    """(files, whether some come from a study): for the folder of a study those that one of the kinds can show.
+
+    Raises InputError for a study that has none.
+    """
+    from pathlib import Path
+
+    from jampetsc.storage.ensemble import TABLE
+    from jampetsc.storage.reader import load
+
+    files, averages = [], False
+    for path in paths:
+        if not (Path(path) / TABLE).exists():
+            files.append(path)
+            continue
+        table, averages = load(path), True
+        done = table.where(state="done")
+        suited = [
+            done.where(command=[COMMANDS.get(name, name) for name in PICTURES[kind].of]) for kind in kinds
+        ]
+        found = next((rows for rows, kind in zip(suited, kinds, strict=True) if fits(rows, kind)), None)
+        if found is None:
+            held = ", ".join(sorted(set(done["command"].tolist()))) or "nothing"
+            what = " or ".join(kinds) if len(kinds) < len(PICTURES) else "a"
+            hint = "; of those that show a single file, name the file" if any(r.rows for r in suited) else ""
+            raise InputError(f"{path}: a study with {held}: nothing for {what} picture{hint}")
+        files += [str(Path(path) / name) for name in found["file"].tolist()]
+    return files, averages
+
+
+def fits(rows, kind) -> bool:
+    """Whether a kind of picture shows so many files."""
+    return rows.rows == 1 or (rows.rows > 1 and not PICTURES[kind].single)
+
+
 def choose(kinds, held: str, paths) -> str:
     """The picture to draw of files that hold this, out of those that the options leave.
 
@@ -70,8 +106,21 @@ def _moduli(args, items):
     from jampetsc.plots.curves import curve_of
     from jampetsc.plots.moduli import plot_moduli
 
-    plot_moduli([curve_of(item) for item in items], args.out)
-    return f"G' and G'' of {_count(items)}"
+    curves, band, text = _averaged(args, [curve_of(item) for item in items])
+    plot_moduli(curves, args.out, band)
+    return f"G' and G'' of {_count(items)}{text}"
+
+
+def _averaged(args, curves):
+    """(curves, what their bands are, words): the means of an ensemble where a study is drawn."""
+    if not args.average:
+        return curves, "", ""
+    from jampetsc.plots.averages import BAND, average_curves
+
+    averages = average_curves(curves)
+    negative = sum(bool((curve.G.real < 0).any()) for curve in curves)
+    below = f"; G' < 0 somewhere in {negative} of them, which count like the others" if negative else ""
+    return averages, BAND, f", arithmetic means over packings with bootstrap errors{below}"
 
 
 @picture("collapse", "sweep", options=("mu", "lambda"))
@@ -81,9 +130,9 @@ def _collapse(args, items):
     from jampetsc.plots.moduli import plot_collapse
 
     mu, lam = _within(args, "mu", 0, 10, MU), _within(args, "lambda", 0, 10, LAMBDA)
-    curves = [curve_of(item) for item in items]
-    plot_collapse(curves, args.out, mu, lam)
-    text = f"collapse of {_count(items)} with mu = {mu:g}, lambda = {lam:g}"
+    curves, band, averaged = _averaged(args, [curve_of(item) for item in items])
+    plot_collapse(curves, args.out, mu, lam, band)
+    text = f"collapse of {_count(items)} with mu = {mu:g}, lambda = {lam:g}{averaged}"
     try:
         spread = collapse_spread([(c.omega, c.G, c.pressure) for c in curves], mu, lam)
     except InputError:  # one sweep, or sweeps that share no scaled frequency: there is no spread to tell

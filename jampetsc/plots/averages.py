@@ -1,0 +1,47 @@
+"""Sweeps of an ensemble as one curve: the mean of G* over packings at each frequency, with its standard error."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from jampetsc.analysis.statistics import bootstrap
+from jampetsc.errors import InputError
+from jampetsc.plots.curves import Curve
+
+BAND = "mean ± standard error"
+_SAME = 1e-9  # frequencies closer than this, relatively, are one
+
+
+def average_curves(curves) -> list[Curve]:
+    """One curve for those that differ in the packing alone; `bounds` are bootstrap errors, nan for a single packing.
+
+    The mean is the arithmetic one: G' < 0 of a packing unstable to shear counts like any other value.
+    Raises InputError for sweeps of one packing, and for frequencies that differ, among those of one curve.
+    """
+    groups = {}
+    for curve in curves:
+        groups.setdefault(str(curve.description), []).append(curve)
+    return [_average(group) for group in groups.values()]
+
+
+def _average(curves):
+    first = curves[0]
+    seen = {}
+    for curve in curves:
+        if len(curve.omega) != len(first.omega) or not np.allclose(
+            curve.omega, first.omega, rtol=_SAME, atol=0
+        ):
+            raise InputError(
+                f"{curve.name}: other frequencies than {first.name}: a mean needs the same; draw them as files"
+            )
+        packing = curve.attributes.get("packing_sha256")
+        if packing in seen:
+            raise InputError(
+                f"{curve.name}: is of the same packing as {seen[packing]}: a mean takes each once"
+            )
+        if packing is not None:
+            seen[packing] = curve.name
+    G = np.array([curve.G for curve in curves])
+    mean, error = bootstrap(np.stack((G.real, G.imag), axis=1))
+    name = first.name if len(curves) == 1 else f"{len(curves)} sweeps"
+    return replace(first, name=name, G=mean[0] + 1j * mean[1], bounds=error)

@@ -1,0 +1,93 @@
+"""Pictures of a study: means over its packings, and which of its files a kind of picture shows."""
+
+import numpy as np
+import pytest
+from test_plots import write_sweep
+
+from jampetsc import cli
+from jampetsc.analysis.statistics import bootstrap, interval
+from jampetsc.errors import InputError
+from jampetsc.plots.averages import average_curves
+from jampetsc.plots.curves import curve_of, group_curves
+from jampetsc.storage.reader import load
+from jampetsc.study.table import table_text
+
+OMEGA = np.geomspace(1e-4, 1, 9)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Sweeps of five packings at two pressures each, one of them unstable to shear, and a packing."""
+    rows = [{"command": "pack", "state": "done", "file": "packing.h5", "seconds": 0.1}]
+    for pressure in (1e-2, 1e-3):
+        for seed in range(5):
+            G = (seed - 0.5) * pressure + 1j * OMEGA * (1 + seed)
+            name = f"sweep-{pressure}-{seed}.h5"
+            write_sweep(
+                tmp_path / name, pressure, OMEGA, G, packing_sha256=f"{pressure}{seed}", particle_count=64
+            )
+            rows.append({"command": "sweep", "state": "done", "file": name, "seconds": 0.1})
+    (tmp_path / "table.csv").write_text(table_text(rows))
+    return tmp_path
+
+
+def curves(folder):
+    return [curve_of(result) for result in load(folder).where(command="sweep").results()]
+
+
+def test_curves_are_arithmetic_means_with_their_errors(folder):
+    averages = average_curves(curves(folder))
+    assert [curve.pressure for curve in averages] == [1e-2, 1e-3]
+    for curve in averages:
+        np.testing.assert_allclose(curve.G, 1.5 * curve.pressure + 3j * OMEGA, rtol=1e-14)
+        expected = np.sqrt(2.5 / 5)  # standard error of 0, 1, 2, 3, 4
+        np.testing.assert_allclose(curve.bounds[0], expected * curve.pressure, rtol=0.1)
+        np.testing.assert_allclose(curve.bounds[1], expected * OMEGA, rtol=0.1)
+
+
+def test_sizes_are_not_averaged(folder):
+    write_sweep(
+        folder / "sweep-0.01-0.h5", 1e-2, OMEGA, 1 + 1j * OMEGA, packing_sha256="large", particle_count=256
+    )
+    averages = average_curves(curves(folder))
+    assert len(averages) == 3
+    assert [group.label for group in group_curves(averages)[1]][1:] == [
+        "$p/k=10^{-2}$, $N=64$",
+        "$p/k=10^{-2}$, $N=256$",
+    ]
+
+
+def test_what_has_no_mean_is_refused(folder):
+    found = curves(folder)
+    with pytest.raises(InputError, match=r"sweep-0\.01-0\.h5: is of the same packing as sweep-0\.01-0\.h5"):
+        average_curves([*found, found[0]])
+    write_sweep(folder / "sweep-0.01-0.h5", 1e-2, OMEGA[:5], 1 + 1j * OMEGA[:5], particle_count=64)
+    with pytest.raises(InputError, match="other frequencies than"):
+        average_curves(curves(folder))
+
+
+@pytest.mark.parametrize("kind", [[], ["--kind", "moduli"], ["--kind", "collapse"]])
+def test_pictures_of_a_study(folder, capsys, kind):
+    assert cli.main(["plot", str(folder), *kind, "--out", str(folder / "x.png")]) == 0
+    said = capsys.readouterr().out
+    assert "10 sweeps" in said and "arithmetic means over packings with bootstrap errors" in said
+    assert "G' < 0 somewhere in 2 of them" in said
+    assert (folder / "x.png").stat().st_size > 5000
+
+
+@pytest.mark.parametrize(
+    ("kind", "says"),
+    [
+        ("medians", "a study with pack, sweep: nothing for medians picture\n"),
+        ("fields", "a study with pack, sweep: nothing for fields picture; of those that show a single file"),
+    ],
+)
+def test_a_study_without_what_is_to_be_drawn(folder, capsys, kind, says):
+    assert cli.main(["plot", str(folder), "--kind", kind, "--out", str(folder / "x.png")]) == 2
+    assert says in capsys.readouterr().err
+
+
+def test_intervals_of_long_tails_stay_among_the_samples():
+    values = np.array([1.0, 1.1, 1.2, 1.3, 1e6])
+    low, high = interval(values)
+    assert 1.0 <= low < np.median(values) < high < 2.0 < bootstrap(values, "median")[1]
