@@ -5,7 +5,7 @@ import pytest
 
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.neighbours import neighbour_pairs
-from jampetsc.contacts.pairs import SKIN_RANGE, PairList, deformed, is_stale, tuned_skin
+from jampetsc.contacts.pairs import REBUILD, SKIN_RANGE, WIDTH, PairList, deformed, is_stale, tuned_skin
 from jampetsc.contacts.state import find_contacts, measure
 from jampetsc.packing.sizes import radii_of
 
@@ -80,9 +80,16 @@ def test_growing_the_cell_never_makes_a_list_stale():
 
 
 def test_skin_follows_how_long_lists_serve():
-    assert tuned_skin(0.2, 10, 1.0) > 0.2 > tuned_skin(0.2, 1000, 1.0) > tuned_skin(0.2, 5000, 1.0)
-    assert tuned_skin(0.2, 200, 1.0) == 0.2
+    assert tuned_skin(0.2, 10, 1.0) > 0.2 > tuned_skin(0.2, 1000, 1.0) >= tuned_skin(0.2, 5000, 1.0)
     assert tuned_skin(0.5, 10, 1.0) == SKIN_RANGE[1] and tuned_skin(0.02, 5000, 1.0) == SKIN_RANGE[0]
+    # disks that move v⁻¹ per evaluation: the skin settles where rebuilds and width cost least together
+    for v in (100.0, 1000.0, 4000.0):
+        skin = 0.3
+        for _ in range(50):
+            skin = tuned_skin(skin, v * skin, 1.0)
+        skins = np.linspace(*SKIN_RANGE, 1000)
+        cost = (REBUILD + v * skins * (1 + WIDTH * skins)) / (v * skins)
+        assert skin == pytest.approx(skins[np.argmin(cost)], abs=2e-3)
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.49, -0.66, 1.3, -3.2])

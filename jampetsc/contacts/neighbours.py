@@ -40,15 +40,17 @@ def _search(positions, radii, cell, skin, first, last, half, shape, reach, bins,
     """Pairs with i in [first, last); counts them all, stores those that fit into the output arrays."""
     nx, ny = shape
     column, row, wrapped, start, members = bins
+    # divisions are what a search would spend its time on
+    images_x = np.arange(-reach[0], nx + reach[0]) // nx
+    images_y = np.arange(-reach[1], ny + reach[1]) // ny
     count = 0
     for i in range(first, last):
-        for dy in range(-reach[1], reach[1] + 1):
-            y = row[i] + dy
-            image_y = y // ny
-            for dx in range(-reach[0], reach[0] + 1):
-                x = column[i] + dx
-                image_x = x // nx
-                c = (y - image_y * ny) * nx + (x - image_x * nx)
+        for dy in range(2 * reach[1] + 1):
+            image_y = images_y[row[i] + dy]
+            y = row[i] + dy - reach[1] - image_y * ny
+            for dx in range(2 * reach[0] + 1):
+                image_x = images_x[column[i] + dx]
+                c = y * nx + column[i] + dx - reach[0] - image_x * nx
                 for m in range(start[c], start[c + 1]):
                     j = members[m]
                     if j == i or (half and j < i):

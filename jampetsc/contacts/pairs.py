@@ -25,10 +25,11 @@ import numpy as np
 
 from jampetsc.contacts.disks import Disks, split
 from jampetsc.contacts.neighbours import neighbour_pairs
-from jampetsc.contacts.state import bond_vectors
 
 SKIN_START = 0.3  # skin of the first list in units of d,
 SKIN_RANGE = (0.02, 0.5)  # and between which it is tuned
+REBUILD = 15.0  # evaluations that a new list costs
+WIDTH = 0.6  # share that skin/d = 1 adds to the cost of an evaluation
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,13 +46,31 @@ class PairList:
     def build(cls, disks: Disks, skin: float) -> "PairList":
         """All pairs of `disks` closer than σ + skin."""
         i, j, image = neighbour_pairs(disks.positions, disks.radii, disks.cell, skin=skin)
-        r0 = np.ascontiguousarray(bond_vectors(disks, i, j, image).T)
-        return cls(i.astype(np.uint32), j.astype(np.uint32), r0, disks.radii[i] + disks.radii[j], skin)
+        r0, sigma = _bonds(
+            disks.base, disks.offset, disks.cell_base, disks.cell_offset, disks.radii, i, j, image
+        )
+        return cls(i.astype(np.uint32), j.astype(np.uint32), r0, sigma, skin)
 
     @property
     def arrays(self):
         """(i, j, r0, sigma), as the compiled loops take them."""
         return self.i, self.j, self.r0, self.sigma
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _bonds(base, offset, cell_base, cell_offset, radii, i, j, image):
+    """`state.bond_vectors` as (2, M), and σ (M,): differences of bases are exact, offsets are added to them."""
+    r0, sigma = np.empty((2, len(i))), np.empty(len(i))
+    for p in range(len(i)):
+        a, b = i[p], j[p]
+        for axis in range(2):
+            coarse = base[b, axis] - base[a, axis]
+            coarse += image[p, 0] * cell_base[0, axis] + image[p, 1] * cell_base[1, axis]
+            fine = offset[b, axis] - offset[a, axis]
+            fine += image[p, 0] * cell_offset[0, axis] + image[p, 1] * cell_offset[1, axis]
+            r0[axis, p] = coarse + fine
+        sigma[p] = radii[a] + radii[b]
+    return r0, sigma
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -61,17 +80,16 @@ def is_stale(far, strain, shear, largest, skin):
     return 2.0 * far + max(stretch - 1.0, 0.0) * largest > skin
 
 
-def tuned_skin(skin: float, steps: int, diameter: float) -> float:
+def tuned_skin(skin: float, steps: float, diameter: float) -> float:
     """Skin of the next list when the last one served for `steps` evaluations; lengths of one unit.
 
-    A rebuild costs about twenty evaluations; a wide skin costs a few per cent of every one.
+    A list serves the longer the wider its skin, steps = v skin, and one evaluation costs (1 + WIDTH skin/d) as much as
+    without: with a rebuild worth REBUILD evaluations the cost per evaluation is least at
+    skin² = REBUILD d/(WIDTH v).
     """
+    best = np.sqrt(REBUILD / WIDTH * diameter * skin / max(steps, 1))
     narrowest, widest = (limit * diameter for limit in SKIN_RANGE)
-    if steps < 60:
-        return min(1.3 * skin, widest)
-    if steps > 400:
-        return max((0.7 if steps < 2000 else 0.5) * skin, narrowest)
-    return skin
+    return float(min(max(best, 0.5 * skin, narrowest), 1.5 * skin, widest))
 
 
 def deformed(disks: Disks, offsets, strain, shear) -> Disks:

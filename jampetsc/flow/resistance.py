@@ -21,52 +21,60 @@ SOLVES = 20_000  # iterations at most: far more than any tolerance above roundin
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy")
 def contact_graph(pairs, o, shear, n, with_normals):
-    """Contacts of every disk: (start (n + 1,), column (E,), normals (E, 2) or (0, 2), deepest δ/σ).
+    """Contacts of every disk: (start (n + 1,), column (E,), normals (E, 2) or (0, 2)).
 
     Row a has the disks column[start[a]:start[a + 1]]; pairs, o: see `bond_forces`, at no strain but `shear`.
     """
     i, j, r0, sigma = pairs
     r0x, r0y = r0[0], r0[1]
     m = np.uint64(len(j))
-    rx, ry, depth = np.empty(m), np.empty(m), np.empty(m)
+    rx, ry = np.empty(m), np.empty(m)
+    # Which pairs touch is hard to predict: they are collected without a branch.
+    touching, count = np.empty(m, np.uint32), np.uint64(0)
     for p in range(m):
         y = r0y[p] + (o[j[p], 1] - o[i[p], 1])
-        rx[p] = r0x[p] + (o[j[p], 0] - o[i[p], 0]) + shear * y
+        x = r0x[p] + (o[j[p], 0] - o[i[p], 0]) + shear * y
+        rx[p] = x
         ry[p] = y
-    deepest = 0.0
-    for p in range(m):
-        here = 1.0 - np.sqrt(rx[p] * rx[p] + ry[p] * ry[p]) / sigma[p]
-        depth[p] = here
-        deepest = here if here > deepest else deepest
+        touching[count] = p
+        count += np.uint64(x * x + y * y < sigma[p] * sigma[p])
+    one = np.uint32(1)
     start = np.zeros(n + 1, np.uint32)
-    for p in range(m):
-        if depth[p] > 0.0:
-            start[i[p] + np.uint32(1)] += np.uint32(1)
-            start[j[p] + np.uint32(1)] += np.uint32(1)
+    for c in range(count):
+        p = touching[c]
+        start[i[p] + one] += one
+        start[j[p] + one] += one
     for a in range(n):
         start[a + 1] += start[a]
     fill = start[:-1].copy()
     column = np.empty(start[n], np.uint32)
     normals = np.empty((start[n] if with_normals else np.uint32(0), 2))
-    for p in range(m):
-        if depth[p] > 0.0:
-            a, b = i[p], j[p]
-            column[fill[a]] = b
-            column[fill[b]] = a
-            if with_normals:
-                unit = 1.0 / ((1.0 - depth[p]) * sigma[p])
-                for end in (a, b):
-                    normals[fill[end], 0] = unit * rx[p]
-                    normals[fill[end], 1] = unit * ry[p]
-            fill[a] += np.uint32(1)
-            fill[b] += np.uint32(1)
-    return start, column, normals, deepest
+    for c in range(count):
+        p = touching[c]
+        a, b = i[p], j[p]
+        column[fill[a]] = b
+        column[fill[b]] = a
+        if with_normals:
+            unit = 1.0 / np.sqrt(rx[p] * rx[p] + ry[p] * ry[p])
+            for end in (a, b):
+                normals[fill[end], 0] = unit * rx[p]
+                normals[fill[end], 1] = unit * ry[p]
+        fill[a] += one
+        fill[b] += one
+    return start, column, normals
+
+
+def deepest_overlap(pairs, o, shear) -> float:
+    """Largest δ/σ of all pairs, zero if none touches; arguments as for `contact_graph`."""
+    i, j, r0, sigma = pairs
+    x, y = r0 + (o[j] - o[i]).T
+    return float(np.max(1.0 - np.hypot(x + shear * y, y) / sigma, initial=0.0))
 
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy")
 def resist(graph, weights, hold, x, y):
     """y = (A + hold) x for x, y (N, 2); returns x·y. weights = (c_∥, c_⊥, …)."""
-    start, column, normals, _ = graph
+    start, column, normals = graph
     along, across = weights[0], weights[1]
     product = 0.0
     for a in range(np.uint64(len(x))):
@@ -98,7 +106,7 @@ def resist(graph, weights, hold, x, y):
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy")
 def inverse_diagonal(graph, weights, hold, n):
     """1 / diagonal of A + hold, (N, 2); 1 where that is zero: nothing acts on a disk without contacts."""
-    start, _, normals, _ = graph
+    start, _, normals = graph
     along, across = weights[0], weights[1]
     inverse = np.empty((n, 2))
     for a in range(n):
@@ -119,19 +127,19 @@ def solve(graph, weights, hold, residual, u, tolerance):
     residual = b − (A + hold) u, overwritten, until |residual| ≤ tolerance |b|. Jacobi. Returns the number of
     iterations, −1 where SOLVES of them were not enough.
     """
-    n = np.uint64(len(u))
-    inverse = inverse_diagonal(graph, weights, hold, len(u))
     q, p = np.empty_like(u), np.empty_like(u)
     resist(graph, weights, hold, u, q)
+    # one loop over both axes: what follows is done for all coordinates alike
+    flat = 2 * len(u)
+    x, r, qs, ps = u.reshape(flat), residual.reshape(flat), q.reshape(flat), p.reshape(flat)
+    inverse = inverse_diagonal(graph, weights, hold, len(u)).reshape(flat)
     goal = rho = size = 0.0
-    for a in range(n):
-        for axis in range(2):
-            b = residual[a, axis] + q[a, axis]
-            goal += b * b
-            size += residual[a, axis] * residual[a, axis]
-            z = inverse[a, axis] * residual[a, axis]
-            p[a, axis] = z
-            rho += z * residual[a, axis]
+    for a in range(flat):
+        b = r[a] + qs[a]
+        goal += b * b
+        size += r[a] * r[a]
+        ps[a] = inverse[a] * r[a]
+        rho += ps[a] * r[a]
     goal *= tolerance * tolerance
     for iteration in range(SOLVES):
         if size <= goal or rho <= 0.0:
@@ -139,17 +147,16 @@ def solve(graph, weights, hold, residual, u, tolerance):
         curvature = resist(graph, weights, hold, p, q)
         step = rho / curvature if curvature > 0.0 else 0.0
         last, rho, size = rho, 0.0, 0.0
-        for a in range(n):
-            for axis in range(2):
-                u[a, axis] += step * p[a, axis]
-                r = residual[a, axis] - step * q[a, axis]
-                residual[a, axis] = r
-                size += r * r
-                rho += r * r * inverse[a, axis]
+        for a in range(flat):
+            x[a] += step * ps[a]
+            left = r[a] - step * qs[a]
+            r[a] = left
+            left *= left
+            size += left
+            rho += left * inverse[a]
         turn = rho / last
-        for a in range(n):
-            for axis in range(2):
-                p[a, axis] = inverse[a, axis] * residual[a, axis] + turn * p[a, axis]
+        for a in range(flat):
+            ps[a] = inverse[a] * r[a] + turn * ps[a]
     return -1
 
 

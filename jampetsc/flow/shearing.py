@@ -9,7 +9,7 @@ from jampetsc.contacts.pairs import SKIN_START, PairList, deformed, tuned_skin
 from jampetsc.errors import ConvergenceError
 from jampetsc.flow import steps as compiled
 from jampetsc.flow.models import Model, Scheme
-from jampetsc.flow.resistance import centre_clusters, contact_graph
+from jampetsc.flow.resistance import centre_clusters, contact_graph, deepest_overlap
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class Shear:
             self.steps += done
             self.since += done
             if status == compiled.STALE and self.since:
-                self.skin = tuned_skin(self.skin, self.since, self.diameter)
+                self.skin = tuned_skin(self.skin, self.since * self._effort, self.diameter)
                 self.rebuilds += 1
                 self._list(self.disks)
             elif status == compiled.UNSOLVED:
@@ -122,6 +122,12 @@ class Shear:
         self.spins = self.spins - half * self.spin_rates
 
     @property
+    def _effort(self) -> float:
+        """Cost of a time step that depends on the length of the list, in elastic force evaluations."""
+        each = 1.5 if self.scheme.method == "verlet" else 5.0 if self.model.law.damps_contacts else 1.0
+        return 2.0 * each if self.scheme.heun else each
+
+    @property
     def _law(self):
         return self.reference.potential.constants
 
@@ -150,9 +156,10 @@ class Shear:
 
     def look(self) -> Survey:
         """Contacts as they are now."""
-        graph = contact_graph(self.pairs.arrays, self.offsets, self.shear, len(self.offsets), False)
+        place = (self.pairs.arrays, self.offsets, self.shear)
+        graph = contact_graph(*place, len(self.offsets), False)
         number, largest = centre_clusters(graph, np.zeros_like(self.offsets))
-        return Survey(len(graph[1]) / len(self.offsets), number, largest, float(graph[3]))
+        return Survey(len(graph[1]) / len(self.offsets), number, largest, deepest_overlap(*place))
 
     def velocities_now(self) -> np.ndarray:
         """Non-affine velocities (N, 2) at the positions as they are now."""

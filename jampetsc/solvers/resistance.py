@@ -77,7 +77,7 @@ class ContactSolver:
 
 def _rows(graph, weights, hold, n, first, last):
     """Rows of disks [first, last) of A + hold on interleaved (x, y), as a scipy CSR array."""
-    start, column, normals, _ = graph
+    start, column, normals = graph
     along, across = weights[0], weights[1]
     ends = slice(int(start[first]), int(start[last]))
     j = column[ends].astype(np.int64)

