@@ -9,8 +9,9 @@
 Importing the package loads nothing else. `jampetsc.session.start` is the one door to PETSc and MPI.
 """
 
-__version__ = "0.1.0"
-__all__ = ["Disks", "load", "modes", "pack", "quasistatic", "run", "sweep"]
+from jampetsc.version import VERSION as __version__
+
+__all__ = ["Disks", "__version__", "load", "modes", "pack", "quasistatic", "run", "sweep"]
 
 
 def __getattr__(name):  # PEP 562: `jampetsc.load` and `jampetsc.Disks` import numpy and h5py when first used

@@ -15,9 +15,10 @@ import re
 import sys
 import time
 
-from jampetsc import __version__, launcher, session, stopping, streams
+from jampetsc import launcher, session, stopping, streams
 from jampetsc.commands import COMMANDS
 from jampetsc.errors import InputError, JampetscError
+from jampetsc.version import VERSION
 
 REMEDIES = {errno.ENOSPC: ": free some space, or write elsewhere", errno.EACCES: ": check its permissions"}
 MORE_MEMORY = "use more nodes, or a smaller packing"
@@ -130,7 +131,7 @@ def command_parser(words):
         epilog="jampetsc COMMAND --help tells more. Options with a single dash are PETSc's and go last,\n"
         "for example -options_file FILE or -log_view. In parallel: mpirun -n RANKS jampetsc …",
     )
-    parser.add_argument("--version", action="version", version=f"jampetsc {__version__}")
+    parser.add_argument("--version", action="version", version=f"jampetsc {VERSION}")
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     asked = words[0] if words else ""
     if asked and asked not in COMMANDS and not asked.startswith("-"):

@@ -6,15 +6,17 @@ import random
 import shutil
 import signal
 import time
+from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from samples import published
+from samples import DATA, published
 from test_result_file import assert_holds, parts, written
 
 from jampetsc.contacts.disks import Disks
 from jampetsc.errors import InputError
+from jampetsc.storage import trial
 from jampetsc.storage.checksums import BLOCK, LINE, Damaged, Verified, seal, seal_of
 from jampetsc.storage.merge import merge
 from jampetsc.storage.packing_file import read_packing, write_packing
@@ -102,6 +104,27 @@ def test_damage_is_refused_or_harmless(sound, tmp_path, kind):
         harmless = content == victim.read_bytes()
         victim.write_bytes(content)
         assert outcome(folder / "s.h5") == (right if harmless else "refused"), (number, how, victim.name)
+
+
+FLIPS = {  # place of one byte of without-checksums.h5 -> how HDF5 1.10 ends
+    849: signal.SIGSEGV,
+    893: signal.SIGSEGV,
+    848: signal.SIGABRT,
+    2073: signal.SIGABRT,
+    839: signal.SIGXCPU,
+}
+
+
+@pytest.mark.parametrize("place", FLIPS)
+def test_what_libhdf5_does_not_survive_is_refused(tmp_path, monkeypatch, place):
+    """A file without checksums: another process reads it first."""
+    monkeypatch.setattr(trial, "_SECONDS", 1)
+    path = shutil.copy(DATA / "without-checksums.h5", tmp_path)
+    assert read_packing(path).n == 4
+    content = bytearray((DATA / "without-checksums.h5").read_bytes())
+    content[place] ^= {848: 1, 839: 128}.get(place, 255)
+    Path(path).write_bytes(content)
+    assert outcome(Path(path)) == "refused"
 
 
 def test_a_changed_part_does_not_merge(sound, tmp_path):

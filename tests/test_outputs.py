@@ -85,7 +85,7 @@ def test_an_input_is_never_the_output(inputs, capsys, words):
     places = ["symbolic" + ending, "hard" + ending, f"folder/../{inputs.name}/hard{ending}"]
     if words == "merge s.h5":  # to which the file itself means: in place
         places = places[1:]
-    elif ending == ".h5":
+    elif source.endswith(ending):
         places += [source, f"./{source}", inputs / source, f"folder/{source}"]
     for out in places:
         line = refused(capsys, words, out)

@@ -9,7 +9,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from jampetsc import __version__, launcher
+from jampetsc import launcher
 from jampetsc.contacts.laws import Physics
 from jampetsc.errors import InputError
 from jampetsc.progress import Progress
@@ -19,6 +19,7 @@ from jampetsc.speed_accuracy.table import Table
 from jampetsc.storage.outputs import PICTURE, TABLE, check_output
 from jampetsc.storage.packing_file import read_identified, read_packing
 from jampetsc.storage.provenance import git_commit
+from jampetsc.version import VERSION
 from jampetsc.words.frequencies import parse_omega
 
 
@@ -83,9 +84,7 @@ def _facts(request, reference, load):
     disks, (name, digest) = read_identified(request.packing)
     attributes = reference.result.attributes
     how = f"mpirun -n {request.ranks}" if request.ranks else "one process each"
-    versions = (
-        f"jampetsc {__version__}, commit {git_commit() or 'unknown'}, PETSc {attributes['petsc_version']}"
-    )
+    versions = f"jampetsc {VERSION}, commit {git_commit() or 'unknown'}, PETSc {attributes['petsc_version']}"
     date = datetime.datetime.now().astimezone().isoformat(timespec="seconds")
     facts = [
         f"command: {shlex.join(['jampetsc', *sys.argv[1:]])}",

@@ -21,6 +21,7 @@ from jampetsc.errors import InputError, JampetscError
 from jampetsc.storage.atomic import follow, remove_abandoned, write_error, write_whole
 from jampetsc.storage.parts import remove_if_empty
 from jampetsc.storage.regular import open_regular
+from jampetsc.version import VERSION
 
 _VERSION = 2
 _LINK = 32  # characters of the hash that a line begins with
@@ -45,7 +46,9 @@ class Checkpoint:
         self.comm = comm
         self.rank, self.size = (0, 1) if comm is None else (comm.rank, comm.size)
         self.ordered = ordered
-        text = json.dumps({"version": _VERSION, "key": key}, default=_encode, sort_keys=True).encode()
+        text = json.dumps(
+            {"version": _VERSION, "program": VERSION, "key": key}, default=_encode, sort_keys=True
+        ).encode()
         self._header = _line(b"", text)
         self._job = hashlib.sha256(self._header).hexdigest()[:12]
         self._end = 0  # on rank 0: length of the part of this job's journal that counts, in bytes

@@ -25,7 +25,7 @@ LINE = 128
 _MAGIC = b"jampetsc-checksums 1 "
 _DIGEST = hashlib.sha256().digest_size
 _HELD = 8  # blocks kept in memory: HDF5 reads its metadata in small pieces here and there
-_SUPERBLOCK = b"\x89HDF\r\n\x1a\n"
+SIGNATURE = b"\x89HDF\r\n\x1a\n"  # of HDF5
 
 
 class Damaged(OSError):
@@ -154,11 +154,13 @@ def _parse(file):
 
 
 def _check_end(file, size):
-    """Raise Damaged if bytes follow the end that HDF5's own header names: what is left of checksums."""
+    """Raise Damaged if a file does not end where HDF5's own header says: cut, or with what is left of checksums."""
     file.seek(0)
     start = file.read(48)
-    if len(start) < 48 or not start.startswith(_SUPERBLOCK) or start[8] not in (2, 3) or start[9] != 8:
+    if len(start) < 48 or not start.startswith(SIGNATURE) or start[8] not in (2, 3) or start[9] != 8:
         return  # an older header, which jampetsc's sealed files do not have
     end = int.from_bytes(start[28:36], "little")
+    if size < end:
+        raise Damaged(f"truncated: {end - size} bytes of its HDF5 are missing")
     if size > end:
         raise Damaged(f"truncated or changed: {size - end} bytes follow its end and are no checksums of it")

@@ -15,8 +15,9 @@ import numpy as np
 
 from jampetsc.errors import InputError
 from jampetsc.storage.atomic import NewFile, remove_abandoned
-from jampetsc.storage.checksums import Damaged, Verified, seal
+from jampetsc.storage.checksums import SIGNATURE, Damaged, Verified, seal
 from jampetsc.storage.regular import open_regular
+from jampetsc.storage.trial import failure_of
 
 _CHUNK = 1 << 20  # bytes that one checksum of data covers, at most
 _DAMAGE = (
@@ -105,13 +106,29 @@ def open_file(path) -> h5py.File:
 
 
 def from_stream(file) -> h5py.File:
-    """The HDF5 in a binary file, which it keeps open, to read only what its checksums confirm."""
-    verified = Verified(file)
+    """The HDF5 in a binary file, which it keeps open, to read only what its checksums confirm.
+
+    Raises Damaged, or OSError where it is no HDF5; a file without checksums has its trial first.
+    """
     try:
+        verified = Verified(file)
+        if not verified.sealed and _begins(file) and (failure := failure_of(file)):
+            raise Damaged(failure)
         return h5py.File(verified, "r")
     except BaseException:
-        verified.close()
+        file.close()
         raise
+
+
+def _begins(file) -> bool:
+    """Whether there is the header of HDF5 where the library looks for it: at 0, 512, 1024, …"""
+    size, place = file.seek(0, os.SEEK_END), 0
+    while place < size:
+        file.seek(place)
+        if file.read(len(SIGNATURE)) == SIGNATURE:
+            return True
+        place = 2 * place or 512
+    return False
 
 
 def values(data: h5py.Dataset, selection=...):
@@ -191,7 +208,7 @@ def set_attributes(h5, values: dict) -> None:
 
 def attributes(h5) -> dict:
     """Attributes as Python strings, numbers, booleans or (for lists) numpy arrays."""
-    return {name: _plain(value) for name, value in h5.attrs.items()}
+    return {_plain(name): _plain(value) for name, value in h5.attrs.items()}
 
 
 def _plain(value):

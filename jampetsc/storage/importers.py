@@ -13,10 +13,10 @@ from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import measure
 from jampetsc.errors import InputError
+from jampetsc.storage.checksums import SIGNATURE
 from jampetsc.storage.hdf5 import open_file, reading, values
 from jampetsc.storage.regular import open_regular
 
-_HDF5 = b"\x89HDF\r\n\x1a\n"
 _NUMBER = r"([-+.\deE]+|[-+]?nan|[-+]?inf)"
 _LARGEST = 1 << 29  # bytes of text, about ten million disks
 _AGREE = 1e-6  # relative difference from a stored value that still counts as the same packing
@@ -33,15 +33,15 @@ def import_packing(path, index=0) -> Disks:
     """
     try:
         with open_regular(path) as file:
-            content = file.read(len(_HDF5))
-            if content != _HDF5:
+            content = file.read(len(SIGNATURE))
+            if content != SIGNATURE:
                 content += file.read(_LARGEST)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
     if len(content) > _LARGEST:
         raise InputError(f"{path}: more than {_LARGEST >> 20} MB of text: no packing that can be imported")
     try:
-        disks = _read_jaxmd(path, index) if content == _HDF5 else _read_jambashbulk(path, content, index)
+        disks = _read_jaxmd(path, index) if content == SIGNATURE else _read_jambashbulk(path, content, index)
     except InputError as error:
         text = str(error)
         raise InputError(text if text.startswith(f"{path}: ") else f"{path}: {text}") from None

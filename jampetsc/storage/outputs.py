@@ -9,13 +9,13 @@ from pathlib import Path
 
 from jampetsc.errors import InputError
 from jampetsc.storage.atomic import check_writable
+from jampetsc.storage.checksums import SIGNATURE
 from jampetsc.storage.hdf5 import attributes, open_file, reading
 from jampetsc.storage.regular import open_regular
 
 PICTURE, TABLE = "picture", "table"
 _PICTURES = (b"\x89PNG\r\n", b"%PDF-", b"<?xml", b"<svg")  # how the files begin
 _NOT_HDF5 = (".png", ".pdf", ".svg", ".csv", ".txt", ".opts")  # endings that promise something else
-_HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
 def check_output(out, kind, inputs=()) -> None:
@@ -66,7 +66,7 @@ def _held(path):
         return f"a file that cannot be read ({error.strerror})"
     if not start:
         return None
-    if start.startswith(_HDF5):
+    if start.startswith(SIGNATURE):
         return _format(path)
     if start.lstrip(b"\xef\xbb\xbf").startswith(_PICTURES):
         return PICTURE

@@ -9,6 +9,7 @@ from contextvars import ContextVar
 from pathlib import Path
 
 from jampetsc.contacts.laws import OPTIONS
+from jampetsc.version import VERSION
 
 LONGEST = 10_000  # characters of a list of files
 LAW_PARAMETERS = (*OPTIONS, "prestress", "tau1", "alpha", "stress")
@@ -39,15 +40,13 @@ def provenance(*, versions, scalar_type, petsc_options, ranks, packing, law, wal
     packing: (name, sha256) from `packing_identity`; law: {"law": "contact", "beta": 1.0, …}, entries of None
     left out; argv: the full command line (default: as `command_line` has it).
     """
-    from jampetsc import __version__
-
     unknown = set(law) - {"law", *LAW_PARAMETERS}
     if unknown:
         raise ValueError(
             f"law parameters {sorted(unknown)} would be lost on reading: add them to LAW_PARAMETERS"
         )
     return {
-        "jampetsc_version": __version__,
+        "jampetsc_version": VERSION,
         "git_commit": git_commit(),
         **{f"{library}_version": version for library, version in versions.items()},
         "python_version": sys.version.split()[0],
@@ -68,12 +67,10 @@ def derived_from(sweeps, wall_seconds, argv=None) -> dict:
 
     `sources` and `source_runs` name the files and their run_id, separated by blanks.
     """
-    from jampetsc import __version__
-
     shared = ("packing", "packing_sha256", "law", *LAW_PARAMETERS, "pressure", "phi", "k", "particle_count")
     known = [sweep.attributes for sweep in sweeps]
     return {
-        "jampetsc_version": __version__,
+        "jampetsc_version": VERSION,
         "git_commit": git_commit(),
         "python_version": sys.version.split()[0],
         "argv": command_line(argv),
