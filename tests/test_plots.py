@@ -249,6 +249,24 @@ def test_the_legend_covers_no_data(shape, entries):
             assert not (((points > box.p0) & (points < box.p1)).all(axis=1)).any()
 
 
+@pytest.mark.parametrize(
+    ("low", "high", "labels"),
+    [
+        (0.21, 0.32, ["0.2", "0.3", "0.4"]),
+        (0.95, 1.04, ["0.8", "1", "1.2"]),
+        (3, 40, ["5", "10", "20", "50"]),
+        (0.012, 0.4, ["0.01", "0.02", "0.05", "0.1", "0.2", "0.5"]),
+    ],
+)
+def test_short_axes_are_labelled_alike(low, high, labels):
+    x = np.geomspace(low, high, 9)
+    with style.figure(3, 3) as fig:
+        ax = fig.add_subplot()
+        logaxes.set_log_axes(ax, [(x, x)])
+        fig.draw_without_rendering()
+        assert [label.get_text().strip("$") for label in ax.get_xticklabels()] == labels
+
+
 def guides(G, exponent):
     """Slopes of the guide lines drawn beside G''."""
     with style.figure(3, 3) as fig:

@@ -1,7 +1,7 @@
 """Log-log axes readable over one decade or twenty: limits, ticks, guide slopes, a legend beside the data."""
 
 import numpy as np
-from matplotlib.ticker import FixedLocator, FuncFormatter, LogFormatterMathtext, NullFormatter
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogFormatterMathtext, MaxNLocator, NullFormatter
 
 from jampetsc.analysis.scaling import local_slope
 from jampetsc.plots.style import GREY, power_text, tick_text
@@ -33,7 +33,7 @@ def set_log_axes(ax, lines) -> None:
 
 
 def set_ticks(axis, low, high):
-    """Ticks from 10^low to 10^high: labels at powers of ten, if these are few also at 2 and 5 times them."""
+    """Ticks from 10^low to 10^high: labels at powers of ten, if these are few also between them."""
     floors = np.arange(np.floor(low), np.ceil(high))
     decades = np.arange(np.ceil(low), np.floor(high) + 1)
     between = np.concatenate([np.log10(np.arange(1, 10)) + d for d in floors])
@@ -41,6 +41,9 @@ def set_ticks(axis, low, high):
     if high - low < _SHORT_AXIS:
         labelled = np.concatenate([np.log10([1, 2, 5]) + d for d in floors])
         labelled = labelled[(labelled >= low) & (labelled <= high)]
+        if len(labelled) < 2:  # so short that even steps will do
+            even = MaxNLocator(4, steps=(1, 2, 5, 10)).tick_values(10.0**low, 10.0**high)
+            labelled = np.log10(even[(even >= 10.0**low) & (even <= 10.0**high)])
     else:
         labelled = decades[np.mod(decades, step) == 0]
     if len(labelled) < 2:
