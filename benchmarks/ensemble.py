@@ -63,7 +63,7 @@ def sample(n, pressure, seed, solver):
     start = protocols.random_start(
         radii_of("bidisperse", n), protocols.start_phi(pressure), seed, Potential()
     )
-    disks = protocols.make_packing(start, protocols.Target(pressure), solver, seed=seed)
+    disks = protocols.make_packing(start, protocols.Target(pressure), solver)
     state = measure(disks)
     root = np.sqrt(pressure)
     return (

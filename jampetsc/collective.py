@@ -1,5 +1,7 @@
 """What ranks do as one: a failure of one rank is everybody's, and what one rank finds out all of them know."""
 
+import os
+import socket
 from contextlib import contextmanager
 
 import numpy as np
@@ -51,3 +53,14 @@ def from_rank_0(comm, arrays: dict | None) -> dict:
             comm.Bcast(content[start : start + _PIECE])
         shared[name] = array
     return shared
+
+
+def own_cores(comm, working: bool = True) -> int:
+    """Collective. How many cores this rank may use, shared evenly with those ranks of its node that are `working`.
+
+    What a rank may use is its affinity: what the job gave it, or what mpirun bound it to.
+    """
+    mine = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set(range(os.cpu_count() or 1))
+    ranks = comm.allgather((socket.gethostname(), mine if working else set()))
+    others = [cores for host, cores in ranks if host == socket.gethostname()]
+    return max(1, int(sum(1.0 / max(1, sum(core in cores for cores in others)) for core in mine) + 1e-9))

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.scalar("real")
 def pack(n, target, seed=1, potential=None, sizes="bidisperse"):
     phi = target.phi or protocols.start_phi(target.pressure)
     start = protocols.random_start(radii_of(sizes, n), phi, seed, potential or Potential())
-    return protocols.make_packing(start, target, NewtonSolver(), seed=seed)
+    return protocols.make_packing(start, target, NewtonSolver())
 
 
 def rigidity(disks):

@@ -3,7 +3,7 @@
 import sys
 import time
 
-from jampetsc.collective import by_rank_0
+from jampetsc.collective import by_rank_0, own_cores
 from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES
 from jampetsc.errors import ConvergenceError, JampetscError
 from jampetsc.packing.sizes import SIZES
@@ -13,6 +13,9 @@ EPILOG = """examples
   jampetsc pack --n 1024 --pressure 1e-4 --seed 1 --out p1e-4.h5
   jampetsc pack --n 1024 --pressure 1e-5 --from p1e-4.h5 --out p1e-5.h5
   mpirun -n 4 jampetsc pack --n 1024 --pressure 1e-2,1e-3 --seeds 1:20 --out out/p{pressure}-{seed}.h5
+
+One packing is made by one rank, with all the cores that are its own; several are shared among the ranks. The same
+seed gives the same packing to the last bit, whatever the number of threads and ranks.
 
 Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat_solver_type mumps."""
 
@@ -56,6 +59,12 @@ def add_parser(subparsers) -> None:
     how.add_argument(
         "--out", required=True, metavar="FILE", help="packing file; {seed} and {pressure} are replaced"
     )
+    how.add_argument(
+        "--threads",
+        type=int,
+        metavar="T",
+        help="of each rank (default: the cores it may use, shared with the node's other ranks at work)",
+    )
     parser.set_defaults(run=run, check=check, takes_petsc=lambda args: True)
 
 
@@ -82,6 +91,7 @@ def run(args, petsc_argv) -> int:
     start = starter(args, radii, source)
     request = request_of(args, identity)
     pending = by_rank_0(session.comm, lambda: [task for task in tasks if not complete(task, request)])
+    from jampetsc.contacts.threads import Team
     from jampetsc.solvers import local
     from jampetsc.solvers.rehearsal import rehearse
 
@@ -89,7 +99,12 @@ def run(args, petsc_argv) -> int:
     solver = local.NewtonSolver()
     if session.rank == 0 and len(pending) < len(tasks):
         print(f"{len(tasks) - len(pending)} of {len(tasks)} packings are there already", flush=True)
-    failures = _make(pending[session.rank :: session.size], start, request, solver, session)
+    if session.rank == 0 and 0 < len(pending) < session.size:
+        idle = session.size - len(pending)
+        print(f"one rank makes a packing: {idle} of {session.size} ranks have nothing to do", flush=True)
+    mine = pending[session.rank :: session.size]
+    team = Team(args.threads or own_cores(session.comm, bool(mine)))
+    failures = _make(mine, start, request, solver, team, session)
     failures = [failure for some in session.comm.allgather(failures) for failure in some]
     if len(tasks) == 1 and failures:
         raise failures[0][1]
@@ -101,7 +116,7 @@ def run(args, petsc_argv) -> int:
     return 0
 
 
-def _make(tasks, start, request, solver, session):
+def _make(tasks, start, request, solver, team, session):
     """Make this rank's packings; returns [(path, error)] of those that failed."""
     from tqdm import tqdm
 
@@ -120,12 +135,16 @@ def _make(tasks, start, request, solver, session):
                     start(task.seed, task.target),
                     task.target,
                     solver,
-                    seed=task.seed or 0,
                     fresh=fresh,
+                    team=team,
                     effort=effort,
                 )
                 disks = disks.with_record(**entries(task, request))
                 write_packing(task.path, disks)
+            except ConvergenceError as error:
+                remedy = "use another --seed, or a larger --tolerance"
+                failures.append((str(task.path), ConvergenceError(f"{error}: {remedy}")))
+                continue
             except JampetscError as error:
                 failures.append((str(task.path), error))
                 continue

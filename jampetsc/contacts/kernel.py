@@ -27,13 +27,15 @@ BLOCK = 1024  # pairs worked on at a time: their temporaries stay in the first-l
 # another, and would not vectorise.
 UX, UY, ROLL, END = (row * BLOCK for row in range(4))
 # Sums may be reordered and multiplications fused: that lets the compiler use its widest vectors.
+# What sums so has to be inlined by force: of copies in several modules, each optimised in its own way, it would depend
+# on numba's cache which one is run, and so the last digit of a result.
 FAST = {"reassoc", "contract", "nsz", "arcp", "nnan", "ninf"}
 
 
-_secant = numba.njit(fastmath=FAST, error_model="numpy")(secant_stiffness)
+_secant = numba.njit(fastmath=FAST, error_model="numpy", forceinline=True)(secant_stiffness)
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
 def _block_forces(r0x, r0y, sigma, bx, by, moving, scale, mix, law, motion, rolling):
     """Turn o_j − o_i in (bx, by) into the forces on j, for one block of pairs: no branches, no indices.
 

@@ -1,14 +1,13 @@
-"""The exact Hessian of the enthalpy in the coordinates of a quench, on the pattern of its pair list.
+"""The exact Hessian of the enthalpy, in moves o of the disks and a strain of the cell from where they are now.
 
-With r the bond vectors of a freshly folded list (o = 0, F = 1), M = k n nᵀ − (f/r) t tᵀ (BT eqs. 4, 11)
-and s = (r_y, 0):
+Bonds become e^ε [[1, g], [0, 1]] (r + o_j − o_i). With M = k n nᵀ − (f/r) t tᵀ (BT eqs. 4, 11) and s = (r_y, 0):
 
     ∂²H/∂o∂o   blocks M                      ∂²H/∂ε²   Σ (k r² − f r) + 4 p V
     ∂²H/∂o∂ε   Σ (k r − f) n                 ∂²H/∂g²   Σ sᵀ M s
     ∂²H/∂o∂g   Σ M s − f (0, n_x)            ∂²H/∂ε∂g  Σ (k r − f) n_x r_y
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
@@ -21,6 +20,7 @@ class Bonds:
     """Forces and stiffnesses of all listed pairs, zero for those that do not touch."""
 
     pairs: PairList
+    r: np.ndarray  # (2, M)
     normal: np.ndarray  # (2, M)
     distance: np.ndarray  # (M,)
     overlap: np.ndarray  # (M,) negative for gaps
@@ -28,15 +28,24 @@ class Bonds:
     stiffness: np.ndarray  # (M,)
 
     @classmethod
-    def of(cls, pairs: PairList, potential) -> "Bonds":
-        """State of the pairs of a freshly folded list."""
-        distance = np.hypot(pairs.r0[0], pairs.r0[1])
+    def of(cls, pairs: PairList, potential, offsets=None, strain: float = 0.0, shear: float = 0.0) -> "Bonds":
+        """State of the listed pairs after offsets (N, 2) and F = e^strain [[1, shear], [0, 1]] since the list."""
+        r = pairs.r0
+        if offsets is not None:
+            r = r + (offsets[pairs.j] - offsets[pairs.i]).T
+            # Only the change is rounded: an error of e^ε, the same in every bond, would show in the pressure.
+            r = r + np.expm1(strain) * r + np.exp(strain) * shear * np.stack((r[1], np.zeros_like(r[1])))
+        distance = np.hypot(r[0], r[1])
         overlap = pairs.sigma - distance
         touching = overlap > 0
         depth = np.where(touching, overlap, 0.0)
         force = potential.force(depth, pairs.sigma)
         stiffness = np.where(touching, potential.contact_stiffness(depth, pairs.sigma), 0.0)
-        return cls(pairs, pairs.r0 / distance, distance, overlap, force, stiffness)
+        return cls(pairs, r, r / distance, distance, overlap, force, stiffness)
+
+    def only(self, bearing) -> "Bonds":
+        """The same with the forces and stiffnesses of the bonds in the mask (M,) alone."""
+        return replace(self, force=self.force * bearing, stiffness=self.stiffness * bearing)
 
     def on_disks(self, bond_forces, n):
         """Sum over pairs of the forces (2, M) on j, and of their opposites on i, (N, 2)."""
@@ -108,7 +117,7 @@ def border(bonds: Bonds, n: int, area: float, pressure: float):
     nx, ny = bonds.normal
     r, f, k = bonds.distance, bonds.force, bonds.stiffness
     across = f / r
-    ry = bonds.pairs.r0[1]
+    ry = bonds.r[1]
     along_s, across_s = k * nx * ry, -across * -ny * ry  # M s = along_s n + across_s t, t = (−n_y, n_x)
     strain_row = bonds.on_disks((k * r - f) * bonds.normal, n)
     shear_row = bonds.on_disks(

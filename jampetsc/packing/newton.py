@@ -1,9 +1,12 @@
-"""The last digits of a quench: Newton's method with the exact Hessian, disks and cell together.
+"""The last digits of a minimisation: damped Newton steps with the exact Hessian, disks and cell together.
 
-Disks that are held (rattlers, and one pinned against translations) keep unit rows, so the pattern never
-changes and a successful Cholesky factorisation proves that K without rattlers has no negative eigenvalue. The
-cell is eliminated by its Schur complement. The factorisation is passed in (`solver`), so that this package
-needs no PETSc:
+One solves (K + μ) u = F with μ ≪ the softest stiffness, p, but > 0, so that rattlers, which nothing holds, need no
+treatment of their own; the cell is eliminated by its Schur complement. A converged packing is then proved a minimum:
+the Cholesky factorisation of K without μ and without rattlers, one disk pinned against translations, succeeds and
+leaves the cell a positive Schur complement. Where it does not, the packing is a saddle, and is left along a mode of
+negative curvature. All of this on one pattern while the list of pairs stands: it is analysed once.
+
+The factorisation is passed in (`solver`), so that this package needs no PETSc:
 
     solver.factorise(indptr, indices, values) -> bool    upper triangle as CSR; False if not positive definite
     solver.solve(b) -> x
@@ -14,19 +17,29 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jampetsc.contacts.state import both_ends, find_rattlers, force_threshold, virial_pressure
-from jampetsc.packing.fire import Quench
+from jampetsc.packing.descent import Descent, Goal
 from jampetsc.packing.hessian import Bonds, Pattern, border
 
-STEPS = 12  # quadratic convergence needs far fewer: then FIRE should do some more
-RELEASES = 200  # sweeps of pushing rattlers out of overlaps
-REACH = 0.3  # no disk may move by more than this in one Newton step, in units of d
+STEPS = 12  # a few are enough once the contacts are those of the minimum; else the descent should go on
+DAMPING = 1e-3  # first μ, in units of p
+DAMPING_RAISED = 4e-4  # at least, after a negative mode
+DAMPING_LEAST = 1e-4  # where max |F| > NEAR p d
+NEAR = 1e-3
+BEND = 1e-5  # max |F| / (p d) below which slopes are near rounding, and full steps as good
+REACH = 0.1  # no disk moves farther in one step, in units of d
+RAISES = 60  # of μ, fourfold each, before a Hessian is given up
+FLAT = 0.3  # slope at the end of a search, as a share of that at its beginning
+TRIES = 12  # points of a search
+ITERATIONS = 50  # for a negative mode
+FORCE_FLOOR = 3e-15  # in units of k d
+STRESS_FLOOR = 4e-16  # in units of k/√N
 
 
 @dataclass(frozen=True)
 class Residual:
     """How far a packing is from equilibrium."""
 
-    force: float  # max |F| over disks that are not rattlers
+    force: float  # max |F| over all disks
     pressure: float  # |p − p_target|, 0 at fixed cell
     shear_stress: float  # |σ_xy| where the shear of the cell is free, else 0
 
@@ -39,164 +52,254 @@ class Residual:
         )
 
 
-def limits(disks, pressure, tolerance) -> Residual:
-    """What counts as converged: relative to p, but never below the rounding of bonds, r ~ d.
+class Limits:
+    """Residuals that count as converged: relative to p, but no less than the rounding of bonds, r ~ d, leaves.
 
-    One force is uncertain by about 1e-16 k d, the pressure, a mean over N bonds, by 1/√N of that.
+    One force is uncertain by about 1e-16 k d, k the stiffness of a usual contact, the net force on a disk, of half a
+    dozen, by a few times that, and the pressure, a mean over N bonds, by 1/√N of it.
     """
-    d = 2.0 * float(np.mean(disks.radii))
-    k = float(disks.potential.k)
-    stress = max(tolerance * pressure, 4e-16 * k / np.sqrt(disks.n))
-    return Residual(max(tolerance * pressure * d, 2e-15 * k * d), stress, stress)
+
+    def __init__(self, descent: Descent, tolerance: float):
+        self._descent, self._tolerance = descent, tolerance
+
+    def asked(self, pressure: float) -> Residual:
+        """What `tolerance` means at this pressure."""
+        stress = self._tolerance * pressure
+        return Residual(stress * self._descent.diameter, stress, stress)
+
+    def at(self, pressure: float) -> Residual:
+        """The larger of what was asked for and what rounding leaves."""
+        asked, stiffness = self.asked(pressure), self._descent.usual_stiffness(pressure)
+        stress = STRESS_FLOOR * stiffness / np.sqrt(self._descent.n)
+        force = FORCE_FLOOR * stiffness * self._descent.diameter
+        return Residual(max(asked.force, force), *[max(asked.pressure, stress)] * 2)
 
 
-class Polish:
-    """Newton steps on a quench; `steps` counts factorisations."""
+@dataclass(frozen=True, eq=False)
+class Point:
+    """What a packing is like at one point of its way."""
 
-    def __init__(self, quench: Quench, solver):
-        self.quench, self.solver = quench, solver
-        self.steps = 0
-        self.modulus = None
+    goal: Goal
+    bonds: Bonds
+    n: int
+    area: float
+    pressure: float
+    forces: np.ndarray  # (N, 2) −∂H/∂o
+    drive: np.ndarray  # (2,) −∂H/∂(ε, g), 0 for what does not move
 
-    def look(self):
-        """Fold the quench and evaluate bonds, rattlers and residual there."""
-        quench = self.quench
-        quench.fold()
-        disks = quench.disks
-        self.disks, self.n, self.area = disks, disks.n, disks.area
-        self.bonds = bonds = Bonds.of(quench.pairs, disks.potential)
-        self.pressure = virial_pressure(bonds.force, bonds.distance, self.area)
-        self.forces = bonds.on_disks(bonds.force * bonds.normal, self.n)
-        self.rattlers = self._rattlers()
-        self.drive = np.array([0.0, float(np.sum(bonds.force * bonds.normal[0] * bonds.pairs.r0[1]))])
-        if quench.goal.pressure is not None:
-            self.drive[0] = 2.0 * self.area * (self.pressure - quench.goal.pressure)
-        held = self.forces[~self.rattlers]
-        self.residual = Residual(
-            force=float(np.sqrt((held**2).sum(axis=1).max())) if len(held) else 0.0,
-            pressure=abs(self.drive[0]) / (2.0 * self.area),
-            shear_stress=abs(self.drive[1]) / self.area if quench.goal.shear else 0.0,
-        )
-        return self.residual
-
-    def _rattlers(self):
-        bears = self.bonds.force > force_threshold(self.disks, self.pressure)
-        return find_rattlers(self.n, *both_ends(self.bonds.pairs.i[bears], self.bonds.pairs.j[bears]))
-
-    def _factorise(self, bonds):
-        """Factor, border and Schur complement of the cell for these bonds; None if K has a negative mode.
-
-        Returns (free, rows, response, schur): the mask of moving disks, ∂²H/∂o∂(ε, g), K⁻¹ of it, and what
-        the cell feels.
-        """
-        free = ~self.rattlers
-        if not free.any():
-            return None
-        free[np.argmax(free)] = False  # pinned against translations
-        pattern = Pattern(bonds.pairs, self.n)
-        self.steps += 1
-        if not self.solver.factorise(pattern.indptr, pattern.indices, pattern.fill(bonds, free)):
-            return None
-        rows, corner = border(bonds, self.n, self.area, self.quench.goal.pressure or 0.0)
-        rows[~free] = 0.0
-        response = np.stack([self._solve(rows[..., b]) for b in range(2)], axis=-1)
-        schur = corner - np.einsum("nab,nac->bc", rows, response)
-        return free, rows, response, schur
-
-    def _solve(self, right):
-        return self.solver.solve(right.ravel()).reshape(self.n, 2)
+    @classmethod
+    def of(cls, descent: Descent) -> "Point":
+        """The point where `descent` is now."""
+        n, area, goal = descent.n, descent.area, descent.goal
+        bonds = descent.bonds()
+        pressure = virial_pressure(bonds.force, bonds.distance, area)
+        push = bonds.force * bonds.normal
+        drive = np.zeros(2)
+        if goal.pressure is not None:
+            drive[0] = 2.0 * area * (pressure - goal.pressure)
+        if goal.shear:
+            drive[1] = float(np.sum(push[0] * bonds.r[1]))
+        return cls(goal, bonds, n, area, pressure, bonds.on_disks(push, n), drive)
 
     @property
-    def _moving(self):
-        goal = self.quench.goal
-        return [b for b, moves in enumerate((goal.pressure is not None, goal.shear)) if moves]
+    def residual(self) -> Residual:
+        """How far this is from equilibrium."""
+        return Residual(
+            force=float(np.hypot(*self.forces.T).max()),
+            pressure=abs(self.drive[0]) / (2.0 * self.area),
+            shear_stress=abs(self.drive[1]) / self.area,
+        )
 
-    def step(self) -> bool:
-        """One Newton step from where `look` was. False if K has a negative mode or the step is too long."""
-        factor = self._factorise(self.bonds)
-        if factor is None:
-            return False
-        free, rows, response, schur = factor
-        moving = self._moving
-        move = self._solve(np.where(free[:, None], self.forces, 0.0))
+    @property
+    def moving(self):
+        """Which of ε and g move."""
+        return [b for b, moves in enumerate((self.goal.pressure is not None, self.goal.shear)) if moves]
+
+    def along(self, step) -> float:
+        """−∂H along a step (u, strain)."""
+        move, strain = step
+        return float(np.vdot(self.forces, move) + np.dot(self.drive, strain))
+
+    def held(self, disks):
+        """The point with its load-bearing contacts alone, and the mask (N,) of the disks they hold, but for one.
+
+        That one is pinned against translations; rattlers are not held.
+        """
+        i, j = self.bonds.pairs.i, self.bonds.pairs.j
+        bears = self.bonds.force > force_threshold(disks, self.pressure)
+        held = ~find_rattlers(self.n, *both_ends(i[bears], j[bears]))
+        bare = replace(self, bonds=self.bonds.only(bears & held[i] & held[j]))
+        if held.any():
+            held[np.argmax(held)] = False
+        return bare, held
+
+
+class Linear:
+    """(H + μ) of a point, factorised: disks by `solver`, the cell by its Schur complement."""
+
+    def __init__(self, point: Point, pattern: Pattern, solver, free, mu: float):
+        self._solver, self._free, self._moving = solver, free, point.moving
+        values = pattern.fill(point.bonds, free, mu)
+        self.definite = bool(free.any()) and solver.factorise(pattern.indptr, pattern.indices, values)
+        if not self.definite:
+            return
+        rows, corner = border(point.bonds, point.n, point.area, point.goal.pressure or 0.0)
+        self._rows = np.where(free[:, None, None], rows, 0.0)
+        self._response = np.stack([self._disks(self._rows[..., b]) for b in range(2)], axis=-1)
+        corner = corner + mu * point.n * np.eye(2)
+        schur = corner - np.einsum("nab,nac->bc", self._rows, self._response)
+        self.modulus = float(schur[1, 1]) / point.area
+        self._schur = schur[np.ix_(self._moving, self._moving)]
+        self.definite = not self._moving or float(np.linalg.eigvalsh(self._schur)[0]) > 0.0
+
+    def _disks(self, right):
+        return self._solver.solve(np.ascontiguousarray(right).ravel()).reshape(-1, 2)
+
+    def solve(self, forces, drive):
+        """(u (N, 2), strain (2,)) with (H + μ)(u, strain) = (forces, drive)."""
+        move = self._disks(np.where(self._free[:, None], forces, 0.0))
         strain = np.zeros(2)
-        if moving:
-            inner = schur[np.ix_(moving, moving)]
-            if np.linalg.eigvalsh(inner)[0] <= 0:
+        if self._moving:
+            left = (drive - np.einsum("nab,na->b", self._rows, move))[self._moving]
+            strain[self._moving] = np.linalg.solve(self._schur, left)
+            move -= self._response @ strain
+        return move, strain
+
+
+class Newton:
+    """Newton steps on a descent; `effort.newton_steps` counts factorisations."""
+
+    def __init__(self, descent: Descent, solver, effort):
+        self.descent, self.solver, self.effort = descent, solver, effort
+        self._analysed = None, None
+
+    def _linear(self, point, free, mu) -> Linear:
+        pairs = self.descent.pairs
+        if self._analysed[0] is not pairs:
+            self._analysed = pairs, Pattern(pairs, self.descent.n)
+        self.effort.newton_steps += 1
+        return Linear(point, self._analysed[1], self.solver, free, mu)
+
+    def _damped(self, point, free, mu):
+        """(H + μ) with μ raised until it is positive definite, and that μ."""
+        for _ in range(RAISES):
+            linear = self._linear(point, free, mu)
+            if linear.definite:
+                break
+            mu = max(4.0 * mu, DAMPING_RAISED * point.pressure)
+        return linear, mu
+
+    def converge(self, limits: Limits) -> bool:
+        """Steps until the residual is what `limits` ask for, or rounding stops them, at most STEPS; whether it is."""
+        d = self.descent.diameter
+        free = np.ones(self.descent.n, bool)
+        point = Point.of(self.descent)
+        mu = DAMPING * point.pressure
+        last = np.inf
+        for _ in range(STEPS):
+            scale, force = point.pressure, point.residual.force
+            if point.residual.within(limits.asked(scale)):
+                return True
+            if point.residual.within(limits.at(scale)) and force > 0.5 * last:
+                return True
+            last = force
+            linear, mu = self._damped(point, free, mu)
+            step = linear.solve(point.forces, point.drive)
+            longest = float(np.hypot(*step[0].T).max())
+            if not 0.0 < longest < np.inf:
                 return False
-            strain[moving] = np.linalg.solve(inner, (self.drive - np.einsum("nab,na->b", rows, move))[moving])
-            move -= response @ strain
-        reach = REACH * 2.0 * float(np.mean(self.disks.radii))
-        if not np.isfinite(move).all() or np.abs(move).max() > reach or np.abs(strain).max() > 0.05:
+            length = min(1.0, REACH * d / longest)
+            if force > BEND * scale * d:
+                length, point = self._search(point, step, length)
+            else:
+                point = self._go(step, length)
+            if length > 0.7:
+                near = point.residual.force <= NEAR * scale * d
+                mu = max(0.3 * mu, 0.0 if near else DAMPING_LEAST * scale)
+            elif length < 0.3:
+                mu *= 3.0
+        return point.residual.within(limits.at(point.pressure))
+
+    def _go(self, step, length):
+        self.descent.move(length * step[0], length * step[1])
+        return Point.of(self.descent)
+
+    def _search(self, start, step, length):
+        """Go along a step until the slope is small, or all of it if that is downhill to its end.
+
+        Returns how far, and the point there.
+        """
+        pull = start.along(step)
+        point = self._go(step, length)
+        now = point.along(step)
+        if now >= 0.0:
+            return length, point
+        lower, upper = (0.0, pull), (length, now)
+        for _ in range(TRIES):
+            if abs(now) <= FLAT * pull:
+                break
+            share = min(max(lower[1] / (lower[1] - upper[1]), 0.1), 0.9)
+            here = length
+            length = lower[0] + share * (upper[0] - lower[0])
+            point = self._go(step, length - here)
+            now = point.along(step)
+            if now > 0.0:
+                lower = (length, now)
+            else:
+                upper = (length, now)
+        return length, point
+
+    def prove(self):
+        """G₀ of the load-bearing contacts if they alone make this a minimum, else None."""
+        point, held = Point.of(self.descent).held(self.descent.disks)
+        linear = self._linear(point, held, 0.0)
+        return linear.modulus if linear.definite else None
+
+    def leave_saddle(self) -> bool:
+        """Go down along a mode of negative curvature, to where it is steepest; False if none is found."""
+        descent = self.descent
+        point, held = Point.of(descent).held(descent.disks)
+        mode = self._negative_mode(point, held) if held.any() else None
+        if mode is None:
             return False
-        self.quench.offsets += move
-        self.quench.box[0] += strain
+        longest = float(np.hypot(*mode[0].T).max())
+        size = 0.1 * descent.usual_overlap() / longest
+        for _ in range(TRIES):
+            pulls = {sign * size: self._pull_at(mode, sign * size) for sign in (1.0, -1.0)}
+            way = max(pulls, key=pulls.get)
+            if pulls[way] > 0.0:
+                break
+            size *= 0.1
+        else:
+            return False
+        pull = pulls[way]
+        while abs(2.0 * way) * longest <= REACH * descent.diameter:
+            farther = self._pull_at(mode, 2.0 * way)
+            if farther <= pull:
+                break
+            way, pull = 2.0 * way, farther
+        self._go(mode, way)
         return True
 
-    def prove(self) -> bool:
-        """Whether the load-bearing contacts alone make this a minimum; sets `modulus`, their G₀."""
-        i, j = self.bonds.pairs.i, self.bonds.pairs.j
-        bearing = self.bonds.force > force_threshold(self.disks, self.pressure)
-        bearing &= ~(self.rattlers[i] | self.rattlers[j])
-        bonds = replace(
-            self.bonds, force=self.bonds.force * bearing, stiffness=self.bonds.stiffness * bearing
-        )
-        factor = self._factorise(bonds)
-        if factor is None:
-            return False
-        schur, moving = factor[-1], self._moving
-        self.modulus = float(schur[1, 1]) / self.area
-        return not moving or float(np.linalg.eigvalsh(schur[np.ix_(moving, moving)])[0]) > 0.0
+    def _pull_at(self, mode, way):
+        """How strongly the packing is driven on along `mode` once it has gone that way."""
+        pull = np.sign(way) * self._go(mode, way).along(mode)
+        self._go(mode, -way)
+        return pull
 
-    def release_rattlers(self):
-        """Move rattlers out of the disks they still touch: FIRE, with hardly a force on them, is slow at it.
-
-        Only rattlers move. One that finds no room within RELEASES sweeps stays; its forces then count on its
-        neighbours.
-        """
-        pairs, disks = self.bonds.pairs, self.disks
-        pressed = self.rattlers[pairs.i] | self.rattlers[pairs.j]
-        i, j, r0, sigma = pairs.i[pressed], pairs.j[pressed], pairs.r0[:, pressed], pairs.sigma[pressed]
-        moved = np.zeros((disks.n, 2))
-        room = 1e-9 * float(np.mean(disks.radii))
-        for _ in range(RELEASES):
-            r = r0 + (moved[j] - moved[i]).T
-            distance = np.hypot(*r)
-            depth = np.where(sigma > distance, sigma - distance + room, 0.0)
-            if not depth.any():
+    def _negative_mode(self, point, held):
+        """A move (u, strain) of negative curvature, by inverse iteration with μ; None if there is none."""
+        linear, mu = self._damped(point, held, DAMPING_LEAST * point.pressure)
+        weight = float(point.n)  # of a strain, beside a move of one disk
+        move = np.random.default_rng(point.n).standard_normal((point.n, 2))
+        strain = np.zeros(2)
+        curvature = np.inf
+        for _ in range(ITERATIONS):
+            new, turned = linear.solve(move, weight * strain)
+            norm = np.vdot(new, new) + weight * np.dot(turned, turned)
+            before = curvature
+            curvature = (np.vdot(new, move) + weight * np.dot(turned, strain)) / norm - mu
+            move, strain = new / np.sqrt(norm), turned / np.sqrt(norm)
+            if curvature < 0.0 and abs(curvature - before) < 0.1 * abs(curvature):
                 break
-            push = depth * r / distance
-            for axis in range(2):
-                np.add.at(moved[:, axis], j, push[axis])
-                np.add.at(moved[:, axis], i, -push[axis])
-            moved[~self.rattlers] = 0.0
-        if moved.any() and np.abs(moved).max() < 0.5 * pairs.skin:
-            self.quench.offsets += moved
-            self.look()
-
-    def converge(self, wanted: Residual) -> bool:
-        """Newton to `wanted`. True when there, and a minimum is proved; else the quench is where it was.
-
-        Gives up as soon as a step does not halve the residual: then contacts still change and FIRE should go
-        on.
-        """
-        start = self.quench.disks
-        self.look()
-        self.release_rattlers()
-        last = self.residual
-        for _ in range(STEPS):
-            if last.within(wanted):
-                if self.prove():
-                    return True
-                break
-            if not self.step():
-                break
-            here = self.look()
-            if not here.within(wanted) and (
-                here.force > 0.5 * last.force and here.pressure > 0.5 * last.pressure
-            ):
-                break
-            last = here
-        self.quench.set_disks(start)
-        self.quench.rest()
-        return False
+        return (move, strain) if curvature < 0.0 else None

@@ -1,23 +1,21 @@
-"""How packings are made: random starts, the path in pressure, and the quench down to the last digits."""
+"""How packings are made: random starts, the path in pressure, and the minimum at its end."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.minimum import with_proof
 from jampetsc.contacts.neighbours import spatial_order
 from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import measure
-from jampetsc.errors import ConvergenceError, InputError
-from jampetsc.packing.fire import Goal, Quench
-from jampetsc.packing.newton import Polish, limits
+from jampetsc.contacts.threads import Team
+from jampetsc.errors import InputError
+from jampetsc.packing.descent import Goal
+from jampetsc.packing.minimise import Effort, Minimum, minimise, relax, settle, stress_unit
 
 FIRST = 1e-3  # pressure in units of k from which a random start goes down decade by decade
 LOOSE = 1e-2  # max |F| / (p d) to which the packings on the way are quenched
-EVALUATIONS = 20_000_000  # of the forces, before a quench is given up
-KICKS = 20  # ways out of saddles to try
-UNJAMMED = 1e-11  # pressure in units of k below which disks at fixed cell do not touch
+TOUCHING = 1e-3  # max |F| / (k d) to which a random start is relaxed in its cell
 
 
 @dataclass(frozen=True)
@@ -28,18 +26,6 @@ class Target:
     phi: float | None = None
     stabilise: str = "volume"  # "shear": σ_xy = 0 and a positive shear modulus, too
     tolerance: float = 1e-10  # max |F| / (p d) and |Δp| / p
-
-
-@dataclass
-class Effort:
-    """What a quench has cost so far; `report` is called with it now and then."""
-
-    evaluations: int = 0
-    newton_steps: int = 0
-    kicks: int = 0
-    stage: str = ""
-    residual: float = np.nan  # max |F| / (p d)
-    report: object = field(default=lambda effort: None, repr=False)
 
 
 def _generator(seed):
@@ -68,49 +54,49 @@ def random_start(radii, phi: float, seed: int, potential: Potential) -> Disks:
 
 
 def make_packing(
-    start: Disks, target: Target, solver, *, seed: int = 0, fresh: bool = True, effort=None
+    start: Disks,
+    target: Target,
+    solver,
+    *,
+    fresh: bool = True,
+    team: Team | None = None,
+    effort: Effort | None = None,
 ) -> Disks:
-    """Quench `start` to `target` and record how; every random number follows from `seed`.
+    """Quench `start` to `target` and record how.
 
     fresh: a random start, relaxed in its cell first; otherwise a packing whose pressure is changed. At a
-    target pressure the path goes down decade by decade, every packing on the way quenched to max |F| = 1e-2 p
-    d. solver: see `newton`.
+    target pressure the path goes down decade by decade, every packing on the way relaxed to max |F| = 1e-2 p
+    d. solver: see `newton`. team: the threads to do it with; how many does not change the packing.
 
-    Raises ConvergenceError where the packing misses the target, InputError for a φ below jamming.
+    Raises ConvergenceError where no minimum is reached, InputError for a φ below jamming.
     """
     effort = effort or Effort()
-    quench = Quench(start, Goal())
-    path = []
+    disks, path = start, []
     if target.pressure is None:
+        goal = Goal()
         path.append(f"phi = {target.phi:.10g}")
     else:
+        goal = Goal(target.pressure, target.stabilise == "shear")
+        unit, d = stress_unit(disks), 2.0 * float(np.mean(disks.radii))
         if fresh:
             effort.stage = "random start"
-            quench.descend(1e-3 * _stress_unit(start), np.inf, 20_000)
+            disks = settle(disks, TOUCHING * unit * d, team=team, effort=effort)
             path.append(f"phi = {start.phi:.6g}")
-            now = max(FIRST * _stress_unit(start), target.pressure)
+            now = max(FIRST * unit, target.pressure)
         else:
             now = measure(start).pressure
             path.append(f"p = {now:.6g}")
-        for pressure in [*_decades(now, target.pressure, fresh), target.pressure]:
+        for pressure in _decades(now, target.pressure, fresh):
             effort.stage = f"p = {pressure:.3g}"
-            effort.report(effort)
-            quench.goal = Goal(pressure, target.stabilise == "shear")
-            quench.rest()
+            on_the_way = Goal(pressure, goal.shear)
+            disks = relax(disks, on_the_way, LOOSE * pressure * d, team=team, effort=effort)
             path.append(f"p = {pressure:.6g}")
-            if pressure != target.pressure:
-                _loosely(quench, pressure)
-    proof = _exactly(quench, target, solver, _generator([seed, 1]), effort)
-    return _recorded(
-        quench.disks, target, proof, ("random, " if fresh else "") + ", then ".join(path), effort
-    )
-
-
-def _stress_unit(disks):
-    """k/d^… : pressure of order one for this potential."""
-    return float(disks.potential.k) / (
-        float(np.mean(2 * disks.radii)) ** 2 if disks.potential.stiffness != "constant" else 1.0
-    )
+        effort.stage = f"p = {target.pressure:.3g}"
+        path.append(f"p = {target.pressure:.6g}")
+    found = minimise(disks, goal, solver, tolerance=target.tolerance, team=team, effort=effort)
+    if not found.jammed:
+        raise InputError(f"phi = {target.phi:.6g}: the disks do not touch: choose a larger packing fraction")
+    return _recorded(found, target, ("random, " if fresh else "") + ", then ".join(path), effort)
 
 
 def _decades(now, wanted, include_first):
@@ -119,57 +105,9 @@ def _decades(now, wanted, include_first):
     return [now * 10.0**-s for s in range(0 if include_first else 1, steps)]
 
 
-def _loosely(quench, pressure):
-    d = 2.0 * float(np.mean(quench.disks.radii))
-    quench.descend(LOOSE * pressure * d, 2.0 * LOOSE * pressure * quench.disks.area, EVALUATIONS)
-
-
-def _exactly(quench, target, solver, generator, effort) -> Polish:
-    """FIRE and Newton in turn until the packing is a converged minimum; returns the Newton that proved it."""
-    d = 2.0 * float(np.mean(quench.disks.radii))
-    fraction = LOOSE
-    before = effort.newton_steps
-    polish = Polish(quench, solver)
-    while True:
-        polish.look()
-        pressure = polish.pressure if target.pressure is None else target.pressure
-        if (
-            target.pressure is None
-            and pressure < UNJAMMED * _stress_unit(quench.disks)
-            and effort.evaluations
-        ):
-            raise InputError(f"phi = {target.phi:.6g}: the disks do not touch: choose a larger --phi")
-        wanted = limits(quench.disks, pressure, target.tolerance)
-        goal = max(fraction * pressure * d, 0.5 * wanted.force)
-        reached, force, _ = quench.descend(goal, 2.0 * quench.disks.area * goal / d, EVALUATIONS // 100)
-        effort.evaluations = quench.evaluations
-        effort.residual = force / (pressure * d)
-        effort.report(effort)
-        if reached:
-            if polish.converge(limits(quench.disks, pressure, target.tolerance)):
-                effort.newton_steps = before + polish.steps
-                return polish
-            effort.newton_steps = before + polish.steps
-            if goal <= 0.5 * wanted.force:
-                # FIRE is as far as rounding lets it and still this is no minimum: a saddle. Leave it.
-                # A small kick would fade before it grows.
-                size = 0.1 * 1.5**effort.kicks * quench.usual_overlap()
-                quench.offsets += size * generator.standard_normal(quench.offsets.shape)
-                effort.kicks += 1
-                fraction = LOOSE
-            fraction *= 0.2
-        if quench.evaluations > EVALUATIONS or effort.kicks > KICKS:
-            residual = polish.look()
-            raise ConvergenceError(
-                f"quench stopped after {quench.evaluations} force evaluations and {effort.kicks} kicks with "
-                f"max|F|/(p d) = {residual.force / (pressure * d):.1e}: "
-                "use another --seed, or a larger --tolerance"
-            )
-
-
-def _recorded(disks, target, proof, protocol, effort) -> Disks:
-    state = measure(disks)
-    return with_proof(disks).with_record(
+def _recorded(found: Minimum, target, protocol, effort) -> Disks:
+    disks, state = found.disks, measure(found.disks)
+    return disks.with_record(
         pressure=state.pressure,
         phi=disks.phi,
         energy=state.energy,
@@ -177,10 +115,11 @@ def _recorded(disks, target, proof, protocol, effort) -> Disks:
         coordination=state.coordination,
         rattlers=int(np.count_nonzero(state.rattlers)),
         shear_stress=float(state.stress[0, 1]),
-        shear_modulus=proof.modulus,
+        shear_modulus=found.modulus,
         protocol=protocol,
         stabilise=target.stabilise,
         tolerance=target.tolerance,
+        limited_by=found.limit,
         evaluations=effort.evaluations,
         newton_steps=effort.newton_steps,
     )

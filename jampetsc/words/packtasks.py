@@ -15,6 +15,7 @@ FEWEST, MOST = 16, 10_000_000
 PRESSURES = (1e-8, 1.0)
 PHIS = (0.8, 1.5)
 TOLERANCES = (1e-13, 1e-4)
+MOST_THREADS = 256
 MANY = 1_000_000  # packings in one run
 LAST_SEED = 2**63 - 1  # what a file can record
 
@@ -36,6 +37,8 @@ def plan(args, k=1.0) -> list[Task]:
         raise InputError(
             f"--tolerance {args.tolerance:g}: must lie in [{TOLERANCES[0]:g}, {TOLERANCES[1]:g}]"
         )
+    if args.threads is not None and not 1 <= args.threads <= MOST_THREADS:
+        raise InputError(f"--threads {args.threads}: must lie in [1, {MOST_THREADS}]")
     if args.phi is not None:
         if not PHIS[0] <= args.phi <= PHIS[1]:
             raise InputError(

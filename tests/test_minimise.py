@@ -1,0 +1,299 @@
+"""The minimiser: gradient, directions, staleness, proof and saddles, each against an independent calculation."""
+
+import numpy as np
+import pytest
+
+from jampetsc.contacts import domains
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.kernel import pair_forces
+from jampetsc.contacts.minimum import proved_minimum
+from jampetsc.contacts.pairs import PairList, deformed, is_stale
+from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
+from jampetsc.contacts.state import find_contacts, measure
+from jampetsc.contacts.threads import Team
+from jampetsc.errors import ConvergenceError
+from jampetsc.packing import lbfgs, minimise, protocols
+from jampetsc.packing.descent import Descent, Goal
+from jampetsc.packing.minimise import Effort, relax
+from jampetsc.packing.newton import Newton, Point
+from jampetsc.packing.sizes import radii_of
+from jampetsc.solvers.local import NewtonSolver
+
+LAWS = [Potential(kind, stiffness, 1.7) for kind in EXPONENTS for stiffness in STIFFNESSES]
+
+
+def random_disks(n, phi=0.9, seed=1, potential=None):
+    return protocols.random_start(radii_of("bidisperse", n), phi, seed, potential or Potential())
+
+
+def lattice(side=8, spacing=0.9):
+    """Equal disks on a square lattice: in balance, and with many modes of negative energy."""
+    place = spacing * np.stack(np.meshgrid(*[np.arange(side)] * 2), axis=-1).reshape(-1, 2)
+    return Disks.from_positions(place, np.full(side**2, 0.5), side * spacing * np.eye(2))
+
+
+def enthalpy(disks, pressure=0.0):
+    contacts = find_contacts(disks)
+    return np.sum(disks.potential.energy(contacts.overlap, contacts.sigma)) + pressure * disks.area
+
+
+def displaced(law, pressure):
+    """A descent in the middle of its way, sheared and strained since its list was made, and its list's disks."""
+    disks = random_disks(40, 1.0, 3, law)
+    descent = Descent(disks, Goal(pressure, True), Team())
+    descent.offsets[:] = np.random.default_rng(1).normal(0, 0.02, (disks.n, 2))
+    descent.box[:] = 0.01, -0.02
+    return descent, disks
+
+
+def directional(disks, offsets, box, step, pressure, change):
+    """dH/ds along `change` of (offsets, box), by central differences."""
+    ahead, behind = (
+        enthalpy(deformed(disks, offsets + s * change[0], *(box + s * change[1])), pressure)
+        for s in (step, -step)
+    )
+    return (ahead - behind) / (2 * step)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_compiled_gradient_is_that_of_the_enthalpy(law):
+    pressure = 0.05
+    descent, disks = displaced(law, pressure)
+    space = descent.space
+    task = descent.task(1.0, 1.0, 1)
+    rows, factors = len(space.box_pairs), np.ones(2)
+    total, pull = np.zeros(rows + 6), np.zeros(2)
+    lbfgs._measure(descent.domains, 0, space, task, factors, 0, -1)
+    lbfgs._collect(space, task, total, pull)
+    gradient = -factors[0] * space.forces[0, : disks.n]
+    rng = np.random.default_rng(2)
+    for change in [(rng.normal(size=(disks.n, 2)), np.zeros(2)), *((0 * gradient, e) for e in np.eye(2))]:
+        found = np.vdot(gradient, change[0]) + np.sqrt(disks.n) * np.dot(pull, change[1])
+        wanted = directional(disks, descent.offsets, descent.box, 1e-6, pressure, change)
+        assert found == pytest.approx(wanted, rel=1e-5, abs=1e-5)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_gradient_of_newton_is_that_of_the_enthalpy(law):
+    pressure = 0.05
+    descent, _ = displaced(law, pressure)
+    point, here = Point.of(descent), descent.disks
+    rng = np.random.default_rng(2)
+    changes = [(rng.normal(size=(here.n, 2)), np.zeros(2)), *((np.zeros((here.n, 2)), e) for e in np.eye(2))]
+    for change in changes:
+        wanted = directional(here, np.zeros((here.n, 2)), np.zeros(2), 1e-6, pressure, change)
+        assert -point.along(change) == pytest.approx(wanted, rel=1e-5, abs=1e-5)
+
+
+def test_a_move_is_one_of_the_disks_where_they_are():
+    descent, _ = displaced(Potential(), 0.05)
+    here = descent.disks
+    moves, strain = np.random.default_rng(5).normal(0, 1e-3, (here.n, 2)), np.array([1e-3, -2e-3])
+    wanted = deformed(here, moves, *strain)
+    for _ in range(2):  # within the list, and with a new one
+        descent.move(moves, strain)
+        assert np.abs(descent.disks.positions - wanted.positions).max() < 1e-14
+        assert np.abs(descent.disks.cell - wanted.cell).max() < 1e-14
+        descent.move(-moves, -strain)
+        descent.fold()
+        here = descent.disks
+        wanted = deformed(here, moves, *strain)
+
+
+def test_directions_are_those_of_bfgs():
+    """Coefficients from inner products against the inverse Hessian updated as a dense matrix."""
+    rng = np.random.default_rng(1)
+    size, memory = 12, 4
+    root = rng.normal(size=(size, size))
+    hessian = root @ root.T + np.eye(size)
+    s, y, products = np.zeros((memory, size)), np.zeros((memory, size)), np.zeros((2, memory, memory))
+    pairs = []
+    for number in range(7):  # the ring is filled and begins anew
+        head, count = number % memory, min(number, memory)
+        gradient = rng.normal(size=size)
+        inverse = 0.3 * np.eye(size)
+        if pairs:
+            inverse = np.eye(size) * (pairs[-1][0] @ pairs[-1][1]) / (pairs[-1][1] @ pairs[-1][1])
+        for a, b in pairs[-memory:]:
+            move = np.eye(size) - np.outer(a, b) / (a @ b)
+            inverse = move @ inverse @ move.T + np.outer(a, a) / (a @ b)
+        total = np.zeros(2 * memory + 6)
+        total[0 : 2 * memory : 2], total[1 : 2 * memory : 2] = s @ gradient, y @ gradient
+        total[2 * memory + 1] = gradient @ gradient
+        coefficients = np.zeros(2 * memory + 1)
+        slope, kept = lbfgs._direction(total, products, count, head, memory, 0.3, coefficients)
+        found = coefficients[0 : 2 * memory : 2] @ s + coefficients[1 : 2 * memory : 2] @ y
+        found += coefficients[-1] * gradient
+        assert np.allclose(found, -inverse @ gradient, rtol=1e-9)
+        assert slope == pytest.approx(found @ gradient, rel=1e-9) and kept == count
+        s[head] = rng.normal(size=size)
+        y[head] = hessian @ s[head]
+        pairs.append((s[head].copy(), y[head].copy()))
+        products[0, :, head], products[1, :, head] = s @ y[head], y @ y[head]
+        products[1, head] = products[1, :, head]
+
+
+def test_forces_of_domains_are_those_of_the_whole_list():
+    disks = random_disks(5000)
+    pairs = PairList.build(disks, 0.2)
+    parts = domains.into_domains(pairs, disks.n)
+    assert parts.number > 1
+    offsets = np.zeros((domains.padded(disks.n), 2))
+    offsets[: disks.n] = np.random.default_rng(1).normal(0, 0.02, (disks.n, 2))
+    found, whole = np.full_like(offsets, np.nan), np.empty((disks.n, 2))
+    law, box = disks.potential.constants, (0.01, 0.02)
+    sums = [domains.domain_forces(parts, d, offsets, *box, law, found) for d in range(parts.number)]
+    wanted = pair_forces(pairs.i, pairs.j, pairs.r0, pairs.sigma, offsets[: disks.n], *box, law, whole)
+    assert np.abs(found[: disks.n] - whole).max() < 1e-14
+    assert np.allclose(np.sum(sums, axis=0), wanted, rtol=1e-12)
+
+
+def test_any_number_of_threads_takes_the_same_way():
+    disks = random_disks(6500)
+    ends = [relax(disks, Goal(1e-2, True), 3e-3, team=Team(threads)) for threads in (1, 2, 3)]
+    for end in ends[1:]:
+        for name in ("base", "offset", "cell_base", "cell_offset"):
+            assert np.array_equal(getattr(ends[0], name), getattr(end, name))
+
+
+@pytest.mark.parametrize("goal", [Goal(), Goal(1e-3), Goal(1e-3, True)], ids=str)
+def test_no_touching_pair_is_ever_unlisted(goal):
+    """After any number of steps from a random start the list holds; a narrow skin makes that hard."""
+    descent = Descent(random_disks(300), goal, Team())
+    rng = np.random.default_rng(1)
+    widest = 2.0 * descent.disks.radii.max()
+    used = []
+    for _ in range(60):
+        descent.skin = 0.05
+        descent.fold()
+        descent.descend(0.0, 0.0, int(rng.integers(1, 40)))
+        far = np.hypot(*descent.offsets.T).max()
+        assert not is_stale(far, *descent.box, widest, descent.pairs.skin)
+        used.append(2.0 * far / descent.pairs.skin)
+        listed = set(zip(descent.pairs.i.tolist(), descent.pairs.j.tolist(), strict=True))
+        contacts = find_contacts(descent.disks)
+        assert set(zip(contacts.i.tolist(), contacts.j.tolist(), strict=True)) <= listed
+    assert max(used) > 0.7  # the skin was needed
+
+
+def test_coinciding_disks_are_an_error():
+    disks = random_disks(64)
+    positions = disks.positions.copy()
+    positions[1] = positions[0]
+    with pytest.raises(ConvergenceError, match="same spot"):
+        relax(Disks.from_positions(positions, disks.radii, disks.cell), Goal(), 1e-3)
+
+
+def rigidity(disks, pressure, moving):
+    """Eigenvalues of the Hessian of held disks and of `moving` strains (ε, g), dense; and G₀ at fixed area."""
+    state = measure(disks)
+    c, n = state.contacts, disks.n
+    matrix = np.zeros((2 * n + 2, 2 * n + 2))
+    for i, j, r, along, across, k, f in zip(
+        c.i, c.j, c.r, c.normal, c.transverse, c.stiffness, c.force / c.distance, strict=True
+    ):
+        bond = np.zeros((2, 2 * n + 2))
+        bond[:, 2 * j : 2 * j + 2] += np.eye(2)
+        bond[:, 2 * i : 2 * i + 2] -= np.eye(2)
+        bond[:, 2 * n] = r
+        bond[:, 2 * n + 1] = r[1], 0.0
+        matrix += bond.T @ (k * np.outer(along, along) - f * np.outer(across, across)) @ bond
+        # second derivatives of r itself: r = e^ε [[1, g], [0, 1]] (r + o_j − o_i)
+        pull = -f * r
+        for b, turn in enumerate((np.eye(2), np.array([[0.0, 1.0], [0.0, 0.0]]))):
+            row = pull @ turn @ bond[:, : 2 * n]
+            matrix[2 * n + b, : 2 * n] += row
+            matrix[: 2 * n, 2 * n + b] += row
+        matrix[2 * n, 2 * n] += pull @ r
+        matrix[2 * n, 2 * n + 1] += pull[0] * r[1]
+        matrix[2 * n + 1, 2 * n] += pull[0] * r[1]
+    matrix[2 * n, 2 * n] += 4.0 * pressure * disks.area
+    held = np.flatnonzero(np.append(np.repeat(~state.rattlers, 2), [False, False]))
+    inner = matrix[np.ix_(held, held)]
+    shear = matrix[held, 2 * n + 1]
+    modulus = matrix[-1, -1] - shear @ np.linalg.pinv(inner, rcond=1e-12) @ shear
+    every = np.append(held, [2 * n + b for b in moving]).astype(int)
+    scale = np.ones(len(every))
+    scale[len(held) :] = 1.0 / np.sqrt(n)
+    return np.linalg.eigvalsh(matrix[np.ix_(every, every)] * np.outer(scale, scale)), modulus / disks.area
+
+
+@pytest.fixture(scope="module")
+def unstable():
+    """A minimum at its pressure that is none once the cell may shear."""
+    pressure = 1e-3
+    for seed in range(1, 40):
+        start = random_disks(64, protocols.start_phi(pressure), seed)
+        disks = protocols.make_packing(start, protocols.Target(pressure), NewtonSolver())
+        if disks.record["shear_modulus"] < -0.01:
+            return disks, pressure
+    raise AssertionError("no packing with a negative shear modulus")
+
+
+@pytest.mark.scalar("real")
+def test_proof_is_that_of_dense_eigenvalues(unstable):
+    disks, pressure = unstable
+    for shear, negative in ((False, 0), (True, 1)):
+        goal = Goal(pressure, shear)
+        modes, modulus = rigidity(disks, pressure, [0, 1] if shear else [0])
+        assert np.count_nonzero(modes < -1e-12) == negative
+        newton = Newton(Descent(disks, goal, Team()), NewtonSolver(), Effort())
+        found = newton.prove()
+        if negative:
+            assert found is None
+        else:
+            assert found == pytest.approx(modulus, rel=1e-6)
+
+
+@pytest.mark.scalar("real")
+def test_a_saddle_against_shear_is_left_downhill(unstable):
+    disks, pressure = unstable
+    effort = Effort()
+    found = minimise.minimise(disks, Goal(pressure, True), NewtonSolver(), effort=effort)
+    assert found.modulus > 0 and proved_minimum(found.disks)
+    assert enthalpy(found.disks, pressure) < enthalpy(disks, pressure)
+    assert rigidity(found.disks, pressure, [0, 1])[0][2] > 0
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("goal", [Goal(), Goal(0.02), Goal(0.02, True)], ids=str)
+def test_a_saddle_without_any_force_is_left(goal):
+    disks, effort = lattice(), Effort()
+    found = minimise.minimise(disks, goal, NewtonSolver(), effort=effort)
+    assert effort.saddles >= 1
+    moving = [b for b, moves in enumerate((goal.pressure is not None, goal.shear)) if moves]
+    modes, modulus = rigidity(found.disks, goal.pressure or 0.0, moving)
+    assert modes[2] > 0 and abs(modes[:2]).max() < 1e-12
+    assert found.modulus == pytest.approx(modulus, rel=1e-5)
+    assert enthalpy(found.disks, goal.pressure or 0.0) < enthalpy(disks, goal.pressure or 0.0)
+
+
+@pytest.mark.scalar("real")
+def test_the_proof_is_of_the_very_disks():
+    found = minimise.minimise(random_disks(64), Goal(1e-3), NewtonSolver())
+    assert proved_minimum(found.disks)
+    assert measure(found.disks).max_force <= found.max_force <= 1e-13
+    assert found.limit == "tolerance"
+
+
+@pytest.mark.scalar("real")
+def test_what_rounding_leaves_is_said():
+    found = minimise.minimise(random_disks(64), Goal(1e-6), NewtonSolver())
+    assert 1e-16 < found.max_force <= 3e-15
+    assert found.limit == "rounding"
+
+
+@pytest.mark.scalar("real")
+def test_disks_that_come_apart():
+    found = minimise.minimise(random_disks(64, 0.6), Goal(), NewtonSolver())
+    assert not found.jammed and not proved_minimum(found.disks)
+    assert measure(found.disks).energy < 1e-20
+
+
+@pytest.mark.scalar("real")
+def test_no_minimum_is_an_error_in_words_of_physics(monkeypatch):
+    monkeypatch.setattr(minimise, "EVALUATIONS", 20)
+    monkeypatch.setattr(minimise, "SLICE", 10)
+    with pytest.raises(ConvergenceError, match=r"^no minimum after 30 force evaluations") as raised:
+        minimise.minimise(random_disks(64), Goal(1e-3), NewtonSolver())
+    assert "--" not in str(raised.value) and "\n" not in str(raised.value)
