@@ -78,7 +78,9 @@ def _pressure(word, text) -> float:
     try:
         value = float(word)
     except ValueError:
-        raise InputError(f"--pressure {text}: must be a number, or several with commas between") from None
+        raise InputError(
+            f"--pressure {word or text}: must be a number, or several with commas between"
+        ) from None
     if not PRESSURES[0] <= value <= PRESSURES[1]:
         raise InputError(f"--pressure {word}: must lie in [{PRESSURES[0]:g}, {PRESSURES[1]:g}]")
     return value
