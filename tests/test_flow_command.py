@@ -210,7 +210,7 @@ def test_a_flow_file_goes_on_as_it_was_begun(tmp_path, capsys):
     assert "goes on as it was begun" in capsys.readouterr().err
 
 
-CONTACTS = "flow --n 64 --phi 0.86 --model CD0 --rate 1e-2 --strain 0.3 --tolerance 1e-12".split()
+CONTACTS = "flow --n 32 --phi 0.86 --model CD0 --rate 1e-2 --strain 0.05 --tolerance 1e-11".split()
 
 
 def test_ranks_and_petsc_give_the_same(tmp_path):

@@ -11,7 +11,7 @@ from jampetsc.words.law import law_from
 from jampetsc.words.packtasks import FEWEST, LAST_SEED, MOST
 
 PHIS = (0.1, 1.0)
-QUENCH = 1000  # force evaluations that take the deep overlaps out of a random start
+SETTLED = 1e-6  # max |F| in k_e/d, to which a random start is relaxed
 GIVEN_WITH_START = ("n", "phi", "seed", "sizes", "potential")
 UNITS = "k_e = k_d = 1, diameter of the small disks 1"  # Vågberg, thesis sec. 4.1
 
@@ -80,15 +80,13 @@ def start_of(args, comm=None):
 
         disks, (name, digest) = read_identified(args.start, comm)
         return disks, {"packing": name, "packing_sha256": digest, "units": "those of the packing"}
-    import numpy as np
 
-    from jampetsc.packing.fire import Goal, Quench
+    from jampetsc.packing.minimise import settle
     from jampetsc.packing.protocols import random_start
 
     sizes = args.sizes or SIZES[0]
     radii = radii_of(sizes, args.n)
     seed = 1 if args.seed is None else args.seed
     potential = Potential(args.potential or next(iter(EXPONENTS)), "inverse-square-diameter")
-    quench = Quench(random_start(radii * (0.5 / radii.min()), args.phi, seed, potential), Goal())
-    quench.descend(1e-10, np.inf, QUENCH)
-    return quench.disks, {"seed": seed, "sizes": sizes, "units": UNITS}
+    start = random_start(radii * (0.5 / radii.min()), args.phi, seed, potential)
+    return settle(start, SETTLED), {"seed": seed, "sizes": sizes, "units": UNITS}
