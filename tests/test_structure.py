@@ -113,3 +113,33 @@ def test_no_module_knows_a_law_by_its_name():
         if name(path) != "contacts.laws" and isinstance(node, ast.Constant) and node.value in FAMILIES
     ]
     assert not wrong, wrong
+
+
+def defined(path):
+    """Names that a module defines or imports at its top, in if and try too."""
+    found = set()
+    for node in nodes(path):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            found.add(node.name)
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            found.add(node.id)
+        elif isinstance(node, ast.alias):
+            found.add(node.asname or node.name.split(".")[0])
+    return found
+
+
+def test_what_is_imported_is_there():
+    """Imports inside functions too: those fail only when a command runs."""
+    wrong = []
+    for path in MODULES:
+        for words in imported(path):
+            if words[0] != "jampetsc" or len(words) < 2:
+                continue
+            target = PACKAGE.joinpath(*words[1:])
+            if target.is_dir() or target.with_suffix(".py").is_file():
+                continue
+            module = target.parent.with_suffix(".py")
+            module = module if module.is_file() else target.parent / "__init__.py"
+            if not module.is_file() or words[-1] not in defined(module):
+                wrong.append(f"{name(path)} imports {'.'.join(words)}")
+    assert not wrong, "\n".join(wrong)
