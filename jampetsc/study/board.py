@@ -74,9 +74,10 @@ class Board:
         self._window.Unlock(0)
         return whole[FIRST:].tolist()
 
-    def wait_for(self, tasks: int) -> None:
-        """Return when so many are finished."""
+    def wait_for(self, tasks: int, meanwhile=lambda: None) -> None:
+        """Return when so many are finished; call `meanwhile` again and again until then."""
         while self._add(FINISHED, 0) < tasks:
+            meanwhile()
             time.sleep(NAP)
 
     def close(self) -> None:

@@ -18,6 +18,7 @@ from jampetsc.study.tasks import Runner
 
 COPY = "study.toml"
 LARGE = 50_000  # disks from which all ranks work on one task together
+REFRESH = 60.0  # seconds after which the table is written again while the study runs
 BYTES = 30_000  # per disk, of a sweep on one rank
 
 
@@ -36,7 +37,7 @@ def run(tasks, folder, parsers, source: bytes, session) -> list[dict]:
         runner, journal = Runner(folder, parsers, records), Journal(folder, comm.rank)
         left = by_rank_0(comm, lambda: [not runner.finished(task) for task in tasks])
         left = [task for task, open_ in zip(tasks, left, strict=True) if open_]
-        work = _Work(session, runner, journal, left)
+        work = _Work(session, runner, journal, left, lambda: _write_table(folder, tasks, records_of(folder)))
         with work.progress:
             for together, some in _phases(left, session):
                 (work.together if together else work.apart)(some)
@@ -45,12 +46,18 @@ def run(tasks, folder, parsers, source: bytes, session) -> list[dict]:
         with agreed(comm):
             if comm.rank == 0:
                 records |= {record["task"]: record for made in new for record in made}
-                rows = rows_of(tasks, records)
-                write_whole(folder / TABLE, table_text(rows).encode())
+                rows = _write_table(folder, tasks, records)
                 write_whole(folder / COPY, source)
         return comm.bcast(rows)
     finally:
         lock.release()
+
+
+def _write_table(folder, tasks, records):
+    """Write the table of what is done; its rows."""
+    rows = rows_of(tasks, records)
+    write_whole(folder / TABLE, table_text(rows).encode())
+    return rows
 
 
 def _open(folder, lock):
@@ -91,12 +98,14 @@ def _most_disks(session):
 class _Work:
     """What is left of a study, done by this rank and the others."""
 
-    def __init__(self, session, runner, journal, tasks):
+    def __init__(self, session, runner, journal, tasks, refresh):
         self.session, self.runner, self.journal = session, runner, journal
         self.costs = Costs(runner.records.values())
         self.made = []  # records of this rank
         self.progress = Progress(len(tasks), "study", rank=0)
         self.before = (0, 0)  # tasks finished, and failed, in earlier phases
+        self.estimated, self.rest = -1.0, ""  # when the time left was estimated, and how much it is, in words
+        self.refresh, self.refreshed = refresh, time.monotonic()  # what rank 0 does now and then
         self.broken = set()  # names of tasks that have failed, as far as this rank knows
 
     def apart(self, tasks):
@@ -107,7 +116,7 @@ class _Work:
         board = Board(self.session, len(tasks))
         numbers = {task.name: number for number, task in enumerate(tasks)}
         if board.keeps_books:
-            board.wait_for(len(tasks))
+            board.wait_for(len(tasks), self._now_and_then)
         else:
             while (number := board.take()) < len(tasks):
                 task = tasks[number]
@@ -117,6 +126,7 @@ class _Work:
                 self._keep(record)
                 finished, failed = board.settle(number, DONE if record["state"] == "done" else BROKEN)
                 self._tell(task, record, finished, failed, tasks[number + 1 :], comm.size)
+                self._now_and_then()
         board.wait_for(len(tasks))
         states = board.states()
         self.broken |= {task.name for task, state in zip(tasks, states, strict=True) if state == BROKEN}
@@ -143,6 +153,11 @@ class _Work:
                     self._keep(record)
                     self._tell(task, record, 0, 0, tasks[number + 1 :], 1)
 
+    def _now_and_then(self):
+        if self.session.rank == 0 and time.monotonic() > self.refreshed + REFRESH:
+            self.refresh()
+            self.refreshed = time.monotonic()
+
     def _keep(self, record):
         if record is not self.runner.records.get(record["task"]):
             self.journal.append(record)
@@ -152,13 +167,15 @@ class _Work:
 
     def _tell(self, task, record, finished, failed, left, ranks):
         finished, failed = finished + self.before[0], failed + self.before[1]
-        rest = self.costs.total(left)
+        if time.monotonic() > self.estimated + 1.0:
+            self.estimated, rest = time.monotonic(), self.costs.total(left)
+            self.rest = "" if rest is None or not left else f"{in_words(rest / ranks)} left"
         parts = [
             f"{task.file} {record['seconds']:.2g} s"
             if record["state"] == "done"
             else f"{task.file}: {record['why']}",
             f"{failed} failed" if failed else "",
-            f"{in_words(rest / ranks)} left" if left and rest is not None else "",
+            self.rest if left else "",
         ]
         self.progress.count = finished - 1
         self.progress.step("; ".join(filter(None, parts)))

@@ -18,8 +18,11 @@ LAST = ("seconds",)
 
 
 def rows_of(tasks, records: dict) -> list[dict]:
-    """The rows of the tasks that STUDY.toml asks for, in its order, then those done for it as it was before."""
-    asked = [task.name for task in tasks]
+    """The rows of the tasks that STUDY.toml asks for, in its order, then those done for it as it was before.
+
+    What is not finished has none.
+    """
+    asked = {task.name: None for task in tasks if task.name in records}  # a set in order
     before = [name for name, record in records.items() if name not in asked and record["state"] == "done"]
     return [_row(records[name]) for name in [*asked, *sorted(before)]]
 
