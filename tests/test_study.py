@@ -178,6 +178,22 @@ def test_killed_at_any_moment_the_same_command_continues(tmp_path):
     assert not list(folder.glob(".*")) and (folder / "study.toml").read_text() == path.read_text()
 
 
+@pytest.mark.scalar("real")
+def test_what_a_kill_left_is_taken_over_and_tidied(session, shared_path):
+    folder = shared_path / "study"
+    name = study(folder, SMALL).where(command="quasistatic")["file"][0]
+    made = (folder / name).stat().st_mtime_ns
+    if session.rank == 0:
+        (folder / f"{name}.resume.d").mkdir()
+        (folder / f"{name}.resume.d" / "part.npz").touch()
+        for file in (folder / "journal").iterdir():
+            file.unlink()
+    session.comm.Barrier()
+    assert set(study(folder, SMALL)["state"]) == {"done"}
+    assert (folder / name).stat().st_mtime_ns == made
+    assert not list(folder.glob("*.resume*"))
+
+
 def test_a_torn_line_of_the_journal_does_not_count(tmp_path):
     Journal(tmp_path, 0).append({"task": "a", "time": 1})
     with open(tmp_path / "journal" / "rank-0000", "a") as file:

@@ -1,8 +1,10 @@
 """One task of a study: the command's own work, with what it says kept back, and a record of what became of it."""
 
 import contextlib
+import glob
 import io
 import os
+import shutil
 import time
 
 from jampetsc import session
@@ -58,7 +60,7 @@ class Runner:
             said = session.petsc_message(error) if session.is_petsc_error(error) else str(error)
             state, why, found = "failed", f"{type(error).__name__}: {said}", {}
         seconds = time.perf_counter() - began
-        why = " ".join(why.replace(f"{self.folder}{os.sep}", "").split())
+        why = " ".join(why.replace(f"{self.folder}{os.sep}", "").split()).removeprefix(f"{task.file}: ")
         return record | {"state": state, "why": why, "seconds": seconds, "row": row_of(task, found)}
 
     def _unchanged(self, task, inputs):
@@ -71,7 +73,7 @@ class Runner:
         """Make the file, unless a run that was killed has made it just before it could say so."""
         out = self.folder / task.file
         words = task.line([one.file for one in there], task.file)
-        if by_rank_0(session.current().comm, lambda: _made_by(words, out)):
+        if by_rank_0(session.current().comm, lambda: _made_by(words, out) and _tidied(out)):
             return
         positional = positional_of(self.parsers[task.command])
         args = task.choice.arguments(positional, [str(self.folder / one.file) for one in there], str(out))
@@ -87,6 +89,13 @@ def row_of(task, found) -> dict:
     asked = {name: value for name, value in task.columns.items() if not name.startswith("no_")}
     packing = {"packing": task.file} if task.command == "pack" else {}
     return {"command": task.command, "file": task.file} | {**found, **packing, **asked}
+
+
+def _tidied(path):
+    """Remove the checkpoint that a run leaves when it is killed with its file just made; True."""
+    for left in path.parent.glob(f"{glob.escape(path.name)}.resume*"):
+        shutil.rmtree(left) if left.is_dir() else left.unlink()
+    return True
 
 
 def _made_by(words, path):
