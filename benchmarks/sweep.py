@@ -32,7 +32,7 @@ def rational(path, chosen):
     from jampetsc.mechanics.compatibility import build_compatibility
     from jampetsc.mechanics.network import build_network
     from jampetsc.response.rational import RationalSweep
-    from jampetsc.solvers.shifted import ShiftedFactor
+    from jampetsc.solvers.shifted import ShiftedFactor, shifted
     from jampetsc.storage.packing_file import read_packing
 
     running = session.start("real")
@@ -50,7 +50,7 @@ def rational(path, chosen):
     _, G, bounds = sweep.finish()
     end = time.perf_counter()
     once = time.perf_counter()
-    ShiftedFactor(pencil, 1e-3).destroy()
+    ShiftedFactor(shifted(pencil.K, pencil.B, 1e-3), "K + sB").destroy()
     once = time.perf_counter() - once
     if running.rank == 0:
         report(

@@ -233,6 +233,17 @@ class Session:
         return unused
 
 
+def least(comm, values):
+    """Collective. The smallest of each entry over all ranks, put into the array `values`, which is returned.
+
+    Takes no memory that grows with the number of ranks, as a gather of the arrays would.
+    """
+    from mpi4py import MPI
+
+    comm.Allreduce(MPI.IN_PLACE, values, op=MPI.MIN)
+    return values
+
+
 def versions():
     """Versions for the record: {"numpy": …, "h5py": …}, in a session also mpi4py, mpi, petsc, slepc, mumps.
 

@@ -55,6 +55,12 @@ class Pencil:
         local = x.reshape(-1, self.law.dofs)[:, :2]
         local -= self.pieces.mean(self.network, local)
 
+    def project_whole(self, x):
+        """The same for a vector that this rank has whole, (unknowns,)."""
+        if self.law.holds_translations:
+            whole = x.reshape(-1, self.law.dofs)[:, :2]
+            whole -= self.pieces.mean_of_all(whole)
+
     def destroy(self):
         """Free the PETSc objects. Collective."""
         for item in (self.K, self.B, self.k_gamma, self.b_gamma):
@@ -170,11 +176,3 @@ def _pin(matrix, gamma, pins, offset, k):
 def _vector(comm, values):
     PETSc = current().PETSc
     return PETSc.Vec().createWithArray(values.astype(PETSc.ScalarType), comm=comm)
-
-
-def largest_entry(matrix) -> float:
-    """Largest diagonal entry of a matrix of squares, in modulus the largest of all. Collective."""
-    diagonal = matrix.getDiagonal()
-    most = abs(diagonal.max()[1])
-    diagonal.destroy()
-    return float(most)

@@ -23,6 +23,7 @@ from jampetsc.contacts.state import (
     virial_pressure,
 )
 from jampetsc.errors import InputError
+from jampetsc.session import least
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,9 +159,16 @@ class Pieces:
     def mean(self, network: Network, values):
         """Mean over its piece of what each owned disk has: values and result (last − first, c). Collective."""
         mine = self.index[network.first : network.last]
+        return (network.sum(self._totals(mine, values)) / np.bincount(self.index)[:, None])[mine]
+
+    def mean_of_all(self, values):
+        """The same for what all disks have, (n, c), on one rank."""
+        return (self._totals(self.index, values) / np.bincount(self.index)[:, None])[self.index]
+
+    def _totals(self, index, values):
         total = np.zeros((self.index.max() + 1, values.shape[1]), values.dtype)
-        np.add.at(total, mine, values)
-        return (network.sum(total) / np.bincount(self.index)[:, None])[mine]
+        np.add.at(total, index, values)
+        return total
 
 
 def find_pieces(network: Network) -> Pieces:
@@ -176,7 +184,7 @@ def find_pieces(network: Network) -> Pieces:
     while True:
         lowest = np.full(piece.max() + 1, 2 * n)
         np.minimum.at(lowest, piece, label)
-        joined = np.min(network.comm.allgather(lowest[piece]), axis=0)
+        joined = least(network.comm, lowest[piece])
         if np.array_equal(joined, label):
             break
         label = joined

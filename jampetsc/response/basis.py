@@ -23,17 +23,22 @@ recurrence gives, but free of the cancellation that the recurrence suffers where
 
 import numpy as np
 
-from jampetsc.mechanics.assembly import ROW, Pencil, largest_entry
-from jampetsc.solvers.shifted import ShiftedFactor
+from jampetsc.collective import by_rank_0
+from jampetsc.mechanics.assembly import ROW, Pencil
+from jampetsc.solvers.matrices import largest_entry
 
 BREAKDOWN = 1e-15  # what is left is rounding when it is this small, relative to what it is the difference of
 NEW = 1e-5  # shortest new part of a vector, relative to it, that still has enough right digits
+SOUND = (
+    1e-6  # of a basis from outside: largest difference from what φ says, relative to the terms of a residual
+)
 
 
 class RationalBasis:
     """x₀ and V for one pencil, with B V and the projected K. All methods are collective; arrays hold this rank's rows.
 
-    Make one with `start`, or from an earlier run's vectors with `restore`.
+    first     s₁, infinite where x₀ is zero; x0 (n_local,) as `field_at` makes it
+    complete  nothing but rounding is missing in the space
     """
 
     def __init__(self, pencil: Pencil, first: float, x0):
@@ -59,35 +64,42 @@ class RationalBasis:
         most = ROW * largest_entry(matrix)
         return most * np.sqrt(self._sum(self.x0 @ self.x0)) + np.sqrt(most * abs(gg))
 
-    @classmethod
-    def start(cls, pencil: Pencil, factor: ShiftedFactor) -> "RationalBasis":
-        """The basis without vectors, and x₀ at the shift of `factor`; at infinity where contacts do not dissipate."""
-        x, r, image = (pencil.K.createVecRight() for _ in range(3))
-        x.zeroEntries()
-        if not pencil.law.damps_contacts:
-            first = np.inf
-        else:
-            first = factor.s
-            for _ in range(2):  # the second step refines: everything that follows starts from this field
-                pencil.K.mult(x, r)
-                pencil.B.mult(x, image)
-                r.axpy(factor.s, image)
-                r.axpy(1.0, pencil.k_gamma)
-                r.axpy(factor.s, pencil.b_gamma)
-                factor.solve(r, r)
-                x.axpy(-1.0, r)
-        x0 = x.getArray().copy()
-        for vector in (x, r, image):
-            vector.destroy()
-        return cls(pencil, first, x0)
+    def restore(self, vectors, shifts) -> bool:
+        """Take the vectors (m, n_local) of an earlier run with their shifts (m,), if they belong here.
 
-    @classmethod
-    def restore(cls, pencil: Pencil, first: float, x0, vectors, shifts) -> "RationalBasis":
-        """The basis of an earlier run: x0 (n_local,), vectors (m, n_local) as in `vectors`, their shifts (m,)."""
-        basis = cls(pencil, first, x0)
+        They come from outside: that x₀ obeys its equation, and that the residual of this space is φ(s) q, is looked at
+        where |φ| is largest and at the two ends of the range. False if it is not so; the basis is of no use then.
+        """
         for vector, shift in zip(vectors, shifts, strict=True):
-            basis.append(vector, shift)
-        return basis
+            self.append(vector, shift)
+        return self._field_is_sound() and self._residual_is_sound()
+
+    def _field_is_sound(self):
+        if np.isinf(self.first):
+            return not self._sum(self.x0 @ self.x0)
+        pencil, s = self.pencil, self.first
+        terms = self._apply(pencil.K, self.x0), s * self._apply(pencil.B, self.x0)
+        terms = *terms, pencil.k_gamma.getArray(), s * pencil.b_gamma.getArray()
+        return self._is_small(sum(terms), terms)
+
+    def _residual_is_sound(self):
+        q, more = self.residual()
+        if not (self.size and more):
+            return True
+        for s in (min(self.shifts) / 10.0, 10.0 * max(self.shifts)):
+            y, log = by_rank_0(
+                self.pencil.network.comm, lambda s=s: (self._solution(s), self._log_phi(np.array([s])))
+            )
+            force, terms = self._residual_at(s, y)
+            wanted = np.exp(log[0]) * q
+            same = min(force - wanted, force + wanted, key=lambda r: self._sum(r @ r))  # q has no sign
+            if not self._is_small(same, terms):
+                return False
+        return True
+
+    def _is_small(self, left, terms):
+        sizes = np.sqrt(self._sum(np.array([a @ a for a in (left, *terms)])))
+        return bool(sizes[0] <= SOUND * sizes[1:].sum())
 
     @property
     def size(self) -> int:
@@ -99,16 +111,16 @@ class RationalBasis:
         """Vᵀ, (m, n_local)."""
         return self._V[: self.size]
 
-    def extend(self, factor: ShiftedFactor, count: int) -> None:
-        """Add up to `count` vectors with this factor; fewer when the space becomes complete."""
+    def extend(self, factor, s: float, count: int) -> None:
+        """Add up to `count` vectors with the factor of K + sB; fewer when the space becomes complete."""
         for _ in range(count):
-            if self.complete:
+            q, more = self.residual()
+            if self.complete or not more:
+                self.complete = True
                 return
-            self._in.setArray(self.residual())
-            if self.complete:
-                return
+            self._in.setArray(q)
             factor.solve(self._in, self._in)
-            self.complete = not self.append(self._in.getArray().copy(), factor.s)
+            self.complete = not self.append(self._in.getArray().copy(), s)
 
     def append(self, w, s) -> bool:
         """Add the direction of w (n_local,), made with shift s, and say whether that was done. Collective.
@@ -170,25 +182,37 @@ class RationalBasis:
         return np.maximum(np.linalg.eigvalsh(self.K), 0.0)
 
     def residual(self):
-        """q (n_local,), the fixed direction of Galerkin's residual, up to its sign. Collective.
+        """(q, more): the fixed direction of Galerkin's residual, (n_local,), up to its sign. Collective.
 
         Formed at the real shift where |φ| is largest: what rounding does to the forces there is divided by
-        |φ|, so that φ(s) q is right to the rounding of forces at every s. Where nothing but rounding is left
-        the space is `complete`.
+        |φ|, so that φ(s) q is right to the rounding of forces at every s. `more` is whether q is more than that
+        rounding.
         """
         if not self.size:
-            return self.g
+            return self.g, not self.complete
+        s, y, log = by_rank_0(self.pencil.network.comm, self._trial)
+        force, (field, viscous, _) = self._residual_at(s, y)
+        terms = np.sqrt(self._sum(np.array([a @ a for a in (field, viscous, self.g, force)])))
+        more = not terms[3] <= BREAKDOWN * (self._most_K * terms[0] + terms[1] + terms[2])
+        return force * np.exp(-log), more
+
+    def _trial(self):
+        """(s, y(s), log |φ(s)|) for the real shift s where |φ| is largest."""
         ends = [*self.shifts, *self.rates[self.rates > 0]]
         trial = np.geomspace(1e-3 * min(ends), 1e3 * max(ends), 1000)
         size = self._log_phi(trial)
         best = int(np.argmax(size))
-        y = np.linalg.solve(self.K + trial[best] * np.eye(self.size), self.t)
+        return trial[best], self._solution(trial[best]), size[best]
+
+    def _solution(self, s):
+        """y(s): Galerkin's solution of (K + sB) V y = g for one real s, (m,)."""
+        return np.linalg.solve(self.K + s * np.eye(self.size), self.t)
+
+    def _residual_at(self, s, y):
+        """((K + sB) V y − g, (V y, s B V y, g)), (n_local,) each."""
         field = y @ self.vectors
-        viscous = trial[best] * (y @ self._BV[: self.size])
-        force = self._apply(self.pencil.K, field) + viscous - self.g
-        terms = np.sqrt(self._sum(np.array([a @ a for a in (field, viscous, self.g, force)])))
-        self.complete = bool(terms[3] <= BREAKDOWN * (self._most_K * terms[0] + terms[1] + terms[2]))
-        return force * np.exp(-size[best])
+        viscous = s * (y @ self._BV[: self.size])
+        return self._apply(self.pencil.K, field) + viscous - self.g, (field, viscous, self.g)
 
     def phi(self, omega):
         """|φ(iω)|², (M,), by its product formula: relatively exact however small it is."""
@@ -204,3 +228,24 @@ class RationalBasis:
         """Free the work vectors."""
         self._in.destroy()
         self._out.destroy()
+
+
+def field_at(pencil, factor, s: float):
+    """x(s) = −(K + sB)⁻¹(k_γ + s b_γ), (n_local,), with the factor of K + sB. Collective.
+
+    pencil   anything with K, B, k_gamma and b_gamma
+    """
+    x, r, image = (pencil.K.createVecRight() for _ in range(3))
+    x.zeroEntries()
+    for _ in range(2):  # the second step refines: everything that follows starts from this field
+        pencil.K.mult(x, r)
+        pencil.B.mult(x, image)
+        r.axpy(s, image)
+        r.axpy(1.0, pencil.k_gamma)
+        r.axpy(s, pencil.b_gamma)
+        factor.solve(r, r)
+        x.axpy(-1.0, r)
+    field = x.getArray().copy()
+    for vector in (x, r, image):
+        vector.destroy()
+    return field

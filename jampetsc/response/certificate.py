@@ -18,8 +18,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.mechanics.assembly import ROW, largest_entry
+from jampetsc.mechanics.assembly import ROW
 from jampetsc.mechanics.compatibility import Compatibility
+from jampetsc.solvers.matrices import largest_entry
 
 EPSILON = float(np.finfo(float).eps)
 

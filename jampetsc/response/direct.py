@@ -38,7 +38,7 @@ class FrequencySolver:
         self.pencil = pencil
         self.compatibility = build_compatibility(pencil)
         self.functional = Functional(self.compatibility)
-        self.form = ComplexForm(pencil)
+        self.form = ComplexForm(pencil.K, pencil.B)
         self.ksp, self.reuse = _solver(self.form.A)
         self.factorised = False
         self.iterations = 0

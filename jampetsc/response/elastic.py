@@ -29,11 +29,11 @@ class ElasticResponse:
         self.pencil = assemble(network, UNDAMPED)
         self.compatibility = build_compatibility(self.pencil)
         try:
-            self.factor = ShiftedFactor(self.pencil, 0.0)
+            self.factor = ShiftedFactor(self.pencil.K.copy(), "K")
         except NotPositiveDefinite:
             self._refuse()
             raise
-        if not self.factor.cholesky.prove() or self._softest() < SOFT:
+        if not self.factor.prove() or self._softest() < SOFT:
             self._refuse()
 
     def _softest(self):

@@ -5,15 +5,15 @@ SideBySide   every rank holds all of K + sB and factorises a shift of its own: n
 """
 
 import itertools
-from dataclasses import replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.errors import ConvergenceError
+from jampetsc.collective import agreed
 from jampetsc.mechanics.assembly import Pencil
-from jampetsc.response.basis import NEW, RationalBasis
+from jampetsc.response.basis import NEW, RationalBasis, field_at
 from jampetsc.session import current
-from jampetsc.solvers.shifted import ShiftedFactor
+from jampetsc.solvers.shifted import ShiftedFactor, shifted
 
 SAME_SHIFT = 1.5  # a factor within this ratio of the shift wanted serves instead of a new one
 MOST_AT_ONCE = 4  # more shifts at once than a sweep needs would be guesses
@@ -28,9 +28,14 @@ def make_factors(pencil: Pencil, parallel: str = "auto"):
     return SideBySide(pencil) if parallel == "shifts" and size > 1 else Together(pencil)
 
 
-def _closest(factors, s):
-    """The factor whose shift is within SAME_SHIFT of s, or None."""
-    return next((factor for factor in factors if 1.0 / SAME_SHIFT < factor.s / s < SAME_SHIFT), None)
+def _factor(K, B, s, law, project):
+    needed = project if law.holds_translations else None
+    return ShiftedFactor(shifted(K, B, s), f"K + sB at s = {s:g}", needed)
+
+
+def closest(shifts, s):
+    """The first of the shifts that is within SAME_SHIFT of s, or None."""
+    return next((at for at in shifts if 1.0 / SAME_SHIFT < at / s < SAME_SHIFT), None)
 
 
 class Together:
@@ -40,44 +45,68 @@ class Together:
 
     def __init__(self, pencil: Pencil):
         self.pencil = pencil
-        self.factors: list[ShiftedFactor] = []
-        self.count = 0
+        self.factors: dict[float, ShiftedFactor] = {}
+
+    @property
+    def shifts(self) -> list[float]:
+        """Shifts of the factors at hand."""
+        return list(self.factors)
 
     def factorise(self, shifts) -> None:
         """Have a factor for each of the shifts."""
         for s in shifts:
-            if _closest(self.factors, s) is None:
-                self.factors.append(ShiftedFactor(self.pencil, s))
-                self.count += 1
+            if closest(self.factors, s) is None:
+                pencil = self.pencil
+                self.factors[s] = _factor(pencil.K, pencil.B, s, pencil.law, pencil.project)
 
     def start(self, s: float) -> RationalBasis:
-        """The basis that starts from the field at shift s."""
-        return RationalBasis.start(self.pencil, _closest(self.factors, s))
+        """The basis without vectors that starts from the field at shift s, if contacts dissipate."""
+        if not self.pencil.law.damps_contacts:
+            return _from_infinity(self.pencil)
+        s = closest(self.factors, s)
+        return RationalBasis(self.pencil, s, field_at(self.pencil, self.factors[s], s))
 
     def extend(self, basis: RationalBasis, shifts, count: int) -> None:
         """Add `count` vectors at each shift."""
         for s in shifts:
-            basis.extend(_closest(self.factors, s), count)
+            at = closest(self.factors, s)
+            basis.extend(self.factors[at], at, count)
 
-    def energies(self, q) -> dict[float, float]:
-        """qᵀ(K + sB)⁻¹q for every shift s at hand; q (n_local,)."""
-        work = self.pencil.K.createVecRight()
-        result = {}
-        for factor in self.factors:
-            work.setArray(q)
-            factor.solve(work, work)
-            result[factor.s] = self.pencil.network.sum(float(q @ work.getArray()))
-        work.destroy()
-        return result
+    def energies(self, v) -> dict[float, tuple[float, float]]:
+        """vᵀ(K + sB)⁻¹v for every shift s at hand, as `ShiftedFactor.energy` has it; v (n_local,)."""
+        rhs = self.pencil.K.createVecRight()
+        rhs.setArray(v)
+        found = {s: factor.energy(rhs) for s, factor in self.factors.items()}
+        rhs.destroy()
+        return found
+
+    def least_eigenvalue(self, s: float) -> float:
+        """That of K + sB scaled to a unit diagonal, see `Cholesky.least_eigenvalue`; s a shift at hand."""
+        return self.factors[s].least_eigenvalue()
 
     def destroy(self):
         """Free the factors."""
-        for factor in self.factors:
+        for factor in self.factors.values():
             factor.destroy()
 
 
+@dataclass(frozen=True, eq=False)
+class Whole:
+    """K, B and the border of a pencil, all of them on this rank alone: PETSc objects of one process."""
+
+    K: object
+    B: object
+    k_gamma: object
+    b_gamma: object
+
+    def destroy(self):
+        """Free the PETSc objects."""
+        for item in (self.K, self.B, self.k_gamma, self.b_gamma):
+            item.destroy()
+
+
 class SideBySide:
-    """A shift per rank. Methods are collective.
+    """A shift per rank. Methods are collective; what fails on one rank is raised on all.
 
     Each rank grows a short Krylov chain of its own from the residual of the basis; together the chains span
     what they would have one after the other (parallel rational Krylov, Berljafa & Güttel 2017).
@@ -87,79 +116,87 @@ class SideBySide:
         self.pencil = pencil
         self.comm = pencil.network.comm
         self.width = min(self.comm.size, MOST_AT_ONCE)
-        self.count = 0
         self.rows = np.array(self.comm.allgather(pencil.K.getLocalSize()[0]))
-        self.whole = _whole(pencil, self._gather)
-        self.mine: list[ShiftedFactor] = []
-        self.all: list[tuple[float, int]] = []  # (shift, rank that has its factor)
+        self.whole = self._whole()
+        self.mine: dict[float, ShiftedFactor] = {}
+        self.owner: dict[float, int] = {}  # rank that has the factor of a shift
+
+    @property
+    def shifts(self) -> list[float]:
+        """Shifts of the factors at hand."""
+        return list(self.owner)
+
+    def _whole(self):
+        PETSc, pencil = current().PETSc, self.pencil
+        K, B = (matrix.getRedundantMatrix(self.comm.size) for matrix in (pencil.K, pencil.B))
+        border = (self._gather(vector.getArray()) for vector in (pencil.k_gamma, pencil.b_gamma))
+        return Whole(K, B, *(PETSc.Vec().createWithArray(values, comm=PETSc.COMM_SELF) for values in border))
 
     def _gather(self, local):
         whole = np.empty(self.rows.sum(), local.dtype)
         self.comm.Allgatherv(np.ascontiguousarray(local), (whole, self.rows))
         return whole
 
-    def _owner(self, s):
-        return next((rank for at, rank in self.all if 1.0 / SAME_SHIFT < at / s < SAME_SHIFT), None)
+    def _scatter(self, whole, owner):
+        """This rank's rows of a vector that `owner` has whole."""
+        local = np.empty(self.rows[self.comm.rank])
+        send = None if whole is None else (np.ascontiguousarray(whole), self.rows)
+        self.comm.Scatterv(send, local, root=owner)
+        return local
 
     def factorise(self, shifts) -> None:
         """Have a factor for each of the shifts; up to `width` of them take the time of one."""
-        new = [s for s in shifts if self._owner(s) is None]
-        for s, rank in zip(new, itertools.cycle(range(self.width)), strict=False):
-            self.all.append((s, rank))
-            self.count += 1
-        failure = None
-        for s, rank in self.all[len(self.all) - len(new) :]:
-            if rank == self.comm.rank:
-                try:
-                    self.mine.append(ShiftedFactor(self.whole, s))
-                except ConvergenceError as error:
-                    failure = error
-        failures = [error for error in self.comm.allgather(failure) if error is not None]
-        if failures:
-            raise failures[0]
+        new = [s for s in shifts if closest(self.owner, s) is None]
+        self.owner |= dict(zip(new, itertools.cycle(range(self.width)), strict=False))
+        with agreed(self.comm):
+            for s in new:
+                if self.owner[s] == self.comm.rank:
+                    whole, pencil = self.whole, self.pencil
+                    self.mine[s] = _factor(whole.K, whole.B, s, pencil.law, pencil.project_whole)
 
     def start(self, s: float) -> RationalBasis:
-        """The basis that starts from the field at shift s."""
-        owner = self._owner(s)
-        x0 = first = None
-        if owner == self.comm.rank:
-            basis = RationalBasis.start(self.whole, _closest(self.mine, s))
-            x0, first = basis.x0, basis.first
-            basis.destroy()
-        first = self.comm.bcast(first, root=owner)
-        return RationalBasis(self.pencil, first, self._scatter(x0, owner))
+        """The basis without vectors that starts from the field at shift s, if contacts dissipate."""
+        if not self.pencil.law.damps_contacts:
+            return _from_infinity(self.pencil)
+        s = closest(self.owner, s)
+        x0 = None
+        with agreed(self.comm):
+            if s in self.mine:
+                x0 = field_at(self.whole, self.mine[s], s)
+        return RationalBasis(self.pencil, s, self._scatter(x0, self.owner[s]))
 
     def extend(self, basis: RationalBasis, shifts, count: int) -> None:
         """Add `count` vectors at each shift; the chains grow at the same time."""
-        source = self._gather(basis.residual())
-        if basis.complete:
+        q, more = basis.residual()
+        if basis.complete or not more:
+            basis.complete = True
             return
-        owners = [self._owner(s) for s in shifts]
-        chains = {
-            s: self._chain(_closest(self.mine, s), source, count)
-            for s, owner in zip(shifts, owners, strict=True)
-            if owner == self.comm.rank
-        }
-        for s, owner in zip(shifts, owners, strict=True):
-            mine = chains.get(s)
-            at, length = self.comm.bcast(
-                (_closest(self.mine, s).s, len(mine)) if mine is not None else None, root=owner
-            )
+        shifts = [closest(self.owner, s) for s in shifts]
+        source = self._gather(q)
+        with agreed(self.comm):
+            chains = {s: self._chain(self.mine[s], source, count) for s in shifts if s in self.mine}
+        for s in shifts:
+            chain = chains.get(s, [])
+            length = self.comm.bcast(len(chain), root=self.owner[s])
             for step in range(count):
-                vector = mine[step] if mine is not None and step < length else None
-                if step < length and basis.append(self._scatter(vector, owner), at):
+                vector = chain[step] if step < len(chain) else None
+                if step < length and basis.append(self._scatter(vector, self.owner[s]), s):
                     continue
                 # The chains overlap here: what is new is what the residual of all of them asks for.
-                source = self._gather(basis.residual())
-                if basis.complete:
-                    return
-                vector = self._solve(_closest(self.mine, s), source) if owner == self.comm.rank else None
-                if not basis.append(self._scatter(vector, owner), at):
+                q, more = basis.residual()
+                if not more or not basis.append(self._solve(s, q), s):
                     basis.complete = True
                     return
 
-    def _solve(self, factor, source):
-        """(K + sB)⁻¹ of a whole vector with a factor of this rank."""
+    def _solve(self, s, right):
+        """(K + sB)⁻¹ of a distributed vector, by the rank that has the factor."""
+        whole, x = self._gather(right), None
+        with agreed(self.comm):
+            if s in self.mine:
+                x = self._solve_whole(self.mine[s], whole)
+        return self._scatter(x, self.owner[s])
+
+    def _solve_whole(self, factor, source):
         x = self.whole.K.createVecRight()
         x.setArray(source)
         factor.solve(x, x)
@@ -176,7 +213,7 @@ class SideBySide:
         x = self.whole.K.createVecRight()
         chain, images = [], []
         for _ in range(count):
-            w = self._solve(factor, source)
+            w = self._solve_whole(factor, source)
             x.setArray(w)
             self.whole.B.mult(x, image)
             before = w @ image.getArray()
@@ -184,7 +221,7 @@ class SideBySide:
                 w -= (dual @ w) * vector
             x.setArray(w)
             self.whole.B.mult(x, image)
-            if self.whole.law.dofs == 3:
+            if self.pencil.law.dofs == 3:
                 image.getArray()[2::3] = 0.0  # no torques, see `RationalBasis`
             length2 = w @ image.getArray()
             if not length2 > NEW**2 * before:
@@ -196,39 +233,28 @@ class SideBySide:
         image.destroy()
         return chain
 
-    def _scatter(self, whole, owner):
-        """This rank's rows of a vector that `owner` has whole."""
-        local = np.empty(self.rows[self.comm.rank])
-        send = None if whole is None else (np.ascontiguousarray(whole), self.rows)
-        self.comm.Scatterv(send, local, root=owner)
-        return local
-
-    def energies(self, q) -> dict[float, float]:
-        """qᵀ(K + sB)⁻¹q for every shift s at hand; q (n_local,)."""
-        whole = self._gather(q)
-        work = self.whole.K.createVecRight()
-        mine = {}
-        for factor in self.mine:
-            work.setArray(whole)
-            factor.solve(work, work)
-            mine[factor.s] = float(whole @ work.getArray())
-        work.destroy()
+    def energies(self, v) -> dict[float, tuple[float, float]]:
+        """vᵀ(K + sB)⁻¹v for every shift s at hand, as `ShiftedFactor.energy` has it; v (n_local,)."""
+        rhs = current().PETSc.Vec().createWithArray(self._gather(v), comm=current().PETSc.COMM_SELF)
+        with agreed(self.comm):
+            mine = {s: factor.energy(rhs) for s, factor in self.mine.items()}
+        rhs.destroy()
         return {s: energy for part in self.comm.allgather(mine) for s, energy in part.items()}
+
+    def least_eigenvalue(self, s: float) -> float:
+        """That of K + sB scaled to a unit diagonal, see `Cholesky.least_eigenvalue`; s a shift at hand."""
+        found = None
+        with agreed(self.comm):
+            if s in self.mine:
+                found = self.mine[s].least_eigenvalue()
+        return self.comm.bcast(found, root=self.owner[s])
 
     def destroy(self):
         """Free the factors and the copy of the pencil."""
-        for factor in self.mine:
+        for factor in self.mine.values():
             factor.destroy()
         self.whole.destroy()
 
 
-def _whole(pencil: Pencil, gather) -> Pencil:
-    """A copy of the pencil that this rank has to itself. Collective."""
-    PETSc = current().PETSc
-    K, B = (matrix.getRedundantMatrix(pencil.network.comm.size) for matrix in (pencil.K, pencil.B))
-    vectors = (
-        PETSc.Vec().createWithArray(gather(vector.getArray()), comm=PETSc.COMM_SELF)
-        for vector in (pencil.k_gamma, pencil.b_gamma)
-    )
-    alone = replace(pencil.network, comm=PETSc.COMM_SELF.tompi4py(), first=0, last=pencil.network.n)
-    return replace(pencil, network=alone, K=K, B=B, **dict(zip(("k_gamma", "b_gamma"), vectors, strict=True)))
+def _from_infinity(pencil):
+    return RationalBasis(pencil, np.inf, np.zeros(pencil.K.getLocalSize()[0]))

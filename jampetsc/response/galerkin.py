@@ -10,11 +10,14 @@ import numpy as np
 from scipy.linalg import lapack, solve_triangular
 
 from jampetsc.analysis.relaxation import RelaxationSpectrum
+from jampetsc.collective import by_rank_0
 from jampetsc.errors import ConvergenceError
-from jampetsc.mechanics.assembly import ROW, largest_entry
+from jampetsc.mechanics.assembly import ROW
 from jampetsc.mechanics.compatibility import Compatibility
 from jampetsc.response.basis import RationalBasis
 from jampetsc.response.certificate import field_bound
+from jampetsc.response.residual import Residual
+from jampetsc.solvers.matrices import largest_entry
 
 EPSILON = float(np.finfo(float).eps)
 ROUNDING = 4.0 * EPSILON  # of a motion, relative to its terms: bond, distance, normal, products and sum
@@ -30,39 +33,44 @@ class Galerkin:
     def __init__(self, basis: RationalBasis, compatibility: Compatibility):
         self.compatibility = compatibility
         self.network = compatibility.pencil.network
+        comm = self.network.comm
         fields = np.column_stack((basis.x0, *basis.vectors))
-        motions = self._motions(fields)
+        motions = np.column_stack([compatibility.motions(field) for field in fields.T])
         motions[:, 0] += compatibility.g
-        K, B = self._project(fields, motions)
-        m = basis.size
-        if m:
+        rates = np.empty(0)
+        if basis.size:
             # The basis is orthonormal in B up to rounding; in the eigenvectors of K, K is graded and small
             # rates are exact.
-            _, rotation = np.linalg.eigh(K[1:, 1:])
+            K = self._projected_K(motions)
+            rotation = by_rank_0(comm, lambda: np.linalg.eigh(K)[1])
             fields[:, 1:], motions[:, 1:] = fields[:, 1:] @ rotation, motions[:, 1:] @ rotation
-            K, B = self._project(fields, motions)
-            rates, rotation = _graded_eigen(K[1:, 1:], B[1:, 1:])
+            K, B = self._projected_K(motions), self._projected_B(fields, motions)
+            rates, rotation = by_rank_0(comm, lambda: _graded_eigen(K, B))
             fields[:, 1:], motions[:, 1:] = fields[:, 1:] @ rotation, motions[:, 1:] @ rotation
-            K, B = self._project(fields, motions)
-            still = -K[0, 1:] / rates
+            still = -self.network.sum(motions[:, 1:].T @ (compatibility.w_K * motions[:, 0])) / rates
             fields[:, 0] += fields[:, 1:] @ still
             motions[:, 0] += motions[:, 1:] @ still
-        else:
-            rates = np.empty(0)
         self.quasistatic, self.modes = fields[:, 0], fields[:, 1:]
         self._finish(motions, rates)
+        self._motions = motions
 
-    def _motions(self, fields):
-        return np.column_stack([self.compatibility.motions(field) for field in fields.T])
+    def residual(self) -> Residual:
+        """What this solution leaves of the equations. May be asked for once, since the motions are let go with it."""
+        motions, self._motions = self._motions, None
+        still, modes = motions[:, 0], motions[:, 1:]
+        rates = self.spectrum.rates
+        return Residual(self.compatibility, still, modes, self.quasistatic, self.modes, rates, self.loads)
 
-    def _project(self, fields, motions):
-        """[x₀, V]ᵀ K [x₀, V] and the same of B, with γ in the first row: (m + 1, m + 1) each."""
-        c = self.compatibility
-        K = motions.T @ (c.w_K[:, None] * motions)
-        B = motions.T @ (c.w_B[:, None] * motions)
-        if c.drag:
-            B += c.drag * (fields.T @ fields)
-        return self.network.sum(np.stack((K, B)))
+    def _projected_K(self, motions):
+        """Vᵀ K V, (m, m), from the motions of x₀ and V."""
+        modes = motions[:, 1:]
+        return self.network.sum(modes.T @ (self.compatibility.w_K[:, None] * modes))
+
+    def _projected_B(self, fields, motions):
+        """Vᵀ B V, (m, m)."""
+        c, modes, V = self.compatibility, motions[:, 1:], fields[:, 1:]
+        B = modes.T @ (c.w_B[:, None] * modes)
+        return self.network.sum(B + c.drag * (V.T @ V) if c.drag else B)
 
     def _finish(self, motions, rates):
         c, volume = self.compatibility, self.network.area

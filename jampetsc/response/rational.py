@@ -1,32 +1,61 @@
 """The whole spectrum from a handful of real factorisations, with a bound on the error at every frequency.
 
-Galerkin's method on a rational Krylov space (see `basis`). With residual r(iω) = f(iω) φ(iω) q the error of
-G* obeys
+Galerkin's method on a rational Krylov space (see `basis`). With exact solves its residual would be f(iω) φ(iω) q,
+so that
 
     |ΔG*| V ≤ √2 rᴴ(K + ωB)⁻¹r = √2 |f(iω) φ(iω)|² qᵀ(K + ωB)⁻¹q ,
 
-and qᵀ(K + sB)⁻¹q costs one solve with a factor at hand. From there to ω, with 0 ≤ K ≤ λ_max B:
-
-    (K + ωB)⁻¹ ≤ c (K + sB)⁻¹ ,    c = (λ_max + s)/(λ_max + ω)  for ω ≥ s ,    c = s/ω  for ω < s ,
-
-and between two shifts, because the inverse is operator convex, interpolation holds as well. The next shift
-goes where the bound is furthest from what was asked for.
+and qᵀ(K + sB)⁻¹q costs one solve with a factor at hand. This steers: the next shift goes where it is furthest
+from what was asked for. What is certified in the end is the residual as it is (see `residual`).
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 
+from jampetsc.collective import by_rank_0
 from jampetsc.errors import ConvergenceError
-from jampetsc.mechanics.assembly import Pencil, largest_entry
+from jampetsc.mechanics.assembly import Pencil
 from jampetsc.mechanics.compatibility import Compatibility
 from jampetsc.response.basis import RationalBasis
-from jampetsc.response.factors import make_factors
+from jampetsc.response.factors import closest, make_factors
 from jampetsc.response.galerkin import Galerkin
+from jampetsc.response.residual import ResidualBound, energy_between, positive
+from jampetsc.session import current
+from jampetsc.solvers.matrices import largest_entry
 
 VECTORS = 4  # per factorisation: a solve is some twentieth of one, and more than a few vectors at one shift help little
 MOST_VECTORS = 240
 APART = 30.0  # shifts that are done at the same time differ by this ratio at least
-SMALLEST_SHIFT = 1e-12  # relative to the largest rate: below it K + sB is K to a Cholesky factorisation
+SMALLEST_SHIFT = 1e-14  # relative to the largest rate: below it K + sB is K but for rounding
 LARGEST_SHIFT = 1e6  # relative to the same: where B is singular, K would be rounding beside sB
+ROOM = 0.5  # of what is allowed that steering may take up, once the certificate has shown that there is more to it
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """G* (M,) of a Galerkin solution with bounds on its errors: by what is missing in the space, and by rounding."""
+
+    galerkin: Galerkin
+    G: np.ndarray  # (M,) complex
+    error: np.ndarray  # (M,) bound on |ΔG*|, rounding left out
+    rounding: np.ndarray  # (M, 2) of G' and of G''
+
+    @property
+    def bounds(self):
+        """Bounds on |ΔG*|, |ΔG'| and |ΔG''|, (M, 3)."""
+        return self.error[:, None] + np.column_stack((np.hypot(*self.rounding.T), self.rounding))
+
+    @property
+    def parts(self):
+        """|G'| and |G''|, (M, 2)."""
+        return np.abs(np.column_stack((self.G.real, self.G.imag)))
+
+    @property
+    def relative(self):
+        """Bounds on |ΔG'| and |ΔG''| relative to them, (M, 2)."""
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            return np.nan_to_num(self.bounds[:, 1:] / self.parts, nan=np.inf)
 
 
 class RationalSweep:
@@ -38,35 +67,55 @@ class RationalSweep:
     def __init__(
         self, pencil: Pencil, compatibility: Compatibility, omega, accuracy: float, parallel: str = "auto"
     ):
-        self.pencil, self.compatibility = pencil, compatibility
-        self.omega, self.accuracy = np.asarray(omega, float), accuracy
+        self.pencil, self.compatibility, self.accuracy = pencil, compatibility, accuracy
+        self.comm = pencil.network.comm
+        self.omega = self.comm.bcast(np.asarray(omega, float))
         self.largest_rate = largest_rate(pencil)
         self.rate = self.largest_rate  # sets the scale of the shifts
         if not np.isfinite(self.rate):
             self.rate = largest_entry(pencil.K) / largest_entry(pencil.B)
         self.factors = make_factors(pencil, parallel)
         self.basis: RationalBasis | None = None
-        self.error = np.full(len(self.omega), np.inf)
+        self.missing = None  # (q, its energies at the shifts at hand), of the basis as it is
+        self.certificate: Certificate | None = None  # the last of so many:
+        self._certified = 0
 
     @property
     def factorisations(self) -> int:
         """Factorisations made."""
-        return self.factors.count
+        return len(self.factors.shifts)
 
-    def restore(self, first, x0, vectors, shifts) -> None:
-        """Go on from the basis of an earlier run; its factors are gone, new ones certify it as well."""
-        self._set_basis(RationalBasis.restore(self.pencil, first, x0, vectors, shifts))
+    def restore(self, first, x0, vectors, shifts) -> bool:
+        """Go on from the basis of an earlier run, if that is sound; its factors are gone, new ones certify it."""
+        basis = RationalBasis(self.pencil, first, x0)
+        if not basis.restore(vectors, shifts):
+            basis.destroy()
+            return False
+        self._set_basis(basis)
+        return True
 
     def next_shifts(self) -> list[float]:
-        """Where the next factorisations belong, as many as are done at once; none when the bound is met everywhere."""
+        """Where the next factorisations belong, as many as are done at once; none when all is certified.
+
+        Raises ConvergenceError where what was asked for cannot be met.
+        """
+        while not (shifts := by_rank_0(self.comm, self._choose)):
+            self._certified += 1
+            self.certificate = self._certify()
+            if by_rank_0(self.comm, self._is_met):
+                break
+        return shifts
+
+    def _choose(self):
+        """The shifts to go on with; none where the bound that steers is met everywhere."""
         if self.basis is None:
             return self._spread([self._clip(self.omega[0])])
-        if not self.factors.count:
+        if not self.factors.shifts:
             return self._spread([self.basis.shifts[-1] if self.basis.size else self._clip(self.omega[0])])
         ratio = self._ratio()
         worst = int(np.argmax(ratio))
         if ratio[worst] <= 1.0:
-            return []
+            return self._for_certificate()
         if self.basis.complete and not np.isfinite(ratio[worst]):
             raise ConvergenceError(
                 f"G″ vanishes at ω = {self.omega[worst]:g}, so no relative accuracy can be met: nothing moves "
@@ -84,6 +133,14 @@ class RationalSweep:
             ratio[(candidates > shifts[-1] / APART) & (candidates < shifts[-1] * APART)] = 0.0
         return shifts
 
+    def _for_certificate(self):
+        """The shift near which a factor is missing where the certificate is worst, as after a resume; or none."""
+        if self.certificate is None:
+            return []
+        worst = np.argmax(np.max(self.certificate.relative, axis=1))
+        wanted = float(self._clip(self.omega[worst]))
+        return [] if closest(self.factors.shifts, wanted) else [wanted]
+
     def _spread(self, shifts):
         """Complete a first guess to as many shifts as are done at once, evenly over the range."""
         more = np.geomspace(shifts[0], self._clip(self.omega[-1]), self.factors.width + 1)[1:]
@@ -98,7 +155,9 @@ class RationalSweep:
         if self.basis is None:
             self._set_basis(self.factors.start(shifts[0]))
         self.factors.extend(self.basis, shifts, VECTORS)
-        self.error = self._error_bound()
+        q, more = self.basis.residual()
+        self.basis.complete |= not more
+        self.missing = q, positive(self.factors.energies(q))
 
     def _set_basis(self, basis):
         self.basis = basis
@@ -109,58 +168,79 @@ class RationalSweep:
         self._still[1] += c.drag_gg
 
     def worst(self) -> float:
-        """Largest ratio of the bound to what the accuracy allows; done when ≤ 1."""
+        """Largest ratio of the bound that steers to what it may be; done when ≤ 1."""
         return float(np.max(self._ratio()))
 
     def _ratio(self):
-        """Bound on the error over what the accuracy allows for the present estimate of G', G'': (M,)."""
-        basis = self.basis
+        """The bound that steers over what the accuracy leaves for it, for the present estimate of G', G'': (M,)."""
+        basis, error = self.basis, self._steering_bound()
         s = 1j * self.omega
         rates, rotation = np.linalg.eigh(basis.K)
         loads = rotation.T @ basis.t
         relaxed = np.sum(loads**2 / (rates + s[:, None]), axis=1)
         G = (self._still[0] + s * self._still[1] - basis.factor(s) ** 2 * relaxed) / self.pencil.network.area
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = self.error / (self.accuracy * np.minimum(np.abs(G.real), np.abs(G.imag)))
-        return np.nan_to_num(ratio, nan=0.0, posinf=np.inf)  # 0/0: nothing dissipates, exactly
+        allowed = self.accuracy * np.minimum(np.abs(G.real), np.abs(G.imag))
+        if self.certificate is not None:
+            allowed = ROOM * self._allowed(self.certificate)
+        ratio = np.full(len(allowed), np.inf)
+        np.divide(error, allowed, out=ratio, where=allowed > 0.0)
+        ratio[np.isnan(ratio)] = np.inf
+        return np.where((error == 0.0) & (allowed == 0.0), 0.0, ratio)  # nothing dissipates, exactly
 
-    def _error_bound(self):
-        """Bound on |ΔG*| from all factors at hand, (M,)."""
-        q, omega, top = self.basis.residual(), self.omega, self.largest_rate
-        energies = self.factors.energies(q)
-        at = np.array(sorted(energies))
-        energy = np.array([energies[s] for s in at])
-        above = (top + at[:, None]) / (top + omega) if np.isfinite(top) else 1.0
-        transfer = np.where(omega >= at[:, None], above, at[:, None] / omega)
-        best = np.min(energy[:, None] * transfer, axis=0)
-        between = (omega > at[0]) & (omega < at[-1])
-        best[between] = np.minimum(best[between], np.interp(omega[between], at, energy))
-        size = np.abs(self.basis.factor(1j * omega)) ** 2 * self.basis.phi(omega)
+    def _steering_bound(self):
+        """Bound on |ΔG*|, (M,), as far as r = f φ q."""
+        energies = {s: e for s, (e, _) in self.missing[1].items()}
+        size = np.abs(self.basis.factor(1j * self.omega)) ** 2 * self.basis.phi(self.omega)
+        best = energy_between(self.largest_rate, energies, self.omega)
         return np.sqrt(2.0) * size * best / self.pencil.network.area
+
+    def _certify(self) -> Certificate:
+        """Galerkin's solution in the space as it is, with its bounds."""
+        with current().stage("projection"):
+            return self._solve()
+
+    def _solve(self):
+        galerkin = Galerkin(self.basis, self.compatibility)
+        G, rounding = by_rank_0(
+            self.comm,
+            lambda: (
+                galerkin.spectrum.modulus(self.omega),
+                np.column_stack(galerkin.rounding(self.omega)),
+            ),
+        )
+        bound = ResidualBound(galerkin.residual(), self.factors, *self.missing, self.largest_rate, self.omega)
+        area = self.pencil.network.area
+        bare = Certificate(galerkin, G, np.zeros(len(G)), rounding)
+        error = bound.within(area * by_rank_0(self.comm, lambda: self._allowed(bare))) / area
+        return Certificate(galerkin, G, error, rounding)
+
+    def _allowed(self, certificate):
+        """What rounding leaves of the error allowed in |G*|, (M,); zero where it leaves nothing."""
+        return np.maximum((self.accuracy * certificate.parts - certificate.rounding).min(axis=1), 0.0)
+
+    def _is_met(self):
+        """Whether the certificate is good enough. Raises ConvergenceError where it will never be."""
+        found, parts = self.certificate, self.certificate.parts
+        if np.all(found.bounds[:, 1:] <= self.accuracy * parts):
+            return True
+        relative = found.relative
+        worst = np.unravel_index(np.argmax(relative), relative.shape)
+        where = f"{('G′', 'G″')[worst[1]]} at ω = {self.omega[worst[0]]:g} is only certain to {relative[worst]:.1e}"
+        if not np.all(found.rounding <= self.accuracy * parts):
+            raise ConvergenceError(f"{where}, by rounding; --accuracy {self.accuracy:g} cannot be met here")
+        if self._certified > 1 and not self._for_certificate():
+            raise ConvergenceError(
+                f"{where}, by what the solves at the shifts leave; --accuracy {self.accuracy:g} cannot be met here"
+            )
+        return False
 
     def error_at(self, omega: float) -> float:
         """Bound on |ΔG*| at one of the frequencies, rounding left out."""
-        return float(self.error[np.searchsorted(self.omega, omega)])
+        return float(self.certificate.error[np.searchsorted(self.omega, omega)])
 
     def finish(self) -> tuple[Galerkin, np.ndarray, np.ndarray]:
-        """(Galerkin, G* (M,), bounds (M, 3) on |ΔG*|, |ΔG'|, |ΔG''|), rounding included.
-
-        Raises ConvergenceError where rounding alone exceeds the accuracy.
-        """
-        galerkin = Galerkin(self.basis, self.compatibility)
-        G = galerkin.spectrum.modulus(self.omega)
-        storage, loss = galerkin.rounding(self.omega)
-        bounds = np.column_stack(
-            (self.error + np.hypot(storage, loss), self.error + storage, self.error + loss)
-        )
-        relative = bounds[:, 1:] / np.abs(np.column_stack((G.real, G.imag)))
-        if not np.all(relative <= 2.0 * self.accuracy):
-            worst = np.unravel_index(np.argmax(np.nan_to_num(relative, nan=np.inf)), relative.shape)
-            raise ConvergenceError(
-                f"{('G′', 'G″')[worst[1]]} at ω = {self.omega[worst[0]]:g} is only certain to {relative[worst]:.1e}, "
-                f"by rounding; --accuracy {self.accuracy:g} cannot be met here"
-            )
-        return galerkin, G, bounds
+        """(Galerkin, G* (M,), bounds (M, 3) on |ΔG*|, |ΔG'|, |ΔG''|, rounding included) when no shifts are left."""
+        return self.certificate.galerkin, self.certificate.G, self.certificate.bounds
 
     def destroy(self):
         """Free factors and work vectors."""

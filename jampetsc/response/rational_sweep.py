@@ -29,22 +29,27 @@ def run(job: Job):
     checkpoint = Checkpoint(job.out, job.key(session.size), session.comm, ordered=True)
     with Progress(None, "sweep", session.rank) as progress:
         if checkpoint.done:
-            _restore(sweep, checkpoint)
+            if not _restore(sweep, checkpoint):
+                raise InputError(
+                    f"{checkpoint.journal}: what it holds does not solve this packing: remove it to start again"
+                )
             progress.note(f"continuing {checkpoint.journal}: {len(checkpoint.done)} shifts are finished")
-        while shifts := sweep.next_shifts():
-            before = sweep.basis.size if sweep.basis else 0
-            try:
+        try:
+            while shifts := sweep.next_shifts():
+                before = sweep.basis.size if sweep.basis else 0
                 with session.stage("shift"):
                     sweep.add_shifts(shifts)
-            except NotPositiveDefinite as error:
-                raise InputError(f"{job.packing}: {error}; use --method direct") from None
-            basis = sweep.basis
-            fields = {"vectors": basis.vectors[before:]} | ({} if before else {"x0": basis.x0})
-            checkpoint.save(checkpoint.next, {"first": basis.first, "shifts": basis.shifts[before:]}, fields)
-            listed = ", ".join(f"{shift:.2e}" for shift in shifts)
-            progress.step(f"shift {listed}  vectors {basis.size}  worst bound / allowed {sweep.worst():.1e}")
-        with session.stage("projection"):
-            galerkin, G, bounds = sweep.finish()
+                basis = sweep.basis
+                fields = {"vectors": basis.vectors[before:]} | ({} if before else {"x0": basis.x0})
+                done = {"first": basis.first, "shifts": basis.shifts[before:]}
+                checkpoint.save(checkpoint.next, done, fields)
+                listed = ", ".join(f"{shift:.2e}" for shift in shifts)
+                progress.step(
+                    f"shift {listed}  vectors {basis.size}  worst bound / allowed {sweep.worst():.1e}"
+                )
+        except NotPositiveDefinite as error:
+            raise InputError(f"{job.packing}: {error}; use --method direct") from None
+    galerkin, G, bounds = sweep.finish()
     spectrum = galerkin.spectrum
     write_sweep(
         job,
@@ -74,7 +79,7 @@ def run(job: Job):
 def _restore(sweep, checkpoint):
     records = [checkpoint.done[index] for index in sorted(checkpoint.done)]
     arrays = [checkpoint.fields(index) for index in sorted(checkpoint.done)]
-    sweep.restore(
+    return sweep.restore(
         records[0]["first"],
         arrays[0]["x0"],
         np.concatenate([array["vectors"] for array in arrays]),

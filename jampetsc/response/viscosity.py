@@ -10,13 +10,13 @@ torques vanish as ω → 0):
 η_∞ V γ² is the minimum of B over all fields and angles.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from jampetsc.contacts.laws import Law
 from jampetsc.errors import InputError
-from jampetsc.mechanics.assembly import Pencil, assemble
+from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.mechanics.network import Network
 from jampetsc.response.balance import relax
@@ -93,7 +93,7 @@ class Viscosity:
         block = self.pencil.B.createSubMatrix(rows, rows)
         held = self.pencil.pins[self.pencil.pins % 3 == 2] // 3
         _hold(block, held, self.law.sliding * self.network.damping(self.law))
-        factor = self._factor(replace(self.pencil, K=block, B=block))
+        factor = self._factor(block)
         work = block.createVecRight()
 
         def solve(rhs, out):
@@ -104,7 +104,7 @@ class Viscosity:
 
         def destroy():
             factor.destroy()
-            for item in (work, block, rows):
+            for item in (work, rows):
                 item.destroy()
 
         return solve, destroy
@@ -119,15 +119,14 @@ class Viscosity:
             return c.drag_gg / self.network.area
         block = self.pencil.B.copy()
         _hold(block, self.pencil.pins, self.network.damping(self.law))
-        factor = self._factor(replace(self.pencil, K=block, B=block))
+        factor = self._factor(block)
         relaxed = relax(c, c.w_B, factor.solve, c.g, "flow of least dissipation")
         factor.destroy()
-        block.destroy()
         return relaxed.value / self.network.area
 
-    def _factor(self, pencil: Pencil):
+    def _factor(self, block):
         try:
-            return ShiftedFactor(pencil, 0.0)
+            return ShiftedFactor(block, f"B of {self.law}")
         except NotPositiveDefinite:
             raise InputError(
                 f"B of {self.law} has moves without dissipation besides translations: η is not unique; "

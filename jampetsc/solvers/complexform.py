@@ -13,27 +13,27 @@ import numpy as np
 from scipy.sparse import bsr_array
 
 from jampetsc.session import current
-from jampetsc.solvers.matrices import distributed_matrix
+from jampetsc.solvers.matrices import diagonal_of, distributed_matrix
 
 
 class ComplexForm:
-    """K + iωB for one frequency after another, with its vectors. Every method is collective.
+    """K + iωB for one frequency after another, with its vectors; of K and B, PETSc matrices of one pattern. Collective.
 
     A           PETSc.Mat; x and b are vectors that fit it
     magnitude   |diagonal of K + iωB| at the ω of the last `set`, (n_local,)
     """
 
-    def __init__(self, pencil):
+    def __init__(self, K, B):
         if current().scalar_type == "complex":
             self._doubled, self._step = False, 1j
-            self._K, self._B = pencil.K, pencil.B
+            self._K, self._B = K, B
         else:
             self._doubled, self._step = True, 1.0
-            self._K = _blocks(pencil.K, [[1.0, 0.0], [0.0, -1.0]])
-            self._B = _blocks(pencil.B, [[0.0, -1.0], [-1.0, 0.0]])
+            self._K = _blocks(K, [[1.0, 0.0], [0.0, -1.0]])
+            self._B = _blocks(B, [[0.0, -1.0], [-1.0, 0.0]])
         self.A = self._K.duplicate(copy=True)
         self.x, self.b = self.A.createVecs()
-        self._diagonals = [_diagonal(matrix) for matrix in (pencil.K, pencil.B)]
+        self._diagonals = [diagonal_of(matrix) for matrix in (K, B)]
 
     def set(self, omega: float) -> None:
         """A ← K + iωB."""
@@ -68,10 +68,3 @@ def _blocks(matrix, block):
     blocks = values[:, None, None] * np.array(block)
     csr = bsr_array((blocks, indices, indptr), shape=(2 * rows, 2 * columns)).tocsr()  # keeps explicit zeros
     return distributed_matrix(matrix.getComm().tompi4py(), csr, csr.data)
-
-
-def _diagonal(matrix):
-    diagonal = matrix.getDiagonal()
-    values = np.abs(diagonal.getArray())
-    diagonal.destroy()
-    return values

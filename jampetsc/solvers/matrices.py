@@ -1,4 +1,6 @@
-"""Distributed PETSc matrices out of the rows that each rank has."""
+"""Distributed PETSc matrices from local rows, and what one asks of them."""
+
+import numpy as np
 
 from jampetsc.session import current
 
@@ -19,3 +21,17 @@ def distributed_matrix(comm, csr, values):
     matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     matrix.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, True)
     return matrix
+
+
+def diagonal_of(matrix):
+    """This rank's part of the diagonal, (n_local,), real. Collective."""
+    diagonal = matrix.getDiagonal()
+    values = diagonal.getArray().real.copy()
+    diagonal.destroy()
+    return values
+
+
+def largest_entry(matrix) -> float:
+    """Largest diagonal entry of a matrix of squares, in modulus the largest of all. Collective."""
+    local = float(np.abs(diagonal_of(matrix)).max(initial=0.0))
+    return max(matrix.getComm().tompi4py().allgather(local))

@@ -1,0 +1,306 @@
+"""What a sweep certifies is the residual as it is, however the space was made and whichever rank computes what."""
+
+import numpy as np
+import pytest
+import scipy.linalg
+from gathered import dense, whole
+from launch import run
+from samples import SAMPLES, network_of, physics, polydisperse, reference
+from sweeps import Sweep, errors
+
+import jampetsc
+from jampetsc.errors import ConvergenceError
+from jampetsc.mechanics.assembly import assemble
+from jampetsc.response.basis import RationalBasis, field_at
+from jampetsc.response.factors import SideBySide
+from jampetsc.response.galerkin import Galerkin
+from jampetsc.response.residual import energy_between, positive, transfer
+from jampetsc.solvers.cholesky import NotPositiveDefinite, least_eigenvalue
+from jampetsc.solvers.shifted import ShiftedFactor, shifted
+from jampetsc.storage.packing_file import write_packing
+
+OMEGA = np.geomspace(1e-8, 1e3, 12)
+PROGRAM = "../jampetsc/__main__.py"
+LAWS = [physics(), physics("stokes"), physics(rotations=False)]
+
+
+def exact(sample, law):
+    return np.array([reference(sample, str(law)).modulus(omega) for omega in OMEGA])
+
+
+def pencil_of(session, law, sample="polydisperse"):
+    return assemble(network_of(SAMPLES[sample](), law, session.comm), law.law)
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_columns_and_weights_make_the_residual(session, law):
+    """R w(iω) = k_γ + iω b_γ + (K + iωB) x(iω), and what rounding did to it is below what is said of it."""
+    with Sweep(SAMPLES["polydisperse"](), law, OMEGA, 1e-3, session.comm) as found:
+        pencil = found.pencil
+        galerkin = Galerkin(found.basis, found.compatibility)
+        residual = galerkin.residual()
+        K, B = dense(pencil.K), dense(pencil.B)
+        k, b = whole(pencil.k_gamma), whole(pencil.b_gamma)
+        for omega in (1e-7, 1e-2, 30.0):
+            x, r = (
+                np.concatenate(session.comm.allgather(local))
+                for local in (galerkin.field(omega), residual.columns @ residual.weights([omega])[:, 0])
+            )
+            wanted = k + 1j * omega * b + (K + 1j * omega * B) @ x
+            terms = np.abs(k) + omega * np.abs(b) + (np.abs(K) + omega * np.abs(B)) @ np.abs(x)
+            assert np.all(np.abs(r - wanted) <= 1e-13 * terms.max())
+
+
+class Inexact(RationalBasis):
+    """A basis whose x₀ and vectors are off by `noise`, relatively."""
+
+    noise = 1e-4
+
+    def __init__(self, pencil, first, x0):
+        self.generator = np.random.default_rng(pencil.network.first)
+        super().__init__(pencil, first, x0 if np.isinf(first) else self.spoiled(pencil, x0))
+
+    def append(self, w, s):
+        return super().append(self.spoiled(self.pencil, w), s)
+
+    def spoiled(self, pencil, x):
+        other = x * (1.0 + self.noise * self.generator.standard_normal(len(x)))
+        pencil.project(other)
+        return other
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("law", LAWS, ids=str)
+@pytest.mark.parametrize("noise", [1e-10, 1e-5, 1e-2])
+def test_the_bound_holds_for_a_space_made_by_poor_solves(session, law, noise, monkeypatch):
+    """Refused, or within its bound: φ and q, which assume exact solves, only steer."""
+    monkeypatch.setattr("jampetsc.response.factors.RationalBasis", Inexact)
+    monkeypatch.setattr(Inexact, "noise", noise)
+    wanted = exact("published", law)
+    sweep = Sweep(SAMPLES["published"](), law, OMEGA, 1e-6, session.comm)
+    try:
+        with sweep as found:
+            G, bounds = found.G, found.bounds
+    except ConvergenceError:
+        certificate = sweep.sweep.certificate  # what was refused must be right all the same
+        if certificate is None:
+            return
+        G, bounds = certificate.G, certificate.bounds
+    error, _ = errors(G, wanted)
+    assert np.all(error <= bounds)
+
+
+@pytest.mark.scalar("real")
+def test_poor_solves_are_refused_not_certified(session, monkeypatch):
+    monkeypatch.setattr("jampetsc.response.factors.RationalBasis", Inexact)
+    with (
+        pytest.raises(ConvergenceError),
+        Sweep(SAMPLES["polydisperse"](), physics(), OMEGA, 1e-10, session.comm),
+    ):
+        pass
+
+
+@pytest.mark.scalar("real")
+def test_what_is_asked_is_what_is_certified(session):
+    """--accuracy is kept, not twice of it, down to where rounding makes it impossible."""
+    refused = 0
+    for accuracy in np.geomspace(1e-12, 1e-15, 18):
+        try:
+            with Sweep(SAMPLES["isostatic"](), physics(), [1e-3], accuracy, session.comm) as found:
+                G, (_, storage, loss) = found.G[0], found.bounds[0]
+                assert storage <= accuracy * abs(G.real) and loss <= accuracy * abs(G.imag)
+        except ConvergenceError:
+            refused += 1
+    assert 0 < refused < 18
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("parallel", ["shifts", "matrix"])
+@pytest.mark.parametrize("spoil", ["x0", "a vector", "a shift", "nothing"])
+def test_a_basis_from_outside_is_looked_at(session, spoil, parallel):
+    """As from a checkpoint: what does not belong together is not taken, or does no harm."""
+    law = physics()
+    with Sweep(SAMPLES["published"](), law, OMEGA, 1e-6, session.comm, parallel) as found:
+        basis = found.basis
+        x0, vectors, shifts = basis.x0.copy(), basis.vectors.copy(), list(basis.shifts)
+        if spoil == "x0":
+            x0 *= 1.0 + 1e-3
+        elif spoil == "a vector":
+            vectors[2] = np.roll(vectors[2], 3)
+        elif spoil == "a shift":
+            shifts[5] *= 1.1
+        other = Sweep(SAMPLES["published"](), law, OMEGA, 1e-6, session.comm, parallel)
+        if not other.sweep.restore(basis.first, x0, vectors, shifts):
+            assert spoil in ("x0", "a vector")
+            other.__exit__()
+            return
+        with other:
+            assert np.all(errors(other.G, exact("published", law))[0] <= other.bounds)
+            assert spoil == "a shift" or other.sweep.factorisations <= found.sweep.factorisations
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("energy", [-1e-20, np.nan, np.inf])
+def test_what_is_no_energy_is_no_bound(energy):
+    with pytest.raises(NotPositiveDefinite, match=r"K \+ sB at s = 0.1 is not positive definite"):
+        positive({1.0: (2.0, 0.0), 0.1: (energy, 0.0)})
+    assert positive({1.0: (0.0, 0.0)}) == {1.0: (0.0, 0.0)}
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("law", LAWS[:2], ids=str)
+def test_energies_at_other_frequencies_are_bounds(session, law):
+    pencil = pencil_of(session, law)
+    K, B = dense(pencil.K), dense(pencil.B)
+    top = float(scipy.linalg.eigvalsh(K + 1e-3 * B, B + 1e-6 * K).max())
+    v = np.random.default_rng(1).standard_normal(len(K))
+
+    def energy(s):
+        return float(v @ np.linalg.solve(K + s * B, v))
+
+    omega = np.geomspace(1e-5, 1e3, 40)
+    bound = energy_between(top, {s: energy(s) for s in (1e-3, 0.1, 7.0)}, omega)
+    assert np.all(bound >= [energy(w) * (1 - 1e-9) for w in omega])
+    assert np.all(bound <= [1e3 * energy(w) for w in omega])
+    assert np.all(transfer(top, 0.1, omega) * energy(0.1) >= [energy(w) * (1 - 1e-9) for w in omega])
+    pencil.destroy()
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("law", LAWS[:2], ids=str)
+@pytest.mark.parametrize("s", [1e-9, 1e-2, 10.0])
+def test_least_eigenvalue_is_a_lower_bound(session, law, s):
+    """Of K + sB scaled to a unit diagonal; under drag of K + sB on what is no translation."""
+    pencil = pencil_of(session, law)
+    drag = law.law.holds_translations
+    factor = ShiftedFactor(shifted(pencil.K, pencil.B, s), "A", pencil.project if drag else None)
+    A = dense(pencil.K) + s * dense(pencil.B)
+    if drag:
+        wanted = np.linalg.eigvalsh(A)[2]  # two translations
+    else:
+        d = np.sqrt(np.diag(A))
+        wanted = np.linalg.eigvalsh(A / np.outer(d, d))[0]
+    found = factor.least_eigenvalue()
+    assert 1e-3 * wanted < found <= wanted
+    factor.destroy()
+    pencil.destroy()
+
+
+@pytest.mark.parametrize("quality", [1.0, 0.5, 1e-3, 0.0])
+def test_least_eigenvalue_does_not_believe_a_solver(quality):
+    """Only residuals count: a solver that gives too little of the softest part, or nothing, hides nothing."""
+    values = np.linspace(0.1, 1.0, 200)
+    values[17] = 1e-6
+    part = np.where(values < 1e-3, quality, 1.0)
+    generator = np.random.default_rng(3)
+
+    def step(x):
+        solution = part * x / values
+        return solution, float(np.linalg.norm(x - values * solution)), float(np.linalg.norm(solution))
+
+    assert least_eigenvalue(lambda: generator.standard_normal(200), step) <= 1e-6
+
+
+@pytest.mark.scalar("real")
+def test_an_energy_is_exact_but_for_its_second_order_term(session):
+    pencil = pencil_of(session, physics())
+    factor = ShiftedFactor(shifted(pencil.K, pencil.B, 1e-3), "A")
+    v = pencil.k_gamma
+    e, left = factor.energy(v)
+    A = dense(pencil.K) + 1e-3 * dense(pencil.B)
+    wanted = float(whole(v) @ np.linalg.solve(A, whole(v)))
+    assert e == pytest.approx(wanted, rel=1e-11)
+    assert 0.0 < left < 1e-12
+    factor.destroy()
+    pencil.destroy()
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("sample", ["isostatic", "published"])
+def test_first_field_obeys_its_equation_to_rounding(session, sample):
+    pencil = pencil_of(session, physics(), sample)
+    s = 1e-9
+    factor = ShiftedFactor(shifted(pencil.K, pencil.B, s), "A")
+    x = np.concatenate(session.comm.allgather(field_at(pencil, factor, s)))
+    A, c = dense(pencil.K) + s * dense(pencil.B), whole(pencil.k_gamma) + s * whole(pencil.b_gamma)
+    assert np.abs(A @ x + c).max() <= 4e-15 * (np.abs(A) @ np.abs(x) + np.abs(c)).max()
+    factor.destroy()
+    pencil.destroy()
+
+
+@pytest.mark.scalar("real")
+def test_one_rank_that_fails_is_everybodys_failure(session):
+    """Shifts side by side: the matrix of the second is not positive definite, on the rank that has it."""
+    if session.size == 1:
+        return
+    pencil = pencil_of(session, physics())
+    factors = SideBySide(pencil)
+    with pytest.raises(NotPositiveDefinite, match=r"K \+ sB at s = -0.1"):
+        factors.factorise([1.0, -0.1])
+    factors.destroy()
+    pencil.destroy()
+
+
+@pytest.mark.scalar("real")
+def test_a_diagonal_that_is_not_positive_on_one_rank_is_refused_on_all(session):
+    pencil = pencil_of(session, physics())
+    A = pencil.K.copy()
+    diagonal = A.getDiagonal()
+    if session.rank == session.size - 1:
+        diagonal.getArray()[-1] = -1.0
+    A.setDiagonal(diagonal)
+    with pytest.raises(NotPositiveDefinite, match="A is not positive definite"):
+        ShiftedFactor(A, "A")
+    for item in (A, diagonal, pencil):
+        item.destroy()
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("parallel", ["shifts", "matrix"])
+def test_what_lapack_says_on_other_ranks_does_not_matter(session, monkeypatch, parallel):
+    """On mixed processors it differs in the last digit: rank 0 decides, or ranks would part in collective calls."""
+    law = physics()
+
+    def sweep():
+        with Sweep(SAMPLES["polydisperse"](), law, OMEGA, 1e-6, session.comm, parallel) as found:
+            spectrum = found.galerkin.spectrum
+            fields = session.comm.allgather(found.galerkin.field(0.1))
+            return found.G, found.bounds, spectrum.rates, spectrum.weights, np.concatenate(fields)
+
+    def spoiled(function):
+        def wrong(*args, **words):
+            right = function(*args, **words)
+            if isinstance(right, tuple):
+                return (1.5 * right[0], *right[1:-1], right[-1])
+            return 1.5 * right
+
+        return wrong
+
+    wanted = sweep()
+    if session.rank:
+        for module, names in (
+            (np.linalg, ("eigh", "eigvalsh", "solve", "cholesky", "svd")),
+            (scipy.linalg.lapack, ("dgejsv",)),
+            (np, ("geomspace",)),
+        ):
+            for name in names:
+                monkeypatch.setattr(module, name, spoiled(getattr(module, name)))
+    for found, right in zip(sweep(), wanted, strict=True):
+        np.testing.assert_array_equal(found, right)
+
+
+def test_no_option_makes_a_certificate_false(tmp_path):
+    """Preconditioners alone are refused; an iterative method of few digits is refined, and then right."""
+    packing, out = tmp_path / "packing.h5", tmp_path / "sweep.h5"
+    write_packing(packing, polydisperse(3)[0])
+    words = ("sweep", packing, "--out", out, "--omega", "1e-4,1", "-shift_pc_type", "jacobi")
+    done = run(0, PROGRAM, *words)
+    assert done.returncode == 3 and not out.exists()
+    assert "refinement does not remove it: the options that begin with -shift_" in done.stderr
+    done = run(0, PROGRAM, *words, "-shift_ksp_type", "cg", "-shift_ksp_rtol", "1e-2")
+    assert done.returncode == 0, done.stderr
+    sweep = jampetsc.load(out)
+    wanted = np.array([reference("polydisperse", str(physics())).modulus(omega) for omega in sweep.omega])
+    assert np.all(np.abs(sweep.G - wanted) <= sweep.error_bound)
+    assert np.all(sweep.error_bound <= 1e-6 * np.abs(wanted))
