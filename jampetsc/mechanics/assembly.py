@@ -1,10 +1,8 @@
 """Hessian K, damping matrix B and the γ border of a contact network, as distributed PETSc matrices.
 
 Unknowns are the non-affine displacements ũ = u − γ y x̂ and, where the law couples to them, the angles θ,
-interleaved (x, y, θ) per disk. A contact contributes squares of linear forms in the unknowns and the strain
-γ:
+interleaved (x, y, θ) per disk. A contact contributes weighted squares of its relative motions (`contacts.forms`):
 
-    a∥  = n·(ũ_j − ũ_i) + γ n_x r_y,    a⊥ = t·(ũ_j − ũ_i) + γ t_x r_y,    a⊥ᶜ = a⊥ − ρ_i θ_i − ρ_j θ_j
     K:  k (a∥)² − (f/r) (a⊥)²           (BT eqs. 4, 11)
     B:  kτ₁ × the weights of the law on (a∥)², (a⊥)², (a⊥ᶜ)², |ũ_i|² and V γ²   (see `contacts.laws`)
 """
@@ -14,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import coo_array
 
+from jampetsc.contacts.forms import linear_forms, squares
 from jampetsc.contacts.laws import Law
 from jampetsc.mechanics.network import Network, Pieces, find_pieces
 from jampetsc.session import current
@@ -67,25 +66,15 @@ class Pencil:
             item.destroy()
 
 
-def linear_forms(network: Network, dofs: int):
-    """Coefficients of a∥, a⊥ and, with angles, a⊥ᶜ.
-
-    Each (on disk i, on disk j, on γ) of shapes (M, dofs), (M, dofs), (M,).
-    """
+def forms_of(network: Network, dofs: int):
+    """`linear_forms` of the network's contacts, with angles where a disk has three unknowns."""
     c = network.contacts
-    n, t = c.normal, c.transverse
-    zero = np.zeros((len(c), dofs - 2))
-    along = (np.hstack((-n, zero)), np.hstack((n, zero)), n[:, 0] * c.r[:, 1])
-    across = (np.hstack((-t, zero)), np.hstack((t, zero)), t[:, 0] * c.r[:, 1])
-    if dofs == 2:
-        return along, across
-    turn = [-network.radii[end][:, None] for end in (c.i, c.j)]
-    sliding = (np.hstack((-t, turn[0])), np.hstack((t, turn[1])), across[2])
-    return along, across, sliding
+    rims = (network.radii[c.i], network.radii[c.j]) if dofs == 3 else None
+    return linear_forms(c.normal, c.r[:, 1], rims)
 
 
 def weights(network: Network, law: Law):
-    """Weights of `linear_forms`, squared, per contact, complex (M, forms): real part for K, imaginary for B."""
+    """Weights of the squares of `forms_of`, per contact, complex (M, forms): real part for K, imaginary for B."""
     c = network.contacts
     w = np.zeros((len(c), 3), complex)
     w[:, 0] = c.stiffness
@@ -102,20 +91,10 @@ def assemble(network: Network, law: Law, pinned: bool = True) -> Pencil:
     """
     dofs, c = law.dofs, network.contacts
     m, rows = len(c), (network.last - network.first) * dofs
-    forms, w = linear_forms(network, dofs), weights(network, law)
     # One complex array carries K (real part) and B (imaginary part) through the same sums: same pattern, half
     # the work.
-    near = np.zeros((m, dofs, dofs), complex)
-    far = np.zeros((m, dofs, dofs), complex)
-    border = np.zeros((m, dofs), complex)
-    corner = 0j
-    for (on_i, on_j, on_gamma), weight in zip(forms, w.T, strict=True):
-        weighted = weight[:, None] * on_i
-        near += weighted[:, :, None] * on_i[:, None, :]
-        far += weighted[:, :, None] * on_j[:, None, :]
-        border += weighted * on_gamma[:, None]
-        corner += np.sum(weight * on_gamma**2)
-    corner = network.sum(corner) / 2.0  # each contact is seen from both ends
+    near, far, border, corner = squares(forms_of(network, dofs), weights(network, law))
+    corner = network.sum(np.sum(corner)) / 2.0  # each contact is seen from both ends
 
     local = c.i - network.first
     own = np.arange(network.last - network.first)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
-from jampetsc.mechanics.assembly import Pencil, linear_forms, weights
+from jampetsc.mechanics.assembly import Pencil, forms_of, weights
 from jampetsc.session import current
 
 
@@ -67,7 +67,7 @@ def build_compatibility(pencil: Pencil) -> Compatibility:
     network, law = pencil.network, pencil.law
     once = network.contacts.i < network.contacts.j
     i, j = network.contacts.i[once], network.contacts.j[once]
-    forms, w = linear_forms(network, law.dofs), weights(network, law)[once]
+    forms, w = forms_of(network, law.dofs), weights(network, law)[once]
     m, f, d = len(i), len(forms), law.dofs
     size_K = np.abs(w.real)
     contacts = network.contacts[once]

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numba
 import numpy as np
 
+from jampetsc.contacts.forms import linear_forms, squares
 from jampetsc.contacts.pairs import PairList
 
 
@@ -47,6 +48,11 @@ class Bonds:
         """The same with the forces and stiffnesses of the bonds in the mask (M,) alone."""
         return replace(self, force=self.force * bearing, stiffness=self.stiffness * bearing)
 
+    def squares(self):
+        """M of each bond and what a shear strain does to it: see `forms.squares`."""
+        weights = np.column_stack((self.stiffness, -self.force / self.distance))
+        return squares(linear_forms(self.normal.T, self.r[1]), weights)
+
     def on_disks(self, bond_forces, n):
         """Sum over pairs of the forces (2, M) on j, and of their opposites on i, (N, 2)."""
         total = np.empty((n, 2))
@@ -81,24 +87,18 @@ class Pattern:
     def fill(self, bonds: Bonds, free, shift=0.0):
         """Values of K + shift for the disks in the mask `free`; unit rows for the others. (nonzeros,)"""
         values = np.zeros(self.indptr[-1])
-        pairs = bonds.pairs
-        across = bonds.force / bonds.distance
-        _fill(
-            values, pairs.i, pairs.j, bonds.normal, bonds.stiffness, across, free, self.diagonal, self.blocks
-        )
+        springs, *_ = bonds.squares()
+        _fill(values, bonds.pairs.i, bonds.pairs.j, springs, free, self.diagonal, self.blocks)
         values[self.diagonal[free][:, [0, 2]]] += shift
         values[self.diagonal[~free][:, [0, 2]]] = 1.0
         return values
 
 
 @numba.njit(cache=True)
-def _fill(values, i, j, normal, stiffness, across, free, diagonal, blocks):
+def _fill(values, i, j, springs, free, diagonal, blocks):
     for p in range(len(i)):
         a, b = i[p], j[p]
-        nx, ny = normal[0, p], normal[1, p]
-        xx = stiffness[p] * nx * nx - across[p] * ny * ny
-        xy = (stiffness[p] + across[p]) * nx * ny
-        yy = stiffness[p] * ny * ny - across[p] * nx * nx
+        xx, xy, yy = springs[p, 0, 0], springs[p, 0, 1], springs[p, 1, 1]
         for disk in (a, b):
             if free[disk]:
                 values[diagonal[disk, 0]] += xx
@@ -114,20 +114,15 @@ def _fill(values, i, j, normal, stiffness, across, free, diagonal, blocks):
 
 def border(bonds: Bonds, n: int, area: float, pressure: float):
     """(∂²H/∂o∂(ε, g), ∂²H/∂(ε, g)²): (N, 2, 2) with the last axis ε, g, and (2, 2)."""
-    nx, ny = bonds.normal
-    r, f, k = bonds.distance, bonds.force, bonds.stiffness
-    across = f / r
-    ry = bonds.r[1]
-    along_s, across_s = k * nx * ry, -across * -ny * ry  # M s = along_s n + across_s t, t = (−n_y, n_x)
+    nx, r, f, k = bonds.normal[0], bonds.distance, bonds.force, bonds.stiffness
+    _, _, sheared, stiffness = bonds.squares()  # −M s and sᵀ M s
     strain_row = bonds.on_disks((k * r - f) * bonds.normal, n)
-    shear_row = bonds.on_disks(
-        np.stack((along_s * nx - across_s * ny, along_s * ny + across_s * nx - f * nx)), n
-    )
-    mixed = np.sum((k * r - f) * nx * ry)
+    shear_row = bonds.on_disks(-sheared.T - np.stack((np.zeros_like(f), f * nx)), n)
+    mixed = np.sum((k * r - f) * nx * bonds.r[1])
     corner = np.array(
         [
             [np.sum(k * r * r - f * r) + 4.0 * pressure * area, mixed],
-            [mixed, np.sum((k * nx * nx - across * ny * ny) * ry * ry)],
+            [mixed, np.sum(stiffness)],
         ]
     )
     return np.stack((strain_row, shear_row), axis=-1), corner
