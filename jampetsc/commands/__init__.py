@@ -21,6 +21,7 @@ COMMANDS = {
     "quasistatic": "jampetsc.commands.quasistatic",
     "modes": "jampetsc.commands.modes",
     "flow": "jampetsc.commands.flow",
+    "shear": "jampetsc.commands.shear",
     "spectrum": "jampetsc.commands.spectrum",
     "correlate": "jampetsc.commands.correlate",
     "study": "jampetsc.commands.study",

@@ -35,15 +35,16 @@ SNAPSHOTS = ("strain", "positions", "velocities", "cell")
 class Record:
     """Rows and snapshots of a run so far."""
 
-    def __init__(self):
-        self.rows = {name: [] for name in SERIES}
+    def __init__(self, columns=None):
+        self.columns = columns or SERIES
+        self.rows = {name: [] for name in self.columns}
         self.snapshots = {name: [] for name in SNAPSHOTS}
 
     def __len__(self):
         return len(self.rows["strain"])
 
     def add(self, **row) -> None:
-        """One row: a value for every name in SERIES."""
+        """One row: a value for every column."""
         for name, column in self.rows.items():
             column.append(row[name])
 
@@ -54,30 +55,30 @@ class Record:
             self.snapshots[name].append(value)
 
     def series(self, name):
-        """(T,) or (T, 3) array of a name in SERIES."""
-        columns = SERIES[name]
+        """(T,) or (T, 3) array of a column."""
+        columns = self.columns[name]
         return np.array(self.rows[name], float).reshape((-1, columns) if columns else -1)
 
     def datasets(self) -> dict:
         """Everything, as the file has it."""
-        found = {name: self.series(name) for name in SERIES}
+        found = {name: self.series(name) for name in self.columns}
         if self.snapshots["strain"]:
             found |= {f"snapshots/{name}": np.array(kept) for name, kept in self.snapshots.items()}
         return found
 
     @classmethod
-    def of(cls, h5) -> "Record":
+    def of(cls, h5, columns=None) -> "Record":
         """The record in an open file."""
-        record = cls()
-        record.rows = {name: list(values(h5[name])) for name in SERIES}
+        record = cls(columns)
+        record.rows = {name: list(values(h5[name])) for name in record.columns}
         if "snapshots" in h5:
             record.snapshots = {name: list(values(h5[f"snapshots/{name}"])) for name in SNAPSHOTS}
         return record
 
 
-def write_record(path, record: Record, state: dict, settings: dict, facts: dict) -> None:
+def write_record(path, record: Record, state: dict, settings: dict, facts: dict, format=FORMAT) -> None:
     """The finished file: series, snapshots, state, settings and `facts`, its attributes. Raises as ResultWriter."""
-    with ResultWriter(path, FORMAT) as writer:
+    with ResultWriter(path, format) as writer:
         for name, array in record.datasets().items():
             writer.dataset(name, array)
         for name, value in state.items():
@@ -107,22 +108,22 @@ def remove_checkpoint(out) -> None:
         checkpoint_of(out).unlink()
 
 
-def read_record(path, format=FORMAT):
+def read_record(path, format=FORMAT, columns=None):
     """(record, state, settings, attributes) of a flow file or a checkpoint. Raises InputError."""
     with open_file(path) as h5, reading(path):
         attrs = attributes(h5)
         check_format(path, attrs, format)
         state = {name: values(data) for name, data in h5["state"].items()}
-        return Record.of(h5), state, json.loads(attrs["settings"]), attrs
+        return Record.of(h5, columns), state, json.loads(attrs["settings"]), attrs
 
 
-def resumed(out, settings: dict):
+def resumed(out, settings: dict, columns=None):
     """(record, state) of a checkpoint of the same job beside `out`, else None."""
     path = checkpoint_of(out)
     if not path.exists():
         return None
     try:
-        record, state, kept, _ = read_record(path, CHECKPOINT)
+        record, state, kept, _ = read_record(path, CHECKPOINT, columns)
     except InputError:
         return None
     return (record, state) if kept == settings else None

@@ -227,6 +227,7 @@ LOADERS = {  # format -> loader(h5, path); a new format needs a line here
     "jampetsc-spectrum": SpectrumResult,
     "jampetsc-correlation": Result,
     "jampetsc-flow": Result,
+    "jampetsc-shear": Result,
     "jampetsc-velocity-correlation": Result,
 }
 

@@ -321,7 +321,9 @@ def _plural(word):
 
 
 def _noun(word):
-    return f"{word} file" if word in ("modes", "quasistatic", "flow", "velocity-correlation") else word
+    return (
+        f"{word} file" if word in ("modes", "quasistatic", "flow", "shear", "velocity-correlation") else word
+    )
 
 
 def _within(args, option, low, high, default):

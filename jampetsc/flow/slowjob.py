@@ -1,0 +1,102 @@
+"""A run of quasistatic shear from its start, or from where it was stopped, to its file."""
+
+import time
+
+import numpy as np
+
+from jampetsc import session
+from jampetsc.analysis.averages import Average
+from jampetsc.flow.record import Record, remove_checkpoint, resumed, write_checkpoint, write_record
+from jampetsc.flow.run import INTERVAL, LINES
+from jampetsc.flow.slowly import ENERGY_CUT, SlowShear, look_at
+from jampetsc.progress import Progress
+from jampetsc.storage.packing_file import write_packing
+from jampetsc.storage.provenance import provenance
+
+FORMAT = "jampetsc-shear"
+# per step: strain, then what `slowly.Look` has, the rms displacement beside the affine one in mean diameters, and cost
+COLUMNS = {
+    "strain": 0, "energy": 0, "shear_stress": 0, "pressure": 0, "jammed": 0, "coordination": 0, "nonaffine": 0,
+    "evaluations": 0,
+}  # fmt: skip
+
+
+def run(args, disks, origin, solver) -> str:
+    """Shear by the words of the command line, write the file; returns what a user wants to read."""
+    began = time.perf_counter()
+    steps = max(1, int(np.ceil(args.strain / args.step - 1e-9)))
+    discard = min(1.0, 0.5 * args.strain) if args.discard is None else args.discard
+    settings = {"start": disks.fingerprint, "step": args.step, "steps": steps, "tolerance": args.tolerance}
+    settings |= {"discard": discard}
+    slow, record = SlowShear(disks, args.step, solver, args.tolerance), Record(COLUMNS)
+    kept = resumed(args.out, settings, COLUMNS)
+    if kept is not None:
+        record, state = kept
+        slow.restore(state)
+    saved = time.monotonic()
+    said = len(record) * LINES // steps
+    with Progress(LINES, "shear", done=said) as progress:
+        if kept is not None:
+            progress.note(f"{args.out}: goes on from strain {slow.strain:.6g}")
+        while len(record) < steps:
+            before = slow.effort.evaluations
+            size = slow.advance()
+            found = look_at(slow.disks)
+            evaluations = slow.effort.evaluations - before
+            record.add(strain=slow.strain, nonaffine=size, evaluations=evaluations, **vars(found))
+            if time.monotonic() - saved > INTERVAL:
+                write_checkpoint(args.out, record, slow.state(), settings)
+                saved = time.monotonic()
+            if len(record) * LINES // steps > said:
+                said += 1
+                progress.step(f"strain {slow.strain:.4g}, p {found.pressure:.4g}")
+    averages = _averages(record, discard)
+    facts = _facts(args, disks, origin, averages, discard, slow, time.perf_counter() - began)
+    write_record(args.out, record, slow.state() | {"radii": disks.radii}, settings, facts, FORMAT)
+    remove_checkpoint(args.out)
+    if args.last is not None:
+        write_packing(
+            args.last, slow.disks.with_record(protocol=f"quasistatic shear, steps of {args.step:g}")
+        )
+    return _summary(args, disks, averages, record)
+
+
+def _averages(record, discard):
+    """Average of every quantity over strain > discard, jammed or not."""
+    after = record.series("strain") > discard * (1 + 1e-12)
+    names = ("shear_stress", "pressure", "energy", "coordination", "jammed")
+    return {name: Average.of(record.series(name)[after]) for name in names}
+
+
+def _facts(args, disks, origin, averages, discard, slow, seconds):
+    running, potential = session.current(), disks.potential
+    return {
+        **provenance(
+            versions=session.versions(), scalar_type=running.scalar_type, petsc_options=" ".join(running.petsc_argv),
+            ranks=1, packing=(None, None), law={}, wall_seconds=seconds,
+        ),
+        **origin,
+        "step": args.step,
+        "phi": disks.phi,
+        "particle_count": disks.n,
+        "potential": potential.kind,
+        "stiffness": potential.stiffness,
+        "k": float(potential.k),
+        "tolerance": args.tolerance,
+        "discard": discard,
+        "energy_cut": ENERGY_CUT,
+        "newton_steps": slow.effort.newton_steps,
+        **{f"{name}_mean": average.mean for name, average in averages.items()},
+        **{f"{name}_error": average.error for name, average in averages.items()},
+    }  # fmt: skip
+
+
+def _summary(args, disks, averages, record):
+    def told(name):
+        return f"{averages[name].mean:.4g} ± {averages[name].error:.2g}"
+
+    cost = record.series("evaluations").mean()
+    return (
+        f"{args.out}: phi = {disks.phi:.6g}, {len(record)} steps of {args.step:g}, {cost:.0f} force evaluations each\n"
+        f"  sigma = {told('shear_stress')}, p = {told('pressure')}, jammed {told('jammed')}, Z = {told('coordination')}"
+    )
