@@ -21,6 +21,7 @@ ROOMS = (  # from the ground up; a module may import its own room and those befo
     "mechanics",
     "response",
     "flow",
+    "oscillate",
     "plots",
     "words",
     "speed_accuracy",

@@ -20,6 +20,7 @@ COMMANDS = {
     "sweep": "jampetsc.commands.sweep",
     "quasistatic": "jampetsc.commands.quasistatic",
     "modes": "jampetsc.commands.modes",
+    "oscillate": "jampetsc.commands.oscillate",
     "flow": "jampetsc.commands.flow",
     "shear": "jampetsc.commands.shear",
     "spectrum": "jampetsc.commands.spectrum",

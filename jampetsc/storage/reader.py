@@ -226,6 +226,7 @@ LOADERS = {  # format -> loader(h5, path); a new format needs a line here
     "jampetsc-modes": Result,
     "jampetsc-spectrum": SpectrumResult,
     "jampetsc-correlation": Result,
+    "jampetsc-oscillate": Result,
     "jampetsc-flow": Result,
     "jampetsc-shear": Result,
     "jampetsc-velocity-correlation": Result,

@@ -139,7 +139,7 @@ def _files(parts):
 
 
 def _moduli(sweep):
-    omega, G = sweep.omega, sweep.G
+    omega, G = sweep["omega"], sweep["G"]
     rows = [("frequencies", f"{len(omega)}, from {omega.min():.4g} to {omega.max():.4g}")]
     for label, bound, part in (
         ("worst bound, G'", "error_bound_storage", G.real),

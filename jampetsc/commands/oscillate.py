@@ -1,0 +1,143 @@
+"""`jampetsc oscillate`: steady oscillations with power-law damping, without the equivalent linear damping."""
+
+from jampetsc.contacts.laws import FAMILIES, damping_law
+from jampetsc.errors import InputError
+from jampetsc.words.law import add_law_options, physics_from
+
+EPILOG = """examples
+  jampetsc oscillate p1e-3.h5 --out half.h5 --alpha 0.5 --omega 1e-9:1e-5:9 --stress 1e-6,1e-5
+  jampetsc oscillate p1e-3.h5 --out strain.h5 --alpha 0.6667 --omega 1e-4 --strain 1e-6
+  mpirun -n 2 jampetsc oscillate p1e-3.h5 --out fine.h5 --alpha 0.5 --omega 1e-7 --stress 1e-5 --steps 256
+
+PETSc options: -osc_snes_… and -osc_ksp_… reach Newton's method and its linear solver, -osc_factor_… the
+factorisations of its preconditioner, -shift_… the proof that the packing is a minimum.
+A run that was killed goes on when the same command is given again."""
+LEAST_ALPHA = 0.3
+FEWEST, MOST = 16, 4096  # steps
+AMPLITUDES = (1e-30, 1.0)
+
+
+def add_parser(subparsers):
+    """Register the command."""
+    parser = subparsers.add_parser(
+        "oscillate",
+        help="G*(ω), harmonics and work of a packing with power-law damping",
+        description="Steady oscillation of a packing whose contacts are damped by a force ∝ |Δv|^ALPHA: G*(ω) of the "
+        "first harmonic, third and fifth harmonic, work per cycle, with an estimate of the error. The equations are "
+        "solved as they are, for a whole cycle at once.",
+        epilog=EPILOG,
+    )
+    parser.add_argument("packing", metavar="PACKING", help="packing file")
+    parser.add_argument("--out", required=True, metavar="FILE", help="result file (HDF5)")
+    parser.add_argument(
+        "--omega",
+        required=True,
+        metavar="LOW:HIGH:COUNT|LIST",
+        help="frequencies: a logarithmic grid or a list",
+    )
+    imposed = parser.add_mutually_exclusive_group(required=True)
+    imposed.add_argument(
+        "--stress", metavar="LIST", help="impose a shear stress of these amplitudes, in units of k"
+    )
+    imposed.add_argument("--strain", metavar="LIST", help="impose a shear strain of these amplitudes")
+    parser.add_argument(
+        "--alpha",
+        type=float,
+        default=1.0,
+        metavar="A",
+        help=f"exponent of the damping force, {LEAST_ALPHA:g} to 1 (default 1, linear)",
+    )
+    parser.add_argument(
+        "--contacts",
+        choices=("fixed",),
+        default="fixed",
+        help="fixed: the contacts of the packing stay as they are (default)",
+    )
+    parser.add_argument(
+        "--steps", type=int, default=64, metavar="N", help="steps of a cycle, a multiple of 8 (default 64)"
+    )
+    add_law_options(parser)
+    parser.set_defaults(run=run, check=check, takes_petsc=lambda args: True)
+
+
+def check(args):
+    """The Job. Raises InputError."""
+    from pathlib import Path
+
+    from jampetsc.oscillate.job import Job
+    from jampetsc.words.frequencies import parse_omega
+
+    if not LEAST_ALPHA <= args.alpha <= 1.0:
+        raise InputError(f"--alpha {args.alpha:g}: must lie between {LEAST_ALPHA:g} and 1")
+    physics = physics_from(args)
+    if not physics.law.damps_contacts:
+        owners = [name for name in FAMILIES if damping_law(name).damps_contacts]
+        raise InputError(
+            f"--law {physics.law.family}: no contact dissipates; oscillate takes --law {' or '.join(owners)}, and "
+            "`jampetsc sweep` solves linear damping of any kind"
+        )
+    if args.steps % 8 or not FEWEST <= args.steps <= MOST:
+        raise InputError(f"--steps {args.steps}: must be a multiple of 8 from {FEWEST} to {MOST}")
+    return Job(
+        packing=Path(args.packing),
+        out=Path(args.out),
+        physics=physics,
+        omega=parse_omega(args.omega),
+        amplitude=_amplitudes(
+            *(("--stress", args.stress) if args.stress is not None else ("--strain", args.strain))
+        ),
+        stress_controlled=args.stress is not None,
+        steps=args.steps,
+    )
+
+
+def _amplitudes(option, text):
+    """(A,) increasing. Raises InputError."""
+    import numpy as np
+
+    try:
+        values = np.unique([float(word) for word in text.split(",")])
+    except ValueError:
+        raise InputError(f"{option} {text}: write numbers with commas, such as 1e-6,1e-5") from None
+    low, high = AMPLITUDES
+    for value in values:
+        if not low <= value <= high:  # nan as well
+            raise InputError(f"{option} {value:g}: must lie between {low:g} and {high:g}")
+    return values
+
+
+def run(args, petsc_argv) -> int:
+    """Solve and write. Collective."""
+    from jampetsc import session
+    from jampetsc.oscillate.job import FORMAT
+    from jampetsc.storage.outputs import check_output
+
+    asked = check(args)
+    check_output(args.out, FORMAT, [args.packing])
+    running = session.start("real", petsc_argv)
+    from jampetsc.oscillate import job, newton, preconditioner
+    from jampetsc.solvers import inertia, shifted
+    from jampetsc.solvers.rehearsal import rehearse
+
+    rehearse(shifted.rehearse, inertia.rehearse, newton.rehearse, preconditioner.rehearse)
+    arrays = job.run(asked)
+    if running.rank == 0:
+        print(summary(asked, arrays))
+    return 0
+
+
+def summary(asked, arrays) -> str:
+    """What a user wants to read."""
+    G, error = arrays["G"], arrays["error"]
+    lines = [
+        f"{asked.out}: {asked.physics}, alpha = {asked.physics.law.exponent:g}, {G.size} oscillations, estimated to "
+        f"{(error / abs(G)).max():.1e} of |G*|, energy balanced to {abs(arrays['energy_balance']).max():.0e}"
+    ]
+    for a, amplitude in enumerate(asked.amplitude):
+        for m in sorted({0, len(asked.omega) - 1}):
+            third = abs(arrays["harmonics"][a, m, 0])
+            lines.append(
+                f"  {asked.control} {amplitude:.3g}, omega {asked.omega[m]:.3g}: G' = {G[a, m].real:.6g}, "
+                f"G'' = {G[a, m].imag:.6g}, third harmonic {100 * third:.2g} %"
+            )
+    return "\n".join(lines)

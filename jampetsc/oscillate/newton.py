@@ -1,0 +1,150 @@
+"""Newton's method (PETSc SNES, prefix `osc_`) on the equations of a cycle.
+
+A step solves the linear equations by FGMRES on all times together, preconditioned harmonic by harmonic; damping
+forces are eliminated exactly.
+"""
+
+import numpy as np
+
+from jampetsc.errors import ConvergenceError
+from jampetsc.oscillate.equations import Equations
+from jampetsc.oscillate.preconditioner import HarmonicPreconditioner
+from jampetsc.session import current
+
+PREFIX = "osc_"
+DEFAULTS = {
+    "snes_type": "newtonls",
+    "snes_linesearch_type": "bt",
+    "snes_max_it": "50",
+    "snes_rtol": "1e-14",  # `tolerance` decides
+    "snes_stol": "0",
+    "snes_ksp_ew": None,
+    "snes_ksp_ew_version": "2",
+    "snes_ksp_ew_rtol0": "0.1",
+    "snes_ksp_ew_rtolmax": "0.1",
+    "ksp_type": "fgmres",
+    "ksp_gmres_restart": "60",
+    "ksp_max_it": "600",
+}
+
+
+def make_snes(comm):
+    """A SNES with the options of this room. Collective."""
+    session = current()
+    session.set_defaults({PREFIX + name: value for name, value in DEFAULTS.items()})
+    snes = session.PETSc.SNES().create(comm)
+    snes.setOptionsPrefix(PREFIX)
+    return snes
+
+
+def rehearse(matrix) -> None:
+    """Ask for the options that `Newton` asks for, on A x = 0. Collective."""
+    snes = make_snes(matrix.getComm())
+    x, f = matrix.createVecs()
+    snes.setFunction(lambda snes, x, f: matrix.mult(x, f), f)
+    snes.setJacobian(lambda snes, x, J, P: None, matrix)
+    snes.getKSP().getPC().setType("jacobi")
+    snes.setFromOptions()
+    snes.setUp()
+    snes.solve(None, x)
+    for item in (snes, x, f):
+        item.destroy()
+
+
+class Newton:
+    """The solver for one Equations. Collective.
+
+    iterations, linear_iterations   of all solves so far
+    """
+
+    def __init__(self, equations: Equations):
+        PETSc = current().PETSc
+        self.equations = equations
+        comm = equations.contacts.network.comm
+        self.iterations = self.linear_iterations = 0
+        self.preconditioner = HarmonicPreconditioner(
+            equations.contacts, equations.cycle, equations.drive.stress_controlled
+        )
+        sizes = ((equations.size, None), (equations.size, None))
+        self.jacobian = PETSc.Mat().createPython(sizes, _Derivative(self), comm=comm)
+        self.x, self.left = self.jacobian.createVecs()
+        self.snes = snes = make_snes(comm)
+        snes.setFunction(self._function, self.left)
+        snes.setJacobian(self._linearise, self.jacobian)
+        ksp = snes.getKSP()
+        ksp.setPCSide(PETSc.PC.Side.RIGHT)
+        ksp.getPC().setType("python")
+        ksp.getPC().setPythonContext(_Eliminated(self))
+        snes.setFromOptions()
+
+    def solve(self, values, tolerance: float):
+        """The solution (size,) from a start (size,), to a residual of this size.
+
+        Raises ConvergenceError where SNES does not get there.
+        """
+        self.x.setArray(values)
+        self.snes.setTolerances(atol=tolerance)
+        self.snes.solve(None, self.x)
+        self.iterations += self.snes.getIterationNumber()
+        self.linear_iterations += self.snes.getLinearSolveIterations()
+        reason = self.snes.getConvergedReason()
+        if reason <= 0:
+            raise ConvergenceError(
+                f"Newton's method stopped (SNES reason {reason}) after {self.snes.getIterationNumber()} steps, "
+                f"{self.snes.getFunctionNorm() / tolerance:.1e} times what is allowed is left; look with "
+                "-osc_snes_monitor -osc_ksp_converged_reason"
+            )
+        return self.x.getArray().copy()
+
+    def _function(self, snes, x, f):
+        self.equations.residual(
+            self.equations.split(x.getArray(readonly=True)), self.equations.split(f.getArray())
+        )
+
+    def _linearise(self, snes, x, J, P):
+        equations = self.equations
+        self.tangent = equations.law.tangent(equations.split(x.getArray(readonly=True)).f.copy())
+        self.preconditioner.update(self.tangent.mean_stiffness())
+
+    def destroy(self):
+        """Free PETSc's objects."""
+        self.preconditioner.destroy()
+        for item in (self.snes, self.jacobian, self.x, self.left):
+            item.destroy()
+
+
+class _Derivative:
+    """Shell matrix: y ← J x."""
+
+    def __init__(self, newton: Newton):
+        self.newton = newton
+
+    def mult(self, matrix, x, y):
+        split = self.newton.equations.split
+        right, out = split(x.getArray(readonly=True)), split(y.getArray())
+        self.newton.equations.derivative(self.newton.tangent, right, out)
+
+
+class _Eliminated:
+    """Shell preconditioner: damping forces eliminated exactly, the rest harmonic by harmonic."""
+
+    def __init__(self, newton: Newton):
+        self.newton = newton
+
+    def apply(self, pc, x, y):
+        newton, equations = self.newton, self.newton.equations
+        contacts = equations.contacts
+        right, out = equations.split(x.getArray(readonly=True)), equations.split(y.getArray())
+        held = right.f / equations.unit
+        tensions = np.zeros((len(held), contacts.rows))
+        contacts.add_damping(tensions, newton.tangent.forces(held))
+        forces, row = contacts.forces(tensions)
+        if equations.drive.stress_controlled:
+            row = row + equations.rate(right)
+        else:
+            row = np.zeros_like(row)
+        out.v[:], rate = newton.preconditioner.apply(right.v + forces, row)
+        if equations.holds_rate:
+            out.rate[:] = rate
+        z = contacts.damping_motions(contacts.motions(out.v, rate))
+        out.f[:] = newton.tangent.forces(z - held)

@@ -1,0 +1,100 @@
+"""Reference for power-law damping: the motion in time of a small packing, dense, by an ODE solver.
+
+Shares no code with the package. K comes from `dense.Reference`; velocities are those at which the damping forces of
+all contacts balance F − K Q, found at every instant by Newton's method.
+"""
+
+import numpy as np
+from dense import Reference
+from scipy.integrate import solve_ivp
+
+
+class Motion:
+    """A packing under power-law damping, by contacts alone, with the stress σ₀ cos ωt or the strain γ₀ cos ωt."""
+
+    def __init__(self, disks, physics, omega, stress=None, strain=None):
+        exact = self.exact = Reference(disks, physics)
+        law, self.alpha, self.omega = exact.law, physics.law.exponent, omega
+        self.stress, self.strain, self.area = stress, strain, float(exact.area)
+        self.K = exact.K.astype(float)
+        n, d = exact.n, exact.dofs
+        normal = (exact.r / exact.distance[:, None]).astype(float)
+        tangent = np.stack((-normal[:, 1], normal[:, 0]), axis=1)
+        rows = []
+        for c, (i, j) in enumerate(zip(exact.i, exact.j, strict=True)):
+            for weight, direction, rolls in (
+                (law.normal, normal[c], False),
+                (law.transverse, tangent[c], False),
+                (law.sliding, tangent[c], True),
+            ):
+                row = np.zeros(n * d + 1)
+                row[j * d : j * d + 2], row[i * d : i * d + 2] = direction, -direction
+                row[-1] = direction[0] * exact.r[c, 1]
+                if rolls:
+                    row[i * d + 2], row[j * d + 2] = -exact.radii[i], -exact.radii[j]
+                if weight:
+                    rows.append(np.sqrt(weight) * row)
+        self.contacts = len(exact.i)
+        self.Z = np.array(rows).reshape(self.contacts, -1, n * d + 1)
+        rho0 = 2.0 * float(disks.radii.mean())
+        self.c = float(exact.k) * law.tau1 * (rho0 / law.tau1) ** (1.0 - self.alpha)
+        moves = exact.free_moves().astype(float)
+        self.held = np.zeros_like(self.K)
+        self.held[:-1, :-1] = moves @ moves.T
+        self.f = None
+
+    def velocities(self, t, Q):
+        """(v of all unknowns, strain rate last; stress) at a time."""
+        free = slice(None) if self.strain is None else slice(-1)
+        Z = self.Z[..., free]
+        load = -(self.K @ Q)[free]
+        offset = np.zeros(Z.shape[:2])
+        if self.strain is None:
+            load[-1] += self.stress * self.area * np.cos(self.omega * t)
+        else:
+            offset = self.Z[..., -1] * (-self.strain * self.omega * np.sin(self.omega * t))
+        p = 1.0 / self.alpha
+        flat = Z.reshape(-1, Z.shape[-1])
+        v = np.linalg.lstsq(flat.T @ flat + self.held[free, free], load, rcond=None)[0]
+        if self.f is None:
+            z = (Z @ v) + offset
+            self.f = self.c * (np.sum(z**2, axis=1, keepdims=True) + 1e-20) ** ((self.alpha - 1) / 2) * z
+        f, size = self.f, max(np.abs(load).max(), np.abs(self.f).max())
+        for _ in range(60):
+            r = np.maximum(np.sqrt(np.sum(f**2, axis=1)), 1e-9 * size)
+            y = self.c**-p * r ** (p - 1)
+            phi = y[:, None] * f
+            outer = f[:, :, None] * f[:, None, :] / r[:, None, None] ** 2
+            D = (np.eye(f.shape[1]) - (p - 1) / p * outer) / y[:, None, None]
+            weighted = np.einsum("cab,cbx->cax", D, Z).reshape(-1, Z.shape[-1])
+            shift = np.einsum("cab,cb->ca", D, offset - phi)
+            right = load - np.einsum("cax,ca->x", Z, f + shift)
+            v = np.linalg.solve(flat.T @ weighted + y.max() ** -1 * self.held[free, free], right)
+            step = np.einsum("cab,cb->ca", D, Z @ v + offset - phi)
+            f = f + step
+            if np.abs(step).max() < 1e-11 * size:
+                break
+        self.f = f
+        if self.strain is None:
+            return v, self.stress * np.cos(self.omega * t)
+        rate = -self.strain * self.omega * np.sin(self.omega * t)
+        force = (self.K @ Q)[-1] + np.einsum("ca,ca", self.Z[..., -1], f)
+        return np.append(v, rate), force / self.area
+
+    def half_cycle(self, Q, start=0.0, rtol=1e-6):
+        """(Q half a period later, first harmonics of strain and stress over it) from Q (m + 1,) at t = start."""
+        half = np.pi / self.omega
+        size = np.abs(Q).max()
+
+        def rates(t, y):
+            v, stress = self.velocities(t, y[:-4])
+            wave = np.exp(-1j * self.omega * t) * 2.0 / half
+            strain = y[-5] * wave
+            stress = stress * wave
+            return np.concatenate((v, [strain.real, strain.imag, stress.real, stress.imag]))
+
+        done = solve_ivp(
+            rates, (start, start + half), np.append(Q, np.zeros(4)), rtol=rtol, atol=rtol * 1e-2 * size
+        )
+        end = done.y[:, -1]
+        return end[:-4], complex(*end[-4:-2]), complex(*end[-2:])

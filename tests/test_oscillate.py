@@ -1,0 +1,171 @@
+"""Steady oscillations with power-law damping: against time integration, the linear sweep, and exact relations."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from gathered import unknowns
+from powerlaw import Motion
+from samples import network_of, physics, published
+from sweeps import Sweep
+
+from jampetsc.contacts.laws import Physics
+from jampetsc.mechanics.assembly import assemble
+from jampetsc.mechanics.compatibility import build_compatibility
+from jampetsc.oscillate.powerlaw import STIFFEST
+from jampetsc.oscillate.steady import Point, SteadyOscillation
+from jampetsc.response.elastic import ElasticResponse
+from jampetsc.session import current
+
+pytestmark = pytest.mark.scalar("real")
+OMEGA, STRESS = 2e-6, 1e-4  # for α = ½, the middle of the crossover of the published packing
+
+
+class Packing:
+    """The published packing with power-law damping, ready to be shaken."""
+
+    def __init__(self, alpha, steps=64, stiffest=STIFFEST, **options):
+        linear = physics(**options)
+        law = linear.law.altered(exponent=alpha)
+        self.physics, self.disks = Physics(law, linear.prestress), published()
+        self.network = network_of(self.disks, self.physics, current().comm)
+        self.pencil = assemble(self.network, law)
+        self.compatibility = build_compatibility(self.pencil)
+        self.oscillation = SteadyOscillation(
+            self.compatibility, 2 * float(self.disks.radii.mean()), steps, stiffest
+        )
+
+    def shake(self, omega, stress=None, strain=None):
+        point = Point(omega, stress if strain is None else strain, strain is None)
+        found = self.oscillation.solve(point)
+        self.field = found.velocity
+        return found
+
+    def destroy(self):
+        self.oscillation.destroy()
+        self.compatibility.destroy()
+        self.pencil.destroy()
+
+
+@cache
+def shaken(alpha, steps=64, omega=OMEGA, stress=STRESS, strain=None, stiffest=STIFFEST):
+    """The Steady of the published packing, solved once. Collective."""
+    packing = Packing(alpha, steps, stiffest)
+    found = packing.shake(omega, stress, strain)
+    packing.destroy()
+    return found
+
+
+@pytest.mark.parametrize(
+    ("alpha", "omega", "imposed"),
+    [
+        (1.0, 0.1, {"stress": STRESS}),
+        (2 / 3, 1e-3, {"stress": STRESS}),
+        (0.5, OMEGA, {"stress": STRESS}),
+        (0.5, OMEGA, {"strain": 1e-3}),
+    ],
+)
+def test_against_integration_in_time(alpha, omega, imposed):
+    """A cycle integrated from the steady state that was found comes back to it, with the same modulus."""
+    packing = Packing(alpha)
+    found = packing.shake(omega, **imposed)
+    motion = Motion(packing.disks, packing.physics, omega, **imposed)
+    rows = unknowns(packing.network, motion.exact.dofs, motion.exact.disks)
+    orders = np.arange(1, 2 * len(found.velocity), 2)
+    frequencies = omega * np.tan(orders * np.pi / 64) / np.tan(np.pi / 64)
+    parts = current().comm.allgather(found.velocity)
+    rate = parts[0][:, -1] / np.sqrt(packing.network.area)
+    packing.destroy()
+    field = np.column_stack((*(part[:, :-1] for part in parts), rate)) / (1j * frequencies[:, None])
+    Q = np.zeros(len(motion.K))
+    Q[[*rows, -1]] = field.sum(axis=0).real
+    middle, *_ = motion.half_cycle(Q)
+    Q = 0.5 * (middle - Q)
+    end, strain, stress = motion.half_cycle(Q, start=np.pi / omega)
+    difference = packing_energy(motion, Q + end) / packing_energy(motion, Q)
+    assert difference < 1e-6
+    G = stress / strain
+    assert abs(found.G - G) < found.error + 1e-6 * abs(G)
+    assert found.error < 3e-3 * abs(G)
+
+
+def packing_energy(motion, Q):
+    return Q @ motion.K @ Q
+
+
+@pytest.mark.parametrize("imposed", [{"stress": 3e-5}, {"strain": 3e-5}])
+@pytest.mark.parametrize(
+    "options", [{}, {"beta": 0.0, "prestress": False}, {"rotations": False, "tau1": 2.0}]
+)
+def test_linear_damping_is_the_sweep(options, imposed):
+    packing = Packing(1.0, steps=16, **options)
+    omega = np.array([1e-4, 3e-2, 5.0])
+    with Sweep(packing.disks, packing.physics, omega, 1e-8, current().comm) as sweep:
+        for at, bound, G in zip(omega, sweep.bounds[:, 0], sweep.G, strict=True):
+            found = packing.shake(at, **imposed)
+            assert abs(found.G - G) <= found.error + bound
+            assert found.error < 1e-6 * abs(G)
+            assert np.all(abs(found.harmonics) < 1e-6)
+    packing.destroy()
+
+
+@pytest.mark.parametrize("alpha", [0.4, 2 / 3])
+@pytest.mark.parametrize("imposed", [{"stress": STRESS}, {"stress": None, "strain": 1e-3}])
+def test_energy(alpha, imposed):
+    """What is put in is dissipated, and is what the first harmonic says."""
+    found = shaken(alpha, 16, **imposed)
+    assert abs(found.balance) < 1e-6
+    strain = imposed.get("strain") or STRESS / abs(found.G)
+    assert found.work == pytest.approx(np.pi * found.G.imag * strain**2, rel=1e-7)
+    assert 1e-3 < abs(found.harmonics[0]) < 0.2
+
+
+def test_order_of_the_steps():
+    """Halving the steps takes off three quarters of the error, and the estimate covers what is left."""
+    runs = [shaken(0.5, steps) for steps in (16, 32, 64)]
+    best = runs[-1].G + (runs[-1].G - runs[-2].G) / 3
+    errors = np.array([abs(run.G - best) for run in runs[:-1]])
+    assert np.all(errors <= [run.error for run in runs[:-1]])
+    ratios = errors[:-1] / errors[1:]
+    assert np.all((ratios > 2.5) & (ratios < 6.5)), ratios
+
+
+def test_regularisation_does_not_matter():
+    """A softening that is large changes G*, less when halved; the one in use does not."""
+    ends = {
+        stiffest: shaken(0.5, 16, stiffest=stiffest) for stiffest in (4.0, 8.0, 1e4, STIFFEST, 10 * STIFFEST)
+    }
+    exact = ends[10 * STIFFEST].G
+    off = {stiffest: abs(run.G - exact) for stiffest, run in ends.items()}
+    assert off[4.0] > 1.5 * off[8.0] > 1e-6 * abs(exact)
+    assert off[STIFFEST] < 1e-8 * abs(exact) and off[1e4] < 1e-6 * abs(exact)
+    for stiffest in (4.0, 8.0):
+        assert ends[stiffest].regularisation > 0.1 * off[stiffest]
+    assert ends[STIFFEST].regularisation < 1e-7 * abs(exact)
+
+
+@pytest.mark.parametrize("alpha", [0.5, 2 / 3])
+def test_one_variable(alpha):
+    """G* depends on ω and σ₀ through ω σ₀^((α−1)/α) alone: forces scale as λ, damping as λ^α."""
+    scaled = shaken(alpha, 16, 7.0 ** ((1 - alpha) / alpha) * OMEGA, 7.0 * STRESS)
+    assert scaled.G == pytest.approx(shaken(alpha, 16).G, rel=1e-7)
+
+
+@pytest.mark.parametrize("alpha", [0.5, 2 / 3])
+def test_slow_limit(alpha):
+    """At low frequency contacts move as in slow shear, and G'' is what that dissipates."""
+    packing = Packing(alpha, 64, rotations=False)
+    omega = 1e-12 if alpha == 0.5 else 1e-9
+    found = packing.shake(omega, strain=1e-4)
+    elastic = ElasticResponse(packing.network)
+    shear = elastic.shear()
+    elastic.destroy()
+    total = packing.network.sum(np.sum(np.sum(shear.motions[:, :2] ** 2, axis=1) ** (0.5 * (1 + alpha))))
+    phase = (np.arange(100_000) + 0.5) * np.pi / 100_000
+    cycle = 2 * np.pi * np.mean(np.sin(phase) ** (1 + alpha))
+    c = (2 * packing.disks.radii.mean()) ** (1 - alpha)
+    loss = c * cycle * omega**alpha * 1e-4 ** (alpha - 1) * total / (np.pi * packing.network.area)
+    packing.destroy()
+    assert found.G.imag == pytest.approx(loss, rel=1e-2)
+    assert found.G.real == pytest.approx(shear.value / packing.network.area, rel=1e-2)
+    assert found.G.imag < 0.05 * found.G.real

@@ -1,0 +1,102 @@
+"""`jampetsc oscillate` as a program: what it writes, what it refuses, and that it goes on where it was."""
+
+import subprocess
+import sys
+
+import launch
+import numpy as np
+import pytest
+from samples import lattice, published
+
+from jampetsc.storage.packing_file import write_packing
+from jampetsc.storage.reader import load
+
+
+@pytest.fixture(scope="module")
+def packing(tmp_path_factory):
+    path = tmp_path_factory.mktemp("oscillate") / "published.h5"
+    write_packing(path, published())
+    return path
+
+
+def oscillate(*words, ranks=0):
+    line = [*launch.mpirun(ranks), sys.executable, "-m", "jampetsc", "oscillate", *map(str, words)]
+    shared = {
+        "OMPI_MCA_mpi_yield_when_idle": "1"
+    }  # small messages, many of them: ranks may have to share a core
+    return subprocess.run(
+        line, env=launch.environment() | shared, capture_output=True, text=True, timeout=120
+    )
+
+
+def test_a_file_from_one_rank_and_two(packing, tmp_path):
+    words = ("--alpha", 0.5, "--omega", "1e-9,1e-8", "--stress", "1e-5,1e-4", "--steps", 16)
+    files = []
+    for ranks in (0, 2):
+        path = tmp_path / f"{ranks}.h5"
+        done = oscillate(packing, "--out", path, *words, ranks=ranks)
+        assert done.returncode == 0, done.stderr
+        assert "4 oscillations" in done.stdout and "[4/4]" in done.stderr
+        files.append(load(path))
+    one, two = files
+    assert (one.attributes["alpha"], one.attributes["control"]) == (0.5, "stress")
+    assert one.attributes["contacts"] == "fixed"
+    np.testing.assert_array_equal(one["omega"], [1e-9, 1e-8])
+    np.testing.assert_array_equal(one["amplitude"], [1e-5, 1e-4])
+    assert one["harmonics"].shape == (2, 2, 2)
+    strain = one["amplitude"][:, None] / abs(one["G"])
+    np.testing.assert_allclose(one["work"], np.pi * one["G"].imag * strain**2, rtol=1e-7)
+    np.testing.assert_allclose(one["G"], two["G"], rtol=1e-7)
+    assert np.all(one["error"] < 0.02 * abs(one["G"]))
+    assert abs(one["energy_balance"]).max() < 1e-6
+    assert not list(tmp_path.glob("*.resume*"))
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("--alpha 1.5 --stress 1e-5", "--alpha 1.5: must lie between 0.3 and 1"),
+        ("--alpha nan --stress 1e-5", "--alpha nan: must lie between"),
+        ("--stress x", "--stress x: write numbers"),
+        ("--strain 1e-5,-1", "--strain -1: must lie between"),
+        ("--stress 1e-5 --steps 20", "--steps 20: must be a multiple of 8"),
+        ("--stress 1e-5 --law stokes", "--law stokes: no contact dissipates"),
+        ("--stress 1e-5 -osc_ksp_typ cg", "-osc_ksp_typ (did you mean -osc_ksp_type?)"),
+    ],
+)
+def test_refused(packing, tmp_path, words, message):
+    done = oscillate(packing, "--out", tmp_path / "out.h5", "--omega", "1", *words.split())
+    assert done.returncode == 2 and not (tmp_path / "out.h5").exists()
+    assert message in done.stderr and len(done.stderr.splitlines()) == 1
+
+
+def test_a_packing_that_is_no_minimum(tmp_path):
+    write_packing(tmp_path / "lattice.h5", lattice())
+    done = oscillate(
+        tmp_path / "lattice.h5", "--out", tmp_path / "out.h5", "--omega", "1", "--stress", "1e-5"
+    )
+    assert done.returncode == 2 and "K has 14 negative modes" in done.stderr
+
+
+def test_what_failed_is_tried_again_and_the_rest_kept(packing, tmp_path):
+    """With few Newton steps only the easy point is solved; without the limit, only the other one is left to do."""
+    path = tmp_path / "out.h5"
+    words = (
+        packing,
+        "--out",
+        path,
+        "--alpha",
+        0.5,
+        "--omega",
+        "1e-12,1e-6",
+        "--stress",
+        "1e-4",
+        "--steps",
+        16,
+    )
+    failed = oscillate(*words, "-osc_snes_max_it", 3)
+    assert failed.returncode == 3 and "1 of 2 points failed" in failed.stderr
+    assert list(np.isnan(load(path)["G"][0])) == [False, True]
+    done = oscillate(*words)
+    assert done.returncode == 0 and "1 points are finished" in done.stderr
+    assert np.isfinite(load(path)["G"]).all()
