@@ -23,6 +23,7 @@ COMMANDS = {
     "oscillate": "jampetsc.commands.oscillate",
     "flow": "jampetsc.commands.flow",
     "shear": "jampetsc.commands.shear",
+    "jam": "jampetsc.commands.jam",
     "spectrum": "jampetsc.commands.spectrum",
     "correlate": "jampetsc.commands.correlate",
     "study": "jampetsc.commands.study",

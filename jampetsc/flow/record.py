@@ -41,7 +41,7 @@ class Record:
         self.snapshots = {name: [] for name in SNAPSHOTS}
 
     def __len__(self):
-        return len(self.rows["strain"])
+        return len(next(iter(self.rows.values())))
 
     def add(self, **row) -> None:
         """One row: a value for every column."""

@@ -229,6 +229,7 @@ LOADERS = {  # format -> loader(h5, path); a new format needs a line here
     "jampetsc-oscillate": Result,
     "jampetsc-flow": Result,
     "jampetsc-shear": Result,
+    "jampetsc-jam": Result,
     "jampetsc-velocity-correlation": Result,
 }
 

@@ -322,7 +322,9 @@ def _plural(word):
 
 def _noun(word):
     return (
-        f"{word} file" if word in ("modes", "quasistatic", "flow", "shear", "velocity-correlation") else word
+        f"{word} file"
+        if word in ("modes", "quasistatic", "flow", "shear", "jam", "velocity-correlation")
+        else word
     )
 
 
