@@ -16,7 +16,6 @@ import ctypes
 import difflib
 import gc
 import importlib
-import itertools
 import re
 import signal
 import sys
@@ -25,6 +24,7 @@ from pathlib import Path
 
 from jampetsc import builds, launcher, streams
 from jampetsc.errors import InputError
+from jampetsc.loading import check_words, load
 from jampetsc.stopping import stop_on_sigterm
 
 # Read by PETSc when it finishes, or only in some situations: never called unused.
@@ -50,9 +50,9 @@ def start(scalar=None, petsc_argv=()):
     global _session
     petsc_argv = [str(token) for token in petsc_argv]
     if _session is None:
-        _check_words(petsc_argv)
+        check_words(petsc_argv)
         with builds.selected(scalar):
-            PETSc, SLEPc, comm = _load(petsc_argv)
+            PETSc, SLEPc, comm = load(petsc_argv)
         _session = Session(PETSc, SLEPc, comm, petsc_argv)
         # PETSc's own handlers, set by the start, would abort, without a chance to clean up, a closed pipe included
         stop_on_sigterm()
@@ -278,57 +278,6 @@ def _abort(kind, error, trace):
     text = "".join(traceback.format_exception(kind, error, trace))
     streams.say(f"jampetsc: rank {_session.world.rank} of {_session.world.size} failed:\n{text}")
     _session.world.Abort(1)
-
-
-def _load(petsc_argv):
-    """(PETSc, SLEPc or None, COMM_WORLD), initialised with petsc_argv."""
-    try:
-        import petsc4py
-        from mpi4py import MPI
-
-        petsc4py.init(["jampetsc", *petsc_argv], comm=MPI.COMM_WORLD)
-        from petsc4py import PETSc
-    except ImportError as error:
-        reason = " ".join(str(error).split())
-        raise InputError(f"petsc4py and mpi4py: {reason}: install them for {sys.executable}") from error
-    except RuntimeError as error:  # PETSc.Error; PETSc has printed the details
-        given = " ".join(petsc_argv)
-        raise InputError(f"{given}: PETSc does not start with this: see its message above") from error
-    try:
-        import slepc4py
-
-        slepc4py.init(["jampetsc"])
-        from slepc4py import SLEPc
-    except ModuleNotFoundError:
-        SLEPc = None
-    except (ImportError, ValueError) as error:  # what loading a SLEPc of another PETSc gives
-        raise InputError(
-            f"{Path(slepc4py.__file__).parent} was not built for {Path(PETSc.__file__).parents[1]}: "
-            "set PETSC_DIR and SLEPC_DIR to one pair, or unset both"
-        ) from error
-    return PETSc, SLEPc, MPI.COMM_WORLD
-
-
-def _check_words(petsc_argv):
-    """InputError for words that petsc4py cannot hand on, and for an options file that PETSc would refuse at length."""
-    for word in petsc_argv:
-        if not word.isprintable():
-            raise InputError(f"{ascii(word)[1:-1]}: PETSc takes printable text only: use another name")
-    for flag, name in itertools.pairwise([*petsc_argv, ""]):
-        if flag != "-options_file":
-            continue
-        if not name:
-            raise InputError("-options_file: needs the name of a file")
-        try:
-            lines = Path(name).read_text(encoding="utf-8", errors="replace").splitlines()
-        except OSError as error:
-            raise InputError(f"{name}: {error.strerror}: give a PETSc options file") from error
-        if Path(name).suffix in (".yml", ".yaml"):
-            continue
-        for number, line in enumerate(lines, 1):
-            word = line.partition("#")[0].split()[:1]
-            if word and not re.match(r"-[A-Za-z]|alias$", word[0]):
-                raise InputError(f"{name}: line {number}: {word[0]}: options begin with -, comments with #")
 
 
 def _mumps_version():
