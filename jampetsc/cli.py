@@ -35,7 +35,7 @@ def main(argv=None):
     stopping.stop_on_sigterm()
     launcher.forget_if_inherited()
     try:
-        status = dispatch(sys.argv[1:] if argv is None else argv)
+        status = dispatch(sys.argv[1:] if argv is None else argv, stopping.watched)
         sys.stdout.flush()
         return status
     except JampetscError as error:
@@ -57,8 +57,10 @@ def main(argv=None):
         return _fail(f"PETSc: {session.petsc_message(error)}", 1)
 
 
-def dispatch(argv):
+def dispatch(argv, during=contextlib.nullcontext):
     """Parse `argv` (without the program's name) and run its command; returns the exit status.
+
+    `during` gives a context for commands that may work long, on PETSc.
 
     Raises InputError for anything that neither the program nor PETSc can be meant to read.
     """
@@ -83,7 +85,7 @@ def dispatch(argv):
         )
     if not args.takes_petsc(args):
         return args.run(args, petsc_argv) if _chosen(argv) else 0
-    with stopping.watched():
+    with during():
         status = args.run(args, petsc_argv)
         if petsc_argv:
             _note_unused()

@@ -23,6 +23,16 @@ class NotPositiveDefinite(ConvergenceError):
     """The matrix has an eigenvalue that is not positive."""
 
 
+def fits_cholmod(matrix) -> bool:
+    """Whether CHOLMOD can factorise this matrix: it lies on one rank, and PETSc was built with SuiteSparse."""
+    names = (
+        "suitesparse",
+        "cholmod",
+    )  # PETSc of Debian 12 and earlier knows the first only, later ones the second
+    has = current().PETSc.Sys.hasExternalPackage
+    return matrix.getComm().size == 1 and any(map(has, names))
+
+
 class Cholesky:
     """A matrix and its factor, with options of their own prefix. Collective on the ranks of the matrix.
 
@@ -36,7 +46,7 @@ class Cholesky:
         session = current()
         PETSc = session.PETSc
         self.matrix, self.prefix, self.what, self.project = matrix, prefix, what, project
-        alone = matrix.getComm().size == 1 and PETSc.Sys.hasExternalPackage("suitesparse")
+        alone = fits_cholmod(matrix)
         session.set_defaults(
             {
                 prefix + "ksp_type": "preonly",

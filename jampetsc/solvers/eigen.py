@@ -15,6 +15,7 @@ from scipy.sparse import csr_array
 
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.session import current
+from jampetsc.solvers.cholesky import fits_cholmod
 
 PREFIX = "modes_"
 # −σ in units of the contact stiffness: of the order of the softest modes. Nearer to zero, a mode of no energy
@@ -119,7 +120,7 @@ def _solver(matrix, count, stiffness):
         raise InputError(
             "slepc4py is missing: install it for the PETSc in use (Debian: python3-slepc4py-real)"
         )
-    _set_defaults(session, matrix.getComm().size, matrix.getSize()[0])
+    _set_defaults(session, matrix)
     eps = SLEPc.EPS().create(matrix.getComm())
     eps.setOptionsPrefix(PREFIX)
     eps.setOperators(matrix)
@@ -131,9 +132,9 @@ def _solver(matrix, count, stiffness):
     return eps
 
 
-def _set_defaults(session, ranks, unknowns):
-    kind = "SIMPLICIAL" if unknowns < BLOCKS else "SUPERNODAL"
-    alone = ranks == 1 and session.PETSc.Sys.hasExternalPackage("suitesparse")
+def _set_defaults(session, matrix):
+    kind = "SIMPLICIAL" if matrix.getSize()[0] < BLOCKS else "SUPERNODAL"
+    alone = fits_cholmod(matrix)
     session.set_defaults(
         {
             PREFIX + "eps_type": "krylovschur",
