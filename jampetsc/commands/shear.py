@@ -42,7 +42,7 @@ def add_parser(subparsers) -> None:
         "--tolerance", type=float, default=1e-6, metavar="T", help="max|F|/(p d) of a minimum (default 1e-6)"
     )
     run_.add_argument("--last", metavar="FILE", help="write the last state as a packing, too")
-    parser.set_defaults(run=run, takes_petsc=lambda args: True)
+    parser.set_defaults(run=run, check=check, takes_petsc=lambda args: True)
 
 
 def run(args, petsc_argv) -> int:
@@ -50,7 +50,7 @@ def run(args, petsc_argv) -> int:
     from jampetsc import session
     from jampetsc.storage.outputs import check_output
 
-    _check(args)
+    check(args)
     inputs = [args.start] if args.start else []
     check_output(args.out, "jampetsc-shear", inputs)
     if args.last is not None:
@@ -68,7 +68,7 @@ def run(args, petsc_argv) -> int:
     return 0
 
 
-def _check(args):
+def check(args):
     """Raise InputError for numbers out of range."""
     check_start(args)
     if not 0 < args.step <= 0.1:

@@ -17,6 +17,7 @@ class Kind:
     on: str
     suits: Callable = lambda args: True  # whether it can use a sweep with these parsed arguments
     needs: str = ""  # what such a sweep has, in words
+    alone: bool = False  # whether only one rank can do it, however large
 
 
 KINDS = {
@@ -24,7 +25,9 @@ KINDS = {
     "sweep": Kind(PACKING),
     "quasistatic": Kind(PACKING),
     "modes": Kind(PACKING),
+    "oscillate": Kind(PACKING),
     "flow": Kind(START),
+    "shear": Kind(START, alone=True),
     "spectrum": Kind(SWEEP, lambda sweep: sweep.method == "rational", "method rational"),
     "correlate": Kind(SWEEPS, lambda sweep: sweep.fields is not None, "fields"),
 }

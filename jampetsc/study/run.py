@@ -4,7 +4,7 @@ import os
 import time
 from pathlib import Path
 
-from jampetsc.collective import agreed, by_rank_0
+from jampetsc.collective import agreed, by_rank_0, own_cores
 from jampetsc.errors import InputError
 from jampetsc.progress import Progress
 from jampetsc.storage.atomic import write_error, write_whole
@@ -12,6 +12,7 @@ from jampetsc.storage.ensemble import TABLE
 from jampetsc.study.board import BROKEN, DONE, Board
 from jampetsc.study.costs import Costs, in_words
 from jampetsc.study.journal import Journal, records_of
+from jampetsc.study.kinds import KINDS
 from jampetsc.study.lock import Lock
 from jampetsc.study.table import rows_of, table_text
 from jampetsc.study.tasks import Runner
@@ -34,7 +35,7 @@ def run(tasks, folder, parsers, source: bytes, session) -> list[dict]:
     by_rank_0(comm, lambda: _open(folder, lock))
     try:
         records = by_rank_0(comm, lambda: records_of(folder))
-        runner, journal = Runner(folder, parsers, records), Journal(folder, comm.rank)
+        runner, journal = Runner(folder, parsers, records, own_cores(comm)), Journal(folder, comm.rank)
         left = by_rank_0(comm, lambda: [not runner.finished(task) for task in tasks])
         left = [task for task, open_ in zip(tasks, left, strict=True) if open_]
         work = _Work(session, runner, journal, left, lambda: _write_table(folder, tasks, records_of(folder)))
@@ -73,7 +74,8 @@ def _open(folder, lock):
 def _phases(tasks, session):
     """[(whether together, tasks)]: small ones apart, large ones together, then what reads the large ones' files."""
     most = 0 if session.size == 1 else _most_disks(session)
-    large = {task.name for task in tasks if most and task.inputs and task.columns.get("n", 0) > most}
+    shared = [task for task in tasks if most and task.inputs and not KINDS[task.command].alone]
+    large = {task.name for task in shared if task.columns.get("n", 0) > most}
     late = {task.name for task in tasks if any(one.name in large for one in task.inputs)}
     large -= late
     first = [task for task in tasks if task.name not in large | late]

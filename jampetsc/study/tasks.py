@@ -18,10 +18,13 @@ from jampetsc.study.options import positional_of
 
 
 class Runner:
-    """Runs tasks in a folder and tells what became of them; knows what earlier runs have left."""
+    """Runs tasks in a folder and tells what became of them; knows what earlier runs have left.
 
-    def __init__(self, folder, parsers, records: dict):
-        self.folder, self.parsers, self.records = folder, parsers, records
+    cores   what threads of a task may use while other ranks have tasks of their own
+    """
+
+    def __init__(self, folder, parsers, records: dict, cores: int = 1):
+        self.folder, self.parsers, self.records, self.cores = folder, parsers, records, cores
 
     def finished(self, task) -> bool:
         """Whether there is nothing to do for a task, as far as can be told before what it reads is done."""
@@ -77,6 +80,8 @@ class Runner:
             return
         positional = positional_of(self.parsers[task.command])
         args = task.choice.arguments(positional, [str(self.folder / one.file) for one in there], str(out))
+        if vars(args).get("threads", 0) is None:
+            args.threads = self.cores
         heard = io.StringIO()
         with recorded_as(words), contextlib.redirect_stdout(heard), contextlib.redirect_stderr(heard):
             status = args.run(args, [])
