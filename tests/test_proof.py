@@ -1,14 +1,18 @@
 """A factorisation counts as a proof only where its success is one: whatever options say, nothing false is proved."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from launch import run
-from samples import lattice, polydisperse
+from samples import SAMPLES, lattice, polydisperse
 
 import jampetsc
-from jampetsc.errors import ConvergenceError
+from jampetsc.contacts.minimum import with_proof
+from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.mechanics.network import build_network
+from jampetsc.response.elastic import ElasticResponse
 from jampetsc.solvers.cholesky import Cholesky, NotPositiveDefinite
 from jampetsc.storage.packing_file import write_packing
 
@@ -220,3 +224,33 @@ def test_a_quench_does_not_take_what_proves_nothing(tmp_path):
         "-newton_pc_factor_mat_solver_type petsc" in done.stderr and "would prove no minimum" in done.stderr
     )
     assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("words", [(), ("--no-prestress",)], ids=["pre-stress", "no pre-stress"])
+def test_a_packing_that_is_not_at_rest_is_not_certified(tmp_path, words):
+    """One disk taken away, in effect: the forces on its neighbours are not balanced any more."""
+    disks = with_proof(polydisperse(3)[0])
+    radii = disks.radii.copy()
+    radii[5] = 1e-300
+    done, result = sweep(tmp_path, replace(disks, radii=radii), "--omega", "1,10", *words)
+    assert done.returncode == 0, done.stderr
+    assert "forces are not balanced" in done.stderr
+    assert "estimated to" in done.stdout and "certified" not in done.stdout
+    assert "but forces are not balanced" in result.attributes["positive_semidefinite"]
+
+
+@pytest.mark.scalar("real")
+def test_softness_is_counted_where_it_cannot_be_told_from_nothing(session):
+    """Two springs a million million times weaker than the others: what they hold is softer than solves can tell."""
+    network = build_network(SAMPLES["isostatic"](), session.comm, prestress=False)
+    ElasticResponse(network).destroy()
+    c = network.contacts
+    degree = session.comm.allreduce(np.bincount(c.i, minlength=network.n))
+    pairs = [pair for part in session.comm.allgather(list(zip(c.i, c.j, strict=True))) for pair in part]
+    free = sorted((i, j) for i, j in pairs if i < j and degree[i] > 3 and degree[j] > 3)
+    weak = np.zeros(len(c), bool)
+    for i, j in (free[0], free[-1]):
+        weak |= ((c.i == i) & (c.j == j)) | ((c.i == j) & (c.j == i))
+    contacts = replace(c, stiffness=np.where(weak, 1e-13 * c.stiffness, c.stiffness))
+    with pytest.raises(InputError, match="K has 1 floppy mode besides its translations"):
+        ElasticResponse(replace(network, contacts=contacts))

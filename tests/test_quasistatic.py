@@ -132,6 +132,17 @@ def test_no_minimum_is_refused_with_the_count(session):
         ElasticResponse(build_network(gears(), session.comm))
 
 
+def test_the_error_is_that_of_the_worse_response(session):
+    """Shear and compression each have one, and they differ."""
+    network = build_network(SAMPLES["polydisperse"](), session.comm)
+    elastic = ElasticResponse(network)
+    errors = [elastic.shear().error, elastic.compression().error]
+    elastic.destroy()
+    found, _ = response(SAMPLES["polydisperse"](), physics(), session.comm)
+    assert errors[0] != errors[1]
+    assert found.error == max(errors)
+
+
 def square_lattice():
     """A perfect square lattice, 6 × 4: rows and columns slide as wholes at no cost in first order."""
     row, column = np.divmod(np.arange(24), 6)

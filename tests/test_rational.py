@@ -134,6 +134,23 @@ def test_what_does_not_dissipate_is_refused(session):
         pass
 
 
+def test_pieces_that_follow_the_shear_are_named(session):
+    """Two rows of touching disks along x, three deep: each can move so that the shear does nothing to it."""
+    row, column = np.divmod(np.arange(24), 8)
+    one = np.column_stack((column + 0.5 * (row % 2), np.sqrt(0.75) * row)) * 0.98
+    one += np.random.default_rng(5).normal(0, 0.002, one.shape)
+    disks = Disks.from_positions(
+        np.vstack((one, one + np.array([0, 4]))), np.full(48, 0.5), [(8 * 0.98, 0), (0.0, 8.0)]
+    )
+    with (
+        pytest.raises(
+            ConvergenceError, match=r"nothing resists the shear: .* reaches around the cell along y"
+        ),
+        Sweep(disks, physics(), OMEGA, 1e-6, session.comm),
+    ):
+        pass
+
+
 def test_too_much_accuracy_is_refused(session):
     with (
         pytest.raises(

@@ -111,7 +111,7 @@ def summary(job, omega, G, bounds) -> str:
     )
     lines = [
         f"{job.out}: {job.physics}, {len(omega)} frequencies, "
-        f"{'certified' if job.negative_modes == 0 else 'estimated'} to {storage:.1e} in G' and {loss:.1e} in G''",
+        f"{'certified' if job.certified else 'estimated'} to {storage:.1e} in G' and {loss:.1e} in G''",
     ]
     lines += [
         f"  omega {omega[end]:.3g}: G' = {G[end].real:.6g}, G'' = {G[end].imag:.6g}"

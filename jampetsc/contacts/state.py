@@ -9,6 +9,7 @@ from jampetsc.contacts.neighbours import neighbour_pairs
 
 TOUCH = 1e-6  # a contact that carries less than this fraction of p·d only just touches and does not count
 ROUNDING = 1e-14  # … nor does one whose force is within rounding of none, in units of k·d
+BALANCED = 1e-4  # max |F| / (p d) above which nobody would call forces balanced; `pack` leaves 1e-10
 RIGID = 3  # fewer contacts than this cannot hold a disk in two dimensions
 
 
@@ -161,3 +162,9 @@ def measure(disks: Disks) -> State:
         max_force=float(np.hypot(residual[:, 0], residual[:, 1]).max()) if len(residual) else 0.0,
         threshold=threshold,
     )
+
+
+def imbalance(disks: Disks, state: State) -> float:
+    """max |F| / (p d) of a packing, with d its mean diameter; infinite where there is no pressure."""
+    size = state.pressure * 2.0 * float(np.mean(disks.radii))
+    return state.max_force / size if size > 0 else np.inf

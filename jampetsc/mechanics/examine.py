@@ -4,8 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.contacts.laws import UNDAMPED, Law
+from jampetsc.contacts.laws import Law
 from jampetsc.mechanics.assembly import Pencil, assemble
+from jampetsc.mechanics.minimum import count_modes
 from jampetsc.mechanics.network import Network
 from jampetsc.session import current
 from jampetsc.solvers.inertia import Inertia, count_eigenvalues
@@ -47,18 +48,6 @@ def asymmetry(matrix) -> float:
     return float(result)
 
 
-def elastic_inertia(network: Network) -> Inertia:
-    """Inertia of K on the displacements, with nothing pinned. Collective; needs the real build.
-
-    Raises ConvergenceError if a factorisation fails.
-    """
-    pencil = assemble(network, UNDAMPED, pinned=False)
-    try:
-        return count_eigenvalues(pencil.K, f"K {'with' if network.prestress else 'without'} pre-stress")
-    finally:
-        pencil.destroy()
-
-
 def examine(network: Network, law: Law) -> Examination:
     """Assemble K and B of `law` and measure them. Collective; needs the real build of PETSc.
 
@@ -86,6 +75,6 @@ def examine(network: Network, law: Law) -> Examination:
         pencil.destroy()
     return replace(
         facts,
-        with_prestress=elastic_inertia(replace(network, prestress=True)),
-        without_prestress=elastic_inertia(network.unstressed()),
+        with_prestress=count_modes(replace(network, prestress=True)),
+        without_prestress=count_modes(network.unstressed()),
     )

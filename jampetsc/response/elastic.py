@@ -6,16 +6,15 @@ K acts on the displacements alone and has no use for angles or damping; translat
 import numpy as np
 
 from jampetsc.contacts.laws import UNDAMPED
-from jampetsc.errors import InputError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
+from jampetsc.mechanics.minimum import require_unique_response
 from jampetsc.mechanics.network import Network
 from jampetsc.response.balance import Relaxed, relax
 from jampetsc.solvers.cholesky import NotPositiveDefinite
-from jampetsc.solvers.inertia import count_eigenvalues
 from jampetsc.solvers.shifted import ShiftedFactor
 
-SOFT = 1e-11  # smallest eigenvalue of K scaled to a unit diagonal below which zero modes are counted
+SOFT = 1e-11  # zero modes are counted unless the smallest eigenvalue of K scaled to a unit diagonal is above this
 
 
 class ElasticResponse:
@@ -31,47 +30,10 @@ class ElasticResponse:
         try:
             self.factor = ShiftedFactor(self.pencil.K.copy(), "K")
         except NotPositiveDefinite:
-            self._refuse()
+            require_unique_response(network)
             raise
-        if not self.factor.prove() or self._softest() < SOFT:
-            self._refuse()
-
-    def _softest(self):
-        """Estimate, from above, of the smallest eigenvalue of K scaled to a unit diagonal, by inverse
-        iteration.
-        """
-        diagonal = self.pencil.K.getDiagonal()
-        v = diagonal.duplicate()
-        v.setArray(np.random.default_rng(self.network.first).standard_normal(v.getLocalSize()))
-        growth = 0.0
-        for _ in range(3):
-            v.scale(1.0 / v.norm())
-            v.pointwiseMult(v, diagonal)
-            self.factor.solve(v, v)
-            growth = v.norm()
-        v.destroy()
-        diagonal.destroy()
-        return 1.0 / growth if np.isfinite(growth) else 0.0
-
-    def _refuse(self):
-        """Raise InputError if K, nothing pinned, has negative modes or more zero modes than translations."""
-        free = assemble(self.network, UNDAMPED, pinned=False)
-        inertia = count_eigenvalues(free.K, "K")
-        translations = 2 * len(free.pieces.roots)
-        free.destroy()
-        if inertia.negative:
-            raise InputError(
-                f"K has {inertia.negative} negative mode{'s' * (inertia.negative > 1)}: not a minimum of "
-                "the energy; quench "
-                "it (`jampetsc pack --from`) or use --no-prestress"
-            )
-        floppy = inertia.zero - translations
-        if floppy > 0:
-            raise InputError(
-                f"K has {floppy} floppy mode{'s' * (floppy > 1)} besides its translations: the response to "
-                "strain is not "
-                "unique; raise the pressure or finish the quench"
-            )
+        if not self.factor.prove() or self.factor.least_eigenvalue() < SOFT:
+            require_unique_response(network)
 
     def shear(self) -> Relaxed:
         """Response to a unit simple shear u_x = γ y: motions a∥, a⊥ per contact; value = G₀ V."""

@@ -10,6 +10,7 @@ from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import Physics
 from jampetsc.contacts.minimum import proved_minimum
+from jampetsc.contacts.state import BALANCED
 from jampetsc.errors import InputError
 from jampetsc.mechanics.network import build_network
 from jampetsc.response.limits import LARGEST, SMALLEST
@@ -45,6 +46,7 @@ class Job:
     experiment: np.ndarray | None = None  # (M,) frequency of the experiment for each of omega
     negative_modes: int | None = None  # of K; None: not known
     counted_by: str = ""  # how that number is known, where this run has found it out
+    imbalance: float = np.nan  # max |F| / (p d)
     started: float = field(default_factory=time.perf_counter)
 
     @classmethod
@@ -118,6 +120,12 @@ class Job:
     @property
     def positive_semidefinite(self) -> str:
         """Whether K has no negative modes, and how that is known; the error bound rests on it."""
+        if not self.imbalance <= BALANCED:
+            return f"{self._definiteness}; but forces are not balanced: max|F|/(p d) = {self.imbalance:.1e}"
+        return self._definiteness
+
+    @property
+    def _definiteness(self):
         if not self.physics.prestress:
             return "by construction (no pre-stress)"
         if self.negative_modes is None:
@@ -127,6 +135,11 @@ class Job:
                 f"no: {self.negative_modes} negative modes; error_bound is an estimate, |rᵀA⁻¹r|, not a bound"
             )
         return f"proved {f'by {self.counted_by}' if self.counted_by else 'when the packing was made'}"
+
+    @property
+    def certified(self) -> bool:
+        """Whether error bounds hold, and are those of a packing at rest."""
+        return self.negative_modes == 0 and self.imbalance <= BALANCED
 
     def key(self, ranks: int) -> dict:
         """What identifies the job to a checkpoint; rows of fields belong to ranks, numbers do not."""

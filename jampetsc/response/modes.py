@@ -19,6 +19,7 @@ from jampetsc.contacts.laws import UNDAMPED
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.mechanics.assembly import Pencil, assemble
 from jampetsc.mechanics.compatibility import Compatibility, build_compatibility
+from jampetsc.mechanics.minimum import require_minimum
 from jampetsc.mechanics.network import Network
 from jampetsc.response.elastic import ElasticResponse
 from jampetsc.response.job import split_field
@@ -74,12 +75,7 @@ def lowest_modes(network: Network, count: int | None = None, below: float | None
     pencil = assemble(network, UNDAMPED, pinned=False)
     compatibility = build_compatibility(pencil)
     try:
-        negative = count_below(pencil.K, -SHIFT * stiffness, "K")
-        if negative:
-            raise InputError(
-                f"K has {negative} negative mode{'s' * (negative > 1)}: not a minimum of the energy; quench it "
-                "(`jampetsc pack --from`) or use --no-prestress"
-            )
+        require_minimum(network)
         free = 2 * len(pencil.pieces.roots)
         there = pencil.unknowns - free
         if below is not None:

@@ -29,6 +29,7 @@ MOST_VECTORS = 240
 APART = 30.0  # shifts that are done at the same time differ by this ratio at least
 SMALLEST_SHIFT = 1e-14  # relative to the largest rate: below it K + sB is K but for rounding
 LARGEST_SHIFT = 1e6  # relative to the same: where B is singular, K would be rounding beside sB
+NOTHING = 1e-13  # a modulus this small, relative to the affine one, is rounding
 ROOM = 0.5  # of what is allowed that steering may take up, once the certificate has shown that there is more to it
 
 
@@ -116,6 +117,11 @@ class RationalSweep:
         worst = int(np.argmax(ratio))
         if ratio[worst] <= 1.0:
             return self._for_certificate()
+        if self.basis.complete and self._nothing_resists(worst):
+            raise ConvergenceError(
+                "nothing resists the shear: G* vanishes but for rounding, as where no connected piece of contacts "
+                "reaches around the cell along y"
+            )
         if self.basis.complete and not np.isfinite(ratio[worst]):
             raise ConvergenceError(
                 f"G″ vanishes at ω = {self.omega[worst]:g}, so no relative accuracy can be met: nothing moves "
@@ -132,6 +138,11 @@ class RationalSweep:
             shifts.append(float(candidates[np.argmax(ratio)]))
             ratio[(candidates > shifts[-1] / APART) & (candidates < shifts[-1] * APART)] = 0.0
         return shifts
+
+    def _nothing_resists(self, i):
+        """Whether G* at the i-th frequency is rounding of what it would be if nothing relaxed."""
+        affine = abs(self.pencil.k_gg + 1j * self.omega[i] * self.pencil.b_gg)
+        return abs(self._modulus()[i]) * self.pencil.network.area <= NOTHING * affine
 
     def _for_certificate(self):
         """The shift near which a factor is missing where the certificate is worst, as after a resume; or none."""
@@ -173,12 +184,7 @@ class RationalSweep:
 
     def _ratio(self):
         """The bound that steers over what the accuracy leaves for it, for the present estimate of G', G'': (M,)."""
-        basis, error = self.basis, self._steering_bound()
-        s = 1j * self.omega
-        rates, rotation = np.linalg.eigh(basis.K)
-        loads = rotation.T @ basis.t
-        relaxed = np.sum(loads**2 / (rates + s[:, None]), axis=1)
-        G = (self._still[0] + s * self._still[1] - basis.factor(s) ** 2 * relaxed) / self.pencil.network.area
+        G, error = self._modulus(), self._steering_bound()
         allowed = self.accuracy * np.minimum(np.abs(G.real), np.abs(G.imag))
         if self.certificate is not None:
             allowed = ROOM * self._allowed(self.certificate)
@@ -186,6 +192,16 @@ class RationalSweep:
         np.divide(error, allowed, out=ratio, where=allowed > 0.0)
         ratio[np.isnan(ratio)] = np.inf
         return np.where((error == 0.0) & (allowed == 0.0), 0.0, ratio)  # nothing dissipates, exactly
+
+    def _modulus(self):
+        """The present estimate of G*, (M,)."""
+        basis, s = self.basis, 1j * self.omega
+        rates, rotation = np.linalg.eigh(basis.K)
+        loads = rotation.T @ basis.t
+        relaxed = np.sum(loads**2 / (rates + s[:, None]), axis=1)
+        return (
+            self._still[0] + s * self._still[1] - basis.factor(s) ** 2 * relaxed
+        ) / self.pencil.network.area
 
     def _steering_bound(self):
         """Bound on |ΔG*|, (M,), as far as r = f φ q."""

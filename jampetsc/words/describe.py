@@ -5,12 +5,11 @@ import numpy as np
 from jampetsc.analysis.bounds import relative_bound
 from jampetsc.columns import aligned
 from jampetsc.contacts.minimum import ENTRIES, proved_minimum
-from jampetsc.contacts.state import measure
+from jampetsc.contacts.state import BALANCED, imbalance, measure
 from jampetsc.storage.parts import parts_of
 
 DIGITS = 10  # of numbers that one may want to compare with published ones
 DIFFERS = 1e-6  # relative difference from what the file records that is worth a line
-BALANCED = 1e-4  # max |F| / (p d) above which nobody would call forces balanced
 
 
 def table(rows) -> str:
@@ -84,15 +83,10 @@ def packing(path, disks) -> str:
     return "\n".join([table(rows), *(f"note: {note}" for note in notes)])
 
 
-def balanced(disks, state) -> bool:
-    """Whether max |F| ≤ 1e-4 p d: all that can be asked of packings from anywhere; `pack` leaves 1e-10."""
-    return state.max_force <= BALANCED * state.pressure * 2.0 * float(disks.radii.mean())
-
-
 def _residual(disks, state):
     if not state.pressure > 0:
         return "no contacts: below jamming"
-    remark = "" if balanced(disks, state) else ": forces are not balanced"
+    remark = "" if imbalance(disks, state) <= BALANCED else ": forces are not balanced"
     return f"{state.max_force / state.pressure:.2e}{remark}"
 
 
@@ -181,7 +175,7 @@ def matrices(disks, network, physics, facts, ranks) -> str:
             table(rows[:8]),
             table(rows[8:]),
             f"  inertia of L D Lᵀ; zero: within {shift:.0e} of it, the matrix scaled to a unit diagonal",
-            *verdict(facts, balanced(disks, measure(disks))),
+            *verdict(facts, imbalance(disks, measure(disks)) <= BALANCED),
         ]
     )
 

@@ -1,0 +1,71 @@
+"""Whether a packing is a minimum of its energy: the one place that counts the modes of K, and says how it knows.
+
+K is that of `network`, with or without pre-stress, on the displacements. A proof that came with the packing is another
+matter, see `contacts.minimum`; so are forces that are not balanced, see `contacts.state`.
+"""
+
+from jampetsc.contacts.laws import UNDAMPED
+from jampetsc.errors import InputError
+from jampetsc.mechanics.assembly import assemble
+from jampetsc.mechanics.network import Network, find_pieces
+from jampetsc.solvers.cholesky import NotPositiveDefinite
+from jampetsc.solvers.inertia import Inertia, count_eigenvalues
+from jampetsc.solvers.shifted import ShiftedFactor
+
+BY_CHOLESKY = "Cholesky's factorisation of K"
+BY_INERTIA = "the inertia of K"
+
+
+def count_modes(network: Network) -> Inertia:
+    """Inertia of K, nothing pinned: two zeros for each piece are its translations. Collective; needs the real build.
+
+    Raises as `count_eigenvalues`.
+    """
+    pencil = assemble(network, UNDAMPED, pinned=False)
+    try:
+        return count_eigenvalues(pencil.K, f"K {'with' if network.prestress else 'without'} pre-stress")
+    finally:
+        pencil.destroy()
+
+
+def negative_modes(network: Network) -> tuple[int, str]:
+    """Number of negative eigenvalues of K, and how it is known. Collective; needs the real build.
+
+    None when Cholesky's factorisation of K succeeds and proves it, otherwise counted by inertia. Raises as
+    `count_modes`.
+    """
+    pencil = assemble(network, UNDAMPED)
+    try:
+        factor = ShiftedFactor(pencil.K.copy(), "K")
+        proved = factor.prove()
+        factor.destroy()
+    except NotPositiveDefinite:
+        proved = False
+    finally:
+        pencil.destroy()
+    return (0, BY_CHOLESKY) if proved else (count_modes(network).negative, BY_INERTIA)
+
+
+def require_minimum(network: Network) -> None:
+    """Raise InputError, with their number, where K has negative modes. Collective."""
+    _refuse_negative(negative_modes(network)[0])
+
+
+def require_unique_response(network: Network) -> None:
+    """Raise InputError, with their number, for negative modes and for zero modes besides translations. Collective."""
+    inertia = count_modes(network)
+    _refuse_negative(inertia.negative)
+    floppy = inertia.zero - 2 * len(find_pieces(network).roots)
+    if floppy > 0:
+        raise InputError(
+            f"K has {floppy} floppy mode{'s' * (floppy > 1)} besides its translations: the response to strain is not "
+            "unique; raise the pressure or finish the quench"
+        )
+
+
+def _refuse_negative(count):
+    if count:
+        raise InputError(
+            f"K has {count} negative mode{'s' * (count > 1)}: not a minimum of the energy; quench it "
+            "(`jampetsc pack --from`) or use --no-prestress"
+        )
