@@ -41,7 +41,7 @@ def add_parser(subparsers) -> None:
     parser.add_argument(
         "--tolerance", type=float, default=1e-6, metavar="T", help="max|F|/(p d) of a minimum (default 1e-6)"
     )
-    parser.set_defaults(run=run, takes_petsc=lambda args: True)
+    parser.set_defaults(run=run, check=check, takes_petsc=lambda args: True)
 
 
 def run(args, petsc_argv) -> int:
@@ -53,7 +53,7 @@ def run(args, petsc_argv) -> int:
     from jampetsc.storage.outputs import check_output
 
     began = time.perf_counter()
-    tasks = _tasks(args)
+    tasks = check(args)
     running = session.start("real", petsc_argv)
     comm = running.comm
     by_rank_0(comm, lambda: check_output(args.out, FORMAT))
@@ -68,7 +68,7 @@ def run(args, petsc_argv) -> int:
     return 0
 
 
-def _tasks(args):
+def check(args):
     """[(φ, seed)] of all samples. Raises InputError."""
     from jampetsc.words.flowing import PHIS
     from jampetsc.words.packtasks import FEWEST, LAST_SEED, MOST

@@ -28,6 +28,7 @@ KINDS = {
     "oscillate": Kind(PACKING),
     "flow": Kind(START),
     "shear": Kind(START, alone=True),
+    "jam": Kind(NOTHING),
     "spectrum": Kind(SWEEP, lambda sweep: sweep.method == "rational", "method rational"),
     "correlate": Kind(SWEEPS, lambda sweep: sweep.fields is not None, "fields"),
 }

@@ -75,8 +75,17 @@ def _correlation(result):
     }
 
 
+def _jam(result):
+    jammed = result["jammed"]
+    known = np.isfinite(jammed)
+    return {"samples": len(jammed)} | (
+        {"jammed_fraction": float(jammed[known].mean())} if known.any() else {}
+    )
+
+
 MORE = {  # format -> what its arrays add
     "jampetsc-sweep": _sweep,
     "jampetsc-modes": _modes,
     "jampetsc-correlation": _correlation,
+    "jampetsc-jam": _jam,
 }
