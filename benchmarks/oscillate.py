@@ -1,0 +1,130 @@
+"""Steady oscillation under power-law damping against scipy's solve_ivp (BDF, sparse Jacobian) on the same equations.
+
+    .venv/bin/python benchmarks/oscillate.py [--n 256] [--pressure 1e-3] [--alpha 0.5] [--omega 1e-8] [--stress 1e-5]
+
+Velocities are defined by the equations only implicitly, and eliminating them would make the Jacobian dense. So scipy
+gets unknowns and velocities, with a mass so small that it does not matter, and the exact sparse Jacobian. It starts on
+the steady oscillation that was found, and is timed over one cycle: in earnest it would need several to get there. G* of
+that cycle is compared as well. Times in one process, one after the other.
+"""
+
+import argparse
+import time
+
+import numpy as np
+import scipy.sparse as sp
+from common import machine, packing
+from scipy.integrate import solve_ivp
+
+
+class Equations:
+    """m v̇ = F cos ωt − K Q − Zᵀ f(Z v), Q̇ = v, with the strain as the last unknown and pinned unknowns left out."""
+
+    def __init__(self, compatibility, c, alpha, omega, stress):
+        pencil = compatibility.pencil
+        indptr, columns, values = compatibility.C.getValuesCSR()
+        C = sp.csr_matrix((values, columns, indptr), shape=compatibility.C.getSize())
+        self.free = np.setdiff1d(np.arange(pencil.unknowns), pencil.pins)
+        length = np.sqrt(pencil.network.area)
+        C = sp.hstack((C[:, self.free], (compatibility.g / length)[:, None])).tocsr()
+        self.K = (C.T @ sp.diags(compatibility.w_K) @ C).tocsc()
+        weights = compatibility.w_B.reshape(-1, compatibility.forms) / pencil.network.damping(pencil.law)
+        kept = np.flatnonzero(weights.ravel())
+        self.Z = (sp.diags(np.sqrt(weights.ravel()[kept])) @ C[kept]).tocsr()
+        self.forms = np.count_nonzero(weights[0])
+        self.c, self.alpha, self.omega, self.force = c, alpha, omega, stress * length
+        self.size, self.evaluations = C.shape[1], 0
+
+    def prepare(self, v):
+        """Mass and softening from a typical velocity: both far too small to matter."""
+        z = (self.Z @ v).reshape(-1, self.forms)
+        typical = np.sqrt(np.mean(z**2))
+        self.soft = 1e-6 * typical
+        self.mass = 1e-6 * self.c * typical ** (self.alpha - 1.0) / self.omega
+
+    def rates(self, t, y):
+        """Right-hand side."""
+        self.evaluations += 1
+        Q, v = np.split(y, 2)
+        z = (self.Z @ v).reshape(-1, self.forms)
+        f = self.c * (np.sum(z**2, axis=1) + self.soft**2)[:, None] ** ((self.alpha - 1) / 2) * z
+        left = -(self.K @ Q) - self.Z.T @ f.ravel()
+        left[-1] += self.force * np.cos(self.omega * t)
+        return np.concatenate((v, left / self.mass))
+
+    def jacobian(self, t, y):
+        """Its derivative, sparse."""
+        z = (self.Z @ y[self.size :]).reshape(-1, self.forms)
+        size = np.sum(z**2, axis=1) + self.soft**2
+        blocks = np.eye(self.forms) + (self.alpha - 1) * z[:, :, None] * z[:, None, :] / size[:, None, None]
+        blocks *= self.c * (size ** ((self.alpha - 1) / 2))[:, None, None]
+        count = len(blocks)
+        D = sp.bsr_matrix((blocks, np.arange(count), np.arange(count + 1)))
+        B = self.Z.T @ (D @ self.Z)
+        return sp.bmat([[None, sp.identity(self.size)], [-self.K / self.mass, -B / self.mass]]).tocsc()
+
+
+def main():
+    words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    words.add_argument("--n", type=int, default=256)
+    words.add_argument("--pressure", default="1e-3")
+    for name, default in (("alpha", 0.5), ("omega", 1e-8), ("stress", 1e-5), ("rtol", 1e-4)):
+        words.add_argument(f"--{name}", type=float, default=default)
+    words.add_argument("--steps", type=int, default=32)
+    args = words.parse_args()
+    path = packing(args.n, args.pressure)
+
+    from jampetsc import session
+    from jampetsc.contacts.laws import damping_law
+    from jampetsc.mechanics.assembly import assemble
+    from jampetsc.mechanics.compatibility import build_compatibility
+    from jampetsc.mechanics.network import build_network
+    from jampetsc.oscillate.cycle import Cycle
+    from jampetsc.oscillate.steady import Point, SteadyOscillation
+    from jampetsc.storage.packing_file import read_packing
+
+    disks = read_packing(path)
+    network = build_network(disks, session.start("real").comm)
+    compatibility = build_compatibility(assemble(network, damping_law(exponent=args.alpha)))
+    oscillation = SteadyOscillation(compatibility, 2.0 * float(disks.radii.mean()), args.steps)
+    begun = time.perf_counter(), time.process_time()
+    found = oscillation.solve(Point(args.omega, args.stress, stress_controlled=True))
+    ours = time.perf_counter() - begun[0], time.process_time() - begun[1]
+    print(machine())
+    print(
+        f"jampetsc: {ours[0]:.1f} s ({ours[1]:.1f} s of CPU), {args.steps} steps, G* = {found.G:.6g}, "
+        f"error {found.error / abs(found.G):.0e}, Newton {found.newton}, linear {found.linear}",
+        flush=True,
+    )
+
+    equations = Equations(compatibility, oscillation.power.coefficient, args.alpha, args.omega, args.stress)
+    cycle = Cycle(args.steps, args.omega)
+    kept = np.append(equations.free, found.velocity.shape[1] - 1)
+    Q = (found.velocity / (1j * cycle.frequencies[:, None])).sum(axis=0).real[kept]
+    v = found.velocity.sum(axis=0).real[kept]
+    equations.prepare(found.velocity[0].real[kept])
+    end = 2 * np.pi / args.omega
+    scale = np.append(np.full(len(Q), np.abs(Q).max()), np.full(len(v), np.abs(v).max()))
+    begun = time.perf_counter(), time.process_time()
+    done = solve_ivp(
+        equations.rates,
+        (0.0, end),
+        np.append(Q, v),
+        method="BDF",
+        jac=equations.jacobian,
+        rtol=args.rtol,
+        atol=args.rtol * 1e-2 * scale,
+        t_eval=(np.arange(512) + 0.5) * end / 512,
+    )
+    theirs = time.perf_counter() - begun[0], time.process_time() - begun[1]
+    strain = done.y[equations.size - 1] / np.sqrt(network.area)
+    G = args.stress / (strain @ np.exp(-1j * args.omega * done.t) * 2.0 / 512)
+    print(
+        f"scipy BDF, one cycle: {theirs[0]:.1f} s ({theirs[1]:.1f} s of CPU), G* = {G:.6g}, "
+        f"{abs(G - found.G) / abs(G):.0e} away, {equations.evaluations} evaluations, {done.nlu} factorisations"
+    )
+    print(f"ratio of elapsed times {theirs[0] / ours[0]:.1f}, of CPU times {theirs[1] / ours[1]:.1f}")
+
+
+if __name__ == "__main__":
+    main()
