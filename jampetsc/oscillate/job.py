@@ -11,7 +11,7 @@ from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.mechanics.network import build_network
-from jampetsc.oscillate.powerlaw import STIFFEST
+from jampetsc.oscillate.powerlaw import relative_softening
 from jampetsc.oscillate.steady import HARMONICS, Point, SteadyOscillation
 from jampetsc.progress import Progress
 from jampetsc.response.elastic import ElasticResponse
@@ -96,7 +96,7 @@ def run(job: Job) -> dict:
             control=job.control,
             contacts="fixed",
             steps=job.steps,
-            stiffest=STIFFEST,
+            regularisation=relative_softening(job.physics.law.exponent),
         )
     if failures:
         first = failures[min(failures)]

@@ -23,6 +23,11 @@ import numpy as np
 STIFFEST = 1e7  # slope of a contact at rest over that of one that moves as most do
 
 
+def relative_softening(alpha: float, stiffest: float = STIFFEST) -> float:
+    """δ over the force at a typical velocity, such that a contact at rest is `stiffest` times as stiff as there."""
+    return 0.0 if alpha == 1.0 else stiffest ** (-alpha / (1.0 - alpha))
+
+
 @dataclass(frozen=True)
 class PowerLaw:
     """One exponent 0 < α ≤ 1. Arrays of forces f and velocities z are (…, components)."""
@@ -36,10 +41,9 @@ class PowerLaw:
         return 1.0 / self.alpha
 
     def softened(self, velocity: float, stiffest: float = STIFFEST) -> "PowerLaw":
-        """The law with δ such that a contact at rest is `stiffest` times as stiff as at this velocity, for α < 1."""
+        """The law with the δ of `relative_softening` for this typical velocity."""
         typical = self.coefficient * velocity**self.alpha
-        delta = 0.0 if self.alpha == 1.0 else typical * stiffest ** (-1.0 / (self._p - 1.0))
-        return PowerLaw(self.alpha, self.coefficient, delta)
+        return PowerLaw(self.alpha, self.coefficient, typical * relative_softening(self.alpha, stiffest))
 
     def dissipation(self, z):
         """f·z = c |z|^(1+α) of each contact, without softening."""
