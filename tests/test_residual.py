@@ -286,8 +286,11 @@ def test_what_lapack_says_on_other_ranks_does_not_matter(session, monkeypatch, p
         ):
             for name in names:
                 monkeypatch.setattr(module, name, spoiled(getattr(module, name)))
+    # MUMPS on several ranks sums in the order in which messages arrive: last digits, of which small bounds are
+    # made, differ from run to run; what is spoiled differs by half
+    same = 0.0 if parallel == "shifts" else 0.1
     for found, right in zip(sweep(), wanted, strict=True):
-        np.testing.assert_array_equal(found, right)
+        np.testing.assert_allclose(found, right, rtol=same, atol=1e-9 * same * np.abs(right).max())
 
 
 def test_no_option_makes_a_certificate_false(tmp_path):
