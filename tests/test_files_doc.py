@@ -37,11 +37,12 @@ flow --n 16 --phi 0.9 --seed 1 --model RD0 --rate 1e-2 --strain 0.5 --discard 0.
 
 def documented():
     """{format: (datasets, attributes)} of DOC, names as patterns; "" for what every result has."""
-    found, kind = {}, None
+    found, names = {}, []
     for line in DOC.read_text().splitlines():
         if line.startswith("## "):
-            kind = (re.search(r"jampetsc-[\w-]+", line) or [""])[0]
-            found[kind] = ([], [])
+            kind, names = (re.search(r"jampetsc-[\w-]+", line) or [""])[0], []
+            if kind or line == "## Every result":  # not the folder of a study, which is no file of ours
+                found[kind] = ([], [])
         elif line.startswith(("| dataset", "| attribute")):
             names = found[kind][line.startswith("| attribute")]
         elif line.startswith("| `"):
