@@ -66,7 +66,7 @@ def test_what_has_no_mean_is_refused(folder):
         average_curves(curves(folder))
 
 
-@pytest.mark.parametrize("kind", [[], ["--kind", "moduli"], ["--kind", "collapse"]])
+@pytest.mark.parametrize("kind", [[], ["--kind", "storage"], ["--kind", "collapse"]])
 def test_pictures_of_a_study(folder, capsys, kind):
     assert cli.main(["plot", str(folder), *kind, "--out", str(folder / "x.png")]) == 0
     said = capsys.readouterr().out
@@ -85,6 +85,26 @@ def test_pictures_of_a_study(folder, capsys, kind):
 def test_a_study_without_what_is_to_be_drawn(folder, capsys, kind, says):
     assert cli.main(["plot", str(folder), "--kind", kind, "--out", str(folder / "x.png")]) == 2
     assert says in capsys.readouterr().err
+
+
+def test_some_rows_of_a_study_are_chosen_by_their_values(folder, capsys):
+    def plot(*words):
+        return cli.main(["plot", str(folder), *words, "--out", str(folder / "x.png")])
+
+    assert plot("--kind", "loss", "--where", "command=sweep,file=sweep-0.01-3.h5") == 0
+    assert "G'' of 1 sweep," in capsys.readouterr().out
+    for where, says in (
+        ("file=none", "a study with nothing where file=none: nothing for a picture"),
+        ("beta=1", "no column beta"),
+        ("file", "--where file: write column=value"),
+    ):
+        assert plot("--where", where) == 2
+        assert says in capsys.readouterr().err
+    assert (
+        cli.main(["plot", str(folder / "sweep-0.01-3.h5"), "--where", "n=1", "--out", str(folder / "x.png")])
+        == 2
+    )
+    assert "--where n=1: chooses rows of a study" in capsys.readouterr().err
 
 
 def test_intervals_of_long_tails_stay_among_the_samples():

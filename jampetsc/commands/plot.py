@@ -20,6 +20,7 @@ examples:
   jampetsc plot p1e-2.h5 p1e-3.h5 --kind length --out length.png  of correlations
   jampetsc plot q-p*.h5 --kind medians --out medians.png         of quasistatic files
   jampetsc plot ensemble --kind collapse --out collapse.png      means over the packings of a study
+  jampetsc plot ensemble --where law=stokes --out stokes.png     of those under Stokes drag
   jampetsc plot rd0-*.h5 --out flow.png                          flow curves of runs at several rates
   jampetsc plot rd0.h5 --kind snapshot --out snapshot.png        or velocities
   jampetsc plot modes.h5 --mode 1,2,5 --out modes.png            on the packing"""
@@ -38,6 +39,11 @@ def add_parser(subparsers):
         "--kind",
         choices=PICTURES,
         help="what to draw (default: follows from the files and options)",
+    )
+    parser.add_argument(
+        "--where",
+        metavar="COLUMN=VALUE,…",
+        help="of the folder of a study: the files whose rows in its table have these values",
     )
     parser.add_argument("--mu", type=float, metavar="MU", help="collapse: moduli over p^MU (default 0.5)")
     parser.add_argument(
@@ -67,7 +73,7 @@ def run(args, petsc_argv):
     from jampetsc.words.files import refuse_repeated
 
     kinds = _asked_kinds(args)
-    files, args.average = of_studies(args.files, kinds)
+    files, args.average = of_studies(args.files, kinds, args.where)
     check_picture(args.out, [*files, *filter(None, [args.packing])])
     held, items = open_files(files)
     kind = choose(kinds, held, files)

@@ -19,11 +19,16 @@ _FEW = 16  # so many frequencies or fewer: a marker on each
 _SPACED = 8  # markers along a longer curve
 _LEGEND_ROWS = 7  # more pressures than this get a colour bar instead
 _DASHES = (0, (4, 1.6))
+BOTH = (STORAGE, LOSS)
 
 
-def plot_moduli(curves, path, band="") -> None:
-    """G'/k (solid, filled) and G''/k (dashed, open) against ωτ₁, with `bounds` as bands; band: what these are."""
-    _plot(curves, path, r"$\omega\tau_1$", f"{STORAGE}$/k$,  {LOSS}$/k$", 0.5, r"\omega", band)
+def plot_moduli(curves, path, band="", parts=BOTH) -> None:
+    """G'/k (solid, filled) and G''/k (dashed, open) against ωτ₁, with `bounds` as bands; band: what these are.
+
+    parts   (STORAGE,) or (LOSS,) for one of the two
+    """
+    y = ",  ".join(f"{part}$/k$" for part in parts)
+    _plot(curves, path, r"$\omega\tau_1$", y, 0.5, r"\omega", band, parts)
 
 
 def plot_collapse(curves, path, mu=MU, lam=LAMBDA, band="") -> None:
@@ -57,40 +62,42 @@ def require_pressure(curve) -> None:
         raise InputError(f"{curve.name}: pressure {curve.pressure:g}: must be positive to scale with it")
 
 
-def _plot(curves, path, x_label, y_label, exponent, symbol, band):
+def _plot(curves, path, x_label, y_label, exponent, symbol, band, parts=BOTH):
     with figure(COLUMN, HEIGHT, layout="constrained") as fig:
         ax = fig.add_subplot(xlabel=x_label, ylabel=y_label)
         title, groups = group_curves(curves)
-        lines = [line for n, g in enumerate(groups) for curve in g.curves for line in _draw(ax, g, curve, n)]
+        lines = [
+            line for n, g in enumerate(groups) for curve in g.curves for line in _draw(ax, g, curve, n, parts)
+        ]
         if not lines:
-            raise InputError(
-                f"{curves[0].name}: neither G' nor G'' is positive anywhere: nothing to show on log axes"
-            )
+            what = "neither G' nor G''" if parts == BOTH else "no modulus"
+            raise InputError(f"{curves[0].name}: {what} is positive anywhere: nothing to show on log axes")
         set_log_axes(ax, lines)
         negative = sum(bool((curve.G.real <= 0).any()) for curve in curves)
-        if negative:  # unstable to shear, as small packings with pre-stress can be
+        if negative and STORAGE in parts:  # unstable to shear, as small packings with pre-stress can be
             what = f"{STORAGE} < 0 (not shown) in {negative} of {len(curves)} sweeps"
             ax.text(0.02, 0.98, what, transform=ax.transAxes, va="top", fontsize=7.5)
         # Low pressure has the longest critical branch, high pressure the longest viscous one.
         critical, viscous = groups[0].curves[0], groups[-1].curves[0]
-        draw_guide(ax, critical.omega, critical.G.imag, exponent, symbol, lines, above=True)
-        draw_guide(ax, viscous.omega, viscous.G.imag, 1.0, symbol, lines, above=False)
+        if parts == BOTH:
+            draw_guide(ax, critical.omega, critical.G.imag, exponent, symbol, lines, above=True)
+            draw_guide(ax, viscous.omega, viscous.G.imag, 1.0, symbol, lines, above=False)
         if len(groups) > _LEGEND_ROWS and title:
             _pressure_bar(fig, ax, groups)
             title, groups = "", []
-        handles = _handles(groups) + ([Patch(facecolor="0.2", alpha=0.25, label=band)] if band else [])
+        handles = _handles(groups, parts) + ([Patch(facecolor="0.2", alpha=0.25, label=band)] if band else [])
         place_legend(fig, ax, title, handles, lines)
         save(fig, path)
 
 
-def _draw(ax, group, curve, number):
+def _draw(ax, group, curve, number, shown_parts):
     """The lines of one sweep, each as (x, y) of the points that log axes can show."""
     solitary = len(group.curves) == 1
     lines = []
-    parts = ((curve.G.real, "-", group.colour), (curve.G.imag, _DASHES, "white"))
-    for (values, dash, face), bound in zip(parts, curve.bounds, strict=True):
+    parts = ((STORAGE, curve.G.real, "-", group.colour), (LOSS, curve.G.imag, _DASHES, "white"))
+    for (part, values, dash, face), bound in zip(parts, curve.bounds, strict=True):
         positive = values > 0
-        if not positive.any():
+        if part not in shown_parts or not positive.any():
             continue
         shown = np.where(positive, values, np.nan)
         ax.plot(
@@ -132,7 +139,7 @@ def _pressure_bar(fig, ax, groups):
     bar.ax.tick_params(which="both", length=2)
 
 
-def _handles(groups):
+def _handles(groups, parts):
     """Legend entries: one for each group, then what the line styles mean."""
 
     def handle(label, colour, marker, face, dash):
@@ -141,6 +148,5 @@ def _handles(groups):
         )
 
     entries = [handle(g.label, g.colour, g.marker, g.colour, "-") for g in groups]
-    entries.append(handle(STORAGE, "0.2", "o", "0.2", "-"))
-    entries.append(handle(LOSS, "0.2", "o", "white", _DASHES))
-    return entries
+    styles = {STORAGE: ("0.2", "-"), LOSS: ("white", _DASHES)}
+    return entries + [handle(part, "0.2", "o", *styles[part]) for part in parts if len(parts) > 1]

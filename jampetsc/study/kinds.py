@@ -7,16 +7,17 @@ NOTHING = "nothing"
 PACKING = "a packing"
 START = "a packing, or nothing where its table gives n"
 SWEEP = "a sweep"
-SWEEPS = "the sweeps of all seeds"
+SEEDS = "the files of all seeds"
 
 
 @dataclass(frozen=True)
 class Kind:
-    """What a task of a command begins with: one task per packing, per sweep, or for the sweeps of all seeds."""
+    """What a task of a command begins with: one task per packing, per sweep, or for the files of all seeds."""
 
     on: str
-    suits: Callable = lambda args: True  # whether it can use a sweep with these parsed arguments
-    needs: str = ""  # what such a sweep has, in words
+    of: tuple[str, ...] = ("sweep",)  # commands whose files it reads
+    suits: Callable = lambda args: True  # whether it can use a file made with these parsed arguments
+    needs: str = ""  # what such files are, in words
     alone: bool = False  # whether only one rank can do it, however large
 
 
@@ -29,6 +30,13 @@ KINDS = {
     "flow": Kind(START),
     "shear": Kind(START, alone=True),
     "jam": Kind(NOTHING),
-    "spectrum": Kind(SWEEP, lambda sweep: sweep.method == "rational", "method rational"),
-    "correlate": Kind(SWEEPS, lambda sweep: sweep.fields is not None, "fields"),
+    "spectrum": Kind(
+        SWEEP, suits=lambda sweep: sweep.method == "rational", needs="sweeps with method rational"
+    ),
+    "correlate": Kind(
+        SEEDS,
+        of=("sweep", "flow"),
+        suits=lambda args: bool(vars(args).get("fields") or vars(args).get("snapshots")),
+        needs="sweeps with fields, or flows with snapshots",
+    ),
 }

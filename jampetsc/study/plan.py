@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 from jampetsc.errors import InputError
 from jampetsc.storage.regular import open_regular
-from jampetsc.study.kinds import KINDS, NOTHING, PACKING, START, SWEEP, SWEEPS
+from jampetsc.study.kinds import KINDS, NOTHING, PACKING, SEEDS, START, SWEEP
 from jampetsc.study.options import Choice, choices_of, label_of
 
 SEED = "seed"
@@ -120,14 +120,15 @@ def _starts(kind, found, where):
                 f"{where}: needs packings: add a table [pack]{' or n' if kind.on is START else ''}"
             )
         return [(packing,) for packing in found["pack"]]
-    sweeps = [task for task in found["sweep"] if kind.suits(task.choice.args)]
-    if not sweeps:
-        raise InputError(f"{where}: needs sweeps with {kind.needs}: add a table [sweep]")
+    files = [task for command in kind.of for task in found[command] if kind.suits(task.choice.args)]
+    if not files:
+        tables = " or ".join(f"[{command}]" for command in kind.of)
+        raise InputError(f"{where}: needs {kind.needs}: add a table {tables}")
     if kind.on is SWEEP:
-        return [(sweep,) for sweep in sweeps]
+        return [(task,) for task in files]
     groups = {}
-    for sweep in sweeps:
-        groups.setdefault(_identity(sweep, without_seed=True), []).append(sweep)
+    for task in files:
+        groups.setdefault(_identity(task, without_seed=True), []).append(task)
     return [tuple(group) for group in groups.values()]
 
 
@@ -135,7 +136,7 @@ def _task(command, choice, inputs):
     shared = inputs[0].columns if inputs else {}  # seeds differ where a task takes all of them
     shared = {k: v for k, v in shared.items() if all(task.columns.get(k) == v for task in inputs)}
     of = [task.name for task in inputs]
-    if KINDS[command].on is SWEEPS:  # other seeds: the same task, done anew
+    if KINDS[command].on is SEEDS:  # other seeds: the same task, done anew
         shared.pop(SEED, None)
         of = [_identity(task, without_seed=True) for task in inputs[:1]]
     columns = {**shared, **choice.given}

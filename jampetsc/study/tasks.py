@@ -12,7 +12,7 @@ from jampetsc.collective import by_rank_0
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.storage.provenance import command_line, recorded_as
 from jampetsc.storage.reader import load
-from jampetsc.study.kinds import KINDS, SWEEPS
+from jampetsc.study.kinds import KINDS, SEEDS
 from jampetsc.study.numbers import numbers_of
 from jampetsc.study.options import positional_of
 
@@ -34,7 +34,7 @@ class Runner:
             and record["state"] == "done"
             and os.path.exists(self.folder / task.file)
             and set(record["inputs"]) <= {one.name for one in task.inputs}
-            and (KINDS[task.command].on is not SWEEPS or len(record["inputs"]) == len(task.inputs))
+            and (KINDS[task.command].on is not SEEDS or len(record["inputs"]) == len(task.inputs))
         )
 
     def run(self, task, there, together=False) -> dict:
@@ -48,7 +48,7 @@ class Runner:
         try:
             if not there and task.inputs:
                 raise InputError(f"{task.inputs[0].file} failed")
-            if len(there) < len(task.inputs) and KINDS[task.command].on is not SWEEPS:
+            if len(there) < len(task.inputs) and KINDS[task.command].on is not SEEDS:
                 raise InputError(f"{task.inputs[len(there)].file} failed")
             if self._unchanged(task, record["inputs"]):
                 return self.records[task.name]
@@ -67,9 +67,9 @@ class Runner:
         return record | {"state": state, "why": why, "seconds": seconds, "row": row_of(task, found)}
 
     def _unchanged(self, task, inputs):
-        """Whether the sweeps of all seeds are those that there were when their file was made."""
+        """Whether the files of all seeds are those that there were when their file was made."""
         record = self.records.get(task.name)
-        several = KINDS[task.command].on is SWEEPS and record and record["state"] == "done"
+        several = KINDS[task.command].on is SEEDS and record and record["state"] == "done"
         return several and record["inputs"] == inputs and os.path.exists(self.folder / task.file)
 
     def _work(self, task, there):

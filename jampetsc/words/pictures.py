@@ -16,7 +16,11 @@ class Picture:
     single: bool  # one file at a time
 
 
-COMMANDS = {"correlation": "correlate", "packing": "pack"}  # format -> the command, where they have two names
+COMMANDS = {  # format -> the command, where they have two names
+    "correlation": "correlate",
+    "velocity-correlation": "correlate",
+    "packing": "pack",
+}
 PICTURES: dict[str, Picture] = {}  # a file shows by itself the first that suits it and the options given
 
 
@@ -52,23 +56,25 @@ def open_files(paths):
     return held[0], found
 
 
-def of_studies(paths, kinds) -> tuple[list[str], bool]:
+def of_studies(paths, kinds, where=None) -> tuple[list[str], bool]:
     """(files, whether some come from a study): for the folder of a study those that one of the kinds can show.
 
-    Raises InputError for a study that has none.
+    where   column=value,… : of its rows those that have these values
+
+    Raises InputError for a study that has none, and for `where` without a study.
     """
     from pathlib import Path
 
     from jampetsc.storage.ensemble import TABLE
     from jampetsc.storage.reader import load
 
-    files, averages = [], False
+    files, averages, wanted = [], False, _wanted(where)
     for path in paths:
         if not (Path(path) / TABLE).exists():
             files.append(path)
             continue
         table, averages = load(path), True
-        done = table.where(state="done")
+        done = table.where(state="done", **wanted)
         suited = [
             done.where(command=[COMMANDS.get(name, name) for name in PICTURES[kind].of]) for kind in kinds
         ]
@@ -77,9 +83,22 @@ def of_studies(paths, kinds) -> tuple[list[str], bool]:
             held = ", ".join(sorted(set(done["command"].tolist()))) or "nothing"
             what = " or ".join(kinds) if len(kinds) < len(PICTURES) else "a"
             hint = "; of those that show a single file, name the file" if any(r.rows for r in suited) else ""
-            raise InputError(f"{path}: a study with {held}: nothing for {what} picture{hint}")
+            here = f" where {where}" if where else ""
+            raise InputError(f"{path}: a study with {held}{here}: nothing for {what} picture{hint}")
         files += [str(Path(path) / name) for name in found["file"].tolist()]
+    if where and not averages:
+        raise InputError(f"--where {where}: chooses rows of a study, but {paths[0]} is none: leave it out")
     return files, averages
+
+
+def _wanted(where):
+    """{column: value} of column=value,…. Raises InputError."""
+    pairs = [word.partition("=") for word in where.split(",")] if where else []
+    if not all(name and equals and value for name, equals, value in pairs):
+        raise InputError(
+            f"--where {where}: write column=value, several with commas, such as law=stokes,beta=1"
+        )
+    return {name.strip().replace("-", "_"): value.strip() for name, _, value in pairs}
 
 
 def fits(rows, kind) -> bool:
@@ -109,6 +128,26 @@ def _moduli(args, items):
     curves, band, text = _averaged(args, [curve_of(item) for item in items])
     plot_moduli(curves, args.out, band)
     return f"G' and G'' of {_count(items)}{text}"
+
+
+@picture("storage", "sweep")
+def _storage(args, items):
+    return _one_modulus(args, items, "STORAGE", "G'")
+
+
+@picture("loss", "sweep")
+def _loss(args, items):
+    return _one_modulus(args, items, "LOSS", "G''")
+
+
+def _one_modulus(args, items, part, words):
+    from jampetsc.plots import style
+    from jampetsc.plots.curves import curve_of
+    from jampetsc.plots.moduli import plot_moduli
+
+    curves, band, text = _averaged(args, [curve_of(item) for item in items])
+    plot_moduli(curves, args.out, band, (getattr(style, part),))
+    return f"{words} of {_count(items)}{text}"
 
 
 def _averaged(args, curves):
