@@ -12,10 +12,12 @@ from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.contacts.state import find_contacts, measure
 from jampetsc.contacts.threads import Team
 from jampetsc.errors import ConvergenceError
+from jampetsc.packing import descent as descent_module
 from jampetsc.packing import lbfgs, minimise, protocols
 from jampetsc.packing.descent import Descent, Goal
+from jampetsc.packing.fire import fall
 from jampetsc.packing.minimise import Effort, relax
-from jampetsc.packing.newton import Newton, Point
+from jampetsc.packing.newton import Limits, Newton, Point
 from jampetsc.packing.sizes import radii_of
 from jampetsc.solvers.local import NewtonSolver
 
@@ -156,24 +158,29 @@ def test_any_number_of_threads_takes_the_same_way():
             assert np.array_equal(getattr(ends[0], name), getattr(end, name))
 
 
-@pytest.mark.parametrize("goal", [Goal(), Goal(1e-3), Goal(1e-3, True)], ids=str)
-def test_no_touching_pair_is_ever_unlisted(goal):
-    """After any number of steps from a random start the list holds; a narrow skin makes that hard."""
-    descent = Descent(random_disks(300), goal, Team())
+@pytest.mark.parametrize("goal", [None, Goal(), Goal(1e-3), Goal(1e-3, True)], ids=str)
+def test_no_touching_pair_is_ever_unlisted(goal, monkeypatch):
+    """The list holds after any number of steps; short ones use its skin up to the last, in every direction."""
+    monkeypatch.setattr(descent_module, "REACH", 5e-4)
+    descent = Descent(random_disks(300), goal or Goal(), Team())
     rng = np.random.default_rng(1)
     widest = 2.0 * descent.disks.radii.max()
     used = []
-    for _ in range(60):
-        descent.skin = 0.05
+    for _ in range(40):
+        descent.skin = 0.02
         descent.fold()
-        descent.descend(0.0, 0.0, int(rng.integers(1, 40)))
+        steps = int(rng.integers(1, 80))
+        if goal is None:
+            fall(descent, 0.0, steps)
+        else:
+            descent.descend(0.0, 0.0, steps)
         far = np.hypot(*descent.offsets.T).max()
         assert not is_stale(far, *descent.box, widest, descent.pairs.skin)
         used.append(2.0 * far / descent.pairs.skin)
         listed = set(zip(descent.pairs.i.tolist(), descent.pairs.j.tolist(), strict=True))
         contacts = find_contacts(descent.disks)
         assert set(zip(contacts.i.tolist(), contacts.j.tolist(), strict=True)) <= listed
-    assert max(used) > 0.7  # the skin was needed
+    assert max(used) > 0.6  # the skin was needed
 
 
 def test_coinciding_disks_are_an_error():
@@ -297,3 +304,12 @@ def test_no_minimum_is_an_error_in_words_of_physics(monkeypatch):
     with pytest.raises(ConvergenceError, match=r"^no minimum after 30 force evaluations") as raised:
         minimise.minimise(random_disks(64), Goal(1e-3), NewtonSolver())
     assert "--" not in str(raised.value) and "\n" not in str(raised.value)
+
+
+def test_limits_are_what_was_asked_for_or_what_rounding_leaves():
+    limits = Limits(Descent(random_disks(100), Goal(1e-3), Team()), 1e-10)
+    for pressure, force, stress in ((1e-3, 1e-13, 1e-13), (1e-7, 3e-15, 4e-17)):
+        found = limits.at(pressure)
+        assert found.force == pytest.approx(force) and found.pressure == pytest.approx(stress)
+    soft = Limits(Descent(random_disks(100, potential=Potential("hertzian")), Goal(1e-6), Team()), 1e-10)
+    assert soft.at(1e-6).force < 3e-16  # rounding of bonds moves the forces of soft contacts less
