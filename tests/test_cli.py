@@ -11,7 +11,7 @@ import pytest
 from samples import polydisperse
 
 import jampetsc
-from jampetsc import cli, commands
+from jampetsc import cli, commands, launcher
 from jampetsc.errors import InputError
 from jampetsc.storage.packing_file import write_packing
 
@@ -141,6 +141,24 @@ def test_ranks_with_the_same_request_do_it_once():
     assert probe("probe", "f", ranks=2).stdout.count("done") == 1
     done = probe("probe", "f", "--do", "input_error", ranks=2)
     assert words_of(done) == ["jampetsc: error: f: radius -1: must be positive"] and done.returncode == 2
+
+
+@pytest.mark.parametrize(
+    ("given", "several"),
+    [
+        ("", False),
+        ("OMPI_COMM_WORLD_SIZE=1", False),
+        ("OMPI_COMM_WORLD_SIZE=2", True),
+        ("MPI_LOCALNRANKS=1 PMI_SIZE=2", True),
+        ("SLURM_NTASKS=2 PMI_SIZE=2", False),  # srun: MPI would have each task wait for the others
+    ],
+)
+def test_what_is_a_reason_to_start_mpi_and_ask(monkeypatch, given, several):
+    for name in ("OMPI_COMM_WORLD_SIZE", "MPI_LOCALNRANKS", "PMI_SIZE"):
+        monkeypatch.delenv(name, raising=False)
+    for word in given.split():
+        monkeypatch.setenv(*word.split("="))
+    assert launcher.several() == several
 
 
 def made_under_mpirun(folder, *line):
