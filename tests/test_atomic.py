@@ -99,15 +99,16 @@ def test_a_disk_that_is_full_at_any_moment(tmp_path, write):
 
 def test_what_comes_after_the_end_of_a_file_is_no_error(tmp_path):
     """libhdf5 may look at a file once more when its last object goes."""
-    output = OutputFile(tmp_path / "x.h5")
-    data = output.h5.create_dataset("x", data=np.ones(10))
-    stream = output.stream
-    output.discard()
-    assert not data
-    assert stream.seek(5) == 5
-    assert stream.write(b"abc") == 3
-    assert stream.truncate(7) == 7
-    assert list(tmp_path.iterdir()) == []
+    for end in (OutputFile.finish, OutputFile.discard):
+        output = OutputFile(tmp_path / "x.h5")
+        data = output.h5.create_dataset("x", data=np.ones(10))
+        end(output)
+        assert not data
+        assert output.stream.seek(5) == 5
+        assert output.stream.write(b"abc") == 3
+        assert output.stream.truncate(7) == 7
+        output.discard()
+        assert list(tmp_path.iterdir()) == []
 
 
 def test_an_interrupt_while_hdf5_writes_is_raised_in_the_end(tmp_path, monkeypatch):

@@ -217,14 +217,17 @@ def test_bytes_come_out_as_they_went_in(tmp_path):
                 verified.seek(max(start, 0))
                 assert verified.read(10) == content[:size][max(start, 0) : max(start, 0) + 10]
             assert verified.seek(0, os.SEEK_END) == size
+    whole = bytearray((tmp_path / "f").read_bytes())
+    whole[5] ^= 1  # and its hash to go with it, but not the line, which stands for both
+    whole[len(content) : len(content) + 32] = hashlib.sha256(whole[:BLOCK]).digest()
+    (tmp_path / "g").write_bytes(whole)
+    with pytest.raises(Damaged, match="list of checksums"):
+        Verified(open(tmp_path / "g", "rb"))
     whole = (tmp_path / "f").read_bytes()
-    for cut in (1, LINE, LINE + 1, LINE + 32 * 4):
-        (tmp_path / "g").write_bytes(
-            whole[:-LINE][: -cut + LINE] + whole[-LINE:] if cut > LINE else whole[:-cut]
-        )
-        if cut > LINE:
-            with pytest.raises(Damaged):
-                Verified(open(tmp_path / "g", "rb"))
+    for place in (0, len(content) - 1, len(content), len(whole) - LINE - 1):
+        (tmp_path / "g").write_bytes(whole[:place] + whole[place + 1 :])
+        with pytest.raises(Damaged, match="its length is not"):
+            Verified(open(tmp_path / "g", "rb"))
 
 
 def test_sizes_are_checked_before_they_are_allocated(tmp_path):
