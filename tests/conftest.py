@@ -17,8 +17,6 @@ from array import array
 import pytest
 
 SCALAR = os.environ.get("JAMPETSC_TEST_SCALAR")
-# Which test files: every third, from the first (0), the second (1) and the third (2) on.
-SHARE = os.environ.get("JAMPETSC_TEST_SHARE", "012")
 PATIENCE = 20.0  # seconds a rank that failed waits for the others to end the same test
 HANG = 300.0  # seconds after which a test counts as hanging: every rank says where, and the run ends
 
@@ -44,13 +42,8 @@ def pytest_collection_modifyitems(config, items):
         marker = item.get_closest_marker("scalar")
         return SCALAR is None if marker is None else SCALAR in marker.args
 
-    files = sorted({item.path for item in items})
-
-    def chosen(item):
-        return wanted(item) and str(files.index(item.path) % 3) in SHARE
-
-    config.hook.pytest_deselected(items=[item for item in items if not chosen(item)])
-    items[:] = [item for item in items if chosen(item)]
+    config.hook.pytest_deselected(items=[item for item in items if not wanted(item)])
+    items[:] = [item for item in items if wanted(item)]
 
 
 def pytest_collection_finish(session):
