@@ -6,6 +6,7 @@ for many steps, and they meet at barriers on a shared counter. Every thread take
 sums: the shares are added in the same order whatever the number of threads.
 """
 
+import time
 from concurrent.futures import ThreadPoolExecutor
 
 import numba
@@ -14,6 +15,7 @@ from numba import types
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
+LOOK = 16  # runs after which the slower number of threads is tried again
 SPINS = 2000  # looks at the counter before the core is offered to others: about a microsecond
 
 _yield = types.ExternalFunction("sched_yield", types.int32())
@@ -57,21 +59,37 @@ def meet(counter, threads):
 
 
 class Team:
-    """`size` threads, this one among them, that run compiled functions together.
+    """`size` threads at most, this one among them, that run compiled functions together.
 
-    function(me, threads, counter, …) is to release the global lock and to meet on `counter`.
+    function(me, threads, counter, …) is to release the global lock, to meet on `counter` and to return
+    (status, steps, …), the same however many threads take part. So as many take part as get on faster: threads that
+    share their cores with other programs wait for each other longer than one alone would work.
     """
 
     def __init__(self, size: int = 1):
         self.size = size
         self._others = ThreadPoolExecutor(size - 1) if size > 1 else None
+        self._paces = {}  # (function, threads) -> seconds per step, the last time
+        self._runs = 0
 
     def run(self, function, shares: int, *arguments):
         """What `function` returns on this thread, once all have returned; at most `shares` threads take part."""
-        threads = min(self.size, shares)
+        threads = self._fastest(function, min(self.size, shares))
         counter = np.zeros(1, np.int64)
+        compiled = bool(function.signatures)
+        began = time.perf_counter()
         others = [self._others.submit(function, me, threads, counter, *arguments) for me in range(1, threads)]
         mine = function(0, threads, counter, *arguments)
         for other in others:
             other.result()
+        if compiled:
+            self._paces[function, threads] = (time.perf_counter() - began) / max(mine[1], 1)
         return mine
+
+    def _fastest(self, function, most):
+        """All of `most` threads or one alone: what was faster, or in every LOOK-th run the other."""
+        if most == 1:
+            return 1
+        self._runs += 1
+        fastest, other = sorted((most, 1), key=lambda threads: self._paces.get((function, threads), 0.0))
+        return other if self._runs % LOOK == 0 else fastest
