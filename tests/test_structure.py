@@ -1,12 +1,15 @@
 """The rooms of the package: imports go downwards only, one door to PETSc, and laws are data."""
 
 import ast
+import subprocess
+import sys
 from functools import cache
 from pathlib import Path
 
 import pytest
 
 import jampetsc
+from jampetsc import recompile
 from jampetsc.contacts.laws import FAMILIES
 
 PACKAGE = Path(jampetsc.__file__).parent
@@ -120,6 +123,54 @@ def test_no_module_knows_a_law_by_its_name():
         if name(path) != "contacts.laws" and isinstance(node, ast.Constant) and node.value in FAMILIES
     ]
     assert not wrong, wrong
+
+
+def taken(path):
+    """Names that a module's compiled functions use, or that it has numba compile."""
+    for node in nodes(path):
+        if isinstance(node, ast.FunctionDef) and any("njit" in ast.unparse(d) for d in node.decorator_list):
+            yield from (part.id for part in ast.walk(node) if isinstance(part, ast.Name))
+        elif isinstance(node, ast.Call) and "njit" in ast.unparse(node.func):
+            yield from (part.id for part in ast.walk(node) if isinstance(part, ast.Name))
+
+
+def test_compiled_code_is_made_of_known_sources():
+    """What numba keeps is thrown away when one of these changes: see `recompile`."""
+    known, wrong, found = set(recompile.sources()), [], 0
+    for path in MODULES:
+        names = set(taken(path))
+        for words in imported(path):
+            if words[0] == "jampetsc" and words[-1] in names:
+                found += 1
+                if PACKAGE.joinpath(*words[1:-1]).with_suffix(".py") not in known:
+                    wrong.append(f"{name(path)} compiles {'.'.join(words)}, a module without the word")
+    assert found > 5
+    assert not wrong, "\n".join(wrong)
+
+
+def test_compiled_code_does_not_outlive_its_sources(tmp_path):
+    """f in b calls g in a: after a change of a alone f is compiled again, and not when nothing has changed."""
+    package = tmp_path / "sample"
+    package.mkdir()
+    (package / "a.py").write_text("import numba\n@numba.njit(cache=True)\ndef g():\n    return 1\n")
+    (package / "b.py").write_text(
+        "import numba\nfrom sample.a import g\n@numba.njit(cache=True)\ndef f():\n    return g()\n"
+    )
+    (package / "__init__.py").write_text(
+        "from pathlib import Path\nfrom jampetsc import recompile\n"
+        "recompile.forget_outdated(Path(__file__).parent)\n"
+    )
+    code = "from sample.b import f; print(f(), sum(f.stats.cache_hits.values()))"
+
+    def run():
+        done = subprocess.run(
+            [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
+        )
+        return done.stdout.split()
+
+    assert [run(), run()] == [["1", "0"], ["1", "1"]]
+    (package / "a.py").write_text((package / "a.py").read_text().replace("1", "2"))
+    assert [run(), run()] == [["2", "0"], ["2", "1"]]
 
 
 def defined(path):

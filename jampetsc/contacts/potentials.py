@@ -5,8 +5,8 @@ With σ = ρ_i + ρ_j the sum of the radii, δ = σ − r the overlap and α = 2
     constant                  V = (k/α) δ^α           (d = 1 sets the length; BT: U = ½ k δ²)
     inverse-square-diameter   V = (k/α) (δ/σ)^α       (Vågberg, thesis eq. 4.7, k = k_e)
 
-The one formula behind energies, forces and stiffnesses, here and in the compiled loop of `kernel`, is the secant
-stiffness f/δ: V = (f/δ) δ²/α, f = (f/δ) δ and d²V/dr² = (α − 1) f/δ.
+The one formula behind energies, forces and stiffnesses, here and (compiled by numba) in the loop of `kernel`, is the
+secant stiffness f/δ: V = (f/δ) δ²/α, f = (f/δ) δ and d²V/dr² = (α − 1) f/δ.
 """
 
 from dataclasses import dataclass
