@@ -7,7 +7,8 @@ DESCRIPTION = """\
 Draw what the files hold: G' and G'' of one or many sweeps, their scaling collapse, relaxation spectra with
 stress relaxation and creep, correlations of displacements and their length, a packing with its contacts and
 forces, displacement fields of a sweep, quasistatic responses, modes, or steady shear: series of one rate, flow
-curves of several, snapshots, velocities and their correlation. Frequencies are shown in 1/τ₁,
+curves of several, snapshots, velocities and their correlation; quasistatic shear along the strain; the share of
+samples that jam, f(phi), and their pressures, P(p). Frequencies are shown in 1/τ₁,
 moduli and pressures in k."""
 EPILOG = """\
 examples:
@@ -23,6 +24,8 @@ examples:
   jampetsc plot ensemble --where law=stokes --out stokes.png     of those under Stokes drag
   jampetsc plot rd0-*.h5 --out flow.png                          flow curves of runs at several rates
   jampetsc plot rd0.h5 --kind snapshot --out snapshot.png        or velocities
+  jampetsc plot f64.h5 f256.h5 --out f.png                       f(phi) of jam files, with errors
+  jampetsc plot f64.h5 qs.h5 --kind pressures --out p.png        P(p), of quasistatic shear too
   jampetsc plot modes.h5 --mode 1,2,5 --out modes.png            on the packing"""
 
 
@@ -75,7 +78,7 @@ def run(args, petsc_argv):
     kinds = _asked_kinds(args)
     files, args.average = of_studies(args.files, kinds, args.where)
     check_picture(args.out, [*files, *filter(None, [args.packing])])
-    held, items = open_files(files)
+    held, items, kinds = open_files(files, kinds)
     kind = choose(kinds, held, files)
     refuse_repeated(files)
     print(f"{args.out}: {PICTURES[kind].draw(args, items)}")

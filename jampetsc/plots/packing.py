@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.collections import EllipseCollection, LineCollection
 
-from jampetsc.contacts.state import measure
+from jampetsc.contacts.state import find_contacts, measure, virial_pressure
 from jampetsc.plots.periodic import disk_images, extent, frame_cell, segment_images, wrap
 from jampetsc.plots.style import COLUMN, PAGE, figure, power_or_number, save
 
@@ -19,6 +19,23 @@ def plot_packing(disks, path) -> None:
     Contacts and disks that cross the boundary appear on both sides of the cell, cut at its edge.
     """
     state = measure(disks)
+    rattlers = int(np.count_nonzero(state.rattlers))
+    hollow = f"{rattlers} rattler{'' if rattlers == 1 else 's'}" if rattlers else ""
+    caption = _caption(disks, state.contacts, state.pressure, state.coordination, hollow)
+    _draw(disks, state.contacts, state.rattlers, caption, path)
+
+
+def plot_flowing(disks, path) -> None:
+    """Disks under shear, whose forces do not balance: every contact is drawn, disks that touch nothing are hollow."""
+    contacts = find_contacts(disks)
+    alone = np.bincount(np.r_[contacts.i, contacts.j], minlength=disks.n) == 0
+    pressure = virial_pressure(contacts.force, contacts.distance, disks.area)
+    hollow = f"{np.count_nonzero(alone)} without contact" if alone.any() else ""
+    caption = _caption(disks, contacts, pressure, 2.0 * len(contacts) / disks.n, hollow)
+    _draw(disks, contacts, alone, caption, path)
+
+
+def _draw(disks, contacts, hollow, caption, path):
     width, height = extent(disks.cell)
     inches = COLUMN if disks.n <= MANY else PAGE
     tall = inches * min(height / width, _TALLEST)
@@ -29,19 +46,19 @@ def plot_packing(disks, path) -> None:
         cell = frame_cell(ax, disks.cell)
         centres = wrap(disks.positions, disks.cell)
         shown = [
-            _disks(ax, disks, centres, state.rattlers),
-            _forces(ax, disks, centres, state.contacts, points_per_length),
+            _disks(ax, disks, centres, hollow),
+            _forces(ax, disks, centres, contacts, points_per_length),
         ]
         for collection in filter(None, shown):
             collection.set_clip_path(cell)
             collection.set_rasterized(disks.n > MANY)
-        fig.text(0.5, 0.5 * (1 - share), _caption(disks, state), ha="center", va="center", linespacing=1.4)
+        fig.text(0.5, 0.5 * (1 - share), caption, ha="center", va="center", linespacing=1.4)
         save(fig, path)
 
 
-def _disks(ax, disks, centres, rattlers):
+def _disks(ax, disks, centres, hollow):
     rows, points = disk_images(centres, disks.radii, disks.cell)
-    hollow = rattlers[rows]
+    hollow = hollow[rows]
     diameters = 2 * disks.radii[rows]
     collection = EllipseCollection(
         diameters,
@@ -76,14 +93,12 @@ def _forces(ax, disks, centres, contacts, points_per_length):
     return collection
 
 
-def _caption(disks, state):
-    rattlers = int(np.count_nonzero(state.rattlers))
+def _caption(disks, contacts, pressure, coordination, hollow):
     parts = [f"$N={disks.n}$", rf"$\phi={disks.phi:.4f}$"]
-    if len(state.contacts):
+    if len(contacts):
         parts += [
-            f"$p/k={power_or_number(state.pressure / disks.potential.k)}$",
-            f"$Z={state.coordination:.3f}$",
+            f"$p/k={power_or_number(pressure / disks.potential.k)}$",
+            f"$Z={coordination:.3f}$",
         ]
-    lines = r"line width $\propto$ contact force" if len(state.contacts) else "no load-bearing contacts"
-    hollow = f";  hollow: {rattlers} rattler{'' if rattlers == 1 else 's'}" if rattlers else ""
-    return "   ".join(parts) + f"\n{lines}{hollow}"
+    lines = r"line width $\propto$ contact force" if len(contacts) else "no load-bearing contacts"
+    return "   ".join(parts) + f"\n{lines}" + (f";  hollow: {hollow}" if hollow else "")

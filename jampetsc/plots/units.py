@@ -32,3 +32,48 @@ def units_of(result) -> Units:
         found[name] = None if value is None else float(value)
     pressure = found["pressure"]
     return Units(found["k"], found["tau1"], None if pressure is None else pressure / found["k"])
+
+
+@dataclass(frozen=True)
+class FlowUnits:
+    """What numbers of flow, shear and jam files are divided by, and the units' names in TeX without dollars."""
+
+    k: float  # of energies and stresses
+    tau1: float  # 1/τ₁ of rates
+    energy: str
+    stress: str
+    rate: str
+    length: str  # "" where it is that of a packing, which has no name
+
+    def label(self, symbol, unit) -> str:
+        """Words for an axis: the symbol in TeX, and one of the units by its name here, where there is one."""
+        text = getattr(self, unit)
+        return rf"${symbol}\ [{text}]$" if text else f"${symbol}$"
+
+
+def flow_units(results) -> FlowUnits:
+    """The units that all these files have: Vågberg's (thesis sec. 4.1), or those of a packing.
+
+    Raises InputError, naming the file, where they differ.
+    """
+    first = None
+    for result in results:
+        a, own = result.attributes, units_of(result)
+        if str(a.get("units", "")).startswith("k_e"):
+            texts = (r"k_{\rm e}", r"k_{\rm e}/d_{\rm s}^2", r"k_{\rm e}/k_{\rm d}d_{\rm s}^2", r"d_{\rm s}")
+        elif a.get("stiffness") == "inverse-square-diameter":
+            texts = (r"k_{\rm e}", r"k_{\rm e}", r"1/\tau_1", "")  # over the packing's unit of area
+        else:
+            texts = ("k", "k", r"1/\tau_1", "")  # times the packing's unit of area
+        found = FlowUnits(own.k, own.tau1, *texts)
+        first = first or found
+        if found != first:
+            raise InputError(
+                f"{result.path}: is in other units than {results[0].path.name}, those of {_origin(a)}: "
+                "one picture has one unit"
+            )
+    return first
+
+
+def _origin(attributes):
+    return "a packing" if "packing" in attributes else "disks that the command made"

@@ -14,6 +14,7 @@ class Picture:
     of: tuple[str, ...]  # what files it needs: packing, sweep, …
     options: tuple[str, ...]  # options of the command that it takes, besides --out
     single: bool  # one file at a time
+    mixed: bool  # files of several of these formats at once
 
 
 COMMANDS = {  # format -> the command, where they have two names
@@ -24,20 +25,20 @@ COMMANDS = {  # format -> the command, where they have two names
 PICTURES: dict[str, Picture] = {}  # a file shows by itself the first that suits it and the options given
 
 
-def picture(kind: str, *of: str, options=(), single: bool = False):
+def picture(kind: str, *of: str, options=(), single: bool = False, mixed: bool = False):
     """Decorator that enters a function into PICTURES."""
 
     def enter(draw):
-        PICTURES[kind] = Picture(draw, of, tuple(options), single)
+        PICTURES[kind] = Picture(draw, of, tuple(options), single, mixed)
         return draw
 
     return enter
 
 
-def open_files(paths):
-    """What the files hold: ("packing", [Disks]), ("sweep", [SweepResult, …]), ("spectrum", [Result, …]), ….
+def open_files(paths, kinds):
+    """What the files hold, and the kinds that show all of it: ("packing", [Disks], […]), ….
 
-    Raises InputError for a mixture, and for several packings.
+    Raises InputError for a mixture that none of the kinds shows, and for several packings.
     """
     from jampetsc.contacts.disks import Disks
     from jampetsc.storage.reader import load
@@ -45,7 +46,8 @@ def open_files(paths):
     found = [load(path) for path in paths]
     held = ["packing" if isinstance(item, Disks) else item.format.removeprefix("jampetsc-") for item in found]
     other = next((n for n, kind in enumerate(held) if kind != held[0]), None)
-    if other is not None:
+    together = [k for k in kinds if PICTURES[k].mixed and set(held) <= set(PICTURES[k].of)]
+    if other is not None and not together:
         hint = "; the packing of a sweep goes with --packing" if "packing" in held else ""
         raise InputError(
             f"{paths[0]} is a {_noun(held[0])}, {paths[other]} a {_noun(held[other])}: "
@@ -53,7 +55,7 @@ def open_files(paths):
         )
     if held[0] == "packing" and len(paths) > 1:
         raise InputError(f"{len(paths)} packings: one picture shows one packing; plot them one by one")
-    return held[0], found
+    return held[0], found, kinds if other is None else together
 
 
 def of_studies(paths, kinds, where=None) -> tuple[list[str], bool]:
@@ -318,14 +320,28 @@ def _flow(args, items):
     return f"stress and pressure of {_count(items, 'run', 'runs')} over the strain"
 
 
-@picture("snapshot", "flow", single=True)
-def _snapshot(args, items):
-    from jampetsc.plots.packing import plot_packing
-    from jampetsc.plots.shearing import last_snapshot
+@picture("strain", "shear")
+def _strain(args, items):
+    from jampetsc.plots.slowly import plot_slow_shear
 
-    disks = last_snapshot(items[0])
-    plot_packing(disks, args.out)
-    return f"{disks.n} disks at strain {items[0]['snapshots/strain'][-1]:.4g}"
+    plot_slow_shear(items, args.out)
+    return f"energy, stress, pressure and coordination of {_count(items, 'run', 'runs')} over the strain"
+
+
+@picture("snapshot", "flow", "shear", single=True)
+def _snapshot(args, items):
+    from jampetsc.plots.packing import plot_flowing, plot_packing
+    from jampetsc.plots.shearing import last_snapshot
+    from jampetsc.plots.slowly import last_minimum
+
+    (result,) = items
+    if result.format == "jampetsc-flow":
+        disks, strain = last_snapshot(result), result["snapshots/strain"][-1]
+        plot_flowing(disks, args.out)
+    else:
+        disks, strain = last_minimum(result), result["strain"][-1]
+        plot_packing(disks, args.out)
+    return f"{disks.n} disks at strain {strain:.4g}"
 
 
 @picture("velocities", "flow", single=True)
@@ -349,6 +365,22 @@ def _lanes(args, items):
 
     plot_lanes(items, args.out)
     return f"g_y of {_count(items, 'file', 'files')}"
+
+
+@picture("fraction", "jam", "shear", mixed=True)
+def _fraction(args, items):
+    from jampetsc.plots.jamming import plot_fraction
+
+    plot_fraction(items, args.out)
+    return f"f(phi), the share of samples that jam, of {_count(items, 'file', 'files')}"
+
+
+@picture("pressures", "jam", "shear", mixed=True)
+def _pressures(args, items):
+    from jampetsc.plots.jamming import plot_pressures
+
+    plot_pressures(items, args.out)
+    return f"P(p) of the jammed samples of {_count(items, 'file', 'files')}"
 
 
 def _count(items, one="sweep", many="sweeps"):

@@ -1,0 +1,85 @@
+"""How often disks jam, and how hard: shares with their errors, and densities of what jammed samples have.
+
+Samples that know nothing of each other give a binomial share, with Wilson's interval (J. Am. Stat. Assoc. 22, 209
+(1927)), which keeps its meaning where all or none are jammed. States of one sheared run remember each other: their
+share is a mean over a series, with an error from its autocorrelation and from the scatter of runs.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jampetsc.analysis.averages import Average
+
+FEWEST = 10  # samples that make a density
+BINS = (5, 30)  # of a density, at least and at most: √samples between them
+
+
+@dataclass(frozen=True)
+class Share:
+    """A fraction of samples, and the interval of one standard error about it."""
+
+    value: float
+    low: float
+    high: float
+    samples: int
+
+
+def independent_share(jammed) -> Share:
+    """Share of ones among independent samples (S,), S ≥ 1, with Wilson's interval."""
+    count = len(jammed)
+    value = float(np.mean(jammed))
+    middle = (value + 0.5 / count) / (1.0 + 1.0 / count)
+    half = np.sqrt(value * (1.0 - value) / count + 0.25 / count**2) / (1.0 + 1.0 / count)
+    return Share(value, float(min(middle - half, value)), float(max(middle + half, value)), count)
+
+
+def correlated_share(runs) -> Share:
+    """Share of ones in several series [(T,), …] of runs, one standard error to either side.
+
+    The error is the larger of the scatter of runs and their own errors; not less than that of independent samples as
+    many as there are correlation times.
+    """
+    averages = [Average.of(run) for run in runs]
+    value, error = mean_of_runs([one.mean for one in averages], [one.error for one in averages])
+    lengths = np.array([len(run) for run in runs])
+    times = np.array([one.time for one in averages])
+    # a series of ones alone has no correlation time: it may be one long memory
+    alone = np.array([np.ptp(run) == 0 for run in runs])
+    known = int(np.where(alone, 1, np.ceil(lengths / (2.0 * times))).sum())
+    least = independent_share(np.r_[np.ones(round(value * known)), np.zeros(known - round(value * known))])
+    return Share(
+        value,
+        max(0.0, min(value - error, least.low)),
+        min(1.0, max(value + error, least.high)),
+        int(lengths.sum()),
+    )
+
+
+def mean_of_runs(means, errors) -> tuple[float, float]:
+    """(mean, error) over runs (R,): the larger of the scatter of their means and what they say of their errors."""
+    means, errors = np.asarray(means, float), np.asarray(errors, float)
+    own = np.sqrt(np.mean(errors**2) / len(means))
+    scatter = np.std(means, ddof=1) / np.sqrt(len(means)) if len(means) > 1 else 0.0
+    return float(means.mean()), float(max(own, scatter))
+
+
+def memory(runs) -> float:
+    """Samples that say as much as one independent one, 2τ, averaged over series [(T,), …]; 1 for single samples."""
+    lengths = [len(run) for run in runs]
+    return max(1.0, float(np.average([2.0 * Average.of(run).time for run in runs], weights=lengths)))
+
+
+def density(values, low=None, memory=1.0):
+    """(edges (B + 1,), density (B,), error (B,)) of samples (S,): Σ density · width = 1, errors of counting.
+
+    low: where the first bin begins, by default the least value. Errors are √(count · memory), those of 1 where a bin
+    is empty.
+    """
+    values = np.asarray(values, float)
+    count = len(values)
+    bins = int(np.clip(np.sqrt(count), *BINS))
+    edges = np.linspace(values.min() if low is None else low, values.max() * (1 + 1e-12), bins + 1)
+    found = np.histogram(values, edges)[0]
+    unit = count * np.diff(edges)
+    return edges, found / unit, np.sqrt(memory * np.maximum(found, 1)) / unit

@@ -1,0 +1,170 @@
+"""Which packings jam: f(φ) by N, P(p) of the jammed ones and the distribution of φ_J (Vågberg, thesis ch. 6).
+
+Samples come from files of `jampetsc jam`, and from quasistatic shear, whose minima are samples of one run.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from jampetsc.analysis.jamming import FEWEST, Share, correlated_share, density, independent_share, memory
+from jampetsc.errors import InputError
+from jampetsc.plots.style import COLUMN, GREY, MARKERS, PAGE, colours, figure, letter_panels, save
+from jampetsc.plots.units import flow_units
+
+HEIGHT = 2.7  # inches of one row of panels
+PANELS = 6  # kinds in one picture of P(p)
+RUN = "shear"  # the protocol of quasistatic shear, whose samples come in runs
+
+
+@dataclass(eq=False)
+class Samples:
+    """Samples of one kind (protocol, N, sizes, potential): at each φ the runs they come in.
+
+    A run is a series of minima under shear, or a single sample; {φ: [(jammed (T,), pressure (T,)), …]}
+    """
+
+    kind: tuple
+    runs: dict = field(default_factory=dict)
+    jamming: list = field(default_factory=list)  # φ_J, where samples were brought there
+
+    def share(self, phi) -> Share:
+        """The share that is jammed at φ."""
+        jammed = [run[0] for run in self.runs[phi]]
+        if all(len(one) == 1 for one in jammed):
+            return independent_share(np.concatenate(jammed))
+        return correlated_share(jammed)
+
+    def pressures(self, phi):
+        """p of the jammed samples at φ, (S,)."""
+        return np.concatenate([p[jammed == 1] for jammed, p in self.runs[phi]])
+
+    def memory(self, phi) -> float:
+        """How many samples at φ say as much as one independent one."""
+        return memory([p for _, p in self.runs[phi]])
+
+
+def samples_of(results) -> list[Samples]:
+    """The samples of jam and shear files, kind by kind. Raises InputError where one is there twice, or none is left."""
+    found, seen = {}, {}
+    for result in results:
+        a = result.attributes
+        kind = str(a.get("protocol", RUN)), int(a["particle_count"]), _word(a, "sizes"), _word(a, "potential")
+        here = found.setdefault(kind, Samples(kind))
+        for phi, seed, jammed, pressure in _runs(result):
+            known = np.isfinite(jammed)
+            if (kind, phi, seed) in seen:
+                raise InputError(
+                    f"{result.path}: phi = {phi:g}, seed {seed} is in {seen[kind, phi, seed].name} too: "
+                    "every sample counts once"
+                )
+            seen[kind, phi, seed] = result.path
+            if known.any():
+                here.runs.setdefault(phi, []).append((jammed[known], pressure[known]))
+        if "phi_J" in result:
+            values = result["phi_J"]
+            here.jamming += values[np.isfinite(values)].tolist()
+    kept = [found[kind] for kind in sorted(found) if found[kind].runs]
+    if not kept:
+        raise InputError(f"{results[0].path}: holds no sample that reached a minimum")
+    return kept
+
+
+def _word(attributes, name):
+    """What an attribute says; of disks out of a packing nothing may be known."""
+    return str(attributes.get(name, ""))
+
+
+def _runs(result):
+    """(φ, seed, jammed (T,), pressure (T,)) of the runs of a file."""
+    jammed, pressure = result["jammed"], result["pressure"]
+    if "seed" not in result:
+        a = result.attributes
+        after = result["strain"] > float(a["discard"]) * (1 + 1e-12)
+        seed = a.get("seed", a.get("packing_sha256"))
+        return [(round(float(a["phi"]), 9), seed, jammed[after], pressure[after])]
+    phi, seed = np.round(result["phi"], 9), result["seed"]
+    groups = {}
+    for row, key in enumerate(zip(phi.tolist(), seed.tolist(), strict=True)):
+        groups.setdefault(key, []).append(row)
+    return [(*key, jammed[rows], pressure[rows]) for key, rows in groups.items()]
+
+
+def _labels(kinds):
+    """A legend's words for each kind: the parts that differ, N at least."""
+    varied = [len({kind[part] for kind in kinds}) > 1 for part in range(4)]
+    varied[1] = varied[1] or not any(varied)
+    found = []
+    for protocol, n, sizes, potential in kinds:
+        parts = (f"$N={n}$", protocol, sizes, potential)
+        shown = (varied[1], varied[0], varied[2], varied[3])
+        found.append(", ".join(part for part, differs in zip(parts, shown, strict=True) if differs and part))
+    return found
+
+
+def plot_fraction(results, path) -> None:
+    """f(φ), the share of samples that jam, a line for every N and protocol; bars are one standard error."""
+    samples = samples_of(results)
+    labels = _labels([one.kind for one in samples])
+    with figure(COLUMN, HEIGHT, layout="constrained") as fig:
+        ax = fig.add_subplot(xlabel=r"$\phi$", ylabel=r"$f(\phi)$", ylim=(-0.04, 1.04))
+        ax.axhline(0.5, color=GREY, lw=0.5, ls=":")
+        shades = colours(len(samples))
+        for one, label, colour, marker in zip(samples, labels, shades, MARKERS * len(samples), strict=False):
+            phis = np.array(sorted(one.runs))
+            shares = [one.share(phi) for phi in phis]
+            value = np.array([share.value for share in shares])
+            bars = [value - [s.low for s in shares], [s.high for s in shares] - value]
+            ax.errorbar(
+                phis, value, bars, color=colour, marker=marker, capsize=1.5, elinewidth=0.6, label=label
+            )
+        ax.legend(loc="upper left" if len(samples) < 5 else "best")
+        save(fig, path)
+
+
+def plot_pressures(results, path) -> None:
+    """P(p) of the jammed samples, a line for every φ, a panel for every N and protocol; bars are errors of counting.
+
+    Raises InputError where no φ has enough jammed samples, and for more kinds than fit.
+    """
+    samples = samples_of(results)
+    curves = [
+        (one, [(phi, one.pressures(phi)) for phi in sorted(one.runs) if len(one.pressures(phi)) >= FEWEST])
+        for one in samples
+    ]
+    curves = [(one, some) for one, some in curves if some]
+    if not curves:
+        raise InputError(f"{results[0].path}: fewer than {FEWEST} jammed samples at every phi: make more")
+    if len(curves) > PANELS:
+        raise InputError(f"{len(curves)} kinds of samples: one picture shows P(p) of {PANELS}; choose some")
+    labels = _labels([one.kind for one, _ in curves])
+    columns = min(len(curves), 2)
+    rows = -(-len(curves) // columns)
+    with figure(PAGE if columns == 2 else COLUMN, HEIGHT * rows, layout="constrained") as fig:
+        axes = fig.subplots(rows, columns, squeeze=False).flat
+        units = flow_units(results)
+        for ax, (one, some), label in zip(axes, curves, labels, strict=False):
+            for (phi, values), colour in zip(some, colours(len(some)), strict=True):
+                edges, height, error = density(values / units.k, 0.0, one.memory(phi))
+                middle = 0.5 * (edges[1:] + edges[:-1])
+                text = rf"$\phi={phi:.6g}$"
+                ax.errorbar(
+                    middle,
+                    height,
+                    error,
+                    color=colour,
+                    marker="o",
+                    ms=2.4,
+                    capsize=1,
+                    elinewidth=0.5,
+                    label=text,
+                )
+            ax.set(xlabel=units.label("p", "stress"), ylabel=r"$P(p)$", xlim=(0, None), ylim=(0, None))
+            ax.set_title(label, pad=3)
+            ax.ticklabel_format(axis="x", style="sci", scilimits=(-2, 3), useMathText=True)
+            ax.legend()
+        for ax in list(axes)[len(curves) :]:
+            ax.set_axis_off()
+        if len(curves) > 1:
+            letter_panels(fig.axes[: len(curves)])
+        save(fig, path)

@@ -1,0 +1,178 @@
+"""Pictures of which packings jam: shares with their errors, densities, and samples of one kind put together."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from samples import isostatic
+
+from jampetsc import cli
+from jampetsc.analysis.jamming import correlated_share, density, independent_share, mean_of_runs, memory
+from jampetsc.errors import InputError
+from jampetsc.plots.jamming import plot_fraction, plot_pressures, samples_of
+from jampetsc.plots.slowly import last_minimum
+from jampetsc.storage.reader import load
+from jampetsc.storage.result_file import ResultWriter
+from jampetsc.study.table import table_text
+
+UNITS = {"units": "k_e = k_d = 1, diameter of the small disks 1", "stiffness": "inverse-square-diameter"}
+PHIS = (0.83, 0.84)
+
+
+def write_jam(path, n=64, seeds=range(40), seed=1, **attributes):
+    """A file as `jam` writes it, of samples that jam more often the denser they are."""
+    rng = np.random.default_rng(seed)
+    phi, number = np.repeat(PHIS, len(seeds)), np.tile(list(seeds), len(PHIS))
+    jammed = (rng.random(len(phi)) < (phi - 0.825) * 50).astype(float)
+    jammed[: len(phi) and 1] = np.nan
+    with ResultWriter(path, "jampetsc-jam") as writer:
+        for name, values in {
+            "phi": phi,
+            "seed": number,
+            "jammed": jammed,
+            "pressure": jammed * rng.exponential(1e-3, len(phi)),
+        }.items():
+            writer.dataset(name, values)
+        facts = {"particle_count": n, "sizes": "bidisperse", "potential": "harmonic", **UNITS}
+        writer.attributes(**facts | attributes)
+    return load(path)
+
+
+def switching(rng, steps, change):
+    """A series of zeros and ones that changes with this probability per step: ρ(t) = (1 − 2c)^t, 2τ = (1 − c)/c."""
+    return np.cumsum(rng.random(steps) < change) % 2.0
+
+
+def test_intervals_of_independent_samples():
+    nothing = independent_share(np.zeros(10))
+    assert (nothing.value, nothing.low) == (0, 0) and nothing.high == pytest.approx(1 / 11)
+    everything = independent_share(np.ones(10))
+    assert (everything.value, everything.high) == (1, 1) and everything.low == pytest.approx(10 / 11)
+    rng = np.random.default_rng(0)
+    found = [independent_share(rng.random(200) < 0.3) for _ in range(2000)]
+    held = np.mean([one.low <= 0.3 <= one.high for one in found])
+    assert held == pytest.approx(0.6827, abs=0.04)
+
+
+def test_states_of_a_run_remember():
+    rng = np.random.default_rng(1)
+    change, steps = 0.05, 4000
+    runs = [switching(rng, steps, change) for _ in range(60)]
+    shares = [correlated_share(runs[k : k + 3]) for k in range(0, 60, 3)]
+    error = np.mean([0.5 * (one.high - one.low) for one in shares])
+    assert error == pytest.approx(np.std([one.value for one in shares]), rel=0.4)
+    assert memory(runs) == pytest.approx((1 - change) / change, rel=0.1)
+    alone = correlated_share([np.ones(500)])
+    assert alone.value == 1 and alone.low < 0.6  # may be one long memory
+
+
+def test_runs_that_differ_by_more_than_they_say():
+    assert mean_of_runs([1.0, 3.0], [0.1, 0.1]) == (2.0, 1.0)
+    value, error = mean_of_runs([1.0, 1.0], [0.3, 0.3])
+    assert value == 1.0 and error == pytest.approx(0.3 / np.sqrt(2))
+
+
+def test_densities():
+    values = np.random.default_rng(2).exponential(1.0, 4000)
+    edges, height, error = density(values, 0.0)
+    assert edges[0] == 0 and np.sum(height * np.diff(edges)) == pytest.approx(1)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    apart = (height - np.exp(-middle)) / error
+    assert np.sqrt(np.mean(apart[:12] ** 2)) < 2
+    assert np.allclose(density(values, 0.0, 4.0)[2], 2 * error)
+
+
+def test_samples_of_one_kind_are_put_together(tmp_path):
+    files = [
+        write_jam(tmp_path / "a.h5"),
+        write_jam(tmp_path / "b.h5", seeds=range(40, 90)),
+        write_jam(tmp_path / "c.h5", n=256),
+    ]
+    small, large = samples_of(files)
+    assert (small.kind[1], large.kind[1]) == (64, 256)
+    assert sorted(small.runs) == list(PHIS)
+    assert (
+        small.share(0.84).samples == 90 and small.share(0.83).samples == 88
+    )  # one of each file reached none
+    hard = np.concatenate([one["pressure"][(one["phi"] == 0.84) & (one["jammed"] == 1)] for one in files[:2]])
+    assert np.allclose(np.sort(small.pressures(0.84)), np.sort(hard))
+    with pytest.raises(InputError, match=r"seed 0 is in a\.h5 too"):
+        samples_of([files[0], write_jam(tmp_path / "d.h5")])
+
+
+def test_what_cannot_be_drawn(tmp_path):
+    with pytest.raises(InputError, match="fewer than 10 jammed samples"):
+        plot_pressures([write_jam(tmp_path / "few.h5", seeds=range(5))], tmp_path / "x.png")
+    with pytest.raises(InputError, match="holds no sample"):
+        plot_fraction([write_jam(tmp_path / "none.h5", seeds=range(0))], tmp_path / "x.png")
+    kinds = [write_jam(tmp_path / f"{n}.h5", n=n) for n in range(4, 11)]
+    with pytest.raises(InputError, match="7 kinds of samples"):
+        plot_pressures(kinds, tmp_path / "x.png")
+    own = write_jam(tmp_path / "own.h5", n=32, units="those of the packing", stiffness="constant")
+    with pytest.raises(InputError, match=r"own\.h5: is in other units than 4\.h5"):
+        plot_pressures([kinds[0], own], tmp_path / "x.png")
+    assert not list(tmp_path.glob("*.png"))
+
+
+def write_shear(path, disks, phi, seed=1):
+    """A file as `shear` writes it, whose last minimum is `disks`."""
+    rng = np.random.default_rng(seed)
+    jammed = switching(rng, 200, 0.1)
+    series = {"strain": 0.01 * np.arange(1, 201), "jammed": jammed, "energy": 1e-20 + 1e-4 * jammed}
+    series |= {
+        "shear_stress": jammed * rng.normal(1e-4, 1e-4, 200),
+        "pressure": 1e-3 * jammed * rng.random(200),
+    }
+    state = {name: getattr(disks, name) for name in ("base", "offset", "cell_base", "cell_offset", "radii")}
+    with ResultWriter(path, "jampetsc-shear") as writer:
+        for name, values in (series | {"coordination": 4 * jammed}).items():
+            writer.dataset(name, values)
+        for name, values in state.items():
+            writer.dataset(f"state/{name}", values)
+        means = {f"{name}_mean": series[name].mean() for name in ("shear_stress", "pressure")}
+        facts = {
+            "phi": phi,
+            "seed": seed,
+            "particle_count": disks.n,
+            "discard": 1.0,
+            "energy_cut": 1e-16,
+            "k": 1.0,
+        }
+        facts |= {"sizes": "bidisperse", "potential": "harmonic", "coordination_mean": 2.0, **UNITS}
+        writer.attributes(**facts | means)
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    """A folder with two runs of quasistatic shear and a file of random samples."""
+    folder = tmp_path_factory.mktemp("study")
+    rows = [{"command": "jam", "state": "done", "file": "jam.h5", "seconds": 0.1}]
+    write_jam(folder / "jam.h5")
+    for phi in (0.82, 0.9):
+        write_shear(folder / f"shear-{phi}.h5", isostatic(), phi)
+        rows.append({"command": "shear", "state": "done", "file": f"shear-{phi}.h5", "seconds": 0.1})
+    (folder / "table.csv").write_text(table_text(rows))
+    return folder
+
+
+@pytest.mark.parametrize(
+    "files, kind, says",
+    [
+        (["shear-0.82.h5"], [], "energy, stress, pressure and coordination of 1 run"),
+        (["shear-0.9.h5"], ["--kind", "snapshot"], "24 disks at strain 2"),
+        (["jam.h5"], [], "share of samples that jam, of 1 file"),
+        (["jam.h5", "shear-0.82.h5"], ["--kind", "pressures"], "P(p) of the jammed samples of 2 files"),
+        ([""], ["--kind", "fraction"], "share of samples that jam, of 3 files"),
+        ([""], ["--kind", "strain"], "of 2 runs over the strain"),
+    ],
+)
+def test_pictures(study, tmp_path, capsys, files, kind, says):
+    out = tmp_path / "picture.png"
+    assert cli.main(["plot", *(str(study / name) for name in files), *kind, "--out", str(out)]) == 0
+    assert says in capsys.readouterr().out
+    assert out.stat().st_size > 8_000
+
+
+def test_the_last_minimum_is_the_last_state(study):
+    disks = replace(last_minimum(load(study / "shear-0.9.h5")), potential=isostatic().potential)
+    assert disks.fingerprint == isostatic().fingerprint
