@@ -138,13 +138,10 @@ def fit_power_law(x, y, window=(0.0, np.inf)) -> PowerLaw:
         raise InputError(
             f"value {y[y <= 0][0]:g} {between}: a power law needs positive values; narrow the window"
         )
-    u, v = np.log(x), np.log(y)
-    spread = np.sum((u - u.mean()) ** 2)
-    slope = np.sum((u - u.mean()) * (v - v.mean())) / spread
-    left = v - v.mean() - slope * (u - u.mean())
-    error = np.sqrt(np.sum(left**2) / (len(u) - 2) / spread)
-    prefactor = np.exp(v.mean() - slope * u.mean())
-    found = (slope, error, prefactor, prefactor * error * np.sqrt(np.mean(u**2)))
+    (slope, intercept), covariance = np.polyfit(np.log(x), np.log(y), 1, cov=True)
+    prefactor = np.exp(intercept)
+    slope_error, intercept_error = np.sqrt(np.diag(covariance))
+    found = (slope, slope_error, prefactor, prefactor * intercept_error)
     return PowerLaw(*map(float, found), len(x))
 
 

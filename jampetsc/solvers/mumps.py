@@ -12,6 +12,7 @@ NOT_POSITIVE = (-10, -40)  # INFOG(1): told to expect a positive definite matrix
 OUT_OF_CORE = (-90,)
 PETSC_MEMORY = 55  # PETSC_ERR_MEM
 CHOLMOD_MEMORY = re.compile(r"CHOLMOD .*status -[23]\b")  # out of memory, too large
+USUAL = 20  # ICNTL(14) that MUMPS has of its own: per cent more than it expects to need
 ATTEMPTS = 5  # at twice the workspace each time
 
 
@@ -65,7 +66,7 @@ def factorise(ksp, matrix, what: str) -> int:
             raise explain(code, what)
         option = f"{ksp.getOptionsPrefix()}mat_mumps_icntl_14"
         options = current().PETSc.Options()
-        options.setValue(option, 2 * options.getInt(option, 20))
+        options.setValue(option, max(USUAL, 2 * options.getInt(option, USUAL)))
         ksp.reset()  # its PC stays broken after such a failure until it is reset
         ksp.setFromOptions()
         attempt += 1
