@@ -177,14 +177,15 @@ def _chosen(request):
     """Whether this process is to do what needs no MPI: of the ranks with the same request one does.
 
     `request` is a command line. Where mpirun started several ranks MPI is started to compare them, and ended:
-    nobody waits for the one that works.
+    nobody waits for the one that works. What this process has started before stays as it is.
     """
-    MPI = _start_mpi()
+    before, MPI = _mpi(), _start_mpi()
     if not MPI:
         return True
     requests = MPI.COMM_WORLD.allgather((request, os.getcwd()))
     chosen = requests.index(requests[MPI.COMM_WORLD.rank]) == MPI.COMM_WORLD.rank
-    MPI.Finalize()
+    if not before:
+        MPI.Finalize()
     return chosen
 
 

@@ -1,0 +1,16 @@
+"""Command lines of a list, one after another in this process, and pieces of python: JSON from the standard input.
+
+A list is the words of a command after `jampetsc`, a string is python. Ends at the first that fails, which it names.
+"""
+
+import json
+import sys
+
+from jampetsc import cli
+
+names = {}
+for item in json.load(sys.stdin):
+    if isinstance(item, str):
+        exec(item, names)
+    elif cli.main(item):
+        sys.exit(f"failed: jampetsc {' '.join(item)}")
