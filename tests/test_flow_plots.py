@@ -1,12 +1,18 @@
 """Pictures of steady shear, drawn from real runs through the command line."""
 
+from pathlib import Path
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import jampetsc
 from jampetsc import cli
 from jampetsc.contacts.state import find_contacts
-from jampetsc.plots.shearing import flow_curves, last_snapshot, local_exponents
+from jampetsc.errors import InputError
+from jampetsc.plots.shearing import flow_curves, kind_of, labels_of, lanes_of, last_snapshot, local_exponents
+from jampetsc.plots.units import flow_units
+from jampetsc.storage.reader import Attributes
 
 
 @pytest.fixture(scope="module")
@@ -28,6 +34,8 @@ def runs(tmp_path_factory):
         (slice(0, 2), (), "stress and pressure of 2 runs"),
         (slice(0, 3), (), "flow curves of 3 runs at 2 rates"),
         (slice(0, 1), ("--kind", "snapshot"), "64 disks at strain 0.5"),
+        (slice(1, 3), ("--kind", "snapshot"), "64 disks at strain 0.5, 64 disks at strain 0.5"),
+        (slice(0, 3), ("--kind", "lanes"), "g_y of 3 files"),
         (slice(0, 1), ("--kind", "velocities"), "velocities at strain 0.5"),
     ],
 )
@@ -43,6 +51,42 @@ def test_lanes(runs, tmp_path, capsys):
     assert cli.main(["correlate", *runs[:2], "--out", str(g)]) == 0
     assert cli.main(["plot", str(g), "--out", str(out)]) == 0
     assert "g_y of 1 file" in capsys.readouterr().out and out.exists()
+
+
+def test_flow_files_are_correlated_as_correlate_does(runs, tmp_path):
+    g = tmp_path / "g.h5"
+    assert cli.main(["correlate", *runs[:2], "--out", str(g)]) == 0
+    first, other = lanes_of([jampetsc.load(path) for path in runs])
+    assert np.array_equal(first[2], jampetsc.load(g)["g_y"]) and not np.allclose(first[2], other[2])
+
+
+def facts(**more):
+    """A result with the attributes that curves are told apart by."""
+    plain = {"model": "RD", "phi": 0.8, "particle_count": 64, "mass": 1.0, "potential": "harmonic", "k": 2.0}
+    plain |= {"rate": 0.1, "seed": 1, "units": "those of the packing", "stiffness": "constant", "tau1": 0.5}
+    plain |= {f"{name}_{part}": 1.0 for name in ("shear_stress", "pressure") for part in ("mean", "error")}
+    return SimpleNamespace(path=Path("a.h5"), attributes=Attributes("a.h5", plain | more))
+
+
+def test_what_differs_is_not_averaged():
+    for more in ({"mass": 2.0}, {"sizes": "monodisperse"}, {"potential": "hertzian"}, {"particle_count": 8}):
+        assert len(flow_curves([facts(), facts(**more)])) == 2
+    for twin in (facts(), facts(phi=0.8 + 1e-9)):
+        with pytest.raises(InputError, match="an average takes each once"):
+            flow_curves([facts(), twin])
+    assert labels_of([kind_of(facts()), kind_of(facts(mass=2.0))]) == ["$m=1$", "$m=2$"]
+    assert labels_of([kind_of(facts())]) == ["RD"]
+    assert labels_of([kind_of(facts()), kind_of(facts(model="RD0", mass=0.0))]) == ["RD", "RD0"]
+
+
+def test_units_are_those_of_the_files(runs):
+    (curve,) = flow_curves([facts(), facts(seed=2, rate=0.2)]).values()
+    assert np.allclose(curve["pressure"], [[0.05, 0.1], [0.5, 0.5], [0.5, 0.5]])  # γ̇τ₁, p/k and its error
+    own, made = flow_units([facts()]), flow_units([jampetsc.load(path) for path in runs])
+    assert own.label("p", "stress") == r"$p\ [k]$" and own.label("x", "length") == "$x$"
+    assert made.label("p", "stress") == r"$p\ [k_{\rm e}/d_{\rm s}^2]$"
+    with pytest.raises(InputError, match=r"a\.h5: is in other units .those of the packing. than 1e-2-1"):
+        flow_units([jampetsc.load(runs[0]), facts()])
 
 
 def test_curves_average_seeds(runs):

@@ -7,7 +7,8 @@ import pytest
 from samples import isostatic
 
 from jampetsc import cli
-from jampetsc.analysis.jamming import correlated_share, density, independent_share, mean_of_runs, memory
+from jampetsc.analysis.averages import mean_of_runs
+from jampetsc.analysis.jamming import correlated_share, density, independent_share, memory
 from jampetsc.errors import InputError
 from jampetsc.plots.jamming import plot_fraction, plot_pressures, samples_of
 from jampetsc.plots.slowly import last_minimum
@@ -109,7 +110,7 @@ def test_what_cannot_be_drawn(tmp_path):
     with pytest.raises(InputError, match="7 kinds of samples"):
         plot_pressures(kinds, tmp_path / "x.png")
     own = write_jam(tmp_path / "own.h5", n=32, units="those of the packing", stiffness="constant")
-    with pytest.raises(InputError, match=r"own\.h5: is in other units than 4\.h5"):
+    with pytest.raises(InputError, match=r"own\.h5: is in other units .those of the packing. than 4\.h5"):
         plot_pressures([kinds[0], own], tmp_path / "x.png")
     assert not list(tmp_path.glob("*.png"))
 
@@ -159,7 +160,7 @@ def study(tmp_path_factory):
     "files, kind, says",
     [
         (["shear-0.82.h5"], [], "energy, stress, pressure and coordination of 1 run"),
-        (["shear-0.9.h5"], ["--kind", "snapshot"], "24 disks at strain 2"),
+        (["shear-0.9.h5"], ["--kind", "minimum"], "24 disks at strain 2"),
         (["jam.h5"], [], "share of samples that jam, of 1 file"),
         (["jam.h5", "shear-0.82.h5"], ["--kind", "pressures"], "P(p) of the jammed samples of 2 files"),
         ([""], ["--kind", "fraction"], "share of samples that jam, of 3 files"),

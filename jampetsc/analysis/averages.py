@@ -55,3 +55,11 @@ def correlation_time(values) -> float:
     closed = np.arange(count) >= WINDOW * times
     cut = int(np.argmax(closed)) if closed.any() else count - 1
     return max(0.5, float(times[cut]))
+
+
+def mean_of_runs(means, errors) -> tuple[float, float]:
+    """(mean, error) over runs (R,): the larger of the scatter of their means and what they say of their errors."""
+    means, errors = np.asarray(means, float), np.asarray(errors, float)
+    own = np.sqrt(np.mean(errors**2) / len(means))
+    scatter = np.std(means, ddof=1) / np.sqrt(len(means)) if len(means) > 1 else 0.0
+    return float(means.mean()), float(max(own, scatter))

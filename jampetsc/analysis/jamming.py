@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.analysis.averages import Average
+from jampetsc.analysis.averages import Average, mean_of_runs
 
 FEWEST = 10  # samples that make a density
 BINS = (5, 30)  # of a density, at least and at most: √samples between them
@@ -54,14 +54,6 @@ def correlated_share(runs) -> Share:
         min(1.0, max(value + error, least.high)),
         int(lengths.sum()),
     )
-
-
-def mean_of_runs(means, errors) -> tuple[float, float]:
-    """(mean, error) over runs (R,): the larger of the scatter of their means and what they say of their errors."""
-    means, errors = np.asarray(means, float), np.asarray(errors, float)
-    own = np.sqrt(np.mean(errors**2) / len(means))
-    scatter = np.std(means, ddof=1) / np.sqrt(len(means)) if len(means) > 1 else 0.0
-    return float(means.mean()), float(max(own, scatter))
 
 
 def memory(runs) -> float:

@@ -6,7 +6,6 @@ from jampetsc.errors import InputError
 
 FORMAT = "jampetsc-correlation"
 LANES = "0.5,0.25,1"
-FLOW_LANE, FLOW_BIN = 0.5, 1.0
 SAME_PRESSURE = 0.01  # sweeps are averaged if their pressures differ by no more than this fraction
 
 DESCRIPTION = """\
@@ -45,11 +44,9 @@ def add_parser(subparsers) -> None:
         "--lane",
         metavar="w1,w2,…",
         help=f"widths of a lane in mean diameters, the first for the summary (default {LANES}); "
-        f"flow: its one width in the file's unit of length (default {FLOW_LANE:g})",
+        "flow: its one width in the file's unit of length (default 0.5)",
     )
-    parser.add_argument(
-        "--bin", type=float, metavar="B", help=f"flow: width of a bin of x (default {FLOW_BIN:g})"
-    )
+    parser.add_argument("--bin", type=float, metavar="B", help="flow: width of a bin of x (default 1)")
     parser.add_argument("--omega", metavar="w1,w2,…", help="fields at these frequencies (default: all)")
     parser.add_argument("--packing", metavar="FILE", help="packing of a single sweep, if it is not beside it")
     parser.set_defaults(run=run, check=check)
@@ -135,14 +132,14 @@ def _velocities(args, began):
         if getattr(args, name) is not None:
             raise InputError(f"--{name}: belongs to sweeps, not to {args.files[0]}; leave it out")
     check_output(args.out, lanes.FORMAT, args.files)
-    widths = _lanes(args.lane) if args.lane else [FLOW_LANE]
+    widths = _lanes(args.lane) if args.lane else [lanes.LANE]
     if len(widths) > 1:
         raise InputError(f"--lane {args.lane}: flow files are correlated at one width")
     results = [load(path) for path in args.files]
     for path, result in zip(args.files, results, strict=True):
         if getattr(result, "format", "") != "jampetsc-flow":
             raise InputError(f"{path}: is not a flow file as {args.files[0]} is: average one kind")
-    found = lanes.correlate_lanes(results, widths[0], args.bin or FLOW_BIN)
+    found = lanes.correlate_lanes(results, widths[0], args.bin or lanes.BIN)
     place, depth = found.minimum
     with ResultWriter(args.out, lanes.FORMAT) as writer:
         for name, values in (
@@ -156,7 +153,7 @@ def _velocities(args, began):
         writer.attributes(
             **derived_from(results, time.perf_counter() - began) | shared,
             lane=widths[0],
-            bin=args.bin or FLOW_BIN,
+            bin=args.bin or lanes.BIN,
             snapshots=found.snapshots,
             mean_square=found.mean_square,
             minimum=depth,

@@ -11,6 +11,7 @@ from jampetsc.errors import InputError
 FORMAT = "jampetsc-velocity-correlation"
 ALIKE = ("model", "rate", "particle_count", "mass")  # what files that are averaged have in common
 SAME_PHI = 1e-6
+LANE, BIN = 0.5, 1.0  # half-width in y and width in x, in the files' unit of length, unless told otherwise
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,12 +4,14 @@ import numpy as np
 from matplotlib.collections import EllipseCollection, LineCollection
 
 from jampetsc.contacts.state import find_contacts, measure, virial_pressure
+from jampetsc.errors import InputError
 from jampetsc.plots.periodic import disk_images, extent, frame_cell, segment_images, wrap
 from jampetsc.plots.style import COLUMN, PAGE, figure, power_or_number, save
 
 MANY = 5000  # disks beyond which vector files get the contents as pixels, and outlines go
 _MEAN_WIDTH, _WIDEST = 0.09, 2.0  # width of the line of a mean force in mean diameters, and at most in points
-_CAPTION = 0.38  # inches
+_CAPTION, _HEADER = 0.38, 0.22  # inches
+PANELS = 4  # snapshots side by side
 _TALLEST = 2.5  # heights beyond this many widths are shrunk to fit
 
 
@@ -22,37 +24,55 @@ def plot_packing(disks, path) -> None:
     rattlers = int(np.count_nonzero(state.rattlers))
     hollow = f"{rattlers} rattler{'' if rattlers == 1 else 's'}" if rattlers else ""
     caption = _caption(disks, state.contacts, state.pressure, state.coordination, hollow)
-    _draw(disks, state.contacts, state.rattlers, caption, path)
+    _draw([("", disks, state.contacts, state.rattlers, caption)], path)
 
 
-def plot_flowing(disks, path) -> None:
-    """Disks under shear, whose forces do not balance: every contact is drawn, disks that touch nothing are hollow."""
-    contacts = find_contacts(disks)
-    alone = np.bincount(np.r_[contacts.i, contacts.j], minlength=disks.n) == 0
-    pressure = virial_pressure(contacts.force, contacts.distance, disks.area)
-    hollow = f"{np.count_nonzero(alone)} without contact" if alone.any() else ""
-    caption = _caption(disks, contacts, pressure, 2.0 * len(contacts) / disks.n, hollow)
-    _draw(disks, contacts, alone, caption, path)
+def plot_flowing(panels, path) -> None:
+    """Disks under shear, side by side: panels [(title, disks), …].
+
+    Forces do not balance: every contact is drawn, and disks that touch nothing are hollow. Raises InputError for more
+    panels than fit.
+    """
+    if len(panels) > PANELS:
+        raise InputError(f"{len(panels)} snapshots: one picture shows {PANELS}; choose some")
+    drawn = []
+    for title, disks in panels:
+        contacts = find_contacts(disks)
+        alone = np.bincount(np.r_[contacts.i, contacts.j], minlength=disks.n) == 0
+        pressure = virial_pressure(contacts.force, contacts.distance, disks.area)
+        hollow = f"{np.count_nonzero(alone)} without contact" if alone.any() else ""
+        caption = _caption(disks, contacts, pressure, 2.0 * len(contacts) / disks.n, hollow)
+        drawn.append((title, disks, contacts, alone, caption))
+    _draw(drawn, path)
 
 
-def _draw(disks, contacts, hollow, caption, path):
-    width, height = extent(disks.cell)
-    inches = COLUMN if disks.n <= MANY else PAGE
-    tall = inches * min(height / width, _TALLEST)
-    points_per_length = 72 * 0.98 * min(inches / width, tall / height)
-    with figure(inches, tall + _CAPTION) as fig:
-        share = tall / (tall + _CAPTION)
-        ax = fig.add_axes((0.01, 1 - share, 0.98, share))
-        cell = frame_cell(ax, disks.cell)
-        centres = wrap(disks.positions, disks.cell)
-        shown = [
-            _disks(ax, disks, centres, hollow),
-            _forces(ax, disks, centres, contacts, points_per_length),
-        ]
-        for collection in filter(None, shown):
-            collection.set_clip_path(cell)
-            collection.set_rasterized(disks.n > MANY)
-        fig.text(0.5, 0.5 * (1 - share), caption, ha="center", va="center", linespacing=1.4)
+def _draw(panels, path):
+    """Panels [(title, disks, contacts, mask of hollow disks, caption), …] side by side, in columns of one width."""
+    count, largest = len(panels), max(disks.n for _, disks, *_ in panels)
+    inches = COLUMN if count > 1 or largest <= MANY else PAGE
+    sizes = [extent(disks.cell) for _, disks, *_ in panels]
+    tall = inches * min(max(height / width for width, height in sizes), _TALLEST)
+    header = _HEADER if any(title for title, *_ in panels) else 0.0
+    whole = header + tall + _CAPTION
+    with figure(count * inches, whole) as fig:
+        for column, ((title, disks, contacts, hollow, caption), size) in enumerate(
+            zip(panels, sizes, strict=True)
+        ):
+            points_per_length = 72 * 0.98 * min(inches / size[0], tall / size[1])
+            left, middle = (column + 0.01) / count, (column + 0.5) / count
+            ax = fig.add_axes((left, _CAPTION / whole, 0.98 / count, tall / whole))
+            cell = frame_cell(ax, disks.cell)
+            centres = wrap(disks.positions, disks.cell)
+            shown = [
+                _disks(ax, disks, centres, hollow),
+                _forces(ax, disks, centres, contacts, points_per_length),
+            ]
+            for collection in filter(None, shown):
+                collection.set_clip_path(cell)
+                collection.set_rasterized(disks.n > MANY)
+            fig.text(middle, 0.5 * _CAPTION / whole, caption, ha="center", va="center", linespacing=1.4)
+            if title:
+                fig.text(middle, 1 - 0.5 * header / whole, title, ha="center", va="center")
         save(fig, path)
 
 

@@ -69,11 +69,7 @@ def flow_units(results) -> FlowUnits:
         first = first or found
         if found != first:
             raise InputError(
-                f"{result.path}: is in other units than {results[0].path.name}, those of {_origin(a)}: "
+                f"{result.path}: is in other units ({a.get('units', 'not told')}) than {results[0].path.name}: "
                 "one picture has one unit"
             )
     return first
-
-
-def _origin(attributes):
-    return "a packing" if "packing" in attributes else "disks that the command made"

@@ -328,20 +328,29 @@ def _strain(args, items):
     return f"energy, stress, pressure and coordination of {_count(items, 'run', 'runs')} over the strain"
 
 
-@picture("snapshot", "flow", "shear", single=True)
+@picture("snapshot", "flow")
 def _snapshot(args, items):
-    from jampetsc.plots.packing import plot_flowing, plot_packing
-    from jampetsc.plots.shearing import last_snapshot
+    from jampetsc.plots.packing import plot_flowing
+    from jampetsc.plots.shearing import kind_of, labels_of, last_snapshot
+
+    titles = labels_of([kind_of(item) for item in items]) if len(items) > 1 else [""]
+    panels = [(title, last_snapshot(item)) for title, item in zip(titles, items, strict=True)]
+    plot_flowing(panels, args.out)
+    shown = [
+        f"{disks.n} disks at strain {item['snapshots/strain'][-1]:.4g}"
+        for (_, disks), item in zip(panels, items, strict=True)
+    ]
+    return f"contacts of {', '.join(shown)}"
+
+
+@picture("minimum", "shear", single=True)
+def _minimum(args, items):
+    from jampetsc.plots.packing import plot_packing
     from jampetsc.plots.slowly import last_minimum
 
-    (result,) = items
-    if result.format == "jampetsc-flow":
-        disks, strain = last_snapshot(result), result["snapshots/strain"][-1]
-        plot_flowing(disks, args.out)
-    else:
-        disks, strain = last_minimum(result), result["strain"][-1]
-        plot_packing(disks, args.out)
-    return f"{disks.n} disks at strain {strain:.4g}"
+    disks = last_minimum(items[0])
+    plot_packing(disks, args.out)
+    return f"{disks.n} disks at strain {items[0]['strain'][-1]:.4g}"
 
 
 @picture("velocities", "flow", single=True)
@@ -359,7 +368,7 @@ def _velocities(args, items):
     return f"non-affine velocities at strain {strain:.4g}"
 
 
-@picture("lanes", "velocity-correlation")
+@picture("lanes", "velocity-correlation", "flow")
 def _lanes(args, items):
     from jampetsc.plots.shearing import plot_lanes
 
