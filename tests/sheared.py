@@ -60,8 +60,8 @@ def forces(disks, law, rate, u, spin):
     return elastic, viscous, torques, float(on_j[:, 0] @ c.r[:, 1]), float(spent)
 
 
-def overdamped_velocities(disks, law, rate):
-    """u (N, 2) with no net force on any disk; the limit of vanishing drag where there is none."""
+def overdamped_velocities(disks, law, rate, held=0):
+    """u (N, 2) with no net force on any disk; the limit of vanishing drag where there is none. u = 0 of the `held`."""
     still = np.zeros((disks.n, 2))
     turned = np.zeros(disks.n)
     load = sum(forces(disks, law, rate, still, turned)[:2]).ravel()
@@ -70,4 +70,6 @@ def overdamped_velocities(disks, law, rate):
     ]
     drag = law.drag * disks.potential.k * law.tau1
     matrix = drag * np.eye(2 * disks.n) - np.array(columns).T
-    return np.linalg.lstsq(matrix, load, rcond=1e-11)[0].reshape(-1, 2)
+    free = slice(2 * held, None)
+    still.reshape(-1)[free] = np.linalg.lstsq(matrix[free, free], load[free], rcond=1e-11)[0]
+    return still

@@ -32,7 +32,7 @@ flow made.h5 --model RD --mass 1 --rate 1e-2 --strain 0.5 --discard 0.1 --snapsh
 correlate flow.h5 --out velocities.h5
 shear --n 16 --phi 0.9 --step 1e-2 --strain 0.05 --out shear.h5
 jam --n 16 --phi 0.9 --seeds 1:2 --out jam.h5
-flow --n 16 --phi 0.9 --seed 1 --model RD0 --rate 1e-2 --strain 0.5 --discard 0.1 --out flow0.h5"""
+flow --n 16 --phi 0.9 --seed 1 --walls --model RD0 --rate 1e-2 --strain 0.5 --discard 0.1 --out flow0.h5"""
 
 
 def documented():

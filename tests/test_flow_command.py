@@ -246,3 +246,25 @@ def test_options_that_petsc_does_not_know(tmp_path):
     )
     assert done.returncode == 2 and "PETSc" in done.stderr
     assert not list(tmp_path.iterdir())
+
+
+def test_given_radii(tmp_path, capsys):
+    listed, out = tmp_path / "radii", tmp_path / "flow.h5"
+    radii = np.random.default_rng(1).uniform(0.8, 1.4, 40)
+    np.savetxt(listed, radii, fmt="%.17g")
+    words = ["flow", "--radii", listed, "--phi", 0.86, "--model", "RD0", "--rate", 1e-2, "--strain", 0.2]
+    assert flow(*words, "--out", out) == 0
+    result = jampetsc.load(out)
+    assert np.array_equal(np.sort(result["state/radii"]), np.sort(radii))
+    assert result.attributes["sizes"] == "radii of radii" and "length" in result.attributes["units"]
+    capsys.readouterr()
+    for more, message in [
+        (["--n", 40, "--out", out], "leave out --n"),
+        (["--sizes", "monodisperse", "--out", out], "leave out --n"),
+        (["--out", listed], "is the input"),
+    ]:
+        assert flow(*words, *more) == 2
+        assert message in capsys.readouterr().err
+    listed.write_text("1\n" * 15)
+    assert flow(*words, "--out", out) == 2
+    assert "15 disks: must lie in" in capsys.readouterr().err

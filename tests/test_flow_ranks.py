@@ -7,6 +7,8 @@ from sheared import crowd, shear
 
 from jampetsc.flow.models import Model, Scheme
 from jampetsc.flow.shearing import Shear
+from jampetsc.flow.walls import between_walls
+from jampetsc.packing.sizes import radii_of
 
 
 @pytest.fixture
@@ -47,6 +49,17 @@ def test_a_run_is_the_same_on_any_number_of_ranks(session, together, name, metho
     assert np.abs(alone.seen[:8] - run.seen[:8]).max() < 1e-8 * np.abs(alone.seen[:8]).max()
     assert len(set(session.comm.allgather(run.offsets.tobytes()))) == 1
     law = alone.model.law
-    held = Shear(crowd(), Model(law, friction=0.1), 0.01, Scheme(0.1, "euler", 1e-13), together)
-    held.advance(3)
-    assert held.steps == 3
+    rubbed = Shear(crowd(), Model(law, friction=0.1), 0.01, Scheme(0.1, "euler", 1e-13), together)
+    rubbed.advance(3)
+    assert rubbed.steps == 3
+
+
+@pytest.mark.scalar("real")
+def test_walls_stand_still_on_any_number_of_ranks(session, together):
+    disks, held = between_walls(1.2 * radii_of("bidisperse", 32), 0.86, 1, crowd().potential)
+    given = shear("CD0", disks)
+    runs = [Shear(disks, given.model, given.rate, given.scheme, by, held) for by in (None, together)]
+    for run in runs:
+        run.advance(5)
+    alone, run = (run.velocities_now() for run in runs)
+    assert np.abs(alone - run).max() < 1e-8 * np.abs(alone).max() and (run[:held] == 0).all()

@@ -1,10 +1,8 @@
 """`jampetsc flow`: steady shear of soft disks, overdamped or massive."""
 
-from jampetsc.contacts.potentials import EXPONENTS
 from jampetsc.errors import InputError
 from jampetsc.flow.models import MODELS
-from jampetsc.packing.sizes import SIZES
-from jampetsc.words.flowing import check_start, model_from, start_of
+from jampetsc.words.flowing import add_disks, check_start, model_from, start_of
 from jampetsc.words.law import add_law
 
 EPILOG = """examples
@@ -33,12 +31,9 @@ def add_parser(subparsers) -> None:
     parser.add_argument("--rate", type=float, metavar="R", help="shear rate γ̇")
     parser.add_argument("--strain", type=float, required=True, metavar="S", help="how far to shear")
     parser.add_argument("--out", metavar="FILE", help="result file; a flow file that goes on keeps its own")
-    disks = parser.add_argument_group("disks, where START is no file: smallest diameter 1, k_e = k_d = 1")
-    disks.add_argument("--n", type=int, metavar="N", help="number of disks")
-    disks.add_argument("--phi", type=float, metavar="PHI", help="packing fraction")
-    disks.add_argument("--seed", type=int, metavar="S", help="of the random start (default 1)")
-    disks.add_argument("--sizes", choices=SIZES, help="bidisperse: 1:1.4, half and half (default)")
-    disks.add_argument("--potential", choices=EXPONENTS, help="(default harmonic)")
+    add_disks(parser).add_argument(
+        "--walls", action="store_true", default=None, help="between sliding rough walls, rows of disks"
+    )
     model = parser.add_argument_group("model")
     model.add_argument("--model", choices=MODELS, help="drag (RD) or contact damping (CD); 0: overdamped")
     model.add_argument("--mass", type=float, metavar="M", help="mass of every disk")
@@ -96,7 +91,7 @@ def run(args, petsc_argv) -> int:
         job = by_rank_0(comm, lambda: jobs.continued(args.start, args.strain, args.out))
         inputs = [args.start] if args.out else []
     else:
-        inputs = [args.start] if args.start else []
+        inputs = [*filter(None, (args.start, args.radii))]
         job = _fresh(args, jobs, comm, inputs)
     by_rank_0(comm, lambda: check_output(job.out, jobs.FORMAT, inputs))
     if args.last is not None:

@@ -1,9 +1,7 @@
 """`jampetsc shear`: quasistatic shear, the energy's minimum after every small step of strain."""
 
-from jampetsc.contacts.potentials import EXPONENTS
 from jampetsc.errors import InputError
-from jampetsc.packing.sizes import SIZES
-from jampetsc.words.flowing import check_start, start_of
+from jampetsc.words.flowing import add_disks, check_start, start_of
 
 EPILOG = """examples
   jampetsc shear --n 64 --phi 0.845 --step 1e-3 --strain 8 --out qs.h5
@@ -28,12 +26,7 @@ def add_parser(subparsers) -> None:
     )
     parser.add_argument("--strain", type=float, required=True, metavar="S", help="how far to shear")
     parser.add_argument("--out", required=True, metavar="FILE", help="result file")
-    disks = parser.add_argument_group("disks, where START is no file: smallest diameter 1, k_e = 1")
-    disks.add_argument("--n", type=int, metavar="N", help="number of disks")
-    disks.add_argument("--phi", type=float, metavar="PHI", help="packing fraction")
-    disks.add_argument("--seed", type=int, metavar="S", help="of the random start (default 1)")
-    disks.add_argument("--sizes", choices=SIZES, help="bidisperse: 1:1.4, half and half (default)")
-    disks.add_argument("--potential", choices=EXPONENTS, help="(default harmonic)")
+    add_disks(parser)
     run_ = parser.add_argument_group("run")
     run_.add_argument(
         "--discard", type=float, metavar="S", help="strain before the means (default 1, at most half)"
@@ -51,7 +44,7 @@ def run(args, petsc_argv) -> int:
     from jampetsc.storage.outputs import check_output
 
     check(args)
-    inputs = [args.start] if args.start else []
+    inputs = [*filter(None, (args.start, args.radii))]
     check_output(args.out, "jampetsc-shear", inputs)
     if args.last is not None:
         check_output(args.last, "jampetsc-packing", [*inputs, args.out])

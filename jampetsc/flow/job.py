@@ -19,13 +19,14 @@ from jampetsc.flow.record import FORMAT, Record, read_record, remove_checkpoint,
 from jampetsc.flow.run import Plan, check_balance
 from jampetsc.flow.run import run as shear_until
 from jampetsc.flow.shearing import Shear
+from jampetsc.flow.walls import phi_between
 from jampetsc.storage.hdf5 import attributes, check_format, open_file, reading
 from jampetsc.storage.packing_file import write_packing
 from jampetsc.storage.provenance import provenance
 
 DEEPEST = 0.5  # overlap of two disks, in units of σ, beyond which a start is none of soft disks
 UNTOUCHED = 1e-6  # p/(γ̇ kτ₁) of disks that do not touch; what a start left of overlaps fades only slowly
-KEPT = ("units", "seed", "sizes", "packing", "packing_sha256")  # attributes that a file hands on
+KEPT = ("units", "seed", "sizes", "packing", "packing_sha256", "walls")  # attributes that a file hands on
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +39,18 @@ class Job:
     rate: float
     scheme: Scheme
     plan: Plan
-    origin: dict  # attributes: where the disks come from
+    origin: dict  # attributes: where the disks come from, and how many, the first ones, are those of `walls`
     before: tuple | None = None  # (Record, state) of the file it goes on from
+
+    @property
+    def held(self) -> int:
+        """How many disks are those of walls."""
+        return int(self.origin.get("walls", 0))
+
+    @property
+    def phi(self) -> float:
+        """Packing fraction of the disks that move."""
+        return phi_between(self.disks, self.held)
 
     @property
     def solves(self) -> bool:
@@ -55,6 +66,7 @@ class Job:
             "scheme": asdict(self.scheme),
             "plan": asdict(self.plan),
             "start": self.disks.fingerprint,
+            "walls": self.held,
             "done": len(self.before[0]) if self.before else 0,
         }
 
@@ -113,7 +125,7 @@ def execute(job: Job, last=None, together=None) -> Means:
     """
     began = time.perf_counter()
     comm = together and together.comm
-    shear = Shear(job.disks, job.model, job.rate, job.scheme, together)
+    shear = Shear(job.disks, job.model, job.rate, job.scheme, together, job.held)
     record = Record()
     if job.before is not None:
         record, state = job.before
@@ -122,7 +134,7 @@ def execute(job: Job, last=None, together=None) -> Means:
     means = check_balance(record, job.plan.discard, shear)
     if means is None or means.pressure.mean < UNTOUCHED * job.rate * shear.unit:
         raise ConvergenceError(
-            f"phi = {job.disks.phi:.4g}: no two disks touched within the strain of {shear.strain:.3g}: "
+            f"phi = {job.phi:.4g}: no two disks touched within the strain of {shear.strain:.3g}: "
             "choose a larger --phi, or a longer --strain"
         )
     facts = _facts(job, means, time.perf_counter() - began, together and session.current())
@@ -157,11 +169,11 @@ def _facts(job, means, seconds, petsc):
         **job.origin,
         "model": str(model),
         "rate": job.rate,
-        "phi": disks.phi,
+        "phi": job.phi,
         "mass": model.mass,
         "quality": float(np.sqrt(model.mass * potential.k)) / unit if model.mass else None,
         "friction": model.friction,
-        "particle_count": disks.n,
+        "particle_count": disks.n - job.held,
         "potential": potential.kind,
         "stiffness": potential.stiffness,
         "k": float(potential.k),
@@ -179,8 +191,9 @@ def summary(job: Job, means: Means) -> str:
     def told(average):
         return f"{average.mean:.5g} ± {average.error:.2g}"
 
+    walls = f" between walls of {job.held} disks" if job.held else ""
     lines = [
-        f"{job.out}: {job.model}, phi = {job.disks.phi:.6g}, rate {job.rate:g}, {job.scheme.method} with steps of "
+        f"{job.out}: {job.model}{walls}, phi = {job.phi:.6g}, rate {job.rate:g}, {job.scheme.method} with steps of "
         f"{job.scheme.step:.3g}; means over strain {means.strain:.4g}",
         f"  sigma = {told(means.shear_stress)} (elastic {means.parts[0]:.4g}, viscous {means.parts[1]:.4g}, kinetic "
         f"{means.parts[2]:.4g}), p = {told(means.pressure)}, sigma/p = "
@@ -188,4 +201,7 @@ def summary(job: Job, means: Means) -> str:
         f"  Z = {told(means.coordination)}, energy balance {means.energy_balance:.4f}, correlation strain "
         f"{means.correlation_strain:.2g}",
     ]
+    if means.walls:
+        stress, pressure = (told(average) for average in means.walls.values())
+        lines.append(f"  on the walls: sigma = {stress}, p = {pressure}")
     return "\n".join(lines + [f"  note: {line}" for line in means.warnings()])

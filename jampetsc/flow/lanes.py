@@ -54,6 +54,10 @@ def correlate_lanes(results, lane: float, width: float) -> LaneCorrelation:
     for result in results:
         if "snapshots/velocities" not in result:
             raise InputError(f"{result.path}: holds no snapshots: run `jampetsc flow` with --snapshots")
+        if "walls" in result.attributes:
+            raise InputError(
+                f"{result.path}: a flow between walls is not homogeneous: g_y(x) is of flow without them"
+            )
         for name in ALIKE:
             mine, other = result.attributes.get(name), first.attributes.get(name)
             if mine != other:

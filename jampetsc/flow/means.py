@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.analysis.averages import Average
+from jampetsc.flow.record import ON_WALLS
 
 UNBALANCED = 0.05  # of the dissipation, by which work may miss it
 FEW = 20  # rows from which on the balance is looked at
@@ -17,6 +18,7 @@ class Means:
     shear_stress: Average
     pressure: Average
     coordination: Average
+    walls: dict  # name -> Average of what is looked up on walls, where there are any
     parts: np.ndarray  # (3,) elastic, viscous and kinetic shear stress
     strain: float  # that the means are over
     spacing: float  # strain between rows
@@ -44,6 +46,7 @@ class Means:
             Average.of(stress.sum(1)),
             Average.of(pressure.sum(1)),
             Average.of(record.series("coordination")[kept]),
+            {name: Average.of(record.series(name)[kept]) for name in ON_WALLS if name in record.columns},
             stress.mean(0),
             spacing * int(kept.sum()),
             spacing,
@@ -79,6 +82,8 @@ class Means:
             "pressure_error": self.pressure.error,
             "coordination_mean": self.coordination.mean,
             "coordination_error": self.coordination.error,
+            **{f"{name}_mean": average.mean for name, average in self.walls.items()},
+            **{f"{name}_error": average.error for name, average in self.walls.items()},
             "correlation_strain": self.correlation_strain,
             "energy_balance": self.energy_balance,
         }

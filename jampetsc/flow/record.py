@@ -30,6 +30,7 @@ SERIES = {
     "coordination": 0, "clusters": 0, "largest_cluster": 0, "deepest_overlap": 0,
 }  # fmt: skip
 SNAPSHOTS = ("strain", "positions", "velocities", "cell")
+ON_WALLS = {"wall_shear_stress": 0, "wall_pressure": 0}  # of a run between walls, looked up
 
 
 class Record:
@@ -69,7 +70,7 @@ class Record:
     @classmethod
     def of(cls, h5, columns=None) -> "Record":
         """The record in an open file."""
-        record = cls(columns)
+        record = cls(columns or SERIES | {name: size for name, size in ON_WALLS.items() if name in h5})
         record.rows = {name: list(values(h5[name])) for name in record.columns}
         if "snapshots" in h5:
             record.snapshots = {name: list(values(h5[f"snapshots/{name}"])) for name in SNAPSHOTS}

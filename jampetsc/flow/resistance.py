@@ -9,6 +9,9 @@ friction, inertia over a time step. With s = 0 and both weights positive, A leav
 connected cluster, on which b sums to zero. The limit s → 0⁺ is then: mean u = 0 in each cluster, and a disk
 without contacts follows the flow. Conjugate gradients solve the singular system as it is, from the last
 velocities; the means are taken out afterwards, so no small number enters.
+
+The first `held` disks, those of walls, keep u = 0: their rows are left out, and a cluster that touches one has no free
+translation.
 """
 
 import numba
@@ -20,8 +23,8 @@ SOLVES = 20_000  # iterations at most: far more than any tolerance above roundin
 
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def contact_graph(pairs, o, shear, n, with_normals):
-    """Contacts of every disk: (start (n + 1,), column (E,), normals (E, 2) or (0, 2)).
+def contact_graph(pairs, o, shear, n, held, with_normals):
+    """Contacts of every disk: (start (n + 1,), column (E,), normals (E, 2) or (0, 2), held).
 
     Row a has the disks column[start[a]:start[a + 1]]; pairs, o: see `bond_forces`, at no strain but `shear`.
     """
@@ -61,7 +64,7 @@ def contact_graph(pairs, o, shear, n, with_normals):
                 normals[fill[end], 1] = unit * ry[p]
         fill[a] += one
         fill[b] += one
-    return start, column, normals
+    return start, column, normals, held
 
 
 def deepest_overlap(pairs, o, shear) -> float:
@@ -73,11 +76,12 @@ def deepest_overlap(pairs, o, shear) -> float:
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy")
 def resist(graph, weights, hold, x, y):
-    """y = (A + hold) x for x, y (N, 2); returns x·y. weights = (c_∥, c_⊥, …)."""
-    start, column, normals = graph
+    """y = (A + hold) x for x, y (N, 2), zero for held disks; returns x·y. weights = (c_∥, c_⊥, …)."""
+    start, column, normals, held = graph
     along, across = weights[0], weights[1]
     product = 0.0
-    for a in range(np.uint64(len(x))):
+    y[:held] = 0.0
+    for a in range(np.uint64(held), np.uint64(len(x))):
         first, last = np.uint64(start[a]), np.uint64(start[a + np.uint64(1)])
         x0, x1 = x[a, 0], x[a, 1]
         s0 = s1 = 0.0
@@ -106,7 +110,7 @@ def resist(graph, weights, hold, x, y):
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy")
 def inverse_diagonal(graph, weights, hold, n):
     """1 / diagonal of A + hold, (N, 2); 1 where that is zero: nothing acts on a disk without contacts."""
-    start, _, normals = graph
+    start, _, normals, _ = graph
     along, across = weights[0], weights[1]
     inverse = np.empty((n, 2))
     for a in range(n):
@@ -164,9 +168,9 @@ def solve(graph, weights, hold, residual, u, tolerance):
 def centre_clusters(graph, u):
     """Take the mean of u (N, 2) out of every connected cluster, in place; returns (number, largest) of them.
 
-    A disk without contacts is a cluster of one: its u becomes zero.
+    A disk without contacts is a cluster of one: its u becomes zero. Clusters with held disks keep theirs.
     """
-    start, column = graph[0], graph[1]
+    start, column, _, held = graph
     n = len(u)
     queue = np.empty(n, np.uint32)
     seen = np.zeros(n, np.bool_)
@@ -177,6 +181,7 @@ def centre_clusters(graph, u):
         seen[root] = True
         queue[0] = root
         found, done = 1, 0
+        anchored = root < held  # held disks come first: they are roots
         m0 = m1 = 0.0
         while done < found:
             a = queue[done]
@@ -191,9 +196,10 @@ def centre_clusters(graph, u):
                     found += 1
         m0 /= found
         m1 /= found
-        for c in range(found):
-            u[queue[c], 0] -= m0
-            u[queue[c], 1] -= m1
+        if not anchored:
+            for c in range(found):
+                u[queue[c], 0] -= m0
+                u[queue[c], 1] -= m1
         number += 1
         largest = max(largest, found)
     return number, largest

@@ -8,9 +8,10 @@ import numpy as np
 from jampetsc.collective import by_rank_0
 from jampetsc.errors import ConvergenceError
 from jampetsc.flow.means import UNBALANCED, Means
-from jampetsc.flow.record import Record, resumed, write_checkpoint
+from jampetsc.flow.record import ON_WALLS, SERIES, Record, resumed, write_checkpoint
 from jampetsc.flow.shearing import Shear
 from jampetsc.flow.steps import TALLY
+from jampetsc.flow.walls import stress_on_walls
 from jampetsc.progress import Progress
 
 ROW = 1e-2  # strain between rows: several per correlation strain (0.05 to 0.4)
@@ -53,7 +54,7 @@ def run(shear: Shear, plan: Plan, out, settings: dict, record=None) -> Record:
     if kept is not None:
         record, state = kept
         shear.restore(state)
-    record = record or Record()
+    record = record or Record(SERIES | (ON_WALLS if shear.held else {}))
     first, began = len(record), time.monotonic()
     per_row = plan.steps * shear.rate * shear.scheme.step
     photographed = plan.snapshot_rows(int(plan.discard / per_row + 1e-9)) if plan.snapshots else ()
@@ -87,6 +88,7 @@ def _row(shear, steps, record):
         left -= BATCH
     seen = dict(zip(TALLY, shear.seen / shear.seen[TALLY.index("steps")], strict=True))
     area, look = shear.reference.area, shear.look()
+    walls = zip(ON_WALLS, stress_on_walls(shear), strict=True) if shear.held else ()
     record.add(
         strain=shear.strain,
         time=shear.strain / shear.rate,
@@ -98,6 +100,7 @@ def _row(shear, steps, record):
         clusters=look.clusters,
         largest_cluster=look.largest_cluster,
         deepest_overlap=look.deepest,
+        **dict(walls),
     )
 
 

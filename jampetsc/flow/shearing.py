@@ -16,7 +16,7 @@ from jampetsc.flow.resistance import centre_clusters, contact_graph, deepest_ove
 class Survey:
     """What is looked at now and then: contacts, their clusters, the deepest overlap."""
 
-    coordination: float  # Z = 2 N_c / N, rattlers included
+    coordination: float  # Z, mean number of contacts of disks that move, rattlers included
     clusters: int  # connected ones, single disks included
     largest_cluster: int  # its disks
     deepest: float  # largest δ/σ
@@ -26,13 +26,15 @@ class Shear:
     """N disks sheared at a rate γ̇ under Lees–Edwards conditions.
 
     After `advance` the packing is `disks`, in a cell with tilt |γ| ≤ ½ Lx/Ly, at total strain `strain`; `velocities`
-    (N, 2) are the non-affine ones. `seen` sums what every time step saw (see `steps.TALLY`).
+    (N, 2) are the non-affine ones. `seen` sums what every time step saw (see `steps.TALLY`). The first `held` disks
+    are those of walls, which go with the affine flow (see `walls`).
     """
 
     ARRAYS = ("offsets", "velocities", "accelerations", "spins", "spin_rates")
 
-    def __init__(self, disks: Disks, model: Model, rate: float, scheme: Scheme, together=None):
+    def __init__(self, disks: Disks, model: Model, rate: float, scheme: Scheme, together=None, held: int = 0):
         self.model, self.rate, self.scheme = model, rate, scheme
+        self.held = held
         self.together = together  # `flow.together.Together`, where PETSc finds velocities
         n = disks.n
         law = model.law
@@ -43,6 +45,7 @@ class Shear:
             float(model.mass),
             float(rate),
             unit * law.eta_f * disks.area,
+            held,
         )
         self.largest = 2.0 * float(disks.radii.max())
         self.diameter = 2.0 * float(disks.radii.mean())
@@ -157,9 +160,11 @@ class Shear:
     def look(self) -> Survey:
         """Contacts as they are now."""
         place = (self.pairs.arrays, self.offsets, self.shear)
-        graph = contact_graph(*place, len(self.offsets), False)
+        n, held = len(self.offsets), self.held
+        graph = contact_graph(*place, n, held, False)
         number, largest = centre_clusters(graph, np.zeros_like(self.offsets))
-        return Survey(len(graph[1]) / len(self.offsets), number, largest, deepest_overlap(*place))
+        contacts = int(graph[0][n] - graph[0][held])
+        return Survey(contacts / (n - held), number, largest, deepest_overlap(*place))
 
     def velocities_now(self) -> np.ndarray:
         """Non-affine velocities (N, 2) at the positions as they are now."""

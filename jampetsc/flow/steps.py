@@ -72,9 +72,10 @@ def verdict_of(far, longest, g, listed):
 def drag_steps(pairs, listed, law, physics, clock, o, u, forces, heun, tally, steps):
     """Overdamped disks in a fluid, u = f/(k_d drag), by Euler or Heun.
 
-    physics = (drag, mass, rate, η_F V); clock = (Δt, steps since the list was made). Returns (steps done, status).
+    physics = (drag, mass, rate, η_F V, held): the first `held` disks keep u = 0; clock = (Δt, steps since the list
+    was made). Returns (steps done, status).
     """
-    drag, _, rate, background = physics
+    drag, _, rate, background, held = physics
     dt, since = clock
     alpha = 2.5 if law[1] else 2.0
     ahead, u2 = np.empty_like(o), np.empty_like(u)
@@ -82,6 +83,7 @@ def drag_steps(pairs, listed, law, physics, clock, o, u, forces, heun, tally, st
         g = (since + step) * rate * dt
         middle = g + 0.5 * rate * dt
         sums = bond_forces(pairs, o, 0.0, g, law, forces, None, None)
+        forces[:held] = 0.0
         for a in range(len(u)):
             u[a, 0] = forces[a, 0] / drag
             u[a, 1] = forces[a, 1] / drag
@@ -92,6 +94,7 @@ def drag_steps(pairs, listed, law, physics, clock, o, u, forces, heun, tally, st
             if verdict != DONE:
                 return step, verdict
             bond_forces(pairs, ahead, 0.0, g + rate * dt, law, forces, None, None)
+            forces[:held] = 0.0
             for a in range(len(u)):
                 u2[a, 0] = 0.5 * (u[a, 0] + forces[a, 0] / drag)
                 u2[a, 1] = 0.5 * (u[a, 1] + forces[a, 1] / drag)
@@ -108,23 +111,30 @@ def drag_steps(pairs, listed, law, physics, clock, o, u, forces, heun, tally, st
 def residual_at(pairs, o, g, law, weights, physics, u, forces, rolling):
     """m u̇ at velocities u into `forces`, what is not balanced: bonds, drag and SLLOD's shift of momentum.
 
-    rolling: None, or (Ω, ρ, torques), each (N,); see `bond_forces`, whose sums it returns.
+    Held disks have u̇ = 0. rolling: None, or (Ω, ρ, torques), each (N,); see `bond_forces`, whose sums it returns.
     """
-    drag, mass, rate, _ = physics
+    drag, mass, rate, _, held = physics
     sums = bond_forces(pairs, o, 0.0, g, law, forces, (u, rate, weights), rolling)
     for a in range(len(u)):
         forces[a, 0] -= drag * u[a, 0] + mass * rate * u[a, 1]
         forces[a, 1] -= drag * u[a, 1]
+    forces[:held] = 0.0
+    if rolling is not None:
+        _, _, torques = rolling
+        torques[:held] = 0.0
     return sums
 
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy")
 def centre(graph, physics, u):
     """What no force decides: mean u of each cluster without inertia and drag, of all disks with inertia alone."""
-    if physics[0] > 0.0:
+    drag, mass, _, _, held = physics
+    if drag > 0.0:
         return
-    if physics[1] == 0.0:
+    if mass == 0.0:
         centre_clusters(graph, u)
+        return
+    if held > 0:
         return
     for axis in range(2):
         u[:, axis] -= np.mean(u[:, axis])
@@ -134,7 +144,7 @@ def centre(graph, physics, u):
 def balance(pairs, o, g, law, weights, physics, dt, u, forces, tolerance):
     """Velocities at which forces balance, or that backward Euler gives a mass, into u; returns iterations."""
     residual_at(pairs, o, g, law, weights, physics, u, forces, None)
-    graph = contact_graph(pairs, o, g, len(u), weights[0] != weights[1])
+    graph = contact_graph(pairs, o, g, len(u), physics[4], weights[0] != weights[1])
     iterations = solve(graph, weights, physics[0] + physics[1] / dt, forces, u, tolerance)
     centre(graph, physics, u)
     return iterations
@@ -143,7 +153,7 @@ def balance(pairs, o, g, law, weights, physics, dt, u, forces, tolerance):
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy")
 def seen_and_moved(pairs, listed, law, weights, physics, dt, g, o, u, velocity, forces, tally):
     """The end of a step: note what there is at velocities u, and move by `velocity`; returns the verdict."""
-    drag, mass, rate, background = physics
+    drag, mass, rate, background, _ = physics
     sums = bond_forces(pairs, o, 0.0, g, law, forces, (u, rate, weights), None)
     note(tally, sums, 2.5 if law[1] else 2.0, u, mass, drag, rate, background)
     far, longest = move(o, velocity, g + 0.5 * rate * dt, dt, o)
@@ -194,7 +204,7 @@ def massive_steps(pairs, listed, law, weights, physics, clock, o, u, a_last, for
     u (N, 2) is the velocity half a step ago and a_last (N, 2) the acceleration one step ago.
     rolling: None, or (Ω half a step ago, Ω̇ one step ago, ρ, moments of inertia), each (N,).
     """
-    drag, mass, rate, background = physics
+    drag, mass, rate, background, _ = physics
     dt, since = clock
     alpha = 2.5 if law[1] else 2.0
     predicted = np.empty_like(u)

@@ -15,7 +15,7 @@ class Together:
     def balance(self, pairs, o, g, law, weights, physics, dt, u, forces, tolerance):
         """As `steps.balance`; the tolerance is the solver's."""
         compiled.residual_at(pairs, o, g, law, weights, physics, u, forces, None)
-        graph = contact_graph(pairs, o, g, len(u), weights[0] != weights[1])
+        graph = contact_graph(pairs, o, g, len(u), physics[4], weights[0] != weights[1])
         hold = physics[0] + physics[1] / dt
         right = np.empty_like(u)
         resist(graph, weights, hold, u, right)

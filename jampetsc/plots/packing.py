@@ -5,6 +5,7 @@ from matplotlib.collections import EllipseCollection, LineCollection
 
 from jampetsc.contacts.state import find_contacts, measure, virial_pressure
 from jampetsc.errors import InputError
+from jampetsc.flow.walls import phi_between
 from jampetsc.plots.periodic import disk_images, extent, frame_cell, segment_images, wrap
 from jampetsc.plots.style import COLUMN, PAGE, figure, power_or_number, save
 
@@ -30,18 +31,20 @@ def plot_packing(disks, path) -> None:
 def plot_flowing(panels, path) -> None:
     """Disks under shear, side by side: panels [(title, disks), …].
 
-    Forces do not balance: every contact is drawn, and disks that touch nothing are hollow. Raises InputError for more
-    panels than fit.
+    Forces do not balance: every contact is drawn, and disks that touch nothing are hollow. As many disks as the record
+    of a packing says, the first ones, are those of walls: dark. Raises InputError for more panels than fit.
     """
     if len(panels) > PANELS:
         raise InputError(f"{len(panels)} snapshots: one picture shows {PANELS}; choose some")
     drawn = []
     for title, disks in panels:
         contacts = find_contacts(disks)
-        alone = np.bincount(np.r_[contacts.i, contacts.j], minlength=disks.n) == 0
+        walls = disks.record.get("walls", 0)
+        number = np.bincount(np.r_[contacts.i, contacts.j], minlength=disks.n)
+        alone = (number == 0) & (np.arange(disks.n) >= walls)
         pressure = virial_pressure(contacts.force, contacts.distance, disks.area)
         hollow = f"{np.count_nonzero(alone)} without contact" if alone.any() else ""
-        caption = _caption(disks, contacts, pressure, 2.0 * len(contacts) / disks.n, hollow)
+        caption = _caption(disks, contacts, pressure, float(number[walls:].mean()), hollow)
         drawn.append((title, disks, contacts, alone, caption))
     _draw(drawn, path)
 
@@ -79,6 +82,8 @@ def _draw(panels, path):
 def _disks(ax, disks, centres, hollow):
     rows, points = disk_images(centres, disks.radii, disks.cell)
     hollow = hollow[rows]
+    faces = np.where(hollow[:, None], (1.0, 1.0, 1.0, 1.0), (0.88, 0.88, 0.88, 1.0))
+    faces[rows < disks.record.get("walls", 0)] = (0.45, 0.45, 0.45, 1.0)
     diameters = 2 * disks.radii[rows]
     collection = EllipseCollection(
         diameters,
@@ -87,7 +92,7 @@ def _disks(ax, disks, centres, hollow):
         units="xy",
         offsets=points,
         transOffset=ax.transData,
-        facecolors=np.where(hollow[:, None], (1.0, 1.0, 1.0, 1.0), (0.88, 0.88, 0.88, 1.0)),
+        facecolors=faces,
         edgecolors=np.where(hollow[:, None], (0.35, 0.35, 0.35, 1.0), (0.6, 0.6, 0.6, 1.0)),
         linewidths=0.3 if disks.n <= MANY else 0.1,
         zorder=1,
@@ -114,11 +119,17 @@ def _forces(ax, disks, centres, contacts, points_per_length):
 
 
 def _caption(disks, contacts, pressure, coordination, hollow):
-    parts = [f"$N={disks.n}$", rf"$\phi={disks.phi:.4f}$"]
+    walls = disks.record.get("walls", 0)
+    parts = [f"$N={disks.n - walls}$", rf"$\phi={phi_between(disks, walls):.4f}$"]
     if len(contacts):
         parts += [
             f"$p/k={power_or_number(pressure / disks.potential.k)}$",
             f"$Z={coordination:.3f}$",
         ]
     lines = r"line width $\propto$ contact force" if len(contacts) else "no load-bearing contacts"
-    return "   ".join(parts) + f"\n{lines}" + (f";  hollow: {hollow}" if hollow else "")
+    return (
+        "   ".join(parts)
+        + f"\n{lines}"
+        + (f";  hollow: {hollow}" if hollow else "")
+        + (";  dark: walls" if walls else "")
+    )

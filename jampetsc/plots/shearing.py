@@ -23,7 +23,8 @@ NAMED = 12  # runs that a legend names
 def kind_of(result) -> tuple:
     """What flow curves have in common: model, φ, N, mass, sizes and potential of the disks."""
     a = result.attributes
-    found = str(a["model"]), round(float(a["phi"]), 6), int(a["particle_count"]), float(a["mass"])
+    walls = " between walls" if "walls" in a else ""
+    found = f"{a['model']}{walls}", round(float(a["phi"]), 6), int(a["particle_count"]), float(a["mass"])
     return *found, str(a.get("sizes", "")), str(a["potential"])
 
 
@@ -196,10 +197,14 @@ def plot_lanes(results, path) -> None:
 
 
 def last_snapshot(result) -> Disks:
-    """The last snapshot of a flow file as a packing. Raises InputError where it holds none."""
+    """The last snapshot of a flow file as a packing; its record has the number of disks of `walls`, if there are any.
+
+    Raises InputError where the file holds none.
+    """
     if "snapshots/positions" not in result:
         raise InputError(f"{result.path}: holds no snapshots: run `jampetsc flow` with --snapshots")
     a = result.attributes
     potential = Potential(str(a["potential"]), str(a["stiffness"]), float(a["k"]))
     positions, cell = (result.stored(f"snapshots/{name}")[-1] for name in ("positions", "cell"))
-    return Disks.from_positions(positions, result["state/radii"], cell, potential)
+    record = {"walls": int(a["walls"])} if "walls" in a else {}
+    return Disks.from_positions(positions, result["state/radii"], cell, potential, record=record)

@@ -77,7 +77,7 @@ class ContactSolver:
 
 def _rows(graph, weights, hold, n, first, last):
     """Rows of disks [first, last) of A + hold on interleaved (x, y), as a scipy CSR array."""
-    start, column, normals = graph
+    start, column, normals, held = graph
     along, across = weights[0], weights[1]
     ends = slice(int(start[first]), int(start[last]))
     j = column[ends].astype(np.int64)
@@ -88,10 +88,11 @@ def _rows(graph, weights, hold, n, first, last):
         block += (along - across) * own[:, :, None] * own[:, None, :]
     diagonal = np.broadcast_to(hold * np.eye(2), (last - first, 2, 2)).copy()
     np.add.at(diagonal, a, block)
-    # a disk that nothing holds: its right-hand side is zero, and so is then its velocity
-    loose = ~diagonal.any(axis=(1, 2))
-    diagonal[loose] = np.eye(2)
+    # a disk that nothing holds, or a wall does: its right-hand side is zero, and so is then its velocity
     own = np.arange(last - first)
+    still = ~diagonal.any(axis=(1, 2)) | (own + first < held)
+    diagonal[still] = np.eye(2)
+    block[(a + first < held) | (j < held)] = 0.0
     row = np.concatenate((a, own))[:, None, None] * 2 + np.arange(2)[None, :, None]
     col = np.concatenate((j, own + first))[:, None, None] * 2 + np.arange(2)[None, None, :]
     values = np.concatenate((-block, diagonal))

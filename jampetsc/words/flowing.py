@@ -6,14 +6,29 @@ from jampetsc.contacts.laws import OPTIONS, Law
 from jampetsc.contacts.potentials import EXPONENTS, Potential
 from jampetsc.errors import InputError
 from jampetsc.flow.models import MODELS, Model
-from jampetsc.packing.sizes import SIZES, radii_of
+from jampetsc.packing.sizes import SIZES
 from jampetsc.words.law import law_from
-from jampetsc.words.packtasks import FEWEST, LAST_SEED, MOST
+from jampetsc.words.packtasks import LAST_SEED, radii_asked, sizes_told
 
 PHIS = (0.1, 1.0)
 SETTLED = 1e-6  # max |F| in k_e/d, to which a random start is relaxed
-GIVEN_WITH_START = ("n", "phi", "seed", "sizes", "potential")
+GIVEN_WITH_START = ("n", "phi", "seed", "sizes", "radii", "potential", "walls")
 UNITS = "k_e = k_d = 1, diameter of the small disks 1"  # Vågberg, thesis sec. 4.1
+OWN_UNITS = "k_e = k_d = 1, length as of the radii given"
+
+
+def add_disks(parser):
+    """Add what disks a start that is no file has; returns their group."""
+    disks = parser.add_argument_group("disks, where START is no file: smallest diameter 1, k_e = k_d = 1")
+    disks.add_argument("--n", type=int, metavar="N", help="number of disks")
+    disks.add_argument("--phi", type=float, metavar="PHI", help="packing fraction")
+    disks.add_argument("--seed", type=int, metavar="S", help="of the random start (default 1)")
+    disks.add_argument("--sizes", choices=SIZES, help="bidisperse: 1:1.4, half and half (default)")
+    disks.add_argument(
+        "--radii", metavar="FILE", help="text file of radii, one per disk, instead of --n and --sizes"
+    )
+    disks.add_argument("--potential", choices=EXPONENTS, help="(default harmonic)")
+    return disks
 
 
 def model_from(args, k=1.0) -> Model:
@@ -56,14 +71,13 @@ def check_start(args) -> None:
     """Raise InputError for words about the start that do not go together or are out of range."""
     if args.start is not None:
         for name in GIVEN_WITH_START:
-            if getattr(args, name) is not None:
+            if getattr(args, name, None) is not None:
                 raise InputError(f"--{name}: belongs to {args.start}; leave it out")
         return
     for name in ("n", "phi"):
-        if getattr(args, name) is None:
+        if getattr(args, name) is None and not (name == "n" and args.radii):
             raise InputError(f"--{name} is missing: give --n and --phi, or a packing to start from")
-    if not FEWEST <= args.n <= MOST:
-        raise InputError(f"--n {args.n}: must lie in [{FEWEST}, {MOST}]")
+    radii_asked(args)
     if not PHIS[0] <= args.phi <= PHIS[1]:
         raise InputError(f"--phi {args.phi:g}: must lie in [{PHIS[0]:g}, {PHIS[1]:g}]; disks jam near 0.84")
     if args.seed is not None and not 0 <= args.seed <= LAST_SEED:
@@ -73,7 +87,9 @@ def check_start(args) -> None:
 def start_of(args, comm=None):
     """(disks, attributes that say where they come from). Collective. Raises InputError.
 
-    Without a packing: random places, deep overlaps quenched away, in Vågberg's units: the smallest diameter is 1.
+    Without a packing: random places, deep overlaps quenched away, in Vågberg's units: the smallest diameter is 1, but
+    where radii are given.
+    `walls` in the attributes is the number of disks, the first ones, that make up the walls.
     """
     if args.start is not None:
         from jampetsc.storage.packing_file import read_identified
@@ -81,12 +97,19 @@ def start_of(args, comm=None):
         disks, (name, digest) = read_identified(args.start, comm)
         return disks, {"packing": name, "packing_sha256": digest, "units": "those of the packing"}
 
+    from jampetsc.collective import by_rank_0
     from jampetsc.packing.minimise import settle
     from jampetsc.packing.protocols import random_start
 
-    sizes = args.sizes or SIZES[0]
-    radii = radii_of(sizes, args.n)
+    radii = by_rank_0(comm, lambda: radii_asked(args))
+    if not args.radii:
+        radii = radii * (0.5 / radii.min())
     seed = 1 if args.seed is None else args.seed
     potential = Potential(args.potential or next(iter(EXPONENTS)), "inverse-square-diameter")
-    start = random_start(radii * (0.5 / radii.min()), args.phi, seed, potential)
-    return settle(start, SETTLED), {"seed": seed, "sizes": sizes, "units": UNITS}
+    origin = {"seed": seed, "sizes": sizes_told(args), "units": OWN_UNITS if args.radii else UNITS}
+    if getattr(args, "walls", None):
+        from jampetsc.flow.walls import between_walls
+
+        disks, held = between_walls(radii, args.phi, seed, potential)
+        return disks, origin | {"walls": held}
+    return settle(random_start(radii, args.phi, seed, potential), SETTLED), origin

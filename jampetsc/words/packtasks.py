@@ -126,22 +126,29 @@ def radii_for(args):
                 raise InputError(f"--{name}: belongs to the packing {args.source}; leave it out with --from")
         check_packing(args.source)
         return None
-    if args.radii:
-        if args.n is not None or args.sizes:
-            raise InputError(
-                f"--radii {args.radii}: gives number and sizes of the disks; leave out --n and --sizes"
-            )
-        radii = _read_radii(args.radii)
-    else:
-        if args.n is None:
-            raise InputError("--n is missing: how many disks? (or --radii FILE, or --from FILE)")
-        radii = None
+    if args.n is None and not args.radii:
+        raise InputError("--n is missing: how many disks? (or --radii FILE, or --from FILE)")
+    return radii_asked(args)
+
+
+def radii_asked(args):
+    """Radii (N,) of --radii, or of --n and --sizes with mean diameter 1. Raises InputError."""
+    if args.radii and (args.n is not None or args.sizes):
+        raise InputError(
+            f"--radii {args.radii}: gives number and sizes of the disks; leave out --n and --sizes"
+        )
+    radii = _read_radii(args.radii) if args.radii else None
     n = args.n if radii is None else len(radii)
     if not FEWEST <= n <= MOST:
         raise InputError(
             f"{'--n' if radii is None else args.radii}: {n} disks: must lie in [{FEWEST}, {MOST}]"
         )
     return radii_of(args.sizes or SIZES[0], n) if radii is None else radii
+
+
+def sizes_told(args) -> str:
+    """What a file says about the sizes of the disks."""
+    return f"radii of {Path(args.radii).name}" if args.radii else args.sizes or SIZES[0]
 
 
 def starter(args, radii, source):
@@ -195,7 +202,7 @@ def request_of(args, identity) -> dict:
     if identity is not None:
         return entries | dict(zip(("source", "source_sha256"), identity, strict=True))
     return entries | {
-        "sizes": f"radii of {Path(args.radii).name}" if args.radii else args.sizes or SIZES[0],
+        "sizes": sizes_told(args),
         "requested_n": args.n or 0,
         "requested_potential": args.potential or "harmonic",
         "requested_stiffness": args.stiffness or "constant",

@@ -337,7 +337,7 @@ def _snapshot(args, items):
     panels = [(title, last_snapshot(item)) for title, item in zip(titles, items, strict=True)]
     plot_flowing(panels, args.out)
     shown = [
-        f"{disks.n} disks at strain {item['snapshots/strain'][-1]:.4g}"
+        f"{disks.n - disks.record.get('walls', 0)} disks at strain {item['snapshots/strain'][-1]:.4g}"
         for (_, disks), item in zip(panels, items, strict=True)
     ]
     return f"contacts of {', '.join(shown)}"

@@ -1,0 +1,93 @@
+"""Sliding rough walls: rows of fixed disks at y = 0 and y = H, moving at ∓γ̇H/2 (Vågberg, thesis sec. 4.2.2).
+
+The cell stays that of Lees and Edwards, periodic in x, of height H. The disks of the lower row go with the affine
+flow, u = 0, and so do their images, which are the upper row: each row is rigid, and one slides past the other by
+γ̇H. Disks of the walls come first in all arrays (`held` of them). What is between the rows never touches through
+them. With y from the middle between the rows and F the force of the contacts on a disk, the stress on the walls is
+
+    σ_w = ½ (F_lower − F_upper)/L_x = σ + (1/V) Σ y F_x    over the disks that move,
+
+at every instant, from the virial of the bonds between the rows. Without mass and drag F = 0, and the walls feel the σ
+of the bulk; with mass they do so in the mean, σ with its kinetic part. Drag takes the difference, k_d Σ y u_x/V, into
+the fluid.
+"""
+
+import numpy as np
+
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.kernel import bond_forces
+from jampetsc.contacts.neighbours import spatial_order
+from jampetsc.contacts.potentials import Potential
+from jampetsc.errors import InputError
+from jampetsc.flow.models import MODELS, Model, Scheme
+from jampetsc.flow.shearing import Shear
+
+GAP = 0.05  # between the disks of a row, in units of their diameters: they never touch
+SETTLING = (
+    2000,
+    0.05,
+)  # time steps of a random start at rest, and their length in units of the smallest k_d d²/k_e
+
+
+def phi_between(disks: Disks, held: int) -> float:
+    """Packing fraction of the disks that move, in the area that those of the walls leave of V = L_x H."""
+    areas = np.pi * disks.radii**2
+    return float(np.sum(areas[held:]) / (disks.area - np.sum(areas[:held])))
+
+
+def between_walls(radii, phi: float, seed: int, potential: Potential) -> tuple[Disks, int]:
+    """Disks of these radii (N,) at random between rows of some of the same sizes: (disks, how many are the wall's).
+
+    L_x and H are as equal as whole disks allow. Raises InputError where the rows leave no room between them.
+    """
+    radii = np.asarray(radii, float)
+    generator = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed)))
+    area = np.pi * np.sum(radii**2) / phi
+    share = np.pi * np.mean(radii**2) / (2.0 * (1.0 + GAP) * radii.mean())  # area of a row over its length
+    side = 0.5 * share + np.sqrt(0.25 * share**2 + area)
+    row = generator.permutation(radii)
+    number = 1 + int(np.argmin(np.abs(np.cumsum(2.0 * (1.0 + GAP) * row) - side)))
+    row = row[:number]
+    pitches = 2.0 * (1.0 + GAP) * row
+    width = pitches.sum()
+    height = (area + np.pi * np.sum(row**2)) / width
+    if height < 2.0 * (row.max() + radii.max()):
+        raise InputError(
+            f"--walls: rows of disks {height:.3g} apart, centre to centre, leave no room for a disk of diameter "
+            f"{2 * radii.max():.3g} between them: more disks are needed"
+        )
+    places = generator.random((len(radii), 2)) * np.column_stack(
+        (np.full(len(radii), width), height - 2 * radii)
+    )
+    places[:, 1] += radii
+    cell = np.diag([width, height])
+    order = spatial_order(places, cell)
+    wall = np.column_stack((np.cumsum(pitches) - 0.5 * pitches, np.zeros(number)))
+    start = Disks.from_positions(
+        np.concatenate((wall, places[order])), np.concatenate((row, radii[order])), cell, potential
+    )
+    step = SETTLING[1] * float(2.0 * radii.min()) ** 2 / potential.k
+    rest = Shear(start, Model(MODELS["RD0"][0]), 0.0, Scheme(step, "euler", 1e-4), held=number)
+    rest.advance(SETTLING[0])
+    return rest.disks, number
+
+
+def stress_on_walls(shear: Shear) -> tuple[float, float]:
+    """(σ_xy, pressure) that the disks between the walls exert on them now, mean of both."""
+    i, j, r0, sigma = shear.pairs.arrays
+    lower = (i < shear.held) & (j >= shear.held)
+    upper = (i >= shear.held) & (j < shear.held)
+    height = r0[1] + shear.offsets[j, 1] - shear.offsets[i, 1]
+    above = (lower & (height > 0)) | (upper & (height < 0))  # the disk that moves is above the row
+    motion = shear.velocities_now(), shear.rate, shear.weights
+    rolling = None
+    if shear.model.law.couples_rotations:
+        rolling = shear.spins, shear.reference.radii, np.empty(len(shear.spins))
+    total = np.zeros(2)
+    for side, sign in ((above, 1.0), ((lower | upper) & ~above, -1.0)):
+        pairs = i[side], j[side], np.ascontiguousarray(r0[:, side]), sigma[side]
+        forces = np.empty_like(shear.offsets)
+        bond_forces(pairs, shear.offsets, 0.0, shear.shear, shear._law, forces, motion, rolling)
+        total += sign * forces[: shear.held].sum(0)
+    width = 2.0 * shear.reference.cell[0, 0]
+    return float(total[0] / width), float(-total[1] / width)

@@ -1,0 +1,180 @@
+"""Flow between sliding rough walls: rigid rows, dense numpy, the balance of momentum and energy, and the command."""
+
+import numpy as np
+import pytest
+import sheared
+from sheared import ROWS
+
+import jampetsc
+from jampetsc import cli
+from jampetsc.contacts.kernel import bond_forces
+from jampetsc.contacts.potentials import Potential
+from jampetsc.contacts.state import find_contacts
+from jampetsc.errors import InputError
+from jampetsc.flow import steps as compiled
+from jampetsc.flow.models import Model, Scheme
+from jampetsc.flow.shearing import Shear
+from jampetsc.flow.walls import between_walls, phi_between, stress_on_walls
+from jampetsc.packing.sizes import radii_of
+
+SOFT = Potential("harmonic", "inverse-square-diameter")
+
+
+@pytest.fixture(scope="module")
+def channel():
+    return between_walls(1.2 * radii_of("bidisperse", 64), 0.86, 3, SOFT)
+
+
+def shear(name, channel, rate=0.02, step=0.05):
+    law, mass = ROWS[name]
+    disks, held = channel
+    return Shear(disks, Model(law, mass), rate, Scheme(step, "verlet" if mass else "euler", 1e-12), held=held)
+
+
+def test_the_start(channel):
+    disks, held = channel
+    assert disks.n - held == 64 and phi_between(disks, held) == pytest.approx(0.86, rel=1e-12)
+    y = disks.positions[:, 1]
+    height = disks.cell[1, 1]
+    assert 0.7 < disks.cell[0, 0] / height < 1.4
+    assert np.abs(y[:held] - height * np.round(y[:held] / height)).max() < 1e-12
+    contacts = find_contacts(disks)
+    assert (contacts.overlap / contacts.sigma).max() < 0.3
+    assert not ((contacts.i < held) & (contacts.j < held)).any()
+    assert len(set(np.round(disks.radii[:held], 12))) == 2  # rough
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_walls_are_rigid_and_stand_in_the_affine_flow(channel, name):
+    run = shear(name, channel)
+    disks, held = channel
+    row = disks.positions[:held]
+    run.advance(700)  # to strain 0.7: the cell is folded
+    assert run.rebuilds > 1
+    now = run.disks.positions[:held]
+    # relative positions within the row, images aside
+    apart = (now - now[0] - (row - row[0])) @ np.linalg.inv(run.disks.cell)
+    assert np.abs(apart - np.round(apart)).max() < 1e-12
+    assert (run.velocities_now()[:held] == 0).all() and (run.spins[:held] == 0).all()
+    assert np.abs(run.velocities_now()[held:]).max() > 0
+    heights = run.disks.positions[held:, 1]
+    assert 0.3 < heights.min() and heights.max() < disks.cell[1, 1] - 0.3  # nothing went through
+
+
+def test_walls_stand_still_under_implicit_steps(channel):
+    disks, held = channel
+    run = Shear(disks, Model(ROWS["CD"][0], 0.01), 0.02, Scheme(0.05, "backward Euler", 1e-12), held=held)
+    run.advance(20)
+    assert (run.velocities[:held] == 0).all() and np.abs(run.velocities[held:].mean(0)).max() > 1e-6
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_forces_on_the_walls_balance_those_between_them(channel, name):
+    """σ_w = σ + Σ y F_x/V with y from the middle: without mass and drag F = 0, and the walls feel the bulk's σ."""
+    run = shear(name, channel)
+    run.advance(300)
+    u, forces, held = run.velocities_now(), np.empty_like(run.offsets), run.held
+    rolling = None
+    if run.model.law.couples_rotations:
+        rolling = run.spins, run.reference.radii, np.empty(len(run.spins))
+    sums = bond_forces(
+        run.pairs.arrays, run.offsets, 0.0, run.shear, run._law, forces, (u, run.rate, run.weights), rolling
+    )
+    disks = run.disks
+    y = (disks.positions[:, 1] - 0.5 * disks.cell[1, 1])[held:]
+    bulk = -(sums[2] + sums[7]) / disks.area
+    bulk_yy = (sums[3] + sums[9]) / disks.area
+    stress, pressure = stress_on_walls(run)
+    assert stress == pytest.approx(bulk + y @ forces[held:, 0] / disks.area, rel=1e-11)
+    assert pressure == pytest.approx(bulk_yy - y @ forces[held:, 1] / disks.area, rel=1e-11)
+    if name in ("CD0", "unequal"):
+        assert stress == pytest.approx(bulk, rel=1e-8) and pressure == pytest.approx(bulk_yy, rel=1e-8)
+    else:
+        assert abs(stress / bulk - 1) > 1e-4
+
+
+@pytest.mark.parametrize("name", ["RD0", "CD0", "unequal"])
+def test_velocities_are_those_of_dense_numpy(channel, name):
+    run = shear(name, channel)
+    run.advance(100)
+    exact = sheared.overdamped_velocities(run.disks, run.model.law, run.rate, run.held)
+    assert np.abs(run.velocities_now() - exact).max() < 1e-8 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("name", ["RD0", "CD0", "CD", "rolling"])
+def test_energy_is_balanced(channel, name):
+    """γ̇Vσ − D is what the energy grows by: the work is that of the walls (and of the fluid's drag)."""
+    run = shear(name, channel, step=0.01)
+    run.advance(1)
+    ends = []
+    for _ in range(2):
+        run.seen[:] = 0
+        run.advance(1)
+        ends.append(run.seen[compiled.TALLY.index("energy")])
+        run.seen[:] = 0
+        run.advance(100)
+    tally = run.seen
+    run.seen = np.zeros_like(tally)
+    # the second hundred: energies at its ends
+    before = ends[1]
+    run.advance(1)
+    after = run.seen[compiled.TALLY.index("energy")]
+    power = -run.rate * (tally[0] + tally[2] + tally[4]) - tally[7]
+    assert after - before == pytest.approx(0.01 * power, rel=0.02)
+
+
+def test_what_the_walls_feel_in_the_mean_is_the_stress_of_the_bulk():
+    """With mass: σ with its kinetic part, within the errors."""
+    run = shear("CD", between_walls(1.2 * radii_of("bidisperse", 16), 0.84, 1, SOFT), rate=0.05, step=0.1)
+    run.advance(200)
+    walls, bulk = [], []
+    for _ in range(400):
+        run.seen[:] = 0
+        run.advance(5)
+        bulk.append(-(run.seen[0] + run.seen[2] + run.seen[4]) / 5 / run.disks.area)
+        walls.append(stress_on_walls(run)[0])
+    blocks = (np.array(walls) - np.array(bulk)).reshape(10, -1).mean(1)
+    assert abs(blocks.mean()) < 4 * blocks.std(ddof=1) / np.sqrt(10)
+    assert abs(blocks.mean()) < 0.05 * np.mean(bulk)
+
+
+def test_rows_that_leave_no_room():
+    with pytest.raises(InputError, match="leave no room for a disk of diameter 12"):
+        between_walls(np.r_[np.full(30, 0.5), 6.0], 0.8, 2, SOFT)
+
+
+def run(*words):
+    return cli.main([str(word) for word in words])
+
+
+def test_the_command(tmp_path, capsys):
+    out, last = tmp_path / "w.h5", tmp_path / "last.h5"
+    words = "flow --n 32 --phi 0.86 --walls --model CD0 --rate 3e-2 --tolerance 1e-8 --snapshots 2".split()
+    assert run(*words, "--strain", 0.4, "--discard", 0.1, "--out", out, "--last", last) == 0
+    assert "on the walls: sigma = " in capsys.readouterr().out
+    result = jampetsc.load(out)
+    facts, walls = result.attributes, int(result.attributes["walls"])
+    assert facts["particle_count"] == 32 and facts["phi"] == pytest.approx(0.86)
+    assert result["snapshots/positions"].shape == (2, 32 + walls, 2)
+    assert (result["snapshots/velocities"][:, :walls] == 0).all()
+    assert jampetsc.load(last).n == 32 + walls
+    kept = result["strain"] > 0.1 * (1 + 1e-12)
+    assert facts["wall_shear_stress_mean"] == pytest.approx(result["wall_shear_stress"][kept].mean())
+    assert facts["wall_pressure_mean"] == pytest.approx(result["wall_pressure"][kept].mean())
+    assert facts["wall_shear_stress_mean"] == pytest.approx(facts["shear_stress_mean"], rel=0.05)
+    # goes on to the last bit, with its walls
+    names = ("shear_stress", "wall_shear_stress", "wall_pressure")
+    before = {name: result[name] for name in names}
+    assert run("flow", out, "--strain", 0.2) == 0
+    farther = jampetsc.load(out)
+    assert farther["strain"][-1] == pytest.approx(0.6, rel=0.02) and farther.attributes["walls"] == walls
+    assert all(np.array_equal(farther[name][: len(before[name])], before[name]) for name in names)
+    assert farther.attributes["wall_shear_stress_mean"] == pytest.approx(
+        farther.attributes["shear_stress_mean"], rel=0.05
+    )
+    assert run("plot", out, "--kind", "snapshot", "--out", tmp_path / "w.png") == 0
+    assert "32 disks" in capsys.readouterr().out
+    assert run("correlate", out, "--out", tmp_path / "g.h5") == 2
+    assert "not homogeneous" in capsys.readouterr().err
+    assert run("flow", last, "--walls", *words[6:10], "--strain", 1, "--out", tmp_path / "x.h5") == 2
+    assert "--walls: belongs to" in capsys.readouterr().err
