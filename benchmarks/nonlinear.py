@@ -1,153 +1,219 @@
-"""Power-law damping as it is, beside BT's equivalent linear damping: the table of docs/nonlinear-damping.md.
+"""Power-law damping as it is, beside BT's equivalent linear damping: the tables of docs/nonlinear.md.
 
-    .venv/bin/python benchmarks/nonlinear.py figures/bt-nonlinear/n256       # after run/figures/bt-nonlinear
+    .venv/bin/python benchmarks/nonlinear.py figures/bt-nonlinear/n512       # after run/figures/bt-nonlinear
 
-With fixed contacts G* depends on X = ω^α σ^(α−1) alone (frequencies in 1/τ₁, stress in k), so an exponent x in X is αx
-in ω and (α−1)x in σ. BT 25 takes u₀ = σ/k for the motion of a contact. `self_consistent` takes what the linear law says
-instead, u₀ = γ₀ |Δu| with γ₀ = σ/|G*| and the rms |Δu| that dissipates G'', and nothing else differs. Errors: bootstrap
-over packings.
+Exponents of G* in ω and σ are those of a plane through ln G* of a regime, with an offset for each packing; errors are
+those of a bootstrap over packings. Beside what was measured stands what two linear dampings give at the same points:
+
+BT               BT 25, 26: the motion of a contact is u₀ = σ/k, a spring's under the force of the stress
+self-consistent  u₀ = γ₀ |Δu| with γ₀ = σ/|G*| and the rms |Δu| that dissipates G'', as the linear packing itself moves
+
+Motions of slow shear grow as |Δu| ~ p^(−1/4), those at Ω as Ω^(−1/4), so that the second has Ω ∝ X p^(3(1−α)/4) in the
+quasistatic and Ω ∝ X^(4/(1+3α)) in the critical regime, with X = ω^α σ^(α−1); BT have Ω ∝ X in both.
 """
 
 import argparse
 import re
+from collections import defaultdict
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from scipy.optimize import brentq
 from scipy.special import gamma
 
+from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.storage.reader import load
 
 DRAWS = 1000
 PARTS = {"G'": np.real, "G''": np.imag}
 QUASISTATIC = 0.1  # largest G''/G' there
 CRITICAL = (2.0, 0.2)  # G' from this many times G₀ up to this many k
+COLUMNS = ("measured", "BT", "self-consistent")
 
 
-def read(folder):
-    """{(alpha, p): [(G measured, G of BT's damping, X, G₀, file, G self-consistent), …]}, one per packing."""
-    found = {}
-    for path in sorted(folder.glob("oscillate-*.h5")):
-        alpha, p, seed = re.match(r"oscillate-([\d.]+)-(.+)-(\d+)\.h5", path.name).groups()
-        other = folder / f"equivalent-{alpha}-{p}-{seed}.h5"
-        if not other.exists():
-            continue
-        measured, equivalent = load(path), load(other)
-        a, stress = float(measured.attributes["alpha"]), float(measured["amplitude"][0])
-        X = measured["omega"] ** a * stress ** (a - 1.0)
-        G0 = equivalent.spectrum.G0
-        disks = load(folder / f"packing-{p}-{seed}.h5")
+@dataclass(frozen=True)
+class Packing:
+    """One packing under one power law; arrays (points,)."""
+
+    logs: np.ndarray  # (points, 2) ln ω, ln σ
+    X: np.ndarray  # ω^α σ^(α−1)
+    G: np.ndarray  # (3, points) of COLUMNS
+    G0: float
+    file: object
+
+    def inside(self, regime):
+        """Mask of the points of a regime, by the measured G*."""
+        G = self.G[0]
+        if regime == "quasistatic":
+            return G.imag < QUASISTATIC * G.real
+        return (G.real > CRITICAL[0] * self.G0) & (G.real < CRITICAL[1])
+
+
+def read(folder, kind="oscillate"):
+    """{α: {p: [Packing, …]}}."""
+    found = defaultdict(lambda: defaultdict(list))
+    for path in sorted(folder.glob(f"{kind}-*.h5")):
+        _, p, seed = re.match(kind + r"-([\d.]+)-(.+)-(\d+)\.h5", path.name).groups()
+        measured, sweep = load(path), load(folder / f"sweep-{p}-{seed}.h5")
         told = measured.attributes
-        contacts = 0.5 * told["coordination"] * (told["particle_count"] - told["rattlers"]) / disks.area
-        ours = self_consistent(equivalent, contacts, measured["omega"], a, stress)
-        found.setdefault((a, float(p)), []).append((measured["G"][0], equivalent.G, X, G0, measured, ours))
+        alpha = float(told["alpha"])
+        area = load(folder / f"packing-{p}-{seed}.h5").area
+        contacts = 0.5 * told["coordination"] * (told["particle_count"] - told["rattlers"]) / area
+        omega, stress = (
+            grid.ravel() for grid in np.meshgrid(measured["omega"], measured["amplitude"], indexing="xy")
+        )
+        columns = (
+            measured["G"].ravel(),
+            np.concatenate(
+                [
+                    sweep.spectrum.modulus(EquivalentDamping(alpha, float(s)).frequency(measured["omega"]))
+                    for s in measured["amplitude"]
+                ]
+            ),
+            self_consistent(sweep.spectrum, contacts, omega, stress, alpha),
+        )
+        found[alpha][float(p)].append(
+            Packing(
+                np.log(np.column_stack((omega, stress))),
+                omega**alpha * stress ** (alpha - 1.0),
+                np.array(columns),
+                sweep.spectrum.G0,
+                measured,
+            )
+        )
     return found
 
 
-def self_consistent(equivalent, contacts_per_area, omega, alpha, stress):
+def self_consistent(spectrum, contacts_per_area, omega, stress, alpha):
     """G* with one linear dashpot for all contacts that dissipates what they do at the rms of their own motion."""
     factor = 2.0 / np.sqrt(np.pi) * gamma(1 + alpha / 2) / gamma(1.5 + alpha / 2)
-    spectrum = equivalent.spectrum
 
-    def excess(log_Omega, w):
+    def excess(log_Omega, w, s):
         Omega = np.exp(log_Omega)
         G = spectrum.modulus(Omega)
-        motion = stress / abs(G) * np.sqrt(G.imag / (Omega * contacts_per_area))
+        motion = s / abs(G) * np.sqrt(G.imag / (Omega * contacts_per_area))
         return np.log(w * factor * (motion * w) ** (alpha - 1)) - log_Omega
 
-    return np.array([spectrum.modulus(np.exp(brentq(excess, -60.0, 40.0, args=(w,)))) for w in omega])
+    pairs = zip(omega, stress, strict=True)
+    return np.array([spectrum.modulus(np.exp(brentq(excess, -60.0, 40.0, args=pair))) for pair in pairs])
 
 
-def slope(logs_x, logs_y):
-    """Slope of a straight line through the points of all packings, each with an offset of its own."""
-    x = np.concatenate([u - u.mean() for u in logs_x])
-    y = np.concatenate([u - u.mean() for u in logs_y])
-    return x @ y / (x @ x)
+def slopes(sets):
+    """Slopes (columns of x,) of one plane through the points [(x, y), …] of all packings, each with its offset."""
+    x = np.concatenate([x - x.mean(axis=0) for x, _ in sets])
+    y = np.concatenate([y - y.mean() for _, y in sets])
+    return np.linalg.lstsq(x, y, rcond=None)[0]
 
 
 def bootstrap(sets, statistic):
     """(value, standard error) of statistic(list of packings)."""
     rng = np.random.default_rng(1)
     draws = [statistic([sets[k] for k in rng.integers(len(sets), size=len(sets))]) for _ in range(DRAWS)]
-    return statistic(sets), float(np.std(draws))
+    return statistic(sets), np.std(draws, axis=0)
 
 
-def exponent(packings, which, part, regime):
-    """(x, error, points) of `part` of G* ∝ X^x in a regime of the measurement, for one of its columns in `read`."""
+def exponents(packings, column, part, regime):
+    """((2,) exponents in ω and σ, their errors, points) of `part` of G* in a regime."""
     sets = []
     for one in packings:
-        G, X, G0 = one[0], one[2], one[3]
-        if regime == "quasistatic":
-            inside = G.imag < QUASISTATIC * G.real
-        else:
-            inside = (G.real > CRITICAL[0] * G0) & (G.real < CRITICAL[1])
-        if np.count_nonzero(inside) >= 2:
-            sets.append((np.log(X[inside]), np.log(part(one[which][inside]))))
-    if not sets:
-        return np.nan, np.nan, 0
-    value, error = bootstrap(sets, lambda chosen: slope(*zip(*chosen, strict=True)))
-    return value, error, sum(len(x) for x, _ in sets)
+        inside = one.inside(regime)
+        if np.count_nonzero(inside) >= 3:
+            sets.append((one.logs[inside], np.log(part(one.G[column][inside]))))
+    if len(sets) < 2:
+        return None
+    return *bootstrap(sets, slopes), sum(len(y) for _, y in sets)
 
 
-def loss_prefactor(one, which):
-    """G''/X of the lowest frequency."""
-    return one[which][0].imag / one[2][0]
+def expected(alpha, regime):
+    """(BT's, self-consistent) exponent of G* in X, in the limit p → 0."""
+    return (1.0, 1.0) if regime == "quasistatic" else (0.5, 2.0 / (1.0 + 3.0 * alpha))
 
 
-def report(alpha, pressures, data):
-    """Print what one exponent gives."""
-    print(f"\nalpha = {alpha:g}: exponents in omega; in sigma they are (alpha-1)/alpha times as large")
-    print("| regime | part | p | measured | BT's damping | self-consistent | BT 27-29 | points |")
-    print("|---|---|---|---|---|---|---|---|")
+def print_exponents(alpha, data):
+    """Exponents in ω and σ of all regimes and pressures."""
+    print(f"\nalpha = {alpha:g}")
+    print(
+        "| regime | part | p | in | measured | BT's damping | self-consistent | BT 27-29 | p → 0 | points |"
+    )
+    print("|---|---|---|---|---|---|---|---|---|---|")
     for regime, names in (("quasistatic", ("G''",)), ("critical", ("G'", "G''"))):
-        theory = alpha if regime == "quasistatic" else alpha / 2
         for name in names:
-            for p in pressures:
-                fits = [exponent(data[p], which, PARTS[name], regime) for which in (0, 1, 5)]
-                cells = " | ".join(f"{alpha * x:.3f} ± {alpha * error:.3f}" for x, error, _ in fits)
-                print(f"| {regime} | {name} | {p:g} | {cells} | {theory:.3f} | {fits[0][2]} |")
-    print("\nquasistatic G'' against p: exponent of the prefactor G''/X")
-    better = (1 - 3 * alpha) / 4
-    for which, name, theory in (
-        (0, "measured", better),
-        (1, "BT's damping", -0.5),
-        (5, "self-consistent", better),
-    ):
-        rows = [[data[p][k] for p in pressures] for k in range(min(map(len, data.values())))]
-        sets = [(np.log(pressures), np.log([loss_prefactor(one, which) for one in row])) for row in rows]
-        value, error = bootstrap(sets, lambda chosen: slope(*zip(*chosen, strict=True)))
-        print(f"  {name}: {value:.3f} ± {error:.3f}, as p → 0 {theory:.3f}")
-    for which, what in ((1, "BT's damping"), (5, "self-consistent")):
-        print(f"\nmeasured over {what}, median over packings, lowest omega first")
-        for p in pressures:
-            for name, part in PARTS.items():
-                ratios = np.median([part(one[0]) / part(one[which]) for one in data[p]], axis=0)
-                print(f"  p = {p:g}, {name}: " + ", ".join(f"{value:.2f}" for value in ratios))
-    third = [
-        np.median([abs(one[4]["harmonics"][0, :, 0]) for one in data[p]], axis=0).max() for p in pressures
-    ]
-    print("third harmonic of the strain, largest median: " + ", ".join(f"{100 * t:.1f} %" for t in third))
+            for p, packings in sorted(data.items()):
+                fits = [exponents(packings, column, PARTS[name], regime) for column in range(len(COLUMNS))]
+                if None in fits:
+                    continue
+                for axis, (symbol, per_X) in enumerate((("ω", alpha), ("σ", alpha - 1.0))):
+                    cells = [f"{values[axis]:.3f} ± {errors[axis]:.3f}" for values, errors, _ in fits]
+                    cells += [f"{per_X * x:.3f}" for x in expected(alpha, regime)]
+                    print(f"| {regime} | {name} | {p:g} | {symbol} | {' | '.join(cells)} | {fits[0][2]} |")
+
+
+def print_prefactors(alpha, data):
+    """Quasistatic prefactors against p, and measured over predicted, medians over points and packings."""
+    print("quasistatic G'' against p: exponent of the prefactor G''/X")
+    for column, theory in enumerate(((1 - 3 * alpha) / 4, -0.5, (1 - 3 * alpha) / 4)):
+        sets = []
+        for row in zip(*data.values(), strict=True):
+            prefactors = [(one.G[column].imag / one.X)[np.argmin(one.X)] for one in row]
+            sets.append((np.log(list(data))[:, None], np.log(prefactors)))
+        value, error = bootstrap(sets, slopes)
+        print(f"  {COLUMNS[column]}: {value[0]:.3f} ± {error[0]:.3f}, as p → 0 {theory:.3f}")
+    for column in (1, 2):
+        print(f"measured over {COLUMNS[column]}, median (least to largest)")
+        for p, packings in sorted(data.items()):
+            cells = []
+            for regime, names in (("quasistatic", ("G''",)), ("critical", ("G'", "G''"))):
+                for name in names:
+                    ratios = np.concatenate(
+                        [PARTS[name](one.G[0] / 1) / PARTS[name](one.G[column]) for one in packings]
+                    )
+                    kept = ratios[np.concatenate([one.inside(regime) for one in packings])]
+                    if len(kept):
+                        told = f"{np.median(kept):.2f} ({kept.min():.2f} to {kept.max():.2f})"
+                        cells.append(f"{regime} {name} {told}")
+            print(f"  p = {p:g}: " + ", ".join(cells))
+
+
+def print_certainty(alpha, data, finer):
+    """Harmonics, estimated errors, softening, energy, and what more steps change."""
+    for regime in ("quasistatic", "critical"):
+        kept = {name: [] for name in ("error", "regularisation_effect", "energy_balance", "third harmonic")}
+        for one in (one for packings in data.values() for one in packings):
+            inside = one.inside(regime)
+            size = abs(one.G[0])
+            kept["error"].append((one.file["error"].ravel() / size)[inside])
+            kept["regularisation_effect"].append((one.file["regularisation_effect"].ravel() / size)[inside])
+            kept["energy_balance"].append(abs(one.file["energy_balance"].ravel())[inside])
+            kept["third harmonic"].append(abs(one.file["harmonics"][..., 0]).ravel()[inside])
+        print(
+            f"{regime}, largest: "
+            + ", ".join(f"{name} {np.concatenate(values).max():.1e}" for name, values in kept.items())
+        )
+    for p, packings in finer.items():
+        for fine, coarse in zip(packings, data[p], strict=False):
+            for regime, name in (("quasistatic", "G''"), ("critical", "G'"), ("critical", "G''")):
+                inside = fine.inside(regime)
+                if np.count_nonzero(inside) < 3:
+                    continue
+                sets = [(one.logs[inside], np.log(PARTS[name](one.G[0][inside]))) for one in (coarse, fine)]
+                few, many = (slopes([one]) for one in sets)
+                worst = abs(np.exp(sets[0][1] - sets[1][1]) - 1).max()
+                print(
+                    f"{coarse.file.attributes['steps']} → {fine.file.attributes['steps']} steps, p = {p:g}, {regime} "
+                    f"{name}: {100 * worst:.2f} % at most, exponents {few.round(4)} → {many.round(4)}"
+                )
 
 
 def main():
     words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     words.add_argument("folder", type=Path)
     folder = words.parse_args().folder
-    data = read(folder)
-    alphas, pressures = (sorted({key[k] for key in data}) for k in (0, 1))
-    worst = [max(np.max(one[4]["error"] / abs(one[4]["G"])) for one in group) for group in data.values()]
-    balance = max(np.max(abs(one[4]["energy_balance"])) for group in data.values() for one in group)
-    print(
-        f"{sum(map(len, data.values()))} files; error of G* at most {max(worst):.1e}, energy balance {balance:.0e}"
-    )
-    for alpha in alphas:
-        report(alpha, pressures, {p: data[alpha, p] for p in pressures})
-    check = folder / "stress-0.5-1e-3.h5"
-    if check.exists():
-        found = load(check)
-        print("\nthree stresses, one packing, alpha = 0.5: G* (rows: stress)")
-        for stress, row in zip(found["amplitude"], found["G"], strict=True):
-            print(f"  {stress:.0e}: " + ", ".join(f"{G:.6g}" for G in row))
+    data, finer = read(folder), read(folder, "steps")
+    for alpha, packings in sorted(data.items()):
+        print_exponents(alpha, packings)
+        print_prefactors(alpha, packings)
+        print_certainty(alpha, packings, finer.get(alpha, {}))
 
 
 if __name__ == "__main__":

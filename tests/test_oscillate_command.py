@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from samples import lattice, published
 
+from jampetsc import cli
+from jampetsc.errors import InputError
 from jampetsc.storage.packing_file import write_packing
 from jampetsc.storage.reader import load
 
@@ -100,3 +102,48 @@ def test_what_failed_is_tried_again_and_the_rest_kept(packing, tmp_path):
     done = oscillate(*words)
     assert done.returncode == 0 and "1 points are finished" in done.stderr
     assert np.isfinite(load(path)["G"]).all()
+
+
+def test_moving_contacts_on_any_number_of_ranks(packing, tmp_path):
+    """Points are shared between ranks, and each is the same to the last bit; a journal of one rank serves three."""
+    words = ("--contacts", "moving", "--omega", "0.1,1,3", "--strain", "1e-6", "--steps", 16, "--cycles", 3)
+    failed = oscillate(packing, "--out", tmp_path / "3.h5", *words, "-osc_factor_pc_type", "none")
+    assert failed.returncode == 3 and not (tmp_path / "3.h5").exists()
+    files = []
+    for ranks in (0, 3):
+        done = oscillate(packing, "--out", tmp_path / f"{ranks}.h5", *words, ranks=ranks)
+        assert done.returncode == 0, done.stderr
+        files.append(load(tmp_path / f"{ranks}.h5"))
+    one, three = files
+    assert (one.attributes["contacts"], one.attributes["control"]) == ("moving", "strain")
+    np.testing.assert_array_equal(one["G"], three["G"])
+    np.testing.assert_array_equal(one["cycles"], [[6, 6, 6]])
+    assert np.all(one["error"] < 0.05 * abs(one["G"]))
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("--stress 1e-5", "--stress 1e-5: --contacts moving takes an imposed --strain"),
+        ("--strain 1e-12", "--strain 1e-12: must lie between 1e-09 and 1"),
+        ("--strain 1e-5 --alpha 0.5", "--alpha 0.5: --contacts moving has linear damping"),
+        ("--strain 1e-5 --no-prestress", "--no-prestress: contacts that open"),
+        ("--strain 1e-5 --cycles 2", "--cycles 2: must be auto or a number from 3"),
+        ("--strain 1e-5 --contacts fixed --cycles 3", "--cycles: belongs to --contacts moving"),
+    ],
+)
+def test_moving_contacts_refuse(packing, tmp_path, words, message):
+    words = [
+        "oscillate",
+        str(packing),
+        "--out",
+        "o.h5",
+        "--omega",
+        "1",
+        "--contacts",
+        "moving",
+        *words.split(),
+    ]
+    args = cli.command_parser(words)[0].parse_args(words)
+    with pytest.raises(InputError, match=message):
+        args.check(args)

@@ -8,13 +8,16 @@ EPILOG = """examples
   jampetsc oscillate p1e-3.h5 --out half.h5 --alpha 0.5 --omega 1e-9:1e-5:9 --stress 1e-6,1e-5
   jampetsc oscillate p1e-3.h5 --out strain.h5 --alpha 0.6667 --omega 1e-4 --strain 1e-6
   mpirun -n 2 jampetsc oscillate p1e-3.h5 --out fine.h5 --alpha 0.5 --omega 1e-7 --stress 1e-5 --steps 256
+  jampetsc oscillate p1e-3.h5 --out soft.h5 --contacts moving --omega 1e-4 --strain 1e-6,1e-4,1e-3
 
 PETSc options: -osc_snes_… and -osc_ksp_… reach Newton's method and its linear solver, -osc_factor_… the
 factorisations of its preconditioner, -shift_… the proof that the packing is a minimum.
 A run that was killed goes on when the same command is given again."""
 LEAST_ALPHA = 0.3
 FEWEST, MOST = 16, 4096  # steps
-AMPLITUDES = (1e-30, 1.0)
+LEAST, MOST_AMPLITUDE = 1e-30, 1.0
+LEAST_MOVING = 1e-9  # strain whose forces rounding leaves some digits of
+FEWEST_CYCLES, MOST_CYCLES = 3, 100_000
 
 
 def add_parser(subparsers):
@@ -23,8 +26,9 @@ def add_parser(subparsers):
         "oscillate",
         help="G*(ω), harmonics and work of a packing with power-law damping",
         description="Steady oscillation of a packing whose contacts are damped by a force ∝ |Δv|^ALPHA: G*(ω) of the "
-        "first harmonic, third and fifth harmonic, work per cycle, with an estimate of the error. The equations are "
-        "solved as they are, for a whole cycle at once.",
+        "first harmonic, third and fifth harmonic, work per cycle, with an estimate of the error. With fixed contacts "
+        "the equations are solved as they are, for a whole cycle at once; with moving ones, which open and close, "
+        "cycles of linear damping are integrated in time until they repeat.",
         epilog=EPILOG,
     )
     parser.add_argument("packing", metavar="PACKING", help="packing file")
@@ -49,9 +53,15 @@ def add_parser(subparsers):
     )
     parser.add_argument(
         "--contacts",
-        choices=("fixed",),
+        choices=("fixed", "moving"),
         default="fixed",
-        help="fixed: the contacts of the packing stay as they are (default)",
+        help="fixed: the contacts of the packing stay as they are (default); moving: they open and close",
+    )
+    parser.add_argument(
+        "--cycles",
+        default=None,
+        metavar="auto|N",
+        help="cycles of moving contacts: until they repeat (auto, the default), or so many of half steps and of steps",
     )
     parser.add_argument(
         "--steps", type=int, default=64, metavar="N", help="steps of a cycle, a multiple of 8 (default 64)"
@@ -70,6 +80,12 @@ def check(args):
     if not LEAST_ALPHA <= args.alpha <= 1.0:
         raise InputError(f"--alpha {args.alpha:g}: must lie between {LEAST_ALPHA:g} and 1")
     physics = physics_from(args)
+    if args.contacts == "moving":
+        _check_moving(args, physics)
+    elif args.cycles is not None:
+        raise InputError(
+            "--cycles: belongs to --contacts moving; fixed contacts are solved for a steady cycle"
+        )
     if not physics.law.damps_contacts:
         owners = [name for name in FAMILIES if damping_law(name).damps_contacts]
         raise InputError(
@@ -84,14 +100,33 @@ def check(args):
         physics=physics,
         omega=parse_omega(args.omega),
         amplitude=_amplitudes(
-            *(("--stress", args.stress) if args.stress is not None else ("--strain", args.strain))
+            *(("--stress", args.stress) if args.stress is not None else ("--strain", args.strain)),
+            LEAST_MOVING if args.contacts == "moving" else LEAST,
         ),
         stress_controlled=args.stress is not None,
         steps=args.steps,
+        contacts=args.contacts,
+        cycles=None if args.cycles in (None, "auto") else int(args.cycles),
     )
 
 
-def _amplitudes(option, text):
+def _check_moving(args, physics):
+    """Raises InputError for what moving contacts do not have."""
+    moving = "--contacts moving"
+    if args.stress is not None:
+        raise InputError(f"--stress {args.stress}: {moving} takes an imposed --strain")
+    if args.alpha != 1.0:
+        raise InputError(f"--alpha {args.alpha:g}: {moving} has linear damping; leave one of them out")
+    if not physics.prestress:
+        raise InputError(
+            f"--no-prestress: contacts that open and close have their forces; leave out it or {moving}"
+        )
+    number = args.cycles or "auto"
+    if number != "auto" and not (number.isdecimal() and FEWEST_CYCLES <= int(number) <= MOST_CYCLES):
+        raise InputError(f"--cycles {number}: must be auto or a number from {FEWEST_CYCLES} to {MOST_CYCLES}")
+
+
+def _amplitudes(option, text, low):
     """(A,) increasing. Raises InputError."""
     import numpy as np
 
@@ -99,10 +134,9 @@ def _amplitudes(option, text):
         values = np.unique([float(word) for word in text.split(",")])
     except ValueError:
         raise InputError(f"{option} {text}: write numbers with commas, such as 1e-6,1e-5") from None
-    low, high = AMPLITUDES
     for value in values:
-        if not low <= value <= high:  # nan as well
-            raise InputError(f"{option} {value:g}: must lie between {low:g} and {high:g}")
+        if not low <= value <= MOST_AMPLITUDE:  # nan as well
+            raise InputError(f"{option} {value:g}: must lie between {low:g} and {MOST_AMPLITUDE:g}")
     return values
 
 

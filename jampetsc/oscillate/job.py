@@ -6,12 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
+from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import Physics
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
-from jampetsc.mechanics.network import build_network
+from jampetsc.mechanics.network import Network, build_network
 from jampetsc.oscillate.powerlaw import relative_softening
+from jampetsc.oscillate.repeated import linear_starts, shake
 from jampetsc.oscillate.steady import HARMONICS, Point, SteadyOscillation
 from jampetsc.progress import Progress
 from jampetsc.response.elastic import ElasticResponse
@@ -22,8 +24,7 @@ from jampetsc.storage.packing_file import read_identified
 from jampetsc.storage.result_file import ResultWriter
 
 FORMAT = "jampetsc-oscillate"
-STORED = ("G", "error", "harmonics", "work", "energy_balance", "regularisation_effect")
-COUNTS = ("newton_steps", "linear_iterations")
+COUNTS = ("newton_steps", "linear_iterations", "factorisations", "cycles")
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +38,8 @@ class Job:
     amplitude: np.ndarray  # (A,) of stress in units of k, or of strain
     stress_controlled: bool
     steps: int  # of a cycle, a multiple of 8
+    contacts: str = "fixed"  # | "moving": they open and close
+    cycles: int | None = None  # of moving contacts; None: until they repeat
 
     def key(self, identity) -> dict:
         """What identifies the job to a checkpoint."""
@@ -47,6 +50,8 @@ class Job:
             "amplitude": self.amplitude,
             "control": self.control,
             "steps": self.steps,
+            "contacts": self.contacts,
+            "cycles": self.cycles,
         }
 
     @property
@@ -60,11 +65,69 @@ class Job:
         return {**self.physics.parameters, "alpha": self.physics.law.exponent}
 
 
+class _Fixed:
+    """Oscillations with the contacts of the packing, one after the other, on all ranks together."""
+
+    together = 1  # points solved at the same time
+
+    def __init__(self, job: Job, disks: Disks, network: Network):
+        self._items = [assemble(network, job.physics.law)]
+        self._items.append(build_compatibility(self._items[0]))
+        self._oscillation = SteadyOscillation(self._items[1], 2.0 * float(disks.radii.mean()), job.steps)
+        self.facts = {"regularisation": relative_softening(job.physics.law.exponent)}
+
+    def solve(self, points) -> list:
+        """The record of each point, or the ConvergenceError that it ended with. Collective."""
+        return [_outcome(self._oscillation.solve, point) for point in points]
+
+    def destroy(self):
+        """Free PETSc's objects."""
+        for item in (self._oscillation, *reversed(self._items)):
+            item.destroy()
+
+
+class _Moving:
+    """Oscillations whose contacts open and close, one on each rank at a time."""
+
+    def __init__(self, job: Job, disks: Disks, network: Network):
+        self.facts = {}
+        self._job, self._disks, self._comm = job, disks, network.comm
+        self.together = self._comm.size
+        with current().alone():
+            alone = build_network(disks, current().comm)
+            self._starts = linear_starts(alone, disks.n, job.physics, job.omega)
+
+    def solve(self, points) -> list:
+        """The record of each point, or the ConvergenceError that it ended with. Collective."""
+        job, mine, found = self._job, None, None
+        if self._comm.rank < len(points):
+            mine = points[self._comm.rank]
+            start = self._starts[int(np.flatnonzero(job.omega == mine.omega)[0])]
+            with current().alone():
+                found = _outcome(
+                    lambda point: shake(
+                        self._disks, job.physics.law, start, point.amplitude, job.steps, job.cycles
+                    ),
+                    mine,
+                )
+        return self._comm.allgather(found)[: len(points)]
+
+    def destroy(self):
+        """Nothing is kept."""
+
+
+def _outcome(solve, point):
+    try:
+        return solve(point).record()
+    except ConvergenceError as error:
+        return error
+
+
 def run(job: Job) -> dict:
     """Solve every point that no earlier run has finished and write the file. Collective.
 
-    Returns arrays of the names of STORED, first axes (A, M), nan where a point failed. Raises InputError for a packing
-    that is not a rigid minimum, ConvergenceError, after writing the others, if some points failed.
+    Returns arrays of what the records hold, first axes (A, M), nan where a point failed. Raises InputError for a
+    packing that is not a rigid minimum, ConvergenceError, after writing the others, if some points failed.
     """
     started = time.perf_counter()
     session = current()
@@ -75,14 +138,11 @@ def run(job: Job) -> dict:
             ElasticResponse(network).destroy()  # refuses what has negative or floppy modes
         except InputError as error:
             raise InputError(f"{job.packing}: {error}") from None
-        pencil = assemble(network, job.physics.law)
-        compatibility = build_compatibility(pencil)
-        oscillation = SteadyOscillation(compatibility, 2.0 * float(disks.radii.mean()), job.steps)
+        solver = (_Moving if job.contacts == "moving" else _Fixed)(job, disks, network)
     checkpoint = Checkpoint(job.out, job.key(identity), session.comm)
-    failures = _solve_all(job, oscillation, checkpoint)
-    oscillation.destroy()
-    for item in (compatibility, pencil):
-        item.destroy()
+    failures = _solve_all(job, solver, checkpoint)
+    facts = solver.facts
+    solver.destroy()
     if not checkpoint.done:
         raise next(iter(failures.values()))
     arrays = _arrays(job, checkpoint.done)
@@ -94,9 +154,9 @@ def run(job: Job) -> dict:
         writer.attributes(
             **run_record(disks, identity, job.parameters, network, started),
             control=job.control,
-            contacts="fixed",
+            contacts=job.contacts,
             steps=job.steps,
-            regularisation=relative_softening(job.physics.law.exponent),
+            **facts,
         )
     if failures:
         first = failures[min(failures)]
@@ -108,56 +168,49 @@ def run(job: Job) -> dict:
     return arrays
 
 
-def _solve_all(job, oscillation, checkpoint):
+def _solve_all(job, solver, checkpoint):
     """Solve and save what is not done; {index: ConvergenceError} of what failed."""
     session, failures = current(), {}
     total = len(job.amplitude) * len(job.omega)
+    points = [
+        Point(float(omega), float(amplitude), job.stress_controlled)
+        for amplitude in job.amplitude
+        for omega in job.omega
+    ]
+    left = [index for index in range(total) if index not in checkpoint.done]
     with Progress(total, "oscillate", session.rank, done=len(checkpoint.done)) as progress:
         if checkpoint.done:
             progress.note(f"continuing {checkpoint.journal}: {len(checkpoint.done)} points are finished")
-        for index in range(total):
-            if index in checkpoint.done:
-                continue
-            a, m = divmod(index, len(job.omega))
-            point = Point(float(job.omega[m]), float(job.amplitude[a]), job.stress_controlled)
-            name = f"omega {point.omega:.3e}  {job.control} {point.amplitude:.1e}"
-            try:
-                with session.stage("oscillation"):
-                    found = oscillation.solve(point)
-            except ConvergenceError as error:
-                failures[index] = ConvergenceError(f"{name}: {error}")
-                progress.step(f"failed: {name}: {error}")
-                continue
-            values = (
-                found.G,
-                found.error,
-                list(found.harmonics),
-                found.work,
-                found.balance,
-                found.regularisation,
-            )
-            counts = (found.newton, found.linear)
-            checkpoint.save(index, dict(zip(STORED + COUNTS, values + counts, strict=True)))
-            progress.step(
-                f"{name}  G' {found.G.real:.6e}  G'' {found.G.imag:.6e}  error {found.error:.1e}  "
-                f"Newton {found.newton}, linear {found.linear}"
-            )
+        while left:
+            now, left = left[: solver.together], left[solver.together :]
+            with session.stage("oscillation"):
+                outcomes = solver.solve([points[index] for index in now])
+            for index, found in zip(now, outcomes, strict=True):
+                name = f"omega {points[index].omega:.3e}  {job.control} {points[index].amplitude:.1e}"
+                if isinstance(found, ConvergenceError):
+                    failures[index] = ConvergenceError(f"{name}: {found}")
+                    progress.step(f"failed: {name}: {found}")
+                    continue
+                checkpoint.save(index, found)
+                counts = ", ".join(
+                    f"{count.split('_')[0]} {found[count]}" for count in COUNTS if count in found
+                )
+                G = found["G"]
+                progress.step(
+                    f"{name}  G' {G.real:.6e}  G'' {G.imag:.6e}  error {found['error']:.1e}  {counts}"
+                )
     return failures
 
 
 def _arrays(job, done):
     """Datasets (A, M, …) out of the records of finished points."""
     shape = (len(job.amplitude), len(job.omega))
-    kinds = {"G": complex, "harmonics": complex}
     arrays = {}
-    for name in STORED:
+    for name in next(iter(done.values())):
         more = (HARMONICS,) if name == "harmonics" else ()
-        values = np.full((shape[0] * shape[1], *more), np.nan, kinds.get(name, float))
+        kind = complex if name in ("G", "harmonics") else int if name in COUNTS else float
+        values = np.full((shape[0] * shape[1], *more), 0 if kind is int else np.nan, kind)
         for index, record in done.items():
             values[index] = record[name]
         arrays[name] = values.reshape(*shape, *more)
-    for name in COUNTS:
-        values = np.zeros(shape[0] * shape[1], int)
-        values[list(done)] = [done[index][name] for index in done]
-        arrays[name] = values.reshape(shape)
     return arrays

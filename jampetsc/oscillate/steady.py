@@ -51,6 +51,19 @@ class Steady:
     newton: int  # steps of Newton's method
     linear: int  # iterations of the linear solver
 
+    def record(self) -> dict:
+        """What a file keeps, by the names of its datasets."""
+        return {
+            "G": self.G,
+            "error": self.error,
+            "harmonics": list(self.harmonics),
+            "work": self.work,
+            "energy_balance": self.balance,
+            "regularisation_effect": self.regularisation,
+            "newton_steps": self.newton,
+            "linear_iterations": self.linear,
+        }
+
 
 class SteadyOscillation:
     """All points of one packing and law. Methods are collective.

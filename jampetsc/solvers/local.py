@@ -1,6 +1,7 @@
-"""The solver that `packing.newton` is handed: one rank's own Hessian, factorised by `Cholesky`, prefix `newton_`.
+"""One rank's own Hessian, factorised by `Cholesky`: the solver that `packing.newton` is handed, prefix `newton_`.
 
 A quench ends with the proof that it found a minimum, so options with which a factorisation proves nothing are refused.
+Where nothing is to be proved, residuals alone are looked at.
 """
 
 import numpy as np
@@ -12,9 +13,9 @@ from jampetsc.solvers.cholesky import Cholesky, NotPositiveDefinite
 PREFIX = "newton_"
 
 
-def rehearse(matrix) -> None:
-    """Set a NewtonSolver up for a matrix of its own kind, of order two."""
-    solver = NewtonSolver()
+def rehearse(matrix, *words) -> None:
+    """Set a NewtonSolver, made with these words, up for a matrix of its own kind, of order two."""
+    solver = NewtonSolver(*words)
     try:
         solver.factorise(np.array([0, 1, 2], np.int32), np.array([0, 1], np.int32), np.ones(2))
     finally:
@@ -24,7 +25,8 @@ def rehearse(matrix) -> None:
 class NewtonSolver:
     """Solves with real symmetric matrices of this rank alone (MPI_COMM_SELF), and says which are positive definite."""
 
-    def __init__(self):
+    def __init__(self, prefix=PREFIX, what="the Hessian of a Newton step", proves=True):
+        self._prefix, self._what, self._proves = prefix, what, proves
         session = current()
         if session.scalar_type != "real":
             raise InputError("Cholesky needs the real build of PETSc: start the session with scalar='real'")
@@ -45,7 +47,7 @@ class NewtonSolver:
             )
             matrix.assemble()
             self._pattern = pattern
-            self._cholesky = Cholesky(matrix, PREFIX, f"the Hessian of a Newton step ({size} unknowns)")
+            self._cholesky = Cholesky(matrix, self._prefix, f"{self._what} ({size} unknowns)")
             self._solution, self._right = matrix.createVecs()
         else:
             self._cholesky.matrix.setValuesCSR(indptr, indices, values)
@@ -55,7 +57,7 @@ class NewtonSolver:
         except NotPositiveDefinite:
             self.destroy()
             return False
-        if self._cholesky.doubt:
+        if self._proves and self._cholesky.doubt:
             raise InputError(f"{self._cholesky.doubt}: that would prove no minimum; leave this option out")
         return True
 
