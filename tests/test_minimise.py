@@ -13,7 +13,7 @@ from jampetsc.contacts.state import find_contacts, measure
 from jampetsc.contacts.threads import Team
 from jampetsc.errors import ConvergenceError
 from jampetsc.packing import descent as descent_module
-from jampetsc.packing import lbfgs, minimise, protocols
+from jampetsc.packing import lbfgs, minimise, passes, protocols
 from jampetsc.packing.descent import Descent, Goal
 from jampetsc.packing.fire import fall
 from jampetsc.packing.minimise import Effort, relax
@@ -65,7 +65,7 @@ def test_compiled_gradient_is_that_of_the_enthalpy(law):
     task = descent.task(1.0, 1.0, 1)
     rows, factors = len(space.box_pairs), np.ones(2)
     total, pull = np.zeros(rows + 6), np.zeros(2)
-    lbfgs._measure(descent.domains, 0, space, task, factors, 0, -1)
+    passes.measure(descent.domains, 0, space, task, factors, 0, -1)
     lbfgs._collect(space, task, total, pull)
     gradient = -factors[0] * space.forces[0, : disks.n]
     rng = np.random.default_rng(2)

@@ -10,7 +10,8 @@ from jampetsc.contacts.pairs import SKIN_START, PairList, deformed, is_stale, tu
 from jampetsc.contacts.threads import Team
 from jampetsc.errors import ConvergenceError
 from jampetsc.packing.hessian import Bonds
-from jampetsc.packing.lbfgs import CONVERGED, STALE, Space, Task, descend
+from jampetsc.packing.lbfgs import CONVERGED, STALE, Task, descend
+from jampetsc.packing.passes import Space
 
 MEMORY = 5  # pairs (s, y) that are kept
 STEPS = 2000  # evaluations between two looks at the skin

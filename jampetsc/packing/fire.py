@@ -25,7 +25,7 @@ SLICE = 2000  # evaluations between two looks at the skin
 
 
 class Motion(NamedTuple):
-    """Disks in motion; rows as in `lbfgs.Space`."""
+    """Disks in motion; rows as in `passes.Space`."""
 
     offsets: np.ndarray  # (N', 2)
     velocities: np.ndarray  # (N', 2)

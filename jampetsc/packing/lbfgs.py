@@ -7,11 +7,8 @@ F = e^ε [[1, g], [0, 1]] and W = Σ (f/r) r rᵀ,
     ∂H/∂o = −Fᵀ f,    ∂H/∂ε = −(W_xx + W_yy − 2 p V),    ∂H/∂g = −W_xy,    H = U + p V.
 
 The direction is that of the two-loop recursion (Nocedal, Math. Comput. 35, 773 (1980)), carried out on the inner
-products alone: per step one pass over the pairs (s, y) makes the direction and moves, and another one, after the
-forces, stores y and takes the products with the new gradient; one sum over all disks for each. No energies: slopes
-stay accurate down to the rounding of forces, differences of energies do not.
-
-The pairs are kept in single precision; a stored s is exactly the move that was made.
+products alone, which `passes` over the disks take: one sum over all disks for each of two passes per step. No
+energies: slopes stay accurate down to the rounding of forces, differences of energies do not.
 """
 
 from typing import NamedTuple
@@ -19,30 +16,15 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from jampetsc.contacts.domains import GRAIN, domain_forces
-from jampetsc.contacts.kernel import FAST
 from jampetsc.contacts.pairs import is_stale
 from jampetsc.contacts.threads import meet
+from jampetsc.packing.passes import Space, adjust, measure, step
 
-CHUNK = 2 * GRAIN  # coordinates worked on at a time
 STRETCH = 0.01  # no side of the cell changes by more than this fraction in one step
 UPHILL = 0.9  # a step after which the slope is more than this against it was too long
 SHRINKS = 10  # times a step is made shorter
 
 MORE, CONVERGED, STALE = range(3)
-
-
-class Space(NamedTuple):
-    """Where the minimisation is, and what it remembers; rows are padded to N' = a multiple of GRAIN disks."""
-
-    offsets: np.ndarray  # (N', 2)
-    box: np.ndarray  # (2,) ε and g
-    forces: np.ndarray  # (2, N', 2): at this point and at the one before
-    pairs: np.ndarray  # (N'/GRAIN · 2m · CHUNK,) float32: per chunk the rows s_0, y_0, s_1, y_1, …
-    box_pairs: np.ndarray  # (2m, 2) their parts that belong to ε and g
-    products: np.ndarray  # (2, m, m): s_a · y_b for a no newer than b; y_a · y_b
-    sums: np.ndarray  # (D, 2m + 6) each domain's share of the sums over disks
-    reaches: np.ndarray  # (D, 3) each domain's longest move and offset
 
 
 class Task(NamedTuple):
@@ -59,123 +41,6 @@ class Task(NamedTuple):
     force: float  # largest force allowed
     box_force: float  # largest |∂H/∂ε| and |∂H/∂g| allowed
     steps: int  # force evaluations
-
-
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
-def _dot(a, b):
-    total = 0.0
-    for q in range(len(a)):
-        total += a[q] * b[q]
-    return total
-
-
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
-def _square(f, peaks):
-    """f · f; peaks ← max(peaks, |f|) place by place, which compilers turn into wide instructions and a single
-    maximum not."""
-    total = 0.0
-    for q in range(len(f)):
-        total += f[q] * f[q]
-        size = abs(f[q])
-        peaks[q] = size if size > peaks[q] else peaks[q]
-    return total
-
-
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def _peaks(f, peaks):
-    for q in range(len(f)):
-        size = abs(f[q])
-        peaks[q] = size if size > peaks[q] else peaks[q]
-
-
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
-def _change(new, factor_new, old, factor_old, y):
-    """y ← g_new − g_old, in single precision; returns y · y and y · f_new."""
-    square = product = 0.0
-    for q in range(len(y)):
-        y[q] = factor_old * old[q] - factor_new * new[q]
-        here = np.float64(y[q])
-        square += here * here
-        product += here * new[q]
-    return square, product
-
-
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
-def _add_pair(sum_, c_s, s, c_y, y):
-    for q in range(len(sum_)):
-        sum_[q] += c_s * s[q] + c_y * y[q]
-
-
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def _scaled(f, c, out):
-    for q in range(len(out)):
-        out[q] = c * f[q]
-
-
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def _move(direction, s, o):
-    """s ← direction in single precision, o ← o + s."""
-    for q in range(len(o)):
-        s[q] = direction[q]
-        o[q] += np.float64(s[q])
-
-
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def _rescale(ratio, s, o):
-    """The last move s made longer by `ratio`, in s and in o; returns max |o|."""
-    far = 0.0
-    for q in range(len(o)):
-        old = np.float64(s[q])
-        s[q] = ratio * old
-        here = o[q] + (np.float64(s[q]) - old)
-        o[q] = here
-        size = abs(here)
-        far = size if size > far else far
-    return far
-
-
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
-def _shear(f, growth, shear):
-    """f ← Fᵀ f, f (n, 2)."""
-    for q in range(len(f)):
-        f[q, 1] = growth * (f[q, 1] + shear * f[q, 0])
-        f[q, 0] = growth * f[q, 0]
-
-
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
-def _measure(domains, d, space, task, factors, now, slot):
-    """Forces of domain d, the change of its gradient into pair `slot` (unless −1), and its share of all sums."""
-    strain, shear = space.box[0], space.box[1]
-    fresh = space.forces[now]
-    _, wxx, wxy, wyy = domain_forces(domains, d, space.offsets, strain, shear, task.law, fresh)
-    first, last = domains.disks[d], domains.disks[d + 1]
-    if shear != 0.0:
-        _shear(fresh[first:last], np.exp(strain), shear)
-    rows = len(space.box_pairs)
-    new = fresh.reshape(-1)
-    old = space.forces[1 - now].reshape(-1)
-    sums = space.sums[d]
-    sums[:] = 0.0
-    peaks = np.zeros(CHUNK)
-    for chunk in range(first // GRAIN, last // GRAIN):
-        here = slice(chunk * CHUNK, (chunk + 1) * CHUNK)
-        base = chunk * rows * CHUNK
-        f = new[here]
-        if slot >= 0:
-            y = space.pairs[base + (2 * slot + 1) * CHUNK : base + (2 * slot + 2) * CHUNK]
-            square, product = _change(f, factors[now], old[here], factors[1 - now], y)
-            sums[rows] += square
-            sums[2 * slot + 1] += product
-        for row in range(rows):
-            if row != 2 * slot + 1:
-                sums[row] += _dot(space.pairs[base + row * CHUNK : base + (row + 1) * CHUNK], f)
-        sums[rows + 1] += _square(f, peaks)
-    sums[rows + 2] = peaks.max()
-    for row in range(rows):
-        sums[row] *= -factors[now]
-    sums[rows + 1] *= factors[now] * factors[now]
-    sums[rows + 3] = wxx + wyy
-    sums[rows + 4] = wxy
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -248,43 +113,6 @@ def _direction(total, products, count, head, memory, softness, coefficients):
     return slope, count
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
-def _step(domains, d, space, now, factor, coefficients, head):
-    """Move the disks of domain d along the direction, which becomes the s of pair `head`."""
-    rows = len(space.box_pairs)
-    f = space.forces[now].reshape(-1)
-    o = space.offsets.reshape(-1)
-    direction = np.empty(CHUNK)
-    longest, far = np.zeros(CHUNK, np.float32), np.zeros(CHUNK)
-    for chunk in range(domains.disks[d] // GRAIN, domains.disks[d + 1] // GRAIN):
-        here = slice(chunk * CHUNK, (chunk + 1) * CHUNK)
-        base = chunk * rows * CHUNK
-        _scaled(f[here], -factor * coefficients[rows], direction)
-        for row in range(0, rows, 2):
-            if coefficients[row] != 0.0 or coefficients[row + 1] != 0.0:
-                s = space.pairs[base + row * CHUNK : base + (row + 1) * CHUNK]
-                y = space.pairs[base + (row + 1) * CHUNK : base + (row + 2) * CHUNK]
-                _add_pair(direction, coefficients[row], s, coefficients[row + 1], y)
-        s = space.pairs[base + 2 * head * CHUNK : base + (2 * head + 1) * CHUNK]
-        _move(direction, s, o[here])
-        _peaks(s, longest)
-        _peaks(o[here], far)
-    space.reaches[d, 0], space.reaches[d, 1] = longest.max(), far.max()
-
-
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def _adjust(domains, d, space, ratio, head):
-    """The last move, the s of pair `head`, made longer by `ratio` for the disks of domain d; returns max |o|."""
-    rows = len(space.box_pairs)
-    o = space.offsets.reshape(-1)
-    far = 0.0
-    for chunk in range(domains.disks[d] // GRAIN, domains.disks[d + 1] // GRAIN):
-        base = (chunk * rows + 2 * head) * CHUNK
-        here = slice(chunk * CHUNK, (chunk + 1) * CHUNK)
-        far = max(far, _rescale(ratio, space.pairs[base : base + CHUNK], o[here]))
-    return far
-
-
 @numba.njit(cache=True, error_model="numpy")
 def _adjust_box(box, move, ratio, scale):
     for b in range(2):
@@ -317,7 +145,7 @@ def descend(me, threads, counter, domains, space, task, count, head):
     while True:
         factors[now] = np.exp(box[0]) if box[1] == 0.0 else 1.0
         for d in range(first, last):
-            _measure(domains, d, own, task, factors, now, slot)
+            measure(domains, d, own, task, factors, now, slot)
         meet(counter, threads)
         if slot >= 0:
             box_pairs[2 * head + 1] = 0.0  # of the cell y is known with all sums only
@@ -330,7 +158,7 @@ def descend(me, threads, counter, domains, space, task, count, head):
                 shorter = lower + share * (length - lower)
                 _adjust_box(box, move, shorter / length, task.scale)
                 for d in range(first, last):
-                    _adjust(domains, d, own, shorter / length, head)
+                    adjust(domains, d, own, shorter / length, head)
                 box_pairs[2 * head] = move
                 length = shorter
                 shrinks += 1
@@ -368,7 +196,7 @@ def descend(me, threads, counter, domains, space, task, count, head):
                 move[b] += coefficients[row] * box_pairs[row, b]
             box[b] += move[b] / task.scale
         for d in range(first, last):
-            _step(domains, d, own, now, factors[now], coefficients, head)
+            step(domains, d, own, now, factors[now], coefficients, head)
         meet(counter, threads)
         longest = far = 0.0
         for d in range(number):
@@ -379,7 +207,7 @@ def descend(me, threads, counter, domains, space, task, count, head):
         if length < 1.0:
             _adjust_box(box, move, length, task.scale)
             for d in range(first, last):
-                space.reaches[d, 2] = _adjust(domains, d, own, length, head)
+                space.reaches[d, 2] = adjust(domains, d, own, length, head)
             meet(counter, threads)
             far = 0.0
             for d in range(number):
@@ -387,7 +215,7 @@ def descend(me, threads, counter, domains, space, task, count, head):
         if is_stale(np.sqrt(2.0) * far, box[0], box[1], task.widest, task.skin):
             _adjust_box(box, move, 0.0, task.scale)
             for d in range(first, last):
-                _adjust(domains, d, own, 0.0, head)
+                adjust(domains, d, own, 0.0, head)
             count = min(count, memory - 1)  # its s has taken the place of the oldest
             status = STALE
             break
