@@ -5,7 +5,7 @@ import pytest
 from gathered import csr, dense, unknowns, whole
 from samples import LAWS, SAMPLES, laws_of, network_of, reference
 
-from jampetsc.mechanics.assembly import assemble
+from jampetsc.mechanics.assembly import ROW, assemble
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.session import current
 
@@ -57,6 +57,14 @@ def test_one_pattern_for_both(cases):
     for pencil, *_ in cases:
         for one, other in zip(csr(pencil.K)[:2], csr(pencil.B)[:2], strict=True):
             np.testing.assert_array_equal(one, other)
+
+
+def test_no_eigenvalue_is_larger_than_the_diagonal_allows(cases):
+    """|A| ≤ ROW max(diagonal): the norm that bounds what rounding and a solver's error can do."""
+    for pencil, exact, _ in cases:
+        for matrix in (exact.K, exact.B):
+            inner = matrix[:-1, :-1].astype(float)
+            assert np.linalg.norm(inner, 2) <= ROW * np.diag(inner).max(), pencil.law
 
 
 def test_as_many_pins_as_moves_that_cost_nothing(cases):
