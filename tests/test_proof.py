@@ -14,6 +14,7 @@ from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.mechanics.network import build_network
 from jampetsc.response.elastic import ElasticResponse
 from jampetsc.solvers.cholesky import Cholesky, NotPositiveDefinite
+from jampetsc.solvers.shifted import ShiftedFactor
 from jampetsc.storage.packing_file import write_packing
 
 PROGRAM = "../jampetsc/__main__.py"
@@ -105,6 +106,15 @@ def test_what_does_not_prove(session, given, options):
     assert not cholesky.prove()
     assert any(f"-{prefix}{option.split()[0]}" in cholesky.doubt for option in options)
     cholesky.destroy()
+
+
+@pytest.mark.scalar("real")
+def test_a_diagonal_that_is_wrong_on_one_rank_is_everybodys(session):
+    """Without a factorisation: the others must not wait for this rank in one."""
+    wrong = definite()
+    wrong[-1, -1] = 0.0  # of the last rank
+    with pytest.raises(NotPositiveDefinite, match="A is not positive definite"):
+        ShiftedFactor(matrix(session, wrong), "A")
 
 
 @pytest.mark.scalar("real")
