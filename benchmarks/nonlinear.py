@@ -8,6 +8,9 @@ those of a bootstrap over packings. Beside what was measured stands what two lin
 BT               BT 25, 26: the motion of a contact is u₀ = σ/k, a spring's under the force of the stress
 self-consistent  u₀ = γ₀ |Δu| with γ₀ = σ/|G*| and the rms |Δu| that dissipates G'', as the linear packing itself moves
 
+effective        Ω with which the linear packing has the measured G'': what a single dashpot would have to be. Its
+                 exponents are free of the bends of G*(Ω); G' at that Ω tells whether one dashpot does for both moduli
+
 Motions of slow shear grow as |Δu| ~ p^(−1/4), those at Ω as Ω^(−1/4), so that the second has Ω ∝ X p^(3(1−α)/4) in the
 quasistatic and Ω ∝ X^(4/(1+3α)) in the critical regime, with X = ω^α σ^(α−1); BT have Ω ∝ X in both.
 """
@@ -16,6 +19,7 @@ import argparse
 import re
 from collections import defaultdict
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +43,8 @@ class Packing:
     logs: np.ndarray  # (points, 2) ln ω, ln σ
     X: np.ndarray  # ω^α σ^(α−1)
     G: np.ndarray  # (3, points) of COLUMNS
+    Omega: np.ndarray  # (3, points) of the linear packing: effective, BT's, self-consistent
+    storage: np.ndarray  # G' of the linear packing at the effective Ω
     G0: float
     file: object
 
@@ -63,22 +69,25 @@ def read(folder, kind="oscillate"):
         omega, stress = (
             grid.ravel() for grid in np.meshgrid(measured["omega"], measured["amplitude"], indexing="xy")
         )
-        columns = (
-            measured["G"].ravel(),
+        G, spectrum = measured["G"].ravel(), sweep.spectrum
+        Omega = (
+            effective(spectrum, G),
             np.concatenate(
                 [
-                    sweep.spectrum.modulus(EquivalentDamping(alpha, float(s)).frequency(measured["omega"]))
+                    EquivalentDamping(alpha, float(s)).frequency(measured["omega"])
                     for s in measured["amplitude"]
                 ]
             ),
-            self_consistent(sweep.spectrum, contacts, omega, stress, alpha),
+            self_consistent(spectrum, contacts, omega, stress, alpha),
         )
         found[alpha][float(p)].append(
             Packing(
                 np.log(np.column_stack((omega, stress))),
                 omega**alpha * stress ** (alpha - 1.0),
-                np.array(columns),
-                sweep.spectrum.G0,
+                np.array([G, *(spectrum.modulus(one) for one in Omega[1:])]),
+                np.array(Omega),
+                spectrum.modulus(Omega[0]).real,
+                spectrum.G0,
                 measured,
             )
         )
@@ -86,7 +95,7 @@ def read(folder, kind="oscillate"):
 
 
 def self_consistent(spectrum, contacts_per_area, omega, stress, alpha):
-    """G* with one linear dashpot for all contacts that dissipates what they do at the rms of their own motion."""
+    """Ω with one linear dashpot for all contacts that dissipates what they do at the rms of their own motion."""
     factor = 2.0 / np.sqrt(np.pi) * gamma(1 + alpha / 2) / gamma(1.5 + alpha / 2)
 
     def excess(log_Omega, w, s):
@@ -96,7 +105,16 @@ def self_consistent(spectrum, contacts_per_area, omega, stress, alpha):
         return np.log(w * factor * (motion * w) ** (alpha - 1)) - log_Omega
 
     pairs = zip(omega, stress, strict=True)
-    return np.array([spectrum.modulus(np.exp(brentq(excess, -60.0, 40.0, args=pair))) for pair in pairs])
+    return np.exp([brentq(excess, -60.0, 40.0, args=pair) for pair in pairs])
+
+
+def effective(spectrum, G):
+    """Ω at which the linear packing has this G''."""
+
+    def excess(log_Omega, loss):
+        return np.log(spectrum.modulus(np.exp(log_Omega)).imag / loss)
+
+    return np.exp([brentq(excess, -60.0, 5.0, args=(loss,)) for loss in G.imag])
 
 
 def slopes(sets):
@@ -113,13 +131,13 @@ def bootstrap(sets, statistic):
     return statistic(sets), np.std(draws, axis=0)
 
 
-def exponents(packings, column, part, regime):
-    """((2,) exponents in ω and σ, their errors, points) of `part` of G* in a regime."""
+def exponents(packings, value, regime):
+    """((2,) exponents in ω and σ, their errors, points) of value(packing) (points,) in a regime."""
     sets = []
     for one in packings:
         inside = one.inside(regime)
-        if np.count_nonzero(inside) >= 3:
-            sets.append((one.logs[inside], np.log(part(one.G[column][inside]))))
+        if np.count_nonzero(inside) >= 3 and np.ptp(one.logs[inside, 0]) > 1.0:
+            sets.append((one.logs[inside], np.log(value(one)[inside])))
     if len(sets) < 2:
         return None
     return *bootstrap(sets, slopes), sum(len(y) for _, y in sets)
@@ -137,15 +155,19 @@ def print_exponents(alpha, data):
         "| regime | part | p | in | measured | BT's damping | self-consistent | BT 27-29 | p → 0 | points |"
     )
     print("|---|---|---|---|---|---|---|---|---|---|")
-    for regime, names in (("quasistatic", ("G''",)), ("critical", ("G'", "G''"))):
+    for regime, names in (("quasistatic", ("G''",)), ("critical", ("G'", "G''", "Ω"))):
         for name in names:
             for p, packings in sorted(data.items()):
-                fits = [exponents(packings, column, PARTS[name], regime) for column in range(len(COLUMNS))]
+
+                def value(one, column, name=name):
+                    return one.Omega[column] if name == "Ω" else PARTS[name](one.G[column])
+
+                fits = [exponents(packings, partial(value, column=c), regime) for c in range(len(COLUMNS))]
                 if None in fits:
                     continue
                 for axis, (symbol, per_X) in enumerate((("ω", alpha), ("σ", alpha - 1.0))):
                     cells = [f"{values[axis]:.3f} ± {errors[axis]:.3f}" for values, errors, _ in fits]
-                    cells += [f"{per_X * x:.3f}" for x in expected(alpha, regime)]
+                    cells += [f"{(1 + (name == 'Ω')) * per_X * x:.3f}" for x in expected(alpha, regime)]
                     print(f"| {regime} | {name} | {p:g} | {symbol} | {' | '.join(cells)} | {fits[0][2]} |")
 
 
@@ -154,11 +176,18 @@ def print_prefactors(alpha, data):
     print("quasistatic G'' against p: exponent of the prefactor G''/X")
     for column, theory in enumerate(((1 - 3 * alpha) / 4, -0.5, (1 - 3 * alpha) / 4)):
         sets = []
-        for row in zip(*data.values(), strict=True):
+        for row in zip(*data.values(), strict=False):
             prefactors = [(one.G[column].imag / one.X)[np.argmin(one.X)] for one in row]
             sets.append((np.log(list(data))[:, None], np.log(prefactors)))
         value, error = bootstrap(sets, slopes)
         print(f"  {COLUMNS[column]}: {value[0]:.3f} ± {error[0]:.3f}, as p → 0 {theory:.3f}")
+    for p, packings in sorted(data.items()):
+        off = [(one.storage / one.G[0].real)[one.inside("critical")] for one in packings]
+        if sum(map(len, off)):
+            print(
+                f"  p = {p:g}, critical: G' of the linear packing where it has the measured G'', over the measured G', "
+                f"median {np.median(np.concatenate(off)):.3f}"
+            )
     for column in (1, 2):
         print(f"measured over {COLUMNS[column]}, median (least to largest)")
         for p, packings in sorted(data.items()):
@@ -166,7 +195,7 @@ def print_prefactors(alpha, data):
             for regime, names in (("quasistatic", ("G''",)), ("critical", ("G'", "G''"))):
                 for name in names:
                     ratios = np.concatenate(
-                        [PARTS[name](one.G[0] / 1) / PARTS[name](one.G[column]) for one in packings]
+                        [PARTS[name](one.G[0]) / PARTS[name](one.G[column]) for one in packings]
                     )
                     kept = ratios[np.concatenate([one.inside(regime) for one in packings])]
                     if len(kept):
@@ -178,13 +207,16 @@ def print_prefactors(alpha, data):
 def print_certainty(alpha, data, finer):
     """Harmonics, estimated errors, softening, energy, and what more steps change."""
     for regime in ("quasistatic", "critical"):
-        kept = {name: [] for name in ("error", "regularisation_effect", "energy_balance", "third harmonic")}
+        kept = {
+            name: [] for name in ("error", "error of G''", "softening", "energy balance", "third harmonic")
+        }
         for one in (one for packings in data.values() for one in packings):
             inside = one.inside(regime)
             size = abs(one.G[0])
             kept["error"].append((one.file["error"].ravel() / size)[inside])
-            kept["regularisation_effect"].append((one.file["regularisation_effect"].ravel() / size)[inside])
-            kept["energy_balance"].append(abs(one.file["energy_balance"].ravel())[inside])
+            kept["error of G''"].append((one.file["error"].ravel() / one.G[0].imag)[inside])
+            kept["softening"].append((one.file["regularisation_effect"].ravel() / size)[inside])
+            kept["energy balance"].append(abs(one.file["energy_balance"].ravel())[inside])
             kept["third harmonic"].append(abs(one.file["harmonics"][..., 0]).ravel()[inside])
         print(
             f"{regime}, largest: "

@@ -10,8 +10,12 @@ from samples import network_of, physics, published
 from sweeps import Sweep
 
 from jampetsc.contacts.laws import Physics
+from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
+from jampetsc.oscillate.cycle import Cycle
+from jampetsc.oscillate.equations import Drive, Equations
+from jampetsc.oscillate.newton import Newton
 from jampetsc.oscillate.powerlaw import STIFFEST
 from jampetsc.oscillate.steady import Point, SteadyOscillation
 from jampetsc.response.elastic import ElasticResponse
@@ -142,6 +146,21 @@ def test_regularisation_does_not_matter():
     for stiffest in (4.0, 8.0):
         assert ends[stiffest].regularisation > 0.1 * off[stiffest]
     assert ends[STIFFEST].regularisation < 1e-7 * abs(exact)
+
+
+def test_only_what_is_left_of_the_equations_counts(session):
+    """SNES may be told to call anything converged."""
+    packing = Packing(0.5, 16)
+    contacts, law = packing.oscillation.contacts, packing.oscillation.power.softened(1e-8)
+    equations = Equations(contacts, Cycle(16, OMEGA), law, Drive(True, STRESS * contacts.length, 0.0), 1.0)
+    newton = Newton(equations)
+    newton.snes.setType("ksponly")
+    start = np.full(equations.size, 1e-9)
+    with pytest.raises(ConvergenceError, match="times what is allowed is left"):
+        newton.solve(start, 1e-9 * STRESS)
+    assert newton.snes.getConvergedReason() > 0
+    newton.destroy()
+    packing.destroy()
 
 
 @pytest.mark.parametrize("alpha", [0.5, 2 / 3])

@@ -6,12 +6,13 @@ forces are eliminated exactly.
 
 import numpy as np
 
-from jampetsc.errors import ConvergenceError
+from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.oscillate.equations import Equations
 from jampetsc.oscillate.preconditioner import HarmonicPreconditioner
 from jampetsc.session import current
 
 PREFIX = "osc_"
+NEWTON = ("newtonls", "ksponly")  # methods that take a step with the derivative
 DEFAULTS = {
     "snes_type": "newtonls",
     "snes_linesearch_type": "bt",
@@ -37,6 +38,15 @@ def make_snes(comm):
     return snes
 
 
+def configure(snes) -> None:
+    """Take the options. Raises InputError for a method that does not solve with the derivative."""
+    snes.setFromOptions()
+    if snes.getType() not in NEWTON:
+        raise InputError(
+            f"-{PREFIX}snes_type {snes.getType()}: what is solved here needs one of {', '.join(NEWTON)}"
+        )
+
+
 def rehearse(matrix) -> None:
     """Ask for the options that `Newton` asks for, on A x = 0. Collective."""
     snes = make_snes(matrix.getComm())
@@ -44,7 +54,7 @@ def rehearse(matrix) -> None:
     snes.setFunction(lambda snes, x, f: matrix.mult(x, f), f)
     snes.setJacobian(lambda snes, x, J, P: None, matrix)
     snes.getKSP().getPC().setType("jacobi")
-    snes.setFromOptions()
+    configure(snes)
     snes.setUp()
     snes.solve(None, x)
     for item in (snes, x, f):
@@ -75,7 +85,7 @@ class Newton:
         ksp.setPCSide(PETSc.PC.Side.RIGHT)
         ksp.getPC().setType("python")
         ksp.getPC().setPythonContext(_Eliminated(self))
-        snes.setFromOptions()
+        configure(snes)
 
     def solve(self, values, tolerance: float):
         """The solution (size,) from a start (size,), to a residual of this size.
@@ -87,12 +97,14 @@ class Newton:
         self.snes.solve(None, self.x)
         self.iterations += self.snes.getIterationNumber()
         self.linear_iterations += self.snes.getLinearSolveIterations()
-        reason = self.snes.getConvergedReason()
-        if reason <= 0:
+        # Options may let SNES call anything converged: only what is left of the equations counts.
+        self._function(self.snes, self.x, self.left)
+        left = self.left.norm()
+        if not left <= tolerance:
             raise ConvergenceError(
-                f"Newton's method stopped (SNES reason {reason}) after {self.snes.getIterationNumber()} steps, "
-                f"{self.snes.getFunctionNorm() / tolerance:.1e} times what is allowed is left; look with "
-                "-osc_snes_monitor -osc_ksp_converged_reason"
+                f"Newton's method stopped (SNES reason {self.snes.getConvergedReason()}) after "
+                f"{self.snes.getIterationNumber()} steps, {left / tolerance:.1e} times what is allowed is left; look "
+                "with -osc_snes_monitor -osc_ksp_converged_reason"
             )
         return self.x.getArray().copy()
 

@@ -15,10 +15,8 @@ from jampetsc.oscillate.equations import Contacts, Drive, Equations
 from jampetsc.oscillate.newton import Newton
 from jampetsc.oscillate.powerlaw import STIFFEST, PowerLaw
 
-TOLERANCE, HALF_TOLERANCE = (
-    1e-9,
-    1e-7,
-)  # what may be left of the equations, over what drives them, with all steps and with half
+# what may be left of the equations, over what drives them, with all steps and with half
+TOLERANCE, HALF_TOLERANCE = 1e-10, 1e-7
 HARMONICS = 2  # kept: third and fifth
 FLOOR = 1e-3  # of the typical velocity: where the start for the damping forces is cut
 SMALLEST, LARGEST = 1e-30, 1.0  # stress in k that the equivalent damping takes
