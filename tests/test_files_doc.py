@@ -16,6 +16,17 @@ DOC = launch.ROOT / "docs" / "files.md"
 RARE = {  # of runs that are not made here
     "jampetsc-packing": ("source", "source_sha256", "requested_phi"),
     "jampetsc-flow": ("quality",),
+    "jampetsc-collapse": (
+        "rate",
+        "model",
+        "mass",
+        "protocol",
+        "znu",
+        "znu_error",
+        "nu_error",
+        "phi_J_error",
+        "omega_error",
+    ),
 }
 RUNS = """\
 pack --n 16 --pressure 1e-2 --stabilise shear --out made.h5
@@ -33,6 +44,11 @@ flow made.h5 --model RD --mass 1 --rate 1e-2 --strain 0.5 --discard 0.1 --snapsh
 correlate flow.h5 --out velocities.h5
 shear --n 16 --phi 0.9 --step 1e-2 --strain 0.05 --out shear.h5
 jam --n 16 --phi 0.9 --seeds 1:2 --out jam.h5
+jam --n 24 --phi 0.9,0.92,0.94 --seeds 1:3 --out jam24.h5
+jam --n 32 --phi 0.9,0.92,0.94 --seeds 1:3 --out jam32.h5
+jam --n 16 --phi 0.9,0.92,0.94 --seeds 3:5 --out jam16.h5
+collapse jam16.h5 jam24.h5 jam32.h5 --finite-size --observable pressure --fit phi_J=0.84,y,nu=1,omega=1 --corrections \
+--degree 1 --out collapse.h5
 flow --n 16 --phi 0.9 --seed 1 --walls --model RD0 --rate 1e-2 --strain 0.5 --discard 0.1 --out flow0.h5"""
 
 
@@ -65,7 +81,7 @@ def test_files_hold_what_the_documentation_says(session, shared_path, monkeypatc
         pytest.skip("the names are those of one rank")
     monkeypatch.chdir(shared_path)
     write_packing("p.h5", isostatic())
-    for line in RUNS.splitlines():
+    for line in RUNS.replace("\\\n", "").splitlines():
         words = line.replace("JAMBASHBULK", str(launch.ROOT / "tests/data/jambashbulk-N16-P1e-3-0001.txt"))
         args = cli.command_parser(words.split())[0].parse_args(words.split())
         assert args.run(args, []) == 0  # `cli.dispatch` would end MPI after a command that does not need it

@@ -27,6 +27,7 @@ COMMANDS = {  # words without --out -> the ending of what it writes
     "spectrum s.h5 --window 1": ".png",
     "correlate s.h5": ".h5",
     "correlate t.h5 --packing s.h5": ".h5",
+    "collapse s.h5 --observable pressure --fit phi_J,y,znu": ".h5",
     "merge s.h5": ".h5",
     "plot s.h5": ".png",
     "plot t.h5 --kind fields --packing s.h5": ".svg",

@@ -26,6 +26,7 @@ COMMANDS = {
     "jam": "jampetsc.commands.jam",
     "spectrum": "jampetsc.commands.spectrum",
     "correlate": "jampetsc.commands.correlate",
+    "collapse": "jampetsc.commands.collapse",
     "study": "jampetsc.commands.study",
     "trade": "jampetsc.commands.trade",
     "info": "jampetsc.commands.info",

@@ -26,6 +26,7 @@ examples:
   jampetsc plot rd0.h5 --kind snapshot --out snapshot.png        or velocities
   jampetsc plot f64.h5 f256.h5 --out f.png                       f(phi) of jam files, with errors
   jampetsc plot f64.h5 qs.h5 --kind pressures --out p.png        P(p), of quasistatic shear too
+  jampetsc plot p.h5 --out collapse.png                          of `jampetsc collapse`, with residuals
   jampetsc plot modes.h5 --mode 1,2,5 --out modes.png            on the packing"""
 
 

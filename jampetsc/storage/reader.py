@@ -231,6 +231,7 @@ LOADERS = {  # format -> loader(h5, path); a new format needs a line here
     "jampetsc-shear": Result,
     "jampetsc-jam": Result,
     "jampetsc-velocity-correlation": Result,
+    "jampetsc-collapse": Result,
 }
 
 

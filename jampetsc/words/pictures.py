@@ -392,6 +392,15 @@ def _pressures(args, items):
     return f"P(p) of the jammed samples of {_count(items, 'file', 'files')}"
 
 
+@picture("scaling", "collapse", single=True)
+def _scaling(args, items):
+    from jampetsc.plots.scaling import plot_scaling
+
+    (result,) = items
+    plot_scaling(result, args.out)
+    return f"collapse of the {result.attributes['observable']} at {len(result['phi'])} points"
+
+
 def _count(items, one="sweep", many="sweeps"):
     return f"{len(items)} {one if len(items) == 1 else many}"
 
@@ -403,7 +412,7 @@ def _plural(word):
 def _noun(word):
     return (
         f"{word} file"
-        if word in ("modes", "quasistatic", "flow", "shear", "jam", "velocity-correlation")
+        if word in ("modes", "quasistatic", "flow", "shear", "jam", "velocity-correlation", "collapse")
         else word
     )
 

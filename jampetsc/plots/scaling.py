@@ -1,0 +1,65 @@
+"""Collapse of an observable near jamming, with residuals and the drift of every parameter (Vågberg, thesis ch. 5)."""
+
+import numpy as np
+
+from jampetsc.plots.style import GREY, MARKERS, PAGE, colours, figure, letter_panels, number, save
+
+HEIGHTS = (3.0, 1.4, 1.9)  # inches of collapse, residuals and drift
+_SYMBOLS = {"pressure": "p", "shear_stress": r"\sigma", "jammed": "f"}
+_NAMES = {"phi_J": r"\phi_J", "y": "y", "znu": r"z\nu", "nu": r"\nu", "omega": r"\omega"}
+
+
+def plot_scaling(result, path) -> None:
+    """O/b^(y/κ) against x with f₀, corrections taken off; residuals in standard errors; parameters against the cut."""
+    a = result.attributes
+    sized = a["scaling"] == "size"
+    b = 1 / result["size"] if sized else result["rate"]
+    kappa = "nu" if sized else "znu"
+    unit = b ** (float(a["y"]) / float(a[kappa]))
+    value, error = result["value"], result["error"]
+    left = (value - result["correction"]) / unit
+    residuals = (value - result["leading"] - result["correction"]) / error
+    names = str(a["fitted"]).split(",")
+    scales = np.unique(b)
+    with figure(PAGE, sum(HEIGHTS), layout="constrained") as fig:
+        grid = fig.add_gridspec(3, len(names), height_ratios=HEIGHTS)
+        top = fig.add_subplot(grid[0, :])
+        middle = fig.add_subplot(grid[1, :], sharex=top)
+        top.plot(result["curve/x"], result["curve/f0"], color=GREY, lw=0.9, zorder=1)
+        middle.axhline(0, color=GREY, lw=0.6)
+        for scale, colour, marker in zip(scales, colours(len(scales)), MARKERS * len(scales), strict=False):
+            here = b == scale
+            look = {"color": colour, "marker": marker, "ls": "none", "ms": 3}
+            x = result["x"][here]
+            label = f"${1 / scale**2:.0f}$" if sized else f"${number(scale)}$"
+            top.errorbar(x, left[here], error[here] / unit[here], elinewidth=0.6, label=label, **look)
+            middle.plot(x, residuals[here], **look)
+        symbol = _SYMBOLS[str(a["observable"])]
+        power = r"L^{y/\nu}" if sized else r"\dot\gamma^{-y/z\nu}"
+        minus = rf"({symbol} - \mathrm{{corr.}})" if a["corrections"] else symbol
+        top.set(ylabel=rf"${minus}\,{power}$")
+        if (left > 0).all() and left.max() > 5 * left.min():
+            top.set_yscale("log")
+        top.legend(title="$N$" if sized else r"$\dot\gamma$", ncol=2 if len(scales) > 5 else 1)
+        span = r"L^{1/\nu}" if sized else r"\dot\gamma^{-1/z\nu}"
+        middle.set(xlabel=rf"$x=(\phi-\phi_J)\,{span}$", ylabel="residual / error")
+        top.set_title(
+            rf"$\chi^2/\mathrm{{dof}}={float(a['chi2']) / float(a['dof']):.3g}$", loc="right", pad=3
+        )
+        drifts = [fig.add_subplot(grid[2, column]) for column in range(len(names))]
+        for column, (ax, name) in enumerate(zip(drifts, names, strict=True)):
+            y, bars = result["drift/parameters"][:, column], result["drift/errors"][:, column]
+            ax.errorbar(
+                result["drift/cut"], y, bars, color="0.1", marker="o", ms=3, capsize=1.5, elinewidth=0.6
+            )
+            best, own = float(a[name]), float(a[f"{name}_error"])
+            ax.axhspan(best - own, best + own, color="0.85", lw=0)
+            ax.set(xscale="log", xlabel="smallest $N$" if sized else r"largest $\dot\gamma$")
+            ax.set_ylabel(f"${_NAMES[name]}$")
+            reach = max(np.median(np.abs(y - best)), np.median(bars), own)
+            ax.set_ylim(
+                max(min(y.min(), best) - own, best - 6 * reach),
+                min(max(y.max(), best) + own, best + 6 * reach),
+            )
+        letter_panels([top, middle, *drifts])
+        save(fig, path)

@@ -1,0 +1,181 @@
+"""What `jampetsc collapse` fits: files as points of an observable against φ and rate or size, `--fit` as a form."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from jampetsc.analysis.averages import Average, mean_of_runs
+from jampetsc.analysis.collapse import BOUNDS, PARAMETERS, Form, Points
+from jampetsc.analysis.jamming import correlated_share, independent_share
+from jampetsc.errors import InputError
+
+OBSERVABLES = ("pressure", "shear_stress", "jammed")
+FORMATS = {False: ("jampetsc-flow",), True: ("jampetsc-jam", "jampetsc-shear")}  # by rate, by size
+ALIKE = ("model", "mass", "sizes", "potential", "stiffness", "protocol", "units", "k", "tau1")
+SAME_PHI = 6  # decimals
+
+
+def names_of(finite_size: bool) -> dict:
+    """{the word of the command line: the parameter of `analysis.collapse`}."""
+    return {"phi_J": "phi_J", "y": "y", "nu" if finite_size else "znu": "kappa", "omega": "omega"}
+
+
+def form_of(args) -> Form:
+    """The form that --fit, --corrections, --degree and --spline say. Raises InputError."""
+    names, held, seen = names_of(args.finite_size), {}, set()
+    for word in args.fit.split(","):
+        name, equals, value = word.strip().partition("=")
+        if name not in names or name in seen:
+            what = "is there twice" if name in seen else f"is none of {', '.join(names)}"
+            raise InputError(f"--fit {args.fit}: {name or 'a name that is missing'} {what}")
+        seen.add(name)
+        if equals:
+            held[names[name]] = _number(args.fit, word, value, names[name])
+    asked = {names[name] for name in seen}
+    if args.corrections != ("omega" in asked):
+        remedy = "name omega, too" if args.corrections else "leave omega out, or give --corrections"
+        raise InputError(f"--fit {args.fit}: {remedy}")
+    missing = [word for word, name in names.items() if name not in asked and name != "omega"]
+    if missing:
+        raise InputError(f"--fit {args.fit}: name {missing[0]}, too, or hold it: {missing[0]}=VALUE")
+    form = Form(held, args.corrections, args.degree, args.spline)
+    if not form.free:
+        raise InputError(f"--fit {args.fit}: nothing is free: leave a value out")
+    if not 1 <= args.degree <= 12:
+        raise InputError(f"--degree {args.degree}: must lie in [1, 12]")
+    return form
+
+
+def _number(text, word, value, name):
+    try:
+        number = float(value)
+    except ValueError:
+        number = math.nan
+    low, high = BOUNDS.get(name, (0.0, 2.0))
+    if not low <= number <= high:
+        raise InputError(f"--fit {text}: {word}: write a number between {low:g} and {high:g}")
+    return number
+
+
+@dataclass(frozen=True, eq=False)
+class Data:
+    """Points, and where they come from."""
+
+    points: Points
+    size: np.ndarray  # (M,) N
+    runs: np.ndarray  # (M,) how many runs or samples each is the mean of
+
+
+def read_points(results, observable: str, finite_size: bool) -> Data:
+    """The observable of all files, those of one φ and rate or size averaged.
+
+    Raises InputError for files of several kinds, or of another than the scaling is of, and where one is there twice.
+    """
+    groups, seen = {}, {}
+    for result in results:
+        _check(result, results[0], finite_size)
+        for phi, scale, origin, values in _rows(result, observable, finite_size):
+            key = round(phi, SAME_PHI), scale
+            if (*key, origin) in seen:
+                raise InputError(
+                    f"{result.path}: phi = {phi:g} from {origin} is in {seen[*key, origin]} too: each counts once"
+                )
+            seen[*key, origin] = result.path.name
+            groups.setdefault((*key, int(result.attributes["particle_count"])), []).append(values)
+    rows = [(*key, *_mean(runs, observable), len(runs)) for key, runs in sorted(groups.items())]
+    phi, scale, size, value, error, count = np.array(rows, float).reshape(-1, 6).T
+    if not finite_size and len(set(size)) > 1:
+        raise InputError(
+            f"{results[0].path}: N = {min(size):g}, others up to {max(size):g}: rates are scaled at one N; choose files"
+        )
+    return Data(Points(phi, scale, value, error), size, count)
+
+
+def _check(result, first, finite_size):
+    """That a file is of the kind that is scaled, and like the first."""
+    if getattr(result, "format", "") not in FORMATS[finite_size]:
+        wanted = "jam and shear files" if finite_size else "flow files; --finite-size those of jam and shear"
+        name = getattr(result, "path", "a packing")
+        raise InputError(f"{name}: is none of the files that are scaled: give {wanted}")
+    for name in ALIKE:
+        mine, other = result.attributes.get(name), first.attributes.get(name)
+        if mine != other and not (name == "protocol" and result.format != first.format):
+            raise InputError(
+                f"{result.path}: {name} {mine}, but {first.path.name} has {other}: scale one kind"
+            )
+
+
+def _rows(result, observable, finite_size):
+    """(φ, scale, where it comes from, values) of a file; values: mean and error, or series of one run."""
+    a = result.attributes
+    n = int(a["particle_count"])
+    scale = 1.0 / math.sqrt(n) if finite_size else float(a["rate"])
+    if result.format == "jampetsc-jam":
+        if observable not in result:
+            raise InputError(f"{result.path}: holds no {observable}: choose pressure or jammed")
+        phi, seed, values = result["phi"], result["seed"], result[observable]
+        known = np.isfinite(values)
+        keys = list(zip(phi[known].tolist(), seed[known].tolist(), strict=True))
+        series = {}
+        for key, value in zip(keys, values[known].tolist(), strict=True):
+            series.setdefault(key, []).append(value)
+        return [(one, scale, f"seed {number:g}", np.array(run)) for (one, number), run in series.items()]
+    origin = f"seed {a['seed']}" if "seed" in a else str(a.get("packing", "a packing"))
+    if finite_size:
+        after = result["strain"] > float(a["discard"]) * (1 + 1e-12)
+        return [(float(a["phi"]), scale, origin, result[observable][after])]
+    if observable == "jammed":
+        raise InputError(f"{result.path}: --observable jammed goes with --finite-size")
+    return [(float(a["phi"]), scale, origin, (a[f"{observable}_mean"], a[f"{observable}_error"]))]
+
+
+def _mean(runs, observable):
+    """(value, error) of what `_rows` gives for one φ and scale."""
+    if isinstance(runs[0], tuple):
+        return mean_of_runs(*np.array(runs, float).T)
+    single = all(len(run) == 1 for run in runs)
+    if observable == "jammed":
+        share = independent_share(np.concatenate(runs)) if single else correlated_share(runs)
+        return share.value, 0.5 * (share.high - share.low)
+    if single:
+        values = np.concatenate(runs)
+        return float(values.mean()), float(values.std(ddof=1) / np.sqrt(len(values))) if len(
+            values
+        ) > 1 else 0.0
+    averages = [Average.of(run) for run in runs]
+    return mean_of_runs([one.mean for one in averages], [one.error for one in averages])
+
+
+def files_of(paths, finite_size) -> list[str]:
+    """The files, for the folder of a study those of its flow, or jam and shear tasks that are done."""
+    from pathlib import Path
+
+    from jampetsc.storage.ensemble import TABLE
+    from jampetsc.storage.reader import load
+
+    files = []
+    for path in paths:
+        if not (Path(path) / TABLE).exists():
+            files.append(path)
+            continue
+        commands = [name.removeprefix("jampetsc-") for name in FORMATS[finite_size]]
+        rows = load(path).where(state="done", command=commands)
+        if not rows.rows:
+            raise InputError(
+                f"{path}: a study without {' or '.join(commands)} that is done: nothing to scale"
+            )
+        files += [str(Path(path) / name) for name in rows["file"].tolist()]
+    return files
+
+
+def text_of(parameters, errors, finite_size) -> str:
+    """phi_J = 0.8433(2), … of {parameter: value} and {parameter: error}; held ones have no error."""
+    words = {name: word for word, name in names_of(finite_size).items()}
+    shown = [name for name in PARAMETERS if name in parameters]
+    parts = []
+    for name in shown:
+        error = errors.get(name)
+        told = f"{parameters[name]:.6g} held" if error is None else f"{parameters[name]:.5g} ± {error:.2g}"
+        parts.append(f"{words[name]} = {told}")
+    return ", ".join(parts)

@@ -1,0 +1,266 @@
+"""Scaling collapse: planted exponents are found again, wrong forms told by χ², data that say nothing refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from jampetsc import cli
+from jampetsc.analysis.collapse import Form, Points, bootstrap_fits, drift, fit_collapse, scaled
+from jampetsc.errors import InputError
+from jampetsc.storage.reader import load
+from jampetsc.storage.result_file import ResultWriter
+from jampetsc.study.table import table_text
+from jampetsc.words.scaling import read_points
+
+PLANTED = {"phi_J": 0.8433, "y": 1.1, "kappa": 3.5}
+OMEGA = 0.3
+PHIS = np.array([0.835, 0.838, 0.84, 0.842, 0.8433, 0.845, 0.848, 0.85])
+RATES = np.geomspace(1e-6, 1e-3, 6)
+VAGBERG = {"units": "k_e = k_d = 1, diameter of the small disks 1", "stiffness": "inverse-square-diameter"}
+
+
+def exact(phi, scale, corrections=0.0, planted=PLANTED):
+    """What a planted law says: ln f₀ is a cubic, ln f₁ a line."""
+    points = Points(phi, scale, None, None)
+    x = scaled(points, planted["phi_J"], planted["kappa"])
+    leading = scale ** (planted["y"] / planted["kappa"])
+    return leading * (
+        np.exp(0.5 + 6 * x - 8 * x**2 + 4 * x**3) + corrections * scale**OMEGA * np.exp(0.3 + 3 * x)
+    )
+
+
+def planted(seed, noise=0.01, corrections=0.0, scales=RATES, law=PLANTED):
+    phi, scale = np.repeat(PHIS, len(scales)), np.tile(scales, len(PHIS))
+    value = exact(phi, scale, corrections, law)
+    error = noise * value
+    return Points(phi, scale, value + error * np.random.default_rng(seed).standard_normal(len(phi)), error)
+
+
+def apart(fit, points, expected, draws=60):
+    """By how many of its errors each free parameter misses what was planted."""
+    errors = bootstrap_fits(points, fit, draws).std(axis=0, ddof=1)
+    return [(fit.parameters[n] - expected[n]) / e for n, e in zip(fit.form.free, errors, strict=True)]
+
+
+@pytest.mark.parametrize("form", [Form({}, degree=3), Form({}, degree=3, spline=True)])
+def test_planted_exponents_are_found_again(form):
+    misses = []
+    for seed in range(8):
+        points = planted(seed)
+        fit = fit_collapse(points, form)
+        assert fit.dof == len(points) - form.unknowns and fit.probability > 1e-3
+        misses += apart(fit, points, PLANTED, 30)
+    assert 0.5 < np.sqrt(np.mean(np.square(misses))) < 1.6
+    assert np.abs(misses).max() < 3.5  # of 24
+
+
+def test_sizes_scale_as_rates_do():
+    law = {"phi_J": 0.8433, "y": 0.9, "kappa": 1.2}
+    points = planted(1, scales=1 / np.sqrt([64, 128, 256, 512, 1024]), law=law)
+    fit = fit_collapse(points, Form({}, degree=3))
+    assert np.abs(apart(fit, points, law)).max() < 2.5
+    held = fit_collapse(points, Form({"y": 0.9}, degree=3))
+    assert held.parameters["y"] == 0.9 and held.form.free == ["phi_J", "kappa"]
+    assert held.dof == fit.dof + 1 and held.chi2 >= fit.chi2 - 1e-6
+
+
+def test_corrections_are_told_by_chi2():
+    points = planted(2, 0.003, 2.0)
+    plain = fit_collapse(points, Form({}, degree=3))
+    assert plain.probability < 1e-6
+    fit = fit_collapse(points, Form({}, corrections=True, degree=3))
+    assert fit.probability > 0.01 and fit.sign == 1
+    assert np.abs(apart(fit, points, {**PLANTED, "omega": OMEGA})).max() < 2.5
+    assert np.allclose(sum(fit.terms(points)), exact(points.phi, points.scale, 2.0), rtol=0.01)
+    below = planted(3, 0.003, -0.5)
+    assert fit_collapse(below, Form({"omega": OMEGA}, corrections=True, degree=3)).sign == -1
+
+
+def test_without_corrections_parameters_drift_towards_what_was_planted():
+    cuts = drift(planted(4, 0.001, 0.2), Form({}, degree=3), 10)
+    assert [cut for cut, _, _ in cuts] == sorted(RATES, reverse=True)[: len(cuts)] and len(cuts) >= 4
+    off = [abs(fit.parameters["phi_J"] - PLANTED["phi_J"]) for _, fit, _ in cuts]
+    assert off[0] > 1.5 * off[3] and off[0] > 5 * cuts[0][2][0]
+
+
+@pytest.mark.parametrize("spline", [False, True])
+def test_slopes_of_the_model(spline):
+    points = planted(5, corrections=2.0)
+    fit = fit_collapse(points, Form({"omega": 0.4}, corrections=True, degree=4, spline=spline))
+    slopes, step = fit.slopes(points), 1e-6
+    for column, name in enumerate(fit.form.free):
+        ends = [
+            replace(fit, parameters={**fit.parameters, name: fit.parameters[name] + h}).model(points)
+            for h in (step, -step)
+        ]
+        found = (ends[0] - ends[1]) / (2 * step)
+        assert np.allclose(found, slopes[:, column], rtol=1e-5, atol=1e-5 * np.abs(found).max())
+    first = fit.coefficients[0] + step * (np.arange(len(fit.coefficients[0])) == 2)
+    found = (replace(fit, coefficients=(first, fit.coefficients[1])).model(points) - fit.model(points)) / step
+    assert np.allclose(found, slopes[:, 3 + 2], rtol=1e-4, atol=1e-5 * np.abs(found).max())
+
+
+def test_a_spline_is_smooth_and_holds_every_cubic():
+    basis = fit_collapse(planted(6), Form({}, degree=4, spline=True)).basis
+    x = np.linspace(*basis.knots[[0, -1]], 200)
+    values, _ = basis(x)
+    assert values.shape == (200, 4 + 3)
+    cubic = 1 - x + 3 * x**3
+    assert np.allclose(values @ np.linalg.lstsq(values, cubic, rcond=None)[0], cubic)
+    knot = basis.knots[2]
+    (left, right), (before, after) = basis(knot + 1e-9 * np.array([-1, 1]))
+    assert np.allclose(left, right, atol=1e-6) and np.allclose(before, after, atol=1e-5)
+
+
+def test_data_that_say_nothing_are_refused():
+    points = planted(7)
+    for rows, message in [
+        (points.scale < 5e-6, "2 different rates or sizes: a collapse needs at least 3"),
+        (points.phi > 0.847, "2 different packing fractions"),
+        (np.arange(48) % 7 == 0, "7 points for 9 unknowns"),
+    ]:
+        with pytest.raises(InputError, match=message):
+            fit_collapse(points[rows], Form({}))
+    for name, value, message in [
+        ("value", -1e-3, "value -0.001 at phi = 0.838: must not be negative"),
+        ("value", np.nan, "value nan"),
+        ("error", 0.0, "error 0 at phi"),
+        ("error", np.nan, "error nan"),
+    ]:
+        wrong = getattr(points, name).copy()
+        wrong[6] = value
+        with pytest.raises(InputError, match=message):
+            fit_collapse(replace(points, **{name: wrong}), Form({}))
+
+
+def write_flow(path, phi, rate, n=1024, **more):
+    """A flow file of which only the means are there."""
+    rng = np.random.default_rng(int(1e9 * rate) + int(1e5 * phi))
+    value = float(exact(np.array([phi]), np.array([rate]))[0])
+    facts = {
+        "model": "RD0",
+        "mass": 0.0,
+        "sizes": "bidisperse",
+        "potential": "harmonic",
+        "k": 1.0,
+        "tau1": 1.0,
+    }
+    facts |= {"phi": phi, "rate": rate, "seed": 1, "particle_count": n, **VAGBERG}
+    facts |= {"pressure_mean": value * (1 + 0.01 * rng.standard_normal()), "pressure_error": 0.01 * value}
+    with ResultWriter(path, "jampetsc-flow") as writer:
+        writer.dataset("strain", np.arange(3.0))
+        writer.attributes(**facts | more)
+    return str(path)
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    """A folder of flow files at five rates and φ."""
+    folder = tmp_path_factory.mktemp("study")
+    rows = []
+    for phi in PHIS[1:6]:
+        for rate in RATES[:5]:
+            name = f"{phi}-{rate:.3g}.h5"
+            write_flow(folder / name, phi, rate)
+            rows.append({"command": "flow", "state": "done", "file": name, "seconds": 0.1})
+    (folder / "table.csv").write_text(table_text(rows))
+    return folder
+
+
+def command(*words):
+    return cli.main(["collapse", *map(str, words)])
+
+
+def test_the_command_on_a_study(study, tmp_path, capsys):
+    out, picture = tmp_path / "p.h5", tmp_path / "p.png"
+    words = ("--observable", "pressure", "--fit", "phi_J,y=1.1,znu", "--degree", "3", "--out", out)
+    assert command(study, *words) == 0
+    said = capsys.readouterr().out
+    assert "pressure at 25 points" in said and "y = 1.1 held" in said and "rates <= 6.31e-05" in said
+    result = load(out)
+    a = result.attributes
+    assert a["fitted"] == "phi_J,znu" and a["scaling"] == "rate" and a["dof"] == 25 - 6
+    for name, expected in (("phi_J", PLANTED["phi_J"]), ("znu", PLANTED["kappa"])):
+        assert abs(a[name] - expected) < 2.5 * a[f"{name}_error"]
+    assert np.allclose((result["phi"] - a["phi_J"]) / result["rate"] ** (1 / a["znu"]), result["x"])
+    model = result["leading"] + result["correction"]
+    assert np.sum(((result["value"] - model) / result["error"]) ** 2) == pytest.approx(a["chi2"])
+    assert np.allclose(result["bootstrap"].std(axis=0, ddof=1), [a["phi_J_error"], a["znu_error"]])
+    assert command(study, *words[:-1], tmp_path / "cut.h5", "--cut", "7e-5", "--range", "0.8385:0.9") == 0
+    assert len(load(tmp_path / "cut.h5")["phi"]) == 16
+    assert cli.main(["plot", str(out), "--out", str(picture)]) == 0
+    assert picture.stat().st_size > 20_000
+
+
+def test_sizes_come_from_jam_files(tmp_path, capsys):
+    files = []
+    for n in (36, 64, 144):
+        path = tmp_path / f"{n}.h5"
+        rng, phi = np.random.default_rng(n), np.repeat([0.82, 0.83, 0.84, 0.85], 100)
+        jammed = rng.random(400) < 1 / (1 + np.exp(-(phi - 0.835) * 10 * np.sqrt(n)))
+        with ResultWriter(path, "jampetsc-jam") as writer:
+            for name, values in {
+                "phi": phi,
+                "seed": np.tile(np.arange(100), 4),
+                "jammed": 1.0 * jammed,
+            }.items():
+                writer.dataset(name, values)
+            writer.attributes(particle_count=n, sizes="bidisperse", potential="harmonic", **VAGBERG)
+        files.append(path)
+    words = ("--finite-size", "--observable", "jammed", "--fit", "phi_J,y=0,nu", "--degree", "4", "--out")
+    assert command(*files, *words, tmp_path / "f.h5") == 0
+    result = load(tmp_path / "f.h5")
+    a = result.attributes
+    assert set(result["size"]) == {6, 8, 12} and set(result["runs"]) == {100}
+    assert abs(a["phi_J"] - 0.835) < 0.003 and abs(a["nu"] - 1) < 2.5 * a["nu_error"]
+    for wrong, message in (("pressure", "holds no pressure"), ("shear_stress", "holds no shear_stress")):
+        assert command(*files, *words[:1], "--observable", wrong, *words[3:], tmp_path / "x.h5") == 2
+        assert message in capsys.readouterr().err
+
+
+def test_runs_of_one_state_are_averaged(tmp_path):
+    files = [
+        write_flow(tmp_path / f"{s}.h5", 0.84, 1e-3, seed=s, pressure_mean=s * 1e-3, pressure_error=1e-6)
+        for s in (1, 3)
+    ]
+    data = read_points([load(path) for path in files], "pressure", False)
+    assert data.points.value == pytest.approx([2e-3]) and data.points.error == pytest.approx([1e-3])
+    assert data.runs == [2] and data.size == [1024]
+
+
+def test_files_that_do_not_go_together(tmp_path, capsys):
+    first = write_flow(tmp_path / "first.h5", 0.84, 1e-3)
+    words = ("--observable", "pressure", "--fit", "phi_J,y,znu", "--out", tmp_path / "x.h5")
+    for more, message in [
+        ({}, "seed 1 is in first.h5 too: each counts once"),
+        ({"n": 64, "seed": 2}, "rates are scaled at one N"),
+        ({"model": "CD0"}, "model CD0, but first.h5 has RD0"),
+        ({"potential": "hertzian"}, "potential hertzian, but first.h5"),
+    ]:
+        other = write_flow(tmp_path / "other.h5", 0.84, 1e-3, **more)
+        assert command(first, other, *words) == 2
+        assert message in capsys.readouterr().err
+    for more, message in [
+        (
+            ("--finite-size", "--fit", "phi_J,y,nu"),
+            "is none of the files that are scaled: give jam and shear files",
+        ),
+        (("--observable", "jammed"), "--observable jammed goes with --finite-size"),
+        (("--observable", "energy"), "choose one of pressure"),
+        (("--fit", "phi_J,y"), "name znu, too, or hold it: znu=VALUE"),
+        (("--fit", "phi_J,y,y,znu"), "y is there twice"),
+        (("--fit", "phi_J,y,nu"), "nu is none of phi_J, y, znu, omega"),
+        (("--fit", "phi_J,y=a,znu"), "write a number between"),
+        (("--fit", "phi_J=0.84,y=1,znu=3"), "nothing is free"),
+        (("--fit", "phi_J,y,znu,omega"), "leave omega out, or give --corrections"),
+        (("--corrections",), "name omega, too"),
+        (("--degree", "0"), "must lie in"),
+        (("--cut", "-1"), "must be positive"),
+        (("--cut", "1e-9"), "no points are left"),
+        (("--range", "0.9:0.8"), "must be A:B"),
+        (("--range", "a"), "write A:B"),
+    ]:
+        assert command(first, *words, *more) == 2
+        assert message in capsys.readouterr().err
+    assert not (tmp_path / "x.h5").exists()
