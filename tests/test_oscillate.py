@@ -64,6 +64,8 @@ def shaken(alpha, steps=64, omega=OMEGA, stress=STRESS, strain=None, stiffest=ST
     ("alpha", "omega", "imposed"),
     [
         (1.0, 0.1, {"stress": STRESS}),
+        (1.5, 5.0, {"stress": STRESS}),
+        (2.0, 100.0, {"strain": 1e-3}),
         (2 / 3, 1e-3, {"stress": STRESS}),
         (0.5, OMEGA, {"stress": STRESS}),
         (0.5, OMEGA, {"strain": 1e-3}),

@@ -57,7 +57,7 @@ def test_a_file_from_one_rank_and_two(packing, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("--alpha 1.5 --stress 1e-5", "--alpha 1.5: must lie between 0.3 and 1"),
+        ("--alpha 2.5 --stress 1e-5", "--alpha 2.5: must lie between 0.3, below which"),
         ("--alpha nan --stress 1e-5", "--alpha nan: must lie between"),
         ("--stress x", "--stress x: write numbers"),
         ("--strain 1e-5,-1", "--strain -1: must lie between"),

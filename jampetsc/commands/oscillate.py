@@ -13,7 +13,7 @@ EPILOG = """examples
 PETSc options: -osc_snes_… and -osc_ksp_… reach Newton's method and its linear solver, -osc_factor_… the
 factorisations of its preconditioner, -shift_… the proof that the packing is a minimum.
 A run that was killed goes on when the same command is given again."""
-LEAST_ALPHA = 0.3
+LEAST_ALPHA, LARGEST_ALPHA = 0.3, 2.0  # below, contacts stick like dry friction
 FEWEST, MOST = 16, 4096  # steps
 LEAST, MOST_AMPLITUDE = 1e-30, 1.0
 LEAST_MOVING = 1e-9  # strain whose forces rounding leaves some digits of
@@ -49,7 +49,7 @@ def add_parser(subparsers):
         type=float,
         default=1.0,
         metavar="A",
-        help=f"exponent of the damping force, {LEAST_ALPHA:g} to 1 (default 1, linear)",
+        help=f"exponent of the damping force, {LEAST_ALPHA:g} to {LARGEST_ALPHA:g} (default 1, linear)",
     )
     parser.add_argument(
         "--contacts",
@@ -77,8 +77,11 @@ def check(args):
     from jampetsc.oscillate.job import Job
     from jampetsc.words.frequencies import parse_omega
 
-    if not LEAST_ALPHA <= args.alpha <= 1.0:
-        raise InputError(f"--alpha {args.alpha:g}: must lie between {LEAST_ALPHA:g} and 1")
+    if not LEAST_ALPHA <= args.alpha <= LARGEST_ALPHA:
+        raise InputError(
+            f"--alpha {args.alpha:g}: must lie between {LEAST_ALPHA:g}, below which contacts stick like dry friction "
+            f"and the linear equations of Newton's method are not solved, and {LARGEST_ALPHA:g}"
+        )
     physics = physics_from(args)
     if args.contacts == "moving":
         _check_moving(args, physics)

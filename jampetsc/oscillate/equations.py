@@ -144,6 +144,10 @@ class Equations:
     drive: Drive
     unit: float  # what a unit of damping velocity counts in the second equation, as a force
 
+    def motions(self, state: State):
+        """z (m, contacts, damped)."""
+        return self.contacts.damping_motions(self.contacts.motions(state.v, self.rate(state)))
+
     @property
     def holds_rate(self) -> bool:
         """Whether the strain rate is among this rank's unknowns."""
@@ -182,7 +186,7 @@ class Equations:
         out.v[:], row, z = self.balance(state, self.rate(state))
         if self.holds_rate:
             out.rate[:] = row - self.drive.force * np.cos(self.cycle.phase)
-        out.f[:] = self.unit * (z - self.law.velocities(state.f))
+        out.f[:] = self.law.mismatch(z, state.f, self.unit)
 
     def derivative(self, tangent, change: State, out: State):
         """Its derivative along a change."""
@@ -191,4 +195,4 @@ class Equations:
         out.v[:], row, z = self.balance(change, rate)
         if self.holds_rate:
             out.rate[:] = row
-        out.f[:] = self.unit * (z - tangent.velocities(change.f))
+        out.f[:] = tangent.mismatch(z, change.f, self.unit)

@@ -115,7 +115,8 @@ class Newton:
 
     def _linearise(self, snes, x, J, P):
         equations = self.equations
-        self.tangent = equations.law.tangent(equations.split(x.getArray(readonly=True)).f.copy())
+        state = equations.split(x.getArray(readonly=True))
+        self.tangent = equations.law.tangent(equations.motions(state), state.f)
         self.preconditioner.update(self.tangent.mean_stiffness())
 
     def destroy(self):
@@ -147,9 +148,9 @@ class _Eliminated:
         newton, equations = self.newton, self.newton.equations
         contacts = equations.contacts
         right, out = equations.split(x.getArray(readonly=True)), equations.split(y.getArray())
-        held = right.f / equations.unit
+        held = newton.tangent.held(right.f, equations.unit)
         tensions = np.zeros((len(held), contacts.rows))
-        contacts.add_damping(tensions, newton.tangent.forces(held))
+        contacts.add_damping(tensions, held)
         forces, row = contacts.forces(tensions)
         if equations.drive.stress_controlled:
             row = row + equations.rate(right)
@@ -159,4 +160,4 @@ class _Eliminated:
         if equations.holds_rate:
             out.rate[:] = rate
         z = contacts.damping_motions(contacts.motions(out.v, rate))
-        out.f[:] = newton.tangent.forces(z - held)
+        out.f[:] = newton.tangent.forces(z) - held

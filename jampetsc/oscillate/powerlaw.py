@@ -13,28 +13,35 @@ has none, so the force is the unknown:
 
     z(f) = c^(−p) (|f|² + δ²)^((p−1)/2) f ,     p = 1/α ≥ 1 ,
 
-δ = 0 in the law itself; a small δ keeps the slope of f(z) finite where a contact sticks.
+δ = 0 in the law itself; a small δ keeps the slope of f(z) finite where a contact sticks. For α > 1 it is z(f) that has
+the infinite slope, and f(z) is taken as it is.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
+TINY = 1e-300
 STIFFEST = 1e7  # slope of a contact at rest over that of one that moves as most do
 
 
 def relative_softening(alpha: float, stiffest: float = STIFFEST) -> float:
     """δ over the force at a typical velocity, such that a contact at rest is `stiffest` times as stiff as there."""
-    return 0.0 if alpha == 1.0 else stiffest ** (-alpha / (1.0 - alpha))
+    return 0.0 if alpha >= 1.0 else stiffest ** (-alpha / (1.0 - alpha))
 
 
 @dataclass(frozen=True)
 class PowerLaw:
-    """One exponent 0 < α ≤ 1. Arrays of forces f and velocities z are (…, components)."""
+    """One exponent α > 0. Arrays of forces f and velocities z are (…, components)."""
 
     alpha: float
     coefficient: float  # c
     softening: float = 0.0  # δ
+
+    @property
+    def by_force(self) -> bool:
+        """Whether z(f) stands in the equations, and not f(z)."""
+        return self.alpha <= 1.0
 
     @property
     def _p(self):
@@ -62,35 +69,51 @@ class PowerLaw:
         size = np.einsum("...f,...f", f, f)
         return self.coefficient**-self._p * (size + self.softening**2) ** (0.5 * (self._p - 1.0)), size
 
-    def tangent(self, f) -> "Tangent":
-        """dz/df and its inverse at f."""
+    def mismatch(self, z, f, unit: float):
+        """What z and f are off, as a force, where a unit of velocity counts `unit`."""
+        if self.by_force:
+            return unit * (z - self.velocities(f))
+        return self.forces(z, 0.0) - f
+
+    def tangent(self, z, f) -> "Tangent":
+        """df/dz, at f or at z."""
+        if not self.by_force:
+            size = np.maximum(np.einsum("...f,...f", z, z), TINY)
+            stiffness = self.coefficient * size ** (0.5 * (self.alpha - 1.0))
+            return Tangent(stiffness, (self.alpha - 1.0) / size, z.copy(), False)
         compliance, size = self._isotropic(f)
-        if self._p == 1.0:
-            ratio = np.zeros_like(size)
-        else:
-            ratio = (self._p - 1.0) / (size + self.softening**2)
-        return Tangent(compliance, ratio, ratio / (1.0 + ratio * size), f)
+        ratio = (self._p - 1.0) / (size + self.softening**2) if self._p > 1.0 else np.zeros_like(size)
+        return Tangent(1.0 / compliance, -ratio / (1.0 + ratio * size), f.copy(), True)
 
 
 @dataclass(frozen=True, eq=False)
 class Tangent:
-    """dz/df = y (1 + q f fᵀ) of each contact, and its inverse (1 − q' f fᵀ)/y."""
+    """df/dz = s (1 + q x xᵀ) of each contact."""
 
-    compliance: np.ndarray  # y
+    stiffness: np.ndarray  # s
     ratio: np.ndarray  # q
-    inverse_ratio: np.ndarray  # q'
-    f: np.ndarray
-
-    def velocities(self, df):
-        """dz of df."""
-        along = self.ratio * np.einsum("...f,...f", self.f, df)
-        return self.compliance[..., None] * (df + along[..., None] * self.f)
+    x: np.ndarray
+    by_force: bool  # see PowerLaw
 
     def forces(self, dz):
         """df of dz."""
-        along = self.inverse_ratio * np.einsum("...f,...f", self.f, dz)
-        return (dz - along[..., None] * self.f) / self.compliance[..., None]
+        along = self.ratio * np.einsum("...f,...f", self.x, dz)
+        return self.stiffness[..., None] * (dz + along[..., None] * self.x)
+
+    def velocities(self, df):
+        """dz of df."""
+        ratio = self.ratio / (1.0 + self.ratio * np.einsum("...f,...f", self.x, self.x))
+        along = ratio * np.einsum("...f,...f", self.x, df)
+        return (df - along[..., None] * self.x) / self.stiffness[..., None]
+
+    def mismatch(self, dz, df, unit: float):
+        """Change of `PowerLaw.mismatch`."""
+        return unit * (dz - self.velocities(df)) if self.by_force else self.forces(dz) - df
+
+    def held(self, mismatch, unit: float):
+        """The −df of a change of the mismatch with dz = 0."""
+        return self.forces(mismatch / unit) if self.by_force else mismatch
 
     def mean_stiffness(self):
         """Diagonal of df/dz, (contacts, components), mean over the steps."""
-        return np.mean((1.0 - self.inverse_ratio[..., None] * self.f**2) / self.compliance[..., None], axis=0)
+        return np.mean(self.stiffness[..., None] * (1.0 + self.ratio[..., None] * self.x**2), axis=0)

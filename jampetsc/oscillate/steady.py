@@ -147,8 +147,7 @@ class SteadyOscillation:
         rate = cycle.samples(waves[:, -1])
         if equations.holds_rate:
             state.rate[:] = rate
-        z = self.contacts.damping_motions(self.contacts.motions(state.v, rate))
-        state.f[:] = law.forces(z, FLOOR * velocity)
+        state.f[:] = law.forces(equations.motions(state), FLOOR * velocity)
         return self._run(equations, values)
 
     def _run(self, equations, values) -> "_Run":
