@@ -1,17 +1,21 @@
-"""What an approximate solution is worth: G* from it, and a bound on the error of that G*.
+"""What an approximate solution is worth: G* from it, and a bound on the error of that G*, whatever solver found it.
 
 With s = iω, A = K + sB, c = k_γ + s b_γ and any trial field x, the modulus is the stationary value of
 
     G* V = k_γγ + s b_γγ + 2 cᵀx + xᵀA x ,    and its error is exactly   rᵀA⁻¹r ,   r = c + A x .
 
-The error is quadratic in the residual. With z = A⁻¹r and S = K + ωB, K and B positive semi-definite,
+r is computed contact by contact (see `compatibility`), and what rounding may have done to it is added. What A⁻¹ can
+make of it follows from a `Hold`, for which nothing is asked of solves but their residuals either:
 
-    |rᵀA⁻¹r| = |zᵀA z| ≤ zᴴS z ≤ √2 |zᴴA z| = √2 |zᴴr| ,
+    |rᵀA⁻¹r| ≤ rᴴD⁻¹r / σ    if no singular value of D^(−½) A D^(−½) is below σ, for a diagonal D.
 
-the first step because |zᵀK z| ≤ zᴴK z, the second because |a + ib| ≥ (a + b)/√2 for a, b ≥ 0. Where K has
-negative modes |rᵀz| is left, which is the error as far as z = A⁻¹r: an estimate, no bound. The stationary
-value is summed contact by contact (see `compatibility`), so what rounding of x, K and B may do to it is also
-of second order.
+That needs no positive K. Where K ≥ 0, and B ≥ 0 as ever, a hold serves at other frequencies ω' as well. K and B are
+diagonal together, so S(ω)⁻¹ ≤ Re A⁻¹ − Im A⁻¹ for S = K + ωB, hence S(ω) ≥ (σ/√2) D; and
+
+    |rᵀA(ω')⁻¹r| ≤ √2 rᴴS(ω')⁻¹r ≤ √2 max(1, ω/ω') rᴴS(ω)⁻¹r .
+
+The stationary value is summed contact by contact as well, so what rounding of x, K and B may do to it is of second
+order.
 """
 
 from dataclasses import dataclass
@@ -20,18 +24,19 @@ import numpy as np
 
 from jampetsc.mechanics.assembly import ROW
 from jampetsc.mechanics.compatibility import Compatibility
-from jampetsc.solvers.matrices import largest_entry
+from jampetsc.solvers.matrices import diagonal_of, largest_entry
 
 EPSILON = float(np.finfo(float).eps)
+ROUNDING = 4.0 * EPSILON  # of the motions of contacts and of sums of their forces, relative to the terms
 
 
 @dataclass(frozen=True)
 class Certified:
-    """G* at one frequency with bounds: what the solve may have changed in |G*|, and rounding in each part."""
+    """G* at one frequency with bounds: what is left of the equations may change in |G*|, and rounding in each part."""
 
     omega: float
     G: complex
-    error: float  # √2 |zᴴr| / V, or |rᵀz| / V where that is larger, which takes negative modes
+    error: float  # bound on |rᵀA⁻¹r| / V
     rounding: tuple[float, float]  # of G' and of G'', from the sums over contacts
 
     @property
@@ -45,27 +50,87 @@ class Certified:
         return self.error + self.rounding[0], self.error + self.rounding[1]
 
 
+@dataclass(frozen=True, eq=False)
+class Hold:
+    """No singular value of D^(−½) (K + iωB) D^(−½) is below σ, see `least_singular_value`."""
+
+    omega: float
+    diagonal: np.ndarray  # (n_local,) of D
+    least: float  # σ
+
+    def reach(self, omega: float) -> float:
+        """a with |rᵀ(K + iωB)⁻¹r| ≤ a rᴴD⁻¹r; at other frequencies than that of the hold only if K ≥ 0."""
+        if not self.least > 0.0:
+            return float("inf")
+        return (1.0 if omega == self.omega else 2.0 * max(1.0, self.omega / omega)) / self.least
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A field and the forces that it leaves, at strain γ. Arrays hold this rank's share, complex."""
+
+    omega: float
+    x: np.ndarray  # (n_local,)
+    motions: np.ndarray  # (rows,) a = C x + γ g
+    strain: float  # γ
+    left: np.ndarray  # (n_local,) r = γ c + A x
+
+
 class Functional:
-    """G*, residual and bound of trial fields, complex (n_local,), of one pencil. All methods are collective."""
+    """G*, residual and bound of trial fields of one pencil. All methods are collective."""
 
     def __init__(self, compatibility: Compatibility):
         self.compatibility = compatibility
-        self.stiffest = [largest_entry(matrix) for matrix in (compatibility.pencil.K, compatibility.pencil.B)]
+        pencil = compatibility.pencil
+        self.network = pencil.network
+        self.stiffest = [largest_entry(matrix) for matrix in (pencil.K, pencil.B)]
+        self._diagonals = [diagonal_of(matrix) for matrix in (pencil.K, pencil.B)]
         squares = compatibility.g**2
         affine = np.array([compatibility.size_K @ squares, compatibility.w_B @ squares])
-        self.affine = np.sqrt(compatibility.pencil.network.sum(affine))
+        self.affine = np.sqrt(self.network.sum(affine))
 
-    def residual(self, omega, x):
-        """r = c + A x, from the relative motions a = C x + g, which are kept for `certify`."""
-        c = self.compatibility
-        self.motion = c.motions(x) + c.g
-        return c.forces((c.w_K + 1j * omega * c.w_B) * self.motion) + 1j * omega * c.drag * x
+    def diagonal(self, omega):
+        """That of K + ωB, (n_local,)."""
+        of_K, of_B = self._diagonals
+        return of_K + omega * of_B
 
-    def certify(self, omega, x, z, r) -> Certified:
-        """G* of x with its bound, after r = `residual(omega, x)` and with z ≈ A⁻¹r."""
+    def trial(self, omega, x, strain: float = 1.0) -> Trial:
+        """The field x (n_local,), complex, with what it leaves."""
         c = self.compatibility
-        network = c.pencil.network
-        a, field = self.motion, x
+        a = c.motions(x) + strain * c.g
+        left = c.forces((c.w_K + 1j * omega * c.w_B) * a) + 1j * omega * c.drag * x
+        c.pencil.project(left)  # no net force but for rounding, which drag alone would not hold back
+        return Trial(omega, x, a, strain, left)
+
+    def norm(self, forces, diagonal) -> float:
+        """|f| of forces (n_local,) in the norm of D⁻¹."""
+        return float(np.sqrt(self.network.sum(np.sum(np.abs(forces) ** 2 / diagonal))))
+
+    def rounding(self, trial: Trial, omega: float, diagonal) -> float:
+        """What rounding may have done to what a trial leaves, in the norm of D⁻¹; ω and D are those of a `Hold`.
+
+        With D(ω) the diagonal of K + ωB and forces f of contacts |D(ω)^(−½) |C|ᵀ|f||² ≤ ROW Σ f²/(|w_K| + ω w_B).
+        The sum of f = w a is rounded, and so is a = C x + γ g in it.
+        """
+        c, x2 = self.compatibility, np.abs(trial.x) ** 2
+        here, there = (np.abs(c.w_K) + at * c.w_B for at in (trial.omega, omega))
+        forces2 = np.abs(c.w_K + 1j * trial.omega * c.w_B) ** 2 * np.abs(trial.motions) ** 2
+        forces2 = np.divide(forces2, there, out=np.zeros_like(there), where=there > 0.0)
+        local = [
+            np.sum(forces2),
+            self.diagonal(trial.omega) @ x2,
+            here @ (trial.strain * c.g) ** 2,
+            (trial.omega * c.drag) ** 2 * np.sum(x2 / diagonal),
+        ]
+        of_sums, of_x, of_g, of_drag = self.network.sum(np.array(local))
+        stretch = self.network.max(float((self.diagonal(omega) / diagonal).max(initial=0.0)))
+        of_motions = max(1.0, trial.omega / omega) * (np.sqrt(ROW * of_x) + np.sqrt(of_g)) ** 2
+        return float(ROUNDING * np.sqrt(ROW * stretch * (of_sums + of_motions) + of_drag))
+
+    def certify(self, trial: Trial, hold: Hold) -> Certified:
+        """G* of a trial at strain 1, with its bound."""
+        c, network, omega = self.compatibility, self.network, trial.omega
+        a, field = trial.motions, trial.x
         parts = np.array([a.real**2, a.imag**2, a.real * a.imag])
         drag = c.drag * np.array(
             [np.sum(field.real**2), np.sum(field.imag**2), np.sum(field.real * field.imag)]
@@ -93,13 +158,18 @@ class Functional:
         loss = 2.0 * e_Kr * e_Ki + e_Kr * d_Ki + e_Ki * d_Kr
         loss += omega * (e_Br * (e_Br + d_Br) + e_Bi * (e_Bi + d_Bi))
         volume = network.area
-        hermitian, symmetric = network.sum(np.array([np.vdot(z, r), z @ r]))
+        left = self.norm(trial.left, hold.diagonal) + self.rounding(trial, hold.omega, hold.diagonal)
         return Certified(
             omega=float(omega),
             G=(elastic + 1j * omega * viscous) / volume,
-            error=float(max(np.sqrt(2.0) * abs(hermitian), abs(symmetric)) / volume),
+            error=float(hold.reach(omega) * left**2 / volume),
             rounding=(float(2.0 * EPSILON * storage / volume), float(2.0 * EPSILON * loss / volume)),
         )
+
+    def field_bound(self, found: Certified, x) -> float:
+        """Bound on the error of the field x that was certified, see `field_bound`: an estimate where K is not ≥ 0."""
+        squared = 2.0 * np.sqrt(2.0) * found.error * self.network.area  # ≥ 2 rᴴS⁻¹r, by S ≥ (σ/√2) D
+        return field_bound(self.compatibility, found.omega, x, squared)
 
 
 def field_bound(

@@ -12,9 +12,10 @@ import numpy as np
 from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.assembly import Pencil
 from jampetsc.mechanics.compatibility import build_compatibility
-from jampetsc.response.certificate import Certified, Functional
+from jampetsc.response.certificate import EPSILON, Certified, Functional, Hold
 from jampetsc.session import current
-from jampetsc.solvers import mumps
+from jampetsc.solvers import mumps, stopped
+from jampetsc.solvers.cholesky import least_singular_value
 from jampetsc.solvers.complexform import ComplexForm
 
 PREFIX = "freq_"
@@ -24,22 +25,27 @@ DEFAULTS = {
     "freq_pc_factor_mat_solver_type": "mumps",
     "freq_mat_mumps_icntl_7": 2,  # approximate minimum fill: faster here than the orderings MUMPS would choose
 }
-REFINEMENTS = 6  # one or two are usual; more means the factorisation is too poor
-DIGITS = 1e-12  # refinement stops when the bound is this small, relative to the smaller of G' and G''
+REFINEMENTS = 40  # one or two are usual; an iterative method of few digits needs some
+DIGITS = (
+    1e-12  # refinement stops when the bound is this small, relative to the smaller of G' and G'', or rounding
+)
+PRECISE = 1e-8  # residual of a solve for a `Hold`, relative
 
 
 class FrequencySolver:
     """K + iωB for one frequency after another. Every method is collective.
 
-    x   complex (n_local,), the field of the last `solve`
+    positive_semidefinite   whether K is known to be: what holds at one frequency then does so at others
+    x                       complex (n_local,), the field of the last `solve`
     """
 
-    def __init__(self, pencil: Pencil):
-        self.pencil = pencil
+    def __init__(self, pencil: Pencil, positive_semidefinite: bool = False):
+        self.pencil, self.positive_semidefinite = pencil, positive_semidefinite
         self.compatibility = build_compatibility(pencil)
         self.functional = Functional(self.compatibility)
         self.form = ComplexForm(pencil.K, pencil.B)
         self.ksp, self.reuse = _solver(self.form.A)
+        self.hold = self.x = None
         self.factorised = False
         self.iterations = 0
         self.factorisations = 0
@@ -81,31 +87,39 @@ class FrequencySolver:
 
     def _apply_inverse(self, omega, right):
         """A⁻¹ right to the accuracy of the KSP, scaling undone."""
-        solution = self.scale * self.form.solve(self.ksp, self.scale * right)
+        solution = self.form.solve(self.ksp, self.scale * right)
         self.iterations += self.ksp.getIterationNumber()
-        reason = self.ksp.getConvergedReason()
+        reason = stopped.reason(self.ksp)
         if reason < 0:
             raise ConvergenceError(
-                f"ω = {omega:g}: KSP stopped with {_reason_name(reason)} after "
+                f"ω = {omega:g}: KSP stopped with {stopped.name(reason)} after "
                 f"{self.ksp.getIterationNumber()} iterations; try another options file, such as options/mumps.opts"
             )
+        if self.pencil.network.sum(np.count_nonzero(~np.isfinite(solution))):
+            raise ConvergenceError(f"ω = {omega:g}: KSP gave what is no number; try another options file")
+        solution *= self.scale
         self.pencil.project(solution)
         return solution
 
     def _refine(self, omega, accuracy):
-        """x ← x − A⁻¹(c + A x) from x = 0, until the bound is met; each step squares away what is left of the error."""
-        self.x = np.zeros(self.pencil.K.getLocalSize()[0], complex)
-        result = None
+        """x ← x − A⁻¹(c + A x) from x = 0, until the bound is met or what is left does not shrink any more."""
+        functional = self.functional
+        if self.hold is None or not self.positive_semidefinite:
+            self.hold = self._find_hold(omega)
+        x = np.zeros(self.pencil.K.getLocalSize()[0], complex)
+        trial, result = functional.trial(omega, x), None
         for _ in range(REFINEMENTS):
-            r = self.functional.residual(omega, self.x)
-            z = self._apply_inverse(omega, r)
-            previous, result = result, self.functional.certify(omega, self.x, z, r)
-            smaller = min(abs(result.G.real), abs(result.G.imag))
-            if result.error <= DIGITS * smaller:
+            x = x - self._apply_inverse(omega, trial.left)
+            trial = functional.trial(omega, x)
+            previous, result = result, functional.certify(trial, self.hold)
+            if result.error <= (enough := _enough(result)):
                 break
-            if previous is not None and result.error > 0.25 * previous.error:
+            if previous is not None and not result.error < 0.25 * previous.error:  # nan and inf as well
                 break
-            self.x -= z
+        if not result.error <= enough and self.hold.omega != omega:
+            self.hold = self._find_hold(omega)
+            result = functional.certify(trial, self.hold)
+        self.x = x
         storage, loss = result.parts
         if not (
             storage <= accuracy * abs(result.G.real) and loss <= accuracy * abs(result.G.imag)
@@ -117,10 +131,47 @@ class FrequencySolver:
             )
         return result
 
+    def _find_hold(self, omega) -> Hold:
+        """A `Hold` at ω, from solves with random right-hand sides."""
+        projects = self.pencil.law.holds_translations
+        diagonal = self.functional.diagonal(omega)
+        if projects:
+            diagonal = np.ones_like(diagonal)
+        root, first = np.sqrt(diagonal), self.pencil.K.getOwnershipRange()[0]
+        generator = np.random.default_rng(first)
+
+        def start():
+            x = generator.standard_normal(2 * len(root)).view(complex)
+            mine = self.pencil.pins - first
+            x[mine[(mine >= 0) & (mine < len(x))]] = 0.0  # K and B do not act on what is pinned
+            self.pencil.project(x)
+            return x
+
+        def step(x):
+            right = root * x
+            size, left, y = self.functional.norm(right, diagonal), np.inf, np.zeros_like(right)
+            rest = right
+            for _ in range(REFINEMENTS):
+                y = y + self._apply_inverse(omega, rest)
+                trial = self.functional.trial(omega, y, strain=0.0)
+                rest = right - trial.left
+                before, left = left, self.functional.norm(rest, diagonal)
+                if left <= PRECISE * size or not left <= 0.5 * before:
+                    break
+            left += self.functional.rounding(trial, omega, diagonal) + EPSILON * size
+            return root * y, left, self.functional.norm(root * y, 1.0)
+
+        return Hold(omega, diagonal, least_singular_value(start, step))
+
     def destroy(self):
         """Free all solver objects. Collective."""
         for item in (self.ksp, self.form, self.compatibility):
             item.destroy()
+
+
+def _enough(result: Certified) -> float:
+    """An error so small that there is nothing to gain from a smaller one."""
+    return max(DIGITS * min(abs(result.G.real), abs(result.G.imag)), min(result.rounding))
 
 
 def rehearse(matrix) -> None:
@@ -143,8 +194,3 @@ def _solver(matrix):
     ksp.setOperators(matrix)
     ksp.setFromOptions()
     return ksp, session.PETSc.Options(PREFIX).getBool("ksp_reuse_preconditioner", False)
-
-
-def _reason_name(code):
-    reasons = current().PETSc.KSP.ConvergedReason
-    return next((name for name in dir(reasons) if getattr(reasons, name) == code), str(code))

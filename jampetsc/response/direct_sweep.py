@@ -5,7 +5,6 @@ import numpy as np
 from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.progress import Progress
-from jampetsc.response.certificate import field_bound
 from jampetsc.response.direct import FrequencySolver
 from jampetsc.response.job import Job, split_field, write_sweep
 from jampetsc.session import current
@@ -22,7 +21,7 @@ def run(job: Job):
     with session.stage("assembly"):
         network = job.network(session.comm)
         pencil = assemble(network, job.physics.law)
-        solver = FrequencySolver(pencil)
+        solver = FrequencySolver(pencil, positive_semidefinite=job.negative_modes == 0)
     checkpoint = Checkpoint(job.out, job.key(session.size), session.comm)
     failures = {}
     todo = [index for index in range(len(job.omega)) if index not in checkpoint.done]
@@ -42,8 +41,7 @@ def run(job: Job):
             if omega in job.field_omega:
                 displacement, rotation = split_field(pencil, solver.x)
                 fields = {"displacement": displacement} | ({} if rotation is None else {"rotation": rotation})
-                squared = result.error * network.area
-                record["field_bound"] = field_bound(solver.compatibility, omega, solver.x, squared)
+                record["field_bound"] = solver.functional.field_bound(result, solver.x)
             checkpoint.save(index, record, fields)
             progress.step(
                 f"omega {omega:.3e}  G' {result.G.real:.6e}  G'' {result.G.imag:.6e}  bound {result.error_bound:.1e}  "

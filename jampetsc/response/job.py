@@ -19,7 +19,7 @@ from jampetsc.storage.packing_file import read_identified
 from jampetsc.storage.result_file import ResultWriter
 
 FORMAT = "jampetsc-sweep"
-NOT_SHOWN = "not shown: error_bound is a bound only if K has no negative modes"
+NOT_SHOWN = "not shown: that of fields is a bound only if K has no negative modes"
 SAME = 1e-9  # a frequency of the grid this close to one of the fields, relatively, is that one
 BOUNDS = ("error_bound", "error_bound_storage", "error_bound_loss")  # on |ΔG*|, |ΔG'|, |ΔG''|
 
@@ -131,9 +131,7 @@ class Job:
         if self.negative_modes is None:
             return NOT_SHOWN
         if self.negative_modes:
-            return (
-                f"no: {self.negative_modes} negative modes; error_bound is an estimate, |rᵀA⁻¹r|, not a bound"
-            )
+            return f"no: {self.negative_modes} negative modes; error_bound is an estimate for fields, a bound for G*"
         return f"proved {f'by {self.counted_by}' if self.counted_by else 'when the packing was made'}"
 
     @property

@@ -1,8 +1,8 @@
 """What is known of a packing as a minimum of its energy before a sweep, and what becomes of the sweep when it is none.
 
-The rational method and every error bound need K + ωB to be positive definite. Where K has negative modes G*
-is still defined, and is solved for frequency by frequency. Where forces are not balanced it is that of the contacts as
-they are, which is no state that a packing stays in.
+The rational method needs K + ωB to be positive definite, and so do the error bounds of fields. Where K has negative
+modes G* is still defined, and is solved for frequency by frequency. Where forces are not balanced it is that of the
+contacts as they are, which is no state that a packing stays in.
 """
 
 from dataclasses import replace
@@ -34,7 +34,7 @@ def settle(job: Job) -> Job:
     if job.method != "direct" and job.negative_modes:
         notes.append(
             f"K has {job.negative_modes} negative modes, so the packing is not a minimum of its energy: solving "
-            "every frequency by --method direct; error_bound is an estimate then"
+            "every frequency by --method direct"
         )
         job = replace(job, method="direct")
     with Progress(None, "sweep", session.rank) as progress:

@@ -8,7 +8,7 @@ import numpy as np
 
 from jampetsc.errors import ConvergenceError
 from jampetsc.session import current
-from jampetsc.solvers import mumps
+from jampetsc.solvers import mumps, stopped
 from jampetsc.solvers.proof import doubt
 
 NOT_POSITIVE = 81  # PETSC_ERR_MAT_CH_ZRPVT, what CHOLMOD's breakdown becomes
@@ -123,9 +123,9 @@ class Cholesky:
 
     def _apply(self, rhs, out):
         self.ksp.solve(rhs, out)
-        reason = self.ksp.getConvergedReason()
+        reason = stopped.reason(self.ksp)
         if reason < 0:
-            raise ConvergenceError(f"solve with {self.what} failed (KSP reason {reason})")
+            raise ConvergenceError(f"solve with {self.what} failed (KSP: {stopped.name(reason)})")
         if self.project is not None:
             self.project(out.getArray())
 
@@ -172,7 +172,7 @@ class Cholesky:
             item.destroy()
 
 
-def least_eigenvalue(start, step) -> float:
+def least_eigenvalue(start, step, trials: int = TRIALS) -> float:
     """A lower bound on the smallest |λ| of a symmetric A, right but for a chance of one in a million. Collective.
 
     start   () → a vector of independent normal numbers in the space on which A acts
@@ -187,7 +187,7 @@ def least_eigenvalue(start, step) -> float:
     them is at least (τ − |ρ₁|)/m. Zero where the residuals are too large to tell.
     """
     least = np.inf
-    for _ in range(TRIALS):
+    for _ in range(trials):
         x, factors = start(), []  # of |λ|⁰, |λ|¹, …
         for _ in range(STEPS):
             x, left, size = step(x)
@@ -196,3 +196,19 @@ def least_eigenvalue(start, step) -> float:
         share = max(TAU - factors[0], 0.0) / STEPS
         least = min(least, *((share / factors[k]) ** (1.0 / k) for k in range(1, STEPS + 1)))
     return float(least)
+
+
+def least_singular_value(start, step) -> float:
+    """The same for a complex symmetric A: a lower bound on its smallest singular value σ. Collective.
+
+    start, step   as for `least_eigenvalue`, of complex vectors; normal numbers of unit variance in both parts
+
+    A = U Σ Uᵀ (Takagi), so A ū = σu, and uᴴx_{k−1} = σ uᵀy_k + uᴴρ_k for A y_k = x_{k−1} − ρ_k: one goes on with
+    x_k = ȳ_k. |uᴴx₀| < τ has a chance of τ²/2, so one trial will do.
+    """
+
+    def turned(x):
+        y, left, size = step(x)
+        return np.conj(y), left, size
+
+    return least_eigenvalue(start, turned, trials=1)

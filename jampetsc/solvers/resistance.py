@@ -10,6 +10,7 @@ from scipy.sparse import csr_array
 
 from jampetsc.errors import ConvergenceError
 from jampetsc.session import current
+from jampetsc.solvers import stopped
 
 PREFIX = "flow_"
 DEFAULTS = {"ksp_type": "cg", "pc_type": "jacobi", "ksp_norm_type": "unpreconditioned"}
@@ -58,7 +59,7 @@ class ContactSolver:
         try:
             self.ksp.setOperators(matrix)
             self.ksp.solve(right, solution)
-            reason = self.ksp.getConvergedReason()
+            reason = stopped.reason(self.ksp)
             if reason <= 0:
                 raise ConvergenceError(
                     f"velocities not found by KSP (reason {reason}, {self.ksp.getIterationNumber()} iterations): "
