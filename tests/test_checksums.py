@@ -230,6 +230,14 @@ def test_bytes_come_out_as_they_went_in(tmp_path):
             Verified(open(tmp_path / "g", "rb"))
 
 
+def test_a_file_that_was_cut_is_refused_before_libhdf5_sees_it(sound, tmp_path):
+    content = (sound / "packing" / "s.h5").read_bytes()
+    end = int.from_bytes(content[28:36], "little")  # of what HDF5 has written, as its header says
+    (tmp_path / "s.h5").write_bytes(content[: end - 100])
+    with pytest.raises(Damaged, match="truncated: 100 bytes of its HDF5 are missing"):
+        Verified(open(tmp_path / "s.h5", "rb"))
+
+
 def test_sizes_are_checked_before_they_are_allocated(tmp_path):
     path = tmp_path / "p.h5"
     write_packing(path, published())

@@ -1,5 +1,6 @@
 """Contacts, forces, rattlers and stress against loops over all pairs, differences, published values."""
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -15,9 +16,11 @@ from jampetsc.contacts.state import (
     both_ends,
     find_contacts,
     find_rattlers,
+    force_threshold,
     measure,
     net_forces,
 )
+from jampetsc.errors import InputError
 
 
 def test_split_loses_nothing():
@@ -122,6 +125,25 @@ def test_a_contact_that_only_just_touches_does_not_count():
     new = find_contacts(touching).overlap < 1e-14
     assert np.count_nonzero(new) == 1 and len(new) == 34
     assert (measure(touching).contacts.overlap > 1e-14).all()
+
+
+def test_force_that_a_contact_needs_to_count():
+    """A millionth of a usual force; at vanishing pressure what rounding leaves of a bond that carries none."""
+    disks = polydisperse()[0]
+    d = 2.0 * disks.radii.mean()
+    stiff = replace(disks, potential=replace(disks.potential, k=7.0))
+    for pressure, force, force_of_stiff in ((1e-3, 1e-9, 1e-9), (1e-9, 1e-14, 7e-14), (0.0, 1e-14, 7e-14)):
+        assert force_threshold(disks, pressure) == pytest.approx(force * d)
+        assert force_threshold(stiff, pressure) == pytest.approx(force_of_stiff * d)
+
+
+@pytest.mark.parametrize("scale", [2.0**29, 2.0**40])
+def test_coordinates_that_leave_no_digits_are_refused(scale):
+    disks = published()
+    with pytest.raises(InputError, match=r"beyond 2\^28"):
+        Disks.from_positions(scale * disks.positions, scale * disks.radii, scale * disks.cell)
+    with pytest.raises(InputError, match=r"beyond 2\^28"):
+        Disks.from_positions(disks.positions + np.array([scale, 0.0]), disks.radii, disks.cell)
 
 
 def test_published_state_of_jambashbulk():

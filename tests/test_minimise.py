@@ -1,9 +1,11 @@
 """The minimiser: gradient, directions, staleness, proof and saddles, each against an independent calculation."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from jampetsc.contacts import domains
+from jampetsc.contacts import domains, state
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.kernel import pair_forces
 from jampetsc.contacts.minimum import proved_minimum
@@ -17,7 +19,7 @@ from jampetsc.packing import lbfgs, minimise, passes, protocols
 from jampetsc.packing.descent import Descent, Goal
 from jampetsc.packing.fire import fall
 from jampetsc.packing.minimise import Effort, relax
-from jampetsc.packing.newton import Limits, Newton, Point
+from jampetsc.packing.newton import Limits, Newton, Point, Residual
 from jampetsc.packing.sizes import radii_of
 from jampetsc.solvers.local import NewtonSolver
 
@@ -250,6 +252,35 @@ def test_proof_is_that_of_dense_eigenvalues(unstable):
             assert found is None
         else:
             assert found == pytest.approx(modulus, rel=1e-6)
+
+
+def test_what_is_proved_are_the_contacts_that_bear_load(monkeypatch):
+    monkeypatch.setattr(state, "TOUCH", 0.4)  # of p d: many contacts carry less
+    disks = random_disks(100, 1.0)
+    bearing = measure(disks)
+    point, held = Point.of(Descent(disks, Goal(), Team())).held(disks)
+    assert 50 < len(bearing.contacts) < len(find_contacts(disks)) - 10
+    assert np.count_nonzero(point.bonds.stiffness) == len(bearing.contacts)
+    pinned = np.argmin(bearing.rattlers)
+    assert not held[pinned]
+    held[pinned] = True
+    assert np.array_equal(held, ~bearing.rattlers)
+
+
+def test_every_part_of_a_residual_counts():
+    limits = Residual(force=1.0, pressure=2.0, shear_stress=3.0)
+    assert limits.within(limits)
+    for part in ("force", "pressure", "shear_stress"):
+        worse = replace(limits, **{part: 3.5})
+        assert not worse.within(limits) and limits.within(worse)
+
+
+@pytest.mark.scalar("real")
+def test_convergence_is_not_taken_on_trust(monkeypatch):
+    """A Newton's method that says so at once: what is returned has small forces all the same."""
+    monkeypatch.setattr(Newton, "converge", lambda newton, limits: True)
+    found = minimise.minimise(random_disks(64), Goal(1e-3), NewtonSolver())
+    assert measure(found.disks).max_force <= 1.01e-13
 
 
 @pytest.mark.scalar("real")

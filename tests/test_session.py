@@ -12,6 +12,7 @@ import samples
 
 import jampetsc.session
 from jampetsc import builds, cli
+from jampetsc.collective import own_cores
 from jampetsc.errors import InputError
 from jampetsc.storage.packing_file import write_packing
 
@@ -382,6 +383,14 @@ def test_stages_are_named_in_the_log(tmp_path):
     assert done.returncode == 0, done.stderr
     log = (tmp_path / "log").read_text()
     assert log.count(":   Factor shifts:") == 1
+
+
+@pytest.mark.scalar("real")
+def test_ranks_of_a_node_share_its_cores(session):
+    cores = len(os.sched_getaffinity(0))
+    assert own_cores(session.comm) == max(1, cores // session.size)
+    alone = own_cores(session.comm, session.rank == 0)
+    assert alone == cores or session.rank > 0
 
 
 # A rank on its own
