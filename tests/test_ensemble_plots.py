@@ -11,6 +11,7 @@ from jampetsc.plots.averages import average_curves
 from jampetsc.plots.curves import curve_of, group_curves
 from jampetsc.storage.reader import load
 from jampetsc.study.table import table_text
+from jampetsc.words.pictures import of_studies
 
 OMEGA = np.geomspace(1e-4, 1, 9)
 
@@ -73,6 +74,18 @@ def test_pictures_of_a_study(folder, capsys, kind):
     assert "10 sweeps" in said and "arithmetic means over packings with bootstrap errors" in said
     assert "G' < 0 somewhere in 2 of them" in said
     assert (folder / "x.png").stat().st_size > 5000
+
+
+def test_of_files_that_a_picture_shows_either_way_a_study_gives_one_kind(tmp_path):
+    rows = [
+        {"command": name, "state": "done", "file": f"{name}.h5", "seconds": 1}
+        for name in ("flow", "correlate", "jam", "shear")
+    ]
+    (tmp_path / "table.csv").write_text(table_text(rows))
+    assert of_studies([tmp_path], ["lanes"])[0] == [str(tmp_path / "correlate.h5")]
+    assert of_studies([tmp_path], ["fraction"])[0] == [
+        str(tmp_path / f"{name}.h5") for name in ("jam", "shear")
+    ]
 
 
 @pytest.mark.parametrize(

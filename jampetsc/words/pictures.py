@@ -77,9 +77,7 @@ def of_studies(paths, kinds, where=None) -> tuple[list[str], bool]:
             continue
         table, averages = load(path), True
         done = table.where(state="done", **wanted)
-        suited = [
-            done.where(command=[COMMANDS.get(name, name) for name in PICTURES[kind].of]) for kind in kinds
-        ]
+        suited = [_shown(done, PICTURES[kind]) for kind in kinds]
         found = next((rows for rows, kind in zip(suited, kinds, strict=True) if fits(rows, kind)), None)
         if found is None:
             held = ", ".join(sorted(set(done["command"].tolist()))) or "nothing"
@@ -91,6 +89,14 @@ def of_studies(paths, kinds, where=None) -> tuple[list[str], bool]:
     if where and not averages:
         raise InputError(f"--where {where}: chooses rows of a study, but {paths[0]} is none: leave it out")
     return files, averages
+
+
+def _shown(done, picture):
+    """The rows of a study whose files a kind of picture shows: of those not `mixed` the first format that is there."""
+    made = [COMMANDS.get(name, name) for name in picture.of]
+    if not picture.mixed:
+        made = [next((command for command in made if command in done["command"]), made[0])]
+    return done.where(command=made)
 
 
 def _wanted(where):
