@@ -210,6 +210,37 @@ def velocity_correlation(table):
             yield f"{model}, γ̇ = {g.attributes['rate']:g}: minimum of g_y {says}", None, depth, None, where
 
 
+def fitted(table, name, wanted, of):
+    """Claims about the parameters that `jampetsc collapse` has put into a file of the study's folder."""
+    result = jampetsc.load(table.path / f"{name}.h5").attributes
+    for parameter, theirs, note in wanted:
+        symbol = {"phi_J": "φ_J", "znu": "zν", "nu": "ν"}.get(parameter, parameter)
+        what = f"{of}: {symbol} (χ²/dof {result['chi2'] / result['dof']:.2f})"
+        yield what, theirs, result[parameter], result[f"{parameter}_error"], note
+
+
+@claim("vagberg-fig5.1")
+def exponents(table):
+    wanted = [
+        ("phi_J", 0.8433, ""),
+        ("y", 1.1, ""),
+        ("znu", 3.5, "N = 1024 and γ̇ from 1e-4 on: corrections to scaling"),
+    ]
+    yield from fitted(table, "pressure", wanted, "collapse of p, RD0")
+    wanted = [
+        ("phi_J", 0.8433, ""),
+        ("y", 1.1, "V: σ has larger corrections than p; not the exponent of small γ̇"),
+    ]
+    yield from fitted(table, "shear-stress", wanted, "collapse of σ, RD0")
+
+
+@claim("paper2")
+def finite_size(table):
+    yield from fitted(
+        table, "finite-size", [("nu", 1.0, "random starts"), ("phi_J", None, "")], "f(φ, N), RAND"
+    )
+
+
 @claim("paper4")
 def regimes(table):
     flows = table.where(command="flow", quality=1.0)
