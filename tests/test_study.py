@@ -109,8 +109,15 @@ seeds = "1:2"
 """
 
 
+def only_on(ranks):
+    """Skip a test that shows nothing more on other numbers of ranks: "one" or "several"."""
+    if (current().size == 1) != (ranks == "one"):
+        pytest.skip(f"shown on {ranks}")
+
+
 @pytest.mark.scalar("real")
 def test_large_tasks_are_done_by_all_ranks_together(session, shared_path, monkeypatch):
+    only_on("several")
     text = SMALL.replace("1:2", "1:1") + '[sweep]\nomega = "1"\nfields = "1"\n[correlate]\n'
     apart = study(shared_path / "apart", text)
     monkeypatch.setattr(study_run, "LARGE", 15)
@@ -122,10 +129,11 @@ def test_large_tasks_are_done_by_all_ranks_together(session, shared_path, monkey
 
 @pytest.mark.scalar("real")
 def test_on_several_machines_rank_0_keeps_the_books(session, shared_path, monkeypatch):
+    only_on("several")
     monkeypatch.setattr(study_run, "Board", functools.partial(Board, node=session.MPI.COMM_SELF))
     assert set(study(shared_path / "study", SMALL)["state"]) == {"done"}
     made = sorted(path.name for path in (shared_path / "study" / "journal").iterdir())
-    assert made and (session.size == 1 or "rank-0000" not in made)
+    assert made and "rank-0000" not in made
 
 
 @pytest.mark.scalar("real")
@@ -153,6 +161,7 @@ def test_a_task_that_fails_is_a_row_and_the_others_go_on(session, shared_path):
 
 @pytest.mark.scalar("real")
 def test_more_seeds_are_added_and_the_rest_is_kept(session, shared_path):
+    only_on("one")
     text = '[pack]\nn = 16\npressure = 1e-2\nseeds = "1:2"\n[sweep]\nomega = "1"\nfields = "1"\n[correlate]\n'
     first = study(shared_path / "study", text)
     second = study(shared_path / "study", text.replace("1:2", "1:3"))
@@ -193,6 +202,7 @@ def test_killed_at_any_moment_the_same_command_continues(tmp_path):
 
 @pytest.mark.scalar("real")
 def test_what_a_kill_left_is_taken_over_and_tidied(session, shared_path):
+    only_on("one")
     folder = shared_path / "study"
     name = study(folder, SMALL).where(command="quasistatic")["file"][0]
     made = (folder / name).stat().st_mtime_ns

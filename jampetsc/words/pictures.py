@@ -95,7 +95,7 @@ def _shown(done, picture):
     """The rows of a study whose files a kind of picture shows: of those not `mixed` the first format that is there."""
     made = [COMMANDS.get(name, name) for name in picture.of]
     if not picture.mixed:
-        made = [next((command for command in made if command in done["command"]), made[0])]
+        made = [next((command for command in made if command in done["command"].tolist()), made[0])]
     return done.where(command=made)
 
 
