@@ -5,11 +5,18 @@ import pytest
 
 import jampetsc
 from jampetsc import cli
+from jampetsc.contacts.pairs import deformed
+from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import measure
 from jampetsc.errors import InputError
 from jampetsc.flow import slowjob
-from jampetsc.flow.slowly import ENERGY_CUT
+from jampetsc.flow.slowly import ENERGY_CUT, SlowShear, look_at
+from jampetsc.packing.descent import Goal
+from jampetsc.packing.minimise import Effort, minimise, settle
+from jampetsc.packing.protocols import random_start
+from jampetsc.packing.sizes import radii_of
 
+SOFT = Potential("harmonic", "inverse-square-diameter")
 WORDS = "shear --n 64 --phi {phi} --seed 2 --step {step} --strain {strain}"
 
 
@@ -50,33 +57,94 @@ def test_energy_grows_by_the_work_of_the_stress(alone, session, tmp_path):
     assert facts["energy_cut"] == ENERGY_CUT and facts["discard"] == 0.03
 
 
+@pytest.fixture
+def jammed(alone):
+    """48 disks at φ = 0.87 that are sheared slowly, and the solver of their quench."""
+    from jampetsc.solvers.local import NewtonSolver
+
+    solver = NewtonSolver()
+    yield settle(random_start(1.2 * radii_of("bidisperse", 48), 0.87, 1, SOFT), 1e-6), solver
+    solver.destroy()
+
+
+@pytest.mark.scalar("real")
+def test_plastic_events_are_what_cannot_be_undone(jammed):
+    """A step back leads to the energy of before, but after a plastic one."""
+    slow = SlowShear(jammed[0], 2e-3, jammed[1], 1e-8)
+    undone, kept = [], []
+    for _ in range(120):
+        before, here = slow.found if slow.steps else None, slow.disks
+        step = slow.advance()
+        back = SlowShear(slow.disks, -2e-3, jammed[1], 1e-8)
+        back.advance()
+        loss = back.found.energy - look_at(here).energy
+        assert before is None or before.energy == pytest.approx(look_at(here).energy, rel=1e-9)
+        (kept if step.plastic else undone).append(abs(loss) / look_at(here).energy)
+    assert len(kept) >= 3 and len(undone) > 60
+    assert np.median(undone) < 1e-6 and np.quantile(undone, 0.95) < 1e-3 < min(kept)
+
+
+@pytest.mark.scalar("real")
+def test_what_is_followed_is_what_a_quench_finds(jammed):
+    """Minima of the same energy as L-BFGS and a proof find from the same affine step, in a tenth of the evaluations."""
+    disks, solver = jammed
+    slow = SlowShear(disks, 5e-4, solver, 1e-9)
+    cost, same = Effort(), 0
+    evaluations = 0
+    for _ in range(20):
+        affine = deformed(slow.disks, np.zeros((48, 2)), 0.0, 5e-4)
+        evaluations += slow.advance().evaluations
+        quenched = look_at(minimise(affine, Goal(), solver, tolerance=1e-9, effort=cost).disks)
+        same += slow.found.energy == pytest.approx(quenched.energy, rel=1e-9)
+        assert slow.found.coordination == look_at(slow.disks).coordination
+        assert slow.found.shear_stress == pytest.approx(look_at(slow.disks).shear_stress, rel=1e-9)
+        state = measure(slow.disks)
+        assert state.max_force < 1e-9 * state.pressure * slow.diameter
+    assert same >= 18
+    assert evaluations < 0.2 * cost.evaluations
+
+
+@pytest.mark.scalar("real")
+def test_means_do_not_depend_on_the_step(alone, session, tmp_path):
+    """σ and p with Δγ and Δγ/4, other trajectories after the first event, agree within their errors."""
+    whole, fine = (
+        shear(tmp_path / f"{step}.h5", "--discard", 0.5, phi=0.86, step=step, strain=2.0).attributes
+        for step in (4e-3, 1e-3)
+    )
+    for name in ("shear_stress", "pressure"):
+        error = np.hypot(whole[f"{name}_error"], fine[f"{name}_error"])
+        assert abs(whole[f"{name}_mean"] - fine[f"{name}_mean"]) < 4 * error
+        assert error < 0.25 * whole[f"{name}_mean"]
+
+
 @pytest.mark.scalar("real")
 def test_disks_below_jamming_have_no_energy(alone, session, tmp_path):
     result = shear(tmp_path / "qs.h5", phi=0.80, step=1e-2, strain=0.2)
     loose = result["jammed"] == 0
     assert loose.any() and (result["energy"][loose] <= 64 * ENERGY_CUT).all()
     assert result.attributes["jammed_mean"] < 1
+    assert not result["plastic"][1:][loose[:-1]].any()
 
 
 @pytest.mark.scalar("real")
 def test_a_killed_run_goes_on_to_the_last_bit(alone, session, tmp_path, monkeypatch):
-    whole = shear(tmp_path / "whole.h5", strain=0.02)
+    whole = shear(tmp_path / "whole.h5", strain=0.07)
     monkeypatch.setattr(slowjob, "INTERVAL", -1.0)
     save, saved = slowjob.write_checkpoint, []
 
     def save_and_stop(*what):
         save(*what)
         saved.append(what)
-        if len(saved) == 7:
+        if len(saved) == 60:  # after all was made anew once
             raise KeyboardInterrupt
 
     monkeypatch.setattr(slowjob, "write_checkpoint", save_and_stop)
     with pytest.raises(KeyboardInterrupt):
-        shear(tmp_path / "out.h5", strain=0.02)
+        shear(tmp_path / "out.h5", strain=0.07)
     assert not (tmp_path / "out.h5").exists()
-    parts = shear(tmp_path / "out.h5", strain=0.02)
-    assert len(saved) == 20 and not (tmp_path / "out.h5.resume").exists()
-    for name in ("energy", "shear_stress", "nonaffine"):
+    parts = shear(tmp_path / "out.h5", strain=0.07)
+    assert len(saved) == 70 and not (tmp_path / "out.h5.resume").exists()
+    for name in ("energy", "shear_stress", "nonaffine", "evaluations"):
         assert np.array_equal(whole[name], parts[name])
 
 

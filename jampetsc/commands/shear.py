@@ -7,8 +7,8 @@ EPILOG = """examples
   jampetsc shear --n 64 --phi 0.845 --step 1e-3 --strain 8 --out qs.h5
   jampetsc shear packing.h5 --step 1e-3 --strain 1 --out qs.h5
 
-A run that was killed goes on when the same command is given again. Options of the Newton steps have the prefix
--newton_."""
+A run that was killed goes on when the same command is given again. Options of the Newton steps of its quenches have the
+prefix -newton_."""
 
 
 def add_parser(subparsers) -> None:

@@ -8,16 +8,16 @@ from jampetsc import session
 from jampetsc.analysis.averages import Average
 from jampetsc.flow.record import Record, remove_checkpoint, resumed, write_checkpoint, write_record
 from jampetsc.flow.run import INTERVAL, LINES
-from jampetsc.flow.slowly import ENERGY_CUT, SlowShear, look_at
+from jampetsc.flow.slowly import ENERGY_CUT, SHARE, SlowShear
 from jampetsc.progress import Progress
 from jampetsc.storage.packing_file import write_packing
 from jampetsc.storage.provenance import provenance
 
 FORMAT = "jampetsc-shear"
-# per step: strain, then what `slowly.Look` has, the rms displacement beside the affine one in mean diameters, and cost
+# per step: strain, then what `slowly.Look` and `slowly.Step` have
 COLUMNS = {
     "strain": 0, "energy": 0, "shear_stress": 0, "pressure": 0, "jammed": 0, "coordination": 0, "nonaffine": 0,
-    "evaluations": 0,
+    "dissipated": 0, "plastic": 0, "evaluations": 0,
 }  # fmt: skip
 
 
@@ -39,20 +39,19 @@ def run(args, disks, origin, solver) -> str:
         if kept is not None:
             progress.note(f"{args.out}: goes on from strain {slow.strain:.6g}")
         while len(record) < steps:
-            before = slow.effort.evaluations
-            size = slow.advance()
-            found = look_at(slow.disks)
-            evaluations = slow.effort.evaluations - before
-            record.add(strain=slow.strain, nonaffine=size, evaluations=evaluations, **vars(found))
+            step = slow.advance()
+            record.add(strain=slow.strain, **vars(slow.found), **vars(step))
             if time.monotonic() - saved > INTERVAL:
                 write_checkpoint(args.out, record, slow.state(), settings)
                 saved = time.monotonic()
             if len(record) * LINES // steps > said:
                 said += 1
-                progress.step(f"strain {slow.strain:.4g}, p {found.pressure:.4g}")
+                progress.step(f"strain {slow.strain:.4g}, p {slow.found.pressure:.4g}")
     averages = _averages(record, discard)
     facts = _facts(args, disks, origin, averages, discard, slow, time.perf_counter() - began)
-    write_record(args.out, record, slow.state() | {"radii": disks.radii}, settings, facts, FORMAT)
+    names = ("base", "offset", "radii", "cell_base", "cell_offset")
+    minimum = {name: getattr(slow.disks, name) for name in names}
+    write_record(args.out, record, minimum, settings, facts, FORMAT)
     remove_checkpoint(args.out)
     if args.last is not None:
         write_packing(
@@ -64,7 +63,7 @@ def run(args, disks, origin, solver) -> str:
 def _averages(record, discard):
     """Average of every quantity over strain > discard, jammed or not."""
     after = record.series("strain") > discard * (1 + 1e-12)
-    names = ("shear_stress", "pressure", "energy", "coordination", "jammed")
+    names = ("shear_stress", "pressure", "energy", "coordination", "jammed", "plastic", "dissipated")
     return {name: Average.of(record.series(name)[after]) for name in names}
 
 
@@ -85,6 +84,7 @@ def _facts(args, disks, origin, averages, discard, slow, seconds):
         "tolerance": args.tolerance,
         "discard": discard,
         "energy_cut": ENERGY_CUT,
+        "plastic_share": SHARE,
         "newton_steps": slow.effort.newton_steps,
         **{f"{name}_mean": average.mean for name, average in averages.items()},
         **{f"{name}_error": average.error for name, average in averages.items()},
@@ -95,8 +95,9 @@ def _summary(args, disks, averages, record):
     def told(name):
         return f"{averages[name].mean:.4g} ± {averages[name].error:.2g}"
 
-    cost = record.series("evaluations").mean()
+    cost, events = record.series("evaluations").mean(), int(record.series("plastic").sum())
     return (
-        f"{args.out}: phi = {disks.phi:.6g}, {len(record)} steps of {args.step:g}, {cost:.0f} force evaluations each\n"
+        f"{args.out}: phi = {disks.phi:.6g}, {len(record)} steps of {args.step:g}, {cost:.0f} force evaluations each, "
+        f"{events} plastic event{'s' * (events != 1)}\n"
         f"  sigma = {told('shear_stress')}, p = {told('pressure')}, jammed {told('jammed')}, Z = {told('coordination')}"
     )

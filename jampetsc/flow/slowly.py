@@ -1,24 +1,32 @@
 """Quasistatic shear: an affine step of the cell, the minimum of the energy there, and again (Vågberg, thesis sec. 4.7).
 
-Between rearrangements the disks follow the cell by a displacement that is nearly the same from step to step: each
-minimisation starts from the affine positions moved once more as in the step before, by Newton's method; only where
-contacts change too much for that does it go down by `packing.minimise`.
+Between rearrangements the disks follow the cell by a displacement that is nearly the same from step to step: each step
+starts from the affine positions moved once more as in the step before, and goes down by `packing.follow`, with a factor
+of the Hessian that serves for many steps. Only where that takes too long a quench is begun, by `packing.minimise`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.pairs import deformed
+from jampetsc.contacts.pairs import SKIN_RANGE, PairList, deformed, is_stale
 from jampetsc.contacts.state import find_contacts, measure
-from jampetsc.contacts.threads import Team
-from jampetsc.packing.descent import Descent, Goal
-from jampetsc.packing.minimise import Effort, minimise
-from jampetsc.packing.newton import Limits, Newton
+from jampetsc.packing import follow as compiled
+from jampetsc.packing.descent import Goal
+from jampetsc.packing.ldl import dissected
+from jampetsc.packing.minimise import UNJAMMED, Effort, minimise, stress_unit
+from jampetsc.packing.newton import FORCE_FLOOR
 
 ENERGY_CUT = 1e-16  # U/(N k_e) above which disks are jammed (Vågberg et al., PRE 83, 031307 (2011))
 LONGEST = 0.1  # mean diameters: a longer displacement was a rearrangement, which does not go on as it went
+RENEWAL = 50  # steps after which everything but the disks is made anew
+AGED = 12  # evaluations of a step from which on the factor is too old
+FRESH = 40  # evaluations between two factors on a long way down
+PATIENCE = 800  # evaluations before a quench is begun
+DAMPING = 1e-5  # added to the Hessian, in units of the stiffness of a contact
+NEARBY = 3e-3  # mean diameters: disks that are apart by less may touch within the step
+SHARE = 0.25  # of G_A V Δγ²: what a step must dissipate to be a plastic event
 
 
 @dataclass(frozen=True)
@@ -30,6 +38,21 @@ class Look:
     pressure: float
     jammed: bool
     coordination: float  # Z = 2 N_c / N, rattlers included
+
+
+@dataclass(frozen=True)
+class Step:
+    """What is kept of a step.
+
+    The work of the stress, by the trapezium rule, is stored or dissipated: V ½(σ + σ') Δγ = U' − U + E. On an elastic
+    branch |E| is the error of the rule, Δγ²/8 times the change of V dσ/dγ in the step, which lies below V G_A, the
+    modulus of affine motion. A plastic event is a step from a jammed state with E > ¼ G_A V Δγ²: disks rearranged.
+    """
+
+    nonaffine: float  # rms displacement beside the affine one, in mean diameters
+    dissipated: float  # E
+    plastic: bool
+    evaluations: int  # of forces
 
 
 def look_at(disks: Disks) -> Look:
@@ -45,7 +68,7 @@ def look_at(disks: Disks) -> Look:
 
 
 class SlowShear:
-    """Disks sheared step by step; `disks` is the last minimum, `effort` what it has cost.
+    """Disks sheared step by step; `disks` is the last minimum, `found` what it is like, `effort` what it has cost.
 
     Raises ConvergenceError where no minimum is found, as `packing.minimise.minimise`.
     """
@@ -54,54 +77,152 @@ class SlowShear:
         self.step, self.solver, self.tolerance = step, solver, tolerance
         self.effort = Effort()
         self.steps = 0
+        self.diameter = 2.0 * float(np.mean(disks.radii))
+        self.largest = 2.0 * float(disks.radii.max())
         self.last = np.zeros((disks.n, 2))  # displacement beside the affine one in the last step
-        self.disks, self.jammed = self._minimum(disks, False)
+        self._unit = stress_unit(disks)
+        self._list(self._quenched(disks))
 
     @property
     def strain(self) -> float:
         """Total strain γ."""
         return self.steps * self.step
 
-    def _minimum(self, disks, near):
-        """The minimum downhill from disks; near: Newton's method is tried at once, and a proof is not asked for."""
-        if near:
-            descent = Descent(disks, Goal(), Team())
-            newton = Newton(descent, self.solver, self.effort)
-            there = newton.converge(Limits(descent, self.tolerance))
-            self.effort.evaluations += descent.evaluations
-            if there:
-                return descent.disks.folded(), True
-        found = minimise(disks, Goal(), self.solver, tolerance=self.tolerance, effort=self.effort)
-        return found.disks.folded(), found.jammed
+    @property
+    def disks(self) -> Disks:
+        """The packing as it is now, folded."""
+        return deformed(self.reference, self.offsets, 0.0, self.shear).folded()
 
-    def advance(self) -> float:
-        """One step; returns the rms displacement beside the affine one, in mean diameters."""
-        still = np.zeros_like(self.last)
-        affine = deformed(self.disks, still, 0.0, self.step).folded()
-        # The minimum of the step before may be shifted as a whole: nothing holds it.
-        self.disks, self.jammed = self._minimum(deformed(affine, self.last, 0.0, 0.0), self.jammed)
-        moved = (self.disks.base - affine.base) + (self.disks.offset - affine.offset)
-        turns = np.round(moved @ np.linalg.inv(affine.cell))
-        moved -= turns @ affine.cell
-        moved -= moved.mean(axis=0)
+    def _quenched(self, disks) -> Disks:
+        effort = Effort()
+        found = minimise(disks, Goal(), self.solver, tolerance=self.tolerance, effort=effort)
+        self.effort.evaluations += effort.evaluations
+        self.effort.newton_steps += effort.newton_steps
+        return found.disks.folded()
+
+    def _list(self, disks):
+        """Go on from disks at a minimum, or near one, with a list of their pairs."""
+        self.reference, self.offsets, self.shear = disks, np.zeros((disks.n, 2)), 0.0
+        self.skin = SKIN_RANGE[1] * self.diameter
+        self.pairs = PairList.build(disks, self.skin)
+
+    def _renew(self):
+        """Make everything anew that decides the last digits, so that a run may go on from here."""
+        self._list(self.disks)
+        self._anchor = self.reference, self.last.copy(), self.steps, replace(self.effort)
+        places = self.reference.positions @ np.linalg.inv(self.reference.cell)
+        self._order = dissected(places - np.floor(places), self.pairs.i, self.pairs.j)
+        law, pressure = self.reference.potential, max(measure(self.reference).pressure, UNJAMMED * self._unit)
+        scale = float(law.scale(np.array(self.diameter)))
+        usual = scale * (2.0 * pressure * self.diameter * scale / law.k) ** (1.0 / (law.alpha - 1.0))
+        self._stiffness = float(law.contact_stiffness(usual, self.diameter))
+        self._factorise()
+        self.found = self._look(self._forces())
+
+    def _factorise(self):
+        """A factor of the Hessian as it is now, and nothing remembered."""
+        disks = self.reference
+        self._factor = compiled.factor_of(
+            self._order, self.pairs.arrays, self.offsets, self.shear, disks.potential.constants,
+            NEARBY * self.diameter, DAMPING * self._stiffness, self._stiffness,
+        )  # fmt: skip
+        self._memory = compiled.nothing_remembered(disks.n)
+        self.effort.newton_steps += 1
+
+    def _go_down(self, forces, budget):
+        disks, unit = self.reference, self._unit
+        floor = FORCE_FLOOR * self._stiffness * self.diameter
+        return compiled.follow(
+            self.pairs.arrays, (self.largest, self.skin), disks.potential.constants, disks.area, self._factor,
+            self._memory, self.offsets, self.shear, self._moved, forces,
+            (self.tolerance, floor, UNJAMMED * unit, self.diameter, LONGEST * self.diameter, budget),
+        )  # fmt: skip
+
+    def _follow(self):
+        """Down to the minimum; the sums of `bond_forces` there, None where it was lost."""
+        forces, spent, budget = np.empty_like(self.offsets), 0, AGED
+        while spent < PATIENCE:
+            status, evaluations, sums = self._go_down(forces, budget)
+            spent += evaluations
+            self.effort.evaluations += evaluations
+            if status in (compiled.CONVERGED, compiled.APART):
+                return sums
+            if status == compiled.LOST:
+                return None
+            if status == compiled.STALE:
+                self._list(self.disks)
+            else:
+                self._factorise()
+                budget = FRESH
+        return None
+
+    def advance(self) -> Step:
+        """One step. `found` is the minimum it ends in."""
+        if self.steps % RENEWAL == 0:
+            self._renew()
+        before, spent = self.found, self.effort.evaluations
+        self.shear += self.step
+        self._moved = self.last.copy()
+        self.offsets += self.last - self.shear * np.outer(self.last[:, 1], [1.0, 0.0])
+        far = float(np.hypot(*self.offsets.T).max())
+        if is_stale(far, 0.0, self.shear, self.largest, self.skin):
+            self._list(self.disks)
+        sums = self._follow()
+        if sums is None:
+            here = self.disks
+            self._list(self._quenched(here))
+            turns = (self.reference.base - here.base) + (self.reference.offset - here.offset)
+            self._moved += turns - np.round(turns @ np.linalg.inv(here.cell)) @ here.cell
+            self._factorise()
+            sums = self._forces()
         self.steps += 1
-        diameter = 2.0 * float(np.mean(self.disks.radii))
-        size = float(np.sqrt(np.mean(np.sum(moved**2, axis=1)))) / diameter
-        self.last = moved if np.abs(moved).max() < LONGEST * diameter else still
-        return size
+        moved = self._moved - self._moved.mean(axis=0)
+        self.last = moved if np.abs(moved).max() < LONGEST * self.diameter else np.zeros_like(moved)
+        self.found = now = self._look(sums)
+        area = self.reference.area
+        work = 0.5 * (before.shear_stress + now.shear_stress) * area * self.step
+        dissipated = work - (now.energy - before.energy)
+        return Step(
+            float(np.sqrt(np.mean(np.sum(moved**2, axis=1)))) / self.diameter,
+            dissipated,
+            before.jammed and bool(dissipated > SHARE * self.affine_modulus * area * self.step**2),
+            self.effort.evaluations - spent,
+        )
+
+    def _forces(self):
+        """Sums of `bond_forces` as it is now."""
+        self._moved = np.zeros_like(self.offsets)
+        return self._go_down(np.empty_like(self.offsets), 0)[2]
+
+    def _look(self, sums):
+        disks, n = self.reference, self.reference.n
+        contacts, stiffness = compiled.contacts_at(
+            self.pairs.arrays, self.offsets, self.shear, disks.potential.constants
+        )
+        self.affine_modulus = stiffness / disks.area
+        energy = float(sums[0]) / disks.potential.alpha
+        return Look(
+            energy,
+            -float(sums[2]) / disks.area,
+            0.5 * float(sums[1] + sums[3]) / disks.area,
+            energy / n > ENERGY_CUT * disks.potential.k,
+            2.0 * contacts / n,
+        )
 
     def state(self) -> dict:
-        """Everything that goes on from here; `restore` takes it back to the last bit."""
-        d = self.disks
-        arrays = {"base": d.base, "offset": d.offset, "cell_base": d.cell_base, "cell_offset": d.cell_offset}
-        counts = {"steps": self.steps, "evaluations": self.effort.evaluations, "jammed": self.jammed}
-        return arrays | counts | {"last": self.last, "newton_steps": self.effort.newton_steps}
+        """Everything that goes on from here, but for the steps since all was made anew: `restore` takes them again."""
+        disks, last, steps, effort = self._anchor
+        names = ("base", "offset", "cell_base", "cell_offset")
+        arrays = {name: getattr(disks, name) for name in names} | {"last": last}
+        counts = {"evaluations": effort.evaluations, "newton_steps": effort.newton_steps}
+        return arrays | counts | {"anchor": steps, "steps": self.steps}
 
     def restore(self, state: dict) -> None:
-        """Go on from what `state` gave."""
-        old = self.disks
+        """Go on from what `state` gave, to the last bit."""
+        old = self.reference
         arrays = [np.asarray(state[name], float) for name in ("base", "offset", "cell_base", "cell_offset")]
-        self.disks = Disks(*arrays[:2], old.radii, *arrays[2:], old.potential)
-        self.jammed = bool(state["jammed"])
-        self.last, self.steps = np.asarray(state["last"], float), int(state["steps"])
+        self._list(Disks(*arrays[:2], old.radii, *arrays[2:], old.potential))
+        self.last, self.steps = np.asarray(state["last"], float), int(state["anchor"])
         self.effort = Effort(int(state["evaluations"]), int(state["newton_steps"]))
+        while self.steps < int(state["steps"]):
+            self.advance()

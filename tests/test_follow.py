@@ -1,0 +1,101 @@
+"""The compiled factor of a Hessian against dense numpy, and what following a minimum does where it cannot."""
+
+import numpy as np
+import pytest
+from sheared import crowd
+
+from jampetsc.contacts.pairs import PairList
+from jampetsc.packing import follow as compiled
+from jampetsc.packing.hessian import Bonds
+from jampetsc.packing.ldl import dissected, factorise, solve
+from jampetsc.packing.minimise import settle
+
+
+@pytest.fixture(scope="module", params=["harmonic", "hertzian"])
+def listed(request):
+    """Disks in a cell so small that some touch through two images, their pairs, and an order of elimination."""
+    disks = settle(crowd(n=40, phi=0.9, kind=request.param), 1e-5)
+    pairs = PairList.build(disks, 0.3)
+    places = disks.positions @ np.linalg.inv(disks.cell)
+    return disks, pairs, dissected(places - np.floor(places), pairs.i, pairs.j)
+
+
+def dense(pairs, n, blocks, shift):
+    matrix = np.zeros((n, 2, n, 2))
+    for a, b, block in zip(pairs.i, pairs.j, blocks, strict=True):
+        for one, other in ((a, b), (b, a)):
+            matrix[one, :, one] += block
+            matrix[one, :, other] -= block
+    return matrix.reshape(2 * n, 2 * n) + np.diag(np.repeat(shift, 2))
+
+
+def test_the_order_holds_every_disk_once(listed):
+    disks, _, order = listed
+    assert sorted(order.tolist()) == list(range(disks.n))
+
+
+def test_the_factor_is_that_of_the_hessian(listed):
+    disks, pairs, order = listed
+    n, shift = disks.n, np.random.default_rng(1).uniform(0.1, 0.2, disks.n)
+    offsets = np.random.default_rng(2).normal(0, 0.01, (n, 2))
+    bonds = Bonds.of(pairs, disks.potential, offsets, 0.0, 0.02)
+    exact, *_ = bonds.squares()
+    blocks, chosen = compiled.springs(pairs.arrays, offsets, 0.02, disks.potential.constants, 0.0, 1.0)
+    assert np.abs(blocks - exact).max() < 1e-14 and np.array_equal(chosen, bonds.overlap > 0)
+    definite, factor = factorise(order, *pairs.arrays[:2], blocks, chosen, shift)
+    matrix = dense(pairs, n, exact, shift)
+    assert definite and np.linalg.eigvalsh(matrix)[0] > 0
+    b = np.random.default_rng(3).normal(size=(n, 2))
+    x = np.empty_like(b)
+    solve(factor, b, x, np.empty_like(b))
+    assert np.abs(matrix @ x.ravel() - b.ravel()).max() < 1e-12
+    number, modulus = compiled.contacts_at(pairs.arrays, offsets, 0.02, disks.potential.constants)
+    assert number == np.count_nonzero(bonds.overlap > 0)
+    assert modulus == pytest.approx(np.sum(bonds.stiffness * (bonds.normal[0] * bonds.r[1]) ** 2))
+
+
+def test_a_matrix_that_is_not_definite_is_told(listed):
+    disks, pairs, order = listed
+    still = np.zeros((disks.n, 2))
+    blocks, chosen = compiled.springs(pairs.arrays, still, 0.0, disks.potential.constants, 0.0, 1.0)
+    for shift, definite in ((10.0, True), (-1e-3, False)):
+        whole = np.full(disks.n, shift)
+        assert factorise(order, *pairs.arrays[:2], blocks, chosen, whole)[0] is definite
+        assert (np.linalg.eigvalsh(dense(pairs, disks.n, blocks, whole))[0] > 0) == definite
+
+
+def test_pairs_that_are_nearly_closed_are_half_as_stiff(listed):
+    disks, pairs, _ = listed
+    law, still = disks.potential.constants, np.zeros((disks.n, 2))
+    blocks, chosen = compiled.springs(pairs.arrays, still, 0.0, law, 0.1, 0.0)
+    overlap = Bonds.of(pairs, disks.potential, still).overlap
+    near = (overlap > -0.1) & (overlap <= 0)
+    assert near.sum() > 3 and np.array_equal(chosen, overlap > -0.1)
+    stiffness = disks.potential.contact_stiffness(np.full(near.sum(), 0.1), pairs.sigma[near])
+    assert np.trace(blocks[near], axis1=1, axis2=2) == pytest.approx(0.5 * stiffness)
+
+
+def followed(listed, skin=2.0, **changes):
+    """Status of `follow` from the disks as they are; changes: entries of its aim."""
+    disks, _, order = listed
+    pairs = PairList.build(disks, 2.0)
+    law, still = disks.potential.constants, np.zeros((disks.n, 2))
+    aim = {"share": 1e-8, "floor": 0.0, "apart": 1e-12, "diameter": 1.2, "reach": 0.1, "most": 2000} | changes
+    factor = compiled.factor_of(order, pairs.arrays, still, 0.0, law, 1e-3, 1e-4, 0.5)
+    memory, forces = compiled.nothing_remembered(disks.n), np.empty_like(still)
+    widest = 2.0 * float(disks.radii.max())
+    status, evaluations, sums = compiled.follow(
+        pairs.arrays, (widest, skin), law, disks.area, factor, memory, still, 0.0, np.zeros_like(still), forces,
+        tuple(aim.values()),
+    )  # fmt: skip
+    return status, evaluations, np.hypot(*forces.T).max(), 0.5 * (sums[1] + sums[3]) / disks.area
+
+
+def test_where_following_ends(listed):
+    status, evaluations, force, pressure = followed(listed)
+    assert status == compiled.CONVERGED and force <= 1e-8 * pressure * 1.2 and evaluations < 500
+    assert followed(listed, most=3)[:2] == (compiled.SPENT, 3)
+    assert followed(listed, apart=1.0)[:2] == (compiled.APART, 1)
+    status, few, force, _ = followed(listed, floor=1e-7)
+    assert status == compiled.CONVERGED and few < evaluations and force <= 1e-7
+    assert followed(listed, skin=1e-6)[0] == compiled.STALE
