@@ -11,6 +11,7 @@ import pytest
 from run_checkpoint import fields, record
 
 from jampetsc.errors import JampetscError
+from jampetsc.storage import checkpoint as checkpoint_module
 from jampetsc.storage.checkpoint import Checkpoint
 
 KEY = {
@@ -102,6 +103,12 @@ def test_another_job_is_ignored_with_a_notice_and_replaced(out, capsys, change):
     other.save(0, record(0), fields(0, 0))
     assert len(list(out.with_name("s.h5.resume.d").iterdir())) == 1
     assert Checkpoint(out, KEY | change).done.keys() == {0}
+
+
+def test_what_another_version_saved_is_not_taken_for_its_own(out, monkeypatch):
+    saved(out, 2)
+    monkeypatch.setattr(checkpoint_module, "VERSION", "0.0.1")
+    assert Checkpoint(out, KEY).done == {}
 
 
 def test_fields_that_are_missing_or_torn_are_solved_again(out):

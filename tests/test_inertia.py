@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from samples import LAWS, SAMPLES, physics, reference
 
+from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.examine import asymmetry, examine
 from jampetsc.mechanics.network import build_network
-from jampetsc.solvers.inertia import count_eigenvalues
+from jampetsc.solvers.inertia import count_below, count_eigenvalues
 
 pytestmark = pytest.mark.scalar("real")
 
@@ -65,6 +66,19 @@ def test_known_numbers(session):
     assert (found.negative, found.zero, found.positive) == (2, 2, 3)
     held = count_eigenvalues(matrix, "A", pins=[1])
     assert (held.negative, held.zero, held.positive) == (2, 1, 3)
+    matrix.destroy()
+
+
+def test_an_eigenvalue_at_the_very_value_is_not_counted_silently(session):
+    """The pivots of A − value are exact here, one of them zero: on which side it lies nobody can say."""
+    matrix = session.PETSc.Mat().createAIJ(6, nnz=1, comm=session.comm)
+    for row in range(*matrix.getOwnershipRange()):
+        matrix.setValue(row, row, row + 1.0)
+    matrix.assemble()
+    matrix.setOption(session.PETSc.Mat.Option.SYMMETRIC, True)
+    assert count_below(matrix, 2.5, "A") == 2
+    with pytest.raises(ConvergenceError, match="A: 1 pivots of L D Lᵀ are zero to rounding"):
+        count_below(matrix, 2.0, "A")
     matrix.destroy()
 
 

@@ -165,3 +165,11 @@ def test_reading_what_is_no_regular_file_ends(inputs, capsys):
     for words in ("info pipe.h5", "merge pipe.h5", "import pipe.h5 --out q.h5", "plot pipe.h5 --out q.png"):
         assert cli.main(words.split()) == 2
         assert "pipe.h5: is a pipe: give a regular file" in capsys.readouterr().err
+
+
+def test_what_is_no_regular_file_is_not_even_opened(inputs, capsys):
+    """Opening a device may do something; a socket cannot be opened at all, which shows the order."""
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind("socket.h5")
+        assert cli.main(["info", "socket.h5"]) == 2
+    assert "socket.h5: is a socket: give a regular file" in capsys.readouterr().err

@@ -13,6 +13,7 @@ import pytest
 from write_results import LAW, N, arrays
 
 from jampetsc.errors import InputError
+from jampetsc.storage.checksums import seal
 from jampetsc.storage.provenance import derived_from, git_commit, law_of, provenance, recorded_as
 from jampetsc.storage.reader import load
 from jampetsc.storage.result_file import ResultWriter
@@ -189,6 +190,17 @@ def test_a_part_that_goes_while_a_result_is_open_is_noticed(joint):
     result = load(joint)
     parts(joint)[0].unlink()
     with pytest.raises(InputError, match="is missing"):
+        result.fields.displacement[0]
+
+
+def test_a_part_that_changes_while_a_result_is_open_is_noticed(joint):
+    """The same length, sound in itself, but of another run: what is read is what was joined, or nothing."""
+    result, part = load(joint), parts(joint)[0]
+    with h5py.File(part, "r+") as h5:
+        h5["particles"][0] = 5
+    with open(part, "r+b") as file:
+        seal(file)
+    with pytest.raises(InputError, match="is damaged: not the one that was written"):
         result.fields.displacement[0]
 
 
