@@ -6,11 +6,16 @@ import pytest
 
 import jampetsc
 from jampetsc import cli
+from jampetsc.analysis.jamming import assortativity
 from jampetsc.commands import jam
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import InputError
-from jampetsc.flow import record
+from jampetsc.flow import jamming, record
 from jampetsc.flow.slowly import ENERGY_CUT
+from jampetsc.packing.sizes import radii_of
 
+POTENTIAL = Potential("harmonic", "inverse-square-diameter")
 WORDS = "jam --n 32 --phi 0.82,0.86 --seeds 3:8 --out"
 
 
@@ -44,7 +49,7 @@ def test_a_killed_run_goes_on(session, tmp_path, monkeypatch):
     if session.size > 1:
         pytest.skip("looks at one process")
     whole = run(tmp_path / "whole.h5")
-    monkeypatch.setattr(jam, "ROUND", 5)
+    monkeypatch.setitem(jam.ROUND, "random", 5)
     save = record.write_checkpoint
 
     def save_and_stop(*what):
@@ -82,7 +87,101 @@ def test_bad_words(session, shared_path):
         (("--seeds", "0:10000000"), "at most"),
         (("--n", "2"), "must lie in"),
         (("--tolerance", "1"), "must lie in"),
+        (("--step", "1e-3"), "--step 0.001: belongs to --protocol shear, not random"),
+        (("--protocol", "shear", "--sweeps", "3"), "--sweeps 3: belongs to --protocol compress"),
+        (("--protocol", "compress", "--temperature", "0"), "--temperature 0: must lie in"),
+        (("--protocol", "compress", "--cooling-rate", "-1"), "--cooling-rate -1: must lie in"),
+        (("--protocol", "shear", "--every", "1e-4"), "must be a --step of 0.001 or more"),
+        (("--protocol", "shear", "--strain", "1"), "no sample before it"),
+        (("--protocol", "shear", "--seeds", "1:20000"), "2000000 samples: at most"),
     ]:
         with pytest.raises(InputError, match=message):
             run(shared_path / "out.h5", *more)
     assert not list(shared_path.iterdir())
+
+
+def rows(protocol, phi, seed=1, n=24, potential=POTENTIAL):
+    """Samples of one seed, made as the command makes them."""
+    from jampetsc.solvers import local
+
+    radii = radii_of("bidisperse", n)
+    return jamming.samples(
+        protocol, radii * (0.5 / radii.min()), phi, seed, potential, local.NewtonSolver(), 1e-6
+    )
+
+
+@pytest.mark.scalar("real")
+def test_samples_of_shear_are_those_of_a_run_of_shear(session, shared_path):
+    if session.size > 1:
+        pytest.skip("looks at one process")
+    protocol = jamming.Protocol("shear", step=0.02, strain=0.5, discard=0.1, every=0.04)
+    found = rows(protocol, 0.86)
+    assert len(found) == protocol.rows == 10
+    assert np.allclose([row["strain"] for row in found], 0.1 + 0.04 * np.arange(1, 11))
+    words = f"shear --n 24 --phi 0.86 --step 0.02 --strain 0.5 --out {shared_path / 'qs.h5'}".split()
+    args = cli.command_parser(words)[0].parse_args(words)
+    assert args.run(args, []) == 0
+    series = jampetsc.load(shared_path / "qs.h5")
+    # the start is settled less far, so runs part after the first rearrangement: ensembles agree, not states
+    assert found[0]["jammed"] == 1 and series["jammed"][6] == 1
+    assert np.mean([row["pressure"] for row in found]) == pytest.approx(
+        series["pressure"][5:].mean(), rel=0.5
+    )
+
+
+@pytest.mark.scalar("real")
+def test_a_sample_is_brought_to_its_jamming_density(session):
+    if session.size > 1:
+        pytest.skip("looks at one process")
+    protocol = jamming.Protocol("compress", temperature=1e-2, cooling_rate=0.1, sweeps=10)
+    loose, dense = (rows(protocol, phi)[0] for phi in (0.8, 0.88))
+    assert loose["jammed"] == 0 and dense["jammed"] == 1
+    for row in (loose, dense):
+        assert 0.8 < row["phi_J"] < 0.88 and -1 < row["segregation"] < 1
+    again = rows(protocol, 0.88)[0]
+    assert again == dense and rows(protocol, 0.88, seed=2)[0] != dense
+    # harmonic disks: p vanishes linearly at φ_J, from states of the same packing
+    from jampetsc.solvers import local
+
+    solver = local.NewtonSolver()
+    radii = radii_of("bidisperse", 24)
+    start = jamming.settle(jamming.random_start(radii * (0.5 / radii.min()), 0.88, 3, POTENTIAL), 1e-4)
+    _, disks, jammed = jamming._quenched(start, solver, 1e-6)
+    phi_J, disks = jamming.jamming_density(disks, jammed, solver, 1e-6)
+    assert 0 <= disks.phi - phi_J <= jamming.EXACT
+    near = [jamming._quenched(jamming._scaled(disks, phi_J + d), solver, 1e-6)[0] for d in (2e-5, 2e-4, 4e-4)]
+    assert near[2]["pressure"] == pytest.approx(2 * near[1]["pressure"], rel=0.1)
+    assert 0 < near[0]["pressure"] < 0.25 * near[1]["pressure"]
+    below, _, _ = jamming._quenched(jamming._scaled(disks, phi_J - 2e-5), solver, 1e-6)
+    assert below["jammed"] == 0
+
+
+@pytest.mark.scalar("real")
+def test_files_of_other_protocols(session, shared_path, capsys):
+    result = run(shared_path / "c.h5", "--protocol", "compress", "--seeds", "3:4", "--cooling-rate", "0.5")
+    assert result.attributes["protocol"] == "compress" and result.attributes["cooling_rate"] == 0.5
+    assert result.attributes["temperature"] == 1e-3 and "step" not in result.attributes
+    assert result["phi_J"].shape == result["segregation"].shape == (4,)
+    if session.rank == 0:
+        assert "phi_J 0.8" in capsys.readouterr().out
+    if session.size > 1:
+        return
+    result = run(
+        shared_path / "s.h5", *"--protocol shear --seeds 3:4 --strain 0.3 --discard 0.1 --step 0.02".split()
+    )
+    assert len(result["strain"]) == 4 * 10 and set(result["seed"]) == {3, 4}
+    assert np.array_equal(result["phi"], np.repeat([0.82, 0.86], 20))
+
+
+def test_sizes_that_separate():
+    kind = np.repeat([True, False], 50)
+    i = np.arange(100)
+    assert assortativity(kind, i, np.roll(i, 2)) > 0.9  # a row of one kind beside a row of the other
+    assert assortativity(np.arange(100) % 2 == 0, i, np.roll(i, 1)) == -1  # in turn
+    j = np.random.default_rng(0).permutation(100_000) % 100
+    assert abs(assortativity(kind, np.arange(100_000) % 100, j)) < 0.02
+    assert np.isnan(assortativity(np.ones(100), i, np.roll(i, 1)))
+    disks = Disks.from_positions(
+        np.array([[0.0, 0], [1, 0], [5, 0], [5.8, 0]]), [0.5, 0.5, 0.4, 0.4], 10 * np.eye(2)
+    )
+    assert jamming.segregation(disks) == 1.0

@@ -56,6 +56,13 @@ def correlated_share(runs) -> Share:
     )
 
 
+def share_of(runs) -> Share:
+    """Share of ones in runs [(T,), …]: independent samples where each has one, series that remember otherwise."""
+    if all(len(run) == 1 for run in runs):
+        return independent_share(np.concatenate(runs))
+    return correlated_share(runs)
+
+
 def memory(runs) -> float:
     """Samples that say as much as one independent one, 2τ, averaged over series [(T,), …]; 1 for single samples."""
     lengths = [len(run) for run in runs]
@@ -75,3 +82,16 @@ def density(values, low=None, memory=1.0):
     found = np.histogram(values, edges)[0]
     unit = count * np.diff(edges)
     return edges, found / unit, np.sqrt(memory * np.maximum(found, 1)) / unit
+
+
+def assortativity(kind, i, j) -> float:
+    """(share of pairs of a kind − that of random ends)/(1 − that of random ends), Newman, PRE 67, 026126 (2003).
+
+    kind (N,) of each disk, two or more; pairs (i, j). 1 where unlike disks never meet, 0 where kinds are no matter; nan
+    where there is one kind only.
+    """
+    kind = np.asarray(kind)
+    same = float(np.mean(kind[i] == kind[j])) if len(i) else np.nan
+    _, counts = np.unique(np.concatenate((kind[i], kind[j])), return_counts=True)
+    mixed = float(np.sum((counts / max(counts.sum(), 1)) ** 2))
+    return (same - mixed) / (1.0 - mixed) if mixed < 1.0 else np.nan

@@ -35,6 +35,15 @@ FAST = {"reassoc", "contract", "nsz", "arcp", "nnan", "ninf"}
 _secant = numba.njit(fastmath=FAST, error_model="numpy", forceinline=True)(secant_stiffness)
 
 
+@numba.njit(cache=True, error_model="numpy")
+def pair_energy(rx, ry, sigma, law):
+    """V of one pair at distance |r|; law = `potential.constants`."""
+    overlap = sigma - np.sqrt(rx * rx + ry * ry)
+    if overlap <= 0.0:
+        return 0.0
+    return _secant(overlap, sigma, law) * overlap * overlap / (2.5 if law[1] else 2.0)
+
+
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
 def _block_forces(r0x, r0y, sigma, bx, by, moving, scale, mix, law, motion, rolling):
     """Turn o_j − o_i in (bx, by) into the forces on j, for one block of pairs: no branches, no indices.

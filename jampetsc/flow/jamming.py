@@ -1,42 +1,168 @@
-"""Which random packings jam: uniformly random disks at a packing fraction, and the minimum of the energy downhill.
+"""Which packings jam: samples at a packing fraction, by three protocols, and the minimum of the energy downhill.
 
-The fraction f(φ, N) of jammed samples and their pressures P(p) are Vågberg's RAND ensemble (thesis sec. 4.7, after
-O'Hern et al., PRE 68, 011306 (2003)).
+random    uniformly random disks: Vågberg's RAND ensemble (thesis sec. 4.7, after O'Hern et al., PRE 68, 011306
+          (2003))
+shear     the minima along quasistatic shear of such a start (thesis sec. 4.7)
+compress  a thermal liquid, cooled slowly, quenched, and brought to the φ_J of that sample by changes of its cell
+          (Vågberg et al., PRE 83, 030303 (2011), who find that φ_J depends on how it was cooled; their rates and
+          schedule are not told)
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from jampetsc.analysis.jamming import assortativity
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.neighbours import neighbour_pairs
+from jampetsc.contacts.pairs import deformed
 from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import ConvergenceError
-from jampetsc.flow.slowly import look_at
+from jampetsc.flow.slowly import SlowShear, look_at
 from jampetsc.packing.descent import Goal
 from jampetsc.packing.minimise import minimise, settle
 from jampetsc.packing.protocols import random_start
+from jampetsc.packing.thermal import annealed
 
 SETTLED = 1e-4  # max |F| in k_e/d, to which a random start is relaxed before it is minimised
+STEP = 2e-3  # of φ, by which a sample that does not jam is compressed
+EXACT = 1e-5  # width of the bracket of φ_J
+DENSEST = 1.0  # φ at which the search for φ_J ends
+NEAR = 0.2  # gap between neighbours, in mean diameters
+_OTHER = 1  # of the two generators of a seed: the start has the seed's own
 
 
 @dataclass(frozen=True)
-class Sample:
-    """A random start and what became of it; nan where no minimum was found."""
+class Protocol:
+    """How samples are made; what belongs to other protocols is None."""
 
-    phi: float
-    seed: int
-    energy: float  # U/N
-    pressure: float
-    jammed: float  # 1 or 0
-    coordination: float
+    name: str = "random"
+    step: float | None = None  # shear: Δγ,
+    strain: float | None = None  # how far,
+    discard: float | None = None  # before the first sample,
+    every: float | None = None  # and from one sample to the next
+    temperature: float | None = None  # compress: T of the liquid in k_e,
+    cooling_rate: float | None = None  # by how much ln T falls per sweep,
+    sweeps: int | None = None  # and sweeps before that
+
+    @property
+    def rows(self) -> int:
+        """Samples of one seed."""
+        if self.name != "shear":
+            return 1
+        return int(np.floor((self.strain - self.discard) / self.every + 1e-9))
+
+    @property
+    def columns(self) -> tuple:
+        """What is known of a sample."""
+        more = {"shear": ("strain",), "compress": ("phi_J", "segregation")}
+        return "phi", "seed", "energy", "pressure", "jammed", "coordination", *more.get(self.name, ())
 
 
-def sample(radii, phi: float, seed: int, potential: Potential, solver, tolerance: float) -> Sample:
-    """Quench random disks of these radii (N,) at φ; the seed decides where they start."""
-    start = settle(random_start(radii, phi, seed, potential), SETTLED)
+def samples(
+    protocol: Protocol, radii, phi: float, seed: int, potential: Potential, solver, tolerance
+) -> list[dict]:
+    """The samples of one seed at φ, of disks of these radii (N,): `protocol.rows` rows, nan where no minimum is found.
+
+    The seed decides where the disks start, and how they move while they are hot.
+    """
+    start = random_start(radii, phi, seed, potential)
+    known = {"phi": phi, "seed": seed}
+    if protocol.name == "shear":
+        found = _sheared(protocol, settle(start, SETTLED), solver, tolerance)
+    elif protocol.name == "compress":
+        found = [_annealed(protocol, start, seed, solver, tolerance)]
+    else:
+        found = [_quenched(settle(start, SETTLED), solver, tolerance)[0]]
+    return [dict.fromkeys(protocol.columns, np.nan) | known | one for one in found]
+
+
+def _quenched(start: Disks, solver, tolerance):
+    """(what is known of the minimum downhill, its disks, whether they jam); ({}, None, False) where none is found."""
     try:
-        found = look_at(minimise(start, Goal(), solver, tolerance=tolerance).disks)
+        disks = minimise(start, Goal(), solver, tolerance=tolerance).disks
     except ConvergenceError:
-        return Sample(phi, seed, *[np.nan] * 4)
-    return Sample(
-        phi, seed, found.energy / len(radii), found.pressure, float(found.jammed), found.coordination
+        return {}, None, False
+    found = look_at(disks)
+    return _known(found, disks.n), disks, found.jammed
+
+
+def _known(found, n):
+    """What a `slowly.Look` says, per disk."""
+    known = {"energy": found.energy / n, "jammed": float(found.jammed)}
+    return known | {name: getattr(found, name) for name in ("pressure", "coordination")}
+
+
+def _sheared(protocol, start, solver, tolerance):
+    """Samples along quasistatic shear; those after a minimum that was not found are nan."""
+    every, rows = max(1, round(protocol.every / protocol.step)), []
+    try:
+        slow = SlowShear(start, protocol.step, solver, tolerance)
+        for _ in range(round(protocol.discard / protocol.step)):
+            slow.advance()
+        while len(rows) < protocol.rows:
+            for _ in range(every):
+                slow.advance()
+            rows.append({"strain": slow.strain, **_known(look_at(slow.disks), slow.disks.n)})
+    except ConvergenceError:
+        pass
+    return rows + [{}] * (protocol.rows - len(rows))
+
+
+def _annealed(protocol, start, seed, solver, tolerance):
+    """The sample that a cooled liquid is quenched to, its φ_J, and how far its sizes have separated."""
+    generator = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, _OTHER])))
+    heat = protocol.temperature * start.potential.k
+    cold = annealed(settle(start, SETTLED), heat, protocol.cooling_rate, protocol.sweeps, generator)
+    known, disks, jammed = _quenched(cold, solver, tolerance)
+    if disks is None:
+        return {}
+    return known | {
+        "phi_J": jamming_density(disks, jammed, solver, tolerance)[0],
+        "segregation": segregation(disks),
+    }
+
+
+def jamming_density(disks: Disks, jammed: bool, solver, tolerance: float) -> tuple:
+    """(φ_J of a minimum, the loosest state that is known to jam): where its energy vanishes as the cell grows.
+
+    One that is not jammed is compressed first. φ_J is bracketed to EXACT, always from the loosest state that is known
+    to jam towards looser ones. (nan, None) where a minimum is not found.
+    """
+    while not jammed:
+        if disks.phi + STEP > DENSEST:
+            return np.nan, None
+        _, disks, jammed = _quenched(_scaled(disks, disks.phi + STEP), solver, tolerance)
+        if disks is None:
+            return np.nan, None
+    loose = disks.phi
+    while jammed:
+        loose -= STEP
+        _, found, jammed = _quenched(_scaled(disks, loose), solver, tolerance)
+        if found is None:
+            return np.nan, None
+        disks = found if jammed else disks
+    while disks.phi - loose > EXACT:
+        middle = 0.5 * (disks.phi + loose)
+        _, found, jammed = _quenched(_scaled(disks, middle), solver, tolerance)
+        if found is None:
+            return np.nan, None
+        disks, loose = (found, loose) if jammed else (disks, middle)
+    return 0.5 * (disks.phi + loose), disks
+
+
+def _scaled(disks, phi):
+    """The disks in a cell of another packing fraction, all lengths but radii scaled."""
+    return deformed(disks, np.zeros((disks.n, 2)), 0.5 * np.log(disks.phi / phi), 0.0)
+
+
+def segregation(disks: Disks) -> float:
+    """How far sizes have separated: the assortativity of being large among neighbours, 0 where mixed; nan of one size.
+
+    Neighbours are disks with a gap of less than NEAR mean diameters.
+    """
+    large = disks.radii > disks.radii.mean()
+    i, j, _ = neighbour_pairs(
+        disks.positions, disks.radii, disks.cell, skin=2 * NEAR * float(disks.radii.mean())
     )
+    return assortativity(large, i, j)

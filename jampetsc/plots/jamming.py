@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from jampetsc.analysis.jamming import FEWEST, Share, correlated_share, density, independent_share, memory
+from jampetsc.analysis.jamming import FEWEST, Share, density, memory, share_of
 from jampetsc.errors import InputError
-from jampetsc.plots.style import COLUMN, GREY, MARKERS, PAGE, colours, figure, letter_panels, save
+from jampetsc.plots.style import COLUMN, GREY, MARKERS, PAGE, colours, figure, letter_panels, number, save
 from jampetsc.plots.units import flow_units
 
 HEIGHT = 2.7  # inches of one row of panels
 PANELS = 6  # kinds in one picture of P(p)
-RUN = "shear"  # the protocol of quasistatic shear, whose samples come in runs
+RUN = "shear"  # the protocol of files of quasistatic shear
 
 
 @dataclass(eq=False)
@@ -26,14 +26,11 @@ class Samples:
 
     kind: tuple
     runs: dict = field(default_factory=dict)
-    jamming: list = field(default_factory=list)  # φ_J, where samples were brought there
+    jamming: dict = field(default_factory=dict)  # {φ: φ_J (S,)}, where samples were brought there
 
     def share(self, phi) -> Share:
         """The share that is jammed at φ."""
-        jammed = [run[0] for run in self.runs[phi]]
-        if all(len(one) == 1 for one in jammed):
-            return independent_share(np.concatenate(jammed))
-        return correlated_share(jammed)
+        return share_of([run[0] for run in self.runs[phi]])
 
     def pressures(self, phi):
         """p of the jammed samples at φ, (S,)."""
@@ -49,7 +46,7 @@ def samples_of(results) -> list[Samples]:
     found, seen = {}, {}
     for result in results:
         a = result.attributes
-        kind = str(a.get("protocol", RUN)), int(a["particle_count"]), _word(a, "sizes"), _word(a, "potential")
+        kind = _protocol(result), int(a["particle_count"]), _word(a, "sizes"), _word(a, "potential")
         here = found.setdefault(kind, Samples(kind))
         for phi, seed, jammed, pressure in _runs(result):
             known = np.isfinite(jammed)
@@ -62,12 +59,21 @@ def samples_of(results) -> list[Samples]:
             if known.any():
                 here.runs.setdefault(phi, []).append((jammed[known], pressure[known]))
         if "phi_J" in result:
-            values = result["phi_J"]
-            here.jamming += values[np.isfinite(values)].tolist()
+            phis, values = np.round(result["phi"], 9), result["phi_J"]
+            for phi in np.unique(phis):
+                some = values[(phis == phi) & np.isfinite(values)]
+                here.jamming[phi] = np.concatenate((here.jamming.get(phi, []), some))
     kept = [found[kind] for kind in sorted(found) if found[kind].runs]
     if not kept:
         raise InputError(f"{results[0].path}: holds no sample that reached a minimum")
     return kept
+
+
+def _protocol(result):
+    """Protocol of the samples, with the rate of cooling where there is one."""
+    a = result.attributes
+    name = str(a.get("protocol", RUN if result.format == "jampetsc-shear" else "random"))
+    return f"{name}, $R={number(float(a['cooling_rate']))}$" if "cooling_rate" in a else name
 
 
 def _word(attributes, name):
@@ -167,4 +173,43 @@ def plot_pressures(results, path) -> None:
             ax.set_axis_off()
         if len(curves) > 1:
             letter_panels(fig.axes[: len(curves)])
+        save(fig, path)
+
+
+def plot_jamming_densities(results, path) -> None:
+    """Distribution of φ_J over samples, a line for every kind and φ they were cooled at; bars are errors of counting.
+
+    Raises InputError for samples that were not brought to their φ_J, and for fewer than make a density.
+    """
+    curves = [
+        (one.kind, phi, values)
+        for one in samples_of(results)
+        for phi, values in sorted(one.jamming.items())
+        if len(values) >= FEWEST
+    ]
+    if not curves:
+        raise InputError(
+            f"{results[0].path}: holds fewer than {FEWEST} values of phi_J: run `jampetsc jam --protocol compress`"
+        )
+    labels = _labels([kind for kind, _, _ in curves])
+    several = len({phi for _, phi, _ in curves}) > 1
+    with figure(COLUMN, HEIGHT, layout="constrained") as fig:
+        ax = fig.add_subplot(xlabel=r"$\phi_J$", ylabel=r"$P(\phi_J)$")
+        looks = zip(labels, colours(len(curves)), MARKERS * len(curves), strict=False)
+        for (_, phi, values), (label, colour, marker) in zip(curves, looks, strict=True):
+            edges, height, error = density(values)
+            text = label + (rf", cooled at $\phi={phi:.6g}$" if several else "")
+            ax.errorbar(
+                0.5 * (edges[1:] + edges[:-1]),
+                height,
+                error,
+                color=colour,
+                marker=marker,
+                capsize=1.5,
+                elinewidth=0.6,
+                label=text,
+            )
+            ax.axvline(values.mean(), color=colour, lw=0.6, ls=":")
+        ax.set_ylim(0, None)
+        ax.legend(title="dotted: means")
         save(fig, path)

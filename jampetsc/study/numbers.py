@@ -78,9 +78,14 @@ def _correlation(result):
 def _jam(result):
     jammed = result["jammed"]
     known = np.isfinite(jammed)
-    return {"samples": len(jammed)} | (
+    found = {"samples": len(jammed)} | (
         {"jammed_fraction": float(jammed[known].mean())} if known.any() else {}
     )
+    for name in ("phi_J", "segregation"):
+        values = result[name][np.isfinite(result[name])] if name in result else np.zeros(0)
+        if len(values):
+            found[f"{name}_mean"] = float(values.mean())
+    return found
 
 
 MORE = {  # format -> what its arrays add

@@ -398,6 +398,14 @@ def _pressures(args, items):
     return f"P(p) of the jammed samples of {_count(items, 'file', 'files')}"
 
 
+@picture("phi_J", "jam")
+def _jamming_densities(args, items):
+    from jampetsc.plots.jamming import plot_jamming_densities
+
+    plot_jamming_densities(items, args.out)
+    return f"distribution of phi_J of {_count(items, 'file', 'files')}"
+
+
 @picture("scaling", "collapse", single=True)
 def _scaling(args, items):
     from jampetsc.plots.scaling import plot_scaling

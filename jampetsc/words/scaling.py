@@ -7,12 +7,12 @@ import numpy as np
 
 from jampetsc.analysis.averages import Average, mean_of_runs
 from jampetsc.analysis.collapse import BOUNDS, PARAMETERS, Form, Points
-from jampetsc.analysis.jamming import correlated_share, independent_share
+from jampetsc.analysis.jamming import share_of
 from jampetsc.errors import InputError
 
 OBSERVABLES = ("pressure", "shear_stress", "jammed")
 FORMATS = {False: ("jampetsc-flow",), True: ("jampetsc-jam", "jampetsc-shear")}  # by rate, by size
-ALIKE = ("model", "mass", "sizes", "potential", "stiffness", "protocol", "units", "k", "tau1")
+ALIKE = ("model", "mass", "sizes", "potential", "stiffness", "protocol", "cooling_rate", "units", "k", "tau1")
 SAME_PHI = 6  # decimals
 
 
@@ -136,7 +136,7 @@ def _mean(runs, observable):
         return mean_of_runs(*np.array(runs, float).T)
     single = all(len(run) == 1 for run in runs)
     if observable == "jammed":
-        share = independent_share(np.concatenate(runs)) if single else correlated_share(runs)
+        share = share_of(runs)
         return share.value, 0.5 * (share.high - share.low)
     if single:
         values = np.concatenate(runs)

@@ -1,0 +1,92 @@
+"""Disks at a temperature: Metropolis Monte Carlo moves of one disk at a time, and slow cooling.
+
+A move of a disk chosen at random, by up to `reach` in x and in y, is taken with probability min(1, e^(−ΔU/T)); so
+states come with the Boltzmann weight e^(−U/T) as long as `reach` is left alone (Metropolis et al., J. Chem. Phys. 21,
+1087 (1953)). T is in units of energy (k_B = 1). One sweep is N moves.
+"""
+
+import numba
+import numpy as np
+
+from jampetsc.contacts.around import Around, energy_of
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.pairs import PairList, deformed, is_stale
+
+SKIN = 0.5  # of the pair list, in mean diameters
+LONGEST = 0.25  # reach, in skins: a move from a new list never makes it stale
+ACCEPTED = 0.4  # share of moves that is aimed at where `reach` is tuned
+COLD = (
+    1e-8  # temperature in units of k at which cooling ends: a tenth of a per mille of σ is then its overlap
+)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _moves(around, law, o, temperature, reach, stale, draws):
+    """Moves by the random numbers draws (M, 4) until all are done or one would make the list stale.
+
+    stale = (largest σ, skin). Returns (moves done, moves taken).
+    """
+    taken = 0
+    for m in range(len(draws)):
+        a = min(int(draws[m, 0] * len(o)), len(o) - 1)
+        x = o[a, 0] + reach * (2.0 * draws[m, 1] - 1.0)
+        y = o[a, 1] + reach * (2.0 * draws[m, 2] - 1.0)
+        if is_stale(np.sqrt(x * x + y * y), 0.0, 0.0, stale[0], stale[1]):
+            return m, taken
+        change = energy_of(a, x, y, around, o, law) - energy_of(a, o[a, 0], o[a, 1], around, o, law)
+        if change <= 0.0 or draws[m, 3] < np.exp(-change / temperature):
+            o[a, 0], o[a, 1] = x, y
+            taken += 1
+    return len(draws), taken
+
+
+class Thermal:
+    """N disks in a fixed cell that move at random; the generator decides how.
+
+    `reach` may be set; `sweep(…, tune=True)` keeps the share of moves that are taken near ACCEPTED.
+    """
+
+    def __init__(self, disks: Disks, generator):
+        diameter = 2.0 * float(np.mean(disks.radii))
+        self._stale = 2.0 * float(disks.radii.max()), SKIN * diameter
+        self.generator = generator
+        self.reach = LONGEST * SKIN * diameter
+        self._list(disks)
+
+    def _list(self, disks):
+        self._disks = disks.folded()
+        self._around = Around.of(PairList.build(self._disks, self._stale[1]), disks.n)
+        self._offsets = np.zeros((disks.n, 2))
+
+    @property
+    def disks(self) -> Disks:
+        """The packing as it is now."""
+        return deformed(self._disks, self._offsets, 0.0, 0.0)
+
+    def sweep(self, temperature: float, tune: bool = False) -> float:
+        """One sweep at this temperature; the share of moves that were taken."""
+        left = self.generator.random((len(self._offsets), 4))
+        law, taken = self._disks.potential.constants, 0
+        while len(left):
+            done, some = _moves(self._around, law, self._offsets, temperature, self.reach, self._stale, left)
+            taken += some
+            left = left[done:]
+            if len(left):
+                self._list(self.disks)
+        share = taken / len(self._offsets)
+        if tune:
+            longest = LONGEST * self._stale[1]
+            self.reach = min(longest, self.reach * np.exp(share - ACCEPTED))
+        return share
+
+
+def annealed(disks: Disks, temperature: float, rate: float, sweeps: int, generator) -> Disks:
+    """Disks after `sweeps` at a temperature, then cooled: ln T falls by `rate` per sweep until T = COLD k."""
+    thermal, cold = Thermal(disks, generator), COLD * disks.potential.k
+    for _ in range(sweeps):
+        thermal.sweep(temperature, tune=True)
+    now = temperature
+    while now > cold:
+        now *= np.exp(-rate)
+        thermal.sweep(now, tune=True)
+    return thermal.disks.folded()

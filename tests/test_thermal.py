@@ -1,0 +1,93 @@
+"""Monte Carlo: states come with the Boltzmann weight, energies are those of the pair list's disks, lists stay valid."""
+
+import numpy as np
+import pytest
+
+from jampetsc.contacts.around import Around, energy_of
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.pairs import PairList
+from jampetsc.contacts.potentials import Potential
+from jampetsc.contacts.state import measure
+from jampetsc.packing.protocols import random_start
+from jampetsc.packing.sizes import radii_of
+from jampetsc.packing.thermal import COLD, Thermal, annealed
+
+POTENTIALS = [Potential("harmonic", "inverse-square-diameter", 2.0), Potential("hertzian", "constant", 1.5)]
+CELL = np.array([[1.6, 0.0], [0.3, 1.5]])
+RADII = np.array([0.5, 0.6])
+
+
+def energy_at(relative, potential):
+    """U of two disks by their distance vectors (…, 2), all images, written independently."""
+    total, sigma = 0.0, RADII.sum()
+    unit = sigma if potential.stiffness == "inverse-square-diameter" else 1.0
+    for a in range(-2, 3):
+        for b in range(-2, 3):
+            overlap = np.maximum(sigma - np.linalg.norm(relative + a * CELL[0] + b * CELL[1], axis=-1), 0)
+            total = total + potential.k / potential.alpha * (overlap / unit) ** potential.alpha
+    return total
+
+
+@pytest.mark.parametrize("potential", POTENTIALS)
+def test_two_disks_are_distributed_as_boltzmann_says(potential):
+    temperature = 0.03
+    fractions = (np.arange(120) + 0.5) / 120
+    where = np.stack(np.meshgrid(fractions, fractions, indexing="ij"), axis=-1) @ CELL
+    energies = energy_at(where, potential)
+    weights = np.exp(-energies / temperature)
+    mean, square = (np.sum(weights * energies**power) / weights.sum() for power in (1, 2))
+    far = np.sum(weights[energies < temperature]) / weights.sum()
+    thermal = Thermal(
+        Disks.from_positions(np.array([[0.0, 0.0], [0.8, 0.9]]), RADII, CELL, potential),
+        np.random.default_rng(3),
+    )
+    found = []
+    for _ in range(12_000):
+        thermal.sweep(temperature)
+        found.append(thermal._disks.positions + thermal._offsets)
+    places = np.array(found)[2000:]
+    blocks = energy_at(places[:, 1] - places[:, 0], potential).reshape(25, -1)
+    for value, expected in ((blocks, mean), (blocks**2, square), (blocks < temperature, far)):
+        means = value.mean(axis=1)
+        error = means.std(ddof=1) / np.sqrt(len(means))
+        assert error < 0.08 * expected and abs(means.mean() - expected) < 4 * error
+
+
+def test_energy_of_a_disk_and_of_all():
+    potential = POTENTIALS[0]
+    disks = random_start(radii_of("bidisperse", 40), 0.9, 1, potential)
+    around, still = Around.of(PairList.build(disks, 0.3), 40), np.zeros((40, 2))
+    alone = [energy_of(a, 0.0, 0.0, around, still, potential.constants) for a in range(40)]
+    assert np.sum(alone) / 2 == pytest.approx(measure(disks).energy)
+    moved = still.copy()
+    moved[7] = 0.05, -0.03
+    change = energy_of(7, *moved[7], around, still, potential.constants) - alone[7]
+    other = Disks.from_positions(disks.positions + moved, disks.radii, disks.cell, potential)
+    assert change == pytest.approx(measure(other).energy - measure(disks).energy)
+
+
+def test_no_contact_is_missed_however_far_disks_go():
+    """At no temperature energy only falls: one missed contact would let it rise."""
+    potential = POTENTIALS[0]
+    disks = random_start(radii_of("bidisperse", 40), 0.7, 2, potential)
+    thermal = Thermal(disks, np.random.default_rng(1))
+    energy, before = measure(disks).energy, thermal.disks.positions
+    for _ in range(300):
+        thermal.sweep(1e-300)
+        now = measure(thermal.disks).energy
+        assert now <= energy + 1e-12
+        energy = now
+    moved = thermal.disks.positions - before
+    moved -= np.round(moved @ np.linalg.inv(disks.cell)) @ disks.cell
+    assert np.abs(moved).max() > 1.0  # beyond the skin: the list was made anew
+
+
+def test_cooling_leaves_a_deeper_energy_the_slower_it_is():
+    potential = Potential("harmonic", "inverse-square-diameter")
+    energies = []
+    for rate in (1.0, 0.02):
+        start = random_start(radii_of("bidisperse", 32), 0.95, 5, potential)
+        found = annealed(start, 1e-2, rate, 20, np.random.default_rng(2))
+        energies.append(measure(found).energy / 32)
+    assert COLD < energies[1] < 0.7 * energies[0]
+    assert np.array_equal(found.radii, start.radii) and np.array_equal(found.cell, start.cell)
