@@ -110,10 +110,13 @@ def test_moving_contacts_on_any_number_of_ranks(packing, tmp_path):
     words = ("--contacts", "moving", "--omega", "0.1,1,3", "--strain", "1e-6", "--steps", 16, "--cycles", 3)
     failed = oscillate(packing, "--out", tmp_path / "3.h5", *words, "-osc_factor_pc_type", "none")
     assert failed.returncode == 3 and not (tmp_path / "3.h5").exists()
+    line = ("oscillate", packing, "--out", tmp_path / "3.h5", *words)
+    assert launch.run(0, "run_interrupted.py", 1, *line).returncode < 0  # killed
     files = []
     for ranks in (0, 3):
         done = oscillate(packing, "--out", tmp_path / f"{ranks}.h5", *words, ranks=ranks)
         assert done.returncode == 0, done.stderr
+        assert ("1 points are finished" in done.stderr) == (ranks == 3)
         files.append(load(tmp_path / f"{ranks}.h5"))
     one, three = files
     assert (one.attributes["contacts"], one.attributes["control"]) == ("moving", "strain")
