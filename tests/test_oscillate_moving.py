@@ -8,12 +8,15 @@ from samples import isostatic, network_of, physics, published
 from sweeps import Sweep
 
 from jampetsc.contacts.pairs import PairList
-from jampetsc.contacts.state import find_contacts
+from jampetsc.contacts.state import find_contacts, measure
 from jampetsc.errors import ConvergenceError
 from jampetsc.flow import steps as flow
-from jampetsc.oscillate.moving import MovingContacts
+from jampetsc.flow.slowly import SlowShear, look_at
+from jampetsc.oscillate.moving import STAGE, MovingContacts
 from jampetsc.oscillate.repeated import left_to_change, linear_starts, shake
+from jampetsc.packing.hessian import Bonds
 from jampetsc.session import current
+from jampetsc.solvers.local import NewtonSolver
 
 pytestmark = pytest.mark.scalar("real")
 
@@ -66,7 +69,9 @@ def flow_cycles(disks, law, omega, strain, steps, cycles):
 
     def velocities(o, t, u):
         shear, rate = strain * np.sin(omega * t), strain * omega * np.cos(omega * t)
-        flow.balance(pairs.arrays, o, shear, potential, weights, (0.0, 0.0, rate, 0.0), dt, u, forces, 1e-9)
+        flow.balance(
+            pairs.arrays, o, shear, potential, weights, (0.0, 0.0, rate, 0.0, 0), dt, u, forces, 1e-9
+        )
         return shear, rate
 
     total, counts = 0.0, []
@@ -75,7 +80,7 @@ def flow_cycles(disks, law, omega, strain, steps, cycles):
         t = dt * step
         shear, rate = velocities(o, t, u)
         if step >= (cycles - 1) * steps:
-            physical = (0.0, 0.0, rate, 0.0)
+            physical = (0.0, 0.0, rate, 0.0, 0)
             sums = flow.residual_at(pairs.arrays, o, shear, potential, weights, physical, u, forces, None)
             total += -(sums[2] + sums[7]) / disks.area * np.exp(-1j * (omega * t - 0.5 * np.pi))
             counts.append(sums[4])
@@ -120,12 +125,44 @@ def test_forces_balance_after_a_step(rotations):
     rolling = (motion.u[:, 2].copy(), disks.radii, torques) if rotations else None
     flow.residual_at(
         pairs.arrays, np.zeros((disks.n, 2)), 0.0, disks.potential.constants, law.on_contacts,
-        (0.0, 0.0, strain, 0.0), motion.u[:, :2].copy(), forces, rolling,
+        (0.0, 0.0, strain, 0.0, 0), motion.u[:, :2].copy(), forces, rolling,
     )  # fmt: skip
     motion.destroy()
     assert np.abs(forces).max() < 2e-3 * strain
     if rotations:
         assert np.abs(torques).max() < 2e-3 * strain
+
+
+def sheared(disks, law, strain, steps, step=1.0):
+    """`disks` after a steady shear in so many steps of this duration."""
+    motion = MovingContacts(disks, law, step, 1e-3, "osc_factor_")
+    for n in range(steps):
+        motion.advance(strain / steps * np.array([n + STAGE, n + 1.0]), np.full(2, strain / steps / step))
+    motion.destroy()
+    return motion
+
+
+def test_no_contact_is_missed():
+    """Lists are made anew in time: after a long shear all contacts are seen, and the cell is where it should be."""
+    motion = sheared(published(), physics(rotations=False).law, 0.8, 80, 20.0)
+    r = Bonds.of(motion.pairs, motion.disks.potential, motion.offsets, 0.0, motion.gamma - motion.listed)
+    assert motion.listed > 0.3  # not the first list
+    assert np.count_nonzero(r.overlap > 0.0) == len(find_contacts(motion.disks))
+    before, after = published().cell, motion.disks.cell
+    turned = (after[1, 0] - before[1, 0] - 0.8 * before[1, 1]) / before[0, 0]
+    assert turned == pytest.approx(round(turned), abs=1e-9) and motion.gamma == pytest.approx(0.8)
+
+
+def test_slow_shear_goes_from_minimum_to_minimum():
+    """Through events in which contacts open, disks come loose and K has negative modes; where steps are long."""
+    law = physics(rotations=False).law
+    motion = sheared(published(), law, 2e-2, 20, 1e6)
+    state = measure(motion.disks)
+    assert state.max_force < 1e-4 * state.pressure
+    slow = SlowShear(published(), 1e-3, NewtonSolver(), 1e-10)
+    for _ in range(20):
+        slow.advance()
+    assert look_at(slow.disks).shear_stress == pytest.approx(state.stress[0, 1], abs=1e-6)
 
 
 def test_what_is_left_to_change():
