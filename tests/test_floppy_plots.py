@@ -7,7 +7,7 @@ from samples import published
 
 from jampetsc import cli
 from jampetsc.errors import InputError
-from jampetsc.plots.floppy import plot_viscosities
+from jampetsc.plots.floppy import groups_of, plot_viscosities
 from jampetsc.plots.vibrations import chosen_modes, density_of_states
 from jampetsc.storage.packing_file import packing_identity, write_packing
 from jampetsc.storage.reader import load
@@ -16,13 +16,14 @@ from jampetsc.storage.result_file import ResultWriter
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 
 
-def write_quasistatic(path, pressure=1e-3, packing=None, prestress=True, law="contact"):
+def write_quasistatic(path, pressure=1e-3, packing=None, prestress=True, law="contact", n=16):
     """Medians that follow BT eqs. 19-21 exactly, η₀ = √p + β/√p and a field."""
     rng = np.random.default_rng(1)
     attributes = {
         "pressure": pressure,
         "k": 2.0,
         "tau1": 1.0,
+        "particle_count": n,
         "law": law,
         "beta": 1.0,
         "prestress": prestress,
@@ -146,3 +147,18 @@ def test_a_file_without_what_is_to_be_drawn(tmp_path, kind):
     with pytest.raises(InputError, match=rf"bare\.h5: attribute {wanted} is missing: make the file again"):
         cli.dispatch(["plot", str(tmp_path / "bare.h5"), "--kind", kind, "--out", str(tmp_path / "p.png")])
     assert not (tmp_path / "p.png").exists()
+
+
+def test_sizes_are_kept_apart(tmp_path, capsys):
+    """One median over packings of N = 16 and N = 64 is of neither."""
+    words = [(10.0**-p, n, seed) for n in (64, 16) for p in (2, 3) for seed in (1, 2)]
+    files = [write_quasistatic(tmp_path / f"{p:g}-{n}-{s}.h5", p, n=n) for p, n, s in words]
+    groups = groups_of([load(path) for path in files])
+    assert groups == {
+        (16, 5e-4): [6, 7],
+        (16, 5e-3): [4, 5],
+        (64, 5e-4): [2, 3],
+        (64, 5e-3): [0, 1],
+    }  # p/k, k = 2
+    for kind in ("medians", "viscosities"):
+        assert plot(*files, "--kind", kind, "--out", tmp_path / f"{kind}.png") == 0

@@ -10,7 +10,7 @@ from jampetsc import cli
 from jampetsc.analysis.averages import mean_of_runs
 from jampetsc.analysis.jamming import correlated_share, density, independent_share, memory
 from jampetsc.errors import InputError
-from jampetsc.plots.jamming import plot_fraction, plot_pressures, samples_of
+from jampetsc.plots.jamming import plot_fraction, plot_jamming_densities, plot_pressures, samples_of
 from jampetsc.plots.slowly import last_minimum
 from jampetsc.storage.reader import load
 from jampetsc.storage.result_file import ResultWriter
@@ -35,6 +35,8 @@ def write_jam(path, n=64, seeds=range(40), seed=1, **attributes):
         }.items():
             writer.dataset(name, values)
         facts = {"particle_count": n, "sizes": "bidisperse", "potential": "harmonic", **UNITS}
+        if "cooling_rate" in attributes:
+            writer.dataset("phi_J", np.where(np.isfinite(jammed), rng.normal(0.84, 1e-3, len(phi)), np.nan))
         writer.attributes(**facts | attributes)
     return load(path)
 
@@ -99,6 +101,19 @@ def test_samples_of_one_kind_are_put_together(tmp_path):
     assert np.allclose(np.sort(small.pressures(0.84)), np.sort(hard))
     with pytest.raises(InputError, match=r"seed 0 is in a\.h5 too"):
         samples_of([files[0], write_jam(tmp_path / "d.h5")])
+
+
+def test_jamming_densities_by_rate_of_cooling(tmp_path):
+    rates = {"protocol": "compress", "cooling_rate": 1e-2}, {"protocol": "compress", "cooling_rate": 1e-3}
+    files = [write_jam(tmp_path / f"{k}.h5", **rate) for k, rate in enumerate(rates)]
+    fast, slow = samples_of(files)
+    assert fast.kind[0] == "compress, $R=10^{-2}$" and slow.kind[0] == "compress, $R=10^{-3}$"
+    here = files[0]["phi"] == 0.83
+    assert np.array_equal(fast.jamming[0.83], files[0]["phi_J"][here][1:])  # one sample reached no minimum
+    plot_jamming_densities(files, tmp_path / "x.png")
+    assert (tmp_path / "x.png").stat().st_size > 8_000
+    with pytest.raises(InputError, match="holds fewer than 10 values of phi_J"):
+        plot_jamming_densities([write_jam(tmp_path / "random.h5")], tmp_path / "y.png")
 
 
 def test_what_cannot_be_drawn(tmp_path):

@@ -35,41 +35,66 @@ def pressures_of(results):
     return np.array(found)
 
 
+def groups_of(results) -> dict:
+    """{(N, p/k): rows of `results`}, of files that differ in the packing alone, small N and low pressure first."""
+    found = {}
+    for row, (result, pressure) in enumerate(zip(results, pressures_of(results), strict=True)):
+        found.setdefault((int(result.attributes.get("particle_count", 0)), pressure), []).append(row)
+    return dict(sorted(found.items()))
+
+
 def plot_medians(results, path) -> None:
     """Medians of |Δu∥|, |Δu⊥| and |u_na| per unit strain against p/k, with slopes ±1/4 (BT eqs. 19-21).
 
     Filled: without pre-stress; open: with. Small points are files, lines run through the medians of those of
-    one pressure; where each has several, bands are 68 % intervals of these medians by resampling the files.
+    one pressure and N; where each has several, bands are 68 % intervals of these medians by resampling the files.
     """
-    p = pressures_of(results)
-    levels = np.unique(p)
+    groups = groups_of(results)
+    sizes = sorted({size for size, _ in groups})
     shades = colours(len(QUANTITIES))
     with figure(COLUMN, HEIGHT, layout="constrained") as fig:
         ax = fig.add_subplot(xlabel="$p/k$", ylabel="median per unit strain")
-        lines, handles, band = [], [], []
-        for (name, (symbol, slope)), shade, marker in zip(QUANTITIES.items(), shades, MARKERS, strict=False):
-            look = {"color": shade, "marker": marker, "markeredgewidth": 0.7}
-            handles.append(Line2D([], [], label=f"${symbol}$", **look))
-            for prefix, face, dash in ((f"{BARE}_", shade, "-"), ("", "white", _DASHES)):
-                y = np.array([_value(result, prefix, name) for result in results])
-                if not np.isfinite(y).any():
-                    continue
-                medians = np.array([np.nanmedian(y[p == level]) for level in levels])
-                ax.plot(levels, medians, linestyle=dash, markerfacecolor=face, **look)
-                band = _draw_intervals(ax, levels, [y[p == level] for level in levels], shade)
-                if len(p) > len(levels):
-                    ax.plot(p, y, ".", color=shade, markersize=2, markeredgewidth=0)
-                lines.append((levels, medians))
-            guide = lines[-1][1] if len(lines) == 1 else lines[-2][1]
-            middle = np.exp(np.mean(np.log(guide)) + slope * (np.log(levels) - np.mean(np.log(levels))))
-            ax.plot(levels, middle, ":", color=GREY, linewidth=0.8, zorder=1)
+        lines, handles, band, single = [], [], [], False
+        for (name, (symbol, slope)), shade, mark in zip(QUANTITIES.items(), shades, MARKERS, strict=False):
+            one_size = {"marker": mark} if len(sizes) == 1 else {}
+            handles.append(Line2D([], [], label=f"${symbol}$", color=shade, markeredgewidth=0.7, **one_size))
+            for size, marker in zip(sizes, [mark] if len(sizes) == 1 else _cycle(len(sizes)), strict=True):
+                levels = np.array([level for n, level in groups if n == size])
+                look = {"color": shade, "marker": marker, "markeredgewidth": 0.7}
+                guide = None
+                for prefix, face, dash in ((f"{BARE}_", shade, "-"), ("", "white", _DASHES)):
+                    samples = [
+                        np.array([_value(results[row], prefix, name) for row in groups[size, level]])
+                        for level in levels
+                    ]
+                    if not np.isfinite(np.concatenate(samples)).any():
+                        continue
+                    medians = np.array([np.nanmedian(some) for some in samples])
+                    ax.plot(levels, medians, linestyle=dash, markerfacecolor=face, **look)
+                    band = _draw_intervals(ax, levels, samples, shade) or band
+                    if max(map(len, samples)) > 1:
+                        p, y = np.repeat(levels, [len(some) for some in samples]), np.concatenate(samples)
+                        ax.plot(p, y, ".", color=shade, markersize=2, markeredgewidth=0)
+                        single = True
+                    lines.append((levels, medians))
+                    guide = medians if guide is None else guide
+                if size == sizes[-1]:
+                    middle = np.exp(
+                        np.mean(np.log(guide)) + slope * (np.log(levels) - np.mean(np.log(levels)))
+                    )
+                    ax.plot(levels, middle, ":", color=GREY, linewidth=0.8, zorder=1)
         set_log_axes(ax, lines)
+        if len(sizes) > 1:
+            handles += [
+                Line2D([], [], color="0.2", marker=marker, ls="none", label=f"$N={size}$")
+                for size, marker in zip(sizes, _cycle(len(sizes)), strict=True)
+            ]
         handles += [
             Line2D([], [], color="0.2", marker="o", label="no pre-stress"),
             Line2D([], [], color="0.2", marker="o", mfc="white", linestyle=_DASHES, label="pre-stress"),
             Line2D([], [], color=GREY, linestyle=":", linewidth=0.8, label=r"$p^{\pm 1/4}$"),
         ]
-        if len(p) > len(levels):
+        if single:
             handles.append(Line2D([], [], color="0.2", marker=".", ms=2, ls="none", label="single files"))
         place_legend(fig, ax, "", handles + band, lines)
         save(fig, path)
@@ -94,7 +119,7 @@ def _value(result, prefix, name):
 
 
 def plot_viscosities(results, path) -> None:
-    """η₀ (filled) and η_∞ (open) in kτ₁ against β, a colour for each pressure; with the scans over β of the
+    """η₀ (filled) and η_∞ (open) in kτ₁ against β, a colour for each pressure and N; with the scans over β of the
     files.
 
     Raises InputError for files of another law.
@@ -104,13 +129,14 @@ def plot_viscosities(results, path) -> None:
             raise InputError(
                 f"{result.path}: law {result.attributes.get('law')}: has no beta; give contact damping"
             )
-    p = pressures_of(results)
-    levels = np.unique(p)
+    groups = groups_of(results)
+    several = len({size for size, _ in groups}) > 1
     with figure(COLUMN, HEIGHT, layout="constrained") as fig:
         ax = fig.add_subplot(xlabel=r"$\beta$", ylabel=r"$\eta_0,\ \eta_\infty\ [k\tau_1]$")
         lines, handles, band = [], [], []
-        for level, shade, marker in zip(levels, colours(len(levels)), _cycle(len(levels)), strict=True):
-            files = [one for one, q in zip(results, p, strict=True) if q == level]
+        looks = zip(groups.items(), colours(len(groups)), _cycle(len(groups)), strict=True)
+        for ((size, level), rows), shade, marker in looks:
+            files = [results[row] for row in rows]
             points = np.array([row for one in files for row in _rows(one)])
             betas = np.unique(points[:, 0])
             medians = np.array([np.median(points[points[:, 0] == beta, 1:], axis=0) for beta in betas])
@@ -118,9 +144,10 @@ def plot_viscosities(results, path) -> None:
             for column, face, dash in ((0, shade, "-"), (1, "white", _DASHES)):
                 ax.plot(betas, medians[:, column], linestyle=dash, markerfacecolor=face, **look)
                 samples = [points[points[:, 0] == beta, 1 + column] for beta in betas]
-                band = _draw_intervals(ax, betas, samples, shade)
+                band = _draw_intervals(ax, betas, samples, shade) or band
                 lines.append((betas, medians[:, column]))
-            handles.append(Line2D([], [], label=f"${power_or_number(level)}$", **look))
+            label = f"${power_or_number(level)}$" + (f", $N={size}$" if several else "")
+            handles.append(Line2D([], [], label=label, **look))
         set_log_axes(ax, lines)
         handles += [
             Line2D([], [], color="0.2", marker="o", label=r"$\eta_0$"),

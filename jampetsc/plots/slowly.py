@@ -36,6 +36,10 @@ def plot_slow_shear(results, path) -> None:
                 if name != "energy":
                     mean = float(a[f"{name}_mean"]) / unit
                     ax.plot([discard, strain[-1]], [mean, mean], color=colour, lw=1.3, ls=(0, (4, 2)))
+            if "plastic" in result:
+                events = strain[result["plastic"] == 1]
+                place = axes[0, 1].get_xaxis_transform()
+                axes[0, 1].plot(events, np.full(len(events), 0.02), "|", color=colour, ms=4, transform=place)
         axes[0, 0].set_yscale("log")
         cut = float(results[0].attributes["energy_cut"])
         if loose:
@@ -49,6 +53,10 @@ def plot_slow_shear(results, path) -> None:
         if loose:
             handles.append(
                 Line2D([], [], color="0.2", alpha=0.5, marker=".", ms=1.5, ls="none", label="not jammed")
+            )
+        if any("plastic" in result and result["plastic"].any() for result in results):
+            handles.append(
+                Line2D([], [], color="0.2", marker="|", ms=4, ls="none", label="plastic events, in (b)")
             )
         handles.append(Line2D([], [], color="0.2", lw=1.3, ls=(0, (4, 2)), label="means"))
         axes[0, 0].legend(handles=handles)
