@@ -57,7 +57,9 @@ def moduli(table):
             f"β = 1: {name} ~ p^x, p = 1e-5 … 1e-3",
             theirs,
             *exponent(near, column),
-            ("with pre-stress, which adds corrections; without see Fig. 5"),
+            (
+                "with pre-stress, whose effect falls with p (rows of bt-fig8): without it see the rows of bt-fig5"
+            ),
         )
     lowest = sweeps.where(pressure=1e-5)
     for part, name in (("storage", "G′"), ("loss", "G″")):
