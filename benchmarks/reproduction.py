@@ -297,21 +297,22 @@ def stand_in(table):
 
 @claim("paper1")
 def jamming(table):
-    for command, name in (("jam", "RAND"), ("shear", "QS")):
-        rows = table.where(command=command)
-        column = "jammed_fraction" if command == "jam" else "jammed_mean"
+    jam = table.where(command="jam")
+    random = jam.where(cooling_rate=np.nan) if "cooling_rate" in jam else jam
+    for rows, column, name in (
+        (random, "jammed_fraction", "RAND"), (table.where(command="shear"), "jammed_mean", "QS")
+    ):  # fmt: skip
         for n in np.unique(rows["n"]):
             mine = rows.where(n=n)
             order = np.argsort(mine["phi"])
             phi, f = mine["phi"][order], mine[column][order]
+            note = "depends on the protocol; f sharpens with N"
             if f[0] < 0.5 < f[-1]:
-                yield (
-                    f"{name}, N = {n}: φ where f = ½",
-                    None,
-                    np.interp(0.5, f, phi),
-                    None,
-                    ("depends on the protocol at one N; sharpens with N"),
-                )
+                yield f"{name}, N = {n:g}: φ where f = ½", None, np.interp(0.5, f, phi), None, note
+    if "cooling_rate" in jam:
+        for key, rows in jam.where(cooling_rate=[1e-1, 1e-2, 1e-3]).groups(["cooling_rate"]):
+            what = f"liquid cooled at {key['cooling_rate']:g} per sweep, N = 64: φ_J"
+            yield what, None, rows["phi_J"][0], rows["phi_J_error"][0], "rises as cooling slows"
 
 
 def text(value, error):

@@ -14,6 +14,7 @@ from jampetsc import cli, commands
 from jampetsc.errors import InputError
 from jampetsc.session import current
 from jampetsc.study import run as study_run
+from jampetsc.study import tasks as study_tasks
 from jampetsc.study.board import Board
 from jampetsc.study.journal import Journal, records_of
 from jampetsc.study.kinds import KINDS
@@ -157,6 +158,22 @@ def test_a_task_that_fails_is_a_row_and_the_others_go_on(session, shared_path):
     assert set(table["state"]) == {"done"} and table.rows == 4
     after = {path.name: path.stat().st_mtime_ns for path in (shared_path / "study").glob("*.h5")}
     assert before.items() <= after.items() and len(after) == len(before) + 1
+
+
+@pytest.mark.scalar("real")
+def test_an_error_that_nobody_foresaw_is_a_row_too(session, shared_path, monkeypatch):
+    only_on("one")
+    read = study_tasks.numbers_of
+
+    def numbers_of(path):
+        if path.name.startswith("quasistatic"):
+            raise session.PETSc.Error(62) if "-s2-" in path.name else ZeroDivisionError("no reason")
+        return read(path)
+
+    monkeypatch.setattr(study_tasks, "numbers_of", numbers_of)
+    states = study(shared_path / "study", SMALL, status=3)["state"].tolist()
+    assert states[:3] == ["done", "done", "failed: ZeroDivisionError: no reason"]
+    assert states[3].startswith("failed: Error: ")
 
 
 @pytest.mark.scalar("real")

@@ -76,15 +76,15 @@ def _correlation(result):
 
 
 def _jam(result):
-    jammed = result["jammed"]
-    known = np.isfinite(jammed)
-    found = {"samples": len(jammed)} | (
-        {"jammed_fraction": float(jammed[known].mean())} if known.any() else {}
-    )
-    for name in ("phi_J", "segregation"):
-        values = result[name][np.isfinite(result[name])] if name in result else np.zeros(0)
+    """The share of samples that jam, and the means of what each sample has where the protocol tells it."""
+    found = {"samples": len(result["jammed"])}
+    for name, column in (("jammed", "jammed_fraction"), ("phi_J", "phi_J"), ("segregation", "segregation")):
+        values = result[name] if name in result else np.empty(0)
+        values = values[np.isfinite(values)]
         if len(values):
-            found[f"{name}_mean"] = float(values.mean())
+            found[column] = float(values.mean())
+            if name != "jammed" and len(values) > 1:
+                found[f"{column}_error"] = float(values.std(ddof=1) / np.sqrt(len(values)))
     return found
 
 

@@ -60,7 +60,7 @@ class Runner:
         except Exception as error:
             if together:
                 raise
-            said = session.petsc_message(error) if session.is_petsc_error(error) else str(error)
+            said = session.petsc_message(error) if session.petsc_error(error) else str(error)
             state, why, found = "failed", f"{type(error).__name__}: {said}", {}
         seconds = time.perf_counter() - began
         why = " ".join(why.replace(f"{self.folder}{os.sep}", "").split()).removeprefix(f"{task.file}: ")
