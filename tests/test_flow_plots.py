@@ -10,7 +10,8 @@ import jampetsc
 from jampetsc import cli
 from jampetsc.contacts.state import find_contacts
 from jampetsc.errors import InputError
-from jampetsc.plots.shearing import flow_curves, kind_of, labels_of, lanes_of, last_snapshot, local_exponents
+from jampetsc.plots.flowcurves import flow_curves, local_exponents, plot_against_phi, plot_flow_curves
+from jampetsc.plots.shearing import kind_of, labels_of, lanes_of, last_snapshot
 from jampetsc.plots.units import flow_units
 from jampetsc.storage.reader import Attributes
 
@@ -64,7 +65,8 @@ def facts(**more):
     """A result with the attributes that curves are told apart by."""
     plain = {"model": "RD", "phi": 0.8, "particle_count": 64, "mass": 1.0, "potential": "harmonic", "k": 2.0}
     plain |= {"rate": 0.1, "seed": 1, "units": "those of the packing", "stiffness": "constant", "tau1": 0.5}
-    plain |= {f"{name}_{part}": 1.0 for name in ("shear_stress", "pressure") for part in ("mean", "error")}
+    names = ("shear_stress", "pressure", "coordination")
+    plain |= {f"{name}_{part}": 1.0 for name in names for part in ("mean", "error")}
     return SimpleNamespace(path=Path("a.h5"), attributes=Attributes("a.h5", plain | more))
 
 
@@ -77,6 +79,27 @@ def test_what_differs_is_not_averaged():
     assert labels_of([kind_of(facts()), kind_of(facts(mass=2.0))]) == ["$m=1$", "$m=2$"]
     assert labels_of([kind_of(facts())]) == ["RD"]
     assert labels_of([kind_of(facts()), kind_of(facts(model="RD0", mass=0.0))]) == ["RD", "RD0"]
+
+
+def test_curves_against_phi(tmp_path):
+    some = [facts(phi=phi, rate=rate, pressure_mean=phi * rate) for phi in (0.8, 0.82) for rate in (0.1, 0.2)]
+    curves = flow_curves(some, "phi")
+    assert [rate for _, rate in curves] == [0.1, 0.2]
+    for (_, rate), curve in curves.items():
+        assert np.allclose(curve["pressure"][:2], [[0.8, 0.82], [0.4 * rate, 0.41 * rate]])  # p/k
+        assert np.allclose(curve["coordination"][1], 1.0)
+    plot_against_phi(some, tmp_path / "x.png")
+    assert (tmp_path / "x.png").stat().st_size > 10_000
+    with pytest.raises(InputError, match="need several phi"):
+        plot_against_phi(some[:2], tmp_path / "x.png")
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")
+def test_a_mean_that_is_not_positive_is_left_out(tmp_path):
+    some = [facts(rate=rate, shear_stress_mean=mean) for rate, mean in ((0.1, -1.0), (0.2, 1.0), (0.4, 2.0))]
+    plot_flow_curves(some, tmp_path / "x.png")
+    plot_flow_curves([*some[:1], facts(rate=0.3, pressure_mean=0.0)], tmp_path / "y.png")
+    assert (tmp_path / "x.png").exists() and (tmp_path / "y.png").exists()
 
 
 def test_units_are_those_of_the_files(runs):

@@ -1,22 +1,17 @@
-"""Pictures of steady shear: series over strain, flow curves with their local exponents, g_y(x).
+"""Pictures of steady shear: series over strain, g_y(x) and snapshots; what tells runs apart.
 
 Quantities are in the units that the files tell (`units.flow_units`): Vågberg's where `jampetsc flow` made the disks.
 """
 
-import numpy as np
-
-from jampetsc.analysis.averages import mean_of_runs
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import InputError
 from jampetsc.flow.lanes import BIN, FORMAT, LANE, correlate_lanes
-from jampetsc.plots.logaxes import set_log_axes
 from jampetsc.plots.style import GREY, MARKERS, PAGE, colours, figure, letter_panels, number, save
 from jampetsc.plots.units import flow_units
 
 HEIGHT = 2.7  # inches of one row of panels
 _QUANTITIES = (("shear_stress", r"\sigma"), ("pressure", "p"))
-_FEWEST = 2  # rates that make a curve
 NAMED = 12  # runs that a legend names
 
 
@@ -58,105 +53,6 @@ def plot_series(results, path) -> None:
             axes[0].legend()
         axes[1].text(0.98, 0.04, "dashed: means", color=GREY, ha="right", transform=axes[1].transAxes)
         letter_panels(axes)
-        save(fig, path)
-
-
-def flow_curves(results) -> dict:
-    """{kind: {quantity: (rates (R,), values (R,), errors (R,))}}, runs of one kind and rate averaged.
-
-    Quantities are σ and p, in the units of `units.flow_units`; errors are the larger of the scatter of runs and
-    their own. Raises InputError where a run is there twice, or units differ.
-    """
-    units, curves, seen = flow_units(results), {}, {}
-    for result in results:
-        a = result.attributes
-        rate = float(a["rate"])
-        origin = str(a.get("seed", a.get("packing_sha256")))
-        key = (kind_of(result), rate, origin)
-        if key in seen:
-            raise InputError(
-                f"{result.path}: the same model, phi, N, rate and start as {seen[key]}: an average takes each once"
-            )
-        seen[key] = result.path.name
-        curves.setdefault(key[0], {}).setdefault(rate, []).append(a)
-    found = {}
-    for kind, runs in sorted(curves.items()):
-        rates = np.array(sorted(runs))
-        found[kind] = {}
-        for name, _ in _QUANTITIES:
-            pairs = [
-                mean_of_runs(
-                    *([float(a[f"{name}_{part}"]) for a in runs[rate]] for part in ("mean", "error"))
-                )
-                for rate in rates
-            ]
-            values, errors = np.array(pairs).T / units.k
-            found[kind][name] = rates * units.tau1, values, errors
-    return found
-
-
-def local_exponents(rates, values):
-    """(middles, d ln O/d ln γ̇) between neighbouring rates, (R − 1,) each: 1 is Newtonian, 2 Bagnoldian."""
-    return np.sqrt(rates[1:] * rates[:-1]), np.diff(np.log(values)) / np.diff(np.log(rates))
-
-
-def plot_flow_curves(results, path) -> None:
-    """σ, p and σ/p against the rate, and the local exponents of σ (filled) and p (hollow).
-
-    Raises InputError where no kind has two rates.
-    """
-    curves = flow_curves(results)
-    if not any(len(curve["pressure"][0]) >= _FEWEST for curve in curves.values()):
-        raise InputError(f"{results[0].path}: flow curves need several rates of one model, phi and N")
-    units = flow_units(results)
-    with figure(PAGE, 2 * HEIGHT, layout="constrained") as fig:
-        axes = fig.subplots(2, 2)
-        lines = ([], [], [])
-        looks = zip(labels_of(list(curves)), colours(len(curves)), MARKERS * len(curves), strict=False)
-        for curve, (label, colour, marker) in zip(curves.values(), looks, strict=True):
-            rates, stress, stress_error = curve["shear_stress"]
-            _, pressure, pressure_error = curve["pressure"]
-            ratio = stress / pressure
-            ratio_error = ratio * np.hypot(stress_error / stress, pressure_error / pressure)
-            style = {"color": colour, "marker": marker}
-            for ax, kept, y, error in zip(
-                axes.flat,
-                lines,
-                (stress, pressure, ratio),
-                (stress_error, pressure_error, ratio_error),
-                strict=False,
-            ):
-                ax.errorbar(rates, y, error, capsize=1.5, elinewidth=0.6, label=label, **style)
-                kept.append((rates, y))
-            for y, face in ((stress, colour), (pressure, "white")):
-                axes[1, 1].plot(*local_exponents(rates, y), markerfacecolor=face, **style)
-        names = [units.label(symbol, "stress") for _, symbol in _QUANTITIES]
-        rate = units.label(r"\dot\gamma", "rate")
-        for ax, kept, text in zip(axes.flat, lines, [*names, r"$\sigma/p$"], strict=False):
-            set_log_axes(ax, kept)
-            ax.set(xlabel=rate, ylabel=text)
-        axes[1, 1].set(
-            xscale="log", xlim=axes[0, 0].get_xlim(), xlabel=rate,
-            ylabel=r"$d\ln\sigma/d\ln\dot\gamma$, $d\ln p/d\ln\dot\gamma$",
-        )  # fmt: skip
-        low, high = axes[1, 1].get_ylim()
-        for value, regime in ((1, "Newtonian"), (2, "Bagnoldian")):
-            if low < value < high:
-                axes[1, 1].axhline(value, color=GREY, lw=0.6, ls=":")
-                axes[1, 1].annotate(
-                    regime,
-                    (1, value),
-                    (-2, 1),
-                    ("axes fraction", "data"),
-                    "offset points",
-                    color=GREY,
-                    ha="right",
-                )
-        axes[1, 1].text(
-            0.03, 0.04, r"filled: $\sigma$, hollow: $p$", color=GREY, transform=axes[1, 1].transAxes
-        )
-        axes[0, 0].legend()
-        letter_panels(axes.flat)
         save(fig, path)
 
 

@@ -316,7 +316,8 @@ def _states(args, items):
 
 @picture("flow", "flow")
 def _flow(args, items):
-    from jampetsc.plots.shearing import plot_flow_curves, plot_series
+    from jampetsc.plots.flowcurves import plot_flow_curves
+    from jampetsc.plots.shearing import plot_series
 
     rates = {float(item.attributes["rate"]) for item in items}
     if len(rates) > 1:
@@ -332,6 +333,14 @@ def _strain(args, items):
 
     plot_slow_shear(items, args.out)
     return f"energy, stress, pressure and coordination of {_count(items, 'run', 'runs')} over the strain"
+
+
+@picture("phi", "flow")
+def _phi(args, items):
+    from jampetsc.plots.flowcurves import plot_against_phi
+
+    plot_against_phi(items, args.out)
+    return f"stress, pressure and coordination of {_count(items, 'run', 'runs')} against phi"
 
 
 @picture("snapshot", "flow")
