@@ -1,6 +1,6 @@
 """141 frequencies from 1e-10 to 1e4: the rational sweep against one complex factorisation per frequency, and pyMOR.
 
-    .venv/bin/python benchmarks/sweep.py [--n 1024,4096,32768] [--pressure 1e-4] [--sample 12]
+    .venv/bin/python benchmarks/sweep.py [--n 1024,4096,32768] [--pressure 1e-4] [--sample 12] [--against TREE]
 
 β = 1 with rotations and pre-stress, accuracy 1e-6 in G' and in G'' each. Peers, on the same matrices in the
 same run:
@@ -9,16 +9,20 @@ same run:
   pyMOR    IRKA of order 24 on the same pencil, where pyMOR is installed (pip install pymor)
 The sweep's times are the best of three runs. The first two peers are timed on `--sample` frequencies spread over the
 range and scaled to 141: each costs the same. The true error is that against MUMPS at those frequencies.
-"factorisations" is the sweep's time in units of one real Cholesky factorisation.
+"factorisations" is the sweep's processor time in units of one real Cholesky factorisation. `--against` has another tree
+of jampetsc, with an environment of its own, do the same sweep in turn with this one, and leaves out the peers.
 """
 
 import argparse
 import importlib.util
+import resource
+import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
-from common import machine, packing, report, worker
+from common import environment, machine, packing, report, worker
 from direct import ours, superlu
 
 OMEGA = np.geomspace(1e-10, 1e4, 141)
@@ -38,7 +42,8 @@ def rational(path, chosen):
     running = session.start("real")
     disks = read_packing(path)
     build_network(disks, running.comm)  # compiles, or loads, the pair search
-    start = time.perf_counter()
+    running.PETSc.Log.begin()
+    start, used = time.perf_counter(), time.process_time()
     network = build_network(disks, running.comm)
     pencil = assemble(network, damping_law())
     compatibility = build_compatibility(pencil)
@@ -48,16 +53,19 @@ def rational(path, chosen):
         sweep.add_shifts(shifts)
     grown = time.perf_counter()
     _, G, bounds = sweep.finish()
-    end = time.perf_counter()
-    once = time.perf_counter()
+    end, used = time.perf_counter(), time.process_time() - used
+    solves = running.PETSc.Log.Event("MatSolve").getPerfInfo()["count"]
+    once = time.process_time()
     ShiftedFactor(shifted(pencil.K, pencil.B, 1e-3), "K + sB").destroy()
-    once = time.perf_counter() - once
+    once = time.process_time() - once
     if running.rank == 0:
         report(
             seconds=end - start,
             assembly=assembled - start,
             basis=grown - assembled,
             projection=end - grown,
+            processor=used,
+            solves=solves,
             factorisation=once,
             factorisations=sweep.factorisations,
             vectors=sweep.basis.size,
@@ -94,6 +102,18 @@ def irka(path, chosen):
     report(seconds=time.perf_counter() - start, G=[[v.real, v.imag] for v in G])
 
 
+def processor(tree, path):
+    """Processor seconds of the sweep by the benchmark of a tree, its start with a tiny packing taken off."""
+    spent = []
+    for file in (packing(64, "1e-2"), path):
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        words = [f"{tree}/.venv/bin/python", "benchmarks/sweep.py", "--worker", "rational", str(file)]
+        subprocess.run(words, cwd=tree, capture_output=True, check=True, env=environment())
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        spent.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+    return spent[1] - spent[0]
+
+
 def relative_errors(values, reference):
     """Worst relative error of G' and of G''."""
     values, reference = np.array(values), np.array(reference)
@@ -105,6 +125,7 @@ def main():
     parser.add_argument("--n", default="1024,4096,32768")
     parser.add_argument("--pressure", default="1e-4")
     parser.add_argument("--sample", type=int, default=12)
+    parser.add_argument("--against", metavar="TREE")
     parser.add_argument("--worker", nargs=2, metavar=("KIND", "FILE"), help=argparse.SUPPRESS)
     args = parser.parse_args()
     chosen = np.unique(np.linspace(0, len(OMEGA) - 1, args.sample).round().astype(int))
@@ -126,16 +147,23 @@ def main():
         def figures(kind, ranks=1, path=path):
             return worker(__file__, "--worker", kind, path, "--sample", args.sample, ranks=ranks)
 
-        def best(ranks):
+        if args.against:
+            trees = Path(__file__).resolve().parents[1], Path(args.against)
+            mine, theirs = np.min([[processor(tree, path) for tree in trees] for _ in range(5)], axis=0)
+            print(f"N = {n}: {mine:.2f} s of processor time, {args.against}: {theirs:.2f} s", flush=True)
+            continue
+
+        def best(ranks, figures=figures):
             return min((figures("rational", ranks) for _ in range(3)), key=lambda run: run["seconds"])
 
         mine, two = best(1), best(2)
         reference = figures("MUMPS")
         errors = relative_errors(mine["G"], reference["G"])
         print(
-            f"N = {n}: rational {mine['seconds']:.2f} s = {mine['seconds'] / mine['factorisation']:.1f} "
-            f"factorisations of {mine['factorisation']:.3f} s; used {mine['factorisations']} with {mine['vectors']} "
-            f"vectors; assembly {mine['assembly']:.2f}, basis and bound {mine['basis']:.2f}, projection "
+            f"N = {n}: rational {mine['seconds']:.2f} s, {mine['processor']:.2f} s of processor time = "
+            f"{mine['processor'] / mine['factorisation']:.1f} factorisations of {mine['factorisation']:.3f} s; used "
+            f"{mine['factorisations']}, {mine['solves']} solves, {mine['vectors']} vectors; "
+            f"assembly {mine['assembly']:.2f}, basis and bound {mine['basis']:.2f}, projection "
             f"{mine['projection']:.2f} s\n    true error G' {errors[0]:.1e}, G'' {errors[1]:.1e}, certified "
             f"{mine['certified']:.1e}, memory {mine['memory']:.2f} GB\n    on 2 ranks, shifts side by side: "
             f"{two['seconds']:.2f} s, {mine['seconds'] / two['seconds']:.2f} times faster, {two['factorisations']} "

@@ -50,8 +50,11 @@ def test_ranks_may_be_used_in_two_ways(session, parallel):
         judge(found.G, found.bounds, exact("polydisperse", law), 1e-8, parallel)
 
 
-def test_the_bound_is_not_far_from_the_error(session):
+def test_the_bound_is_not_far_from_the_error(session, monkeypatch):
     """Where rounding is far away: never below the error, half of the time within a factor of ten."""
+    monkeypatch.setattr(
+        "jampetsc.response.rational.VECTORS", 4
+    )  # of small packings eight leave no error at all
     ratios = []
     for sample in ("polydisperse", "isostatic"):
         for law in (str(physics()), str(physics("stokes"))):
@@ -85,8 +88,24 @@ def test_residual_is_one_vector_times_one_function(session, law, parallel):
             assert np.sqrt(size2) == pytest.approx(np.sqrt(wanted2), rel=1e-3, abs=1e-11 * border)
 
 
-def test_accuracy_costs(session):
+def test_a_factor_serves_again_nearby(session, monkeypatch):
+    """Once more, which saves factorisations, and not for ever, since more and more vectors of one shift are alike."""
+    monkeypatch.setattr("jampetsc.response.rational.VECTORS", 2)
+    law, omega, made = physics("stokes"), np.geomspace(1e-10, 1e4, 29), []
+    for nearby in (1.0, 20.0, 1e9):
+        monkeypatch.setattr("jampetsc.response.rational.NEARBY", nearby)
+        with Sweep(SAMPLES["isostatic"](), law, omega, 1e-8, session.comm, "matrix") as found:
+            made.append(found.sweep.factorisations)
+            s = max(found.sweep.factors.shifts)
+            for given, serves in ((2, nearby > 1.0), (3, False)):
+                found.basis.shifts = [s] * given
+                assert (found.sweep._serving(3.0 * s) == s) == serves
+    assert made[0] > made[1] >= made[2]
+
+
+def test_accuracy_costs(session, monkeypatch):
     """Fewer vectors for less accuracy, and fewer factorisations for a narrow range."""
+    monkeypatch.setattr("jampetsc.response.rational.VECTORS", 4)  # a small packing has not many to give
     law = physics()
     sizes = []
     for accuracy in (1e-2, 1e-6, 1e-10):

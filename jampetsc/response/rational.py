@@ -24,7 +24,8 @@ from jampetsc.response.residual import ResidualBound, energy_between, positive
 from jampetsc.session import current
 from jampetsc.solvers.matrices import largest_entry
 
-VECTORS = 4  # per factorisation: a solve is some twentieth of one, and more than a few vectors at one shift help little
+VECTORS = 8  # at a time with one factor: a solve is some twentieth of a factorisation
+NEARBY = 20.0  # ratio within which a factor serves a second time instead of another one
 MOST_VECTORS = 240
 APART = 30.0  # shifts that are done at the same time differ by this ratio at least
 SMALLEST_SHIFT = 1e-14  # relative to the largest rate: below it K + sB is K but for rounding
@@ -135,9 +136,18 @@ class RationalSweep:
         shifts = []
         candidates = self._clip(self.omega)
         while len(shifts) < self.factors.width and ratio.max() > 1.0:
-            shifts.append(float(candidates[np.argmax(ratio)]))
+            shifts.append(self._serving(float(candidates[np.argmax(ratio)])))
             ratio[(candidates > shifts[-1] / APART) & (candidates < shifts[-1] * APART)] = 0.0
         return shifts
+
+    def _serving(self, wanted):
+        """The nearest shift of a factor that has served once only, if it is not far from the one wanted; else that."""
+        near = [
+            s
+            for s in self.factors.shifts
+            if 1.0 / NEARBY < s / wanted < NEARBY and self.basis.shifts.count(s) <= VECTORS
+        ]
+        return min(near, key=lambda s: abs(np.log(s / wanted)), default=wanted)
 
     def _nothing_resists(self, i):
         """Whether G* at the i-th frequency is rounding of what it would be if nothing relaxed."""

@@ -33,6 +33,7 @@ from jampetsc.solvers.cholesky import NotPositiveDefinite
 from jampetsc.solvers.matrices import diagonal_of
 
 ROUNDING = 2.0 * float(np.finfo(float).eps)  # of the sum over the contacts of a disk, relative to its terms
+BLOCK = 2048  # rows
 DIRECTIONS = 12  # at most; where so many do not do, the solves are too poor for what is asked
 
 
@@ -70,12 +71,16 @@ class Anchor:
     shift: float
     diagonal: np.ndarray  # (n_local,) of D
     least: float
+    rounding: (
+        np.ndarray
+    )  # (m + 2,) what that of sums over contacts may have done to the columns of R, norm of D⁻¹
 
 
 @dataclass(frozen=True, eq=False)
 class _Worst:
     """Where the bound is furthest above what is allowed: what is left there, R of_columns − v of_directions."""
 
+    omega: float
     of_columns: np.ndarray  # (m + 2,)
     of_directions: np.ndarray  # (k,)
     hopeless: bool  # what is known of r is too much by itself
@@ -153,7 +158,7 @@ class ResidualBound:
         """Under drag on disks that do not turn K + sB ≥ s kτ₁ drag; else the factor in the middle will often do."""
         c, top = self.residual.compatibility, float(self.omega[-1])
         if c.drag and c.pencil.law.dofs == 2:
-            return Anchor(top, np.ones_like(self._diagonals[0]), top * c.drag)
+            return self._held(top, np.ones_like(self._diagonals[0]), top * c.drag)
         shifts = sorted(self.factors.shifts)
         return self._anchor(shifts[len(shifts) // 2])
 
@@ -161,11 +166,15 @@ class ResidualBound:
         diagonal = self._diagonal(s)
         if self.residual.compatibility.pencil.law.holds_translations:
             diagonal = np.ones_like(diagonal)  # as `ShiftedFactor.least_eigenvalue` has it where it projects
-        return Anchor(s, diagonal, self.factors.least_eigenvalue(s))
+        return self._held(s, diagonal, self.factors.least_eigenvalue(s))
 
-    def _stretch(self, s, anchor):
-        """Largest entry of the diagonal of K + sB in units of that of the anchor."""
-        return self.network.max(float((self._diagonal(s) / anchor.diagonal).max(initial=0.0)))
+    def _held(self, s, diagonal, least):
+        rounding = np.sqrt(self._stretch(s, diagonal)) * self.residual.rounding(s, self._diagonal(s))
+        return Anchor(s, diagonal, least, rounding)
+
+    def _stretch(self, s, diagonal):
+        """Largest entry of the diagonal of K + sB in units of that of an anchor."""
+        return self.network.max(float((self._diagonal(s) / diagonal).max(initial=0.0)))
 
     def _add_direction(self, v, energies):
         self.residual.compatibility.pencil.project(v)
@@ -186,11 +195,10 @@ class ResidualBound:
 
     def _sharpen(self, worst):
         """Another anchor or direction, if that can help at the frequency that needs it most."""
-        ends = {min(self.factors.shifts), max(self.factors.shifts)} - {
-            anchor.shift for anchor in self.anchors
-        }
-        if len(self.anchors) == 1 and ends:
-            self.anchors += [self._anchor(s) for s in sorted(ends)]
+        held = {anchor.shift for anchor in self.anchors}
+        nearest = min(held | set(self.factors.shifts), key=lambda s: abs(np.log(s / worst.omega)))
+        if nearest not in held:
+            self.anchors.append(self._anchor(nearest))
             return True
         if worst.hopeless or self.directions.shape[1] >= DIRECTIONS:
             return False
@@ -201,39 +209,30 @@ class ResidualBound:
     def _evaluate(self, allowed):
         """(bound (M,), `_Worst` or None where it is within `allowed`)."""
         triangles = [self._triangle(anchor) for anchor in self.anchors]
-        rounding = [
-            np.sqrt(self._stretch(anchor.shift, anchor))
-            * self.residual.rounding(anchor.shift, self._diagonal(anchor.shift))
-            for anchor in self.anchors
+        stretch = [
+            [self._stretch(s, anchor.diagonal) for s in self.factors.shifts] for anchor in self.anchors
         ]
-        stretch = [[self._stretch(s, anchor) for s in self.factors.shifts] for anchor in self.anchors]
-        return by_rank_0(self.network.comm, lambda: self._judge(triangles, rounding, stretch, allowed))
+        return by_rank_0(self.network.comm, lambda: self._judge(triangles, stretch, allowed))
 
     def _triangle(self, anchor):
         """The triangle T of D^(−½) [v_1, …, R] = QT, on rank 0."""
         scaled = np.column_stack((self.directions, self.residual.columns)) / np.sqrt(anchor.diagonal)[:, None]
-        parts = self.network.comm.gather(np.linalg.qr(scaled, mode="r"))
-        return (
-            None
-            if parts is None
-            else parts[0]
-            if len(parts) == 1
-            else np.linalg.qr(np.vstack(parts), mode="r")
-        )
+        parts = self.network.comm.gather(_triangle(scaled))
+        return None if parts is None else _triangle(np.vstack(parts))
 
-    def _judge(self, triangles, rounding, stretch, allowed):
-        """What `_evaluate` gives, on rank 0. By anchor: T, rounding of the columns, stretch at each shift at hand."""
+    def _judge(self, triangles, stretch, allowed):
+        """What `_evaluate` gives, on rank 0. By anchor: T, and stretch at each shift at hand."""
         omega, k = self.omega, self.directions.shape[1]
         w = self.residual.weights(omega)
         norms = np.array([self._norm(energies, stretch) for energies in self._energies]).reshape(
             k, len(omega)
         )
         known, rest, parts = [], [], []
-        for anchor, triangle, of_columns in zip(self.anchors, triangles, rounding, strict=True):
+        for anchor, triangle in zip(self.anchors, triangles, strict=True):
             c = solve_triangular(triangle[:k, :k], triangle[:k, k:] @ w) if k else np.empty((0, len(omega)))
             e = triangle[k:, k:] @ w
             inverse = np.sqrt(self._inverse(anchor, omega))
-            known.append(np.sum(np.abs(c) * norms, axis=0) + (of_columns @ np.abs(w)) * inverse)
+            known.append(np.sum(np.abs(c) * norms, axis=0) + (anchor.rounding @ np.abs(w)) * inverse)
             rest.append(np.linalg.norm(e, axis=0) * inverse)
             parts.append(e)
         total = np.array(known) + np.array(rest)
@@ -246,7 +245,7 @@ class ResidualBound:
             i = int(np.argmax(bound / allowed))
         anchor = best[i]
         return bound, self._worst(
-            triangles[anchor], w[:, i], parts[anchor][:, i], known[anchor][i], allowed[i]
+            omega[i], triangles[anchor], w[:, i], parts[anchor][:, i], known[anchor][i], allowed[i]
         )
 
     def _norm(self, energies, stretch):
@@ -260,7 +259,7 @@ class ResidualBound:
             bounds[s] = e + left**2 * float(inverse)
         return np.sqrt(energy_between(self.largest_rate, bounds, self.omega))
 
-    def _worst(self, triangle, w, e, known, allowed):
+    def _worst(self, omega, triangle, w, e, known, allowed):
         """The direction in which e is largest there, as a combination of the columns of R and of the directions."""
         k = self.directions.shape[1]
         _, _, axes = np.linalg.svd(np.column_stack((e.real, e.imag)), full_matrices=False)
@@ -268,4 +267,10 @@ class ResidualBound:
         of_directions = (
             solve_triangular(triangle[:k, :k], triangle[:k, k:] @ of_columns) if k else np.empty(0)
         )
-        return _Worst(of_columns, of_directions, bool(np.sqrt(2.0) * known**2 > allowed))
+        return _Worst(float(omega), of_columns, of_directions, bool(np.sqrt(2.0) * known**2 > allowed))
+
+
+def _triangle(tall):
+    """R of QR of a tall matrix, by blocks of rows that stay in the cache."""
+    blocks = [np.linalg.qr(tall[row : row + BLOCK], mode="r") for row in range(0, max(len(tall), 1), BLOCK)]
+    return blocks[0] if len(blocks) == 1 else np.linalg.qr(np.vstack(blocks), mode="r")
