@@ -80,7 +80,15 @@ def followed(listed, skin=2.0, **changes):
     disks, _, order = listed
     pairs = PairList.build(disks, 2.0)
     law, still = disks.potential.constants, np.zeros((disks.n, 2))
-    aim = {"share": 1e-8, "floor": 0.0, "apart": 1e-12, "diameter": 1.2, "reach": 0.1, "most": 2000} | changes
+    aim = {
+        "share": 1e-8,
+        "floor": 0.0,
+        "apart": 1e-12,
+        "diameter": 1.2,
+        "reach": 0.1,
+        "soft": 0.5,
+        "most": 2000,
+    } | changes
     factor = compiled.factor_of(order, pairs.arrays, still, 0.0, law, 1e-3, 1e-4, 0.5)
     memory, forces = compiled.nothing_remembered(disks.n), np.empty_like(still)
     widest = 2.0 * float(disks.radii.max())
@@ -99,3 +107,11 @@ def test_where_following_ends(listed):
     status, few, force, _ = followed(listed, floor=1e-7)
     assert status == compiled.CONVERGED and few < evaluations and force <= 1e-7
     assert followed(listed, skin=1e-6)[0] == compiled.STALE
+
+
+def test_without_a_factor_it_goes_down_too(listed, monkeypatch):
+    exact = followed(listed)
+    monkeypatch.setattr(compiled, "factor_of", lambda *_: compiled.NO_FACTOR)
+    status, evaluations, _, pressure = followed(listed)
+    assert status == compiled.CONVERGED and pressure == pytest.approx(exact[3], rel=1e-6)
+    assert evaluations > 2 * exact[1]

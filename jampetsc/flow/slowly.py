@@ -21,9 +21,10 @@ from jampetsc.packing.newton import FORCE_FLOOR
 ENERGY_CUT = 1e-16  # U/(N k_e) above which disks are jammed (Vågberg et al., PRE 83, 031307 (2011))
 LONGEST = 0.1  # mean diameters: a longer displacement was a rearrangement, which does not go on as it went
 RENEWAL = 50  # steps after which everything but the disks is made anew
-AGED = 12  # evaluations of a step from which on the factor is too old
-FRESH = 40  # evaluations between two factors on a long way down
-PATIENCE = 800  # evaluations before a quench is begun
+AGED = 12  # evaluations of a step with the factor there is,
+FRESH = 40  # and with a new one, before disks are taken to rearrange
+RESTING = 3e-2  # max |F| / (p d) to which they then go down without one
+PATIENCE = 1500  # evaluations before a quench is begun
 DAMPING = 1e-5  # added to the Hessian, in units of the stiffness of a contact
 NEARBY = 3e-3  # mean diameters: disks that are apart by less may touch within the step
 SHARE = 0.25  # of G_A V Δγ²: what a step must dissipate to be a plastic event
@@ -80,7 +81,7 @@ class SlowShear:
         self.diameter = 2.0 * float(np.mean(disks.radii))
         self.largest = 2.0 * float(disks.radii.max())
         self.last = np.zeros((disks.n, 2))  # displacement beside the affine one in the last step
-        self._unit = stress_unit(disks)
+        self._unit, self._law = stress_unit(disks), disks.potential.constants
         self._list(self._quenched(disks))
 
     @property
@@ -103,6 +104,7 @@ class SlowShear:
     def _list(self, disks):
         """Go on from disks at a minimum, or near one, with a list of their pairs."""
         self.reference, self.offsets, self.shear = disks, np.zeros((disks.n, 2)), 0.0
+        self.area = disks.area
         self.skin = SKIN_RANGE[1] * self.diameter
         self.pairs = PairList.build(disks, self.skin)
 
@@ -123,37 +125,49 @@ class SlowShear:
         """A factor of the Hessian as it is now, and nothing remembered."""
         disks = self.reference
         self._factor = compiled.factor_of(
-            self._order, self.pairs.arrays, self.offsets, self.shear, disks.potential.constants,
+            self._order, self.pairs.arrays, self.offsets, self.shear, self._law,
             NEARBY * self.diameter, DAMPING * self._stiffness, self._stiffness,
         )  # fmt: skip
         self._memory = compiled.nothing_remembered(disks.n)
         self.effort.newton_steps += 1
 
-    def _go_down(self, forces, budget):
-        disks, unit = self.reference, self._unit
+    def _go_down(self, forces, share, budget):
         floor = FORCE_FLOOR * self._stiffness * self.diameter
+        aim = (
+            share,
+            floor,
+            UNJAMMED * self._unit,
+            self.diameter,
+            LONGEST * self.diameter,
+            0.2 / self._stiffness,
+            budget,
+        )
         return compiled.follow(
-            self.pairs.arrays, (self.largest, self.skin), disks.potential.constants, disks.area, self._factor,
-            self._memory, self.offsets, self.shear, self._moved, forces,
-            (self.tolerance, floor, UNJAMMED * unit, self.diameter, LONGEST * self.diameter, budget),
+            self.pairs.arrays, (self.largest, self.skin), self._law, self.area, self._factor, self._memory,
+            self.offsets, self.shear, self._moved, forces, aim,
         )  # fmt: skip
 
     def _follow(self):
         """Down to the minimum; the sums of `bond_forces` there, None where it was lost."""
-        forces, spent, budget = np.empty_like(self.offsets), 0, AGED
+        forces, spent = np.empty_like(self.offsets), 0
+        share, budget = self.tolerance, AGED
         while spent < PATIENCE:
-            status, evaluations, sums = self._go_down(forces, budget)
+            status, evaluations, sums = self._go_down(forces, share, budget)
             spent += evaluations
             self.effort.evaluations += evaluations
-            if status in (compiled.CONVERGED, compiled.APART):
+            if status == compiled.APART or (status == compiled.CONVERGED and share == self.tolerance):
                 return sums
             if status == compiled.LOST:
                 return None
             if status == compiled.STALE:
                 self._list(self.disks)
+            elif share == self.tolerance and budget == FRESH:
+                # disks rearrange: the Hessian is not worth its factor until they come to rest
+                self._factor, self._memory = compiled.NO_FACTOR, compiled.nothing_remembered(len(forces))
+                share, budget = max(2.0 * self.tolerance, RESTING), PATIENCE
             else:
                 self._factorise()
-                budget = FRESH
+                share, budget = self.tolerance, FRESH
         return None
 
     def advance(self) -> Step:
@@ -162,9 +176,8 @@ class SlowShear:
             self._renew()
         before, spent = self.found, self.effort.evaluations
         self.shear += self.step
-        self._moved = self.last.copy()
-        self.offsets += self.last - self.shear * np.outer(self.last[:, 1], [1.0, 0.0])
-        far = float(np.hypot(*self.offsets.T).max())
+        self._moved = np.empty_like(self.offsets)
+        far = compiled.moved_on(self.offsets, self.shear, self.last, self._moved)
         if is_stale(far, 0.0, self.shear, self.largest, self.skin):
             self._list(self.disks)
         sums = self._follow()
@@ -176,35 +189,32 @@ class SlowShear:
             self._factorise()
             sums = self._forces()
         self.steps += 1
-        moved = self._moved - self._moved.mean(axis=0)
-        self.last = moved if np.abs(moved).max() < LONGEST * self.diameter else np.zeros_like(moved)
+        size, longest = compiled.without_drift(self._moved)
+        self.last = self._moved if longest < LONGEST * self.diameter else np.zeros_like(self._moved)
         self.found = now = self._look(sums)
-        area = self.reference.area
-        work = 0.5 * (before.shear_stress + now.shear_stress) * area * self.step
+        work = 0.5 * (before.shear_stress + now.shear_stress) * self.area * self.step
         dissipated = work - (now.energy - before.energy)
         return Step(
-            float(np.sqrt(np.mean(np.sum(moved**2, axis=1)))) / self.diameter,
+            size / self.diameter,
             dissipated,
-            before.jammed and bool(dissipated > SHARE * self.affine_modulus * area * self.step**2),
+            before.jammed and bool(dissipated > SHARE * self.affine_modulus * self.area * self.step**2),
             self.effort.evaluations - spent,
         )
 
     def _forces(self):
         """Sums of `bond_forces` as it is now."""
         self._moved = np.zeros_like(self.offsets)
-        return self._go_down(np.empty_like(self.offsets), 0)[2]
+        return self._go_down(np.empty_like(self.offsets), self.tolerance, 0)[2]
 
     def _look(self, sums):
         disks, n = self.reference, self.reference.n
-        contacts, stiffness = compiled.contacts_at(
-            self.pairs.arrays, self.offsets, self.shear, disks.potential.constants
-        )
-        self.affine_modulus = stiffness / disks.area
-        energy = float(sums[0]) / disks.potential.alpha
+        contacts, stiffness = compiled.contacts_at(self.pairs.arrays, self.offsets, self.shear, self._law)
+        self.affine_modulus = stiffness / self.area
+        energy = sums[0] / disks.potential.alpha
         return Look(
             energy,
-            -float(sums[2]) / disks.area,
-            0.5 * float(sums[1] + sums[3]) / disks.area,
+            -sums[2] / self.area,
+            0.5 * (sums[1] + sums[3]) / self.area,
             energy / n > ENERGY_CUT * disks.potential.k,
             2.0 * contacts / n,
         )

@@ -18,6 +18,9 @@ TRIES = 8  # of a step that goes too far
 CONVERGED, STALE, SPENT, APART, LOST = range(5)
 
 
+NO_FACTOR = np.empty(0, np.uint32), np.empty(0, np.uint32), np.empty(0, np.uint32), np.empty((0, 4))
+
+
 def nothing_remembered(n: int):
     """(s and y (2, MEMORY, N, 2), s · y (MEMORY,), (how many, where the next one goes), where to work (4, N, 2))."""
     return np.zeros((2, MEMORY, n, 2)), np.zeros(MEMORY), np.zeros(2, np.int64), np.zeros((4, n, 2))
@@ -84,6 +87,40 @@ def factor_of(order, pairs, o, g, law, nearby, damping, stiffness):
 
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def _go(o, moved, d, length, g):
+    """Move by length · d in the laboratory; returns max |o|."""
+    far = 0.0
+    for k in range(len(o)):
+        dx, dy = length * d[k, 0], length * d[k, 1]
+        moved[k, 0] += dx
+        moved[k, 1] += dy
+        o[k, 0] += dx - g * dy
+        o[k, 1] += dy
+        far = max(far, o[k, 0] * o[k, 0] + o[k, 1] * o[k, 1])
+    return np.sqrt(far)
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def moved_on(o, g, way, moved):
+    """Move offsets o by `way` (N, 2) in the laboratory, which is copied into `moved`; returns max |o|."""
+    moved[:] = 0.0
+    return _go(o, moved, way, 1.0, g)
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def without_drift(moved):
+    """Take the mean out of `moved` (N, 2); returns the rms of what is left, and its largest component."""
+    n, square, longest = len(moved), 0.0, 0.0
+    for axis in range(2):
+        mean = np.mean(moved[:, axis])
+        for k in range(n):
+            moved[k, axis] -= mean
+            square += moved[k, axis] ** 2
+            longest = max(longest, abs(moved[k, axis]))
+    return np.sqrt(square / n), longest
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
 def contacts_at(pairs, o, g, law):
     """(number of contacts, Σ k (n_x r_y)², V times the modulus of affine motion) at offsets o and shear g."""
     i, j, r0, sigma = pairs
@@ -109,8 +146,8 @@ def _dot(a, b):
 
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def _direction(factor, memory, forces, d, work):
-    """d = H F, (N, 2), by the two loops over what is remembered."""
+def _direction(factor, softness, memory, forces, d, work):
+    """d = H F, (N, 2), by the two loops over what is remembered; H₀ without a factor: about `softness`."""
     both, product, count, spaces = memory
     s, y = both[0], both[1]
     kept, following = count
@@ -122,7 +159,13 @@ def _direction(factor, memory, forces, d, work):
         for k in range(len(work)):
             work[k, 0] -= share[m] * y[m, k, 0]
             work[k, 1] -= share[m] * y[m, k, 1]
-    solve(factor, work, d, spaces[3])
+    if len(factor[0]):
+        solve(factor, work, d, spaces[3])
+    else:
+        newest = (following - 1) % MEMORY
+        scale = product[newest] / _dot(y[newest], y[newest]) if kept else softness
+        for k in range(len(work)):
+            d[k, 0], d[k, 1] = scale * work[k, 0], scale * work[k, 1]
     for ahead in range(kept):
         m = (following - kept + ahead) % MEMORY
         rest = share[m] - _dot(y[m], d) / product[m]
@@ -132,32 +175,18 @@ def _direction(factor, memory, forces, d, work):
 
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def _go(o, moved, d, length, g):
-    """Move by length · d in the laboratory; returns max |o|."""
-    far = 0.0
-    for k in range(len(o)):
-        dx, dy = length * d[k, 0], length * d[k, 1]
-        moved[k, 0] += dx
-        moved[k, 1] += dy
-        o[k, 0] += dx - g * dy
-        o[k, 1] += dy
-        far = max(far, o[k, 0] * o[k, 0] + o[k, 1] * o[k, 1])
-    return np.sqrt(far)
-
-
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
 def follow(pairs, listed, law, area, factor, memory, o, g, moved, forces, aim):
     """Go down from offsets o (N, 2) at shear g of the list to the minimum; returns (status, evaluations, sums).
 
     listed = (σ_max, skin); factor, memory: of `factor_of`, `nothing_remembered`
     aim = (max |F| / (p d) asked for, force that rounding leaves, pressure at which no two disks touch, d, longest move
-    of a disk in one step, evaluations at most); what is moved is added to `moved` (N, 2); sums: of `bond_forces`, at
-    the end.
+    of a disk in one step, one over the stiffness of a contact, evaluations at most). What is moved is added to `moved`
+    (N, 2); sums: of `bond_forces`, at the end.
     """
     both, product, count, spaces = memory
     s, y = both[0], both[1]
     d, old, work = spaces[0], spaces[1], spaces[2]
-    share, floor, apart, diameter, reach, most = aim
+    share, floor, apart, diameter, reach, softness, most = aim
     sums = bond_forces(pairs, o, 0.0, g, law, forces, None, None)
     evaluations = 1
     while True:
@@ -174,11 +203,11 @@ def follow(pairs, listed, law, area, factor, memory, o, g, moved, forces, aim):
             return CONVERGED, evaluations, sums
         if evaluations >= most:
             return SPENT, evaluations, sums
-        _direction(factor, memory, forces, d, work)
+        _direction(factor, softness, memory, forces, d, work)
         slope = _dot(forces, d)
         if not slope > 0.0:
             count[0] = 0
-            _direction(factor, memory, forces, d, work)
+            _direction(factor, softness, memory, forces, d, work)
             slope = _dot(forces, d)
             if not slope > 0.0:
                 return LOST, evaluations, sums
