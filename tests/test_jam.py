@@ -1,5 +1,7 @@
 """`jampetsc jam`: samples that are what `pack` would make, the same on any number of ranks and after a kill."""
 
+import shutil
+
 import launch
 import numpy as np
 import pytest
@@ -60,7 +62,11 @@ def test_a_killed_run_goes_on(session, tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         run(tmp_path / "out.h5")
     monkeypatch.setattr(record, "write_checkpoint", save)
+    shutil.copy(tmp_path / "out.h5.resume", tmp_path / "other.h5.resume")
     parts = run(tmp_path / "out.h5")
+    other = run(tmp_path / "other.h5", "--protocol", "compress", "--cooling-rate", "1", "--seeds", "3:3")
+    assert len(other["phi_J"]) == 2  # begun anew: the checkpoint was of another protocol
+    (tmp_path / "other.h5").unlink()
     assert np.array_equal(whole["energy"], parts["energy"])
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out.h5", "whole.h5"]
 

@@ -189,6 +189,19 @@ def test_pictures(study, tmp_path, capsys, files, kind, says):
     assert out.stat().st_size > 8_000
 
 
+def test_states_before_the_discarded_strain_do_not_count(study):
+    result = load(study / "shear-0.9.h5")
+    (samples,) = samples_of([result])
+    assert samples.share(0.9).samples == 100
+    assert samples.share(0.9).value == pytest.approx(result["jammed"][100:].mean())
+
+
+def test_a_mixture_that_no_picture_shows_is_refused(study, tmp_path, capsys):
+    files = [str(study / name) for name in ("jam.h5", "shear-0.9.h5")]
+    assert cli.main(["plot", *files, "--kind", "strain", "--out", str(tmp_path / "x.png")]) == 2
+    assert "one picture shows one or the other" in capsys.readouterr().err
+
+
 def test_the_last_minimum_is_the_last_state(study):
     disks = replace(last_minimum(load(study / "shear-0.9.h5")), potential=isostatic().potential)
     assert disks.fingerprint == isostatic().fingerprint

@@ -10,7 +10,7 @@ from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import measure
 from jampetsc.packing.protocols import random_start
 from jampetsc.packing.sizes import radii_of
-from jampetsc.packing.thermal import COLD, Thermal, annealed
+from jampetsc.packing.thermal import ACCEPTED, COLD, Thermal, annealed
 
 POTENTIALS = [Potential("harmonic", "inverse-square-diameter", 2.0), Potential("hertzian", "constant", 1.5)]
 CELL = np.array([[1.6, 0.0], [0.3, 1.5]])
@@ -89,5 +89,8 @@ def test_cooling_leaves_a_deeper_energy_the_slower_it_is():
         start = random_start(radii_of("bidisperse", 32), 0.95, 5, potential)
         found = annealed(start, 1e-2, rate, 20, np.random.default_rng(2))
         energies.append(measure(found).energy / 32)
+    tuned = Thermal(start, np.random.default_rng(4))
+    shares = [tuned.sweep(1e-3, tune=True) for _ in range(300)]
+    assert np.mean(shares[200:]) == pytest.approx(ACCEPTED, abs=0.05)
     assert COLD < energies[1] < 0.7 * energies[0]
     assert np.array_equal(found.radii, start.radii) and np.array_equal(found.cell, start.cell)

@@ -206,6 +206,11 @@ def fit_collapse(points: Points, form: Form) -> Fit:
         raise InputError(
             f"{len(points)} points for {form.unknowns} unknowns: give more points, or a lower --degree"
         )
+    positive = int(np.count_nonzero(points.value > 0))
+    if positive <= form.plain.unknowns:
+        raise InputError(
+            f"{positive} values above zero for {form.plain.unknowns} unknowns: give denser disks"
+        )
     plain = _best(points, form.plain, _start(points, form.plain))
     if not form.corrections:
         return plain
@@ -277,9 +282,10 @@ def _best(points, form, start: Fit, search=EXACT) -> Fit:
     begin = np.r_[[start.parameters[name] for name in names], *start.coefficients]
     inner = np.clip(begin, low + 1e-9, high - 1e-9)
     change, steps = search
-    solved = least_squares(
-        residuals, inner, jacobian, (low, high), x_scale="jac", max_nfev=steps, ftol=change, xtol=change
-    )
+    with np.errstate(over="ignore", invalid="ignore"):  # of steps that are too long, which are taken back
+        solved = least_squares(
+            residuals, inner, jacobian, (low, high), x_scale="jac", max_nfev=steps, ftol=change, xtol=change
+        )
     return fit_at(solved.x, float(2.0 * solved.cost))
 
 
