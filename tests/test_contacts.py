@@ -133,8 +133,8 @@ def test_force_that_a_contact_needs_to_count():
     d = 2.0 * disks.radii.mean()
     stiff = replace(disks, potential=replace(disks.potential, k=7.0))
     for pressure, force, force_of_stiff in ((1e-3, 1e-9, 1e-9), (1e-9, 1e-14, 7e-14), (0.0, 1e-14, 7e-14)):
-        assert force_threshold(disks, pressure) == pytest.approx(force * d, abs=0.0)
-        assert force_threshold(stiff, pressure) == pytest.approx(force_of_stiff * d, abs=0.0)
+        assert force_threshold(disks, pressure) == pytest.approx(force * d, rel=1e-12, abs=0.0)
+        assert force_threshold(stiff, pressure) == pytest.approx(force_of_stiff * d, rel=1e-12, abs=0.0)
 
 
 @pytest.mark.parametrize("scale", [2.0**29, 2.0**40])

@@ -341,6 +341,6 @@ def test_limits_are_what_was_asked_for_or_what_rounding_leaves():
     limits = Limits(Descent(random_disks(100), Goal(1e-3), Team()), 1e-10)
     for pressure, force, stress in ((1e-3, 1e-13, 1e-13), (1e-7, 3e-15, 4e-17)):
         found = limits.at(pressure)
-        assert (found.force, found.pressure) == pytest.approx((force, stress), abs=0.0)
+        assert (found.force, found.pressure) == pytest.approx((force, stress), rel=1e-12, abs=0.0)
     soft = Limits(Descent(random_disks(100, potential=Potential("hertzian")), Goal(1e-6), Team()), 1e-10)
     assert soft.at(1e-6).force < 3e-16  # rounding of bonds moves the forces of soft contacts less
