@@ -11,6 +11,7 @@ from jampetsc.contacts.disks import GRID, Disks
 from jampetsc.contacts.laws import Physics, damping_law
 from jampetsc.contacts.minimum import PROVED_BY, proved_minimum, with_proof
 from jampetsc.contacts.potentials import Potential
+from jampetsc.errors import InputError
 from jampetsc.storage.packing_file import read_packing, write_packing
 from jampetsc.words import describe
 
@@ -124,6 +125,20 @@ def test_a_sweep_counts_anew_what_was_forged_or_edited(session, shared_path):
     assert known is None
     assert job.negative_modes == 0
     assert job.positive_semidefinite == "proved by Cholesky's factorisation of K"
+
+
+@pytest.mark.scalar("real")
+def test_modes_count_anew_what_was_forged(session, shared_path):
+    from jampetsc.response import modes_file
+
+    path, out = shared_path / "p.h5", shared_path / "m.h5"
+    forged = lattice().with_record(**with_proof(published()).record)
+    if session.rank == 0:
+        write_packing(path, forged)
+    session.comm.Barrier()
+    with pytest.raises(InputError, match="K has 14 negative modes"):
+        modes_file.run(path, out, True, 3)
+    assert len(modes_file.run(path, out, False, 3).eigenvalues) >= 3
 
 
 def test_disks_of_one_piece_of_code_and_of_another_are_the_same():

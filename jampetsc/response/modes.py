@@ -61,12 +61,14 @@ class Modes:
             return np.sqrt(self.transverse / self.normal)
 
 
-def lowest_modes(network: Network, count: int | None = None, below: float | None = None) -> Modes:
+def lowest_modes(
+    network: Network, count: int | None = None, below: float | None = None, proved: bool = False
+) -> Modes:
     """The lowest `count` modes, or all `below` an eigenvalue (in k), or all there are if both are None.
     Collective.
 
-    Where the last one belongs to a cluster of equal eigenvalues, the whole cluster is returned. Needs the
-    real build.
+    Where the last one belongs to a cluster of equal eigenvalues, the whole cluster is returned. That K has no negative
+    modes is looked at unless it is `proved`. Needs the real build.
 
     Raises InputError for a packing that is not a minimum, for more modes than there are and for none below;
     ConvergenceError when SLEPc fails or the count does not come out.
@@ -75,7 +77,8 @@ def lowest_modes(network: Network, count: int | None = None, below: float | None
     pencil = assemble(network, UNDAMPED, pinned=False)
     compatibility = build_compatibility(pencil)
     try:
-        require_minimum(network)
+        if not proved:
+            require_minimum(network)
         free = 2 * len(pencil.pieces.roots)
         there = pencil.unknowns - free
         if below is not None:

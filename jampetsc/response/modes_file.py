@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from jampetsc.contacts.minimum import proved_minimum
 from jampetsc.errors import InputError
 from jampetsc.mechanics.network import build_network
 from jampetsc.response.modes import Modes, lowest_modes
@@ -27,7 +28,7 @@ def run(packing, out, prestress: bool, count=None, below=None) -> Modes:
     try:
         network = build_network(disks, session.comm, prestress)
         with session.stage("modes"):
-            modes = lowest_modes(network, count, below)
+            modes = lowest_modes(network, count, below, proved=not prestress or proved_minimum(disks))
     except InputError as error:
         raise InputError(f"{packing}: {error}") from None
     with session.stage("output"), ResultWriter(Path(out), FORMAT, session.comm) as writer:
