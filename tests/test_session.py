@@ -272,6 +272,11 @@ def test_an_option_that_is_needed_late_is_no_mistake(packing, ranks):
         ("sweep", "-freq_pc_type lu -modes_eps_tol 1", "PETSc option -modes_eps_tol: not used by this run"),
         (
             "sweep --method direct",
+            "-shift_pc_type lu",
+            "PETSc option -shift_pc_type: belongs to --method rational, which this run is not: ask for that",
+        ),
+        (
+            "sweep --method direct",
             "-freq_pc_type foo",
             "-freq_pc_type foo: Unable to find requested PC type foo: correct",
         ),
