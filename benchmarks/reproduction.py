@@ -325,9 +325,7 @@ def soft_states(table):
         shares = [
             block.mean() for block in np.array_split(soft, 10)
         ]  # independent, or nearly so along the strain
-        note = (
-            "whether P diverges as p → 0 is not decided at N = 64 by so few samples: see --paper"
-        )
+        note = "whether P diverges as p → 0 is not decided at N = 64 by so few samples: see --paper"
         yield (
             f"{name}, N = 64, φ = 0.84: share of jammed states with p < ⟨p⟩/4",
             None,
