@@ -20,6 +20,7 @@ from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.forms import linear_forms
 from jampetsc.contacts.laws import Law
 from jampetsc.contacts.pairs import SKIN_START, PairList, deformed, is_stale, tuned_skin
+from jampetsc.contacts.state import both_ends, find_rattlers
 from jampetsc.errors import ConvergenceError
 from jampetsc.packing.hessian import Bonds
 from jampetsc.solvers.local import NewtonSolver
@@ -27,10 +28,10 @@ from jampetsc.solvers.local import NewtonSolver
 STAGE = 1.0 - np.sqrt(0.5)  # of a step
 TOLERANCE = 1e-9  # of forces, in units of what the strain amplitude makes
 ROUNDED = 1e-15  # of forces, in units of k times the largest diameter
-ITERATIONS = 100
+ITERATIONS = 300
 WORN = 0.2  # a factor that leaves more of the residual than this is made anew
-DOWNHILL = 0.9  # a step that ends steeper than this, the other way, was too long
-HALVINGS = 30
+FLAT, STEEP = 0.3, 0.7  # of the force along a step, at its end: little is left of it, or nearly all
+TRIES = 20  # points of a search
 REACH = 0.1  # mean diameters: no disk moves farther in one of Newton's steps
 HELD = 1e-10  # of k: least μ on the diagonal, for what nothing holds; it changes steps, not where they end
 RAISED = 3.0
@@ -97,8 +98,8 @@ class _Pattern:
         self.indptr = np.searchsorted(kept // size, np.arange(size + 1)).astype(np.int32)
         self.indices = (kept % size).astype(np.int32)
 
-    def fill(self, blocks, held: float):
-        """Values of the sum of blocks (M, 2 dofs, 2 dofs), with `held` added to the diagonal."""
+    def fill(self, blocks, held):
+        """Values of the sum of blocks (M, 2 dofs, 2 dofs), with `held` (unknowns,) added to the diagonal."""
         values = np.bincount(self._places, blocks[self._upper], minlength=len(self.indices))
         values[self._diagonal] += held
         return values
@@ -200,12 +201,13 @@ class MovingContacts:
             left[:, :2] += bonds.on_disks(bonds.force * bonds.normal, n)
             return bonds, tensions, left
 
-        x = h * u
-        if self._is_stale(there(x), shear):
-            x = np.zeros_like(x)
-        bonds = Bonds.of(self.pairs, potential, there(x), 0.0, shear)
-        dashpots = _Dashpots(bonds, self._disks.radii, self.weights, self.dofs)
-        bonds, tensions, left = look(x)
+        starts = []
+        for x in (h * u, np.zeros_like(u)):  # where a disk has slid off, it does not go on as it went
+            if not self._is_stale(there(x), shear):
+                bonds = Bonds.of(self.pairs, potential, there(x), 0.0, shear)
+                dashpots = _Dashpots(bonds, self._disks.radii, self.weights, self.dofs)
+                starts.append((x, dashpots, *look(x)))
+        x, dashpots, bonds, tensions, left = min(starts, key=lambda start: np.abs(start[-1]).max())
         for _ in range(ITERATIONS):
             size = np.abs(left).max()
             if size <= self.tolerance:
@@ -213,13 +215,7 @@ class MovingContacts:
             if not self._fresh:
                 self._factorise(bonds, dashpots)
             step = self._solver.solve(left.ravel()).reshape(x.shape)
-            pull, longest = np.vdot(step, left), float(np.hypot(*step[:, :2].T).max())
-            length = min(1.0, REACH * self.diameter / max(longest, 1e-300))
-            for _ in range(HALVINGS):
-                bonds, tensions, left = look(x + length * step)
-                if not np.vdot(step, left) < -DOWNHILL * pull:
-                    break
-                length *= 0.5
+            length, (bonds, tensions, left) = self._search(look, x, step, left)
             x = x + length * step
             self.iterations += 1
             if not np.abs(left).max() <= WORN * size:
@@ -235,6 +231,27 @@ class MovingContacts:
         power = float(np.sum(tensions**2 / np.where(dashpots.weights > 0.0, dashpots.weights, np.inf)))
         return there(x), x / h, Instant(float(virial) / area, power)
 
+    def _search(self, look, x, step, left):
+        """How far to go along a step, and what is there: where its force is small, or has begun to pull back."""
+        pull, longest = np.vdot(step, left), float(np.hypot(*step[:, :2].T).max())
+        reach = REACH * self.diameter / max(longest, 1e-300)
+        length, lower, upper = min(1.0, reach), (0.0, 1.0), None
+        for _ in range(TRIES):
+            found = look(x + length * step)
+            now = np.vdot(step, found[-1]) / pull
+            if upper is None and now > STEEP and 2.0 * length <= reach:
+                lower, length = (length, now), 2.0 * length  # the force does not give way: a disk slides off
+                continue
+            if abs(now) <= FLAT or (upper is None and now > 0.0):
+                break
+            if now < 0.0:
+                upper = length, now
+            else:
+                lower = length, now
+            share = min(max(lower[1] / (lower[1] - upper[1]), 0.1), 0.9)
+            length = lower[0] + share * (upper[0] - lower[0])
+        return length, found
+
     def _factorise(self, bonds, dashpots):
         """Factorise K + B/h + μ for the next solves, with μ no larger than it takes to be positive definite."""
         rims = (self._disks.radii[self.pairs.i], self._disks.radii[self.pairs.j]) if self.dofs == 3 else None
@@ -244,14 +261,23 @@ class MovingContacts:
         blocks[dashpots.touching] += np.einsum(
             "f,cfx,cfy->cxy", dashpots.weights / self.h, dashpots.rows, dashpots.rows
         )
+        loose = self._loose(bonds)
         self._mu = max(self._mu / RAISED, self.held)
         while True:
             self.factorisations += 1
-            values = self._pattern.fill(blocks, self._mu)
+            values = self._pattern.fill(blocks, self._mu + loose)
             if self._solver.factorise(self._pattern.indptr, self._pattern.indices, values):
                 break
             self._mu *= RAISED**2
         self._fresh = True
+
+    def _loose(self, bonds):
+        """What holds disks that contacts do not, (unknowns,): more than the −f/r that pushes them aside."""
+        n = len(self.offsets)
+        i, j = both_ends(*(ends[bonds.overlap > 0.0] for ends in (self.pairs.i, self.pairs.j)))
+        push = bonds.force / bonds.distance
+        aside = np.bincount(self.pairs.i, push, minlength=n) + np.bincount(self.pairs.j, push, minlength=n)
+        return np.repeat(np.where(find_rattlers(n, i, j), 2.0 * aside, 0.0), self.dofs)
 
     def destroy(self):
         """Free the factor."""
