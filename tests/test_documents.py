@@ -177,10 +177,15 @@ def test_sizes_of_a_figure_come_from_its_mode_or_the_environment():
     assert done.returncode == 2 and "--papers: there are --quick, --paper and --show" in done.stderr
 
 
-def test_a_figure_is_made(tmp_path):
-    environment = launch.environment() | {"N": "16", "SEEDS": "1:2", "FOLDER": str(tmp_path)}
-    done = subprocess.run(
-        [FIGURES / "bt-fig5"], env=environment, capture_output=True, text=True, timeout=TIMEOUT
-    )
+def test_a_figure_is_made_and_its_claims_are_looked_at(tmp_path):
+    folder = tmp_path / "bt-fig5-quick"
+    environment = launch.environment() | {"N": "16", "SEEDS": "1:2", "FOLDER": str(folder)}
+    settings = {"env": environment, "capture_output": True, "text": True, "timeout": TIMEOUT}
+    done = subprocess.run([FIGURES / "bt-fig5"], **settings)
     assert done.returncode == 0, done.stderr
-    assert (tmp_path / "5.png").stat().st_size > 5000 and (tmp_path / "table.csv").exists()
+    assert (folder / "5.png").stat().st_size > 5000 and (folder / "table.csv").exists()
+    program = launch.ROOT / "benchmarks" / "reproduction.py"
+    done = subprocess.run([sys.executable, program, tmp_path], **settings)
+    assert done.returncode == 0, done.stderr
+    rows = [line for line in done.stdout.splitlines()[2:]]
+    assert len(rows) == 10 and all(row.count(" | ") == 5 and "`bt-fig5`" in row for row in rows)
