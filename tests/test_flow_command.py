@@ -171,6 +171,19 @@ BAD = [
     ("--n 3", "must lie in"),
     ("--snapshots -1", "must not be negative"),
     ("--tolerance 3", "must lie in"),
+    ("--strain 1e300", "at most 1e+12"),
+    ("--rate 1e-300", "at most 1e+12"),
+    ("--step 1e-300", "at most 1e+12"),
+    ("--strain nan", "must be positive"),
+    ("--discard nan", "must lie in"),
+    ("--snapshots 1000000000000", "rows after --discard, at most one for each"),
+    ("--strain 3e7 --rate 1 --snapshots 1000000000", "are free where"),
+    ("--phi nan", "must lie in"),
+    ("--seed -1", "must lie in"),
+    ("--tau1 1e300", "at most 1e+12"),
+    ("--model CD --mass 1e300", "at most 1e+12"),
+    ("--model CD0 --friction -1", "must not be negative"),
+    ("--walls --radii none.txt", "leave out --n"),
 ]
 
 
@@ -201,6 +214,33 @@ def test_bad_starts(tmp_path, capsys):
         assert flow("flow", *words) == 2
         assert message in capsys.readouterr().err
         assert not out.exists()
+
+
+def test_two_outputs_of_one_name(tmp_path, capsys):
+    out = tmp_path / "out.h5"
+    assert flow(*SMALL, "--out", out, "--last", out) == 2
+    assert "another file that this run writes" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_radii_of_no_size(tmp_path, capsys):
+    for size in ("1e-300", "1e300"):
+        (tmp_path / "radii").write_text(f"{size}\n" * 16)
+        words = [
+            "flow",
+            "--radii",
+            tmp_path / "radii",
+            "--phi",
+            0.8,
+            "--model",
+            "RD0",
+            "--rate",
+            1,
+            "--strain",
+            1,
+        ]
+        assert flow(*words, "--out", tmp_path / "x.h5") == 2
+        assert "another unit of length" in capsys.readouterr().err
 
 
 def test_a_flow_file_goes_on_as_it_was_begun(tmp_path, capsys):

@@ -154,6 +154,8 @@ def test_bad_words(alone, session, tmp_path):
         ({"step": 0}, (), "must lie in"),
         ({"step": 0.2}, (), "must lie in"),
         ({"strain": 1e-4}, (), "must lie in"),
+        ({"strain": 1e4, "step": 1e-9}, (), "at most 1e"),
+        ({"step": float("nan")}, (), "must lie in"),
         ({"phi": 1.2}, (), "must lie in"),
         ({}, ("--discard", 0.06), "must lie in"),
         ({}, ("--tolerance", 1), "must lie in"),

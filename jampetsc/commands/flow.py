@@ -95,7 +95,7 @@ def run(args, petsc_argv) -> int:
         job = _fresh(args, jobs, comm, inputs)
     by_rank_0(comm, lambda: check_output(job.out, jobs.FORMAT, inputs))
     if args.last is not None:
-        by_rank_0(comm, lambda: check_output(args.last, "jampetsc-packing", [*inputs, job.out]))
+        by_rank_0(comm, lambda: check_output(args.last, "jampetsc-packing", inputs, [job.out]))
     means = jobs.execute(job, args.last, _together(job, running))
     if running is None or running.rank == 0:
         print(jobs.summary(job, means))

@@ -3,6 +3,7 @@
 from jampetsc.errors import InputError
 from jampetsc.words.flowing import add_disks, check_start, start_of
 
+MOST = 1e8  # steps
 EPILOG = """examples
   jampetsc shear --n 64 --phi 0.845 --step 1e-3 --strain 8 --out qs.h5
   jampetsc shear packing.h5 --step 1e-3 --strain 1 --out qs.h5
@@ -47,7 +48,7 @@ def run(args, petsc_argv) -> int:
     inputs = [*filter(None, (args.start, args.radii))]
     check_output(args.out, "jampetsc-shear", inputs)
     if args.last is not None:
-        check_output(args.last, "jampetsc-packing", [*inputs, args.out])
+        check_output(args.last, "jampetsc-packing", inputs, [args.out])
     running = session.start("real", petsc_argv)
     if running.size > 1:
         raise InputError(f"shear on {running.size} ranks: one run is one process; `jampetsc study` runs many")
@@ -68,6 +69,10 @@ def check(args):
         raise InputError(f"--step {args.step:g}: must lie in (0, 0.1]")
     if not args.step <= args.strain <= 1e4:
         raise InputError(f"--strain {args.strain:g}: must lie in [--step, 1e4]")
+    if args.strain / args.step > MOST:
+        raise InputError(
+            f"--step {args.step:g}: {args.strain / args.step:.2g} steps, at most {MOST:.0e}: give a larger one"
+        )
     if args.discard is not None and not 0 <= args.discard < args.strain:
         raise InputError(f"--discard {args.discard:g}: must lie in [0, --strain)")
     if not 1e-13 <= args.tolerance <= 1e-2:

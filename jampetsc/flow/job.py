@@ -15,7 +15,7 @@ from jampetsc.contacts.state import find_contacts
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.flow.means import Means
 from jampetsc.flow.models import Model, Scheme, scheme_for
-from jampetsc.flow.record import FORMAT, Record, read_record, remove_checkpoint, write_record
+from jampetsc.flow.record import FORMAT, Record, check_space, read_record, remove_checkpoint, write_record
 from jampetsc.flow.run import Plan, check_balance
 from jampetsc.flow.run import run as shear_until
 from jampetsc.flow.shearing import Shear
@@ -79,7 +79,7 @@ def _weights(law):
 def fresh(
     disks, origin, model, rate, strain, out, *, discard=None, snapshots=0, step=None, tolerance=1e-4
 ) -> Job:
-    """A job from its beginning. Raises InputError for disks that lie inside one another."""
+    """A job from its beginning. Raises InputError for disks that lie inside one another, and as `Plan.of`."""
     contacts = find_contacts(disks)
     deepest = float(np.max(contacts.overlap / contacts.sigma, initial=0.0))
     if deepest > DEEPEST:
@@ -90,6 +90,7 @@ def fresh(
     scheme = scheme_for(model, disks, rate, step, tolerance)
     discard = min(1.0, 0.5 * strain) if discard is None else discard
     plan = Plan.of(rate, scheme.step, strain, discard, snapshots)
+    check_space(out, disks.n, snapshots)
     return Job(Path(out), disks, model, rate, scheme, plan, origin)
 
 
@@ -105,8 +106,9 @@ def continued(path, strain, out=None) -> Job:
         np.asarray(state[name], float) for name in ("base", "offset", "radii", "cell_base", "cell_offset")
     )
     disks = Disks(*arrays, potential)
-    rows = max(1, int(np.ceil(strain / (old.steps * settings["rate"] * scheme.step) - 1e-9)))
-    plan = Plan(old.steps, old.rows + rows, old.discard, old.snapshots)
+    more = Plan.of(settings["rate"], scheme.step, strain, 0.0, 0, old.steps)
+    plan = Plan(old.steps, old.rows + more.rows, old.discard, old.snapshots)
+    check_space(out, disks.n, 2 * old.snapshots)
     origin = {name: attrs[name] for name in KEPT if name in attrs}
     return Job(out, disks, model, settings["rate"], scheme, plan, origin, (record, state))
 

@@ -4,6 +4,7 @@ A checkpoint is such a file too, of another format and without means, at `<out>.
 """
 
 import json
+import shutil
 from contextlib import suppress
 from pathlib import Path
 
@@ -101,6 +102,17 @@ def write_checkpoint(out, record: Record, state: dict, settings: dict) -> None:
             store(h5, name, array)
         for name, value in state.items():
             store(h5, f"state/{name}", value)
+
+
+def check_space(out, disks: int, snapshots: int) -> None:
+    """Raise InputError where the snapshots of a run, twice with the checkpoint, do not fit on the disk of `out`."""
+    needed = 2 * snapshots * (disks * 4 + 5) * 8
+    free = shutil.disk_usage(follow(out).parent).free
+    if needed > free:
+        raise InputError(
+            f"--snapshots {snapshots}: of {disks} disks need {needed / 1e9:.3g} GB with the checkpoint, and "
+            f"{free / 1e9:.3g} GB are free where {out} is to be: ask for fewer"
+        )
 
 
 def remove_checkpoint(out) -> None:

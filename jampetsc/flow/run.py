@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.collective import by_rank_0
-from jampetsc.errors import ConvergenceError
+from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.flow.means import UNBALANCED, Means
 from jampetsc.flow.record import ON_WALLS, SERIES, Record, resumed, write_checkpoint
 from jampetsc.flow.shearing import Shear
@@ -18,6 +18,7 @@ ROW = 1e-2  # strain between rows: several per correlation strain (0.05 to 0.4)
 FEWEST_ROWS = 50  # of a short run
 INTERVAL = 10.0  # seconds between checkpoints
 LINES = 50  # of progress in a log
+MOST = 1e12  # time steps
 BATCH = 20_000  # time steps between looks at signals
 
 
@@ -32,10 +33,29 @@ class Plan:
 
     @classmethod
     def of(cls, rate, step, strain, discard, snapshots, steps=None) -> "Plan":
-        """The plan that covers `strain`; `steps` to a row where an earlier part of the run has decided."""
+        """The plan that covers `strain`; `steps` to a row where an earlier part of the run has decided.
+
+        Raises InputError for more time steps or snapshots than there can be.
+        """
+        many = strain / rate / step
+        if many > MOST:
+            raise InputError(
+                f"--strain {strain:g}: {many:.2g} time steps of {step:.3g}, at most {MOST:.0e}: give a larger --rate "
+                "or --step, or a smaller --strain"
+            )
         if steps is None:
             steps = max(1, round(min(ROW, strain / FEWEST_ROWS) / (rate * step)))
-        return cls(steps, max(1, int(np.ceil(strain / (steps * rate * step) - 1e-9))), discard, snapshots)
+        plan = cls(steps, max(1, int(np.ceil(strain / (steps * rate * step) - 1e-9))), discard, snapshots)
+        kept = plan.rows - plan.first_kept(rate * step)
+        if snapshots > kept:
+            raise InputError(
+                f"--snapshots {snapshots}: there are {kept} rows after --discard, at most one for each"
+            )
+        return plan
+
+    def first_kept(self, strain_step: float) -> int:
+        """Rows that --discard leaves out, with time steps of so much strain."""
+        return int(self.discard / (self.steps * strain_step) + 1e-9)
 
     def snapshot_rows(self, first_kept):
         """Rows after which a snapshot is taken: evenly over those kept, the last one included."""
@@ -56,8 +76,9 @@ def run(shear: Shear, plan: Plan, out, settings: dict, record=None) -> Record:
         shear.restore(state)
     record = record or Record(SERIES | (ON_WALLS if shear.held else {}))
     first, began = len(record), time.monotonic()
-    per_row = plan.steps * shear.rate * shear.scheme.step
-    photographed = plan.snapshot_rows(int(plan.discard / per_row + 1e-9)) if plan.snapshots else ()
+    photographed = (
+        plan.snapshot_rows(plan.first_kept(shear.rate * shear.scheme.step)) if plan.snapshots else ()
+    )
     saved, said = began, first * LINES // plan.rows
     with Progress(LINES, "flow", rank, said) as progress:
         if kept is not None:

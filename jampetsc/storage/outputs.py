@@ -18,14 +18,20 @@ _PICTURES = (b"\x89PNG\r\n", b"%PDF-", b"<?xml", b"<svg")  # how the files begin
 _NOT_HDF5 = (".png", ".pdf", ".svg", ".csv", ".txt", ".opts")  # endings that promise something else
 
 
-def check_output(out, kind, inputs=()) -> None:
+def check_output(out, kind, inputs=(), beside=()) -> None:
     """Raise InputError unless a `kind` of file may be put at `out` now. Call it before long work.
 
     kind     "picture", "table" or the format of a result, such as "jampetsc-sweep"
     inputs   paths of what the run reads; those that do not exist are left to who reads them
+    beside   paths of what else the run writes
     """
     if kind.startswith("jampetsc-") and Path(out).suffix.lower() in _NOT_HDF5:
         raise InputError(f"--out {out}: would be an HDF5 file by that name: give it the ending .h5")
+    for other in beside:
+        if _same(out, other) or os.path.realpath(out) == os.path.realpath(other):
+            raise InputError(
+                f"{out}: is another file that this run writes: choose another name for one of them"
+            )
     for source in inputs:
         if _same(out, source):
             alias = "" if str(out) == str(source) else f" {source}"

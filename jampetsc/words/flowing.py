@@ -2,7 +2,7 @@
 
 import math
 
-from jampetsc.contacts.laws import OPTIONS, Law
+from jampetsc.contacts.laws import LARGEST, OPTIONS, Law
 from jampetsc.contacts.potentials import EXPONENTS, Potential
 from jampetsc.errors import InputError
 from jampetsc.flow.models import MODELS, Model
@@ -60,6 +60,9 @@ def model_from(args, k=1.0) -> Model:
         if not (math.isfinite(args.quality) and args.quality > 0):
             raise InputError(f"--quality {args.quality:g}: must be positive")
         mass = args.quality**2 * k * law.tau1**2
+    for name in ("mass", "quality", "friction", "tau1"):
+        if getattr(args, name) is not None and LARGEST < getattr(args, name) < math.inf:
+            raise InputError(f"--{name} {getattr(args, name):g}: must be at most {LARGEST:g}")
     if mass is not None and not (math.isfinite(mass) and mass > 0):
         limit = "" if named and args.model in ("RD", "CD") else "; it has no overdamped limit"
         other = f"; the overdamped limit is --model {args.model}0" if named and not limit else limit

@@ -11,6 +11,7 @@ from jampetsc.errors import InputError
 from jampetsc.packing.sizes import SIZES, radii_of
 from jampetsc.storage.regular import open_regular
 
+SMALLEST, LARGEST = 1e-6, 1e6  # radius
 FEWEST, MOST = 16, 10_000_000
 PRESSURES = (1e-8, 1.0)
 PHIS = (0.8, 1.5)
@@ -193,6 +194,11 @@ def _read_radii(path):
         ) from None
     if radii.ndim != 1 or not (np.isfinite(radii).all() and (radii > 0).all()):
         raise InputError(f"{path}: radii must be positive numbers, one per line")
+    if len(radii) and not SMALLEST <= radii.min() <= radii.max() <= LARGEST:
+        raise InputError(
+            f"{path}: radii from {radii.min():g} to {radii.max():g}: must lie in [{SMALLEST:g}, {LARGEST:g}]; choose "
+            "another unit of length"
+        )
     return radii
 
 
