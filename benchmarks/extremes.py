@@ -128,7 +128,7 @@ def references(disks, network, physics, omega):
 
     pencil = assemble(replace(network, prestress=physics.prestress), physics.law)
     solver = FrequencySolver(pencil)
-    found = [solver.solve(w, 0.1) for w in omega]
+    found = [solver.solve(w, np.inf) for w in omega]  # to what it can say, which counts as its own error
     solver.destroy()
     pencil.destroy()
     return np.array([f.G for f in found]), np.array([[f.error_bound, *f.parts] for f in found]), None

@@ -51,7 +51,9 @@ def main(argv=None):
         return _fail("interrupted", 130)
     except stopping.Terminated as stop:
         return _fail(stopping.MESSAGE, stop.code)
-    except (RuntimeError, SystemError) as error:
+    except Exception as error:
+        if stopping.noticed():
+            return _fail(stopping.MESSAGE, stopping.Terminated().code)
         if not session.petsc_error(error):
             raise
         return _fail(f"PETSc: {session.petsc_message(error)}", 1)

@@ -22,6 +22,7 @@ CLEANING = 10.0  # seconds that it then gets to clean up
 _NOTICED = b"\0"  # no signal has this number
 
 _pipe = None  # to the process that watches
+_noticed = False
 
 
 class Terminated(SystemExit):
@@ -36,6 +37,12 @@ def stop_on_sigterm() -> None:
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, _terminate)
         _only_once(signal.SIGTERM)
+        sys.unraisablehook = _unraisable
+
+
+def noticed() -> bool:
+    """Whether Terminated was raised. What is raised afterwards may be due to code that cannot pass exceptions on."""
+    return _noticed
 
 
 @contextlib.contextmanager
@@ -62,7 +69,15 @@ def watched():
         os.waitpid(watcher, 0)
 
 
+def _unraisable(arguments):
+    """sys.unraisablehook: Terminated, raised in what C calls back, as LLVM does in numba, ends there: no word of it."""
+    if not isinstance(arguments.exc_value, Terminated):
+        sys.__unraisablehook__(arguments)
+
+
 def _terminate(number, frame):
+    global _noticed
+    _noticed = True
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     if _pipe is not None:
         os.write(_pipe, _NOTICED)

@@ -55,6 +55,30 @@ def test_a_process_that_cannot_listen_is_ended():
     assert ended(process) == (-signal.SIGTERM, [LINE])
 
 
+CALLED_BACK = """import ctypes, sys
+from jampetsc import cli
+
+def wait():
+    print("ready", flush=True)
+    time.sleep(60)
+
+def compiled(*_):
+    ctypes.CFUNCTYPE(None)(wait)()
+    raise RuntimeError("no compiled object yet")
+
+cli.dispatch = compiled
+sys.exit(cli.main([]))"""
+
+
+def test_what_swallows_the_end_makes_no_traceback():
+    """As numba does, which compiles by functions that C calls: no exception gets through, and another comes of it."""
+    process = running(CALLED_BACK)
+    process.send_signal(signal.SIGTERM)
+    with process:
+        _, errors = process.communicate(timeout=60)
+    assert (process.returncode, errors.replace("\0", "").splitlines()) == (143, [LINE])
+
+
 def test_a_second_signal_ends_it_at_once():
     process = running(f"stopping.PATIENCE = 1000\n{WATCHED}{DEAF}")
     process.send_signal(signal.SIGTERM)
