@@ -179,7 +179,9 @@ def study(tmp_path_factory):
         for rate in RATES[:5]:
             name = f"{phi}-{rate:.3g}.h5"
             write_flow(folder / name, phi, rate)
-            rows.append({"command": "flow", "state": "done", "file": name, "seconds": 0.1})
+            rows.append({"command": "flow", "state": "done", "file": name, "seconds": 0.1, "model": "RD0"})
+    write_flow(folder / "other.h5", 0.84, 1e-3, model="CD0")
+    rows.append({"command": "flow", "state": "done", "file": "other.h5", "seconds": 0.1, "model": "CD0"})
     (folder / "table.csv").write_text(table_text(rows))
     return folder
 
@@ -190,7 +192,8 @@ def command(*words):
 
 def test_the_command_on_a_study(study, tmp_path, capsys):
     out, picture = tmp_path / "p.h5", tmp_path / "p.png"
-    words = ("--observable", "pressure", "--fit", "phi_J,y=1.1,znu", "--degree", "3", "--out", out)
+    words = ("--where", "model=RD0", "--observable", "pressure", "--fit", "phi_J,y=1.1,znu", "--degree", "3")
+    words += ("--out", out)
     assert command(study, *words) == 0
     said = capsys.readouterr().out
     assert "pressure at 25 points" in said and "y = 1.1 held" in said and "rates <= 6.31e-05" in said
@@ -205,6 +208,12 @@ def test_the_command_on_a_study(study, tmp_path, capsys):
     assert np.allclose(result["bootstrap"].std(axis=0, ddof=1), [a["phi_J_error"], a["znu_error"]])
     assert command(study, *words[:-1], tmp_path / "cut.h5", "--cut", "7e-5", "--range", "0.8385:0.9") == 0
     assert len(load(tmp_path / "cut.h5")["phi"]) == 16
+    for more, message in (
+        ([], "model CD0, but"),
+        (["--where", "model=CD"], "without flow that is done where model=CD"),
+    ):
+        assert command(study, *words[2:-1], tmp_path / "x.h5", *more) == 2
+        assert message in capsys.readouterr().err
     assert cli.main(["plot", str(out), "--out", str(picture)]) == 0
     assert picture.stat().st_size > 20_000
 
@@ -275,6 +284,7 @@ def test_files_that_do_not_go_together(tmp_path, capsys):
             ("--finite-size", "--fit", "phi_J,y,nu"),
             "is none of the files that are scaled: give jam and shear files",
         ),
+        (("--where", "model=RD0"), "chooses rows of a study, but"),
         (("--observable", "jammed"), "--observable jammed goes with --finite-size"),
         (("--observable", "energy"), "choose one of pressure"),
         (("--fit", "phi_J,y"), "name znu, too, or hold it: znu=VALUE"),

@@ -23,6 +23,7 @@ errors are.
 examples:
   jampetsc collapse rd0-*.h5 --observable pressure --fit phi_J,y,znu --out p.h5
   jampetsc collapse study --observable pressure --fit phi_J,y,znu,omega --corrections --out p.h5
+  jampetsc collapse study --where model=CD0 --observable pressure --fit phi_J,y,znu --out cd0.h5
   jampetsc collapse f*.h5 --finite-size --observable jammed --fit phi_J,y=0,nu --out f.h5
   jampetsc plot p.h5 --out p.png"""
 
@@ -59,6 +60,11 @@ def add_parser(subparsers) -> None:
     )
     parser.add_argument(
         "--spline", action="store_true", help="a cubic spline over --degree intervals instead"
+    )
+    parser.add_argument(
+        "--where",
+        metavar="COLUMN=VALUE,…",
+        help="of the folder of a study: the files whose rows in its table have these values",
     )
     parser.add_argument("--cut", type=float, metavar="R", help="largest rate, or smallest N, that is used")
     parser.add_argument("--range", metavar="A:B", help="packing fractions that are used (default: all)")
@@ -100,7 +106,7 @@ def run(args, petsc_argv) -> int:
 
     began = time.perf_counter()
     form, (low, high) = check(args)
-    files = scaling.files_of(args.files, args.finite_size)
+    files = scaling.files_of(args.files, args.finite_size, args.where)
     refuse_repeated(files)
     check_output(args.out, FORMAT, files)
     results = [load(path) for path in files]

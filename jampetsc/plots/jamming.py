@@ -147,7 +147,7 @@ def plot_pressures(results, path) -> None:
     columns = min(len(curves), 2)
     rows = -(-len(curves) // columns)
     with figure(PAGE if columns == 2 else COLUMN, HEIGHT * rows, layout="constrained") as fig:
-        axes = fig.subplots(rows, columns, squeeze=False).flat
+        axes = fig.subplots(rows, columns, squeeze=False).ravel()
         units = flow_units(results)
         for ax, (one, some), label in zip(axes, curves, labels, strict=False):
             for (phi, values), colour in zip(some, colours(len(some)), strict=True):
@@ -169,7 +169,7 @@ def plot_pressures(results, path) -> None:
             ax.set_title(label, pad=3)
             ax.ticklabel_format(axis="x", style="sci", scilimits=(-2, 3), useMathText=True)
             ax.legend()
-        for ax in list(axes)[len(curves) :]:
+        for ax in axes[len(curves) :]:
             ax.set_axis_off()
         if len(curves) > 1:
             letter_panels(fig.axes[: len(curves)])

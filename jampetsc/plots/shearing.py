@@ -7,6 +7,7 @@ from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import InputError
 from jampetsc.flow.lanes import BIN, FORMAT, LANE, correlate_lanes
+from jampetsc.plots.logaxes import place_legend
 from jampetsc.plots.style import GREY, MARKERS, PAGE, colours, figure, letter_panels, number, save
 from jampetsc.plots.units import flow_units
 
@@ -69,8 +70,8 @@ def lanes_of(results) -> list:
             found.append((label, result["x"], result["g_y"], result["g_y_error"]))
         else:
             groups.setdefault((kind_of(result), float(a["rate"])), []).append(result)
-    names = labels_of([kind for kind, _ in groups]) if groups else []
-    for ((_, rate), some), name in zip(groups.items(), names, strict=True):
+    names = labels_of([kind for kind, _ in sorted(groups)]) if groups else []
+    for ((_, rate), some), name in zip(sorted(groups.items()), names, strict=True):
         g = correlate_lanes(some, LANE, BIN)
         found.append((rf"{name}, $\dot\gamma={number(rate)}$", g.centres, g.values, g.errors))
     return found
@@ -88,7 +89,8 @@ def plot_lanes(results, path) -> None:
             ax.plot(x, g, color=colour, marker=marker, label=label)
         ax.set(xlabel=flow_units(results).label("x", "length"), ylabel="$g_y(x)$")
         ax.margins(x=0.02)
-        ax.legend(title="bands: one standard error")
+        handles, _ = ax.get_legend_handles_labels()
+        place_legend(fig, ax, "bands: one standard error", handles, [(x, g) for _, x, g, _ in curves])
         save(fig, path)
 
 

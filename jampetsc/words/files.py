@@ -31,3 +31,13 @@ def refuse_one_packing(results) -> None:
             )
         if sha256 is not None:
             seen[sha256] = result
+
+
+def rows_wanted(where):
+    """{column: value} of column=value,…. Raises InputError."""
+    pairs = [word.partition("=") for word in where.split(",")] if where else []
+    if not all(name and equals and value for name, equals, value in pairs):
+        raise InputError(
+            f"--where {where}: write column=value, several with commas, such as law=stokes,beta=1"
+        )
+    return {name.strip().replace("-", "_"): value.strip() for name, _, value in pairs}

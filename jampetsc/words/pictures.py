@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from jampetsc.errors import InputError
+from jampetsc.words.files import rows_wanted
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ def of_studies(paths, kinds, where=None) -> tuple[list[str], bool]:
     from jampetsc.storage.ensemble import TABLE
     from jampetsc.storage.reader import load
 
-    files, averages, wanted = [], False, _wanted(where)
+    files, averages, wanted = [], False, rows_wanted(where)
     for path in paths:
         if not (Path(path) / TABLE).exists():
             files.append(path)
@@ -97,16 +98,6 @@ def _shown(done, picture):
     if not picture.mixed:
         made = [next((command for command in made if command in done["command"].tolist()), made[0])]
     return done.where(command=made)
-
-
-def _wanted(where):
-    """{column: value} of column=value,…. Raises InputError."""
-    pairs = [word.partition("=") for word in where.split(",")] if where else []
-    if not all(name and equals and value for name, equals, value in pairs):
-        raise InputError(
-            f"--where {where}: write column=value, several with commas, such as law=stokes,beta=1"
-        )
-    return {name.strip().replace("-", "_"): value.strip() for name, _, value in pairs}
 
 
 def fits(rows, kind) -> bool:

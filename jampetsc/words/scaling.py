@@ -9,6 +9,7 @@ from jampetsc.analysis.averages import Average, mean_of_runs
 from jampetsc.analysis.collapse import BOUNDS, PARAMETERS, Form, Points
 from jampetsc.analysis.jamming import share_of
 from jampetsc.errors import InputError
+from jampetsc.words.files import rows_wanted
 
 OBSERVABLES = ("pressure", "shear_stress", "jammed")
 FORMATS = {False: ("jampetsc-flow",), True: ("jampetsc-jam", "jampetsc-shear")}  # by rate, by size
@@ -147,25 +148,33 @@ def _mean(runs, observable):
     return mean_of_runs([one.mean for one in averages], [one.error for one in averages])
 
 
-def files_of(paths, finite_size) -> list[str]:
-    """The files, for the folder of a study those of its flow, or jam and shear tasks that are done."""
+def files_of(paths, finite_size, where=None) -> list[str]:
+    """The files, for the folder of a study those of its flow, or jam and shear tasks that are done.
+
+    where   column=value,… : of its rows those that have these values
+
+    Raises InputError for a study without such tasks, and for `where` without a study.
+    """
     from pathlib import Path
 
     from jampetsc.storage.ensemble import TABLE
     from jampetsc.storage.reader import load
 
-    files = []
+    files, study, wanted = [], False, rows_wanted(where)
     for path in paths:
         if not (Path(path) / TABLE).exists():
             files.append(path)
             continue
         commands = [name.removeprefix("jampetsc-") for name in FORMATS[finite_size]]
-        rows = load(path).where(state="done", command=commands)
+        study, rows = True, load(path).where(state="done", command=commands, **wanted)
         if not rows.rows:
+            here = f" where {where}" if where else ""
             raise InputError(
-                f"{path}: a study without {' or '.join(commands)} that is done: nothing to scale"
+                f"{path}: a study without {' or '.join(commands)} that is done{here}: nothing to scale"
             )
         files += [str(Path(path) / name) for name in rows["file"].tolist()]
+    if where and not study:
+        raise InputError(f"--where {where}: chooses rows of a study, but {paths[0]} is none: leave it out")
     return files
 
 
