@@ -27,6 +27,7 @@ from scipy.optimize import brentq
 from scipy.special import gamma
 
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
+from jampetsc.plots import style
 from jampetsc.storage.reader import load
 
 DRAWS = 1000
@@ -155,7 +156,7 @@ def print_exponents(alpha, data):
         "| regime | part | p | in | measured | BT's damping | self-consistent | BT 27-29 | p → 0 | points |"
     )
     print("|---|---|---|---|---|---|---|---|---|---|")
-    for regime, names in (("quasistatic", ("G''",)), ("critical", ("G'", "G''", "Ω"))):
+    for regime, names in (("quasistatic", ("G''", "Ω")), ("critical", ("G'", "G''", "Ω"))):
         for name in names:
             for p, packings in sorted(data.items()):
 
@@ -167,20 +168,27 @@ def print_exponents(alpha, data):
                     continue
                 for axis, (symbol, per_X) in enumerate((("ω", alpha), ("σ", alpha - 1.0))):
                     cells = [f"{values[axis]:.3f} ± {errors[axis]:.3f}" for values, errors, _ in fits]
-                    cells += [f"{(1 + (name == 'Ω')) * per_X * x:.3f}" for x in expected(alpha, regime)]
+                    twice = 2.0 if name == "Ω" and regime == "critical" else 1.0  # there G* ∝ Ω^½
+                    cells += [f"{twice * per_X * x:.3f}" for x in expected(alpha, regime)]
                     print(f"| {regime} | {name} | {p:g} | {symbol} | {' | '.join(cells)} | {fits[0][2]} |")
 
 
 def print_prefactors(alpha, data):
     """Quasistatic prefactors against p, and measured over predicted, medians over points and packings."""
     print("quasistatic G'' against p: exponent of the prefactor G''/X")
-    for column, theory in enumerate(((1 - 3 * alpha) / 4, -0.5, (1 - 3 * alpha) / 4)):
-        sets = []
-        for row in zip(*data.values(), strict=False):
-            prefactors = [(one.G[column].imag / one.X)[np.argmin(one.X)] for one in row]
-            sets.append((np.log(list(data))[:, None], np.log(prefactors)))
-        value, error = bootstrap(sets, slopes)
-        print(f"  {COLUMNS[column]}: {value[0]:.3f} ± {error[0]:.3f}, as p → 0 {theory:.3f}")
+    for column, motion in enumerate((0.75 * (1 - alpha), 0.0, 0.75 * (1 - alpha))):
+        told = []
+        for theory, value in (
+            (motion - 0.5, lambda one, c: one.G[c].imag),
+            (motion, lambda one, c: one.Omega[c]),
+        ):
+            sets = []
+            for row in zip(*data.values(), strict=False):
+                prefactors = [(value(one, column) / one.X)[np.argmin(one.X)] for one in row]
+                sets.append((np.log(list(data))[:, None], np.log(prefactors)))
+            slope, error = bootstrap(sets, slopes)
+            told.append(f"{slope[0]:.3f} ± {error[0]:.3f}, as p → 0 {theory:.3f}")
+        print(f"  {COLUMNS[column]}: {told[0]}; of Ω/X: {told[1]}")
     for p, packings in sorted(data.items()):
         off = [(one.storage / one.G[0].real)[one.inside("critical")] for one in packings]
         if sum(map(len, off)):
@@ -237,15 +245,42 @@ def print_certainty(alpha, data, finer):
                 )
 
 
+def draw(data, path):
+    """Effective Ω against X, a panel for each α < 1, the lowest pressure in each: measured, BT, self-consistent."""
+    exponents = [alpha for alpha in sorted(data) if alpha < 1.0]
+    with style.figure(style.PAGE, 2.7, layout="constrained") as figure:
+        axes = figure.subplots(1, len(exponents))
+        for ax, alpha in zip(axes, exponents, strict=True):
+            p = min(data[alpha])
+            for n, one in enumerate(data[alpha][p]):
+                order = np.argsort(one.X)
+                effective, theirs, ours = (Omega[order] for Omega in one.Omega)
+                names = ("measured", "BT 25, 26", "self-consistent") if n == 0 else (None,) * 3
+                ax.loglog(
+                    one.X[order], effective, "o", mfc="none", mew=0.5, ms=2.5, color="k", label=names[0]
+                )
+                ax.loglog(one.X[order], theirs, "--", color=style.GREY, label=names[1])
+                ax.loglog(one.X[order], ours, "-", lw=0.6, color=style.colours(2)[1], label=names[2])
+            ax.set_xlabel(rf"$X = (\omega\tau_1)^\alpha (\sigma/k)^{{\alpha-1}}$,   $\alpha = {alpha:.2g}$")
+            ax.set_ylabel(r"$\Omega\,\tau_1$")
+            ax.legend()
+        style.letter_panels(axes)
+        style.save(figure, path)
+
+
 def main():
     words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     words.add_argument("folder", type=Path)
-    folder = words.parse_args().folder
+    words.add_argument("--picture", type=Path, help="draw the effective frequency")
+    args = words.parse_args()
+    folder = args.folder
     data, finer = read(folder), read(folder, "steps")
     for alpha, packings in sorted(data.items()):
         print_exponents(alpha, packings)
         print_prefactors(alpha, packings)
         print_certainty(alpha, packings, finer.get(alpha, {}))
+    if args.picture:
+        draw(data, args.picture)
 
 
 if __name__ == "__main__":

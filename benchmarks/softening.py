@@ -17,7 +17,7 @@ from jampetsc.storage.reader import load
 
 def told(values):
     """Median (least to largest)."""
-    return f"{np.median(values):.3g} ({min(values):.3g} to {max(values):.3g})"
+    return f"{np.nanmedian(values):.3g} ({np.nanmin(values):.3g} to {np.nanmax(values):.3g})"
 
 
 def main():

@@ -104,6 +104,10 @@ class SteadyOscillation:
             linear=sum(run.linear for run in runs),
         )
 
+    def start(self, point: Point):
+        """Complex amplitudes of the velocities of the equivalent linear damping, as `Steady.velocity`."""
+        return self._equivalent(point).waves
+
     def destroy(self):
         """Free the vectors made here."""
         self.contacts.destroy()
