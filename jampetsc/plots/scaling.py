@@ -2,9 +2,11 @@
 
 import numpy as np
 
+from jampetsc.plots.logaxes import set_ticks
 from jampetsc.plots.style import GREY, MARKERS, PAGE, colours, figure, letter_panels, number, save
 
 HEIGHTS = (3.0, 1.4, 1.9)  # inches of collapse, residuals and drift
+REACH = 6.0  # from the best value in sight, in typical changes or errors: beyond, a fit has lost its way
 _SYMBOLS = {"pressure": "p", "shear_stress": r"\sigma", "jammed": "f"}
 _NAMES = {"phi_J": r"\phi_J", "y": "y", "znu": r"z\nu", "nu": r"\nu", "omega": r"\omega"}
 
@@ -55,11 +57,13 @@ def plot_scaling(result, path) -> None:
             best, own = float(a[name]), float(a[f"{name}_error"])
             ax.axhspan(best - own, best + own, color="0.85", lw=0)
             ax.set(xscale="log", xlabel="smallest $N$" if sized else r"largest $\dot\gamma$")
+            ends = np.log10(result["drift/cut"].min()) - 0.1, np.log10(result["drift/cut"].max()) + 0.1
+            ax.set_xlim(10 ** ends[0], 10 ** ends[1])
+            if sized:  # N spans less than two decades; of rates there is room for whole ones alone
+                set_ticks(ax.xaxis, *ends)
             ax.set_ylabel(f"${_NAMES[name]}$")
-            reach = max(np.median(np.abs(y - best)), np.median(bars), own)
-            ax.set_ylim(
-                max(min(y.min(), best) - own, best - 6 * reach),
-                min(max(y.max(), best) + own, best + 6 * reach),
-            )
+            reach = REACH * max(np.median(np.abs(y - best)), np.median(bars), own)
+            low, high = min((y - bars).min(), best - own), max((y + bars).max(), best + own)
+            ax.set_ylim(max(low - 0.1 * own, best - reach), min(high + 0.1 * own, best + reach))
         letter_panels([top, middle, *drifts])
         save(fig, path)
