@@ -14,7 +14,7 @@ from jampetsc.mechanics.assembly import assemble
 from jampetsc.response.basis import RationalBasis, field_at
 from jampetsc.response.factors import SideBySide
 from jampetsc.response.galerkin import Galerkin
-from jampetsc.response.residual import energy_between, positive, transfer
+from jampetsc.response.residual import ResidualBound, energy_between, positive, transfer
 from jampetsc.solvers.cholesky import NotPositiveDefinite, least_eigenvalue
 from jampetsc.solvers.shifted import ShiftedFactor, shifted
 from jampetsc.storage.packing_file import write_packing
@@ -50,6 +50,68 @@ def test_columns_and_weights_make_the_residual(session, law):
             wanted = k + 1j * omega * b + (K + 1j * omega * B) @ x
             terms = np.abs(k) + omega * np.abs(b) + (np.abs(K) + omega * np.abs(B)) @ np.abs(x)
             assert np.all(np.abs(r - wanted) <= 1e-13 * terms.max())
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("law", [LAWS[0], LAWS[2]], ids=str)
+def test_rounding_of_the_columns_is_below_what_is_said_of_it(session, law):
+    """Against sums over contacts in extended precision, in the norm of D⁻¹, and not below it by much."""
+    if session.size > 1:
+        return
+    with Sweep(SAMPLES["polydisperse"](), law, OMEGA, 1e-3, session.comm) as found:
+        c, galerkin = found.compatibility, Galerkin(found.basis, found.compatibility)
+        still, modes = galerkin._motions[:, 0], galerkin._motions[:, 1:]
+        residual = galerkin.residual()
+        C = dense(c.C).astype(np.longdouble)
+        forces = [c.w_K * still.astype(np.longdouble)]
+        forces.append(c.w_B * (still - modes.astype(np.longdouble) @ residual.loads))
+        forces += [(c.w_K - rate * c.w_B) * mode for rate, mode in zip(residual.rates, modes.T, strict=True)]
+        off = residual.columns - C.T @ np.array(forces).T
+        K, B = np.diag(dense(found.pencil.K)), np.diag(dense(found.pencil.B))
+        for s in (1e-6, 1e-2, 10.0):
+            diagonal = K + s * B
+            said = residual.rounding(s, diagonal)
+            made = np.sqrt(np.sum(off**2 / diagonal[:, None], axis=0)).astype(float)
+            assert np.all(made <= said) and np.all(said <= 1e4 * made)
+
+
+@pytest.mark.scalar("real")
+def test_what_a_poor_solve_leaves_of_an_energy_is_in_its_bound(session):
+    """vᵀA⁻¹v = e + ρᵀA⁻¹ρ for any x with A x = v − ρ: here x is no more than a fifth of what it should be."""
+    s, law = 1e-2, physics()
+    with Sweep(SAMPLES["polydisperse"](), law, OMEGA, 1e-3, session.comm) as found:
+        pencil, sweep = found.pencil, found.sweep
+        residual = Galerkin(found.basis, found.compatibility).residual()
+        bound = ResidualBound(residual, sweep.factors, *sweep.missing, sweep.largest_rate, OMEGA)
+        K, B = dense(pencil.K), dense(pencil.B)
+        A = K + s * B
+        v = whole(pencil.k_gamma)
+        x = 0.2 * np.linalg.solve(A, v)
+        rest = v - A @ x
+        e, left = float(x @ v + x @ rest), np.sqrt(np.sum(rest**2 / np.diag(A)))
+        stretch = [[bound._stretch(s, anchor.diagonal)] for anchor in bound.anchors]
+        assert np.all(
+            [row[0] >= 1.0 or anchor.shift > s for row, anchor in zip(stretch, bound.anchors, strict=True)]
+        )
+        exact = np.array([v @ np.linalg.solve(K + omega * B, v) for omega in OMEGA])
+        assert np.all(bound._norm({s: (e, left)}, stretch) ** 2 >= exact)
+        more = [[4.0 * row[0]] for row in stretch]
+        at_rest, once, fourfold = (
+            bound._norm({s: (e, rho)}, rows) ** 2
+            for rho, rows in ((0.0, stretch), (left, stretch), (left, more))
+        )
+        assert np.any(at_rest < exact)
+        np.testing.assert_allclose(fourfold - at_rest, 4.0 * (once - at_rest), rtol=1e-9)
+
+
+@pytest.mark.scalar("real")
+def test_what_is_no_number_is_no_bound(session):
+    with Sweep(SAMPLES["polydisperse"](), physics(), OMEGA, 1e-3, session.comm) as found:
+        residual = Galerkin(found.basis, found.compatibility).residual()
+        residual.columns[:, 2] = np.nan
+        sweep = found.sweep
+        bound = ResidualBound(residual, sweep.factors, *sweep.missing, sweep.largest_rate, OMEGA)
+        assert np.all(bound.within(np.ones(len(OMEGA))) == np.inf)
 
 
 class Inexact(RationalBasis):

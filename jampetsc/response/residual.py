@@ -223,6 +223,8 @@ class ResidualBound:
     def _judge(self, triangles, stretch, allowed):
         """What `_evaluate` gives, on rank 0. By anchor: T, and stretch at each shift at hand."""
         omega, k = self.omega, self.directions.shape[1]
+        if not all(np.isfinite(triangle).all() for triangle in triangles):
+            return np.full(len(omega), np.inf), None
         w = self.residual.weights(omega)
         norms = np.array([self._norm(energies, stretch) for energies in self._energies]).reshape(
             k, len(omega)
