@@ -255,7 +255,7 @@ def finite_size(table):
 @claim("paper4")
 def regimes(table):
     flows = table.where(command="flow", quality=1.0)
-    cases = [("RD", 0.78, 1.0), ("CD", 0.78, 1.0), ("CDt", 0.78, 1.0), ("CDn", 0.78, 2.0), ("CD", 0.5, 2.0)]
+    cases = [("RD", 0.78, 1.0), ("CD", 0.78, 1.0), ("CDt", 0.78, 1.0), ("CDn", 0.78, 2.0), ("CD", 0.5, None)]
     for model, phi, theirs in cases:
         mine = flows.where(model=model, phi=phi)
         if mine.rows < 2:
