@@ -122,7 +122,11 @@ def drag(table):
             f"Stokes: {name} ~ ω^Δ between p and 1, p = 1e-5",
             0.5,
             *bootstrap(lowest[f"exponent_{part}"]),
-            ("G″ turns over at ω ~ 1, so that no window of two decades shows ½"),
+            (
+                "G′ has G₀ added to its power law"
+                if part == "storage"
+                else "G″ turns over at ω ~ 1: see the picture"
+            ),
         )
 
 
