@@ -1,5 +1,6 @@
 """`jampetsc oscillate` as a program: what it writes, what it refuses, and that it goes on where it was."""
 
+import json
 import subprocess
 import sys
 
@@ -103,6 +104,31 @@ def test_what_failed_is_tried_again_and_the_rest_kept(packing, tmp_path):
     done = oscillate(*words)
     assert done.returncode == 0 and "1 points are finished" in done.stderr
     assert np.isfinite(load(path)["G"]).all()
+
+
+def test_a_checkpoint_is_of_the_same_oscillation(packing):
+    """Whatever decides a result is in the key of its checkpoint."""
+
+    def key(*words):
+        line = ["oscillate", str(packing), "--out", "o.h5", "--omega", "1", "--strain", "1e-5", *words]
+        args = cli.command_parser(line)[0].parse_args(line)
+        return json.dumps(args.check(args).key(("name", "hash")), default=list, sort_keys=True)
+
+    moving = ("--contacts", "moving")
+    asked = [
+        (),
+        ("--alpha", "0.5"),
+        ("--beta", "0.5"),
+        ("--no-prestress",),
+        ("--steps", "16"),
+        ("--omega", "2"),
+    ]
+    asked += [("--strain", "1e-4"), moving, (*moving, "--cycles", "3"), (*moving, "--cycles", "4")]
+    assert len({key(*words) for words in asked}) == len(asked)
+    stress = ["oscillate", str(packing), "--out", "o.h5", "--omega", "1", "--stress", "1e-5"]
+    args = cli.command_parser(stress)[0].parse_args(stress)
+    assert json.dumps(args.check(args).key(("name", "hash")), default=list, sort_keys=True) != key()
+    assert key() == key() == key("--out", "other.h5")
 
 
 def test_moving_contacts_on_any_number_of_ranks(packing, tmp_path):
