@@ -8,9 +8,10 @@ import pytest
 
 import jampetsc
 from jampetsc import cli
-from jampetsc.contacts.state import find_contacts
+from jampetsc.contacts.state import measure
 from jampetsc.errors import InputError
 from jampetsc.plots.flowcurves import flow_curves, local_exponents, plot_against_phi, plot_flow_curves
+from jampetsc.plots.packing import touching
 from jampetsc.plots.shearing import kind_of, labels_of, lanes_of, last_snapshot
 from jampetsc.plots.units import flow_units
 from jampetsc.storage.reader import Attributes
@@ -127,7 +128,11 @@ def test_curves_average_seeds(runs):
 def test_the_last_snapshot_is_the_last_state(runs):
     result = jampetsc.load(runs[0])
     disks = last_snapshot(result)
-    assert len(find_contacts(disks)) * 2 / disks.n == result["coordination"][-1]
+    contacts, number, alone = touching(disks)
+    assert len(contacts) * 2 / disks.n == result["coordination"][-1] == number.mean()
+    assert np.array_equal(np.flatnonzero(~alone), np.unique(np.r_[contacts.i, contacts.j]))
+    peeled = measure(disks)  # as if forces were balanced: contacts that a flow has would be lost
+    assert len(peeled.contacts) < len(contacts) and peeled.rattlers.sum() > alone.sum()
 
 
 def test_what_cannot_be_drawn(runs, tmp_path, capsys):

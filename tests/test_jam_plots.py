@@ -194,6 +194,11 @@ def test_states_before_the_discarded_strain_do_not_count(study):
     (samples,) = samples_of([result])
     assert samples.share(0.9).samples == 100
     assert samples.share(0.9).value == pytest.approx(result["jammed"][100:].mean())
+    pressures = result["pressure"][100:]
+    _, height, error = density(pressures[result["jammed"][100:] == 1], 0.0)
+    found = samples.density(0.9)
+    assert memory([pressures]) > 1.5  # one run, whose states remember each other
+    assert np.allclose(found[1], height) and np.allclose(found[2], np.sqrt(memory([pressures])) * error)
 
 
 def test_a_mixture_that_no_picture_shows_is_refused(study, tmp_path, capsys):

@@ -36,9 +36,10 @@ class Samples:
         """p of the jammed samples at φ, (S,)."""
         return np.concatenate([p[jammed == 1] for jammed, p in self.runs[phi]])
 
-    def memory(self, phi) -> float:
-        """How many samples at φ say as much as one independent one."""
-        return memory([p for _, p in self.runs[phi]])
+    def density(self, phi, unit=1.0):
+        """(edges, P(p), error) of the jammed samples at φ, p in this unit; errors know what runs remember."""
+        remembered = memory([p for _, p in self.runs[phi]])
+        return density(self.pressures(phi) / unit, 0.0, remembered)
 
 
 def samples_of(results) -> list[Samples]:
@@ -135,8 +136,7 @@ def plot_pressures(results, path) -> None:
     """
     samples = samples_of(results)
     curves = [
-        (one, [(phi, one.pressures(phi)) for phi in sorted(one.runs) if len(one.pressures(phi)) >= FEWEST])
-        for one in samples
+        (one, [phi for phi in sorted(one.runs) if len(one.pressures(phi)) >= FEWEST]) for one in samples
     ]
     curves = [(one, some) for one, some in curves if some]
     if not curves:
@@ -150,8 +150,8 @@ def plot_pressures(results, path) -> None:
         axes = fig.subplots(rows, columns, squeeze=False).ravel()
         units = flow_units(results)
         for ax, (one, some), label in zip(axes, curves, labels, strict=False):
-            for (phi, values), colour in zip(some, colours(len(some)), strict=True):
-                edges, height, error = density(values / units.k, 0.0, one.memory(phi))
+            for phi, colour in zip(some, colours(len(some)), strict=True):
+                edges, height, error = one.density(phi, units.k)
                 middle = 0.5 * (edges[1:] + edges[:-1])
                 text = rf"$\phi={phi:.6g}$"
                 ax.errorbar(

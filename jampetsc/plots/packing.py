@@ -28,6 +28,13 @@ def plot_packing(disks, path) -> None:
     _draw([("", disks, state.contacts, state.rattlers, caption)], path)
 
 
+def touching(disks):
+    """(all contacts, number of each disk's (N,), mask (N,) of those that have none and are not of a wall)."""
+    contacts = find_contacts(disks)
+    number = np.bincount(np.r_[contacts.i, contacts.j], minlength=disks.n)
+    return contacts, number, (number == 0) & (np.arange(disks.n) >= disks.record.get("walls", 0))
+
+
 def plot_flowing(panels, path) -> None:
     """Disks under shear, side by side: panels [(title, disks), …].
 
@@ -38,10 +45,8 @@ def plot_flowing(panels, path) -> None:
         raise InputError(f"{len(panels)} snapshots: one picture shows {PANELS}; choose some")
     drawn = []
     for title, disks in panels:
-        contacts = find_contacts(disks)
+        contacts, number, alone = touching(disks)
         walls = disks.record.get("walls", 0)
-        number = np.bincount(np.r_[contacts.i, contacts.j], minlength=disks.n)
-        alone = (number == 0) & (np.arange(disks.n) >= walls)
         pressure = virial_pressure(contacts.force, contacts.distance, disks.area)
         hollow = f"{np.count_nonzero(alone)} without contact" if alone.any() else ""
         caption = _caption(disks, contacts, pressure, float(number[walls:].mean()), hollow)
