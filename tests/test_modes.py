@@ -13,10 +13,10 @@ from samples import DATA, SAMPLES, gears, physics, published, reference, strips
 import jampetsc
 from jampetsc import cli
 from jampetsc.contacts.disks import Disks
-from jampetsc.errors import InputError
+from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.mechanics.network import build_network
 from jampetsc.response.elastic import ElasticResponse
-from jampetsc.response.modes import lowest_modes
+from jampetsc.response.modes import _require_different, lowest_modes
 from jampetsc.solvers import eigen
 from jampetsc.storage.packing_file import write_packing
 
@@ -172,6 +172,15 @@ def crystal():
     height = np.sqrt(0.75)
     positions = np.column_stack((column + 0.5 * row, height * row)) * 0.99
     return Disks.from_positions(positions, np.full(36, 0.5), [(6 * 0.99, 0), (3 * 0.99, 6 * height * 0.99)])
+
+
+def test_a_mode_found_twice_is_not_two(session):
+    found = lowest_modes(build_network(SAMPLES["polydisperse"](), session.comm), 5)
+    vectors = found.vectors.reshape(len(found.eigenvalues), -1)
+    _require_different(vectors, found.network)
+    for wrong in (vectors[[0, 1, 1]], 1.001 * vectors, np.nan * vectors):
+        with pytest.raises(ConvergenceError, match="modes are not orthonormal"):
+            _require_different(wrong, found.network)
 
 
 @pytest.mark.parametrize("count", [1, 5, 12])

@@ -31,6 +31,7 @@ ATTEMPTS = 4  # with more modes each time, where a cluster goes on or the count 
 RESIDUAL = (
     1e-9  # largest ‖Kφ − λφ‖ accepted, in units of the stiffness; |Δλ| is below its square over the gap
 )
+ALIKE = 1e-6  # largest product of two modes, or defect of a length: far more of them, alike, could pass for several
 AFFINE = 1e-12  # a non-affine part of the modulus this small, relative to the affine one, is rounding
 
 
@@ -103,10 +104,12 @@ def _certified(pencil, compatibility, count, stiffness):
         if pairs is None:
             pairs = _with_quotients(lowest(pencil, wanted, stiffness), compatibility)
         worst = pairs.residuals.max()
-        if worst > RESIDUAL * stiffness:
+        if not worst <= RESIDUAL * stiffness:
             raise ConvergenceError(
                 f"a mode has a residual of {worst:.1e}: tighten -modes_eps_tol or change the factorisation"
             )
+        if pairs.method != "lapack":
+            _require_different(pairs.vectors, pencil.network)
         kept, shift = _cut(pairs.values, count, there, stiffness)
         if kept == there:
             return pairs, kept, shift
@@ -123,6 +126,16 @@ def _certified(pencil, compatibility, count, stiffness):
         f"{len(pairs.values)} modes were found and their count does not agree with inertia: some of a cluster are "
         "missed; try a larger -modes_eps_ncv"
     )
+
+
+def _require_different(vectors, network):
+    """Raise ConvergenceError where the modes (m, unknowns_local) are not orthonormal: one found twice counts as two."""
+    products = network.sum(vectors @ vectors.T)
+    defect = np.abs(products - np.eye(len(products))).max(initial=0.0)
+    if not defect <= ALIKE:
+        raise ConvergenceError(
+            f"modes are not orthonormal, but for {defect:.1e}: tighten -modes_eps_tol or change -modes_eps_type"
+        )
 
 
 def _together(pairs, more):
