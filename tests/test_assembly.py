@@ -1,14 +1,17 @@
 """K, B and their border against the dense reference, on any number of ranks and in both scalar types."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from gathered import csr, dense, unknowns, whole
-from samples import LAWS, SAMPLES, laws_of, network_of, reference
+from samples import LAWS, SAMPLES, laws_of, network_of, physics, reference
 
 from jampetsc.mechanics.assembly import ROW, assemble
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.session import current
 
+EPSILON = np.finfo(float).eps
 pytestmark = pytest.mark.scalar("real", "complex")
 
 
@@ -97,3 +100,22 @@ def test_sums_of_squares(cases):
             found = extended.T @ (weight[:, None] * extended) + extra
             np.testing.assert_allclose(found, pinned(wanted, pencil.pins, 0.0), **about)
         c.destroy()
+
+
+@pytest.mark.parametrize("sample", ["isostatic", "hertzian"])
+def test_weights_are_off_by_what_an_overlap_is_off(session, sample):
+    """Positions off by a quarter of ε, overlaps by less than ε σ: force over distance has the fewest digits left."""
+    found = []
+    for move in (0.0, 1.0):
+        disks = SAMPLES[sample]()
+        shift = np.random.default_rng(5).uniform(-move, move, disks.offset.shape) * EPSILON / 4.0
+        disks = replace(disks, offset=disks.offset + shift)
+        pencil = assemble(network_of(disks, physics(), session.comm), physics().law)
+        c = build_compatibility(pencil)
+        found.append((c.w_K.reshape(-1, c.forms), c.size_K.reshape(-1, c.forms)))
+        for item in (c, pencil):
+            item.destroy()
+    (before, size), (after, _) = found
+    off = np.abs(after - before)
+    assert np.all(off <= EPSILON * (size + 4.0 * np.abs(before)))
+    assert np.any(off[:, 1] > 4.0 * EPSILON * np.abs(before[:, 1]))  # more than its own last digit

@@ -235,17 +235,10 @@ def field_at(pencil, factor, s: float):
 
     pencil   anything with K, B, k_gamma and b_gamma
     """
-    x, r, image = (pencil.K.createVecRight() for _ in range(3))
-    x.zeroEntries()
-    for _ in range(2):  # the second step refines: everything that follows starts from this field
-        pencil.K.mult(x, r)
-        pencil.B.mult(x, image)
-        r.axpy(s, image)
-        r.axpy(1.0, pencil.k_gamma)
-        r.axpy(s, pencil.b_gamma)
-        factor.solve(r, r)
-        x.axpy(-1.0, r)
-    field = x.getArray().copy()
-    for vector in (x, r, image):
-        vector.destroy()
+    x = pencil.k_gamma.duplicate()
+    pencil.k_gamma.copy(x)
+    x.axpy(s, pencil.b_gamma)
+    factor.solve(x, x)  # which refines: everything that follows starts from this field
+    field = -x.getArray()
+    x.destroy()
     return field
