@@ -1,6 +1,6 @@
 """Stress, pressure and coordination under steady shear against figures of an independent program.
 
-    .venv/bin/python benchmarks/flow_oracles.py [--points quick|256|1024|massive] [--seeds 1:2]
+    .venv/bin/python benchmarks/flow_oracles.py [--points quick|256|1024|massive|quasistatic] [--seeds 1:2]
 
 The figures come from a prototype that shares no code with jampetsc (bidisperse harmonic disks in a square cell,
 k_e = k_d = d_s = 1; one or two seeds of another generator, sheared at falling rates). Each line gives jampetsc's mean
@@ -58,6 +58,17 @@ FIGURES = {
     ("RD", 256, 0.78, 1e-2): ((2.16e-3, 0.12e-3), (6.0e-3, 0.3e-3), None),
     ("RD", 256, 0.78, 3e-3): ((1.08e-3, 0.02e-3), (2.93e-3, 0.05e-3), None),
 }
+# (N, φ) sheared quasistatically, steps 1e-3 over strain 8 at N = 64, 2e-3 over 4 at 256: σ, p, jammed fraction
+SLOW = {
+    (64, 0.835): ((2.9e-5, 0.6e-5), (2.7e-4, 0.5e-4), (0.36, 0.06)),
+    (64, 0.84): ((9.8e-5, 0.7e-5), (1.00e-3, 0.05e-3), (0.80, 0.02)),
+    (64, 0.845): ((1.66e-4, 0.11e-4), (2.02e-3, 0.13e-3), (0.970, 0.014)),
+    (64, 0.86): ((4.4e-4, 0.4e-4), (6.43e-3, 0.13e-3), None),
+    (256, 0.845): ((9.7e-5, 0.8e-5), (1.04e-3, 0.08e-3), (0.983, 0.008)),
+    (256, 0.86): ((4.2e-4, 0.2e-4), (5.37e-3, 0.07e-3), None),
+}
+FIGURES |= {("QS", *key, 0.0): figures for key, figures in SLOW.items()}
+QUASISTATIC = ("shear_stress", "pressure", "jammed")
 
 
 def wanted(points):
@@ -65,9 +76,10 @@ def wanted(points):
     massive = ("RD", "CD", "CDn", "CDt")
     return {
         "quick": [k for k in FIGURES if k[1] == 256 and k[3] == 1e-2],
-        "256": [k for k in FIGURES if k[1] == 256 and k[0] not in massive],
+        "256": [k for k in FIGURES if k[1] == 256 and k[0] in ("RD0", "CD0")],
         "1024": [k for k in FIGURES if k[1] == 1024],
         "massive": [k for k in FIGURES if k[0] in massive],
+        "quasistatic": [k for k in FIGURES if k[0] == "QS"],
     }[points]
 
 
@@ -77,19 +89,27 @@ def measured(model, n, phi, rate, seed, folder):
     mass = ["--mass", "1"] if not model.endswith("0") else []
     strain = STRAINS.get(rate, 40)
     words = ["flow", "--n", n, "--phi", phi, "--seed", seed, "--model", model, *mass, "--rate", rate]
+    discard, names = 2, QUANTITIES
+    if model == "QS":
+        step, strain, discard, names = (1e-3, 8, 1, QUASISTATIC) if n == 64 else (2e-3, 4, 1, QUASISTATIC)
+        words = ["shear", "--n", n, "--phi", phi, "--seed", seed, "--step", step]
     with contextlib.redirect_stdout(io.StringIO()):
-        status = cli.main([str(word) for word in (*words, "--strain", strain, "--discard", 2, "--out", out)])
+        status = cli.main(
+            [str(word) for word in (*words, "--strain", strain, "--discard", discard, "--out", out)]
+        )
     if status:
         sys.exit("jampetsc flow failed")
     facts = jampetsc.load(out).attributes
-    found = [(facts[f"{name}_mean"], facts[f"{name}_error"]) for name in QUANTITIES]
-    return found, facts["energy_balance"]
+    found = [(facts[f"{name}_mean"], facts[f"{name}_error"]) for name in names]
+    return found, facts.get("energy_balance", np.nan)
 
 
 def main():
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], allow_abbrev=False)
-    parser.add_argument("--points", choices=("quick", "256", "1024", "massive"), default="quick")
+    parser.add_argument(
+        "--points", choices=("quick", "256", "1024", "massive", "quasistatic"), default="quick"
+    )
     parser.add_argument("--seeds", default="1:2", metavar="A:B")
     args = parser.parse_args()
     first, last = map(int, args.seeds.split(":"))
@@ -100,7 +120,7 @@ def main():
         for key in wanted(args.points):
             runs = [measured(*key, seed, Path(folder)) for seed in range(first, last + 1)]
             parts = []
-            for q, name in enumerate(QUANTITIES):
+            for q, name in enumerate(QUASISTATIC if key[0] == "QS" else QUANTITIES):
                 if FIGURES[key][q] is None:
                     continue
                 means, errors = np.array([found[q] for found, _ in runs]).T
