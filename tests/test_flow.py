@@ -13,7 +13,7 @@ from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import find_contacts, stress_tensor
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.flow import steps as compiled
-from jampetsc.flow.models import Model, Scheme
+from jampetsc.flow.models import MODELS, Model, Scheme, scheme_for
 from jampetsc.flow.shearing import Shear
 
 KINDS = ("harmonic", "hertzian")
@@ -283,6 +283,17 @@ def test_contact_damping_converges():
     for run in (implicit, explicit):
         run.advance(100)
     assert apart(*[(r.disks.positions, r.disks.cell) for r in (implicit, explicit)]) < 5e-3
+
+
+def test_the_scheme_follows_from_what_brakes_a_disk():
+    """Light disks follow the forces where something brakes them in every direction, else they fly and collide."""
+    for name, method, step in (
+        ("RD0", "euler", 0.2), ("CD0", "euler", 0.5), ("RD", "backward Euler", 0.25), ("CD", "backward Euler", 0.25),
+        ("CDn", "verlet", 1e-3), ("CDt", "verlet", 1e-3),
+    ):  # fmt: skip
+        law, massive = MODELS[name]
+        scheme = scheme_for(Model(law, 0.01 if massive else 0.0), crowd(), 1e-4)
+        assert (scheme.method, scheme.step) == (method, pytest.approx(step))
 
 
 def test_momentum_is_kept():

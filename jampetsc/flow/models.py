@@ -98,10 +98,10 @@ def scheme_for(model: Model, disks, rate: float, step=None, tolerance=1e-4) -> S
         swing = math.sqrt(model.mass / stiffness)
         # A disk's moment of inertia is half its mass times ρ²: sliding brakes it so much the faster.
         damping = max([*weights, drag, 4.0 * unit * law.sliding])
-        if swing * stiffness / damping < QUALITY and not law.couples_rotations:
+        # What brakes a disk in every direction makes it follow the forces; else it flies between collisions of m/c.
+        braked = drag or (law.normal and law.transverse)
+        if swing * stiffness / damping < QUALITY and braked and not law.couples_rotations:
             method, slowest = "backward Euler", 0.25 * damping / stiffness
-            if not (drag or (law.normal and law.transverse)):
-                slowest = min(slowest, 0.2 * swing)
         else:
             method, slowest = "verlet", 0.1 * min(model.mass / damping, swing)
     return Scheme(step or min(slowest, STRAIN_STEP / rate), method, tolerance)
