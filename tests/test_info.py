@@ -188,3 +188,18 @@ def test_work_without_mpi_is_done_once_on_any_number_of_ranks(tmp_path):
     )
     assert alone.returncode == on_two.returncode == 0
     assert "16 disks" in alone.stdout and on_two.stdout == alone.stdout
+
+
+def test_results_of_no_packing_say_what_they_are_of(capsys, tmp_path):
+    for name, facts, origin in [
+        ("jam", {"particle_count": 64}, "64 disks of its own"),
+        ("collapse", {"sources": "a.h5 b.h5", "particle_count": 64}, "a.h5 b.h5"),
+        ("flow", {"packing": "p.h5", "packing_sha256": "abc"}, "p.h5"),
+    ]:
+        path = tmp_path / f"{name}.h5"
+        with ResultWriter(path, f"jampetsc-{name}") as writer:
+            writer.dataset("phi", np.ones(2))
+            writer.attributes(**facts)
+        status, lines, _ = info(capsys, path)
+        assert status == 0 and lines[0] == f"{path}: {name} of {origin}"
+        assert any("packing sha256" in line for line in lines) == ("packing" in facts)

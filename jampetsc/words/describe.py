@@ -95,13 +95,22 @@ HEADER = ("format", "format_version", "run_id", "argv", "petsc_options", "packin
 HOW = ("ranks", "scalar_type", "wall_seconds", "git_commit")
 
 
+def _origin(a):
+    """What a result was made from: a packing, other files, or disks that the command made itself."""
+    if "packing" in a:
+        return str(a["packing"])
+    if "sources" in a:
+        return str(a["sources"])
+    return f"{a['particle_count']} disks of its own" if "particle_count" in a else "an unknown packing"
+
+
 def result(path, loaded) -> str:
     """Origin, law and contents of a result."""
     a = dict(loaded.attributes)
     kind = loaded.format.removeprefix("jampetsc-")
     rows = [
-        (f"{path}: {kind} of {a.get('packing', 'an unknown packing')}",),
-        ("packing sha256", str(a.get("packing_sha256", "unknown"))),
+        (f"{path}: {kind} of {_origin(a)}",),
+        *([("packing sha256", str(a.get("packing_sha256", "unknown")))] if "packing" in a else []),
         ("law", ", ".join(f"{name} = {number(value)}" for name, value in loaded.law.items()) or "none"),
         ("made", f"{a.get('date', 'unknown')} in {a.get('wall_seconds', float('nan')):.3g} s"),
         ("command", str(a.get("argv", "unknown"))),
