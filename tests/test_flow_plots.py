@@ -109,6 +109,7 @@ def test_units_are_those_of_the_files(runs):
     own, made = flow_units([facts()]), flow_units([jampetsc.load(path) for path in runs])
     assert own.label("p", "stress") == r"$p\ [k]$" and own.label("x", "length") == "$x$"
     assert made.label("p", "stress") == r"$p\ [k_{\rm e}/d_{\rm s}^2]$"
+    assert made.label(r"\eta", "viscosity") == r"$\eta\ [k_{\rm d}]$"
     with pytest.raises(InputError, match=r"a\.h5: is in other units .those of the packing. than 1e-2-1"):
         flow_units([jampetsc.load(runs[0]), facts()])
 

@@ -93,7 +93,7 @@ def plot_flow_curves(results, path) -> None:
             for (y, _), face in ((stress, colour), (pressure, "white")):
                 axes[1, 1].plot(*local_exponents(rates, y), markerfacecolor=face, **style)
         texts = [units.label(r"\sigma", "stress"), units.label("p", "stress"), r"$\sigma/p$"]
-        texts += [r"$\sigma/\dot\gamma,\ p/\dot\gamma$"]
+        texts += [units.label(r"\sigma/\dot\gamma,\ p/\dot\gamma", "viscosity")]
         for ax, kept, text in zip(axes.flat, lines, texts, strict=False):
             if any(len(x) for x, _ in kept):
                 set_log_axes(ax, [(x, y) for x, y in kept if len(x)])

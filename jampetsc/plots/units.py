@@ -43,6 +43,7 @@ class FlowUnits:
     energy: str
     stress: str
     rate: str
+    viscosity: str
     length: str  # "" where it is that of a packing, which has no name
 
     def label(self, symbol, unit) -> str:
@@ -60,11 +61,23 @@ def flow_units(results) -> FlowUnits:
     for result in results:
         a, own = result.attributes, units_of(result)
         if str(a.get("units", "")).startswith("k_e"):
-            texts = (r"k_{\rm e}", r"k_{\rm e}/d_{\rm s}^2", r"k_{\rm e}/k_{\rm d}d_{\rm s}^2", r"d_{\rm s}")
+            texts = (
+                r"k_{\rm e}",
+                r"k_{\rm e}/d_{\rm s}^2",
+                r"k_{\rm e}/k_{\rm d}d_{\rm s}^2",
+                r"k_{\rm d}",
+                r"d_{\rm s}",
+            )
         elif a.get("stiffness") == "inverse-square-diameter":
-            texts = (r"k_{\rm e}", r"k_{\rm e}", r"1/\tau_1", "")  # over the packing's unit of area
+            texts = (
+                r"k_{\rm e}",
+                r"k_{\rm e}",
+                r"1/\tau_1",
+                r"k_{\rm e}\tau_1",
+                "",
+            )  # over the packing's unit of area
         else:
-            texts = ("k", "k", r"1/\tau_1", "")  # times the packing's unit of area
+            texts = ("k", "k", r"1/\tau_1", r"k\tau_1", "")  # times the packing's unit of area
         found = FlowUnits(own.k, own.tau1, *texts)
         first = first or found
         if found != first:
