@@ -335,6 +335,26 @@ def test_steps_that_are_far_too_long_are_noticed(name):
         run.advance(1000)
 
 
+@pytest.mark.parametrize(
+    "name, mass, rate, step, method",
+    [
+        ("RD0", 0.0, 1e-3, 0.2, "euler"),
+        ("CD0", 0.0, 1e-3, 0.5, "euler"),
+        ("CD0", 0.0, 1e-2, 0.5, "heun"),
+        ("RD0", 0.0, 0.5, 0.01, "heun"),  # no more strain than 5e-3 in a step
+        ("CD", 1.0, 1e-3, 0.1, "verlet"),
+        ("CD", 0.25, 1e-3, 0.025, "verlet"),
+        ("CD", 0.04, 1e-3, 0.25, "backward Euler"),  # Q = 0.2
+        ("rolling", 0.01, 1e-3, 0.1 * 0.01 / 2.4, "verlet"),  # spins are not implicit
+    ],
+)
+def test_the_time_step_suits_the_model(name, mass, rate, step, method):
+    """k_e = k_d = 1, smallest diameter 1: as docs/flow.md says."""
+    scheme = scheme_for(Model(ROWS[name][0], mass), crowd(), rate)
+    assert scheme.method == method and scheme.step == pytest.approx(step)
+    assert scheme_for(Model(ROWS[name][0], mass), crowd(), rate, step=0.07).step == 0.07
+
+
 def test_laws_without_an_overdamped_limit():
     for weights in ({"normal": 1.0}, {"transverse": 1.0}, {"normal": 1.0, "sliding": 1.0}):
         with pytest.raises(InputError, match="no overdamped limit"):

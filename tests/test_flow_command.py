@@ -161,6 +161,7 @@ BAD = [
     ("--n 16 --phi 0.1 --strain 0.05 --discard 0.04", "no two disks touched"),
     ("--step 0", "must be positive"),
     ("--step 900", "smaller --step"),
+    ("--step 0.8", "work and dissipation differ"),  # nothing blows up
     ("--model CDn", "give its --mass"),
     ("--model CDt --mass 0", "no overdamped limit"),
     ("--model RD --mass 0", "the overdamped limit is --model RD0"),

@@ -9,7 +9,7 @@ from jampetsc.contacts.pairs import deformed
 from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import measure
 from jampetsc.errors import InputError
-from jampetsc.flow import slowjob
+from jampetsc.flow import slowjob, slowly
 from jampetsc.flow.slowly import ENERGY_CUT, SlowShear, look_at
 from jampetsc.packing.descent import Goal
 from jampetsc.packing.minimise import Effort, minimise, settle
@@ -72,7 +72,7 @@ def test_plastic_events_are_what_cannot_be_undone(jammed):
     """A step back leads to the energy of before, but after a plastic one."""
     slow = SlowShear(jammed[0], 2e-3, jammed[1], 1e-8)
     undone, kept = [], []
-    for _ in range(120):
+    for _ in range(70):
         before, here = slow.found if slow.steps else None, slow.disks
         step = slow.advance()
         back = SlowShear(slow.disks, -2e-3, jammed[1], 1e-8)
@@ -80,7 +80,7 @@ def test_plastic_events_are_what_cannot_be_undone(jammed):
         loss = back.found.energy - look_at(here).energy
         assert before is None or before.energy == pytest.approx(look_at(here).energy, rel=1e-9)
         (kept if step.plastic else undone).append(abs(loss) / look_at(here).energy)
-    assert len(kept) >= 3 and len(undone) > 60
+    assert len(kept) >= 3 and len(undone) > 40
     assert np.median(undone) < 1e-6 and np.quantile(undone, 0.95) < 1e-3 < min(kept)
 
 
@@ -102,6 +102,22 @@ def test_what_is_followed_is_what_a_quench_finds(jammed):
         assert state.max_force < 1e-9 * state.pressure * slow.diameter
     assert same >= 18
     assert evaluations < 0.2 * cost.evaluations
+
+
+@pytest.mark.scalar("real")
+def test_every_way_down_ends_in_the_same_minimum(jammed, monkeypatch):
+    """With the factor there is, with a new one at once, without one for a while, and by a quench."""
+    found, costs = [], []
+    for constants in ({}, {"AGED": 1}, {"AGED": 1, "FRESH": 2, "RESTING": 1e-9}, {"PATIENCE": 0}):
+        with monkeypatch.context() as context:
+            for name, value in constants.items():
+                context.setattr(slowly, name, value)
+            slow = SlowShear(*jammed[:1], 2e-4, jammed[1], 1e-9)
+            steps = [slow.advance() for _ in range(4)]
+            found.append([slow.found.energy, slow.found.shear_stress, *(step.nonaffine for step in steps)])
+            costs.append(sum(step.evaluations for step in steps))
+    assert min(costs[2:]) > 3 * max(costs[:2])  # so they were ways of their own
+    assert np.allclose(found[1:], found[0], rtol=1e-6)
 
 
 @pytest.mark.scalar("real")

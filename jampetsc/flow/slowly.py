@@ -80,7 +80,8 @@ class SlowShear:
         self.steps = 0
         self.diameter = 2.0 * float(np.mean(disks.radii))
         self.largest = 2.0 * float(disks.radii.max())
-        self.last = np.zeros((disks.n, 2))  # displacement beside the affine one in the last step
+        self.last = np.zeros((disks.n, 2))  # displacement beside the affine one in the last step,
+        self._moved = np.zeros((disks.n, 2))  # and in this one
         self._unit, self._law = stress_unit(disks), disks.potential.constants
         self._list(self._quenched(disks))
 
@@ -203,7 +204,6 @@ class SlowShear:
 
     def _forces(self):
         """Sums of `bond_forces` as it is now."""
-        self._moved = np.zeros_like(self.offsets)
         return self._go_down(np.empty_like(self.offsets), self.tolerance, 0)[2]
 
     def _look(self, sums):
