@@ -10,6 +10,7 @@ from samples import LAWS, SAMPLES, laws_of, network_of, physics, reference
 from jampetsc.mechanics.assembly import ROW, assemble
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.session import current
+from jampetsc.solvers.matrices import largest_entry
 
 EPSILON = np.finfo(float).eps
 pytestmark = pytest.mark.scalar("real", "complex")
@@ -68,6 +69,12 @@ def test_no_eigenvalue_is_larger_than_the_diagonal_allows(cases):
         for matrix in (exact.K, exact.B):
             inner = matrix[:-1, :-1].astype(float)
             assert np.linalg.norm(inner, 2) <= ROW * np.diag(inner).max(), pencil.law
+
+
+def test_the_largest_entry_is_that_of_all_ranks(cases):
+    for pencil, *_ in cases:
+        for matrix in (pencil.K, pencil.B):
+            assert largest_entry(matrix) == np.abs(dense(matrix).diagonal()).max()
 
 
 def test_as_many_pins_as_moves_that_cost_nothing(cases):
