@@ -1,6 +1,7 @@
 """A program of the tests, also under mpirun: python tests/run_interrupted.py COUNT ARGUMENTS…
 
-`jampetsc ARGUMENTS`, killed by SIGKILL as soon as COUNT steps are on disk.
+`jampetsc ARGUMENTS`, killed by SIGKILL as soon as COUNT steps are on disk. With fewer vectors per factorisation than
+usual, so that sweeps of small packings have steps to lose.
 """
 
 import os
@@ -8,6 +9,7 @@ import signal
 import sys
 
 from jampetsc import cli
+from jampetsc.response import rational
 from jampetsc.storage.checkpoint import Checkpoint
 
 
@@ -21,7 +23,7 @@ def main(count, arguments):
                 self.comm.Barrier()
             os.kill(os.getpid(), signal.SIGKILL)
 
-    Checkpoint.save = save_and_die
+    Checkpoint.save, rational.VECTORS = save_and_die, 4
     return cli.main(arguments)
 
 
