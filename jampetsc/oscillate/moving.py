@@ -20,7 +20,7 @@ from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.forms import linear_forms
 from jampetsc.contacts.laws import Law
 from jampetsc.contacts.pairs import SKIN_START, PairList, deformed, is_stale, tuned_skin
-from jampetsc.contacts.state import both_ends, find_rattlers
+from jampetsc.contacts.state import both_ends, find_contacts, find_rattlers
 from jampetsc.errors import ConvergenceError
 from jampetsc.packing.hessian import Bonds
 from jampetsc.solvers.local import NewtonSolver
@@ -32,7 +32,7 @@ ITERATIONS = 300
 WORN = 0.2  # a factor that leaves more of the residual than this is made anew
 FLAT, STEEP = 0.3, 0.7  # of the force along a step, at its end: little is left of it, or nearly all
 TRIES = 20  # points of a search
-REACH = 0.1  # mean diameters: no disk moves farther in one of Newton's steps
+REACH = 3.0  # mean overlaps: no disk moves farther in one of Newton's steps, into another minimum
 HELD = 1e-10  # of k: least μ on the diagonal, for what nothing holds; it changes steps, not where they end
 RAISED = 3.0
 WIDEST = 2.0  # mean diameters: skin of a list beyond which a step is too long
@@ -125,6 +125,7 @@ class MovingContacts:
         self.u = np.zeros((disks.n, self.dofs))  # velocities, and spins
         self.skin, self.since = SKIN_START * self.diameter, 0
         self._solver = NewtonSolver(prefix, "the matrix of a time step", proves=False)
+        self._reach = REACH * float(np.mean(find_contacts(disks).overlap))
         self._list(disks)
 
     def _list(self, disks):
@@ -202,12 +203,14 @@ class MovingContacts:
             return bonds, tensions, left
 
         starts = []
-        for x in (h * u, np.zeros_like(u)):  # where a disk has slid off, it does not go on as it went
+        for x in (np.zeros_like(u), h * u):  # where a disk has slid off, it does not go on as it went
             if not self._is_stale(there(x), shear):
                 bonds = Bonds.of(self.pairs, potential, there(x), 0.0, shear)
                 dashpots = _Dashpots(bonds, self._disks.radii, self.weights, self.dofs)
-                starts.append((x, dashpots, *look(x)))
-        x, dashpots, bonds, tensions, left = min(starts, key=lambda start: np.abs(start[-1]).max())
+                starts.append((np.abs(look(x)[-1]).max(), dashpots))
+        _, dashpots = min(starts, key=lambda start: start[0])
+        x = np.zeros_like(u)  # from here it is downhill
+        bonds, tensions, left = look(x)
         for _ in range(ITERATIONS):
             size = np.abs(left).max()
             if size <= self.tolerance:
@@ -234,7 +237,7 @@ class MovingContacts:
     def _search(self, look, x, step, left):
         """How far to go along a step, and what is there: where its force is small, or has begun to pull back."""
         pull, longest = np.vdot(step, left), float(np.hypot(*step[:, :2].T).max())
-        reach = REACH * self.diameter / max(longest, 1e-300)
+        reach = self._reach / max(longest, 1e-300)
         length, lower, upper = min(1.0, reach), (0.0, 1.0), None
         for _ in range(TRIES):
             found = look(x + length * step)
