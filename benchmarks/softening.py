@@ -17,7 +17,7 @@ from jampetsc.storage.reader import load
 
 def told(values):
     """Median (least to largest)."""
-    return f"{np.nanmedian(values):.3g} ({np.nanmin(values):.3g} to {np.nanmax(values):.3g})"
+    return f"{np.median(values):.3g} ({min(values):.3g} to {max(values):.3g})"
 
 
 def main():
@@ -34,14 +34,17 @@ def main():
     print("|---|---|---|---|---|---|---|---|")
     for p, files in sorted(found.items(), reverse=True):
         for a, strain in enumerate(files[0]["amplitude"]):
-            G = [file["G"][:, 0] for file in files]
+            solved = [file for file in files if np.isfinite(file["G"][a, 0])]
+            if not solved:
+                continue
+            G = [file["G"][:, 0] for file in solved]
             columns = (
                 [one[a].real / one[0].real for one in G],
                 [one[a].imag / one[0].imag for one in G],
-                [abs(file["harmonics"][a, 0, 0]) for file in files],
-                [file["cycle_change"][a, 0] / abs(file["G"][a, 0]) for file in files],
-                [file["error"][a, 0] / abs(file["G"][a, 0]) for file in files],
-                [abs(file["energy_balance"][a, 0]) for file in files],
+                [abs(file["harmonics"][a, 0, 0]) for file in solved],
+                [file["cycle_change"][a, 0] / abs(file["G"][a, 0]) for file in solved],
+                [file["error"][a, 0] / abs(file["G"][a, 0]) for file in solved],
+                [abs(file["energy_balance"][a, 0]) for file in solved],
             )
             print(f"| {p:g} | {strain / p:.3g} | " + " | ".join(told(column) for column in columns) + " |")
 
