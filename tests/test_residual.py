@@ -305,20 +305,6 @@ def test_one_rank_that_fails_is_everybodys_failure(session):
 
 
 @pytest.mark.scalar("real")
-def test_a_diagonal_that_is_not_positive_on_one_rank_is_refused_on_all(session):
-    pencil = pencil_of(session, physics())
-    A = pencil.K.copy()
-    diagonal = A.getDiagonal()
-    if session.rank == session.size - 1:
-        diagonal.getArray()[-1] = -1.0
-    A.setDiagonal(diagonal)
-    with pytest.raises(NotPositiveDefinite, match="A is not positive definite"):
-        ShiftedFactor(A, "A")
-    for item in (A, diagonal, pencil):
-        item.destroy()
-
-
-@pytest.mark.scalar("real")
 @pytest.mark.parametrize("parallel", ["shifts", "matrix"])
 def test_what_lapack_says_on_other_ranks_does_not_matter(session, monkeypatch, parallel):
     """On mixed processors it differs in the last digit: rank 0 decides, or ranks would part in collective calls."""
