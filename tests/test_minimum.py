@@ -5,7 +5,7 @@ from dataclasses import replace
 import h5py
 import numpy as np
 import pytest
-from samples import lattice, published
+from samples import lattice, polydisperse, published
 
 from jampetsc.contacts.disks import GRID, Disks
 from jampetsc.contacts.laws import Physics, damping_law
@@ -131,14 +131,16 @@ def test_a_sweep_counts_anew_what_was_forged_or_edited(session, shared_path):
 def test_modes_count_anew_what_was_forged(session, shared_path):
     from jampetsc.response import modes_file
 
-    path, out = shared_path / "p.h5", shared_path / "m.h5"
-    forged = lattice().with_record(**with_proof(published()).record)
+    path, other, out = (shared_path / name for name in ("p.h5", "q.h5", "m.h5"))
+    proof = with_proof(published()).record
     if session.rank == 0:
-        write_packing(path, forged)
+        write_packing(path, lattice().with_record(**proof))
+        write_packing(other, polydisperse()[0].with_record(**proof))
     session.comm.Barrier()
     with pytest.raises(InputError, match="K has 14 negative modes"):
         modes_file.run(path, out, True, 3)
-    assert len(modes_file.run(path, out, False, 3).eigenvalues) >= 3
+    for prestress in (True, False):
+        assert len(modes_file.run(other, out, prestress, 3).eigenvalues) >= 3
 
 
 def test_disks_of_one_piece_of_code_and_of_another_are_the_same():

@@ -185,7 +185,7 @@ def test_fields_and_their_bounds(session, name):
     """Energy norm of the error of a field against the dense one, over that of the field."""
     law, exact_law = LAWS[name], reference("polydisperse", name)
     ratios = []
-    with Sweep(SAMPLES["polydisperse"](), law, OMEGA, 1e-4, session.comm) as found:
+    with Sweep(SAMPLES["polydisperse"](), law, OMEGA, 1e-4, session.comm, "matrix") as found:
         rows = unknowns(found.network, law.law.dofs, exact_law.disks)
         for omega in OMEGA[::3]:
             bound = found.galerkin.field_bound(omega, found.sweep.error_at(omega))
