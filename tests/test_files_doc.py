@@ -77,9 +77,8 @@ def held(path):
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
 def test_files_hold_what_the_documentation_says(session, shared_path, monkeypatch, capsys):
-    if session.size > 1:
-        pytest.skip("the names are those of one rank")
     monkeypatch.chdir(shared_path)
     write_packing("p.h5", isostatic())
     for line in RUNS.replace("\\\n", "").splitlines():

@@ -29,10 +29,9 @@ def run(words):
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)  # the sweep has its own tests on ranks, and flow is not on ranks here
 @pytest.mark.parametrize("name", LAWS)
 def test_step_strain(session, shared_path, monkeypatch, name):
-    if session.size > 1:
-        pytest.skip("the sweep has its own tests on ranks, and flow is not on ranks here")
     family, options, words = LAWS[name]
     monkeypatch.chdir(shared_path)
     run("pack --n 64 --pressure 1e-2 --seed 3 --stabilise shear --out packing.h5")

@@ -47,9 +47,8 @@ def test_the_file(session, shared_path, capsys):
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
 def test_a_killed_run_goes_on(session, tmp_path, monkeypatch):
-    if session.size > 1:
-        pytest.skip("looks at one process")
     whole = run(tmp_path / "whole.h5")
     monkeypatch.setitem(jam.ROUND, "random", 5)
     save = record.write_checkpoint
@@ -117,9 +116,8 @@ def rows(protocol, phi, seed=1, n=24, potential=POTENTIAL):
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
 def test_samples_of_shear_are_those_of_a_run_of_shear(session, shared_path):
-    if session.size > 1:
-        pytest.skip("looks at one process")
     protocol = jamming.Protocol("shear", step=0.02, strain=0.5, discard=0.1, every=0.04)
     found = rows(protocol, 0.86)
     assert len(found) == protocol.rows == 10
@@ -136,9 +134,8 @@ def test_samples_of_shear_are_those_of_a_run_of_shear(session, shared_path):
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
 def test_a_sample_is_brought_to_its_jamming_density(session):
-    if session.size > 1:
-        pytest.skip("looks at one process")
     protocol = jamming.Protocol("compress", temperature=1e-2, cooling_rate=0.1, sweeps=10)
     loose, dense = (rows(protocol, phi)[0] for phi in (0.8, 0.88))
     assert loose["jammed"] == 0 and dense["jammed"] == 1

@@ -154,7 +154,7 @@ def test_forces_of_domains_are_those_of_the_whole_list():
 
 def test_any_number_of_threads_takes_the_same_way():
     disks = random_disks(6500)
-    ends = [relax(disks, Goal(1e-2, True), 3e-3, team=Team(threads)) for threads in (1, 2, 3)]
+    ends = [relax(disks, Goal(1e-2, True), 6e-3, team=Team(threads)) for threads in (1, 2, 3)]
     for end in ends[1:]:
         for name in ("base", "offset", "cell_base", "cell_offset"):
             assert np.array_equal(getattr(ends[0], name), getattr(end, name))

@@ -60,6 +60,7 @@ def shaken(alpha, steps=64, omega=OMEGA, stress=STRESS, strain=None, stiffest=ST
     return found
 
 
+@pytest.mark.most_ranks(2)
 @pytest.mark.parametrize(
     ("alpha", "omega", "imposed"),
     [
@@ -115,6 +116,7 @@ def test_linear_damping_is_the_sweep(options, imposed):
     packing.destroy()
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("alpha", [0.4, 2 / 3])
 @pytest.mark.parametrize("imposed", [{"stress": STRESS}, {"stress": None, "strain": 1e-3}])
 def test_energy(alpha, imposed):
@@ -126,6 +128,7 @@ def test_energy(alpha, imposed):
     assert 1e-3 < abs(found.harmonics[0]) < 0.2
 
 
+@pytest.mark.most_ranks(1)
 def test_order_of_the_steps():
     """Halving the steps takes off three quarters of the error, and the estimate covers what is left."""
     runs = [shaken(0.5, steps) for steps in (16, 32, 64)]
@@ -136,6 +139,7 @@ def test_order_of_the_steps():
     assert np.all((ratios > 2.5) & (ratios < 6.5)), ratios
 
 
+@pytest.mark.most_ranks(1)
 def test_regularisation_does_not_matter():
     """A softening that is large changes G*, less when halved; the one in use does not."""
     ends = {
@@ -165,6 +169,7 @@ def test_only_what_is_left_of_the_equations_counts(session):
     packing.destroy()
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("alpha", [0.5, 2 / 3])
 def test_one_variable(alpha):
     """G* depends on ω and σ₀ through ω σ₀^((α−1)/α) alone: forces scale as λ, damping as λ^α."""
@@ -172,6 +177,7 @@ def test_one_variable(alpha):
     assert scaled.G == pytest.approx(shaken(alpha, 16).G, rel=1e-7)
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("alpha", [0.5, 2 / 3])
 def test_slow_limit(alpha):
     """At low frequency contacts move as in slow shear, and G'' is what that dissipates."""

@@ -18,13 +18,7 @@ from jampetsc.packing.hessian import Bonds
 from jampetsc.session import current
 from jampetsc.solvers.local import NewtonSolver
 
-pytestmark = pytest.mark.scalar("real")
-
-
-@pytest.fixture(autouse=True)
-def _one_rank(session):
-    if session.size > 1:
-        pytest.skip("a packing is one rank's own")
+pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]  # a packing is one rank's own
 
 
 @cache

@@ -53,11 +53,10 @@ def test_columns_and_weights_make_the_residual(session, law):
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("law", [LAWS[0], LAWS[2]], ids=str)
 def test_rounding_of_the_columns_is_below_what_is_said_of_it(session, law):
     """Against sums over contacts in extended precision, in the norm of D⁻¹, and not below it by much."""
-    if session.size > 1:
-        return
     with Sweep(SAMPLES["polydisperse"](), law, OMEGA, 1e-3, session.comm) as found:
         c, galerkin = found.compatibility, Galerkin(found.basis, found.compatibility)
         still, modes = galerkin._motions[:, 0], galerkin._motions[:, 1:]

@@ -16,6 +16,8 @@ from jampetsc.packing.minimise import Effort, minimise, settle
 from jampetsc.packing.protocols import random_start
 from jampetsc.packing.sizes import radii_of
 
+pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]  # one run is one process
+
 SOFT = Potential("harmonic", "inverse-square-diameter")
 WORDS = "shear --n 64 --phi {phi} --seed 2 --step {step} --strain {strain}"
 
@@ -28,14 +30,7 @@ def shear(out, *more, phi=0.86, step=1e-3, strain=0.06):
     return jampetsc.load(out)
 
 
-@pytest.fixture
-def alone(session):
-    if session.size > 1:
-        pytest.skip("one run is one process")
-
-
-@pytest.mark.scalar("real")
-def test_energy_grows_by_the_work_of_the_stress(alone, session, tmp_path):
+def test_energy_grows_by_the_work_of_the_stress(session, tmp_path):
     """dU/dγ = V σ along minima, but where disks rearrange; and every state is a minimum."""
     last = tmp_path / "last.h5"
     result = shear(tmp_path / "qs.h5", "--last", last)
@@ -58,7 +53,7 @@ def test_energy_grows_by_the_work_of_the_stress(alone, session, tmp_path):
 
 
 @pytest.fixture
-def jammed(alone):
+def jammed(session):
     """48 disks at φ = 0.87 that are sheared slowly, and the solver of their quench."""
     from jampetsc.solvers.local import NewtonSolver
 
@@ -67,7 +62,6 @@ def jammed(alone):
     solver.destroy()
 
 
-@pytest.mark.scalar("real")
 def test_plastic_events_are_what_cannot_be_undone(jammed):
     """A step back leads to the energy of before, but after a plastic one."""
     slow = SlowShear(jammed[0], 2e-3, jammed[1], 1e-8)
@@ -84,7 +78,6 @@ def test_plastic_events_are_what_cannot_be_undone(jammed):
     assert np.median(undone) < 1e-6 and np.quantile(undone, 0.95) < 1e-3 < min(kept)
 
 
-@pytest.mark.scalar("real")
 def test_what_is_followed_is_what_a_quench_finds(jammed):
     """Minima of the same energy as L-BFGS and a proof find from the same affine step, in a tenth of the evaluations."""
     disks, solver = jammed
@@ -104,7 +97,6 @@ def test_what_is_followed_is_what_a_quench_finds(jammed):
     assert evaluations < 0.2 * cost.evaluations
 
 
-@pytest.mark.scalar("real")
 def test_every_way_down_ends_in_the_same_minimum(jammed, monkeypatch):
     """With the factor there is, with a new one at once, without one for a while, and by a quench."""
     found, costs = [], []
@@ -120,8 +112,7 @@ def test_every_way_down_ends_in_the_same_minimum(jammed, monkeypatch):
     assert np.allclose(found[1:], found[0], rtol=1e-6)
 
 
-@pytest.mark.scalar("real")
-def test_means_do_not_depend_on_the_step(alone, session, tmp_path):
+def test_means_do_not_depend_on_the_step(session, tmp_path):
     """σ and p with Δγ and Δγ/4, other trajectories after the first event, agree within their errors."""
     whole, fine = (
         shear(tmp_path / f"{step}.h5", "--discard", 0.5, phi=0.86, step=step, strain=2.0).attributes
@@ -133,8 +124,7 @@ def test_means_do_not_depend_on_the_step(alone, session, tmp_path):
         assert error < 0.25 * whole[f"{name}_mean"]
 
 
-@pytest.mark.scalar("real")
-def test_disks_below_jamming_have_no_energy(alone, session, tmp_path):
+def test_disks_below_jamming_have_no_energy(session, tmp_path):
     result = shear(tmp_path / "qs.h5", phi=0.80, step=1e-2, strain=0.2)
     loose = result["jammed"] == 0
     assert loose.any() and (result["energy"][loose] <= 64 * ENERGY_CUT).all()
@@ -142,8 +132,7 @@ def test_disks_below_jamming_have_no_energy(alone, session, tmp_path):
     assert not result["plastic"][1:][loose[:-1]].any()
 
 
-@pytest.mark.scalar("real")
-def test_a_killed_run_goes_on_to_the_last_bit(alone, session, tmp_path, monkeypatch):
+def test_a_killed_run_goes_on_to_the_last_bit(session, tmp_path, monkeypatch):
     whole = shear(tmp_path / "whole.h5", strain=0.07)
     monkeypatch.setattr(slowjob, "INTERVAL", -1.0)
     save, saved = slowjob.write_checkpoint, []
@@ -164,8 +153,7 @@ def test_a_killed_run_goes_on_to_the_last_bit(alone, session, tmp_path, monkeypa
         assert np.array_equal(whole[name], parts[name])
 
 
-@pytest.mark.scalar("real")
-def test_bad_words(alone, session, tmp_path):
+def test_bad_words(session, tmp_path):
     for given, more, message in [
         ({"step": 0}, (), "must lie in"),
         ({"step": 0.2}, (), "must lie in"),
