@@ -45,7 +45,7 @@ def test_workspace_is_doubled_until_it_is_enough(session, saddle, percent, doubl
 
 
 def test_it_is_given_up_in_the_end(session, saddle, monkeypatch):
-    monkeypatch.setattr(mumps, "ATTEMPTS", 2)
+    monkeypatch.setattr(mumps, "ATTEMPTS", 1)
     with pytest.raises(
         mumps.Failure, match=r"factorisation of a saddle: out of memory \(MUMPS INFOG"
     ) as failed:
