@@ -132,6 +132,7 @@ def test_no_minimum_is_refused_with_the_count(session):
         ElasticResponse(build_network(gears(), session.comm))
 
 
+@pytest.mark.most_ranks(1)  # on several the last digits, which errors are made of, are MUMPS's and change
 def test_the_error_is_that_of_the_worse_response(session):
     """Shear and compression each have one, and they differ."""
     network = build_network(SAMPLES["polydisperse"](), session.comm)
