@@ -140,10 +140,8 @@ def test_the_error_is_that_of_the_worse_response(session):
     errors = [elastic.shear().error, elastic.compression().error]
     elastic.destroy()
     found, _ = response(SAMPLES["polydisperse"](), physics(), session.comm)
-    assert max(errors) > 1.05 * min(errors)
-    assert found.error == pytest.approx(
-        max(errors), rel=0.01, abs=0.0
-    )  # last digits are MUMPS's on several ranks
+    assert errors[0] != errors[1]
+    assert found.error == max(errors)
 
 
 def square_lattice():
