@@ -211,6 +211,7 @@ def test_the_command_on_a_study(study, tmp_path, capsys):
     for more, message in (
         ([], "model CD0, but"),
         (["--where", "model=CD"], "without flow that is done where model=CD"),
+        (["--where", "command=jam"], "without flow that is done where command=jam"),
     ):
         assert command(study, *words[2:-1], tmp_path / "x.h5", *more) == 2
         assert message in capsys.readouterr().err

@@ -108,6 +108,7 @@ def test_some_rows_of_a_study_are_chosen_by_their_values(folder, capsys):
     assert "G'' of 1 sweep," in capsys.readouterr().out
     for where, says in (
         ("file=none", "a study with nothing where file=none: nothing for a picture"),
+        ("state=failed", "a study with nothing where state=failed: nothing for a picture"),
         ("beta=1", "no column beta"),
         ("file", "--where file: write column=value"),
     ):

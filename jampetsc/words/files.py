@@ -1,6 +1,7 @@
-"""Files named on the command line: several that are one and the same count once, or not at all."""
+"""Files named on the command line: several that are one and the same count once; the folder of a study is many."""
 
 import os
+from pathlib import Path
 
 from jampetsc.errors import InputError
 
@@ -33,7 +34,33 @@ def refuse_one_packing(results) -> None:
             seen[sha256] = result
 
 
-def rows_wanted(where):
+def files_named(paths, where, chosen) -> tuple[list[str], bool]:
+    """(files, whether some come from a study): in the place of the folder of a study the files of some of its rows.
+
+    where    column=value,… : of its rows those that have these values
+    chosen   (path, rows that are done, " where …" or nothing for messages) → the rows whose files are meant
+
+    Raises InputError for `where` that is not so written, or without a study, and what `chosen` raises.
+    """
+    from jampetsc.storage.ensemble import TABLE
+    from jampetsc.storage.reader import load
+
+    files, study, wanted = [], False, _wanted(where)
+    for path in paths:
+        if not (Path(path) / TABLE).exists():
+            files.append(path)
+            continue
+        study = True
+        rows = chosen(
+            path, load(path).where(**wanted).where(state="done"), f" where {where}" if where else ""
+        )
+        files += [str(Path(path) / name) for name in rows["file"].tolist()]
+    if where and not study:
+        raise InputError(f"--where {where}: chooses rows of a study, but {paths[0]} is none: leave it out")
+    return files, study
+
+
+def _wanted(where):
     """{column: value} of column=value,…. Raises InputError."""
     pairs = [word.partition("=") for word in where.split(",")] if where else []
     if not all(name and equals and value for name, equals, value in pairs):

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from jampetsc.errors import InputError
-from jampetsc.words.files import rows_wanted
+from jampetsc.words.files import files_named
 
 
 @dataclass(frozen=True)
@@ -60,36 +60,19 @@ def open_files(paths, kinds):
 
 
 def of_studies(paths, kinds, where=None) -> tuple[list[str], bool]:
-    """(files, whether some come from a study): for the folder of a study those that one of the kinds can show.
+    """`files_named`: of the folder of a study those that one of the kinds can show. Raises InputError if none can."""
 
-    where   column=value,… : of its rows those that have these values
-
-    Raises InputError for a study that has none, and for `where` without a study.
-    """
-    from pathlib import Path
-
-    from jampetsc.storage.ensemble import TABLE
-    from jampetsc.storage.reader import load
-
-    files, averages, wanted = [], False, rows_wanted(where)
-    for path in paths:
-        if not (Path(path) / TABLE).exists():
-            files.append(path)
-            continue
-        table, averages = load(path), True
-        done = table.where(state="done", **wanted)
+    def chosen(path, done, here):
         suited = [_shown(done, PICTURES[kind]) for kind in kinds]
         found = next((rows for rows, kind in zip(suited, kinds, strict=True) if fits(rows, kind)), None)
         if found is None:
             held = ", ".join(sorted(set(done["command"].tolist()))) or "nothing"
             what = " or ".join(kinds) if len(kinds) < len(PICTURES) else "a"
             hint = "; of those that show a single file, name the file" if any(r.rows for r in suited) else ""
-            here = f" where {where}" if where else ""
             raise InputError(f"{path}: a study with {held}{here}: nothing for {what} picture{hint}")
-        files += [str(Path(path) / name) for name in found["file"].tolist()]
-    if where and not averages:
-        raise InputError(f"--where {where}: chooses rows of a study, but {paths[0]} is none: leave it out")
-    return files, averages
+        return found
+
+    return files_named(paths, where, chosen)
 
 
 def _shown(done, picture):

@@ -9,7 +9,7 @@ from jampetsc.analysis.averages import Average, mean_of_runs
 from jampetsc.analysis.collapse import BOUNDS, PARAMETERS, Form, Points
 from jampetsc.analysis.jamming import share_of
 from jampetsc.errors import InputError
-from jampetsc.words.files import rows_wanted
+from jampetsc.words.files import files_named
 
 OBSERVABLES = ("pressure", "shear_stress", "jammed")
 FORMATS = {False: ("jampetsc-flow",), True: ("jampetsc-jam", "jampetsc-shear")}  # by rate, by size
@@ -149,33 +149,18 @@ def _mean(runs, observable):
 
 
 def files_of(paths, finite_size, where=None) -> list[str]:
-    """The files, for the folder of a study those of its flow, or jam and shear tasks that are done.
+    """`files_named`: of the folder of a study those of its flow, or jam and shear tasks. Raises InputError for none."""
+    commands = [name.removeprefix("jampetsc-") for name in FORMATS[finite_size]]
 
-    where   column=value,… : of its rows those that have these values
-
-    Raises InputError for a study without such tasks, and for `where` without a study.
-    """
-    from pathlib import Path
-
-    from jampetsc.storage.ensemble import TABLE
-    from jampetsc.storage.reader import load
-
-    files, study, wanted = [], False, rows_wanted(where)
-    for path in paths:
-        if not (Path(path) / TABLE).exists():
-            files.append(path)
-            continue
-        commands = [name.removeprefix("jampetsc-") for name in FORMATS[finite_size]]
-        study, rows = True, load(path).where(state="done", command=commands, **wanted)
+    def chosen(path, done, here):
+        rows = done.where(command=commands)
         if not rows.rows:
-            here = f" where {where}" if where else ""
             raise InputError(
                 f"{path}: a study without {' or '.join(commands)} that is done{here}: nothing to scale"
             )
-        files += [str(Path(path) / name) for name in rows["file"].tolist()]
-    if where and not study:
-        raise InputError(f"--where {where}: chooses rows of a study, but {paths[0]} is none: leave it out")
-    return files
+        return rows
+
+    return files_named(paths, where, chosen)[0]
 
 
 def text_of(parameters, errors, finite_size) -> str:
