@@ -1,0 +1,116 @@
+"""Pictures of steady and quasistatic shear, of which packings jam, and of exponents."""
+
+from jampetsc.words.picture import Picture, count, entering
+
+PICTURES: dict[str, Picture] = {}
+picture = entering(PICTURES)
+
+
+@picture("flow", "flow")
+def _flow(args, items):
+    from jampetsc.plots.flowcurves import plot_flow_curves
+    from jampetsc.plots.shearing import plot_series
+
+    rates = {float(item.attributes["rate"]) for item in items}
+    if len(rates) > 1:
+        plot_flow_curves(items, args.out)
+        return f"flow curves of {count(items, 'run', 'runs')} at {len(rates)} rates"
+    plot_series(items, args.out)
+    return f"stress and pressure of {count(items, 'run', 'runs')} over the strain"
+
+
+@picture("strain", "shear")
+def _strain(args, items):
+    from jampetsc.plots.slowly import plot_slow_shear
+
+    plot_slow_shear(items, args.out)
+    return f"energy, stress, pressure and coordination of {count(items, 'run', 'runs')} over the strain"
+
+
+@picture("phi", "flow")
+def _phi(args, items):
+    from jampetsc.plots.flowcurves import plot_against_phi
+
+    plot_against_phi(items, args.out)
+    return f"stress, pressure and coordination of {count(items, 'run', 'runs')} against phi"
+
+
+@picture("snapshot", "flow")
+def _snapshot(args, items):
+    from jampetsc.plots.packing import plot_flowing
+    from jampetsc.plots.shearing import kind_of, labels_of, last_snapshot
+
+    titles = labels_of([kind_of(item) for item in items]) if len(items) > 1 else [""]
+    panels = [(title, last_snapshot(item)) for title, item in zip(titles, items, strict=True)]
+    plot_flowing(panels, args.out)
+    shown = [
+        f"{disks.n - disks.record.get('walls', 0)} disks at strain {item['snapshots/strain'][-1]:.4g}"
+        for (_, disks), item in zip(panels, items, strict=True)
+    ]
+    return f"contacts of {', '.join(shown)}"
+
+
+@picture("minimum", "shear", single=True)
+def _minimum(args, items):
+    from jampetsc.plots.packing import plot_packing
+    from jampetsc.plots.slowly import last_minimum
+
+    disks = last_minimum(items[0])
+    plot_packing(disks, args.out)
+    return f"{disks.n} disks at strain {items[0]['strain'][-1]:.4g}"
+
+
+@picture("velocities", "flow", single=True)
+def _velocities(args, items):
+    import numpy as np
+
+    from jampetsc.plots.fields import plot_panels
+    from jampetsc.plots.shearing import last_snapshot
+
+    (result,) = items
+    disks = last_snapshot(result)
+    field = result["snapshots/velocities"][-1] / float(result.attributes["rate"])
+    strain = result["snapshots/strain"][-1]
+    plot_panels(disks, [(rf"$\gamma={strain:.4g}$", field)], np.arange(disks.n), args.out, r"u/\dot\gamma")
+    return f"non-affine velocities at strain {strain:.4g}"
+
+
+@picture("lanes", "velocity-correlation", "flow")
+def _lanes(args, items):
+    from jampetsc.plots.shearing import plot_lanes
+
+    plot_lanes(items, args.out)
+    return f"g_y of {count(items, 'file', 'files')}"
+
+
+@picture("fraction", "jam", "shear", mixed=True)
+def _fraction(args, items):
+    from jampetsc.plots.jamming import plot_fraction
+
+    plot_fraction(items, args.out)
+    return f"f(phi), the share of samples that jam, of {count(items, 'file', 'files')}"
+
+
+@picture("pressures", "jam", "shear", mixed=True)
+def _pressures(args, items):
+    from jampetsc.plots.jamming import plot_pressures
+
+    plot_pressures(items, args.out)
+    return f"P(p) of the jammed samples of {count(items, 'file', 'files')}"
+
+
+@picture("phi_J", "jam")
+def _jamming_densities(args, items):
+    from jampetsc.plots.jamming import plot_jamming_densities
+
+    plot_jamming_densities(items, args.out)
+    return f"distribution of phi_J of {count(items, 'file', 'files')}"
+
+
+@picture("scaling", "collapse", single=True)
+def _scaling(args, items):
+    from jampetsc.plots.scaling import plot_scaling
+
+    (result,) = items
+    plot_scaling(result, args.out)
+    return f"collapse of the {result.attributes['observable']} at {len(result['phi'])} points"
