@@ -15,9 +15,10 @@ WORD = (
 )
 
 
-def sources(package: Path = PACKAGE) -> list[Path]:
-    """The modules that compiled code is made of."""
-    return [path for path in sorted(package.rglob("*.py")) if WORD in path.read_bytes()]
+def sources(package: Path = PACKAGE) -> dict[Path, bytes]:
+    """The modules that compiled code is made of, and what they hold."""
+    held = {path: path.read_bytes() for path in sorted(package.rglob("*.py"))}
+    return {path: content for path, content in held.items() if WORD in content}
 
 
 def forget_outdated(package: Path = PACKAGE) -> None:
@@ -27,8 +28,8 @@ def forget_outdated(package: Path = PACKAGE) -> None:
     at once.
     """
     digest = hashlib.sha256()
-    for path in sources(package):
-        digest.update(hashlib.sha256(path.read_bytes()).digest())
+    for content in sources(package).values():
+        digest.update(hashlib.sha256(content).digest())
     stamp = package / "__pycache__" / "compiled-from"
     with suppress(OSError):
         if stamp.exists() and stamp.read_text() == digest.hexdigest():
