@@ -25,8 +25,8 @@ import numpy as np
 import quench as peer
 
 from jampetsc.contacts.potentials import Potential
-from jampetsc.flow.models import MODELS, Model, Scheme
-from jampetsc.flow.shearing import Shear
+from jampetsc.flows.models import MODELS, Model, Scheme
+from jampetsc.flows.shearing import Shear
 from jampetsc.packing.protocols import random_start
 from jampetsc.packing.sizes import radii_of
 

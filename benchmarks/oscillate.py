@@ -81,7 +81,7 @@ def main():
     from jampetsc.mechanics.assembly import assemble
     from jampetsc.mechanics.compatibility import build_compatibility
     from jampetsc.mechanics.network import build_network
-    from jampetsc.oscillate.steady import Point, SteadyOscillation
+    from jampetsc.oscillation.steady import Point, SteadyOscillation
     from jampetsc.storage.packing_file import read_packing
 
     disks = read_packing(path)

@@ -120,7 +120,7 @@ PEERS = {"nonlinear CG": by_conjugate_gradients, "FIRE": by_fire, "L-BFGS": by_l
 
 def measure(n, phi, step, steps):
     """Two lines of the table: jampetsc and its peers."""
-    from jampetsc.flow.slowly import SlowShear
+    from jampetsc.flows.slowly import SlowShear
     from jampetsc.solvers.local import NewtonSolver
 
     potential = Potential("harmonic", "inverse-square-diameter")

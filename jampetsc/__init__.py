@@ -11,7 +11,24 @@ Importing the package loads nothing else. `jampetsc.session.start` is the one do
 
 from jampetsc.version import VERSION as __version__
 
-__all__ = ["Disks", "__version__", "load", "modes", "pack", "quasistatic", "run", "sweep"]
+__all__ = [
+    "Disks",
+    "__version__",
+    "collapse",
+    "correlate",
+    "flow",
+    "jam",
+    "load",
+    "modes",
+    "oscillate",
+    "pack",
+    "quasistatic",
+    "run",
+    "shear",
+    "spectrum",
+    "study",
+    "sweep",
+]
 
 
 def __getattr__(name):  # PEP 562: `jampetsc.load` and `jampetsc.Disks` import numpy and h5py when first used

@@ -4,6 +4,8 @@
     packing = jampetsc.pack(n=256, pressure=1e-3, seed=1, out="p.h5")
     sweep = jampetsc.sweep("p.h5", beta=1e-3, fields=[1e-3, 1.0])
     slow = jampetsc.quasistatic(packing, no_prestress=True)
+    flow = jampetsc.flow(packing, model="CD0", rate=1e-3, strain=5)
+    table = jampetsc.study("study.toml", out="folder")
 
 Keywords are the long options with _ for -; True is a switch that is given, a list is written with commas. PETSc is
 loaded by the first call that needs it. A command runs in this process, under mpirun on all ranks together.
@@ -29,8 +31,10 @@ from jampetsc.errors import InputError
 from jampetsc.storage.packing_file import write_packing
 from jampetsc.storage.provenance import recorded_as
 from jampetsc.storage.reader import load
-from jampetsc.study.kinds import KINDS
-from jampetsc.study.options import positional_of, words_of
+from jampetsc.studies.kinds import KINDS
+from jampetsc.studies.options import positional_of, words_of
+
+FUNCTIONS = (*KINDS, "collapse", "study")
 
 _number = itertools.count(1)
 _folder = None  # of files that were given no name; goes with the process
@@ -39,15 +43,15 @@ _folder = None  # of files that were given no name; goes with the process
 def run(command, *inputs, out=None, **options):
     """What `jampetsc command inputs… --out out` writes, loaded. Collective.
 
-    command   one that a study may have: pack, sweep, quasistatic, modes, flow, spectrum, correlate, …
+    command   one of FUNCTIONS: those that a study may have, collapse and study
     inputs    files, or what `load` and these functions have given: Disks or results
     out       where to keep the file; None: a temporary one, gone when this process ends
     options   the command's long options, see `jampetsc COMMAND --help`
 
     Raises InputError for an option or a value that the command refuses, ConvergenceError where it does not get there.
     """
-    if command not in KINDS:
-        raise InputError(f"{command}: no such function: there are {', '.join(KINDS)}")
+    if command not in FUNCTIONS:
+        raise InputError(f"{command}: no such function: there are {', '.join(FUNCTIONS)}")
     parser = parsers_of(cli.Parser, [command])[command]
     known = {
         option[2:].replace("-", "_"): action for action in parser._actions for option in action.option_strings
@@ -128,3 +132,52 @@ def quasistatic(packing, *, out=None, **options):
 def modes(packing, *, out=None, **options):
     """Lowest modes, see `run` and `jampetsc modes --help`; a Result. Collective."""
     return run("modes", packing, out=out, **options)
+
+
+def spectrum(sweep, *, out=None, **options):
+    """Relaxation times and creep of a sweep, see `run` and `jampetsc spectrum --help`; a Result. Collective."""
+    return run("spectrum", sweep, out=out, **options)
+
+
+def correlate(*files, out=None, **options):
+    """Correlations of sweeps or flows, see `run` and `jampetsc correlate --help`; a Result. Collective."""
+    return run("correlate", *files, out=out, **options)
+
+
+def oscillate(packing, *, out=None, **options):
+    """Steady oscillations, see `run` and `jampetsc oscillate --help`; a Result. Collective."""
+    return run("oscillate", packing, out=out, **options)
+
+
+def flow(*start, out=None, **options):
+    """Steady shear at a rate, see `run` and `jampetsc flow --help`; a Result. Collective.
+
+    start   a packing or a flow to go on from; nothing where n and phi say what to make
+    """
+    return run("flow", *start, out=out, **options)
+
+
+def shear(*start, out=None, **options):
+    """Quasistatic shear, start as of `flow`, see `run` and `jampetsc shear --help`; a Result. Collective."""
+    return run("shear", *start, out=out, **options)
+
+
+def jam(*, out=None, **options):
+    """Which of many packings jam, see `run` and `jampetsc jam --help`; a Result. Collective."""
+    return run("jam", out=out, **options)
+
+
+def collapse(*files, out=None, **options):
+    """A scaling form fitted to flows, see `run` and `jampetsc collapse --help`; a Result. Collective."""
+    return run("collapse", *files, out=out, **options)
+
+
+def study(description, *, out, **options):
+    """The table of a study, see `run` and `jampetsc study --help`; an Ensemble. Collective.
+
+    description   file that says what to do (TOML)
+    out           folder of all its files; what is there already is not done again
+
+    A task that fails is a row of the table, not an error.
+    """
+    return run("study", description, out=out, **options)

@@ -9,7 +9,7 @@ import signal
 import sys
 
 from jampetsc import cli
-from jampetsc.study.journal import Journal
+from jampetsc.studies.journal import Journal
 
 
 def main(count, moment, arguments):

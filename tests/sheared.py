@@ -1,4 +1,4 @@
-"""Steady shear in dense numpy, written from the equations: what `jampetsc.flow` is compared with."""
+"""Steady shear in dense numpy, written from the equations: what `jampetsc.flows` is compared with."""
 
 import numpy as np
 
@@ -6,8 +6,8 @@ from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import Law
 from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import find_contacts
-from jampetsc.flow.models import MODELS, Model, Scheme
-from jampetsc.flow.shearing import Shear
+from jampetsc.flows.models import MODELS, Model, Scheme
+from jampetsc.flows.shearing import Shear
 from jampetsc.packing.minimise import settle
 from jampetsc.packing.sizes import radii_of
 

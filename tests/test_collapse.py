@@ -10,7 +10,7 @@ from jampetsc.analysis.collapse import Form, Points, bootstrap_fits, drift, fit_
 from jampetsc.errors import InputError
 from jampetsc.storage.reader import load
 from jampetsc.storage.result_file import ResultWriter
-from jampetsc.study.table import table_text
+from jampetsc.studies.table import table_text
 from jampetsc.words.scaling import read_points
 
 PLANTED = {"phi_J": 0.8433, "y": 1.1, "kappa": 3.5}

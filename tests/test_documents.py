@@ -11,8 +11,8 @@ import launch
 import pytest
 
 from jampetsc import cli, commands
-from jampetsc.study.kinds import KINDS
-from jampetsc.study.plan import plan
+from jampetsc.studies.kinds import KINDS
+from jampetsc.studies.plan import plan
 from jampetsc.words.pictures import PICTURES
 
 TIMEOUT = 300

@@ -6,7 +6,7 @@ import pytest
 import jampetsc
 from jampetsc.analysis.statistics import bootstrap
 from jampetsc.errors import InputError
-from jampetsc.study.table import table_text
+from jampetsc.studies.table import table_text
 
 MODULI = {1: -0.5, 2: 1.0, 3: 4.0}
 

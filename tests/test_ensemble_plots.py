@@ -10,7 +10,7 @@ from jampetsc.errors import InputError
 from jampetsc.plots.averages import average_curves
 from jampetsc.plots.curves import curve_of, group_curves
 from jampetsc.storage.reader import load
-from jampetsc.study.table import table_text
+from jampetsc.studies.table import table_text
 from jampetsc.words.pictures import of_studies
 
 OMEGA = np.geomspace(1e-4, 1, 9)

@@ -12,9 +12,9 @@ from jampetsc.contacts.laws import Law
 from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import find_contacts, stress_tensor
 from jampetsc.errors import ConvergenceError, InputError
-from jampetsc.flow import steps as compiled
-from jampetsc.flow.models import MODELS, Model, Scheme, scheme_for
-from jampetsc.flow.shearing import Shear
+from jampetsc.flows import steps as compiled
+from jampetsc.flows.models import MODELS, Model, Scheme, scheme_for
+from jampetsc.flows.shearing import Shear
 
 KINDS = ("harmonic", "hertzian")
 

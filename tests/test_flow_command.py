@@ -10,7 +10,7 @@ from sheared import crowd
 import jampetsc
 from jampetsc import cli
 from jampetsc.contacts.disks import Disks
-from jampetsc.flow import run as running
+from jampetsc.flows import run as running
 from jampetsc.storage.packing_file import write_packing
 
 SMALL = "flow --n 64 --phi 0.86 --seed 2 --model RD0 --rate 1e-2 --strain 0.6 --discard 0.2".split()

@@ -7,8 +7,8 @@ import jampetsc
 from jampetsc import cli
 from jampetsc.contacts.laws import damping_law
 from jampetsc.contacts.state import find_contacts, stress_tensor
-from jampetsc.flow.models import Model, Scheme
-from jampetsc.flow.shearing import Shear
+from jampetsc.flows.models import Model, Scheme
+from jampetsc.flows.shearing import Shear
 
 STEP = 1e-7  # of strain: few contacts change
 LAWS = {

@@ -5,15 +5,15 @@ import pytest
 import sheared
 from sheared import crowd, shear
 
-from jampetsc.flow.models import Model, Scheme
-from jampetsc.flow.shearing import Shear
-from jampetsc.flow.walls import between_walls
+from jampetsc.flows.models import Model, Scheme
+from jampetsc.flows.shearing import Shear
+from jampetsc.flows.walls import between_walls
 from jampetsc.packing.sizes import radii_of
 
 
 @pytest.fixture
 def together(session):
-    from jampetsc.flow.together import Together
+    from jampetsc.flows.together import Together
     from jampetsc.solvers.resistance import ContactSolver
 
     solver = ContactSolver(1e-13)

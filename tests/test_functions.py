@@ -45,7 +45,7 @@ def test_functions_take_what_functions_give(session):
     assert disks.n == 16 and disks.record["seed"] == 3
     assert jampetsc.modes(disks, count=2)["eigenvalues"][0] > 0
     sweep = jampetsc.sweep(disks, omega=[1e-3, 1.0])
-    spectrum = jampetsc.run("spectrum", sweep)  # has nothing to do with PETSc: one rank does it
+    spectrum = jampetsc.spectrum(sweep)  # has nothing to do with PETSc: one rank does it
     slow = jampetsc.quasistatic(disks)
     assert spectrum.spectrum.G0 == pytest.approx(slow.attributes["G0"], rel=1e-6)
     session.comm.Barrier()
@@ -64,6 +64,34 @@ def test_what_a_command_refuses_a_function_refuses(session, packing):
             call()
         assert str(refusal.value).startswith(message)
     session.comm.Barrier()
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)  # RD0 has nothing to share, and says so
+def test_flows_and_studies_are_functions_too(session, shared_path):
+    flow = jampetsc.flow(n=16, phi=0.9, model="RD0", rate=1e-2, strain=0.2, discard=0.1, snapshots=2)
+    farther = jampetsc.flow(flow, strain=0.3, out=shared_path / "farther.h5")
+    assert farther["strain"][-1] > flow["strain"][-1]
+    assert jampetsc.correlate(flow, bin=0.5)["pairs"].sum() > 0
+    assert jampetsc.jam(n=16, phi=0.9, seeds="1:2")["pressure"].shape == (2,)
+    session.comm.Barrier()
+    if session.rank == 0:
+        (shared_path / "s.toml").write_text(
+            '[pack]\nn = 16\npressure = 1e-2\nseeds = "1:2"\nstabilise = "shear"\n[quasistatic]\nbeta = 0.1\n'
+        )
+    session.comm.Barrier()
+    table = jampetsc.study(shared_path / "s.toml", out=shared_path / "study")
+    assert set(table["state"]) == {"done"} and table.where(command="quasistatic")["G0"].min() > 0
+    session.comm.Barrier()
+
+
+def test_every_function_has_a_name_in_the_package():
+    from jampetsc import functions
+
+    assert {name for name in functions.FUNCTIONS if callable(getattr(jampetsc, name))} == set(
+        functions.FUNCTIONS
+    )
+    assert set(functions.FUNCTIONS) < set(jampetsc.__all__)
 
 
 def test_temporary_files_go_with_the_process(tmp_path):

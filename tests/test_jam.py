@@ -13,8 +13,8 @@ from jampetsc.commands import jam
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import InputError
-from jampetsc.flow import jamming, record
-from jampetsc.flow.slowly import ENERGY_CUT
+from jampetsc.flows import jamming, record
+from jampetsc.flows.slowly import ENERGY_CUT
 from jampetsc.packing.sizes import radii_of
 
 POTENTIAL = Potential("harmonic", "inverse-square-diameter")

@@ -14,7 +14,7 @@ from jampetsc.plots.jamming import plot_fraction, plot_jamming_densities, plot_p
 from jampetsc.plots.slowly import last_minimum
 from jampetsc.storage.reader import load
 from jampetsc.storage.result_file import ResultWriter
-from jampetsc.study.table import table_text
+from jampetsc.studies.table import table_text
 
 UNITS = {"units": "k_e = k_d = 1, diameter of the small disks 1", "stiffness": "inverse-square-diameter"}
 PHIS = (0.83, 0.84)

@@ -13,11 +13,11 @@ from jampetsc.contacts.laws import Physics
 from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
-from jampetsc.oscillate.cycle import Cycle
-from jampetsc.oscillate.equations import Drive, Equations
-from jampetsc.oscillate.newton import Newton
-from jampetsc.oscillate.powerlaw import STIFFEST
-from jampetsc.oscillate.steady import Point, SteadyOscillation
+from jampetsc.oscillation.cycle import Cycle
+from jampetsc.oscillation.equations import Drive, Equations
+from jampetsc.oscillation.newton import Newton
+from jampetsc.oscillation.powerlaw import STIFFEST
+from jampetsc.oscillation.steady import Point, SteadyOscillation
 from jampetsc.response.elastic import ElasticResponse
 from jampetsc.session import current
 

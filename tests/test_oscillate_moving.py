@@ -10,10 +10,10 @@ from sweeps import Sweep
 from jampetsc.contacts.pairs import PairList
 from jampetsc.contacts.state import find_contacts, measure
 from jampetsc.errors import ConvergenceError
-from jampetsc.flow import steps as flow
-from jampetsc.flow.slowly import SlowShear, look_at
-from jampetsc.oscillate.moving import STAGE, MovingContacts
-from jampetsc.oscillate.repeated import left_to_change, linear_starts, shake
+from jampetsc.flows import steps as flow
+from jampetsc.flows.slowly import SlowShear, look_at
+from jampetsc.oscillation.moving import STAGE, MovingContacts
+from jampetsc.oscillation.repeated import left_to_change, linear_starts, shake
 from jampetsc.packing.hessian import Bonds
 from jampetsc.session import current
 from jampetsc.solvers.local import NewtonSolver

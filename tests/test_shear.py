@@ -9,8 +9,8 @@ from jampetsc.contacts.pairs import deformed
 from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import measure
 from jampetsc.errors import InputError
-from jampetsc.flow import slowjob, slowly
-from jampetsc.flow.slowly import ENERGY_CUT, SlowShear, look_at
+from jampetsc.flows import slowjob, slowly
+from jampetsc.flows.slowly import ENERGY_CUT, SlowShear, look_at
 from jampetsc.packing.descent import Goal
 from jampetsc.packing.minimise import Effort, minimise, settle
 from jampetsc.packing.protocols import random_start

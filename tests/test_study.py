@@ -13,13 +13,13 @@ import jampetsc
 from jampetsc import cli, commands
 from jampetsc.errors import InputError
 from jampetsc.session import current
-from jampetsc.study import run as study_run
-from jampetsc.study import tasks as study_tasks
-from jampetsc.study.board import Board
-from jampetsc.study.journal import Journal, records_of
-from jampetsc.study.kinds import KINDS
-from jampetsc.study.lock import Lock
-from jampetsc.study.plan import plan
+from jampetsc.studies import run as study_run
+from jampetsc.studies import tasks as study_tasks
+from jampetsc.studies.board import Board
+from jampetsc.studies.journal import Journal, records_of
+from jampetsc.studies.kinds import KINDS
+from jampetsc.studies.lock import Lock
+from jampetsc.studies.plan import plan
 
 ALL = """
 [pack]
@@ -261,7 +261,7 @@ def test_the_lock_of_a_machine_that_is_lost_ends(tmp_path, monkeypatch):
     (tmp_path / "lock").write_text("elsewhere 123\n")
     with pytest.raises(InputError, match=r"process 123 on elsewhere.*its lock is void in 1\d\d s"):
         Lock(tmp_path).take()
-    monkeypatch.setattr("jampetsc.study.lock.LOST", 0.0)
+    monkeypatch.setattr("jampetsc.studies.lock.LOST", 0.0)
     lock = Lock(tmp_path)
     lock.take()
     lock.release()

@@ -11,10 +11,10 @@ from jampetsc.contacts.kernel import bond_forces
 from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import find_contacts
 from jampetsc.errors import InputError
-from jampetsc.flow import steps as compiled
-from jampetsc.flow.models import Model, Scheme
-from jampetsc.flow.shearing import Shear
-from jampetsc.flow.walls import between_walls, phi_between, stress_on_walls
+from jampetsc.flows import steps as compiled
+from jampetsc.flows.models import Model, Scheme
+from jampetsc.flows.shearing import Shear
+from jampetsc.flows.walls import between_walls, phi_between, stress_on_walls
 from jampetsc.packing.sizes import radii_of
 
 SOFT = Potential("harmonic", "inverse-square-diameter")

@@ -122,7 +122,7 @@ def _velocities(args, began):
     """g_y of flow files: write it, print its minimum."""
     import time
 
-    from jampetsc.flow import lanes
+    from jampetsc.flows import lanes
     from jampetsc.storage.outputs import check_output
     from jampetsc.storage.provenance import derived_from
     from jampetsc.storage.reader import load

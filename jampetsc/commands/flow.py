@@ -1,7 +1,7 @@
 """`jampetsc flow`: steady shear of soft disks, overdamped or massive."""
 
 from jampetsc.errors import InputError
-from jampetsc.flow.models import MODELS
+from jampetsc.flows.models import MODELS
 from jampetsc.words.flowing import add_disks, check_start, model_from, start_of
 from jampetsc.words.law import add_law
 
@@ -83,7 +83,7 @@ def run(args, petsc_argv) -> int:
         if running.size == 1 and not petsc_argv:  # a rank that works alone
             running = None
     comm = running and running.comm
-    from jampetsc.flow import job as jobs
+    from jampetsc.flows import job as jobs
     from jampetsc.storage.outputs import check_output
 
     if args.start is not None and by_rank_0(comm, lambda: jobs.is_flow(args.start)):
@@ -110,7 +110,7 @@ def _together(job, running):
         raise InputError(
             f"{job.model} by {job.scheme.method}: has nothing to solve for: leave PETSc's options and mpirun out"
         )
-    from jampetsc.flow.together import Together
+    from jampetsc.flows.together import Together
     from jampetsc.solvers import resistance
     from jampetsc.solvers.rehearsal import rehearse
 

@@ -126,7 +126,7 @@ def check(args):
 
 def _protocol(args):
     """The protocol with its options, given or not. Raises InputError."""
-    from jampetsc.flow.jamming import Protocol
+    from jampetsc.flows.jamming import Protocol
 
     for other, options in DEFAULTS.items():
         for name in options:
@@ -170,8 +170,8 @@ def _samples(args, tasks, protocol, comm, solver):
     """The record of all tasks, in their order. Collective."""
     from jampetsc.collective import by_rank_0
     from jampetsc.contacts.potentials import Potential
-    from jampetsc.flow.jamming import samples
-    from jampetsc.flow.record import Record, remove_checkpoint, resumed, write_checkpoint
+    from jampetsc.flows.jamming import samples
+    from jampetsc.flows.record import Record, remove_checkpoint, resumed, write_checkpoint
     from jampetsc.packing.sizes import radii_of
     from jampetsc.progress import Progress
 
@@ -209,7 +209,7 @@ def _samples(args, tasks, protocol, comm, solver):
 
 def _write(args, record, protocol, running, seconds):
     from jampetsc import session
-    from jampetsc.flow.slowly import ENERGY_CUT
+    from jampetsc.flows.slowly import ENERGY_CUT
     from jampetsc.storage.provenance import provenance
     from jampetsc.storage.result_file import ResultWriter
     from jampetsc.words.flowing import UNITS

@@ -74,7 +74,7 @@ def check(args):
     """The Job. Raises InputError."""
     from pathlib import Path
 
-    from jampetsc.oscillate.job import Job
+    from jampetsc.oscillation.job import Job
     from jampetsc.words.frequencies import parse_omega
 
     if not LEAST_ALPHA <= args.alpha <= LARGEST_ALPHA:
@@ -146,13 +146,13 @@ def _amplitudes(option, text, low):
 def run(args, petsc_argv) -> int:
     """Solve and write. Collective."""
     from jampetsc import session
-    from jampetsc.oscillate.job import FORMAT
+    from jampetsc.oscillation.job import FORMAT
     from jampetsc.storage.outputs import check_output
 
     asked = check(args)
     check_output(args.out, FORMAT, [args.packing])
     running = session.start("real", petsc_argv)
-    from jampetsc.oscillate import job, newton, preconditioner
+    from jampetsc.oscillation import job, newton, preconditioner
     from jampetsc.solvers import inertia, shifted
     from jampetsc.solvers.rehearsal import rehearse
 

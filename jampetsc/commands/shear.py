@@ -52,7 +52,7 @@ def run(args, petsc_argv) -> int:
     running = session.start("real", petsc_argv)
     if running.size > 1:
         raise InputError(f"shear on {running.size} ranks: one run is one process; `jampetsc study` runs many")
-    from jampetsc.flow import slowjob
+    from jampetsc.flows import slowjob
     from jampetsc.solvers import local
     from jampetsc.solvers.rehearsal import rehearse
 

@@ -40,8 +40,8 @@ def run(args, petsc_argv) -> int:
     from pathlib import Path
 
     from jampetsc.commands import parsers_of
-    from jampetsc.study.kinds import KINDS
-    from jampetsc.study.plan import plan, read
+    from jampetsc.studies.kinds import KINDS
+    from jampetsc.studies.plan import plan, read
 
     began = time.perf_counter()
     parsers = parsers_of(args.family, KINDS)
@@ -55,7 +55,7 @@ def run(args, petsc_argv) -> int:
     from jampetsc.solvers import eigen, inertia, local, shifted
     from jampetsc.solvers.rehearsal import rehearse
     from jampetsc.storage.ensemble import TABLE
-    from jampetsc.study import run as study
+    from jampetsc.studies import run as study
 
     running = session.start("real", petsc_argv)
     content = by_rank_0(
@@ -87,9 +87,9 @@ def _summary(table, rows, failures, elapsed) -> str:
 
 def _outlook(tasks, folder, parsers) -> str:
     """The tasks, which of them are done, and what the others may cost."""
-    from jampetsc.study.costs import Costs, in_words
-    from jampetsc.study.journal import records_of
-    from jampetsc.study.tasks import Runner
+    from jampetsc.studies.costs import Costs, in_words
+    from jampetsc.studies.journal import records_of
+    from jampetsc.studies.tasks import Runner
 
     records = records_of(folder)
     runner, costs = Runner(folder, parsers, records), Costs(records.values())

@@ -5,7 +5,7 @@ from matplotlib.collections import EllipseCollection, LineCollection
 
 from jampetsc.contacts.state import find_contacts, measure, virial_pressure
 from jampetsc.errors import InputError
-from jampetsc.flow.walls import phi_between
+from jampetsc.flows.walls import phi_between
 from jampetsc.plots.periodic import disk_images, extent, frame_cell, segment_images, wrap
 from jampetsc.plots.style import COLUMN, PAGE, figure, power_or_number, save
 

@@ -6,7 +6,7 @@ Quantities are in the units that the files tell (`units.flow_units`): Vågberg's
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import InputError
-from jampetsc.flow.lanes import BIN, FORMAT, LANE, correlate_lanes
+from jampetsc.flows.lanes import BIN, FORMAT, LANE, correlate_lanes
 from jampetsc.plots.logaxes import place_legend
 from jampetsc.plots.style import GREY, MARKERS, PAGE, colours, figure, letter_panels, number, save
 from jampetsc.plots.units import flow_units

@@ -5,7 +5,7 @@ import math
 from jampetsc.contacts.laws import LARGEST, OPTIONS, Law
 from jampetsc.contacts.potentials import EXPONENTS, Potential
 from jampetsc.errors import InputError
-from jampetsc.flow.models import MODELS, Model
+from jampetsc.flows.models import MODELS, Model
 from jampetsc.packing.sizes import SIZES
 from jampetsc.words.law import law_from
 from jampetsc.words.packtasks import LAST_SEED, radii_asked, sizes_told
@@ -111,7 +111,7 @@ def start_of(args, comm=None):
     potential = Potential(args.potential or next(iter(EXPONENTS)), "inverse-square-diameter")
     origin = {"seed": seed, "sizes": sizes_told(args), "units": OWN_UNITS if args.radii else UNITS}
     if getattr(args, "walls", None):
-        from jampetsc.flow.walls import between_walls
+        from jampetsc.flows.walls import between_walls
 
         disks, held = between_walls(radii, args.phi, seed, potential)
         return disks, origin | {"walls": held}

@@ -6,9 +6,9 @@ import numpy as np
 
 from jampetsc import session
 from jampetsc.analysis.averages import Average
-from jampetsc.flow.record import Record, remove_checkpoint, resumed, write_checkpoint, write_record
-from jampetsc.flow.run import INTERVAL, LINES
-from jampetsc.flow.slowly import ENERGY_CUT, SHARE, SlowShear
+from jampetsc.flows.record import Record, remove_checkpoint, resumed, write_checkpoint, write_record
+from jampetsc.flows.run import INTERVAL, LINES
+from jampetsc.flows.slowly import ENERGY_CUT, SHARE, SlowShear
 from jampetsc.progress import Progress
 from jampetsc.storage.packing_file import write_packing
 from jampetsc.storage.provenance import provenance

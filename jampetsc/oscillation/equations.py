@@ -16,8 +16,8 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from jampetsc.mechanics.compatibility import Compatibility
-from jampetsc.oscillate.cycle import Cycle
-from jampetsc.oscillate.powerlaw import PowerLaw
+from jampetsc.oscillation.cycle import Cycle
+from jampetsc.oscillation.powerlaw import PowerLaw
 from jampetsc.session import current
 
 

@@ -12,9 +12,9 @@ from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.mechanics.network import Network, build_network
-from jampetsc.oscillate.powerlaw import relative_softening
-from jampetsc.oscillate.repeated import linear_starts, shake
-from jampetsc.oscillate.steady import HARMONICS, Point, SteadyOscillation
+from jampetsc.oscillation.powerlaw import relative_softening
+from jampetsc.oscillation.repeated import linear_starts, shake
+from jampetsc.oscillation.steady import HARMONICS, Point, SteadyOscillation
 from jampetsc.progress import Progress
 from jampetsc.response.elastic import ElasticResponse
 from jampetsc.response.record import run_record

@@ -7,11 +7,11 @@ import numpy as np
 
 from jampetsc.collective import by_rank_0
 from jampetsc.errors import ConvergenceError, InputError
-from jampetsc.flow.means import UNBALANCED, Means
-from jampetsc.flow.record import ON_WALLS, SERIES, Record, resumed, write_checkpoint
-from jampetsc.flow.shearing import Shear
-from jampetsc.flow.steps import TALLY
-from jampetsc.flow.walls import stress_on_walls
+from jampetsc.flows.means import UNBALANCED, Means
+from jampetsc.flows.record import ON_WALLS, SERIES, Record, resumed, write_checkpoint
+from jampetsc.flows.shearing import Shear
+from jampetsc.flows.steps import TALLY
+from jampetsc.flows.walls import stress_on_walls
 from jampetsc.progress import Progress
 
 ROW = 1e-2  # strain between rows: several per correlation strain (0.05 to 0.4)

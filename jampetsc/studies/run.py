@@ -9,13 +9,13 @@ from jampetsc.errors import InputError
 from jampetsc.progress import Progress
 from jampetsc.storage.atomic import write_error, write_whole
 from jampetsc.storage.ensemble import TABLE
-from jampetsc.study.board import BROKEN, DONE, Board
-from jampetsc.study.costs import Costs, in_words
-from jampetsc.study.journal import Journal, records_of
-from jampetsc.study.kinds import KINDS
-from jampetsc.study.lock import Lock
-from jampetsc.study.table import rows_of, table_text
-from jampetsc.study.tasks import Runner
+from jampetsc.studies.board import BROKEN, DONE, Board
+from jampetsc.studies.costs import Costs, in_words
+from jampetsc.studies.journal import Journal, records_of
+from jampetsc.studies.kinds import KINDS
+from jampetsc.studies.lock import Lock
+from jampetsc.studies.table import rows_of, table_text
+from jampetsc.studies.tasks import Runner
 
 COPY = "study.toml"
 LARGE = 50_000  # disks from which all ranks work on one task together

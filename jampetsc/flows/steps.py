@@ -15,7 +15,7 @@ import numpy as np
 
 from jampetsc.contacts.kernel import FAST, bond_forces
 from jampetsc.contacts.pairs import is_stale
-from jampetsc.flow.resistance import centre_clusters, contact_graph, solve
+from jampetsc.flows.resistance import centre_clusters, contact_graph, solve
 
 # Σ f_x r_y and Σ f·r of elastic and viscous bonds, Σ m u_x u_y and Σ m |u|², U, dissipation, iterations, steps
 TALLY = ("elastic_xy", "elastic", "viscous_xy", "viscous", "kinetic_xy", "kinetic", "energy", "dissipation")

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from jampetsc.flow import steps as compiled
-from jampetsc.flow.resistance import contact_graph, resist
+from jampetsc.flows import steps as compiled
+from jampetsc.flows.resistance import contact_graph, resist
 
 
 class Together:

@@ -14,8 +14,8 @@ from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.mechanics.network import Network
-from jampetsc.oscillate.moving import STAGE, MovingContacts
-from jampetsc.oscillate.steady import HARMONICS, Point, SteadyOscillation
+from jampetsc.oscillation.moving import STAGE, MovingContacts
+from jampetsc.oscillation.steady import HARMONICS, Point, SteadyOscillation
 
 PREFIX = "osc_factor_"
 REPEATED = 1e-3  # of |G*|: what may be left of the change from cycle to cycle

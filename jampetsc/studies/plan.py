@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 from jampetsc.errors import InputError
 from jampetsc.storage.regular import open_regular
-from jampetsc.study.kinds import KINDS, NOTHING, PACKING, SEEDS, START, SWEEP
-from jampetsc.study.options import Choice, choices_of, label_of
+from jampetsc.studies.kinds import KINDS, NOTHING, PACKING, SEEDS, START, SWEEP
+from jampetsc.studies.options import Choice, choices_of, label_of
 
 SEED = "seed"
 HASH = 8  # hexadecimal digits in the name of a file

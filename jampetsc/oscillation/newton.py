@@ -7,8 +7,8 @@ forces are eliminated exactly.
 import numpy as np
 
 from jampetsc.errors import ConvergenceError, InputError
-from jampetsc.oscillate.equations import Equations
-from jampetsc.oscillate.preconditioner import HarmonicPreconditioner
+from jampetsc.oscillation.equations import Equations
+from jampetsc.oscillation.preconditioner import HarmonicPreconditioner
 from jampetsc.session import current
 
 PREFIX = "osc_"

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.analysis.averages import Average
-from jampetsc.flow.record import ON_WALLS
+from jampetsc.flows.record import ON_WALLS
 
 UNBALANCED = 0.05  # of the dissipation, by which work may miss it
 FEW = 20  # rows from which on the balance is looked at

@@ -19,8 +19,8 @@ from jampetsc.contacts.kernel import bond_forces
 from jampetsc.contacts.neighbours import spatial_order
 from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import InputError
-from jampetsc.flow.models import MODELS, Model, Scheme
-from jampetsc.flow.shearing import Shear
+from jampetsc.flows.models import MODELS, Model, Scheme
+from jampetsc.flows.shearing import Shear
 
 GAP = 0.05  # between the disks of a row, in units of their diameters: they never touch
 SETTLING = (

@@ -18,7 +18,7 @@ from jampetsc.contacts.neighbours import neighbour_pairs
 from jampetsc.contacts.pairs import deformed
 from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import ConvergenceError
-from jampetsc.flow.slowly import SlowShear, look_at
+from jampetsc.flows.slowly import SlowShear, look_at
 from jampetsc.packing.descent import Goal
 from jampetsc.packing.minimise import minimise, settle
 from jampetsc.packing.protocols import random_start

@@ -18,8 +18,8 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from jampetsc.collective import agreed
-from jampetsc.oscillate.cycle import Cycle
-from jampetsc.oscillate.equations import Contacts
+from jampetsc.oscillation.cycle import Cycle
+from jampetsc.oscillation.equations import Contacts
 from jampetsc.session import current
 from jampetsc.solvers.cholesky import Cholesky
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
-from jampetsc.oscillate.cycle import Cycle
-from jampetsc.oscillate.equations import Contacts, Drive, Equations
-from jampetsc.oscillate.newton import Newton
-from jampetsc.oscillate.powerlaw import STIFFEST, PowerLaw
+from jampetsc.oscillation.cycle import Cycle
+from jampetsc.oscillation.equations import Contacts, Drive, Equations
+from jampetsc.oscillation.newton import Newton
+from jampetsc.oscillation.powerlaw import STIFFEST, PowerLaw
 
 # what may be left of the equations, over what drives them, with all steps and with half
 TOLERANCE, HALF_TOLERANCE = 1e-10, 1e-7

@@ -13,13 +13,13 @@ from jampetsc.contacts.laws import Law
 from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import find_contacts
 from jampetsc.errors import ConvergenceError, InputError
-from jampetsc.flow.means import Means
-from jampetsc.flow.models import Model, Scheme, scheme_for
-from jampetsc.flow.record import FORMAT, Record, check_space, read_record, remove_checkpoint, write_record
-from jampetsc.flow.run import Plan, check_balance
-from jampetsc.flow.run import run as shear_until
-from jampetsc.flow.shearing import Shear
-from jampetsc.flow.walls import phi_between
+from jampetsc.flows.means import Means
+from jampetsc.flows.models import Model, Scheme, scheme_for
+from jampetsc.flows.record import FORMAT, Record, check_space, read_record, remove_checkpoint, write_record
+from jampetsc.flows.run import Plan, check_balance
+from jampetsc.flows.run import run as shear_until
+from jampetsc.flows.shearing import Shear
+from jampetsc.flows.walls import phi_between
 from jampetsc.storage.hdf5 import attributes, check_format, open_file, reading
 from jampetsc.storage.packing_file import write_packing
 from jampetsc.storage.provenance import provenance

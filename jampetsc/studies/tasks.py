@@ -12,9 +12,9 @@ from jampetsc.collective import by_rank_0
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.storage.provenance import command_line, recorded_as
 from jampetsc.storage.reader import load
-from jampetsc.study.kinds import KINDS, SEEDS
-from jampetsc.study.numbers import numbers_of
-from jampetsc.study.options import positional_of
+from jampetsc.studies.kinds import KINDS, SEEDS
+from jampetsc.studies.numbers import numbers_of
+from jampetsc.studies.options import positional_of
 
 
 class Runner:

@@ -7,9 +7,9 @@ import numpy as np
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.pairs import SKIN_START, PairList, deformed, tuned_skin
 from jampetsc.errors import ConvergenceError
-from jampetsc.flow import steps as compiled
-from jampetsc.flow.models import Model, Scheme
-from jampetsc.flow.resistance import centre_clusters, contact_graph, deepest_overlap
+from jampetsc.flows import steps as compiled
+from jampetsc.flows.models import Model, Scheme
+from jampetsc.flows.resistance import centre_clusters, contact_graph, deepest_overlap
 
 
 @dataclass(frozen=True)
