@@ -33,7 +33,7 @@ def as_set(pairs):
 
 
 @pytest.mark.parametrize("name", CELLS)
-@pytest.mark.parametrize("skin", [0.0, 0.3])
+@pytest.mark.parametrize("skin", [0.0, 0.3, 1.5])
 @pytest.mark.parametrize("n", [1, 2, 16, 80])
 def test_finds_every_pair_of_every_image_once(name, n, skin):
     rng = np.random.default_rng(n)

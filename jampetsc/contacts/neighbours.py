@@ -4,70 +4,135 @@ Every periodic image counts as a neighbour of its own, so small cells, where two
 than one image, need no special case.
 """
 
+import math
+from typing import NamedTuple
+
 import numba
 import numpy as np
 
 
-@numba.njit(cache=True)
-def _bin(positions, inverse, shape):
-    """Grid cell and wrapping image of each particle, and the particles sorted by grid cell."""
+class Grid(NamedTuple):
+    """Disks sorted by the cells of a grid, row by row, with a margin of images: neighbours are in runs of cells.
+
+    An entry is a disk or an image of one; cell c holds the entries start[c] to start[c + 1].
+    """
+
+    corner: np.ndarray  # (N,) uint64: lower left of the cells around each disk
+    width: int  # cells in a row, with margins
+    start: np.ndarray  # (cells + 1,) uint64
+    x: np.ndarray  # (E,)
+    y: np.ndarray  # (E,)
+    reach: np.ndarray  # (E,) ρ + skin
+    disk: np.ndarray  # (E,) uint32
+    image: np.ndarray  # (E, 2) of the coordinates as they were given
+    inside: np.ndarray  # (N, 2) coordinates of the disks in the cell
+    wrapped: np.ndarray  # (N, 2) whole cell vectors that were taken away for that
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _grid(positions, radii, cell, skin, shape, margin):
+    """The Grid of `shape` cells and `margin` more on each side, both (columns, rows)."""
     n = len(positions)
     nx, ny = shape
-    column = np.empty(n, np.int64)
-    row = np.empty(n, np.int64)
-    wrapped = np.empty((n, 2), np.int64)
-    start = np.zeros(nx * ny + 1, np.int64)
+    width, height = nx + 2 * margin[0], ny + 2 * margin[1]
+    home, corner = np.empty(n, np.uint32), np.empty(n, np.uint64)
+    inside, wrapped = np.empty((n, 2)), np.empty((n, 2), np.int32)
+    held = np.zeros(nx * ny + 1, np.uint32)  # disks in cells before each
     for p in range(n):
-        fx = positions[p, 0] * inverse[0, 0] + positions[p, 1] * inverse[1, 0]
-        fy = positions[p, 0] * inverse[0, 1] + positions[p, 1] * inverse[1, 1]
-        wrapped[p, 0] = int(np.floor(fx))
-        wrapped[p, 1] = int(np.floor(fy))
-        column[p] = min(int((fx - wrapped[p, 0]) * nx), nx - 1)
-        row[p] = min(int((fy - wrapped[p, 1]) * ny), ny - 1)
-        start[row[p] * nx + column[p] + 1] += 1
-    start = np.cumsum(start)
-    fill = start[:-1].copy()
-    members = np.empty(n, np.int64)
+        fy = positions[p, 1] / cell[1, 1]
+        fx = (positions[p, 0] - fy * cell[1, 0]) / cell[0, 0]
+        over, up = np.floor(fx), np.floor(fy)
+        wrapped[p, 0], wrapped[p, 1] = over, up
+        inside[p, 0] = positions[p, 0] - over * cell[0, 0] - up * cell[1, 0]
+        inside[p, 1] = positions[p, 1] - up * cell[1, 1]
+        column, row = min(int((fx - over) * nx), nx - 1), min(int((fy - up) * ny), ny - 1)
+        home[p] = row * nx + column
+        corner[p] = row * width + column
+        held[row * nx + column + 1] += np.uint32(1)
+    for c in range(nx * ny):
+        held[c + 1] += held[c]
+    fill, members = held[:-1].copy(), np.empty(n, np.uint32)
     for p in range(n):
-        c = row[p] * nx + column[p]
-        members[fill[c]] = p
-        fill[c] += 1
-    return column, row, wrapped, start, members
+        members[fill[home[p]]] = p
+        fill[home[p]] += np.uint32(1)
+    start = np.zeros(width * height + 1, np.uint64)
+    for r in range(height):
+        first = (r - margin[1]) % ny * nx
+        for c in range(width):
+            real = first + (c - margin[0]) % nx
+            start[r * width + c + 1] = start[r * width + c] + np.uint64(held[real + 1] - held[real])
+    entries = start[width * height]
+    x, y, reach = np.empty(entries), np.empty(entries), np.empty(entries)
+    disk, image = np.empty(entries, np.uint32), np.empty((entries, 2), np.int32)
+    for r in range(height):
+        up = (r - margin[1]) // ny
+        first = (r - margin[1] - up * ny) * nx
+        for c in range(width):
+            over = (c - margin[0]) // nx
+            real = first + c - margin[0] - over * nx
+            shift_x, shift_y = over * cell[0, 0] + up * cell[1, 0], up * cell[1, 1]
+            e = start[r * width + c]
+            for m in range(held[real], held[real + 1]):
+                j = members[m]
+                x[e] = inside[j, 0] + shift_x
+                y[e] = inside[j, 1] + shift_y
+                reach[e] = radii[j] + skin
+                disk[e] = j
+                image[e, 0] = over - wrapped[j, 0]
+                image[e, 1] = up - wrapped[j, 1]
+                e += np.uint64(1)
+    return Grid(corner, width, start, x, y, reach, disk, image, inside, wrapped)
 
 
-@numba.njit(cache=True)
-def _search(positions, radii, cell, skin, first, last, half, shape, reach, bins, out_i, out_j, out_image):
-    """Pairs with i in [first, last); counts them all, stores those that fit into the output arrays."""
-    nx, ny = shape
-    column, row, wrapped, start, members = bins
-    # divisions are what a search would spend its time on
-    images_x = np.arange(-reach[0], nx + reach[0]) // nx
-    images_y = np.arange(-reach[1], ny + reach[1]) // ny
-    count = 0
-    for i in range(first, last):
-        for dy in range(2 * reach[1] + 1):
-            image_y = images_y[row[i] + dy]
-            y = row[i] + dy - reach[1] - image_y * ny
-            for dx in range(2 * reach[0] + 1):
-                image_x = images_x[column[i] + dx]
-                c = y * nx + column[i] + dx - reach[0] - image_x * nx
-                for m in range(start[c], start[c + 1]):
-                    j = members[m]
-                    if j == i or (half and j < i):
-                        continue
-                    ix = image_x - wrapped[j, 0] + wrapped[i, 0]
-                    iy = image_y - wrapped[j, 1] + wrapped[i, 1]
-                    rx = positions[j, 0] - positions[i, 0] + ix * cell[0, 0] + iy * cell[1, 0]
-                    ry = positions[j, 1] - positions[i, 1] + iy * cell[1, 1]
-                    reach_ij = radii[i] + radii[j] + skin
-                    if rx * rx + ry * ry < reach_ij * reach_ij:
-                        if count < len(out_i):
-                            out_i[count] = i
-                            out_j[count] = j
-                            out_image[count, 0] = ix
-                            out_image[count, 1] = iy
-                        count += 1
-    return count
+@numba.njit(cache=True, error_model="numpy")
+def _search(grid, radii, first, last, half, around, found, ends):
+    """Entries near disks first … last − 1 into `found`, those of each up to its `ends`; their number, −1 without room.
+
+    around = (columns, rows) of cells to look at. Which entries are near is hard to predict: all are stored, and
+    only near ones counted.
+    """
+    x, y, reach, disk = grid.x, grid.y, grid.reach, grid.disk
+    columns, rows, width = np.uint64(around[0]), np.uint64(around[1]), np.uint64(grid.width)
+    count = np.uint64(0)
+    for i in range(np.uint64(first), np.uint64(last)):
+        xi, yi, radius = grid.inside[i, 0], grid.inside[i, 1], radii[i]
+        least = i if half else np.uint64(0)
+        for row in range(rows):
+            cells = grid.corner[i] + row * width
+            begin, end = grid.start[cells], grid.start[cells + columns]
+            if count + end - begin > np.uint64(len(found)):
+                return -1
+            for e in range(begin, end):
+                dx, dy, near = x[e] - xi, y[e] - yi, radius + reach[e]
+                found[count] = e
+                count += np.uint64((dx * dx + dy * dy < near * near) & (disk[e] >= least) & (disk[e] != i))
+        ends[i - np.uint64(first)] = count
+    return np.int64(count)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _pairs(positions, radii, cell, skin, shape, margin, first, last, half):
+    """`neighbour_pairs` on a grid of `shape` cells with `margin` cells within reach of each, both (columns, rows)."""
+    grid = _grid(positions, radii, cell, skin, shape, margin)
+    around = (2 * margin[0] + 1, 2 * margin[1] + 1)
+    ends = np.empty(last - first, np.int64)
+    room = (4 if half else 8) * (last - first) + 64
+    while True:
+        found = np.empty(room, np.uint32)
+        count = _search(grid, radii, first, last, half, around, found, ends)
+        if count >= 0:
+            break
+        room *= 2
+    i, j, image = np.empty(count, np.int32), np.empty(count, np.int32), np.empty((count, 2), np.int32)
+    q = 0
+    for a in range(first, last):
+        while q < ends[a - first]:
+            e = found[q]
+            i[q], j[q] = a, grid.disk[e]
+            image[q, 0] = grid.image[e, 0] + grid.wrapped[a, 0]
+            image[q, 1] = grid.image[e, 1] + grid.wrapped[a, 1]
+            q += 1
+    return i, j, image
 
 
 def neighbour_pairs(positions, radii, cell, skin=0.0, rows=None):
@@ -78,25 +143,15 @@ def neighbour_pairs(positions, radii, cell, skin=0.0, rows=None):
     once from each end. Returns int32 arrays (M,), (M,) and (M, 2), ordered by i. A disk is never its own
     neighbour (`Disks` sees to it that cells are wide enough).
     """
-    cutoff = 2.0 * radii.max() + skin
-    area = cell[0, 0] * cell[1, 1]
-    heights = area / np.array([np.hypot(cell[1, 0], cell[1, 1]), cell[0, 0]])
+    cutoff = 2.0 * float(radii.max()) + skin
+    (length, _), (tilt, height) = cell.tolist()
     # At most about one particle per cell: a dilute cell would only cost memory.
-    limit = int(np.sqrt(len(radii))) + 1
-    shape = tuple(int(s) for s in np.clip(heights // cutoff, 1, limit))
-    reach = tuple(int(np.ceil(cutoff * s / h)) for s, h in zip(shape, heights, strict=True))
-    bins = _bin(positions, np.linalg.inv(cell), shape)
-    first, last = rows if rows is not None else (0, len(radii))
-    capacity = 4 * (last - first) * (1 if rows is None else 2) + 64
-    while True:
-        i, j = np.empty(capacity, np.int32), np.empty(capacity, np.int32)
-        image = np.empty((capacity, 2), np.int32)
-        count = _search(
-            positions, radii, cell, skin, first, last, rows is None, shape, reach, bins, i, j, image
-        )
-        if count <= capacity:
-            return i[:count], j[:count], image[:count]
-        capacity = count
+    limit = math.isqrt(len(radii)) + 1
+    heights = (length * height / math.hypot(tilt, height), height)
+    shape = tuple(min(max(int(h / cutoff), 1), limit) for h in heights)
+    margin = tuple(math.ceil(cutoff * s / h) for s, h in zip(shape, heights, strict=True))
+    first, last = rows or (0, len(radii))
+    return _pairs(positions, radii, cell, skin, shape, margin, first, last, rows is None)
 
 
 @numba.njit(cache=True)

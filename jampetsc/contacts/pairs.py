@@ -23,12 +23,12 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from jampetsc.contacts.disks import Disks, split
+from jampetsc.contacts.disks import GRID, Disks, split
 from jampetsc.contacts.neighbours import neighbour_pairs
 
 SKIN_START = 0.3  # skin of the first list in units of d,
 SKIN_RANGE = (0.02, 0.5)  # and between which it is tuned
-REBUILD = 15.0  # evaluations that a new list costs
+REBUILD = 10.0  # evaluations that a new list costs
 WIDTH = 0.6  # share that skin/d = 1 adds to the cost of an evaluation
 
 
@@ -46,10 +46,11 @@ class PairList:
     def build(cls, disks: Disks, skin: float) -> "PairList":
         """All pairs of `disks` closer than σ + skin."""
         i, j, image = neighbour_pairs(disks.positions, disks.radii, disks.cell, skin=skin)
+        i, j = i.view(np.uint32), j.view(np.uint32)
         r0, sigma = _bonds(
             disks.base, disks.offset, disks.cell_base, disks.cell_offset, disks.radii, i, j, image
         )
-        return cls(i.astype(np.uint32), j.astype(np.uint32), r0, sigma, skin)
+        return cls(i, j, r0, sigma, skin)
 
     @property
     def arrays(self):
@@ -61,7 +62,7 @@ class PairList:
 def _bonds(base, offset, cell_base, cell_offset, radii, i, j, image):
     """`state.bond_vectors` as (2, M), and σ (M,): differences of bases are exact, offsets are added to them."""
     r0, sigma = np.empty((2, len(i))), np.empty(len(i))
-    for p in range(len(i)):
+    for p in range(np.uint64(len(i))):
         a, b = i[p], j[p]
         for axis in range(2):
             coarse = base[b, axis] - base[a, axis]
@@ -97,15 +98,25 @@ def deformed(disks: Disks, offsets, strain, shear) -> Disks:
 
     Only the change is rounded, never the coordinates: base + (offset + o) + (F − 1)(x + o).
     """
-    growth = np.expm1(strain)
-    mixing = np.exp(strain) * shear
-
-    def change(x):
-        delta = growth * x
-        delta[:, 0] += mixing * x[:, 1]
-        return delta
-
-    moved = disks.offset + offsets
-    base, offset = split(disks.base, moved + change(disks.base + moved))
-    cell_base, cell_offset = split(disks.cell_base, disks.cell_offset + change(disks.cell))
+    growth, mixing = np.expm1(strain), np.exp(strain) * shear
+    base, offset = _deformed(disks.base, disks.offset, offsets, growth, mixing)
+    cell = disks.cell
+    change = growth * cell
+    change[:, 0] += mixing * cell[:, 1]
+    cell_base, cell_offset = split(disks.cell_base, disks.cell_offset + change)
     return Disks(base, offset, disks.radii, cell_base, cell_offset, disks.potential, disks.record)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _deformed(base, offset, moves, growth, mixing):
+    """(base, offset) of x + o + (F − 1)(x + o), all (N, 2), with F − 1 = [[growth, mixing], [0, growth]]."""
+    to, rest = np.empty_like(base), np.empty_like(base)
+    for a in range(len(base)):
+        low_x, low_y = offset[a, 0] + moves[a, 0], offset[a, 1] + moves[a, 1]
+        x, y = base[a, 0] + low_x, base[a, 1] + low_y
+        low_x += growth * x + mixing * y
+        low_y += growth * y
+        carry_x, carry_y = GRID * np.rint(low_x / GRID), GRID * np.rint(low_y / GRID)
+        to[a, 0], to[a, 1] = base[a, 0] + carry_x, base[a, 1] + carry_y
+        rest[a, 0], rest[a, 1] = low_x - carry_x, low_y - carry_y
+    return to, rest
