@@ -1,5 +1,6 @@
 """Starting programs of the test suite, with or without mpirun."""
 
+import json
 import os
 import re
 import subprocess
@@ -9,6 +10,7 @@ from pathlib import Path
 from jampetsc.launcher import without_launcher
 
 ROOT = Path(__file__).resolve().parents[1]
+MINUTES = 300  # seconds, for what runs many commands
 
 
 def environment():
@@ -30,6 +32,15 @@ def command(ranks, program, *args):
 def mpirun(ranks):
     """Words before a command for so many ranks, more than there are cores or not; none for 0."""
     return ["mpirun", "--oversubscribe", "--bind-to", "none", "-n", str(ranks)] if ranks else []
+
+
+def run_lines(folder, items):
+    """What tests/run_lines.py says of command lines and pieces of python in a folder, all in one process."""
+    settings = {"env": environment(), "cwd": folder, "capture_output": True, "text": True}
+    line = command(0, "run_lines.py")
+    done = subprocess.run(line, input=json.dumps(items), timeout=MINUTES, **settings)
+    assert done.returncode == 0, f"{done.stderr[-2000:]}\n{items}"
+    return done.stdout
 
 
 def open_mpi():

@@ -8,6 +8,7 @@ which is one form, b^(y/κ) [f₀ + b^ω f₁] of x = (φ − φ_J)/b^(1/κ), fo
 Weighted least squares; errors of parameters are the scatter of fits to data drawn anew about the best one.
 """
 
+import functools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -100,6 +101,12 @@ class Form:
         return Form(held, False, self.degree, self.spline)
 
 
+@functools.cache
+def _derivatives(degree):
+    """Derivatives of the Chebyshev polynomials up to a degree in those of one less, (degree, degree + 1)."""
+    return chebyshev.chebder(np.eye(degree + 1))
+
+
 @dataclass(frozen=True, eq=False)
 class Basis:
     """Functions whose sums are ln f: Chebyshev polynomials, or cubic splines as a cubic and cubes beyond knots."""
@@ -118,9 +125,7 @@ class Basis:
         u = x / width
         powers = CUBIC if self.spline else len(self.knots) - 1
         values = chebyshev.chebvander(u, powers)
-        slopes = np.stack(
-            [chebyshev.chebval(u, chebyshev.chebder(row)) for row in np.eye(powers + 1)], axis=1
-        )
+        slopes = values[:, :powers] @ _derivatives(powers)
         if self.spline:
             beyond = np.maximum(u[:, None] - self.knots[1:-1] / width, 0)
             values, slopes = np.hstack((values, beyond**3)), np.hstack((slopes, 3 * beyond**2))

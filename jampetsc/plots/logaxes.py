@@ -106,10 +106,9 @@ def _regime(x, y, exponent):
 def place_legend(fig, ax, title, handles, lines):
     """The legend in the corner that covers no data, or above the axes if every corner does."""
     settings = {"handles": handles, "title": title, "title_fontsize": 8.5}
-    fig.draw_without_rendering()
+    fig.draw_without_rendering()  # once: lays out the axes, which a legend inside them does not move
     for corner in _CORNERS:
         legend = ax.legend(loc=corner, **settings)
-        fig.draw_without_rendering()
         if not _covers(ax, legend, lines):
             return legend
     settings |= {"loc": "lower left", "bbox_to_anchor": (0, 1.01), "borderaxespad": 0, "borderpad": 0}
@@ -117,7 +116,6 @@ def place_legend(fig, ax, title, handles, lines):
     for columns in (4, 3, 2, 1):
         legend = ax.legend(ncol=columns, columnspacing=1.2, **settings)
         legend.set_in_layout(False)  # the figure grows for it instead of the axes shrinking
-        fig.draw_without_rendering()
         box = legend.get_window_extent()
         if box.width <= room:
             break
