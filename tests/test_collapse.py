@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from drawn import bars, figure_of, lines
 
 from jampetsc import cli
 from jampetsc.analysis.collapse import Form, Points, bootstrap_fits, drift, fit_collapse, scaled
 from jampetsc.errors import InputError
+from jampetsc.plots.scaling import plot_scaling
 from jampetsc.storage.reader import load
 from jampetsc.storage.result_file import ResultWriter
 from jampetsc.studies.table import table_text
@@ -217,6 +219,50 @@ def test_the_command_on_a_study(study, tmp_path, capsys):
         assert message in capsys.readouterr().err
     assert cli.main(["plot", str(out), "--out", str(picture)]) == 0
     assert picture.stat().st_size > 20_000
+
+
+@pytest.mark.parametrize("scale", ["rate", "size"])
+def test_a_picture_of_a_collapse_shows_what_is_left_without_corrections(tmp_path, scale):
+    rng = np.random.default_rng(4)
+    b = np.repeat([1e-3, 1e-2] if scale == "rate" else [0.1, 0.125], 3)
+    leading, correction, noise = (1 + rng.random((3, 6))) * [[1], [0.2], [0.1]]
+    kappa = {"znu": 3.0} if scale == "rate" else {"nu": 0.8}
+    with ResultWriter(tmp_path / "f.h5", "jampetsc-collapse") as writer:
+        for name, values in {
+            scale: b if scale == "rate" else 1 / b,
+            "value": leading + correction + noise,
+            "error": np.full(6, 0.1),
+            "leading": leading,
+            "correction": correction,
+            "x": rng.normal(size=6),
+            "curve/x": np.linspace(-2, 2, 9),
+            "curve/f0": np.linspace(1, 3, 9),
+            "drift/cut": np.array([1e-2, 1e-3]),
+            "drift/parameters": np.array([[0.84], [0.85]]),
+            "drift/errors": np.full((2, 1), 1e-3),
+        }.items():
+            writer.dataset(name, values)
+        writer.attributes(
+            **{
+                "scaling": scale,
+                "observable": "pressure",
+                "corrections": True,
+                "fitted": "phi_J",
+                "y": 1.2,
+                **kappa,
+            },
+            **{"phi_J": 0.841, "phi_J_error": 2e-3, "chi2": 3.0, "dof": 4},
+        )
+    result = load(tmp_path / "f.h5")
+    top, middle, drift = figure_of(plot_scaling, result).axes
+    unit = b ** (1.2 / next(iter(kappa.values())))
+    for number, (x, y, down, up) in enumerate(bars(top)):
+        here = slice(3 * number, 3 * number + 3)
+        assert np.allclose(x, result["x"][here]) and np.allclose(y, ((leading + noise) / unit)[here])
+        assert np.allclose([down, up], 0.1 / unit[here])
+        assert np.allclose(lines(middle, 3)[number][1], 10 * noise[here])
+    ((x, y, down, _),) = bars(drift)
+    assert np.allclose([x, y, down], [[1e-2, 1e-3], [0.84, 0.85], [1e-3, 1e-3]])
 
 
 def test_sizes_come_from_jam_files(tmp_path, capsys):

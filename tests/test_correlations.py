@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from drawn import bars, figure_of, lines
 from matplotlib.image import imread
 
 from jampetsc import cli
@@ -18,6 +19,7 @@ from jampetsc.analysis.correlations import (
 )
 from jampetsc.contacts.disks import Disks
 from jampetsc.errors import InputError
+from jampetsc.plots.correlation import CorrelationCurve, plot_correlation, plot_lengths
 from jampetsc.storage.packing_file import packing_identity, write_packing
 from jampetsc.storage.provenance import derived_from
 from jampetsc.storage.reader import load
@@ -300,6 +302,39 @@ def test_chosen_frequencies_and_a_packing_elsewhere(tmp_path, capsys):
     packing = (tmp_path / "packing-s.h5").rename(tmp_path / "elsewhere.h5")
     run(sweep, "--omega", "1e-2", "--packing", packing, "--out", tmp_path / "c.h5")
     np.testing.assert_array_equal(load(tmp_path / "c.h5")["omega"], [1e-2])
+
+
+def test_pictures_show_lengths_over_the_cell_with_the_errors_of_their_own_part():
+    rng = np.random.default_rng(5)
+    C = 1 - 2 * np.sort(rng.random((1, 2, 2, 8)))
+    one = CorrelationCurve(
+        *(
+            "a.h5",
+            np.array([0.01, 0.1]),
+            np.array([4 + 2j, 3 + 1j]),
+            np.array([[0.4, 0.3], [0.1, 0.2]]),
+            1e-2,
+            {},
+        ),
+        **{
+            "C": C,
+            "errors": 0.1 * C,
+            "delta": np.linspace(0, 10, 8)[None],
+            "lanes": np.array([0.5]),
+            "size": 20.0,
+        },
+    )
+    over, collapsed = figure_of(plot_lengths, [one], exponent=0.65).axes[:2]
+    for part, length in enumerate(([4.0, 3.0], [2.0, 1.0])):
+        y, error = np.array(length), one.bounds[part]
+        np.testing.assert_allclose(bars(over)[part], [one.omega, y / 20, error / 20, error / 20])
+        unit = np.log(100) ** 0.65
+        np.testing.assert_allclose(
+            bars(collapsed)[part], [10 * one.omega, y * unit, error * unit, error * unit]
+        )
+    for ax, part in zip(figure_of(plot_correlation, one).axes, (0, 1), strict=False):
+        for drawn, expected in zip(lines(ax, 8), C[0, :, part], strict=True):
+            np.testing.assert_allclose(drawn[:2], [one.delta[0] / 20, expected])
 
 
 @pytest.mark.parametrize(

@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
+from drawn import figure_of, lines
 from matplotlib.image import imread
 from samples import published
 
 from jampetsc import cli
 from jampetsc.errors import InputError
-from jampetsc.plots.floppy import groups_of, plot_viscosities
-from jampetsc.plots.vibrations import chosen_modes, density_of_states
+from jampetsc.plots.floppy import groups_of, plot_medians, plot_viscosities
+from jampetsc.plots.vibrations import chosen_modes, density_of_states, plot_modes
 from jampetsc.storage.packing_file import packing_identity, write_packing
 from jampetsc.storage.reader import load
 from jampetsc.storage.result_file import ResultWriter
@@ -16,13 +17,13 @@ from jampetsc.storage.result_file import ResultWriter
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 
 
-def write_quasistatic(path, pressure=1e-3, packing=None, prestress=True, law="contact", n=16):
-    """Medians that follow BT eqs. 19-21 exactly, η₀ = √p + β/√p and a field."""
+def write_quasistatic(path, pressure=1e-3, packing=None, prestress=True, law="contact", n=16, tau1=1.0):
+    """Medians that follow BT eqs. 19-21 exactly, half of them with pre-stress; η₀ = √p + β/√p and a field."""
     rng = np.random.default_rng(1)
     attributes = {
         "pressure": pressure,
         "k": 2.0,
-        "tau1": 1.0,
+        "tau1": tau1,
         "particle_count": n,
         "law": law,
         "beta": 1.0,
@@ -30,7 +31,8 @@ def write_quasistatic(path, pressure=1e-3, packing=None, prestress=True, law="co
     }
     with ResultWriter(path, "jampetsc-quasistatic") as writer:
         for prefix in ("", "no_prestress_") if prestress else ("",):
-            medians = (pressure**0.25, pressure**-0.25, 2 * pressure**-0.25)
+            medians = np.array([pressure**0.25, pressure**-0.25, 2 * pressure**-0.25])
+            medians *= 1.0 if prefix or not prestress else 0.5
             names = (f"{prefix}{name}_median" for name in ("normal", "transverse", "nonaffine"))
             attributes |= dict(zip(names, medians, strict=True))
         attributes |= {"eta0": pressure**0.5 + pressure**-0.5, "eta_inf": 0.5}
@@ -55,8 +57,8 @@ def write_modes(path, pressure=1e-3, packing=None, complete=True):
         writer.dataset("floppiness", 5.0 / np.sqrt(values))
         writer.dataset("modes", rng.normal(size=(30, 16, 2)))
         writer.dataset("particles", np.arange(16))
-        for name in ("nonaffine", "modulus"):
-            writer.dataset(f"cumulative/{name}", np.linspace(0.1, 1, 30))
+        for name, power in (("nonaffine", 1), ("modulus", 2)):
+            writer.dataset(f"cumulative/{name}", np.linspace(0.1, 1, 30) ** power)
         attributes = {"pressure": pressure, "k": 2.0, "complete": complete, "prestress": False}
         if packing is not None:
             attributes |= dict(zip(("packing", "packing_sha256"), packing_identity(packing), strict=True))
@@ -92,6 +94,45 @@ def test_pictures_of_modes(tmp_path, packing):
         assert plot(*words, "--out", out) == 0
         assert imread(out).std() > 0.05
         out.unlink()
+
+
+def test_what_lines_of_medians_and_viscosities_are(tmp_path):
+    """Filled: without pre-stress, and η₀; open: with it, and η_∞. k = 2 and τ₁ = 4."""
+    files = [load(write_quasistatic(tmp_path / f"q{n}.h5", 10.0**-n, tau1=4.0)) for n in (4, 3)]
+    p = np.array([5e-5, 5e-4])
+    drawn = lines(figure_of(plot_medians, files).axes[0], 2)
+    expected = [(2 * p) ** 0.25, (2 * p) ** -0.25, 2 * (2 * p) ** -0.25]
+    for number, medians in enumerate(expected):
+        bare, stressed = drawn[3 * number : 3 * number + 2]  # the third is the guide
+        np.testing.assert_allclose(bare[:2], [p, medians])
+        np.testing.assert_allclose(stressed[:2], [p, medians / 2])
+        assert (bare[2], stressed[2:]) == ("-", ("--", "white"))
+    drawn = lines(figure_of(plot_viscosities, files).axes[0])
+    beta = np.array([1e-3, 1.0])
+    for number, level in enumerate(2 * p):
+        low, high = drawn[2 * number : 2 * number + 2]
+        np.testing.assert_allclose(low[:2], [beta, (level**0.5 + beta * level**-0.5) / 8])
+        np.testing.assert_allclose(high[:2], [beta, [0.02 / 8, 0.5 / 8]])
+        assert (low[2], high[2:]) == ("-", ("--", "white"))
+
+
+def test_what_lines_of_modes_are(tmp_path):
+    above, below = figure_of(plot_modes, [load(write_modes(tmp_path / "m.h5"))]).axes[:2]
+    number, share = np.arange(1, 31), np.linspace(0.1, 1, 30)
+    np.testing.assert_allclose(above.collections[0].get_offsets(), np.column_stack((number, 0.05 * number)))
+    nonaffine, modulus = lines(below, 30)
+    np.testing.assert_allclose(nonaffine[:2], [number, share])
+    np.testing.assert_allclose(modulus[:2], [number, share**2])
+    assert (nonaffine[2], modulus[2]) == ("-", "--")
+
+
+def test_the_response_without_pre_stress_is_named_so(tmp_path, packing, monkeypatch):
+    shown = []
+    monkeypatch.setattr("jampetsc.plots.fields.plot_panels", lambda disks, panels, *_: shown.extend(panels))
+    path = write_quasistatic(tmp_path / "q.h5", packing=packing)
+    assert plot(path, "--kind", "response", "--out", tmp_path / "x.png") == 0
+    for (title, field), name in zip(shown, ("no_prestress/nonaffine", "nonaffine"), strict=True):
+        assert np.array_equal(field, load(path)[name]) and title.startswith("no ") == name.startswith("no_")
 
 
 def test_density_of_states_is_normalised(tmp_path):

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from drawn import bars, figure_of, lines
 
 import jampetsc
 from jampetsc import cli
@@ -12,9 +13,10 @@ from jampetsc.contacts.state import measure
 from jampetsc.errors import InputError
 from jampetsc.plots.flowcurves import flow_curves, local_exponents, plot_against_phi, plot_flow_curves
 from jampetsc.plots.packing import touching
-from jampetsc.plots.shearing import kind_of, labels_of, lanes_of, last_snapshot
+from jampetsc.plots.shearing import kind_of, labels_of, lanes_of, last_snapshot, plot_series
 from jampetsc.plots.units import flow_units
 from jampetsc.storage.reader import Attributes
+from jampetsc.storage.result_file import ResultWriter
 
 
 @pytest.fixture(scope="module")
@@ -112,6 +114,55 @@ def test_units_are_those_of_the_files(runs):
     assert made.label(r"\eta", "viscosity") == r"$\eta\ [k_{\rm d}]$"
     with pytest.raises(InputError, match=r"a\.h5: is in other units .those of the packing. than 1e-2-1"):
         flow_units([jampetsc.load(runs[0]), facts()])
+
+
+def test_flow_curves_are_drawn_in_the_units_that_their_axes_name():
+    """σ = (2, 6) k, p = (4, 8) k at γ̇τ₁ = (0.05, 0.1), for k = 2 and τ₁ = ½."""
+    some = [
+        facts(
+            rate=rate,
+            shear_stress_mean=2 * s,
+            shear_stress_error=0.2 * s,
+            pressure_mean=2 * p,
+            pressure_error=p / 5,
+        )
+        for rate, s, p in ((0.1, 2.0, 4.0), (0.2, 6.0, 8.0))
+    ]
+    x, s, p = np.array([[0.05, 0.1], [2.0, 6.0], [4.0, 8.0]])
+    axes = figure_of(plot_flow_curves, some).axes
+    friction = s / p
+    expected = [[(s, 0.1 * s)], [(p, 0.1 * p)], [(friction, np.sqrt(0.02) * friction)]]
+    expected += [[(s / x, 0.1 * s / x), (p / x, 0.1 * p / x)]]
+    for ax, wanted in zip(axes, expected, strict=False):
+        for drawn, (y, error) in zip(bars(ax), wanted, strict=True):
+            np.testing.assert_allclose(drawn, [x, y, error, error])
+    stress, pressure = lines(axes[4], 1)
+    np.testing.assert_allclose((stress[1], pressure[1]), [[np.log2(3)], [1.0]])
+    assert stress[3] != "white" and pressure[3] == "white"
+    against = figure_of(plot_against_phi, [facts(phi=phi, rate=0.2) for phi in (0.8, 0.82)])
+    assert [text.get_text() for text in against.axes[2].get_legend().get_texts()] == ["$0.1$"]
+
+
+def test_series_are_sums_of_their_parts_with_their_own_means(tmp_path):
+    strain, parts = 0.1 * np.arange(1, 11), np.random.default_rng(1).random((2, 10, 3))
+    attributes = facts(discard=0.5, shear_stress_mean=3.0, pressure_mean=5.0).attributes
+    with ResultWriter(tmp_path / "run.h5", "jampetsc-flow") as writer:
+        for name, values in (("strain", strain), ("shear_stress", parts[0]), ("pressure", parts[1])):
+            writer.dataset(name, values)
+        writer.attributes(**attributes)
+    axes = figure_of(plot_series, [jampetsc.load(tmp_path / "run.h5")]).axes
+    for ax, values, mean in zip(axes, parts, (3.0, 5.0), strict=True):
+        series, level = lines(ax)
+        np.testing.assert_allclose(series[:2], [strain, values.sum(1) / 2.0])  # k = 2
+        np.testing.assert_allclose(level[:2], [[0.5, 1.0], [mean / 2, mean / 2]])
+
+
+def test_velocities_are_drawn_per_rate(runs, tmp_path, monkeypatch):
+    shown = []
+    monkeypatch.setattr("jampetsc.plots.fields.plot_panels", lambda disks, panels, *_: shown.extend(panels))
+    assert cli.main(["plot", runs[2], "--kind", "velocities", "--out", str(tmp_path / "x.png")]) == 0
+    ((_, field),) = shown
+    assert np.array_equal(field, jampetsc.load(runs[2])["snapshots/velocities"][-1] / 3e-2)
 
 
 def test_curves_average_seeds(runs):

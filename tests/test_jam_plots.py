@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from drawn import bars, figure_of, lines
 from samples import isostatic
 
 from jampetsc import cli
@@ -11,7 +12,7 @@ from jampetsc.analysis.averages import mean_of_runs
 from jampetsc.analysis.jamming import correlated_share, density, independent_share, memory
 from jampetsc.errors import InputError
 from jampetsc.plots.jamming import plot_fraction, plot_jamming_densities, plot_pressures, samples_of
-from jampetsc.plots.slowly import last_minimum
+from jampetsc.plots.slowly import last_minimum, plot_slow_shear
 from jampetsc.storage.reader import load
 from jampetsc.storage.result_file import ResultWriter
 from jampetsc.studies.table import table_text
@@ -116,6 +117,21 @@ def test_jamming_densities_by_rate_of_cooling(tmp_path):
         plot_jamming_densities([write_jam(tmp_path / "random.h5")], tmp_path / "y.png")
 
 
+def test_bars_of_shares_are_their_intervals_and_pressures_are_in_units_of_k(tmp_path):
+    file = write_jam(tmp_path / "a.h5", seeds=range(80), k=2.0)
+    (samples,) = samples_of([file])
+    ((x, y, down, up),) = bars(figure_of(plot_fraction, [file]).axes[0])
+    shares = [samples.share(phi) for phi in PHIS]
+    assert np.allclose(x, PHIS) and np.allclose(y, [one.value for one in shares])
+    assert np.allclose(y - down, [one.low for one in shares]) and np.allclose(
+        y + up, [one.high for one in shares]
+    )
+    drawn = bars(figure_of(plot_pressures, [file]).axes[0])
+    for (x, y, _, up), phi in zip(drawn, PHIS, strict=True):
+        edges, height, error = density(samples.pressures(phi) / 2.0, 0.0)
+        assert np.allclose(x, 0.5 * (edges[1:] + edges[:-1])) and np.allclose((y, up), (height, error))
+
+
 def test_what_cannot_be_drawn(tmp_path):
     with pytest.raises(InputError, match="fewer than 10 jammed samples"):
         plot_pressures([write_jam(tmp_path / "few.h5", seeds=range(5))], tmp_path / "x.png")
@@ -130,7 +146,7 @@ def test_what_cannot_be_drawn(tmp_path):
     assert not list(tmp_path.glob("*.png"))
 
 
-def write_shear(path, disks, phi, seed=1):
+def write_shear(path, disks, phi, seed=1, k=1.0):
     """A file as `shear` writes it, whose last minimum is `disks`."""
     rng = np.random.default_rng(seed)
     jammed = switching(rng, 200, 0.1)
@@ -152,7 +168,7 @@ def write_shear(path, disks, phi, seed=1):
             "particle_count": disks.n,
             "discard": 1.0,
             "energy_cut": 1e-16,
-            "k": 1.0,
+            "k": k,
         }
         facts |= {"sizes": "bidisperse", "potential": "harmonic", "coordination_mean": 2.0, **UNITS}
         writer.attributes(**facts | means)
@@ -187,6 +203,20 @@ def test_pictures(study, tmp_path, capsys, files, kind, says):
     assert cli.main(["plot", *(str(study / name) for name in files), *kind, "--out", str(out)]) == 0
     assert says in capsys.readouterr().out
     assert out.stat().st_size > 8_000
+
+
+def test_series_of_slow_shear_are_per_disk_and_in_units_of_k(tmp_path):
+    write_shear(tmp_path / "s.h5", isostatic(), 0.9, k=2.0)
+    result = load(tmp_path / "s.h5")
+    axes = figure_of(plot_slow_shear, [result]).axes
+    jammed = result["jammed"] == 1
+    units = {"energy": 2.0 * 24, "shear_stress": 2.0, "pressure": 2.0, "coordination": 1.0}
+    for ax, (name, unit) in zip(axes, units.items(), strict=True):
+        x, y, *_ = lines(ax, 200)[0]
+        assert np.allclose(x, result["strain"]) and np.allclose(y[jammed], result[name][jammed] / unit)
+        if name != "energy":
+            level = next(one for one in lines(ax, 2) if one[2] == "--")
+            assert np.allclose(level[:2], [[1.0, 2.0], [result.attributes[f"{name}_mean"] / unit] * 2])
 
 
 def test_states_before_the_discarded_strain_do_not_count(study):

@@ -2,20 +2,24 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import matplotlib
 import numpy as np
 import pytest
 import samples
+from drawn import bands, figure_of, lines
 from matplotlib.image import imread
 
 from jampetsc import cli
 from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import measure
 from jampetsc.errors import InputError
 from jampetsc.plots import logaxes, periodic, style
 from jampetsc.plots.curves import Curve, group_curves
-from jampetsc.plots.fields import ARROWS, _spread
+from jampetsc.plots.fields import ARROWS, _spread, plot_fields
+from jampetsc.plots.moduli import plot_collapse, plot_moduli
 from jampetsc.plots.packing import plot_packing
 from jampetsc.storage.packing_file import packing_identity, write_packing
 from jampetsc.storage.result_file import ResultWriter
@@ -177,6 +181,23 @@ def test_labels_tell_what_differs():
     assert [g.label for g in groups] == [r"$w_\parallel=0$", r"$w_\parallel=1$"]
     _, groups = group_curves([curve(None)])
     assert [g.label for g in groups] == ["$p$ unknown"]
+
+
+def test_both_moduli_with_their_bounds_are_drawn_and_collapsed():
+    """G' solid and filled, G'' dashed and open, each in its own band."""
+    G, p = modulus(OMEGA, 4e-4), 4e-4
+    one = replace(curve(p), bounds=np.stack((0.1 * G.real, 0.2 * G.imag)))
+    for plot, x, unit in ((plot_moduli, OMEGA, 1.0), (plot_collapse, OMEGA / p, p**0.5)):
+        low = slice(None) if plot is plot_moduli else OMEGA <= 1.0
+        ax = figure_of(plot, [one]).axes[0]
+        storage, loss = lines(ax, len(x[low]))[:2]
+        assert (storage[2], loss[2:]) == ("-", ("--", "white")) and storage[3] != "white"
+        for drawn, band, part, share in zip(
+            (storage, loss), bands(ax), (G.real, G.imag), (0.1, 0.2), strict=True
+        ):
+            expected = part[low] / unit
+            np.testing.assert_allclose(drawn[:2], [x[low], expected])
+            np.testing.assert_allclose(band[1:], [(1 - share) * expected, (1 + share) * expected])
 
 
 def luminance(colour):
@@ -342,6 +363,34 @@ def test_contacts_are_drawn_on_both_sides_of_the_boundary(packing, tmp_path, mon
         column, row = fig.axes[0].transData.transform(folded).astype(int).T
         assert (image[row, column] < 100).all()
     assert crossing > 30
+
+
+def test_lines_are_as_wide_as_forces_are_strong_and_the_caption_is_in_units_of_k():
+    disks = samples.published()
+    stiff = replace(disks, potential=Potential(k=4.0))
+    figures = [figure_of(plot_packing, one) for one in (disks, stiff)]
+    captions = [[text.get_text() for text in one.texts] for one in figures]
+    assert captions[0] == captions[1] and "p/k=" in captions[0][0]
+    contacts = measure(disks).contacts
+    drawn = figures[0].axes[0].collections[1]
+    vectors = np.array([end - begin for begin, end in drawn.get_segments()])
+    which = [int(np.linalg.norm(contacts.r - one, axis=1).argmin()) for one in vectors]
+    assert set(which) == set(range(len(contacts)))
+    widths = np.array(drawn.get_linewidths())
+    np.testing.assert_allclose(widths / widths.mean(), contacts.force[which] / contacts.force[which].mean())
+
+
+def test_arrows_are_the_field_in_phase_and_out_of_phase_times_what_is_told():
+    disks, rng = samples.published(), np.random.default_rng(3)
+    u = 0.01 * (rng.normal(size=(1, 16, 2)) + 2j * rng.normal(size=(1, 16, 2)))
+    fig = figure_of(plot_fields, disks, np.array([1e-3]), u, None, np.arange(16))
+    for ax, name, part in zip(fig.axes, ("Re", "Im"), (u[0].real, u[0].imag), strict=True):
+        assert name in ax.get_title()
+        arrows = np.column_stack((ax.collections[1].U, ax.collections[1].V))
+        factor = np.abs(arrows).max() / np.abs(part).max()
+        assert factor > 2 and f"arrows ${style.number(factor)}" in ax.texts[0].get_text()
+        for one in part:  # arrows that leave the cell are drawn twice
+            assert np.abs(arrows - factor * one).max(axis=1).min() < 1e-9
 
 
 def test_arrows_spread_evenly_when_there_are_too_many_disks():

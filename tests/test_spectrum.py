@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from drawn import figure_of, lines
 from matplotlib.image import imread
 
 from jampetsc import cli
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.errors import InputError
+from jampetsc.plots.spectrum import plot_relaxation, spectrum_curve
 from jampetsc.storage.reader import load
 from jampetsc.storage.result_file import ResultWriter
 
@@ -85,6 +87,16 @@ def test_pictures(tmp_path, command):
     cli.dispatch([command, *map(str, sweeps), *kind, "--out", str(tmp_path / "picture.png")])
     image = imread(tmp_path / "picture.png")
     assert image.shape[:2] == (1500, 2100) and image.std() > 0.05
+
+
+def test_weights_add_up_with_time(tmp_path):
+    one = spectrum_curve(load(write_sweep(tmp_path / "sweep.h5")))
+    _, cumulative, relaxation, _ = figure_of(plot_relaxation, [one]).axes
+    held = spectrum()
+    x, y, *_ = lines(cumulative)[0]
+    assert np.allclose(x, np.sort(1 / held.rates)) and np.allclose(y, np.cumsum(held.weights[::-1]))
+    time, G, *_ = lines(relaxation)[0]
+    assert np.allclose(G, held.stress_relaxation(time))
 
 
 def test_a_spectrum_file_draws_as_its_sweep_does(tmp_path):

@@ -10,6 +10,7 @@ from dataclasses import replace
 import launch
 import numpy as np
 import pytest
+from drawn import figure_of, lines
 from matplotlib.image import imread
 
 from jampetsc import cli
@@ -297,6 +298,17 @@ def test_a_table_reads_back(tmp_path):
     assert len(widths) == 1  # columns are aligned
     assert "| < 1e-12 " in str(Table(ROWS, []))  # of the direct method: not resolved
     assert "memory" not in str(Table(ROWS, []))  # nothing known: no column
+
+
+def test_points_of_the_picture_are_times_of_runs_and_errors_of_both_moduli():
+    run = Row("method", "direct, MUMPS", 2.0, 5.0, **errors(1e-2, 3e-2))
+    exact = Row("physics", "without rotations", 3.0, 5.0, **errors(1e-13, 1e-6))
+    points = lines(figure_of(plot_trade, [run, exact], 1e-12).axes[0], 1)
+    for row, (filled, empty) in zip((run, exact), (points[:2], points[2:4]), strict=True):
+        assert (filled[0], empty[0]) == (row.seconds, row.seconds)
+        # what is not resolved is drawn at the bound of the reference
+        assert (filled[1], empty[1]) == (max(row.error_storage, 1e-12), row.error_loss)
+        assert filled[3] != "white" and empty[3] == "white"
 
 
 def test_names_stay_in_the_picture_and_apart(tmp_path):
