@@ -304,6 +304,24 @@ def test_slow_shear_counts_after_its_discard(tmp_path):
         assert points.error[0] > 0.1
 
 
+def test_where_nothing_jams_the_pressure_is_no_point(tmp_path):
+    phi, jammed = np.repeat([0.82, 0.84, 0.85], 4), np.array([0, 0, 0, 0, 1, 0, 1, 0, 1, 1, 1, 1.0])
+    pressure = np.where(jammed == 1, 1e-3, 1e-12 * np.arange(1, 13))  # what a minimiser leaves of zero
+    with ResultWriter(tmp_path / "j.h5", "jampetsc-jam") as writer:
+        for name, values in {
+            "phi": phi,
+            "seed": np.arange(12),
+            "jammed": jammed,
+            "pressure": pressure,
+        }.items():
+            writer.dataset(name, values)
+        writer.attributes(particle_count=64, potential="harmonic")
+    points = read_points([load(tmp_path / "j.h5")], "pressure", True).points
+    assert list(points.phi) == [0.84, 0.85] and points.value == pytest.approx([5e-4, 1e-3], rel=1e-15)
+    shares = read_points([load(tmp_path / "j.h5")], "jammed", True).points
+    assert list(shares.value) == [0, 0.5, 1]
+
+
 def test_runs_of_one_state_are_averaged(tmp_path):
     files = [
         write_flow(tmp_path / f"{s}.h5", 0.84, 1e-3, seed=s, pressure_mean=s * 1e-3, pressure_error=1e-6)

@@ -84,7 +84,11 @@ def read_points(results, observable: str, finite_size: bool) -> Data:
                 )
             seen[*key, origin] = result.path.name
             groups.setdefault((*key, int(result.attributes["particle_count"])), []).append(values)
-    rows = [(*key, *_mean(runs, observable), len(runs)) for key, runs in sorted(groups.items())]
+    rows = [
+        (*key, *_mean(runs, observable), len(runs))
+        for key, runs in sorted(groups.items())
+        if observable == "jammed" or np.any(np.concatenate([np.atleast_1d(run) for run in runs]))
+    ]  # where nothing is jammed a stress is 0 without an error, which no weight stands for
     phi, scale, size, value, error, count = np.array(rows, float).reshape(-1, 6).T
     if not finite_size and len(set(size)) > 1:
         raise InputError(
@@ -108,14 +112,17 @@ def _check(result, first, finite_size):
 
 
 def _rows(result, observable, finite_size):
-    """(φ, scale, where it comes from, values) of a file; values: mean and error, or series of one run."""
+    """(φ, scale, where it comes from, values) of a file; values: mean and error, or series of one run.
+
+    Of a state that is not jammed a stress is what the minimiser left of zero: 0.
+    """
     a = result.attributes
     n = int(a["particle_count"])
     scale = 1.0 / math.sqrt(n) if finite_size else float(a["rate"])
     if result.format == "jampetsc-jam":
         if observable not in result:
             raise InputError(f"{result.path}: holds no {observable}: choose pressure or jammed")
-        phi, seed, values = result["phi"], result["seed"], result[observable]
+        phi, seed, values = result["phi"], result["seed"], _of_jammed(result, observable)
         known = np.isfinite(values)
         keys = list(zip(phi[known].tolist(), seed[known].tolist(), strict=True))
         series = {}
@@ -125,10 +132,16 @@ def _rows(result, observable, finite_size):
     origin = f"seed {a['seed']}" if "seed" in a else str(a.get("packing", "a packing"))
     if finite_size:
         after = result["strain"] > float(a["discard"]) * (1 + 1e-12)
-        return [(float(a["phi"]), scale, origin, result[observable][after])]
+        return [(float(a["phi"]), scale, origin, _of_jammed(result, observable)[after])]
     if observable == "jammed":
         raise InputError(f"{result.path}: --observable jammed goes with --finite-size")
     return [(float(a["phi"]), scale, origin, (a[f"{observable}_mean"], a[f"{observable}_error"]))]
+
+
+def _of_jammed(result, observable):
+    """An observable of the states of a jam or shear file, 0 where they are not jammed."""
+    values = result[observable]
+    return values if observable == "jammed" else np.where(result["jammed"] == 0, 0.0, values)
 
 
 def _mean(runs, observable):
