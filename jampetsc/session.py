@@ -142,6 +142,12 @@ class Session:
                 database.setValue(name, value)
                 self._defaults.add(name.lower())
 
+    def has_options(self, prefix) -> bool:
+        """Whether options that begin with this were given, by a command line, a file or PETSC_OPTIONS."""
+        return any(
+            name.lower().startswith(prefix) for name in self.options() if name.lower() not in self._defaults
+        )
+
     def options_given(self) -> bool:
         """Whether some rank has options of the user that no start of PETSc has asked for yet. Collective."""
         return any(self.comm.allgather(bool(self._given)))

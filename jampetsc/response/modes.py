@@ -72,7 +72,7 @@ def lowest_modes(
     modes is looked at unless it is `proved`. Needs the real build.
 
     Raises InputError for a packing that is not a minimum, for more modes than there are and for none below;
-    ConvergenceError when SLEPc fails or the count does not come out.
+    ConvergenceError when they are not found or the count does not come out.
     """
     stiffness = network.max(float(network.contacts.stiffness.max(initial=0.0)))
     pencil = assemble(network, UNDAMPED, pinned=False)

@@ -23,14 +23,18 @@ class NotPositiveDefinite(ConvergenceError):
     """The matrix has an eigenvalue that is not positive."""
 
 
-def fits_cholmod(matrix) -> bool:
-    """Whether CHOLMOD can factorise this matrix: it lies on one rank, and PETSc was built with SuiteSparse."""
+def suitesparse() -> bool:
+    """Whether PETSc was built with it."""
     names = (
         "suitesparse",
         "cholmod",
     )  # PETSc of Debian 12 and earlier knows the first only, later ones the second
-    has = current().PETSc.Sys.hasExternalPackage
-    return matrix.getComm().size == 1 and any(map(has, names))
+    return any(map(current().PETSc.Sys.hasExternalPackage, names))
+
+
+def fits_cholmod(matrix) -> bool:
+    """Whether CHOLMOD can factorise this matrix: it lies on one rank, and PETSc was built with SuiteSparse."""
+    return matrix.getComm().size == 1 and suitesparse()
 
 
 class Cholesky:

@@ -1,9 +1,10 @@
-"""Lowest eigenpairs of K with nothing pinned: shift-invert Lanczos through SLEPc, or LAPACK for a large part
-of the spectrum.
+"""Lowest eigenpairs of K with nothing pinned: shift-invert Lanczos, or LAPACK for a large part of the spectrum.
+
+On one rank Lanczos is our own (`lanczos`), with the factor of `blocks`; on more, and wherever an option of the user
+begins with `modes_`, it is SLEPc's.
 
 The shift σ < 0 lies just below the spectrum, so K − σ is positive definite; translations of connected pieces
-are known and deflated. (With σ = 0 SLEPc would attach them to K as its null space.) The options prefix is
-`modes_`.
+are known and deflated. (With σ = 0 SLEPc would attach them to K as its null space.)
 """
 
 import itertools
@@ -15,7 +16,9 @@ from scipy.sparse import csr_array
 
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.session import current
+from jampetsc.solvers.blocks import Blocks
 from jampetsc.solvers.cholesky import fits_cholmod
+from jampetsc.solvers.lanczos import lowest_eigenpairs
 
 PREFIX = "modes_"
 # −σ in units of the contact stiffness: of the order of the softest modes. Nearer to zero, a mode of no energy
@@ -56,7 +59,7 @@ def lowest(pencil, count: int, stiffness: float, known=None) -> Eigenpairs:
     stiffness   the largest contact stiffness, which sets the scale
     known       (l, unknowns_local) orthonormal eigenvectors that are not to be found again
 
-    Raises InputError when there are not so many, ConvergenceError when SLEPc does not find them.
+    Raises InputError when there are not so many, ConvergenceError when they are not found.
     """
     moves = translations(pencil)
     there = pencil.unknowns - len(moves)
@@ -64,13 +67,27 @@ def lowest(pencil, count: int, stiffness: float, known=None) -> Eigenpairs:
         raise InputError(f"{count} modes: K has {there} besides its translations; ask for no more")
     if 2 * (count + SPARE) < there or known is not None:
         deflated = moves if known is None else np.vstack((moves, known))
-        return _krylov(pencil, deflated, count + SPARE, stiffness)
+        find = _krylov if _asked_of_slepc(pencil.K) else _lanczos
+        return find(pencil, deflated, count + SPARE, stiffness)
     if pencil.unknowns > DENSE:
         raise InputError(
             f"{count} of {there} modes: so large a part of the spectrum is found up to {DENSE // 2} disks; "
             "ask for fewer"
         )
     return _dense(pencil, moves, min(count + SPARE, there), stiffness)
+
+
+def _asked_of_slepc(matrix) -> bool:
+    """Whether the matrix is spread over ranks, or options of the user say how to find its modes."""
+    return matrix.getComm().size > 1 or current().has_options(PREFIX)
+
+
+def _lanczos(pencil, deflated, count, stiffness):
+    solve = Blocks(pencil.K).factorise(SHIFT * stiffness)
+    if solve is None:
+        raise ConvergenceError("K − σ is not positive definite, σ just below zero: K has negative modes")
+    values, vectors = lowest_eigenpairs(solve, deflated, count, -SHIFT * stiffness)
+    return Eigenpairs(values, vectors, _residuals(pencil.K, values, vectors), "lanczos", 1)
 
 
 def _krylov(pencil, moves, count, stiffness):
@@ -171,16 +188,21 @@ def _dense(pencil, moves, count, stiffness):
         ends = np.cumsum([0, *(share.shape[1] for _, share in parts)])
         shares = [vectors[:, a:b].copy() for a, b in itertools.pairwise(ends)]
     values, vectors = comm.bcast(values), comm.scatter(shares)
-    x, y = pencil.K.createVecs()
-    residuals = np.empty(count)
-    for row in range(count):
-        x.setArray(vectors[row])
-        pencil.K.mult(x, y)
-        y.axpy(-values[row], x)
+    return Eigenpairs(values, vectors, _residuals(pencil.K, values, vectors), "lapack", 1)
+
+
+def _residuals(K, values, vectors):
+    """‖K φ − λ φ‖ of each pair, (m,). Collective."""
+    x, y = K.createVecs()
+    residuals = np.empty(len(values))
+    for row, (value, vector) in enumerate(zip(values, vectors, strict=True)):
+        x.setArray(vector)
+        K.mult(x, y)
+        y.axpy(-value, x)
         residuals[row] = y.norm()
     x.destroy()
     y.destroy()
-    return Eigenpairs(values, vectors, residuals, "lapack", 1)
+    return residuals
 
 
 def _rows(csr, columns):
