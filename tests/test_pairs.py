@@ -5,7 +5,17 @@ import pytest
 
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.neighbours import neighbour_pairs
-from jampetsc.contacts.pairs import REBUILD, SKIN_RANGE, WIDTH, PairList, deformed, is_stale, tuned_skin
+from jampetsc.contacts.pairs import (
+    FAR,
+    REBUILD,
+    SKIN_RANGE,
+    WIDTH,
+    PairList,
+    deformed,
+    is_stale,
+    nearest,
+    tuned_skin,
+)  # fmt: skip
 from jampetsc.contacts.state import find_contacts, measure
 from jampetsc.packing.sizes import radii_of
 
@@ -55,6 +65,47 @@ def test_no_touching_pair_is_missing_until_the_list_is_stale(kind):
             assert now <= known
             newcomers += len(now - first)
     assert newcomers > 50
+
+
+def test_near_pairs_serve_until_they_are_stale():
+    """Disks on straight ways under shear: every touching pair is among the near ones while `nearest` keeps them."""
+    newcomers = 0
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        disks, skin = crowd(seed, phi=0.6), 0.1
+        pairs, listed_as = PairList.build(disks, 1.5), (2 * disks.radii.max(), 1.5, skin)
+        offsets, shear, moved = rng.normal(0, 0.1, (disks.n, 2)), rng.choice([-0.4, 0.4]), 0.0
+        first = nearest(pairs.arrays, (pairs.arrays, FAR, 0.0), offsets, shear, listed_as)
+        kept, began, turn = (
+            first[0],
+            touching(deformed(disks, offsets, 0.0, shear)),
+            rng.choice([-1e-3, 1e-3]),
+        )
+        known = set(zip(kept[0].tolist(), kept[1].tolist(), strict=True))
+        assert known < listed(pairs)
+        angle, speed = rng.uniform(0, 2 * np.pi, disks.n), 2e-3
+        while True:
+            offsets = offsets + speed * np.column_stack((np.cos(angle), np.sin(angle)))
+            shear, moved = shear + turn, moved + speed
+            now = nearest(pairs.arrays, (kept, moved, first[2]), offsets, shear, listed_as)
+            if now[1] < moved:
+                assert now[2] == shear and now[0][0] is not kept[0]
+                break
+            found = touching(deformed(disks, offsets, 0.0, shear))
+            assert found <= known
+            newcomers += len(found - began)
+    assert newcomers > 50
+
+
+def test_near_pairs_count_moves_and_shear_in_the_frame_they_were_chosen_in():
+    sigma, skin, then, shear = 1.0, 0.2, 0.3, 0.35
+    now, later = (np.array([[1.0, g], [0.0, 1.0]]) for g in (then, shear))
+    growth = np.linalg.norm(now @ np.linalg.inv(later), 2)
+    far = (skin - (growth - 1.0) * sigma) / 2 / np.linalg.norm(now, 2)
+    none = np.empty(0, np.uint32), np.empty(0, np.uint32), np.empty((2, 0)), np.empty(0)
+    for moved, stale in ((far * (1 - 1e-9), False), (far * (1 + 1e-9), True)):
+        found = nearest(none, (none, moved, then), np.zeros((2, 2)), shear, (sigma, 9.0, skin))
+        assert (found[1] == 0.0) == stale
 
 
 def test_the_worst_case_is_just_covered():

@@ -11,6 +11,9 @@ from jampetsc.flows import steps as compiled
 from jampetsc.flows.models import Model, Scheme
 from jampetsc.flows.resistance import centre_clusters, contact_graph, deepest_overlap
 
+NEAR = 0.2  # of the skin of a list is that of the near pairs which forces are computed of; with these
+REBUILD = 25.0  # evaluations may go into a list: its width costs only where near pairs are chosen
+
 
 @dataclass(frozen=True)
 class Survey:
@@ -92,7 +95,7 @@ class Shear:
             self.steps += done
             self.since += done
             if status == compiled.STALE and self.since:
-                self.skin = tuned_skin(self.skin, self.since * self._effort, self.diameter)
+                self.skin = tuned_skin(self.skin, self.since * self._effort, self.diameter, REBUILD)
                 self.rebuilds += 1
                 self._list(self.disks)
             elif status == compiled.UNSOLVED:
@@ -136,7 +139,7 @@ class Shear:
 
     def _run(self, steps):
         """Time steps with the list there is: (how many, status)."""
-        listed, clock = (self.largest, self.skin), (self.scheme.step, self.since)
+        listed, clock = (self.largest, self.skin, NEAR * self.skin), (self.scheme.step, self.since)
         forces = np.empty_like(self.offsets)
         common = (self.pairs.arrays, listed, self._law)
         if self.scheme.method == "verlet":

@@ -14,7 +14,7 @@ import numba
 import numpy as np
 
 from jampetsc.contacts.kernel import FAST, bond_forces
-from jampetsc.contacts.pairs import is_stale
+from jampetsc.contacts.pairs import FAR, is_stale, nearest
 from jampetsc.flows.resistance import centre_clusters, contact_graph, solve
 
 # Σ f_x r_y and Σ f·r of elastic and viscous bonds, Σ m u_x u_y and Σ m |u|², U, dissipation, iterations, steps
@@ -89,18 +89,21 @@ def drift(o, forces, mobility, g, dt, u):
 
 
 @numba.njit(cache=True, fastmath=NUMBERS, error_model="numpy")
-def kick(o, forces, predicted, mass, g, dt, u, a_last):
-    """Half a step to now and half a step on, and o moved by it: u and o (N, 2) on, a_last = forces/mass.
+def kick(o, forces, predicted, physics, g, dt, u, a_last):
+    """Accelerations into a_last, u half a step to now and half a step on, and o moved by it, (N, 2) each, in one pass.
 
-    Returns as `drift`, the sums of the predicted velocities.
+    forces: of bonds; physics: of `massive_steps`. `predicted` holds the velocities now, and then those at the next
+    step. Returns as `drift`, the sums of the velocities now.
     """
+    drag, mass, rate = physics[0], physics[1], physics[2]
     far = longest = xy = squares = total = 0.0
     for a in range(len(o)):
-        ax, ay = forces[a, 0] / mass, forces[a, 1] / mass
+        px, py = predicted[a, 0], predicted[a, 1]
+        ax, ay = (forces[a, 0] - drag * px) / mass - rate * py, (forces[a, 1] - drag * py) / mass
         ux, uy = u[a, 0] + dt * ax, u[a, 1] + dt * ay
         dx, dy = dt * (ux - g * uy), dt * uy
         x, y = o[a, 0] + dx, o[a, 1] + dy
-        px, py = predicted[a, 0], predicted[a, 1]
+        predicted[a, 0], predicted[a, 1] = ux + 0.5 * dt * ax, uy + 0.5 * dt * ay
         a_last[a, 0], a_last[a, 1] = ax, ay
         u[a, 0], u[a, 1] = ux, uy
         o[a, 0], o[a, 1] = x, y
@@ -115,7 +118,7 @@ def kick(o, forces, predicted, mass, g, dt, u, a_last):
 
 @numba.njit(cache=True)
 def verdict_of(far, longest, g, listed):
-    """What a move means for the list: listed = (σ_max, skin)."""
+    """What a move means for the list: listed = (σ_max, its skin, that of its near pairs)."""
     if not longest <= JUMP * listed[0]:
         return BLOWN_UP
     return STALE if is_stale(far, 0.0, g, listed[0], listed[1]) else DONE
@@ -132,10 +135,12 @@ def drag_steps(pairs, listed, law, physics, clock, o, u, forces, heun, tally, st
     dt, since = clock
     alpha = 2.5 if law[1] else 2.0
     ahead, u2 = np.empty_like(o), np.empty_like(u)
+    near = pairs, FAR, 0.0
     for step in range(steps):
         g = (since + step) * rate * dt
         middle = g + 0.5 * rate * dt
-        sums = bond_forces(pairs, o, 0.0, g, law, forces, None, None)
+        near = nearest(pairs, near, o, g, listed)
+        sums = bond_forces(near[0], o, 0.0, g, law, forces, None, None)
         forces[:held] = 0.0
         if not heun:
             far, longest, xy, squares = drift(o, forces, 1.0 / drag, middle, dt, u)
@@ -155,6 +160,7 @@ def drag_steps(pairs, listed, law, physics, clock, o, u, forces, heun, tally, st
                 u2[a, 1] = 0.5 * (u[a, 1] + forces[a, 1] / drag)
             note(tally, sums, alpha, u, 0.0, drag, rate, background)
             far, longest = move(o, u2, middle, dt, o)
+        near = near[0], near[1] + longest, near[2]
         verdict = verdict_of(far, longest, g + rate * dt, listed)
         if verdict != DONE:
             return step + 1, verdict
@@ -206,12 +212,12 @@ def balance(pairs, o, g, law, weights, physics, dt, u, forces, tolerance):
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy")
 def seen_and_moved(pairs, listed, law, weights, physics, dt, g, o, u, velocity, forces, tally):
-    """The end of a step: note what there is at velocities u, and move by `velocity`; returns the verdict."""
+    """The end of a step: note what there is at velocities u, and move by `velocity`: (verdict, the longest move)."""
     drag, mass, rate, background, _ = physics
     sums = bond_forces(pairs, o, 0.0, g, law, forces, (u, rate, weights), None)
     note(tally, sums, 2.5 if law[1] else 2.0, u, mass, drag, rate, background)
     far, longest = move(o, velocity, g + 0.5 * rate * dt, dt, o)
-    return verdict_of(far, longest, g + rate * dt, listed)
+    return verdict_of(far, longest, g + rate * dt, listed), longest
 
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy")
@@ -223,9 +229,11 @@ def contact_steps(pairs, listed, law, weights, physics, clock, o, u, forces, tol
     rate = physics[2]
     dt, since = clock
     ahead, u2 = np.empty_like(o), np.empty_like(u)
+    near = pairs, FAR, 0.0
     for step in range(steps):
         g = (since + step) * rate * dt
-        iterations = balance(pairs, o, g, law, weights, physics, dt, u, forces, tolerance)
+        near = nearest(pairs, near, o, g, listed)
+        iterations = balance(near[0], o, g, law, weights, physics, dt, u, forces, tolerance)
         if iterations < 0:
             return step, UNSOLVED
         tally[8] += iterations
@@ -245,7 +253,10 @@ def contact_steps(pairs, listed, law, weights, physics, clock, o, u, forces, tol
                 u2[a, 0] = 0.5 * (u[a, 0] + u2[a, 0])
                 u2[a, 1] = 0.5 * (u[a, 1] + u2[a, 1])
             velocity = u2
-        verdict = seen_and_moved(pairs, listed, law, weights, physics, dt, g, o, u, velocity, forces, tally)
+        verdict, longest = seen_and_moved(
+            near[0], listed, law, weights, physics, dt, g, o, u, velocity, forces, tally
+        )
+        near = near[0], near[1] + longest, near[2]
         if verdict != DONE:
             return step + 1, verdict
     return steps, DONE
@@ -258,33 +269,35 @@ def massive_steps(pairs, listed, law, weights, physics, clock, o, u, a_last, for
     u (N, 2) is the velocity half a step ago and a_last (N, 2) the acceleration one step ago.
     rolling: None, or (Ω half a step ago, Ω̇ one step ago, ρ, moments of inertia), each (N,).
     """
-    drag, mass, rate, background, _ = physics
+    drag, mass, rate, background, held = physics
     dt, since = clock
     alpha = 2.5 if law[1] else 2.0
-    predicted = np.empty_like(u)
+    predicted = u + 0.5 * dt * a_last
     if rolling is not None:
         spin, spin_last, radii, inertia = rolling
         turning, torques = np.empty_like(spin), np.empty_like(spin)
+    near = pairs, FAR, 0.0
     for step in range(steps):
         g = (since + step) * rate * dt
-        for a in range(len(u)):
-            predicted[a, 0] = u[a, 0] + 0.5 * dt * a_last[a, 0]
-            predicted[a, 1] = u[a, 1] + 0.5 * dt * a_last[a, 1]
         spins = None
         if rolling is not None:
             for a in range(len(u)):
                 turning[a] = spin[a] + 0.5 * dt * spin_last[a]
             spins = (turning, radii, torques)
-        sums = residual_at(pairs, o, g, law, weights, physics, predicted, forces, spins)
+        near = nearest(pairs, near, o, g, listed)
+        sums = bond_forces(near[0], o, 0.0, g, law, forces, (predicted, rate, weights), spins)
+        forces[:held] = 0.0
         if rolling is not None:
             for a in range(len(u)):
                 tally[6] += 0.5 * inertia[a] * turning[a] * turning[a]
-        far, longest, xy, squares = kick(o, forces, predicted, mass, g + 0.5 * rate * dt, dt, u, a_last)
+            torques[:held] = 0.0
+        far, longest, xy, squares = kick(o, forces, predicted, physics, g + 0.5 * rate * dt, dt, u, a_last)
         add(tally, sums, alpha, xy, squares, mass, drag, rate, background)
         if rolling is not None:
             for a in range(len(u)):
                 spin_last[a] = torques[a] / inertia[a]
                 spin[a] += dt * spin_last[a]
+        near = near[0], near[1] + longest, near[2]
         verdict = verdict_of(far, longest, g + rate * dt, listed)
         if verdict != DONE:
             return step + 1, verdict

@@ -43,7 +43,7 @@ class Together:
                 velocity = u.copy()
                 self.balance(pairs, ahead, g + rate * dt, *place, velocity, forces, tolerance)
                 velocity = 0.5 * (u + velocity)
-            verdict = compiled.seen_and_moved(
+            verdict, _ = compiled.seen_and_moved(
                 pairs, listed, law, weights, physics, dt, g, o, u, velocity, forces, tally
             )
             if verdict != compiled.DONE:
