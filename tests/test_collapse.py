@@ -287,6 +287,8 @@ def test_sizes_come_from_jam_files(tmp_path, capsys):
     a = result.attributes
     assert set(result["size"]) == {6, 8, 12} and set(result["runs"]) == {99, 100}
     assert abs(a["phi_J"] - 0.835) < 0.003 and abs(a["nu"] - 1) < 2.5 * a["nu_error"]
+    assert command(*files, *words, tmp_path / "x.h5", "--cut", "64") == 2  # what is left has N = 64 and 144
+    assert "2 different rates or sizes: a collapse needs at least 3" in capsys.readouterr().err
     for wrong, message in (("pressure", "holds no pressure"), ("shear_stress", "holds no shear_stress")):
         assert command(*files, *words[:1], "--observable", wrong, *words[3:], tmp_path / "x.h5") == 2
         assert message in capsys.readouterr().err

@@ -280,6 +280,9 @@ def test_a_file_of_correlations(tmp_path, capsys):
     found = load(tmp_path / "c.h5")
     assert found.format == "jampetsc-correlation" and found.law["law"] == "stokes"
     assert found.attributes["packings"] == 6 and found.attributes["L"] == pytest.approx(20.0)
+    assert (
+        "packing" not in found.attributes and found.attributes["particle_count"] == 400
+    )  # what all have in common
     np.testing.assert_array_equal(found["omega"], OMEGA)
     assert found["C"].shape == (2, 2, 2, found["delta"].shape[1])
     expected = np.array([[5.0, 2.5], [2.5, 1.25]])  # a quarter of the wave length; of Re and Im

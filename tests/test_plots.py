@@ -112,6 +112,13 @@ def test_the_kind_follows_from_files_and_options(sweeps, packing, with_fields, t
         assert expected in capsys.readouterr().out
 
 
+def test_frequencies_of_fields_are_told_in_units_of_tau1(packing, tmp_path, capsys):
+    fields = (np.array([0.5]), np.ones((1, 16, 2), complex), None, np.arange(16))
+    path = write_sweep(tmp_path / "slow.h5", packing=packing, fields=fields, tau1=4.0)
+    plot(path, "--kind", "fields", "--out", tmp_path / "x.svg")
+    assert "fields at omega tau1 = 2\n" in capsys.readouterr().out
+
+
 def test_width_is_one_column_of_print(sweeps, tmp_path):
     plot(*sweeps, "--out", tmp_path / "x.png")
     assert imread(tmp_path / "x.png").shape[1] == round(style.COLUMN * 300)

@@ -2,6 +2,7 @@
 
 import functools
 import json
+import os
 import subprocess
 import sys
 
@@ -177,6 +178,30 @@ def test_an_error_that_nobody_foresaw_is_a_row_too(session, shared_path, monkeyp
 
 
 @pytest.mark.scalar("real")
+def test_a_mean_is_of_the_seeds_that_there_are_and_is_not_taken_twice(session, shared_path, monkeypatch):
+    only_on("one")
+    text = '[pack]\nn = 16\npressure = 1e-2\nseeds = "1:2"\n[sweep]\nomega = "1"\nfields = "1"\n[correlate]\n'
+    read, lost = study_tasks.numbers_of, ["-s1-", "-s2-"]
+
+    def numbers_of(path):
+        if path.name.startswith("sweep") and any(seed in path.name for seed in lost):
+            raise InputError("lost")
+        return read(path)
+
+    monkeypatch.setattr(study_tasks, "numbers_of", numbers_of)
+    none = study(shared_path / "study", text, status=3)
+    (state,) = none.where(command="correlate")["state"]
+    assert state.startswith("failed: sweep-n16-p0.01-s1-") and state.endswith(".h5 failed")
+    lost.remove("-s1-")
+    first = study(shared_path / "study", text, status=3).where(command="correlate")
+    assert first["packings"] == [1]
+    again = study(shared_path / "study", text, status=3).where(command="correlate")
+    assert again["seconds"] == first["seconds"]  # what it cost, not what a look at it does
+    written = "".join(path.read_text() for path in (shared_path / "study" / "journal").iterdir())
+    assert written.count('"task": "correlate') == 2  # that failed, and that was done
+
+
+@pytest.mark.scalar("real")
 def test_more_seeds_are_added_and_the_rest_is_kept(session, shared_path):
     only_on("one")
     text = '[pack]\nn = 16\npressure = 1e-2\nseeds = "1:2"\n[sweep]\nomega = "1"\nfields = "1"\n[correlate]\n'
@@ -241,6 +266,29 @@ def test_a_torn_line_of_the_journal_does_not_count(tmp_path):
     assert list(records_of(tmp_path)) == ["a"]
     Journal(tmp_path, 0).append({"task": "c", "time": 2})
     assert list(records_of(tmp_path)) == ["a", "c"]
+    assert len((tmp_path / "journal" / "rank-0000").read_bytes().splitlines()) == 2
+
+
+def test_a_changed_line_of_the_journal_does_not_count(tmp_path):
+    for time, name in enumerate("abc"):
+        Journal(tmp_path, 0).append({"task": name, "time": time})
+    path = tmp_path / "journal" / "rank-0000"
+    path.write_bytes(path.read_bytes().replace(b'"task": "b"', b'"task": "x"'))
+    assert list(records_of(tmp_path)) == ["a"]
+
+
+def test_the_last_record_of_a_task_counts_whichever_rank_has_it(tmp_path):
+    for rank, time in ((0, 2.0), (1, 3.0), (2, 1.0)):
+        Journal(tmp_path, rank).append({"task": "a", "time": time})
+    assert records_of(tmp_path) == {"a": {"task": "a", "time": 3.0}}
+
+
+def test_a_record_is_on_the_disk_when_append_returns(tmp_path, monkeypatch):
+    synced = []
+    monkeypatch.setattr(os, "fsync", lambda handle: synced.append(os.fstat(handle).st_size))
+    for number in (1, 2):
+        Journal(tmp_path, 0).append({"task": "a", "time": number})
+        assert synced[number - 1 :] == [(tmp_path / "journal" / "rank-0000").stat().st_size]
 
 
 # One at a time

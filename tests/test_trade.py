@@ -152,6 +152,7 @@ def test_ranks_ensemble_and_frequencies(bench):
 def test_a_run_that_fails_says_why(clean):
     outcome = processes.run(["sweep", "none.h5", "--out", "x.h5"])
     assert (outcome.status, outcome.error) == (2, "none.h5: no such file")
+    assert 10 < outcome.memory < 2000  # MB
 
 
 def test_no_mpirun_is_said(monkeypatch):
@@ -193,10 +194,10 @@ def test_the_options_files_are_there():
 class Curve:
     """√ω at p = 1e-6 with a certified error of 1e-6."""
 
-    def __init__(self, omega, scale=1.0):
-        self.omega = np.asarray(omega)
+    def __init__(self, omega, scale=1.0, k=1.0, tau1=1.0):
+        self.omega = np.asarray(omega) / tau1
         self.G = scale * self.modulus(self.omega)
-        self.attributes = {"tau1": 1.0, "pressure": 1e-6, "k": 1.0}
+        self.attributes = {"tau1": tau1, "pressure": 1e-6 * k, "k": k}
 
     def __getitem__(self, name):
         return np.full(len(self.omega), 1e-6) * np.abs(self.G)
@@ -215,6 +216,20 @@ def test_errors_and_slopes_of_a_square_root():
     assert max(reference.interpolation_errors(np.array([1e-8, 10]), reference.G[[0, -1]])) < 1e-12
 
 
+def test_the_critical_window_is_in_units_of_k_and_tau1():
+    window = Reference(Curve(np.geomspace(1e-8, 10, 91), k=100.0, tau1=4.0)).window
+    assert window == pytest.approx((2.5e-6, 0.025), rel=0.3)  # to a step of the grid
+
+
+def test_the_scatter_of_a_mean_falls_with_the_number_of_packings():
+    omega = np.geomspace(1e-4, 1e-2, 7)
+    reference = Reference(Curve(omega))
+    shifts = np.array([-0.1, 0.1] * 4)
+    found = ensembles._statistics(reference, (1 + shifts)[:, None] * reference.G)
+    assert found["error_storage"] < 1e-12  # the mean is exact
+    assert found["stderr_storage"] == found["stderr_loss"] == pytest.approx(0.1 / np.sqrt(7))
+
+
 def test_interpolation_is_straight_in_log_log():
     omega = np.array([1.0, 100.0])
     G = np.array([1 + 4j, 10 + 1j])
@@ -227,6 +242,10 @@ def test_a_violated_bound_is_seen():
     reference = Reference(Curve(omega))
     assert reference.violation(Curve(omega, 1 + 1e-7)) is None
     assert reference.violation(Curve(omega, 1 + 1e-5)) == pytest.approx(1e-8)
+    assert reference.violation(Curve(omega, 1 + 1.5e-6)) is None  # the reference itself is off by 1e-6
+    turned = Curve(omega)
+    turned.G = turned.G.real + 1.00001j * turned.G.imag
+    assert reference.violation(turned) == pytest.approx(1e-8)
     judge = choices._accuracy(Physics(damping_law()), 1e-6).judge
     assert judge(reference, Curve(omega, 1 + 1e-5))["note"] == "EXCEEDS ITS BOUND at omega = 1e-08"
 

@@ -69,7 +69,10 @@ def test_the_command(tmp_path, capsys):
     assert facts["mean_square"] == pytest.approx(np.mean(velocities[..., 1] ** 2) / 1e-4, rel=0.5)
     plain = tmp_path / "plain.h5"
     assert cli.main([*words.split()[:-2], "--out", str(plain)]) == 0
+    words = "flow --n 64 --phi 0.842 --seed 3 --model CD0 --rate 1e-2 --strain 0.05 --snapshots 1 --out"
+    assert cli.main([*words.split(), str(tmp_path / "denser.h5")]) == 0
     for more, message in [
+        ([flows[0], tmp_path / "denser.h5"], "denser.h5: another phi than f1.h5"),
         ([flows[0], "--lane", "9"], "half of the cell's height"),
         ([flows[0], "--bin", "90"], "half of the cell's width"),
         ([flows[0], "--omega", "1"], "belongs to sweeps"),
