@@ -62,6 +62,13 @@ def test_fewer_are_returned_where_there_are_no_more():
     assert modes.shape == (3, 5)
 
 
+def test_nothing_is_left_to_find_once_the_vectors_span_the_space():
+    values = np.linspace(1.0, 2.0, 60)
+    found, modes = find(values, 25)
+    np.testing.assert_allclose(found, values[:25], rtol=1e-12)
+    np.testing.assert_allclose(modes * values, found[:, None] * modes, rtol=0, atol=1e-12)
+
+
 def test_vectors_that_do_not_suffice_are_refused(monkeypatch):
     monkeypatch.setattr(lanczos, "BESIDES", 16)
     with pytest.raises(

@@ -37,7 +37,7 @@ def lowest_eigenpairs(solve, deflated, count: int, shift: float):
     basis[:known] = deflated
     T = np.zeros((most + 1, most + 1))
     generator = np.random.default_rng(0)
-    beta, scale, look = 0.0, 0.0, min(LOOK * count, most)
+    beta, look = 0.0, min(LOOK * count, most)
     for m in range(1, most + 1):
         before, new = basis[: known + m - 1], basis[known + m - 1]
         if beta == 0.0:  # at the start, and where those before span an invariant space
@@ -50,8 +50,7 @@ def lowest_eigenpairs(solve, deflated, count: int, shift: float):
         if beta > 0.0:
             w -= beta * before[-1]
         size = _orthogonalise(w, basis[: known + m])
-        scale = max(scale, along)
-        beta = size if size > ROUNDED * scale else 0.0
+        beta = size if size > ROUNDED * along else 0.0
         T[m, m - 1] = T[m - 1, m] = beta
         if m < look or (beta == 0.0 and m < there):
             continue
@@ -60,7 +59,7 @@ def lowest_eigenpairs(solve, deflated, count: int, shift: float):
         worst = (beta * np.abs(s[:, -1]) / theta).max()
         if worst <= TOLERANCE or m == there:
             return shift + 1.0 / theta, s @ basis[known : known + m]
-        look = m + int(np.clip(np.log10(worst / TOLERANCE) / GAIN, SOONEST, LATEST))
+        look = min(most, m + int(np.clip(np.log10(worst / TOLERANCE) / GAIN, SOONEST, LATEST)))
     raise ConvergenceError(
         f"{count} modes are not found with {most} Lanczos vectors: -modes_eps_type krylovschur has SLEPc look for them"
     )
