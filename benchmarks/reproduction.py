@@ -334,10 +334,11 @@ def jamming(table):
 
 @claim("paper3")
 def soft_states(table):
-    note = (
-        "Hill's estimator of y in P(p) ~ p^(1/y − 1) below ⟨p⟩/4, from {} states that tell as much as {:.0f}"
+    cases = (
+        ("jam", "RAND", "V: y ≤ 1, so that P does not diverge"),
+        ("shear", "QS", "V: y > 1, so that P diverges"),
     )
-    for command, name, theirs in (("jam", "RAND", 1.0), ("shear", "QS", None)):
+    for command, name, theirs in cases:
         for key, rows in table.where(command=command).groups(["n"]):
             runs = []
             for result in rows.results():
@@ -349,9 +350,10 @@ def soft_states(table):
             edge = p.mean() / 4
             soft = p[p < edge]
             independent = len(soft) / (memory(runs) if command == "shear" else 1.0)
-            y = np.mean(np.log(edge / soft))
-            what = f"{name}, N = {key['n']:g}, φ = 0.84: y, by the number of soft states"
-            yield what, theirs, y, y / np.sqrt(independent), note.format(len(soft), independent)
+            y = np.mean(np.log(edge / soft))  # Hill's estimator
+            what = f"{name}, N = {key['n']:g}, φ = 0.84: y of P(p) ~ p^(1/y − 1) at p < ⟨p⟩/4"
+            note = f"{theirs}; {len(soft)} states below, that tell as much as {independent:.0f}"
+            yield what, None, y, y / np.sqrt(independent), note
 
 
 def text(value, error):
