@@ -1,7 +1,7 @@
 """Reference for power-law damping: the motion in time of a small packing, dense, by an ODE solver.
 
-Shares no code with the package. K comes from `dense.Reference`; velocities are those at which the damping forces of
-all contacts balance F − K Q, found at every instant by Newton's method.
+Shares no code with the package. K comes from `dense.Reference`, or forces from the overlaps there are; velocities
+are those at which the damping forces of all contacts balance them, found at every instant by Newton's method.
 """
 
 import numpy as np
@@ -43,11 +43,15 @@ class Motion:
         self.held[:-1, :-1] = moves @ moves.T
         self.f = None
 
+    def elastic(self, Q):
+        """∂U/∂Q (m + 1,), the strain last."""
+        return self.K @ Q
+
     def velocities(self, t, Q):
         """(v of all unknowns, strain rate last; stress) at a time."""
         free = slice(None) if self.strain is None else slice(-1)
         Z = self.Z[..., free]
-        load = -(self.K @ Q)[free]
+        load = -self.elastic(Q)[free]
         offset = np.zeros(Z.shape[:2])
         if self.strain is None:
             load[-1] += self.stress * self.area * np.cos(self.omega * t)
@@ -55,8 +59,8 @@ class Motion:
             offset = self.Z[..., -1] * (-self.strain * self.omega * np.sin(self.omega * t))
         p = 1.0 / self.alpha
         flat = Z.reshape(-1, Z.shape[-1])
-        v = np.linalg.lstsq(flat.T @ flat + self.held[free, free], load, rcond=None)[0]
         if self.f is None:
+            v = np.linalg.lstsq(flat.T @ flat + self.held[free, free], load, rcond=None)[0]
             z = (Z @ v) + offset
             self.f = self.c * (np.sum(z**2, axis=1, keepdims=True) + 1e-20) ** ((self.alpha - 1) / 2) * z
         f, size = self.f, max(np.abs(load).max(), np.abs(self.f).max())
@@ -78,7 +82,7 @@ class Motion:
         if self.strain is None:
             return v, self.stress * np.cos(self.omega * t)
         rate = -self.strain * self.omega * np.sin(self.omega * t)
-        force = (self.K @ Q)[-1] + np.einsum("ca,ca", self.Z[..., -1], f)
+        force = self.elastic(Q)[-1] + np.einsum("ca,ca", self.Z[..., -1], f)
         return np.append(v, rate), force / self.area
 
     def half_cycle(self, Q, start=0.0, rtol=1e-6):
@@ -98,3 +102,68 @@ class Motion:
         )
         end = done.y[:, -1]
         return end[:-4], complex(*end[-4:-2]), complex(*end[-2:])
+
+
+class Opening(Motion):
+    """The same for contacts that open and close, without rotations, under σ₀ sin ωt or γ₀ sin ωt from rest.
+
+    Q are positions in the laboratory and the strain; velocities are non-affine, as everywhere.
+    """
+
+    def __init__(self, disks, physics, omega, stress=None, strain=None):
+        super().__init__(disks, physics, omega, stress, strain)
+        self.law, self.k = self.exact.law, float(self.exact.k)
+        self.radii, self.cell = disks.radii, disks.cell
+        self.n, self.counts = disks.n, set()
+        self.start = np.append(disks.positions.ravel(), 0.0)
+
+    def _look(self, Q):
+        """Pairs (i, j), r and overlaps of what touches."""
+        x, cell = Q[:-1].reshape(-1, 2), self.cell.copy()
+        cell[:, 0] += Q[-1] * cell[:, 1]
+        i, j = np.triu_indices(self.n, 1)
+        r = x[j] - x[i]
+        images = np.round(np.linalg.solve(cell.T, r.T).T)
+        r -= images @ cell
+        overlap = self.radii[i] + self.radii[j] - np.hypot(*r.T)
+        touching = overlap > 0.0
+        return i[touching], j[touching], r[touching], overlap[touching]
+
+    def elastic(self, Q):
+        i, j, r, overlap = self._look(Q)
+        force = (self.k * overlap / np.hypot(*r.T))[:, None] * r
+        total = np.zeros((self.n, 2))
+        np.add.at(total, i, force)
+        np.add.at(total, j, -force)
+        return np.append(total.ravel(), -np.sum(force[:, 0] * r[:, 1]))
+
+    def velocities(self, t, Q):
+        i, j, r, _ = self._look(Q)
+        normal = r / np.hypot(*r.T)[:, None]
+        rows = []
+        for weight, axis in (
+            (self.law.normal, normal),
+            (self.law.transverse, np.column_stack((-normal[:, 1], normal[:, 0]))),
+        ):
+            row = np.zeros((len(i), self.n, 2))
+            row[np.arange(len(i)), j], row[np.arange(len(i)), i] = axis, -axis
+            if weight:
+                sheared = axis[:, :1] * r[:, 1:]
+                rows.append(np.sqrt(weight) * np.hstack((row.reshape(len(i), -1), sheared)))
+        self.Z = np.stack(rows, axis=1)
+        if self.f is not None and len(self.f) != len(i):
+            self.f = None
+        self.counts.add(len(i))
+        return super().velocities(t - 0.5 * np.pi / self.omega, Q)  # sine
+
+    def until(self, end, rtol=1e-5):
+        """(Q, stress) at t = end, from rest."""
+
+        def rates(t, Q):
+            v, _ = self.velocities(t, Q)
+            moved = v[:-1].reshape(-1, 2).copy()
+            moved[:, 0] += v[-1] * Q[:-1].reshape(-1, 2)[:, 1]
+            return np.append(moved.ravel(), v[-1])
+
+        Q = solve_ivp(rates, (0.0, end), self.start, "LSODA", rtol=rtol, atol=1e-3 * rtol).y[:, -1]
+        return Q, self.velocities(end, Q)[1]

@@ -1,9 +1,10 @@
-"""Contacts that open and close under an oscillating strain: against the sweep, flow's own steps, and themselves."""
+"""Contacts that open and close: against the sweep, fixed contacts, flow's own steps, an ODE solver, and themselves."""
 
 from functools import cache
 
 import numpy as np
 import pytest
+from powerlaw import Opening
 from samples import isostatic, network_of, physics, published
 from sweeps import Sweep
 
@@ -12,9 +13,15 @@ from jampetsc.contacts.state import find_contacts, measure
 from jampetsc.errors import ConvergenceError
 from jampetsc.flows import steps as flow
 from jampetsc.flows.slowly import SlowShear, look_at
-from jampetsc.oscillation.moving import STAGE, MovingContacts
-from jampetsc.oscillation.repeated import left_to_change, linear_starts, shake
+from jampetsc.mechanics.assembly import assemble
+from jampetsc.mechanics.compatibility import build_compatibility
+from jampetsc.oscillation import dashpots
+from jampetsc.oscillation.moving import STAGE, Imposed, MovingContacts
+from jampetsc.oscillation.powerlaw import PowerLaw
+from jampetsc.oscillation.repeated import START_STEPS, Start, left_to_change, shake
+from jampetsc.oscillation.steady import Point, SteadyOscillation
 from jampetsc.packing.hessian import Bonds
+from jampetsc.response.elastic import ElasticResponse
 from jampetsc.session import current
 from jampetsc.solvers.local import NewtonSolver
 
@@ -22,14 +29,16 @@ pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]  # a packin
 
 
 @cache
-def start(omega, sample=published, **options):
-    disks, law = sample(), physics(**options)
-    return linear_starts(network_of(disks, law, current().comm), disks.n, law, [omega])[0]
-
-
-@cache
-def shaken(omega, strain, steps=32, cycles=None, **options):
-    return shake(published(), physics(**options).law, start(omega, **options), strain, steps, cycles)
+def shaken(omega, amplitude, steps=32, cycles=None, sample=published, stress=False, alpha=1.0, **options):
+    """The Repeated of a sample under an imposed strain, or stress."""
+    disks, law = sample(), physics(exponent=alpha, **options)
+    pencil = assemble(network_of(disks, law, current().comm), law.law)
+    compatibility = build_compatibility(pencil)
+    oscillation = SteadyOscillation(compatibility, 2.0 * float(disks.radii.mean()), START_STEPS)
+    start = Start.of(oscillation, disks.n, Point(omega, amplitude, stress))
+    for item in (oscillation, compatibility, pencil):
+        item.destroy()
+    return shake(disks, law.law, start, steps, cycles)
 
 
 @pytest.mark.parametrize("omega", [1e-4, 3e-2, 3.0])
@@ -44,12 +53,122 @@ def test_small_strains_are_the_sweep(omega, options):
     assert abs(found.balance) < 5e-3
 
 
+@pytest.mark.parametrize("omega", [1e-4, 3.0])
+def test_small_stresses_are_the_sweep(omega):
+    with Sweep(published(), physics(), np.array([omega]), 1e-8, current().comm) as sweep:
+        G, bound = sweep.G[0], sweep.bounds[0, 0]
+    found = shaken(omega, 1e-8, stress=True)
+    assert abs(found.G - G) <= found.error + bound
+    assert found.error < 1e-2 * abs(G) and found.error < 0.2 * G.imag
+    assert found.work == pytest.approx(np.pi * G.imag * (1e-8 / abs(G)) ** 2, rel=1e-2)
+    assert abs(found.balance) < 5e-3 and abs(found.drift) < 1e-4 * 1e-8 / abs(G)
+
+
+@pytest.mark.parametrize(
+    ("alpha", "omega", "amplitude", "stress"),
+    [
+        (0.5, 2e-10, 1e-8, True),
+        (0.5, 2e-10, 1e-7, False),
+        (2 / 3, 1e-6, 1e-7, False),
+        (1.5, 5.0, 1e-6, True),
+    ],
+)
+def test_small_amplitudes_are_fixed_contacts(alpha, omega, amplitude, stress):
+    """Under a power law too, of any exponent; what is put in is dissipated."""
+    law = physics(exponent=alpha)
+    pencil = assemble(network_of(published(), law, current().comm), law.law)
+    compatibility = build_compatibility(pencil)
+    fixed = SteadyOscillation(compatibility, 2.0 * float(published().radii.mean()), 32)
+    exact = fixed.solve(Point(omega, amplitude, stress))
+    for item in (fixed, compatibility, pencil):
+        item.destroy()
+    found = shaken(omega, amplitude, 16, 3, stress=stress, alpha=alpha)
+    assert abs(found.G - exact.G) <= found.error + exact.error
+    assert found.error < 2e-2 * abs(exact.G) < 0.2 * exact.G.imag
+    np.testing.assert_allclose(found.harmonics, exact.harmonics, atol=6e-3)
+    strain = amplitude / abs(found.G) if stress else amplitude
+    assert found.work == pytest.approx(np.pi * found.G.imag * strain**2, rel=1e-6)
+    assert abs(found.balance) < 5e-3
+
+
+@pytest.mark.parametrize(
+    ("alpha", "omega", "imposed"),
+    [(0.5, 1e-5, {"stress": 2e-4}), (2 / 3, 1e-3, {"strain": 3e-3})],
+)
+def test_against_integration_in_time(alpha, omega, imposed):
+    """From rest, contacts opening on the way: strain, stress and places are those that an ODE solver finds."""
+    law, end, steps = physics(exponent=alpha, rotations=False), 1.8 / omega, 32
+    exact = Opening(published(), law, omega, **imposed)
+    Q, stress = exact.until(end)
+    assert len(exact.counts) >= 3
+    strain = imposed.get("strain", 3e-3)
+    motion = MovingContacts(published(), law.law, end / steps, strain, "osc_factor_", omega * strain)
+    for n in range(steps):
+        sine = np.sin(omega * motion.step * (n + np.array([STAGE, 1.0])))
+        cosine = omega * np.cos(omega * motion.step * (n + np.array([STAGE, 1.0])))
+        if "stress" in imposed:
+            last = motion.follow([Imposed(stress=imposed["stress"] * part) for part in sine])[1]
+        else:
+            last = motion.advance(strain * sine, strain * cosine)[1]
+    moved = motion.disks.positions - published().positions
+    moved -= np.round(moved @ np.linalg.inv(motion.disks.cell)) @ motion.disks.cell
+    expected = Q[:-1].reshape(-1, 2) - published().positions
+    motion.destroy()
+    assert motion.gamma == pytest.approx(Q[-1], rel=2e-3)
+    assert last.stress == pytest.approx(stress, rel=2e-3)
+    difference = moved - moved.mean(axis=0) - expected + expected.mean(axis=0)
+    assert np.abs(difference).max() < 2e-3 * np.abs(expected).max()
+
+
+def test_dry_contacts_in_slow_shear():
+    """α = 0.1, where fixed contacts are not solved: G'' is what the motions of slow shear dissipate."""
+    alpha, omega, strain = 0.1, 1e-75, 1e-5
+    found = shaken(omega, strain, 16, 3, alpha=alpha, rotations=False)
+    network = network_of(published(), physics(rotations=False), current().comm)
+    elastic = ElasticResponse(network)
+    shear = elastic.shear()
+    elastic.destroy()
+    total = np.sum(np.sum(shear.motions[:, :2] ** 2, axis=1) ** (0.5 * (1 + alpha)))
+    phase = (np.arange(100_000) + 0.5) * np.pi / 100_000
+    cycle = 2 * np.pi * np.mean(np.sin(phase) ** (1 + alpha))
+    c = (2 * published().radii.mean()) ** (1 - alpha)
+    loss = c * cycle * omega**alpha * strain ** (alpha - 1) * total / (np.pi * network.area)
+    assert found.G.imag == pytest.approx(loss, rel=2e-2)
+    assert found.G.real == pytest.approx(shear.value / network.area, rel=1e-2)
+    assert 1e-3 < found.G.imag / found.G.real < 0.05 and abs(found.balance) < 2e-2
+
+
+def test_contacts_at_rest_are_soft_enough(monkeypatch):
+    """Where the force of a contact begins to be linear in its velocity does not matter."""
+    words = {"alpha": 0.5, "rotations": False}
+    usual = shaken(2e-10, 1e-7, 16, 3, **words).G
+    off = []
+    for rest in (0.3, 10.0 * dashpots.REST):
+        monkeypatch.setattr(dashpots, "REST", rest)
+        off.append(abs(shaken.__wrapped__(2e-10, 1e-7, 16, 3, **words).G - usual))
+    assert off[0] > 1e-4 * abs(usual) and off[1] < 1e-6 * abs(usual)
+
+
+@pytest.mark.parametrize("alpha", [0.1, 0.5, 1.0, 1.7])
+def test_stiffness_is_the_derivative_of_the_force(alpha):
+    """And positive definite whatever force is predicted."""
+    rng = np.random.default_rng(1)
+    law, z, dz, floor = PowerLaw(alpha, 1.3), *rng.normal(size=(2, 20, 2)), 0.1
+    change = (law.forces(z + 1e-6 * dz, floor) - law.forces(z - 1e-6 * dz, floor)) / 2e-6
+    exact = law.stiffness(z, law.forces(z, floor), floor)
+    np.testing.assert_allclose(np.einsum("cab,cb->ca", exact, dz), change, rtol=1e-6, atol=1e-8)
+    for f in (np.zeros_like(z), 10.0 * rng.normal(size=z.shape)):
+        predicted = law.stiffness(z, f, floor)
+        np.testing.assert_array_equal(predicted, np.swapaxes(predicted, 1, 2))
+        assert np.linalg.eigvalsh(predicted).min() > 0.0
+
+
 def test_rattlers_do_not_matter_where_they_touch_nothing():
     """Nothing holds them, and they have no say."""
     law = physics(rotations=False)
     with Sweep(isostatic(), law, np.array([1e-3]), 1e-8, current().comm) as sweep:
         G = sweep.G[0]
-    found = shake(isostatic(), law.law, start(1e-3, isostatic, rotations=False), 1e-9, 32, None)
+    found = shaken(1e-3, 1e-9, sample=isostatic, rotations=False)
     assert abs(found.G - G) <= 2.0 * found.error < 0.05 * abs(G)
 
 
@@ -172,6 +291,12 @@ def test_what_is_left_to_change():
 
 def test_a_number_of_cycles_is_kept():
     assert shaken(0.1, 1e-5, 16, cycles=4, rotations=False).cycles == 8
+
+
+def test_a_stress_that_shears_for_good_is_refused():
+    """Above the yield stress no cycle comes back, and nothing waits for it."""
+    with pytest.raises(ConvergenceError, match="flows"):
+        shaken(1e-2, 3e-3, 16, 3, stress=True, rotations=False)
 
 
 def test_steps_that_are_too_long_are_refused():

@@ -12,8 +12,9 @@ from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.mechanics.network import Network, build_network
+from jampetsc.oscillation.dashpots import REST
 from jampetsc.oscillation.powerlaw import relative_softening
-from jampetsc.oscillation.repeated import linear_starts, shake
+from jampetsc.oscillation.repeated import START_STEPS, Start, shake
 from jampetsc.oscillation.steady import HARMONICS, Point, SteadyOscillation
 from jampetsc.progress import Progress
 from jampetsc.response.elastic import ElasticResponse
@@ -90,30 +91,33 @@ class _Moving:
     """Oscillations whose contacts open and close, one on each rank at a time."""
 
     def __init__(self, job: Job, disks: Disks, network: Network):
-        self.facts = {}
+        alpha = job.physics.law.exponent
+        self.facts = {"regularisation": 0.0 if alpha == 1.0 else REST**alpha}
         self._job, self._disks, self._comm = job, disks, network.comm
         self.together = self._comm.size
         with current().alone():
             alone = build_network(disks, current().comm)
-            self._starts = linear_starts(alone, disks.n, job.physics, job.omega)
+            self._items = [assemble(alone, job.physics.law)]
+            self._items.append(build_compatibility(self._items[0]))
+            diameter = 2.0 * float(disks.radii.mean())
+            self._items.append(SteadyOscillation(self._items[1], diameter, START_STEPS))
 
     def solve(self, points) -> list:
         """The record of each point, or the ConvergenceError that it ended with. Collective."""
-        job, mine, found = self._job, None, None
+        found = None
         if self._comm.rank < len(points):
-            mine = points[self._comm.rank]
-            start = self._starts[int(np.flatnonzero(job.omega == mine.omega)[0])]
             with current().alone():
-                found = _outcome(
-                    lambda point: shake(
-                        self._disks, job.physics.law, start, point.amplitude, job.steps, job.cycles
-                    ),
-                    mine,
-                )
+                found = _outcome(self._shake, points[self._comm.rank])
         return self._comm.allgather(found)[: len(points)]
 
+    def _shake(self, point):
+        start = Start.of(self._items[-1], self._disks.n, point)
+        return shake(self._disks, self._job.physics.law, start, self._job.steps, self._job.cycles)
+
     def destroy(self):
-        """Nothing is kept."""
+        """Free PETSc's objects."""
+        for item in reversed(self._items):
+            item.destroy()
 
 
 def _outcome(solve, point):

@@ -1,4 +1,7 @@
-"""Cycles of imposed strain on moving contacts, repeated until they repeat themselves.
+"""Cycles of imposed strain or stress on moving contacts, repeated until they repeat themselves.
+
+What is imposed is ∝ sin ωt, from the steady oscillation with fixed contacts. Under stress the strain may creep from
+cycle to cycle; that ramp is no part of the harmonics. Work is ∮σdγ of what is imposed and answers, so πG''γ₁².
 
 Two runs, the second from where the first has ended: half of the steps, then all of them. Their difference estimates
 the error of the steps; what the last cycles still changed, as a geometric series goes on, that of the repetitions.
@@ -9,24 +12,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.laws import Law, Physics
+from jampetsc.contacts.laws import Law
 from jampetsc.errors import ConvergenceError
-from jampetsc.mechanics.assembly import assemble
-from jampetsc.mechanics.compatibility import build_compatibility
-from jampetsc.mechanics.network import Network
-from jampetsc.oscillation.moving import STAGE, MovingContacts
+from jampetsc.oscillation.cycle import Cycle
+from jampetsc.oscillation.moving import STAGE, Imposed, MovingContacts
 from jampetsc.oscillation.steady import HARMONICS, Point, SteadyOscillation
 
 PREFIX = "osc_factor_"
 REPEATED = 1e-3  # of |G*|: what may be left of the change from cycle to cycle
 SAME = 1e-7  # a change that is none
 MOST_CYCLES = 60
-LINEAR_STEPS = 16  # linear damping comes out exactly whatever they are
+START_STEPS = 16  # of the cycle that is the start; linear damping comes out exactly whatever they are
+FLOWING = 1.0  # a strain at which disks have left their neighbours for others
 
 
 @dataclass(frozen=True)
 class Repeated:
-    """The answer. Harmonics as in `steady.Steady`, under strain control."""
+    """The answer. Harmonics as in `steady.Steady`."""
 
     G: complex  # of the last cycle
     error: float  # estimate of |ΔG*|
@@ -34,6 +36,7 @@ class Repeated:
     work: float  # per area, of the last cycle
     balance: float  # dissipation over work − 1
     change: float  # |ΔG*| from the last cycle but one to the last
+    drift: float  # strain that the last cycle has gained
     cycles: int  # of both runs
     factorisations: int
     newton: int  # steps of Newton's method
@@ -47,6 +50,7 @@ class Repeated:
             "work": self.work,
             "energy_balance": self.balance,
             "cycle_change": self.change,
+            "drift": self.drift,
             "cycles": self.cycles,
             "newton_steps": self.newton,
             "factorisations": self.factorisations,
@@ -55,40 +59,59 @@ class Repeated:
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """The linear response of one frequency, per unit of strain amplitude: as if disks had always moved so."""
+    """The steady oscillation with fixed contacts, at the instant at which what is imposed grows through zero."""
 
-    omega: float
-    displacement: np.ndarray  # (N, 2) complex, non-affine; 0 for rattlers
-    velocity: np.ndarray  # (N, dofs) complex, with spins where the law has them
+    point: Point
+    displacement: np.ndarray  # (N, 2) non-affine; 0 for rattlers
+    velocity: np.ndarray  # (N, dofs), with spins where the law has them
+    gamma: float
+    rate: float  # of strain
+    strain: float  # amplitude
+    speed: float  # see `steady.Steady`
+
+    @classmethod
+    def of(cls, oscillation: SteadyOscillation, n: int, point: Point) -> "Start":
+        """Of a packing of n disks, on one rank."""
+        try:
+            found = oscillation.solve(point)
+        except ConvergenceError:  # of small exponents: from rest, then
+            return cls._at_rest(oscillation, n, point)
+        network = oscillation.network
+        cycle = Cycle(oscillation.steps, point.omega)
+        waves = found.velocity * (-1j) ** cycle.orders[:, None]  # a quarter of a cycle before the largest
+        parts = []
+        for motion in (waves / (1j * cycle.frequencies[:, None]), waves):
+            now = motion.sum(axis=0).real
+            field = np.zeros((n, oscillation.law.dofs))
+            field[network.particles] = now[:-1].reshape(network.n, -1)
+            parts.append((field, float(now[-1]) / oscillation.contacts.length))
+        (displacement, gamma), (velocity, rate) = parts
+        strain = point.amplitude * network.k / abs(found.G) if point.stress_controlled else point.amplitude
+        if not point.stress_controlled:
+            gamma = 0.0  # but for rounding
+        return cls(point, displacement[:, :2], velocity, gamma, rate, strain, found.speed)
+
+    @classmethod
+    def _at_rest(cls, oscillation, n, point):
+        strain, speed = oscillation.scales(point)
+        velocity = np.zeros((n, oscillation.law.dofs))
+        return cls(point, velocity[:, :2], velocity, 0.0, 0.0, strain, speed)
 
 
-def linear_starts(network: Network, n: int, physics: Physics, omega) -> list[Start]:
-    """A Start for each frequency, of a network of one rank in a packing of n disks."""
-    pencil = assemble(network, physics.law)
-    compatibility = build_compatibility(pencil)
-    oscillation = SteadyOscillation(compatibility, 1.0, LINEAR_STEPS)
-    starts = []
-    for w in omega:
-        found = oscillation.solve(Point(float(w), 1.0, stress_controlled=False))
-        velocity = np.zeros((n, physics.law.dofs), complex)
-        velocity[network.particles] = found.velocity[0, :-1].reshape(network.n, -1)
-        starts.append(Start(float(w), velocity[:, :2] / (1j * w), velocity))
-    for item in (oscillation, compatibility, pencil):
-        item.destroy()
-    return starts
+def shake(disks: Disks, law: Law, start: Start, steps: int, cycles: int | None) -> Repeated:
+    """G* of the oscillation that `start` begins: so many cycles, or None: as many as it takes until they repeat.
 
-
-def shake(disks: Disks, law: Law, start: Start, strain: float, steps: int, cycles: int | None) -> Repeated:
-    """G* under γ₀ sin ωt: as many cycles, or None: as many as it takes until they repeat.
-
-    Raises ConvergenceError where a step is too long, or where cycles do not repeat within MOST_CYCLES.
+    Raises ConvergenceError where a step is too long, where the packing flows, or where cycles do not repeat within
+    MOST_CYCLES.
     """
-    half = _Run(disks, law, start, strain, steps // 2)
+    half = _Run(disks, law, start, steps // 2)
     whole = None
     try:
+        half.motion.displace(start.displacement, start.velocity, start.gamma, start.rate)
         half.repeat(cycles)
-        whole = _Run(half.motion.disks, law, start, strain, steps)
-        whole.motion.displace(0.0 * half.motion.u[:, :2], half.motion.u)
+        now = half.motion
+        whole = _Run(now.disks, law, start, steps, now.gamma)
+        whole.motion.displace(0.0 * now.u[:, :2], now.u, now.gamma, now.rate)
         whole.repeat(cycles)
         last = whole.seen[-1]
         return Repeated(
@@ -98,6 +121,7 @@ def shake(disks: Disks, law: Law, start: Start, strain: float, steps: int, cycle
             work=last.work,
             balance=last.dissipation / last.work - 1.0,
             change=whole.change,
+            drift=last.drift,
             cycles=len(half.seen) + len(whole.seen),
             factorisations=half.motion.factorisations + whole.motion.factorisations,
             newton=half.motion.iterations + whole.motion.iterations,
@@ -114,6 +138,7 @@ class _Cycle:
     harmonics: np.ndarray
     work: float
     dissipation: float
+    drift: float
 
 
 def left_to_change(G) -> float:
@@ -125,14 +150,15 @@ def left_to_change(G) -> float:
 
 
 class _Run:
-    """Cycles of so many steps, from the linear response; `seen` has what each of them was like."""
+    """Cycles of so many steps of a packing at this strain; `seen` has what each of them was like."""
 
-    def __init__(self, disks, law, start, strain, steps):
-        self.omega, self.strain, self.steps = start.omega, strain, steps
+    def __init__(self, disks, law, start, steps, gamma=0.0):
+        point = start.point
+        self.omega, self.stress_controlled, self.steps = point.omega, point.stress_controlled, steps
+        self.amplitude = point.amplitude * (float(disks.potential.k) if point.stress_controlled else 1.0)
         self.area = disks.area
-        self.motion = MovingContacts(disks, law, 2.0 * np.pi / (start.omega * steps), strain, PREFIX)
-        # γ = γ₀ sin ωt is Im(γ₀ exp iωt)
-        self.motion.displace(strain * start.displacement.imag, strain * start.velocity.imag)
+        step = 2.0 * np.pi / (point.omega * steps)
+        self.motion = MovingContacts(disks, law, step, start.strain, PREFIX, start.speed, gamma)
         self.seen = []
 
     def repeat(self, cycles):
@@ -162,18 +188,36 @@ class _Run:
         """Largest |ΔG*| from the last cycle among the later half of all."""
         return max(abs(one.G - self.seen[-1].G) for one in self.seen[len(self.seen) // 2 :])
 
+    def _imposed(self, phase) -> Imposed:
+        now = self.amplitude * np.sin(phase)
+        if self.stress_controlled:
+            return Imposed(stress=now)
+        return Imposed(now, self.amplitude * self.omega * np.cos(phase))
+
     def _cycle(self):
         motion, w, dt = self.motion, self.omega, self.motion.step
-        stress, dissipation = np.empty(self.steps), 0.0
+        response, dissipation, begin = np.empty(self.steps), 0.0, motion.gamma
         for n in range(self.steps):
             # whole periods are left out: their rounding would show in the strain
-            phases = w * dt * (n + np.array([STAGE, 1.0]))
-            ends = motion.advance(self.strain * np.sin(phases), self.strain * w * np.cos(phases))
-            stress[n] = ends[1].stress
+            ends = motion.follow([self._imposed(w * dt * (n + part)) for part in (STAGE, 1.0)])
+            response[n] = ends[1].gamma if self.stress_controlled else ends[1].stress
             dissipation += dt * ((1.0 - STAGE) * ends[0].power + STAGE * ends[1].power)
+            if not abs(motion.gamma - begin) < FLOWING + self.amplitude:
+                raise ConvergenceError(
+                    f"the packing flows: its strain has changed by {motion.gamma - begin:.2g} within a cycle: give "
+                    "less --stress"
+                )
+        drift = motion.gamma - begin
         phase = 2.0 * np.pi * np.arange(1, self.steps + 1) / self.steps
+        if self.stress_controlled:
+            response -= drift * np.arange(1, self.steps + 1) / self.steps
         orders = 2 * np.arange(HARMONICS + 1) + 1
-        # with the time at which the strain is largest as its origin, as for fixed contacts
-        found = stress @ np.exp(-1j * np.outer(phase - 0.5 * np.pi, orders)) * (2.0 / self.steps)
-        work = dt * float(stress @ (self.strain * w * np.cos(phase)))
-        self.seen.append(_Cycle(found[0] / self.strain, found[1:] / found[0], work, dissipation / self.area))
+        # with the time at which what is imposed is largest as its origin, as for fixed contacts
+        found = response @ np.exp(-1j * np.outer(phase - 0.5 * np.pi, orders)) * (2.0 / self.steps)
+        work = dt * float(response @ (self.amplitude * w * np.cos(phase)))  # ∮σdγ = −∮γdσ
+        G, work = (
+            (self.amplitude / found[0], -work)
+            if self.stress_controlled
+            else (found[0] / self.amplitude, work)
+        )
+        self.seen.append(_Cycle(G, found[1:] / found[0], work, dissipation / self.area, drift))

@@ -19,6 +19,7 @@ from jampetsc.oscillation.powerlaw import STIFFEST, PowerLaw
 TOLERANCE, HALF_TOLERANCE = 1e-10, 1e-7
 HARMONICS = 2  # kept: third and fifth
 FLOOR = 1e-3  # of the typical velocity: where the start for the damping forces is cut
+SLOW = 1e-3  # of k: ωc of dashpots that springs hardly feel
 SMALLEST, LARGEST = 1e-30, 1.0  # stress in k that the equivalent damping takes
 
 
@@ -43,6 +44,7 @@ class Steady:
     work: float  # per area and cycle
     balance: float  # dissipation over work − 1
     regularisation: float  # |ΔG*| when δ is halved, estimated in the same way as the solver's error
+    speed: float  # root mean square of |z| over contacts and time, of the equivalent linear damping
     velocity: (
         np.ndarray
     )  # (odd harmonics, unknowns + 1) complex amplitudes of velocities; last, of the strain rate times √V
@@ -73,7 +75,7 @@ class SteadyOscillation:
         pencil = compatibility.pencil
         self.law, self.network = pencil.law, pencil.network
         self.contacts = Contacts(compatibility)
-        self.steps, self.stiffest = steps, stiffest
+        self.steps, self.stiffest, self.rho0 = steps, stiffest, rho0
         unit = self.network.damping(self.law)
         alpha, tau1 = self.law.exponent, self.law.tau1
         self.power = PowerLaw(alpha, unit * (rho0 / tau1) ** (1.0 - alpha))
@@ -99,6 +101,7 @@ class SteadyOscillation:
             work=whole.work,
             balance=whole.dissipation / whole.work - 1.0,
             regularisation=whole.left_under(softer) * abs(whole.G),
+            speed=velocity,
             velocity=whole.waves,
             newton=sum(run.newton for run in runs),
             linear=sum(run.linear for run in runs),
@@ -107,6 +110,17 @@ class SteadyOscillation:
     def start(self, point: Point):
         """Complex amplitudes of the velocities of the equivalent linear damping, as `Steady.velocity`."""
         return self._equivalent(point).waves
+
+    def scales(self, point: Point) -> tuple[float, float]:
+        """Rough amplitudes of the strain and of |z|: from springs alone or, where that is less, from dashpots alone."""
+        strain, k = point.amplitude, self.network.k
+        if not point.stress_controlled:
+            return strain, point.omega * strain * self.rho0
+        slow = PowerLaw(1.0, SLOW * k / point.omega)
+        drive = Drive(True, strain * k * self.contacts.length, 0.0)
+        run = self._run(Equations(self.contacts, Cycle(4, point.omega), slow, drive, slow.coefficient), None)
+        forced = (strain * k * self.rho0 / self.power.coefficient) ** (1.0 / self.law.exponent)
+        return run.strain, min(point.omega * run.strain * self.rho0, forced)
 
     def destroy(self):
         """Free the vectors made here."""

@@ -1,0 +1,100 @@
+"""Damping of the contacts there are: how they move when disks and strain do, and what they push with.
+
+The relative velocities of a contact, weighted as the law has it, are the vector z of `powerlaw`; so a step of length h,
+in which disks move by x (spins times h included) and the strain by s, has z = Z (x, s) / h, and the potential
+
+    h R(z) ,     forces on disks and strain  Zᵀ f(z) ,     second derivative  Zᵀ (df/dz) Z / h .
+
+Z belongs to one geometry and does not change within a step: R stays convex, and forces do the work that is dissipated.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.forms import linear_forms
+from jampetsc.contacts.laws import Law
+from jampetsc.oscillation.powerlaw import PowerLaw
+from jampetsc.packing.hessian import Bonds
+
+REST = 1e-5  # of the typical speed: below it the force of a contact is linear in its velocity
+
+
+@dataclass(frozen=True, eq=False)
+class Damping:
+    """A law as the contacts of one packing have it."""
+
+    power: PowerLaw
+    roots: np.ndarray  # (forms,) square roots of the weights
+    floor: float  # |z| below which the force is linear
+
+    @classmethod
+    def of(cls, law: Law, disks: Disks, speed: float) -> "Damping":
+        """speed: typical |z|; nothing depends on it where damping is linear."""
+        unit = float(disks.potential.k) * law.tau1
+        rho0 = 2.0 * float(disks.radii.mean())
+        power = PowerLaw(law.exponent, unit * (rho0 / law.tau1) ** (1.0 - law.exponent))
+        return cls(power, np.sqrt(law.on_contacts), REST * speed)
+
+
+class Dashpots:
+    """The contacts of some bonds; arrays (contacts, damped) for z and f."""
+
+    def __init__(self, bonds: Bonds, radii, damping: Damping, dofs: int):
+        self.touching = np.flatnonzero(bonds.overlap > 0.0)
+        self.i, self.j = bonds.pairs.i[self.touching], bonds.pairs.j[self.touching]
+        self._dofs, self._damping = dofs, damping
+        rims = (radii[self.i], radii[self.j]) if dofs == 3 else None
+        rows, sheared = motion_rows(bonds.normal[:, self.touching].T, bonds.r[1, self.touching], rims)
+        damped = np.flatnonzero(damping.roots[: rows.shape[1]])
+        roots = damping.roots[damped]
+        self._Z, self._sheared = roots[:, None] * rows[:, damped], roots * sheared[:, damped]
+
+    def velocities(self, x, strain, h):
+        """z of x (N, dofs) and a strain within h."""
+        ends = np.concatenate((x[self.i], x[self.j]), axis=1)
+        return (np.einsum("cfx,cx->cf", self._Z, ends) + strain * self._sheared) / h
+
+    def forces(self, z):
+        """f of z."""
+        return self._damping.power.forces(z, self._damping.floor)
+
+    def tangents(self, z, f):
+        """df/dz for Newton's method, (contacts, damped, damped): see `PowerLaw.stiffness`."""
+        return self._damping.power.stiffness(z, f, self._damping.floor)
+
+    def on_disks(self, f, n: int):
+        """Forces (N, dofs) that hold against f."""
+        return gathered(np.einsum("cf,cfx->cx", f, self._Z), self.i, self.j, n)
+
+    def on_strain(self, f) -> float:
+        """Shear stress times area."""
+        return float(np.sum(f * self._sheared))
+
+    def squares(self, tangents):
+        """Zᵀ D Z of each contact: on its disks, on them and the strain, on the strain alone."""
+        held = np.einsum("cfg,cgx->cfx", tangents, self._Z)
+        along = np.einsum("cfg,cg->cf", tangents, self._sheared)
+        return (
+            np.einsum("cfx,cfy->cxy", self._Z, held),
+            np.einsum("cfx,cf->cx", self._Z, along),
+            np.einsum("cf,cf->c", self._sheared, along),
+        )
+
+
+def motion_rows(normal, r_y, rims):
+    """`linear_forms` as (M, forms, 2 dofs), and what a strain adds, (M, forms)."""
+    forms = linear_forms(normal, r_y, rims)
+    rows = np.stack([np.hstack((on_i, on_j)) for on_i, on_j, _ in forms], axis=1)
+    return rows, np.stack([on_gamma for *_, on_gamma in forms], axis=1)
+
+
+def gathered(ends, i, j, n: int):
+    """Sums (N, dofs) of what bonds (M, 2 dofs) do to both of their disks."""
+    dofs = ends.shape[1] // 2
+    total = np.empty((n, dofs))
+    for axis in range(dofs):
+        total[:, axis] = np.bincount(i, ends[:, axis], minlength=n)
+        total[:, axis] += np.bincount(j, ends[:, dofs + axis], minlength=n)
+    return total

@@ -1,0 +1,114 @@
+"""The matrix of a time step: K + B/h + μ of disks and, where it is free, of the strain, factorised.
+
+The strain enters as γL, L = √V, a border (k, κ) of the disks' matrix A: its Schur complement κ + μ − kᵀA⁻¹k is positive
+if and only if the whole is positive definite, as A is. μ is no larger than it takes for that.
+"""
+
+import numpy as np
+
+from jampetsc.contacts.pairs import PairList
+from jampetsc.contacts.state import both_ends, find_rattlers
+from jampetsc.oscillation.dashpots import Dashpots, gathered, motion_rows
+from jampetsc.packing.hessian import Bonds
+from jampetsc.solvers.local import NewtonSolver
+
+HELD = 1e-10  # of k: least μ on the diagonal, for what nothing holds; it changes steps, not where they end
+RAISED = 3.0
+
+
+class _Pattern:
+    """Upper triangle, as CSR, of a matrix with a block for every disk and every listed pair."""
+
+    def __init__(self, pairs: PairList, n: int, dofs: int):
+        component = np.arange(dofs)
+        ends = np.concatenate(
+            (pairs.i[:, None] * dofs + component, pairs.j[:, None] * dofs + component), axis=1
+        )
+        ends = ends.astype(np.int64)
+        size = n * dofs
+        row, column = np.broadcast_arrays(ends[:, :, None], ends[:, None, :])
+        self._upper = row <= column
+        keys = (row * size + column)[self._upper]
+        diagonal = np.arange(size) * (size + 1)
+        kept, places = np.unique(np.concatenate((keys, diagonal)), return_inverse=True)
+        self._places, self._diagonal = places[: len(keys)], places[len(keys) :]
+        self.indptr = np.searchsorted(kept // size, np.arange(size + 1)).astype(np.int32)
+        self.indices = (kept % size).astype(np.int32)
+
+    def fill(self, blocks, held):
+        """Values of the sum of blocks (M, 2 dofs, 2 dofs), with `held` (unknowns,) added to the diagonal."""
+        values = np.bincount(self._places, blocks[self._upper], minlength=len(self.indices))
+        values[self._diagonal] += held
+        return values
+
+
+class StepMatrix:
+    """Of one packing; vectors (unknowns + 1,) have γL at their end, 0 where the strain is imposed.
+
+    unit         stiffness of a contact, roughly
+    length       L
+    """
+
+    def __init__(self, prefix: str, unit: float, length: float):
+        self._solver = NewtonSolver(prefix, "the matrix of a time step", proves=False)
+        self._held, self._length = HELD * unit, length
+        self._mu = self._held
+        self.factorisations = 0
+
+    def list(self, pairs: PairList, radii, dofs: int):
+        """From now on the bonds are those of this list."""
+        self._pairs, self._n, self._dofs = pairs, len(radii), dofs
+        self._rims = (radii[pairs.i], radii[pairs.j]) if dofs == 3 else None
+        self._pattern = _Pattern(pairs, len(radii), dofs)
+
+    def factorise(self, bonds: Bonds, dashpots: Dashpots, damping, free: bool):
+        """Factorise for the next `solve`.
+
+        damping     (contacts, damped, damped) df/dz over h
+        free        whether the strain is unknown
+        """
+        rows, sheared = motion_rows(bonds.normal.T, bonds.r[1], self._rims)
+        springs = np.column_stack((bonds.stiffness, -bonds.force / bonds.distance))
+        blocks = np.einsum("cf,cfx,cfy->cxy", springs, rows[:, :2], rows[:, :2])
+        viscous, mixed, alone = dashpots.squares(damping)
+        blocks[dashpots.touching] += viscous
+        loose = self._loose(bonds)
+        self._mu = max(self._mu / RAISED, self._held)
+        self._border = None
+        while True:
+            self.factorisations += 1
+            values = self._pattern.fill(blocks, self._mu + loose)
+            if self._solver.factorise(self._pattern.indptr, self._pattern.indices, values):
+                if not free:
+                    return
+                elastic = np.einsum("cf,cfx,cf->cx", springs, rows[:, :2], sheared[:, :2])
+                border = gathered(elastic, self._pairs.i, self._pairs.j, self._n)
+                border += gathered(mixed, dashpots.i, dashpots.j, self._n)
+                self._border = border.ravel() / self._length
+                corner = np.sum(springs * sheared[:, :2] ** 2) + np.sum(alone)
+                self._response = self._solver.solve(self._border)
+                self._schur = corner / self._length**2 + self._mu - self._border @ self._response
+                if self._schur > self._held:
+                    return
+            self._mu *= RAISED**2
+
+    def solve(self, right):
+        """(unknowns + 1,) for such a right-hand side."""
+        x = self._solver.solve(right[:-1])
+        if self._border is None:
+            return np.append(x, 0.0)
+        strain = (right[-1] - self._border @ x) / self._schur
+        return np.append(x - strain * self._response, strain)
+
+    def _loose(self, bonds):
+        """What holds disks that contacts do not, (unknowns,): more than the −f/r that pushes them aside."""
+        touching = bonds.overlap > 0.0
+        i, j = both_ends(self._pairs.i[touching], self._pairs.j[touching])
+        push = bonds.force / bonds.distance
+        aside = np.bincount(self._pairs.i, push, minlength=self._n)
+        aside += np.bincount(self._pairs.j, push, minlength=self._n)
+        return np.repeat(np.where(find_rattlers(self._n, i, j), 2.0 * aside, 0.0), self._dofs)
+
+    def destroy(self):
+        """Free the factor."""
+        self._solver.destroy()
