@@ -42,6 +42,11 @@ def test_short_and_drifting_series_are_told():
     )
 
 
+def test_a_long_series_that_drifts_by_one_standard_deviation_is_told():
+    drifting = Average.of(autoregressive(0.5, 2000, 2) + np.linspace(0, 1, 2000))
+    assert drifting.enough and drifting.drifts
+
+
 def test_nothing_to_average():
     assert Average.of([3.0]) == Average(3.0, 0.0, 0.5, False, False)
     assert Average.of(np.full(100, 2.0)).error == 0.0

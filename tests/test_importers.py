@@ -59,6 +59,19 @@ def test_jaxmd_has_its_published_numbers(index):
     assert disks.record["published_C_xyxy"] == moduli[2]
 
 
+def test_cell_vectors_are_the_columns_of_a_box(tmp_path):
+    """The same packing in the cell with a₂ + a₁ for a₂."""
+    (tmp_path / "x.nc").write_bytes(JAXMD.read_bytes())
+    with h5py.File(tmp_path / "x.nc", "r+") as h5:
+        box, s = h5["box"][0].reshape(2, 2), h5["pos"][0].reshape(-1, 2)
+        tilted = box + box[0, 0] * np.eye(2, k=1)
+        h5["box"][0] = tilted.ravel()
+        h5["pos"][0] = np.column_stack((s[:, 0] - s[:, 1], s[:, 1])).ravel()
+    plain, disks = import_packing(JAXMD), import_packing(tmp_path / "x.nc")
+    assert disks.cell[1, 0] == tilted[0, 1] != 0 and disks.cell[0, 1] == 0
+    assert disks.record["energy"] == pytest.approx(plain.record["energy"], rel=1e-12)
+
+
 def test_fractions_of_the_box_are_what_fits_the_energy(tmp_path):
     """Taken as lengths, the positions would have another energy: the file is refused, not misread."""
     spoiled = tmp_path / "x.nc"

@@ -63,6 +63,13 @@ def test_a_file_holds_the_response_in_time(tmp_path, capsys):
     assert "16 relaxation times from 1 to 1e+04" in said and "1/G0 = 50" in said
 
 
+def test_moduli_beside_a_stored_frequency_are_those_of_the_spectrum(tmp_path):
+    held, sweep = spectrum(), load(write_sweep(tmp_path / "sweep.h5"))
+    omega = OMEGA[[9, 20]] * (1 + 1e-5)
+    np.testing.assert_allclose(sweep.modulus(omega), held.modulus(omega), rtol=1e-13)
+    assert sweep.modulus(OMEGA[9]) == sweep.G[9]
+
+
 def test_a_sweep_that_ends_early_says_so(tmp_path, capsys):
     run(write_sweep(tmp_path / "short.h5", omega=np.geomspace(1e-3, 1e2, 9)), "--out", tmp_path / "s.h5")
     assert "the sweep covers times 0.01 to 1e+03: what is faster or slower" in capsys.readouterr().out
