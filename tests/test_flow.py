@@ -317,6 +317,15 @@ def test_a_state_goes_on_to_the_last_bit():
         assert np.array_equal(one.disks.positions, other.disks.positions)
 
 
+def test_velocities_of_a_moment_lie_between_those_half_a_step_before_and_after():
+    run = shear("CD", step=0.002)
+    run.advance(500)
+    before, now = run.velocities.copy(), run.velocities_now()
+    run.advance(1)
+    middle = 0.5 * (before + run.velocities)
+    assert np.linalg.norm(now - middle) < 0.3 * np.linalg.norm(before - middle)
+
+
 def test_stress_of_a_run_is_that_of_its_packing():
     run = shear("RD0")
     run.advance(200)

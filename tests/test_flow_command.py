@@ -1,15 +1,19 @@
 """`jampetsc flow`: the file it leaves, going on after a kill and after the end, and what bad input gets."""
 
+import json
 import re
+from dataclasses import replace
 
 import launch
 import numpy as np
 import pytest
-from sheared import crowd
+from sheared import crowd, model
 
 import jampetsc
 from jampetsc import cli
 from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.potentials import Potential
+from jampetsc.flows import job as jobs
 from jampetsc.flows import run as running
 from jampetsc.storage.packing_file import write_packing
 
@@ -102,10 +106,24 @@ def test_another_command_leaves_the_checkpoint_alone(tmp_path, short, monkeypatc
     assert jampetsc.load(out).attributes["rate"] == 2e-2
 
 
-@pytest.mark.parametrize("model", ["RD0", "CD0", "CDn"])
-def test_a_finished_run_goes_on_to_the_last_bit(tmp_path, model):
-    mass = ["--mass", "1"] if model == "CDn" else []
-    common = ["flow", "--n", 64, "--phi", 0.84, "--model", model, *mass, "--rate", 1e-2, "--discard", 0.1]
+def test_everything_that_decides_a_run_identifies_its_checkpoint(tmp_path):
+    disks = crowd(16)
+
+    def settings(disks=disks, name="CD0", held=0, **more):
+        words = {"rate": 1e-2, "strain": 0.5} | more
+        job = jobs.fresh(disks, {"walls": held}, model(name), out=tmp_path / "x.h5", **words)
+        return json.dumps(job.settings, sort_keys=True)
+
+    others = [{"disks": crowd(16, seed=2)}, {"name": "unequal"}, {"held": 4}]
+    numbers = {"rate": 2e-2, "strain": 0.6, "discard": 0.1, "snapshots": 3, "step": 0.01, "tolerance": 1e-6}
+    found = [settings(**one) for one in [{}, *others, *({name: x} for name, x in numbers.items())]]
+    assert len(set(found)) == 10 and settings() == found[0]
+
+
+@pytest.mark.parametrize("name", ["RD0", "CD0", "CDn"])
+def test_a_finished_run_goes_on_to_the_last_bit(tmp_path, name):
+    mass = ["--mass", "1"] if name == "CDn" else []
+    common = ["flow", "--n", 64, "--phi", 0.84, "--model", name, *mass, "--rate", 1e-2, "--discard", 0.1]
     one, two, farther = tmp_path / "one.h5", tmp_path / "two.h5", tmp_path / "farther.h5"
     assert flow(*common, "--strain", 1.0, "--out", one) == 0
     assert flow(*common, "--strain", 2.0, "--out", two) == 0
@@ -137,6 +155,18 @@ def test_quality_is_a_mass(tmp_path):
     facts = jampetsc.load(out).attributes
     assert facts["mass"] == pytest.approx(0.01) and facts["quality"] == pytest.approx(0.1)
     assert facts["method"] == "backward Euler"
+
+
+def test_quality_and_the_stress_of_the_fluid_know_k_and_tau1(tmp_path):
+    """m = Q² k τ₁² and σ_F = η_F kτ₁ γ̇, here with k = 4 and τ₁ = 2."""
+    packing, out, fluid = (tmp_path / name for name in ("p.h5", "flow.h5", "fluid.h5"))
+    write_packing(packing, replace(crowd(16), potential=Potential(k=4.0)))
+    common = ["flow", packing, "--tau1", 2, "--rate", 1e-2, "--strain", 0.01]
+    assert flow(*common, "--model", "CD", "--quality", 0.1, "--out", out) == 0
+    facts = jampetsc.load(out).attributes
+    assert facts["mass"] == pytest.approx(0.16) and facts["quality"] == pytest.approx(0.1)
+    assert flow(*common, "--law", "stokes", "--eta-f", 3, "--out", fluid) == 0
+    assert jampetsc.load(fluid)["shear_stress"][:, 1] == pytest.approx(0.24)
 
 
 def test_a_law_of_the_linear_part(tmp_path):
