@@ -3,6 +3,7 @@
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from types import SimpleNamespace
 
 import launch
@@ -15,8 +16,11 @@ from scipy.integrate import quad
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.analysis.scaling import fit_power_law
-from jampetsc.contacts.laws import damping_law
+from jampetsc.commands.sweep import summary
+from jampetsc.contacts.laws import Physics, damping_law
+from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import InputError
+from jampetsc.response.job import Job
 from jampetsc.storage.packing_file import write_packing
 from jampetsc.storage.reader import load
 from jampetsc.words.law import damping_from
@@ -179,3 +183,13 @@ def test_frequencies_that_cannot_be_solved_are_refused(tmp_path):
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
     assert "--alpha 0.2 --stress 1e-08: omega = " in done.stderr and "narrow --omega" in done.stderr
     assert not (tmp_path / "a.h5").exists()
+
+
+def test_a_strain_that_would_change_contacts_is_told_in_units_of_k(tmp_path):
+    """σ₀ = 1e-3 k over |G*| = 2 k is a strain of 5e-4, more than p/k = 1e-4."""
+    stiff = replace(samples.published(), potential=Potential(k=4.0)).with_record(pressure=4e-4)
+    write_packing(tmp_path / "p.h5", stiff)
+    settings = (np.zeros(0), "rational", 1e-6, tmp_path / "s.h5", EquivalentDamping(0.5, 1e-3))
+    job = Job.read(tmp_path / "p.h5", Physics(damping_law()), np.array([1.0]), *settings)
+    said = summary(job, job.asked(job.omega), np.array([8.0 + 0j]), np.full((1, 3), 1e-9))
+    assert "strain amplitude up to 5.0e-04, more than p/k = 1.0e-04" in said

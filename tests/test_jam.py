@@ -12,7 +12,7 @@ from jampetsc.analysis.jamming import assortativity
 from jampetsc.commands import jam
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.potentials import Potential
-from jampetsc.errors import InputError
+from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.flows import jamming, record
 from jampetsc.flows.slowly import ENERGY_CUT
 from jampetsc.packing.sizes import radii_of
@@ -174,6 +174,17 @@ def test_files_of_other_protocols(session, shared_path, capsys):
     )
     assert len(result["strain"]) == 4 * 10 and set(result["seed"]) == {3, 4}
     assert np.array_equal(result["phi"], np.repeat([0.82, 0.86], 20))
+
+
+def test_samples_after_a_minimum_that_is_not_found_are_nan(monkeypatch):
+    def lost(*_):
+        raise ConvergenceError("no minimum")
+
+    monkeypatch.setattr(jamming, "SlowShear", lost)
+    protocol = jamming.Protocol("shear", step=0.01, strain=0.05, discard=0.01, every=0.01)
+    rows = jamming.samples(protocol, radii_of("bidisperse", 16), 0.7, 5, POTENTIAL, None, 1e-6)
+    assert [(row["phi"], row["seed"]) for row in rows] == [(0.7, 5)] * 4
+    assert np.isnan([[row[name] for name in ("strain", "jammed", "pressure")] for row in rows]).all()
 
 
 def test_sizes_that_separate():

@@ -344,3 +344,11 @@ def test_limits_are_what_was_asked_for_or_what_rounding_leaves():
         assert (found.force, found.pressure) == pytest.approx((force, stress), rel=1e-12, abs=0.0)
     soft = Limits(Descent(random_disks(100, potential=Potential("hertzian")), Goal(1e-6), Team()), 1e-10)
     assert soft.at(1e-6).force < 3e-16  # rounding of bonds moves the forces of soft contacts less
+
+
+def test_disks_that_do_not_touch_are_told_by_a_pressure_in_units_of_k():
+    """Below 1e-11 k nothing touches: 1e-5 here, which is far more than rounding leaves."""
+    disks = random_disks(32, 0.5, potential=Potential(k=1e6))
+    touching = replace(disks, potential=Potential()), disks
+    found = [minimise.minimise(minimise.settle(one, 1e-8), Goal(), None) for one in touching]
+    assert not any(one.jammed for one in found)

@@ -80,6 +80,9 @@ def test_fixed_packing_fraction():
     disks = pack(128, Target(phi=0.87))
     state = measure(disks)
     assert disks.phi == pytest.approx(0.87, rel=1e-14)
+    for name in ("pressure", "energy", "max_force", "coordination"):
+        assert disks.record[name] == getattr(state, name)
+    assert disks.record["shear_stress"] == state.stress[0, 1]
     assert 5e-3 < state.pressure < 3e-2
     assert state.max_force <= 1e-10 * state.pressure
 

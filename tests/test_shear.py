@@ -153,6 +153,20 @@ def test_a_killed_run_goes_on_to_the_last_bit(session, tmp_path, monkeypatch):
         assert np.array_equal(whole[name], parts[name])
 
 
+def test_a_checkpoint_of_another_tolerance_is_left_alone(session, tmp_path, monkeypatch, capsys):
+    def save_and_stop(*what):
+        save(*what)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(slowjob, "INTERVAL", -1.0)
+    save = slowjob.write_checkpoint
+    for more, goes_on in (((), False), (("--tolerance", 1e-8), False), (("--tolerance", 1e-8), True)):
+        with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+            patch.setattr(slowjob, "write_checkpoint", save_and_stop)
+            shear(tmp_path / "out.h5", *more, strain=0.003)
+        assert ("goes on from strain 0.001" in capsys.readouterr().err) == goes_on
+
+
 def test_bad_words(session, tmp_path):
     for given, more, message in [
         ({"step": 0}, (), "must lie in"),

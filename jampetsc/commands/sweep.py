@@ -145,8 +145,8 @@ def _damping_lines(job, G):
         f"  alpha {damping.alpha:g}, stress {damping.stress:g} k: equivalent linear frequencies "
         f"{job.omega[0]:.3g} to {job.omega[-1]:.3g}; the stored spectrum is that of the linear law"
     ]
-    pressure = job.disks.record.get("pressure")
-    if pressure is not None and strain > pressure / job.disks.potential.k:
+    pressure = job.disks.record.get("pressure", float("inf")) / job.disks.potential.k
+    if strain > pressure:
         lines.append(
             f"  strain amplitude up to {strain:.1e}, more than p/k = {pressure:.1e}: contacts would change, "
             "which is left out"
