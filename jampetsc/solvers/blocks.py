@@ -26,7 +26,9 @@ class Blocks:
         blocks = csr_array((values, indices, indptr), shape=size).tobsr((2, 2))
         rows = np.repeat(np.arange(size[0] // 2), np.diff(blocks.indptr))
         upper = rows < blocks.indices
-        self.i, self.j, self.values = rows[upper], blocks.indices[upper].astype(int), -blocks.data[upper]
+        # unsigned, as in a list of pairs: compiled code is compiled for them already
+        self.i, self.j = rows[upper].astype(np.uint32), blocks.indices[upper].astype(np.uint32)
+        self.values = -blocks.data[upper]
         self.order = _order(blocks.indptr, blocks.indices)
 
     def factorise(self, shift: float):
