@@ -8,7 +8,7 @@ from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.network import build_network
 from jampetsc.response.modes import lowest_modes
-from jampetsc.solvers import blocks, lanczos
+from jampetsc.solvers import blocks, eigen, lanczos
 from jampetsc.solvers.lanczos import lowest_eigenpairs
 
 SHIFT = -1e-7
@@ -113,6 +113,16 @@ def test_an_option_of_the_user_has_slepc_find_the_same(session):
     assert (
         lowest_modes(network, 9).method == "lanczos"
     )  # what SLEPc was told by default is no option of the user
+
+
+@real
+@alone
+def test_very_many_disks_are_left_to_slepc(session, monkeypatch):
+    network = build_network(SAMPLES["polydisperse"](), session.comm)
+    monkeypatch.setattr(eigen, "MANY", 2 * network.n)
+    assert lowest_modes(network, 3).method == "lanczos"
+    monkeypatch.setattr(eigen, "MANY", 2 * network.n - 1)
+    assert lowest_modes(network, 3).method == "krylovschur"
 
 
 @real

@@ -1,7 +1,8 @@
 """A Hessian that one rank has whole as a sum of 2×2 blocks over contacts, for `packing.ldl` to factorise.
 
-A_ij = −b_ij for disks i ≠ j, A_ii = Σ_j b_ij, b symmetric. Up to N = 1e5 this is faster than a library that sees
-single entries: a block has one index, and the order of elimination is that of disks, four times fewer entries.
+A_ij = −b_ij for disks i ≠ j, A_ii = Σ_j b_ij, b symmetric. A block has one index where a library that sees single
+entries has four, and the order of elimination is that of disks: a factor costs a third of what CHOLMOD's does at
+N = 4096, half at 32768. Its flops, not in dense blocks, tell beyond: at 1e5 it costs more, though solves do not.
 """
 
 import numpy as np

@@ -1,7 +1,7 @@
 """Lowest eigenpairs of K with nothing pinned: shift-invert Lanczos, or LAPACK for a large part of the spectrum.
 
-On one rank Lanczos is our own (`lanczos`), with the factor of `blocks`; on more, and wherever an option of the user
-begins with `modes_`, it is SLEPc's.
+On one rank Lanczos is our own (`lanczos`), with the factor of `blocks`. On more, for very many disks, and wherever an
+option of the user begins with `modes_`, it is SLEPc's.
 
 The shift σ < 0 lies just below the spectrum, so K − σ is positive definite; translations of connected pieces
 are known and deflated. (With σ = 0 SLEPc would attach them to K as its null space.)
@@ -26,6 +26,7 @@ PREFIX = "modes_"
 SHIFT = 1e-7
 SPARE = 2  # eigenpairs more than asked for: the first one tells where the last one asked for ends
 BLOCKS = 30_000  # unknowns from which dense blocks pay in the triangular solves of CHOLMOD
+MANY = 250_000  # unknowns from which dense blocks pay in the factor as well: SLEPc takes over
 DENSE = 8192  # unknowns up to which LAPACK finds all eigenpairs
 
 
@@ -67,7 +68,7 @@ def lowest(pencil, count: int, stiffness: float, known=None) -> Eigenpairs:
         raise InputError(f"{count} modes: K has {there} besides its translations; ask for no more")
     if 2 * (count + SPARE) < there or known is not None:
         deflated = moves if known is None else np.vstack((moves, known))
-        find = _krylov if _asked_of_slepc(pencil.K) else _lanczos
+        find = _krylov if _left_to_slepc(pencil.K) else _lanczos
         return find(pencil, deflated, count + SPARE, stiffness)
     if pencil.unknowns > DENSE:
         raise InputError(
@@ -77,9 +78,9 @@ def lowest(pencil, count: int, stiffness: float, known=None) -> Eigenpairs:
     return _dense(pencil, moves, min(count + SPARE, there), stiffness)
 
 
-def _asked_of_slepc(matrix) -> bool:
-    """Whether the matrix is spread over ranks, or options of the user say how to find its modes."""
-    return matrix.getComm().size > 1 or current().has_options(PREFIX)
+def _left_to_slepc(matrix) -> bool:
+    """Whether the matrix is spread over ranks or large, or options of the user say how to find its modes."""
+    return matrix.getComm().size > 1 or matrix.getSize()[0] > MANY or current().has_options(PREFIX)
 
 
 def _lanczos(pencil, deflated, count, stiffness):
