@@ -9,7 +9,6 @@ offset: `base` is a multiple of GRID, so that differences of bases and cell vect
 import hashlib
 from dataclasses import dataclass, field, replace
 
-import numba
 import numpy as np
 
 from jampetsc.contacts.potentials import Potential
@@ -158,25 +157,10 @@ class Disks:
         turns = np.round(self.cell[1, 0] / self.cell[0, 0])
         whole = np.array([[1.0, 0.0], [-turns, 1.0]])
         cell_base, cell_offset = whole @ self.cell_base, whole @ self.cell_offset
-        base, offset = _inside(self.base, self.offset, cell_base, cell_offset)
+        image = np.floor(self.positions @ np.linalg.inv(cell_base + cell_offset))
+        base, offset = self.base - image @ cell_base, self.offset - image @ cell_offset
         return replace(self, base=base, offset=offset, cell_base=cell_base, cell_offset=cell_offset)
 
     def reordered(self, order) -> "Disks":
         """The same packing with its disks in another order."""
         return replace(self, base=self.base[order], offset=self.offset[order], radii=self.radii[order])
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _inside(base, offset, cell_base, cell_offset):
-    """(base, offset) of coordinates (N, 2) less the whole cell vectors that take them into the cell."""
-    cell = cell_base + cell_offset
-    to, rest = np.empty_like(base), np.empty_like(base)
-    for a in range(len(base)):
-        across = (base[a, 1] + offset[a, 1]) / cell[1, 1]
-        along = (base[a, 0] + offset[a, 0] - across * cell[1, 0]) / cell[0, 0]
-        over, up = np.floor(along), np.floor(across)
-        to[a, 0] = base[a, 0] - (over * cell_base[0, 0] + up * cell_base[1, 0])
-        to[a, 1] = base[a, 1] - up * cell_base[1, 1]
-        rest[a, 0] = offset[a, 0] - (over * cell_offset[0, 0] + up * cell_offset[1, 0])
-        rest[a, 1] = offset[a, 1] - up * cell_offset[1, 1]
-    return to, rest
