@@ -545,6 +545,8 @@ def test_a_full_disk_leaves_no_partial_picture(sweeps, tmp_path):
 def test_plotting_loads_no_mpi_no_petsc_and_needs_no_display(sweeps, with_fields, tmp_path):
     script = (
         "import sys; from jampetsc import cli\n"
+        "import jampetsc.storage.reader, jampetsc.plots.flowcurves\n"
+        "assert 'numba' not in sys.modules, 'a third of a second for a compiler that reading does not need'\n"
         "status = [cli.main(words.split('|')) for words in sys.argv[1:]]\n"
         "unwanted = ('petsc4py', 'slepc4py', 'mpi4py', 'matplotlib.pyplot', 'tkinter')\n"
         "bad = [name for name in unwanted if name in sys.modules]\n"
