@@ -146,7 +146,7 @@ def deformed(disks: Disks, offsets, strain, shear) -> Disks:
     Only the change is rounded, never the coordinates: base + (offset + o) + (F − 1)(x + o).
     """
     growth, mixing = np.expm1(strain), np.exp(strain) * shear
-    base, offset = _deformed(disks.base, disks.offset, offsets, growth, mixing)
+    base, offset = _deformed(disks.base, disks.offset, offsets, growth, mixing, GRID)
     cell = disks.cell
     change = growth * cell
     change[:, 0] += mixing * cell[:, 1]
@@ -155,7 +155,7 @@ def deformed(disks: Disks, offsets, strain, shear) -> Disks:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _deformed(base, offset, moves, growth, mixing):
+def _deformed(base, offset, moves, growth, mixing, grid):
     """(base, offset) of x + o + (F − 1)(x + o), all (N, 2), with F − 1 = [[growth, mixing], [0, growth]]."""
     to, rest = np.empty_like(base), np.empty_like(base)
     for a in range(len(base)):
@@ -163,7 +163,7 @@ def _deformed(base, offset, moves, growth, mixing):
         x, y = base[a, 0] + low_x, base[a, 1] + low_y
         low_x += growth * x + mixing * y
         low_y += growth * y
-        carry_x, carry_y = GRID * np.rint(low_x / GRID), GRID * np.rint(low_y / GRID)
+        carry_x, carry_y = grid * np.rint(low_x / grid), grid * np.rint(low_y / grid)
         to[a, 0], to[a, 1] = base[a, 0] + carry_x, base[a, 1] + carry_y
         rest[a, 0], rest[a, 1] = low_x - carry_x, low_y - carry_y
     return to, rest
