@@ -262,7 +262,7 @@ def test_what_a_kill_left_is_taken_over_and_tidied(session, shared_path):
 def test_a_torn_line_of_the_journal_does_not_count(tmp_path):
     Journal(tmp_path, 0).append({"task": "a", "time": 1})
     with open(tmp_path / "journal" / "rank-0000", "a") as file:
-        file.write('12345678 {"task": "b"')
+        file.write('12345678 {"task": "b", "why": "a line that is longer than the next one"')
     assert list(records_of(tmp_path)) == ["a"]
     Journal(tmp_path, 0).append({"task": "c", "time": 2})
     assert list(records_of(tmp_path)) == ["a", "c"]
