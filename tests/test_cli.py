@@ -176,6 +176,14 @@ def test_ranks_with_requests_of_their_own_do_them(tmp_path):
     assert made_under_mpirun(tmp_path, *farm, *line) == ["0", "1"]
 
 
+def test_ranks_with_the_same_words_in_folders_of_their_own_do_them_in_each(tmp_path):
+    folder = "mkdir $OMPI_COMM_WORLD_RANK && cd $OMPI_COMM_WORLD_RANK"
+    farm = ["sh", "-c", f'{folder} && exec "$@"', "farm"]
+    line = launch.command(0, "probe.py", "probe", "--do", "make", "x")
+    assert made_under_mpirun(tmp_path, *farm, *line) == ["0", "1"]
+    assert [os.listdir(tmp_path / rank) for rank in "01"] == [["x"]] * 2
+
+
 def test_what_a_rank_starts_is_no_rank(tmp_path):
     line = launch.command(0, "probe.py", "probe", "--do", "make", "--scalar", "real")
     code = f"from mpi4py import MPI; import subprocess; subprocess.run([*{line}, str(MPI.COMM_WORLD.rank)])"

@@ -99,6 +99,14 @@ def test_cleaning_up_takes_its_time_but_not_for_ever():
     assert ended(process) == (-signal.SIGTERM, [LINE])
 
 
+def test_what_ignores_the_signal_is_killed():
+    ignore = f"__import__('signal').signal({int(signal.SIGTERM)}, {int(signal.SIG_IGN)})"
+    late = f"try: {READY}; time.sleep(60)\n    finally: {ignore}; {DEAF}"
+    process = running(f"stopping.CLEANING = 0.1\n{WATCHED}{late}")
+    process.send_signal(signal.SIGTERM)
+    assert process.stdout.readline() == "ready\n" and ended(process) == (-signal.SIGKILL, [LINE])
+
+
 def test_nothing_of_it_is_left_when_the_work_is_done():
     done = running(f"{WATCHED}{READY}\nos.wait()")
     assert "ChildProcessError" in done.communicate(timeout=60)[1]

@@ -21,6 +21,7 @@ from jampetsc.studies.journal import Journal, records_of
 from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.lock import Lock
 from jampetsc.studies.plan import plan
+from jampetsc.studies.table import table_text
 
 ALL = """
 [pack]
@@ -289,6 +290,12 @@ def test_a_record_is_on_the_disk_when_append_returns(tmp_path, monkeypatch):
     for number in (1, 2):
         Journal(tmp_path, 0).append({"task": "a", "time": number})
         assert synced[number - 1 :] == [(tmp_path / "journal" / "rank-0000").stat().st_size]
+
+
+def test_what_is_no_number_is_an_empty_cell():
+    row = {"command": "jam", "state": "done", "file": "a.h5", "phi_J": float("nan"), "n": None, "held": True}
+    text = table_text([row | {"seconds": 0.1}])
+    assert text == "command,state,file,n,phi_J,held,seconds\njam,done,a.h5,,,1,0.1\n"
 
 
 # One at a time
