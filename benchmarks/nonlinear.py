@@ -1,6 +1,6 @@
 """Power-law damping as it is, beside BT's equivalent linear damping: the tables of docs/nonlinear.md.
 
-    .venv/bin/python benchmarks/nonlinear.py figures/bt-nonlinear/n512       # after run/figures/bt-nonlinear
+    .venv/bin/python benchmarks/nonlinear.py figures/bt-nonlinear-quick       # after run/figures/bt-nonlinear
 
 Exponents of G* in ω and σ are those of a plane through ln G* of a regime, with an offset for each packing; errors are
 those of a bootstrap over packings. Beside what was measured stands what two linear dampings give at the same points:
@@ -16,7 +16,6 @@ quasistatic and Ω ∝ X^(4/(1+3α)) in the critical regime, with X = ω^α σ^(
 """
 
 import argparse
-import re
 from collections import defaultdict
 from dataclasses import dataclass
 from functools import partial
@@ -57,15 +56,17 @@ class Packing:
         return (G.real > CRITICAL[0] * self.G0) & (G.real < CRITICAL[1])
 
 
-def read(folder, kind="oscillate"):
-    """{α: {p: [Packing, …]}}."""
+def read(folder, sweeps):
+    """{α: {p: [Packing, …]}} of the oscillations in a folder, with the sweeps and packings of another."""
     found = defaultdict(lambda: defaultdict(list))
-    for path in sorted(folder.glob(f"{kind}-*.h5")):
-        _, p, seed = re.match(kind + r"-([\d.]+)-(.+)-(\d+)\.h5", path.name).groups()
-        measured, sweep = load(path), load(folder / f"sweep-{p}-{seed}.h5")
+    linear = {sweep.attributes["packing"]: sweep for sweep in map(load, sorted(sweeps.glob("sweep-*.h5")))}
+    for path in sorted(folder.glob("oscillate-*.h5")):
+        measured = load(path)
+        packing = measured.attributes["packing"]
+        sweep = linear[packing]
         told = measured.attributes
         alpha = float(told["alpha"])
-        area = load(folder / f"packing-{p}-{seed}.h5").area
+        area = load(sweeps / packing).area
         contacts = 0.5 * told["coordination"] * (told["particle_count"] - told["rattlers"]) / area
         omega, stress = (
             grid.ravel() for grid in np.meshgrid(measured["omega"], measured["amplitude"], indexing="xy")
@@ -81,7 +82,7 @@ def read(folder, kind="oscillate"):
             ),
             self_consistent(spectrum, contacts, omega, stress, alpha),
         )
-        found[alpha][float(p)].append(
+        found[alpha][float(f"{told['pressure']:.3g}")].append(
             Packing(
                 np.log(np.column_stack((omega, stress))),
                 omega**alpha * stress ** (alpha - 1.0),
@@ -226,6 +227,8 @@ def print_certainty(alpha, data, finer):
             kept["softening"].append((one.file["regularisation_effect"].ravel() / size)[inside])
             kept["energy balance"].append(abs(one.file["energy_balance"].ravel())[inside])
             kept["third harmonic"].append(abs(one.file["harmonics"][..., 0]).ravel()[inside])
+        if not sum(map(len, kept["error"])):
+            continue
         print(
             f"{regime}, largest: "
             + ", ".join(f"{name} {np.concatenate(values).max():.1e}" for name, values in kept.items())
@@ -274,7 +277,7 @@ def main():
     words.add_argument("--picture", type=Path, help="draw the effective frequency")
     args = words.parse_args()
     folder = args.folder
-    data, finer = read(folder), read(folder, "steps")
+    data, finer = read(folder, folder), read(folder / "steps", folder)
     for alpha, packings in sorted(data.items()):
         print_exponents(alpha, packings)
         print_prefactors(alpha, packings)

@@ -1,52 +1,164 @@
-"""Where linear response ends: a table of G* against strain, for docs/nonlinear.md.
+"""Where linear response ends: G* of oscillating shear against its strain, the tables of docs/nonlinear.md.
 
-    .venv/bin/python benchmarks/softening.py figures/softening/n256          # after run/figures/softening
+    .venv/bin/python benchmarks/softening.py figures/softening-quick          # after run/figures/softening
 
-Median over packings (least to largest). Linear response is that of the smallest strain in a file.
+Linear response is that of the smallest strain in a file. Means over packings with their standard errors; where response
+ends, and the exponent of that strain in p, with those of a bootstrap over packings.
 """
 
 import argparse
-import re
 from collections import defaultdict
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from jampetsc.plots import style
 from jampetsc.storage.reader import load
 
+CHANGED = 0.1  # of |G*|: what ends linear response
+DRAWS = 1000
 
-def told(values):
-    """Median (least to largest)."""
-    return f"{np.median(values):.3g} ({min(values):.3g} to {max(values):.3g})"
+
+@dataclass(frozen=True)
+class Packing:
+    """One packing; arrays (strains,), nan where a point failed."""
+
+    strain: np.ndarray
+    G: np.ndarray
+    third: np.ndarray  # |third harmonic|
+    error: np.ndarray  # estimate of |ΔG*|
+    balance: np.ndarray
+
+    @property
+    def ratio(self):
+        """G* over that of linear response, storage and loss: (2, strains)."""
+        return np.array([self.G.real / self.G[0].real, self.G.imag / self.G[0].imag])
+
+    @property
+    def end(self) -> float:
+        """Smallest strain at which |G*| has changed by CHANGED of itself, between the points; nan if none has."""
+        solved = np.isfinite(self.G)
+        strain, off = self.strain[solved], abs(self.G[solved] / self.G[0] - 1.0)
+        past = np.flatnonzero(off > CHANGED)
+        if not len(past) or past[0] == 0:
+            return np.nan
+        n = past[0]
+        share = (CHANGED - off[n - 1]) / (off[n] - off[n - 1])
+        return float(strain[n - 1] * (strain[n] / strain[n - 1]) ** share)
+
+
+def read(folder):
+    """{p: [Packing, …]} of all oscillations of moving contacts in a folder and those below it."""
+    found = defaultdict(list)
+    for path in sorted(folder.rglob("oscillate-*.h5")):
+        file = load(path)
+        if file.attributes["contacts"] != "moving":
+            continue
+        balance = abs(file["energy_balance"][:, 0])
+        columns = (
+            file["amplitude"],
+            file["G"][:, 0],
+            abs(file["harmonics"][:, 0, 0]),
+            file["error"][:, 0],
+            balance,
+        )
+        if np.isfinite(columns[1][0]):
+            found[float(f"{file.attributes['pressure']:.3g}")].append(Packing(*columns))
+    return dict(sorted(found.items(), reverse=True))
+
+
+def mean(values, digits=2):
+    """Mean ± standard error."""
+    if len(values) < 2:
+        return f"{np.mean(values):.{digits}f}" if len(values) else "–"
+    return f"{np.mean(values):.{digits}f} ± {np.std(values, ddof=1) / np.sqrt(len(values)):.{digits}f}"
+
+
+def bootstrap(values, statistic):
+    """Standard error of statistic([values of each set]) when every set is drawn from itself."""
+    rng = np.random.default_rng(1)
+    draws = [statistic([rng.choice(one, len(one)) for one in values]) for _ in range(DRAWS)]
+    return float(np.std(draws))
+
+
+def print_points(found):
+    """Moduli, harmonics and what is known of errors at every strain."""
+    print("| p | γ₀ k/p | packings | G′/G′(0) | G″/G″(0) | third harmonic, % | error, % | balance, % |")
+    print("|---|---|---|---|---|---|---|---|")
+    for p, packings in found.items():
+        for a, strain in enumerate(packings[0].strain):
+            solved = [one for one in packings if np.isfinite(one.G[a])]
+            if not solved:
+                print(f"| {p:g} | {strain / p:.2g} | 0 of {len(packings)} | | | | | |")
+                continue
+            storage, loss = np.array([one.ratio[:, a] for one in solved]).T
+            columns = [(one.third[a], one.error[a] / abs(one.G[a]), one.balance[a]) for one in solved]
+            share = 100.0 * np.median(columns, axis=0)
+            told = " | ".join(f"{one:.2g}" for one in share)
+            number = f"{len(solved)} of {len(packings)}"
+            print(f"| {p:g} | {strain / p:.2g} | {number} | {mean(storage)} | {mean(loss)} | {told} |")
+
+
+def print_end(found):
+    """Strain at which |G*| has changed by CHANGED, and its exponent in p."""
+    ends = {p: np.array([one.end for one in packings]) for p, packings in found.items()}
+    ends = {p: values[np.isfinite(values)] for p, values in ends.items()}
+    print(
+        f"\n| p | packings | strain at which G* has changed by {100 * CHANGED:.0f} %, k/p: median | from | to |"
+    )
+    print("|---|---|---|---|---|")
+    for p, values in ends.items():
+        if len(values):
+            error = bootstrap([values / p], lambda sets: np.median(sets[0]))
+            middle = f"{np.median(values) / p:.2f} ± {error:.2f}"
+            print(f"| {p:g} | {len(values)} | {middle} | {min(values) / p:.2f} | {max(values) / p:.2f} |")
+    if len(ends) < 2 or min(map(len, ends.values())) < 2:
+        return
+    logs = np.log(list(ends))
+
+    def exponent(sets):
+        return np.polyfit(logs, [np.mean(np.log(one)) for one in sets], 1)[0]
+
+    values = list(ends.values())
+    print(f"\nThat strain ~ p^x, x = {exponent(values):.2f} ± {bootstrap(values, exponent):.2f}")
+
+
+def draw(found, path):
+    """(a) G' and (b) G'' over those of linear response against γ₀ k/p, means with standard errors."""
+    with style.figure(style.PAGE, 2.7, layout="constrained") as figure:
+        axes = figure.subplots(1, 2)
+        for (p, packings), colour, marker in zip(
+            found.items(), style.colours(len(found)), style.MARKERS, strict=False
+        ):
+            ratios = np.array([one.ratio for one in packings])
+            count = np.isfinite(ratios).sum(axis=0)
+            middle = np.nanmean(ratios, axis=0)
+            error = np.nanstd(ratios, axis=0) / np.sqrt(np.maximum(count - 1, 1))
+            for ax, value, bar in zip(axes, middle, error, strict=True):
+                x = packings[0].strain / p
+                ax.errorbar(x, value, bar, fmt=f"-{marker}", color=colour, capsize=1.5, label=f"$p = {p:g}$")
+        for ax, name in zip(axes, (style.STORAGE, style.LOSS), strict=True):
+            ax.set_xscale("log")
+            ax.axhline(1.0, color=style.GREY, lw=0.5, ls=":")
+            ax.set_xlabel(r"$\gamma_0 k/p$")
+            ax.set_ylabel(f"{name}$(\\gamma_0)$/{name}$(0)$")
+        axes[1].set_yscale("log")
+        axes[0].legend()
+        style.letter_panels(axes)
+        style.save(figure, path)
 
 
 def main():
     words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     words.add_argument("folder", type=Path)
-    folder = words.parse_args().folder
-    found = defaultdict(list)
-    for path in sorted(folder.glob("oscillate-*.h5")):
-        p = float(re.match(r"oscillate-(.+)-\d+\.h5", path.name).group(1))
-        found[p].append(load(path))
-    print(
-        "| p | γ₀/p | G'/G'(0) | G''/G''(0) | third harmonic | change of the last cycle | error | balance |"
-    )
-    print("|---|---|---|---|---|---|---|---|")
-    for p, files in sorted(found.items(), reverse=True):
-        for a, strain in enumerate(files[0]["amplitude"]):
-            solved = [file for file in files if np.isfinite(file["G"][a, 0])]
-            if not solved:
-                continue
-            G = [file["G"][:, 0] for file in solved]
-            columns = (
-                [one[a].real / one[0].real for one in G],
-                [one[a].imag / one[0].imag for one in G],
-                [abs(file["harmonics"][a, 0, 0]) for file in solved],
-                [file["cycle_change"][a, 0] / abs(file["G"][a, 0]) for file in solved],
-                [file["error"][a, 0] / abs(file["G"][a, 0]) for file in solved],
-                [abs(file["energy_balance"][a, 0]) for file in solved],
-            )
-            print(f"| {p:g} | {strain / p:.3g} | " + " | ".join(told(column) for column in columns) + " |")
+    words.add_argument("--picture", type=Path, help="draw G* against the strain")
+    args = words.parse_args()
+    found = read(args.folder)
+    print_points(found)
+    print_end(found)
+    if args.picture:
+        draw(found, args.picture)
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from jampetsc.studies.plan import plan
 from jampetsc.words.pictures import PICTURES
 
 FIGURES = launch.ROOT / "run" / "figures"
-STUDIES = sorted(path.name for path in FIGURES.iterdir() if "study <<" in path.read_text())
+STUDIES = sorted(path.name for path in FIGURES.iterdir())
 
 
 @pytest.fixture(scope="module")
@@ -23,39 +23,62 @@ def parsers():
 
 
 def shown(name, *words, **environment):
-    """(study, [words of a picture's command]) of a figure."""
+    """({folder: study}, [words of a picture's command, or of a program of benchmarks/]) of a figure."""
     line = [str(FIGURES / name), "--show", *words]
     done = subprocess.run(line, env=os.environ | environment, capture_output=True, text=True, check=True)
-    text = done.stdout.splitlines()
-    pictures = [shlex.split(one)[1:] for one in text if one.startswith("jampetsc ")]
-    return "\n".join(one for one in text if not one.startswith("jampetsc ")), pictures
+    studies, pictures = {}, []
+    for line in done.stdout.splitlines():
+        if line.startswith(("jampetsc ", "python ")):
+            pictures.append(shlex.split(line)[1:])
+        elif line.startswith("# study "):
+            part = line.removeprefix("# study ")
+            studies[part] = ""
+        else:
+            studies[part] += f"{line}\n"
+    return studies, pictures
+
+
+def is_program(picture):
+    """Whether a picture is made by a program of benchmarks/, which reads the folder that its first word names."""
+    return picture[0].startswith("benchmarks/")
 
 
 @pytest.mark.parametrize("name", STUDIES)
 def test_a_figure_asks_for_what_there_is(parsers, name):
     for words in ([], ["--paper"]):
-        study, pictures = shown(name, *words)
-        tasks = plan(name, study.encode(), {kind: parsers[kind] for kind in KINDS})
+        studies, pictures = shown(name, *words)
+        kinds = {kind: parsers[kind] for kind in KINDS}
+        tasks = [task for part, study in studies.items() for task in plan(part, study.encode(), kinds)]
         columns = {"command", "file"}.union(*({*task.columns, "law", "model"} for task in tasks))
         formats = {"pack": "packing"}
         made = {formats.get(task.command, task.command) for task in tasks}
         made |= {"correlation", "velocity-correlation"} if "correlate" in made else set()
         assert pictures
-        for words in pictures:
-            parsers[words[0]].parse_args(words[1:])
         for picture in pictures:
+            if is_program(picture):
+                assert (launch.ROOT / picture[0]).exists() and all(
+                    part.startswith(picture[1]) for part in studies
+                )
+                continue
+            args = parsers[picture[0]].parse_args(picture[1:])
             if picture[0] == "collapse" or picture[1].endswith(".h5"):
                 continue
-            args = parsers["plot"].parse_args(picture[1:])
             assert made.intersection(PICTURES[args.kind].of), args.kind
             assert not args.where or {word.split("=")[0] for word in args.where.split(",")} <= columns
 
 
 def test_sizes_of_a_figure_come_from_its_mode_or_the_environment():
-    assert "n = 4096\n" in shown("bt-fig3")[0] and "n = 32768\n" in shown("bt-fig3", "--paper")[0]
-    assert "n = 16\n" in shown("bt-fig3", "--paper", N="16")[0]
+    for words, sizes, n in (([], {}, 4096), (["--paper"], {}, 32768), (["--paper"], {"N": "16"}, 16)):
+        (study,) = shown("bt-fig3", *words, **sizes)[0].values()
+        assert f"n = {n}\n" in study
     done = subprocess.run([FIGURES / "bt-fig3", "--papers"], capture_output=True, text=True)
     assert done.returncode == 2 and "--papers: there are --quick, --paper and --show" in done.stderr
+
+
+def as_python(words):
+    """A program's command line, for `launch.run_lines`."""
+    argv = [str(launch.ROOT / words[0]), *words[1:]]
+    return f"import runpy, sys\nsys.argv = {argv}\nrunpy.run_path(sys.argv[0], run_name='__main__')"
 
 
 TINY = {
@@ -64,17 +87,26 @@ TINY = {
 }
 LESS = {  # a figure of which something has to be smaller, or must not be
     **{"paper1": {"STRAIN": "0.1"}, "paper2": {"N": "16,20,24"}, "paper3": {"STRAIN": "0.1"}},
+    **{
+        "softening": {"STRAINS": "0.01,1", "STEPS": "16", "CYCLES": "3"},
+        "bt-nonlinear": {"STRESSES": "1e-5", "POINTS": "3", "PRESSURES": "1e-2"},
+    },
 }
 
 
 def test_every_figure_is_made(tmp_path):
     items, made = [], []
     for name in STUDIES:
-        study, pictures = shown(name, FOLDER=str(tmp_path / name), **TINY | LESS.get(name, {}))
-        (tmp_path / f"{name}.toml").write_text(study)
-        items += [["study", str(tmp_path / f"{name}.toml"), "--out", str(tmp_path / name)], *pictures]
-        made += [words[words.index("--out") + 1] for words in pictures]
-    launch.run_lines(tmp_path, items)
+        studies, pictures = shown(name, FOLDER=str(tmp_path / name), **TINY | LESS.get(name, {}))
+        for n, (part, study) in enumerate(studies.items()):
+            (tmp_path / f"{name}-{n}.toml").write_text(study)
+            os.makedirs(part, exist_ok=True)
+            items.append(["study", str(tmp_path / f"{name}-{n}.toml"), "--out", part])
+        items += [as_python(words) if is_program(words) else words for words in pictures]
+        made += [words[words.index("--picture" if is_program(words) else "--out") + 1] for words in pictures]
+    said = launch.run_lines(tmp_path, items)
+    linear = "| 0.01 | 0.01 | 1 of 1 | 1.00 | 1.00 |"  # the least strain
+    assert linear in said and "alpha = 0.6667" in said and "measured over self-consistent" in said
     assert len(made) > 2 * len(STUDIES) > 20
     for path in made:
         assert os.path.getsize(path) > 5000, path
