@@ -18,7 +18,7 @@ from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.oscillation import dashpots
 from jampetsc.oscillation.moving import STAGE, Imposed, MovingContacts
 from jampetsc.oscillation.powerlaw import PowerLaw
-from jampetsc.oscillation.repeated import START_STEPS, Start, left_to_change, shake
+from jampetsc.oscillation.repeated import START_STEPS, Start, harmonics_of, left_to_change, shake
 from jampetsc.oscillation.steady import Point, SteadyOscillation
 from jampetsc.packing.hessian import Bonds
 from jampetsc.response.elastic import ElasticResponse
@@ -276,6 +276,13 @@ def test_slow_shear_goes_from_minimum_to_minimum():
     for _ in range(20):
         slow.advance()
     assert look_at(slow.disks).shear_stress == pytest.approx(state.stress[0, 1], abs=1e-6)
+
+
+def test_harmonics_of_a_cycle_without_its_creep():
+    phase = 2.0 * np.pi * np.arange(1, 33) / 32
+    creep = 0.2 + 0.7 * np.arange(1, 33) / 32
+    found = harmonics_of(2.0 * np.sin(phase) + 0.5 * np.cos(phase) + 0.1 * np.sin(3.0 * phase) + creep, 0.7)
+    np.testing.assert_allclose(found, [2.0 + 0.5j, -0.1, 0.0], atol=1e-14)
 
 
 def test_what_is_left_to_change():

@@ -149,6 +149,17 @@ def left_to_change(G) -> float:
     return float(change * max(1.0, change / (before - change))) if change < before else np.inf
 
 
+def harmonics_of(values, drift: float = 0.0):
+    """Complex first, third and fifth harmonic of values (steps,) at the ends of the steps of a cycle, less a ramp.
+
+    Of a sine they are 1, 0, 0: their origin is the time at which it is largest, as for fixed contacts.
+    """
+    ends = np.arange(1, len(values) + 1) / len(values)
+    orders = 2 * np.arange(HARMONICS + 1) + 1
+    waves = np.exp(-1j * np.outer(2.0 * np.pi * ends - 0.5 * np.pi, orders))
+    return (values - drift * ends) @ waves * (2.0 / len(values))
+
+
 class _Run:
     """Cycles of so many steps of a packing at this strain; `seen` has what each of them was like."""
 
@@ -208,13 +219,8 @@ class _Run:
                     "less --stress"
                 )
         drift = motion.gamma - begin
-        phase = 2.0 * np.pi * np.arange(1, self.steps + 1) / self.steps
-        if self.stress_controlled:
-            response -= drift * np.arange(1, self.steps + 1) / self.steps
-        orders = 2 * np.arange(HARMONICS + 1) + 1
-        # with the time at which what is imposed is largest as its origin, as for fixed contacts
-        found = response @ np.exp(-1j * np.outer(phase - 0.5 * np.pi, orders)) * (2.0 / self.steps)
-        work = dt * float(response @ (self.amplitude * w * np.cos(phase)))  # ∮σdγ = −∮γdσ
+        found = harmonics_of(response, drift if self.stress_controlled else 0.0)
+        work = np.pi * self.amplitude * float(found[0].imag)  # ∮σdγ = −∮γdσ
         G, work = (
             (self.amplitude / found[0], -work)
             if self.stress_controlled
