@@ -344,6 +344,12 @@ def test_steps_that_are_far_too_long_are_noticed(name):
         run.advance(1000)
 
 
+def test_velocities_that_are_not_found_are_told():
+    run = shear("CD0", crowd(16), tolerance=0.0)  # less than rounding leaves
+    with pytest.raises(ConvergenceError, match="velocities not found to 0: raise --tolerance"):
+        run.advance(1)
+
+
 @pytest.mark.parametrize(
     "name, mass, rate, step, method",
     [
