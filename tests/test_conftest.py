@@ -1,6 +1,8 @@
-"""The agreement between ranks that tests on PETSc rely on: a failure on one rank is never lost."""
+"""The agreement between ranks that tests on PETSc rely on, and stages of a run: a failure of one is never lost."""
 
 import os
+import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -67,3 +69,31 @@ def test_a_failure_while_the_others_wait_ends_the_run(tmp_path):
     assert "test_others_wait_for_the_one_that_failed: rank 1 failed alone" in done.stderr
     assert "AssertionError: while the others wait" in done.stderr
     assert done.returncode == 1
+
+
+# run/test
+
+
+def ending(folder, *stages):
+    """Status and last line of run/test after stages with these commands: its own functions and end, in `folder`."""
+    script = (launch.ROOT / "run" / "test").read_text()
+    stage = re.search(r"^stage\(\) \{.*?^\}\n", script, re.MULTILINE | re.DOTALL)[0]
+    end = script[script.index("count() {") :]
+    lines = [f"stage {name} sh -c {shlex.quote(command)}" for name, command in stages]
+    text = "\n".join(["set -uo pipefail", f"logs={folder}", stage, *lines, end])
+    done = subprocess.run(["bash", "-c", text], capture_output=True, text=True)
+    return done.returncode, done.stdout.splitlines()[-2:]
+
+
+def test_a_stage_that_fails_fails_the_run(tmp_path):
+    good, bad = "echo '3 passed in 0.1s'", "echo '1 failed, 2 passed in 0.1s'; exit 1"
+    for number, (stages, status, said) in enumerate(
+        [
+            ([("a", good), ("b", good)], 0, "== 6 passed in"),
+            ([("a", bad), ("b", good)], 1, "not passed: a == 1 failed, 5 passed in"),
+            ([("a", good), ("b", "exit 5")], 1, "not passed: b == 0 failed, 3 passed in"),  # no test at all
+        ]
+    ):
+        (tmp_path / str(number)).mkdir()
+        found, lines = ending(tmp_path / str(number), *stages)
+        assert found == status and said in " ".join(lines)

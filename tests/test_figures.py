@@ -112,6 +112,14 @@ def test_every_figure_is_made(tmp_path):
         assert os.path.getsize(path) > 5000, path
 
 
+def test_a_figure_does_without_a_task_that_fails(tmp_path):
+    toml = "[pack]\nn = 16\nphi = [0.8, 0.95]\n"  # at 0.8 disks do not touch
+    (tmp_path / "fig").write_text(f". {launch.ROOT}/run/figure\nstudy <<END\n{toml}END\necho drawn\n")
+    environment = launch.environment() | {"FOLDER": str(tmp_path / "made")}
+    done = subprocess.run(["bash", tmp_path / "fig"], env=environment, capture_output=True, text=True)
+    assert done.returncode == 0 and "2 tasks, 1 failed" in done.stdout and done.stdout.endswith("drawn\n")
+
+
 def test_a_figure_is_made_and_its_claims_are_looked_at(tmp_path):
     folder = tmp_path / "bt-fig5-quick"
     environment = launch.environment() | {"N": "16", "SEEDS": "1:2", "FOLDER": str(folder)}

@@ -9,6 +9,7 @@ from powerlaw import Motion
 from samples import network_of, physics, published
 from sweeps import Sweep
 
+from jampetsc import cli
 from jampetsc.contacts.laws import Physics
 from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.assembly import assemble
@@ -20,6 +21,8 @@ from jampetsc.oscillation.powerlaw import STIFFEST
 from jampetsc.oscillation.steady import Point, SteadyOscillation
 from jampetsc.response.elastic import ElasticResponse
 from jampetsc.session import current
+from jampetsc.storage.packing_file import write_packing
+from jampetsc.storage.reader import load
 
 pytestmark = pytest.mark.scalar("real")
 OMEGA, STRESS = 2e-6, 1e-4  # for α = ½, the middle of the crossover of the published packing
@@ -196,3 +199,14 @@ def test_slow_limit(alpha):
     assert found.G.imag == pytest.approx(loss, rel=1e-2)
     assert found.G.real == pytest.approx(shear.value / packing.network.area, rel=1e-2)
     assert found.G.imag < 0.05 * found.G.real
+
+
+@pytest.mark.most_ranks(1)
+def test_the_command_has_the_mean_diameter_for_its_length_and_leaves_no_checkpoint(session, tmp_path):
+    packing, out = tmp_path / "p.h5", tmp_path / "o.h5"
+    write_packing(packing, published())
+    line = f"oscillate {packing} --out {out} --alpha 0.5 --omega {OMEGA} --stress {STRESS} --steps 16".split()
+    args = cli.command_parser(line)[0].parse_args(line)
+    assert args.run(args, []) == 0
+    assert load(out)["G"][0, 0] == pytest.approx(shaken(0.5, 16).G, rel=1e-6)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["o.h5", "p.h5"]
