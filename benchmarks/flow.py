@@ -1,6 +1,6 @@
 """Speed of steady shear, and LAMMPS beside it: million disk-updates per second (disks × force evaluations / time).
 
-    .venv/bin/python benchmarks/flow.py [--n 1024,4096] [--rate 1e-3] [--lammps PATH/TO/lmp | --no-lammps] [--rounds 3]
+    .venv/bin/python benchmarks/flow.py [--n 1024,4096,65536] [--rate 1e-3] [--rounds 3] [--lammps LMP | --no-lammps]
 
 From one state, sheared to strain 0.2 by RD0 first. jampetsc and LAMMPS take turns; the best of the rounds counts,
 in processor time, list rebuilds included, compilation not.
@@ -32,7 +32,7 @@ from jampetsc.packing.sizes import radii_of
 
 PHI = 0.8433
 STEPS = {"RD0": 0.2, "CD0": 0.5}  # others 0.1
-TIME = 400.0  # simulated, in τ0
+TIME, MANY = 400.0, 16384  # simulated, in τ0, of so many disks at most; of more it is shorter
 
 HEAD = """
 units lj
@@ -71,6 +71,11 @@ run {steps}
 """
 
 
+def duration(n):
+    """Time simulated, in τ0."""
+    return TIME * min(1.0, MANY / n)
+
+
 def start(n):
     """Disks after a strain of 0.2."""
     potential = Potential("harmonic", "inverse-square-diameter")
@@ -81,14 +86,14 @@ def start(n):
 
 
 def ours(name, disks, rate):
-    """(seconds, force evaluations, σ, p, iterations per step) of a run of TIME."""
+    """(seconds, force evaluations, σ, p, iterations per step) of a run."""
     law, massive = MODELS[name]
     method = "verlet" if massive else "euler"
     step = STEPS.get(name, 0.1)
     run = Shear(disks, Model(law, float(massive)), rate, Scheme(step, method, 1e-3))
     run.advance(20)
     run.seen[:] = 0.0
-    steps = int(TIME / step / (1 if name != "CD0" else 2))
+    steps = int(duration(disks.n) / step / (1 if name != "CD0" else 2))
     began = time.process_time()
     run.advance(steps)
     seconds = time.process_time() - began
@@ -102,7 +107,7 @@ def theirs(lmp, name, disks, rate):
     mixed, step = 0.5 * (small + large), STEPS.get(name, 0.1)
     words = {"small": small, "large": large, "mixed": mixed, "reach": large + 0.6, "rate": rate, "step": step}
     words |= {f"k{pair}": 0.5 / s**2 for pair, s in (("11", small), ("12", mixed), ("22", large))}
-    words |= {"steps": int(TIME / step), "style": "atomic" if name == "RD0" else "sphere"}
+    words |= {"steps": int(duration(disks.n) / step), "style": "atomic" if name == "RD0" else "sphere"}
     words |= {"top": rate * disks.cell[1, 1], "height": disks.cell[1, 1]}
     with tempfile.TemporaryDirectory() as folder:
         write_data(Path(folder) / "start.data", disks, name == "RD0")
@@ -148,7 +153,7 @@ def write_data(path, disks, points):
 def main():
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], allow_abbrev=False)
-    parser.add_argument("--n", default="1024,4096")
+    parser.add_argument("--n", default="1024,4096,65536")
     parser.add_argument("--rate", type=float, default=1e-3)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--lammps", metavar="LMP")
