@@ -113,7 +113,7 @@ def test_every_figure_is_made(tmp_path):
 
 
 def test_a_figure_does_without_a_task_that_fails(tmp_path):
-    toml = "[pack]\nn = 16\nphi = [0.8, 0.95]\n"  # at 0.8 disks do not touch
+    toml = "[pack]\nn = 24\nphi = [0.8, 0.95]\n"  # at 0.8 disks do not touch
     (tmp_path / "fig").write_text(f". {launch.ROOT}/run/figure\nstudy <<END\n{toml}END\necho drawn\n")
     environment = launch.environment() | {"FOLDER": str(tmp_path / "made")}
     done = subprocess.run(["bash", tmp_path / "fig"], env=environment, capture_output=True, text=True)
