@@ -7,7 +7,7 @@ from sheared import crowd
 from jampetsc.contacts.pairs import PairList
 from jampetsc.packing import follow as compiled
 from jampetsc.packing.hessian import Bonds
-from jampetsc.packing.ldl import dissected, factorise, solve
+from jampetsc.packing.ldl import factorise, minimum_degree, solve
 from jampetsc.packing.minimise import settle
 
 
@@ -16,8 +16,7 @@ def listed(request):
     """Disks in a cell so small that some touch through two images, their pairs, and an order of elimination."""
     disks = settle(crowd(n=40, phi=0.9, kind=request.param), 1e-5)
     pairs = PairList.build(disks, 0.3)
-    places = disks.positions @ np.linalg.inv(disks.cell)
-    return disks, pairs, dissected(places - np.floor(places), pairs.i, pairs.j)
+    return disks, pairs, minimum_degree(disks.n, pairs.i, pairs.j, np.hypot(*pairs.r0) < pairs.sigma)
 
 
 def dense(pairs, n, blocks, shift):
@@ -32,6 +31,28 @@ def dense(pairs, n, blocks, shift):
 def test_the_order_holds_every_disk_once(listed):
     disks, _, order = listed
     assert sorted(order.tolist()) == list(range(disks.n))
+
+
+def test_disks_with_the_fewest_neighbours_are_eliminated_first(listed):
+    """As found by eliminating from a dense graph: always one of least degree; a chain fills nothing in."""
+    disks, pairs, order = listed
+    graph = np.zeros((disks.n, disks.n), bool)
+    near = np.hypot(*pairs.r0) < pairs.sigma
+    graph[pairs.i[near], pairs.j[near]] = graph[pairs.j[near], pairs.i[near]] = True
+    np.fill_diagonal(graph, False)
+    left = np.ones(disks.n, bool)
+    for disk in order:
+        degree = graph.sum(1)
+        assert degree[disk] == degree[left].min()
+        around = np.flatnonzero(graph[disk])
+        graph[np.ix_(around, around)] = True
+        np.fill_diagonal(graph, False)
+        graph[disk], graph[:, disk], left[disk] = False, False, False
+    chain = np.random.default_rng(1).permutation(30).astype(np.uint32)
+    whole = np.ones(29, bool)
+    order = minimum_degree(30, chain[:-1], chain[1:], whole)
+    blocks = np.tile(np.eye(2), (29, 1, 1))
+    assert len(factorise(order, chain[:-1], chain[1:], blocks, whole, np.ones(30))[1][2]) == 29
 
 
 def test_the_factor_is_that_of_the_hessian(listed):
@@ -91,11 +112,10 @@ def followed(listed, skin=2.0, **changes):
     } | changes
     factor = compiled.factor_of(order, pairs.arrays, still, 0.0, law, 1e-3, 1e-4, 0.5)
     memory, forces = compiled.nothing_remembered(disks.n), np.empty_like(still)
-    widest = 2.0 * float(disks.radii.max())
+    listed_so = 2.0 * float(disks.radii.max()), skin, disks.area, 0.0
     status, evaluations, sums = compiled.follow(
-        pairs.arrays, (widest, skin), law, disks.area, factor, memory, still, 0.0, np.zeros_like(still), forces,
-        tuple(aim.values()),
-    )  # fmt: skip
+        *pairs.arrays, law, (*listed_so, *aim.values()), *factor, *memory, still, np.zeros_like(still), forces
+    )
     return status, evaluations, np.hypot(*forces.T).max(), 0.5 * (sums[1] + sums[3]) / disks.area
 
 

@@ -14,7 +14,7 @@ from jampetsc.contacts.pairs import SKIN_RANGE, PairList, deformed, is_stale
 from jampetsc.contacts.state import find_contacts, measure
 from jampetsc.packing import follow as compiled
 from jampetsc.packing.descent import Goal
-from jampetsc.packing.ldl import dissected
+from jampetsc.packing.ldl import minimum_degree
 from jampetsc.packing.minimise import UNJAMMED, Effort, minimise, stress_unit
 from jampetsc.packing.newton import FORCE_FLOOR
 
@@ -27,6 +27,8 @@ RESTING = 3e-2  # max |F| / (p d) to which they then go down without one
 PATIENCE = 1500  # evaluations before a quench is begun
 DAMPING = 1e-5  # added to the Hessian, in units of the stiffness of a contact
 NEARBY = 3e-3  # mean diameters: disks that are apart by less may touch within the step
+ORDERED = 0.1  # mean diameters: the order of elimination is found as if disks apart by less touched,
+FILLED = 1.25  # and anew where a factor has grown by as much since
 SHARE = 0.25  # of G_A V Δγ²: what a step must dissipate to be a plastic event
 
 
@@ -83,6 +85,7 @@ class SlowShear:
         self.last = np.zeros((disks.n, 2))  # displacement beside the affine one in the last step,
         self._moved = np.zeros((disks.n, 2))  # and in this one
         self._unit, self._law = stress_unit(disks), disks.potential.constants
+        self._memory = compiled.nothing_remembered(disks.n)
         self._list(self._quenched(disks))
 
     @property
@@ -113,8 +116,7 @@ class SlowShear:
         """Make everything anew that decides the last digits, so that a run may go on from here."""
         self._list(self.disks)
         self._anchor = self.reference, self.last.copy(), self.steps, replace(self.effort)
-        places = self.reference.positions @ np.linalg.inv(self.reference.cell)
-        self._order = dissected(places - np.floor(places), self.pairs.i, self.pairs.j)
+        self._arrange()
         law, pressure = self.reference.potential, max(measure(self.reference).pressure, UNJAMMED * self._unit)
         scale = float(law.scale(np.array(self.diameter)))
         usual = scale * (2.0 * pressure * self.diameter * scale / law.k) ** (1.0 / (law.alpha - 1.0))
@@ -122,31 +124,44 @@ class SlowShear:
         self._factorise()
         self.found = self._look(self._forces())
 
+    def _arrange(self):
+        """An order of elimination for the disks where they are now."""
+        r = self.pairs.r0 + (self.offsets[self.pairs.j] - self.offsets[self.pairs.i]).T
+        r[0] += self.shear * r[1]
+        near = np.hypot(*r) < self.pairs.sigma + ORDERED * self.diameter
+        self._order = minimum_degree(self.reference.n, self.pairs.i, self.pairs.j, near)
+        self._entries = 0
+
     def _factorise(self):
         """A factor of the Hessian as it is now, and nothing remembered."""
-        disks = self.reference
-        self._factor = compiled.factor_of(
-            self._order, self.pairs.arrays, self.offsets, self.shear, self._law,
-            NEARBY * self.diameter, DAMPING * self._stiffness, self._stiffness,
-        )  # fmt: skip
-        self._memory = compiled.nothing_remembered(disks.n)
+        while True:
+            self._factor = compiled.factor_of(
+                self._order, self.pairs.arrays, self.offsets, self.shear, self._law,
+                NEARBY * self.diameter, DAMPING * self._stiffness, self._stiffness,
+            )  # fmt: skip
+            entries = len(self._factor[2])
+            self._entries = self._entries or entries
+            if entries <= FILLED * self._entries:
+                break
+            self._arrange()
+        self._memory[2][0] = 0
         self.effort.newton_steps += 1
 
     def _go_down(self, forces, share, budget):
-        floor = FORCE_FLOOR * self._stiffness * self.diameter
-        aim = (
-            share,
-            floor,
-            UNJAMMED * self._unit,
-            self.diameter,
-            LONGEST * self.diameter,
-            0.2 / self._stiffness,
-            budget,
-        )
-        return compiled.follow(
-            self.pairs.arrays, (self.largest, self.skin), self._law, self.area, self._factor, self._memory,
-            self.offsets, self.shear, self._moved, forces, aim,
+        scalars = (
+            self.largest, self.skin, self.area, self.shear, share, FORCE_FLOOR * self._stiffness * self.diameter,
+            UNJAMMED * self._unit, self.diameter, LONGEST * self.diameter, 0.2 / self._stiffness, budget,
         )  # fmt: skip
+        return compiled.follow(
+            *self.pairs.arrays,
+            self._law,
+            scalars,
+            *self._factor,
+            *self._memory,
+            self.offsets,
+            self._moved,
+            forces,
+        )
 
     def _follow(self):
         """Down to the minimum; the sums of `bond_forces` there, None where it was lost."""
@@ -164,7 +179,8 @@ class SlowShear:
                 self._list(self.disks)
             elif share == self.tolerance and budget == FRESH:
                 # disks rearrange: the Hessian is not worth its factor until they come to rest
-                self._factor, self._memory = compiled.NO_FACTOR, compiled.nothing_remembered(len(forces))
+                self._factor = compiled.NO_FACTOR
+                self._memory[2][0] = 0
                 share, budget = max(2.0 * self.tolerance, RESTING), PATIENCE
             else:
                 self._factorise()

@@ -22,8 +22,8 @@ NO_FACTOR = np.empty(0, np.uint32), np.empty(0, np.uint32), np.empty(0, np.uint3
 
 
 def nothing_remembered(n: int):
-    """(s and y (2, MEMORY, N, 2), s · y (MEMORY,), (how many, where the next one goes), where to work (4, N, 2))."""
-    return np.zeros((2, MEMORY, n, 2)), np.zeros(MEMORY), np.zeros(2, np.int64), np.zeros((4, n, 2))
+    """(s and y (2, MEMORY, 2N), s · y (MEMORY,), (how many, where the next one goes), where to work (4, 2N))."""
+    return np.zeros((2, MEMORY, 2 * n)), np.zeros(MEMORY), np.zeros(2, np.int64), np.zeros((4, 2 * n))
 
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy")
@@ -140,60 +140,72 @@ def contacts_at(pairs, o, g, law):
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy")
 def _dot(a, b):
     total = 0.0
-    for k in range(len(a)):
-        total += a[k, 0] * b[k, 0] + a[k, 1] * b[k, 1]
+    for q in range(len(a)):
+        total += a[q] * b[q]
+    return total
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def _add_dot(x, c, y, z):
+    """x ← x + c y; returns z · x."""
+    total = 0.0
+    for q in range(len(x)):
+        x[q] += c * y[q]
+        total += z[q] * x[q]
     return total
 
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy")
 def _direction(factor, softness, memory, forces, d, work):
-    """d = H F, (N, 2), by the two loops over what is remembered; H₀ without a factor: about `softness`."""
+    """d = H F, (2N,), by the two loops over what is remembered; H₀ without a factor: about `softness`."""
     both, product, count, spaces = memory
     s, y = both[0], both[1]
     kept, following = count
     share = np.empty(MEMORY)
     work[:] = forces
-    for back in range(kept):
-        m = (following - 1 - back) % MEMORY
-        share[m] = _dot(s[m], work) / product[m]
-        for k in range(len(work)):
-            work[k, 0] -= share[m] * y[m, k, 0]
-            work[k, 1] -= share[m] * y[m, k, 1]
+    m = (following - 1) % MEMORY
+    pull = _dot(s[m], work) if kept else 0.0
+    for _ in range(kept):
+        share[m] = pull / product[m]
+        older = (m - 1) % MEMORY
+        pull = _add_dot(work, -share[m], y[m], s[older])
+        m = older
     if len(factor[0]):
-        solve(factor, work, d, spaces[3])
+        solve(factor, work.reshape(-1, 2), d.reshape(-1, 2), spaces[3].reshape(-1, 2))
     else:
         newest = (following - 1) % MEMORY
         scale = product[newest] / _dot(y[newest], y[newest]) if kept else softness
-        for k in range(len(work)):
-            d[k, 0], d[k, 1] = scale * work[k, 0], scale * work[k, 1]
-    for ahead in range(kept):
-        m = (following - kept + ahead) % MEMORY
-        rest = share[m] - _dot(y[m], d) / product[m]
-        for k in range(len(work)):
-            d[k, 0] += rest * s[m, k, 0]
-            d[k, 1] += rest * s[m, k, 1]
+        for q in range(len(work)):
+            d[q] = scale * work[q]
+    m = (following - kept) % MEMORY
+    pull = _dot(y[m], d) if kept else 0.0
+    for _ in range(kept):
+        newer = (m + 1) % MEMORY
+        pull = _add_dot(d, share[m] - pull / product[m], s[m], y[newer])
+        m = newer
 
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def follow(pairs, listed, law, area, factor, memory, o, g, moved, forces, aim):
-    """Go down from offsets o (N, 2) at shear g of the list to the minimum; returns (status, evaluations, sums).
+def _longest(a):
+    """Largest a_x² + a_y² of a (2N,)."""
+    longest = 0.0
+    for k in range(len(a) // 2):
+        square = a[2 * k] * a[2 * k] + a[2 * k + 1] * a[2 * k + 1]
+        longest = square if square > longest else longest
+    return longest
 
-    listed = (σ_max, skin); factor, memory: of `factor_of`, `nothing_remembered`
-    aim = (max |F| / (p d) asked for, force that rounding leaves, pressure at which no two disks touch, d, longest move
-    of a disk in one step, one over the stiffness of a contact, evaluations at most). What is moved is added to `moved`
-    (N, 2); sums: of `bond_forces`, at the end.
-    """
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def _down(pairs, listed, law, area, factor, memory, o, g, moved, forces, aim):
     both, product, count, spaces = memory
     s, y = both[0], both[1]
     d, old, work = spaces[0], spaces[1], spaces[2]
+    flat = forces.reshape(-1)
     share, floor, apart, diameter, reach, softness, most = aim
     sums = bond_forces(pairs, o, 0.0, g, law, forces, None, None)
     evaluations = 1
     while True:
-        top = 0.0
-        for k in range(len(o)):
-            top = max(top, forces[k, 0] ** 2 + forces[k, 1] ** 2)
-        top = np.sqrt(top)
+        top = np.sqrt(_longest(flat))
         pressure = 0.5 * (sums[1] + sums[3]) / area
         if not top < np.inf:
             return LOST, evaluations, sums
@@ -203,38 +215,52 @@ def follow(pairs, listed, law, area, factor, memory, o, g, moved, forces, aim):
             return CONVERGED, evaluations, sums
         if evaluations >= most:
             return SPENT, evaluations, sums
-        _direction(factor, softness, memory, forces, d, work)
-        slope = _dot(forces, d)
+        _direction(factor, softness, memory, flat, d, work)
+        slope = _dot(flat, d)
         if not slope > 0.0:
             count[0] = 0
-            _direction(factor, softness, memory, forces, d, work)
-            slope = _dot(forces, d)
+            _direction(factor, softness, memory, flat, d, work)
+            slope = _dot(flat, d)
             if not slope > 0.0:
                 return LOST, evaluations, sums
-        longest = 0.0
-        for k in range(len(o)):
-            longest = max(longest, d[k, 0] ** 2 + d[k, 1] ** 2)
-        length = min(1.0, reach / np.sqrt(longest))
-        old[:] = forces
+        length = min(1.0, reach / np.sqrt(_longest(d)))
+        old[:] = flat
         done = 0.0
         for _ in range(TRIES):
-            far = _go(o, moved, d, length - done, g)
+            far = _go(o, moved, d.reshape(-1, 2), length - done, g)
             done = length
             if is_stale(far, 0.0, g, listed[0], listed[1]):
                 return STALE, evaluations, sums
             sums = bond_forces(pairs, o, 0.0, g, law, forces, None, None)
             evaluations += 1
-            end = _dot(forces, d)
+            end = _dot(flat, d)
             if end >= -OVERSHOT * slope:
                 break
             length *= max(slope / (slope - end), 0.1)
         bend = length * (slope - end)
         if bend > 1e-12 * slope * length:
             m = count[1]
-            for k in range(len(o)):
-                for axis in range(2):
-                    s[m, k, axis] = length * d[k, axis]
-                    y[m, k, axis] = old[k, axis] - forces[k, axis]
+            for q in range(len(d)):
+                s[m, q] = length * d[q]
+                y[m, q] = old[q] - flat[q]
             product[m] = bend
             count[0] = min(count[0] + 1, MEMORY)
             count[1] = (m + 1) % MEMORY
+
+
+@numba.njit(cache=True, error_model="numpy")
+def follow(
+    i, j, r0, sigma, law, scalars, order, begin, row, lower, both, product, count, spaces, o, moved, forces
+):
+    """Go down from offsets o (N, 2) at shear g of the list to the minimum; returns (status, evaluations, sums).
+
+    One after the other, as tuples of arrays take numba up to 0.1 ms to look at: a `PairList`; scalars = (σ_max, skin,
+    V, g, max |F| / (p d) asked for, force that rounding leaves, pressure at which no two disks touch, d, longest move
+    of a disk in one step, one over the stiffness of a contact, evaluations at most); what `factor_of` and
+    `nothing_remembered` return. What is moved is added to `moved` (N, 2); sums: of `bond_forces`, at the end.
+    """
+    largest, skin, area, g, share, floor, apart, diameter, reach, softness, most = scalars
+    return _down(
+        (i, j, r0, sigma), (largest, skin), law, area, (order, begin, row, lower), (both, product, count, spaces),
+        o, g, moved, forces, (share, floor, apart, diameter, reach, softness, most),
+    )  # fmt: skip

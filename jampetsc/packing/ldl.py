@@ -1,8 +1,7 @@
 """A Hessian's factor for many small solves: L D Lᵀ of 2×2 blocks, one for each disk and contact, compiled.
 
-For N up to some thousands, where a call of a library and its analysis cost more than the work. Disks are eliminated by
-nested dissection (George, SIAM J. Numer. Anal. 10, 345 (1973)): halves of the packing first, then those disks of the
-one that touch the other, all the way down. Row k of L follows from the rows before it: with W_j = L_kj D_j,
+For N up to some thousands, where a call of a library and its analysis cost more than the work. Disks are eliminated in
+the order of their neighbours' number then. Row k of L follows from the rows before it: with W_j = L_kj D_j,
 
     W_j = A_kj − Σ_{i<j} W_i L_jiᵀ,    L_kj = W_j D_j⁻¹,    D_k = A_kk − Σ_j L_kj W_jᵀ,
 
@@ -14,37 +13,68 @@ import numpy as np
 
 from jampetsc.contacts.kernel import FAST
 
-SMALL = 6  # disks that are not dissected further
 
+@numba.njit(cache=True)
+def minimum_degree(n, i, j, chosen):
+    """N disks in the order of their elimination (N,): always one that then has the fewest neighbours.
 
-def dissected(places, i, j):
-    """Disks in the order of their elimination (N,): places (N, 2) within a cell of sides 1, pairs (i, j) (M,) each."""
-    n = len(places)
-    ends, others = np.concatenate((i, j)), np.concatenate((j, i))
-    by_end = np.argsort(ends, kind="stable")
-    start = np.searchsorted(ends[by_end], np.arange(n + 1))
-    neighbours = others[by_end]
-    side = np.zeros(n, np.int8)  # 1, 2 of the disks that are being dissected
-    order, todo = [], [np.arange(n)]
-    # From the back: separators come last, before them what they separate.
-    while todo:
-        disks = todo.pop()
-        if len(disks) <= SMALL:
-            order.append(disks)
-            continue
-        here = places[disks]
-        axis = int(np.argmax(np.ptp(here, axis=0)))
-        half = np.argpartition(here[:, axis], len(disks) // 2)
-        side[disks[half[: len(disks) // 2]]], side[disks[half[len(disks) // 2 :]]] = 1, 2
-        first = disks[side[disks] == 1]
-        counts = start[first + 1] - start[first]
-        edges = np.repeat(start[first] - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
-        meets = np.zeros(n, bool)
-        meets[np.repeat(first, counts)[side[neighbours[edges]] == 2]] = True
-        order.append(first[meets[first]])
-        todo += [first[~meets[first]], disks[side[disks] == 2]]
-        side[disks] = 0
-    return np.concatenate(order[::-1]).astype(np.uint32)
+    i, j, chosen (M,): pairs, and which of them are neighbours at the start. A pair is a group of two; the groups of a
+    disk that is eliminated become one, of all its neighbours (the quotient graph of George & Liu, SIAM Rev. 31, 1
+    (1989)).
+    """
+    pairs = len(i)
+    first, of = np.zeros(n + 1, np.int64), np.empty(2 * pairs, np.int64)  # groups of each disk
+    number = np.zeros(n, np.int64)
+    for p in range(pairs):
+        first[i[p] + 1] += 1
+        first[j[p] + 1] += 1
+    first = np.cumsum(first)
+    begin, end = np.zeros(pairs + n, np.int64), np.zeros(pairs + n, np.int64)  # of each group
+    members = np.empty(16 * n + 2 * pairs, np.int64)
+    for p in range(pairs):
+        begin[p], end[p] = 2 * p, 2 * p + 2
+        members[2 * p], members[2 * p + 1] = i[p], j[p]
+        if chosen[p]:
+            for disk in (i[p], j[p]):
+                of[first[disk] + number[disk]] = p
+                number[disk] += 1
+    order, degree, seen = np.empty(n, np.uint32), number.copy(), np.full(n, -1)
+    merged = np.zeros(pairs + n, np.bool_)
+    filled, mark = 2 * pairs, 0
+    for k in range(n):
+        disk = np.argmin(degree)
+        order[k], degree[disk] = disk, 3 * n
+        if filled + n > len(members):
+            members = np.concatenate((members, np.empty_like(members)))
+        group = pairs + k
+        begin[group] = filled
+        mark += 1
+        seen[disk] = mark
+        for e in of[first[disk] : first[disk] + number[disk]]:
+            merged[e] = True
+            for other in members[begin[e] : end[e]]:
+                if seen[other] != mark:
+                    seen[other] = mark
+                    members[filled] = other
+                    filled += 1
+        end[group] = filled
+        for a in members[begin[group] : filled]:
+            kept = first[a]
+            for e in of[first[a] : first[a] + number[a]]:
+                if not merged[e]:
+                    of[kept] = e
+                    kept += 1
+            of[kept] = group
+            number[a] = kept + 1 - first[a]
+            mark += 1
+            seen[a] = mark
+            degree[a] = 0
+            for e in of[first[a] : kept + 1]:
+                for other in members[begin[e] : end[e]]:
+                    if seen[other] != mark:
+                        seen[other] = mark
+                        degree[a] += 1
+    return order
 
 
 @numba.njit(cache=True)
