@@ -85,6 +85,7 @@ TINY = {
     **{"N": "16", "SEEDS": "1:1", "SAMPLES": "1:3", "SNAPSHOTS": "2", "PRESSURES": "1e-2,1e-3", "CUT": "1"},
     **{"STRAIN": "1.2", "RATES": "0.1,0.05,0.03", "SHEARED": "16", "COOLED": "1:2", "COOLING": "0.1"},
 }
+WHOLE = "bt-fig5"  # is run by its script
 LESS = {  # a figure of which something has to be smaller, or must not be
     **{"paper1": {"STRAIN": "0.1"}, "paper2": {"N": "16,20,24"}, "paper3": {"STRAIN": "0.1"}},
     **{
@@ -97,17 +98,22 @@ LESS = {  # a figure of which something has to be smaller, or must not be
 def test_every_figure_is_made(tmp_path):
     items, made = [], []
     for name in STUDIES:
+        if name == WHOLE:
+            continue
         studies, pictures = shown(name, FOLDER=str(tmp_path / name), **TINY | LESS.get(name, {}))
         for n, (part, study) in enumerate(studies.items()):
             (tmp_path / f"{name}-{n}.toml").write_text(study)
             os.makedirs(part, exist_ok=True)
             items.append(["study", str(tmp_path / f"{name}-{n}.toml"), "--out", part])
+        fits = [words for words in pictures if words[0] == "collapse"]
+        for fit in fits[1:]:  # of another observable, and a second each
+            pictures = [words for words in pictures if fit[fit.index("--out") + 1] not in words]
         items += [as_python(words) if is_program(words) else words for words in pictures]
         made += [words[words.index("--picture" if is_program(words) else "--out") + 1] for words in pictures]
     said = launch.run_lines(tmp_path, items)
     linear = "| 0.01 | 0.01 | 1 of 1 | 1.00 | 1.00 |"  # the least strain
     assert linear in said and "alpha = 0.6667" in said and "measured over self-consistent" in said
-    assert len(made) > 2 * len(STUDIES) > 20
+    assert len(made) > 30 and len(STUDIES) > 15
     for path in made:
         assert os.path.getsize(path) > 5000, path
 
@@ -121,10 +127,10 @@ def test_a_figure_does_without_a_task_that_fails(tmp_path):
 
 
 def test_a_figure_is_made_and_its_claims_are_looked_at(tmp_path):
-    folder = tmp_path / "bt-fig5-quick"
+    folder = tmp_path / f"{WHOLE}-quick"
     environment = launch.environment() | {"N": "16", "SEEDS": "1:2", "FOLDER": str(folder)}
     settings = {"env": environment, "capture_output": True, "text": True, "timeout": launch.MINUTES}
-    done = subprocess.run([FIGURES / "bt-fig5"], **settings)
+    done = subprocess.run([FIGURES / WHOLE], **settings)
     assert done.returncode == 0, done.stderr
     assert (folder / "5.png").stat().st_size > 5000 and (folder / "table.csv").exists()
     program = launch.ROOT / "benchmarks" / "reproduction.py"
