@@ -17,6 +17,8 @@ from array import array
 
 import pytest
 
+from jampetsc import stopping
+
 SCALAR = os.environ.get("JAMPETSC_TEST_SCALAR")
 PATIENCE = 20.0  # seconds a rank that failed waits for the others to end the same test
 HANG = 300.0  # seconds after which a test counts as hanging: every rank says where, and the run ends
@@ -74,6 +76,10 @@ def pytest_runtest_protocol(item):
     yield
     faulthandler.cancel_dump_traceback_later()
     os.close(stderr)
+    if (
+        stopping.noticed()
+    ):  # a test had jampetsc listen to SIGTERM: the run is meant, not the test that it reached
+        pytest.exit("stopped by SIGTERM", returncode=143)
 
 
 @pytest.hookimpl(hookwrapper=True)
