@@ -7,11 +7,16 @@ import pytest
 from gathered import dense, unknowns
 from samples import LAWS, ORACLE, SAMPLES, laws_of, modulus, network_of, physics, published, reference
 
+from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.contacts.disks import Disks
 from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.assembly import assemble
+from jampetsc.response import direct_sweep
 from jampetsc.response.direct import FrequencySolver
+from jampetsc.response.job import Job
 from jampetsc.solvers.cholesky import least_singular_value
+from jampetsc.storage.packing_file import write_packing
+from jampetsc.storage.reader import load
 
 pytestmark = pytest.mark.scalar("complex", "real")
 
@@ -262,6 +267,32 @@ def test_what_cannot_be_solved_is_an_error(session):
         solver.ksp.setType("preonly")
         with pytest.raises(ConvergenceError, match=r"ω = 0\.01: G' = .* only known to .* after refinement"):
             solver.solve(0.01, 1e-10)
+
+
+def test_frequencies_that_fail_are_told_beside_the_others(session, shared_path):
+    """Of G'' of gears too little is left at the lowest one. Frequencies are those of the experiment."""
+    packing, omega = shared_path / "gears.h5", [1e-24, 1e-6, 1.0]
+    if session.rank == 0:
+        write_packing(packing, SAMPLES["gears"]())
+    session.comm.barrier()
+
+    def job(name, omega):
+        how = ("direct", 1e-10, shared_path / name, EquivalentDamping(0.5, 1e-5))
+        return Job.read(packing, physics(prestress=False), omega, [], *how, comm=session.comm)
+
+    with pytest.raises(
+        ConvergenceError, match=r"1 of 3 frequencies failed, the others are in .*some.h5; the first: "
+    ):
+        direct_sweep.run(job("some.h5", omega))
+    _, G, bounds = direct_sweep.run(job("all.h5", omega[1:]))
+    for name, failed in (("some.h5", omega[:1]), ("all.h5", [])):
+        found = load(shared_path / name)
+        np.testing.assert_allclose(found.omega, omega[1:], rtol=1e-12)
+        np.testing.assert_allclose(found.G, G, rtol=1e-9)
+        np.testing.assert_allclose(found.attributes.get("failed_omega", []), failed, rtol=1e-12)
+    assert np.all(bounds[:, 1] < bounds[:, 2])
+    for column, part in zip(bounds.T, ("", "_storage", "_loss"), strict=True):
+        np.testing.assert_array_equal(found[f"error_bound{part}"], column)
 
 
 def test_a_factor_of_another_frequency_will_do(session):

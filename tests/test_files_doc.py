@@ -15,6 +15,7 @@ from jampetsc.storage.parts import GROUP
 DOC = launch.ROOT / "docs" / "files.md"
 RARE = {  # of runs that are not made here
     "jampetsc-packing": ("source", "source_sha256", "requested_phi"),
+    "jampetsc-sweep": ("failed_omega",),
     "jampetsc-flow": ("quality",),
     "jampetsc-collapse": (
         "rate",

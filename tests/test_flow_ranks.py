@@ -5,6 +5,7 @@ import pytest
 import sheared
 from sheared import crowd, shear
 
+from jampetsc.errors import ConvergenceError
 from jampetsc.flows.models import Model, Scheme
 from jampetsc.flows.shearing import Shear
 from jampetsc.flows.walls import between_walls
@@ -52,6 +53,15 @@ def test_a_run_is_the_same_on_any_number_of_ranks(session, together, name, metho
     rubbed = Shear(crowd(), Model(law, friction=0.1), 0.01, Scheme(0.1, "euler", 1e-13), together)
     rubbed.advance(3)
     assert rubbed.steps == 3
+
+
+@pytest.mark.scalar("real")
+def test_velocities_that_are_not_found_are_told(session, together):
+    """By a solver that gives up, on every rank."""
+    _, run = beside("CD0", together, crowd(16), rate=0.03)
+    together.solver.ksp.setTolerances(max_it=2)
+    with pytest.raises(ConvergenceError, match=r"velocities not found by KSP \(reason -3, 2 iterations\)"):
+        run.velocities_now()
 
 
 @pytest.mark.scalar("real")

@@ -73,6 +73,7 @@ def test_the_direct_method_continues(packing, tmp_path, ranks):
     done = sweep(ranks, 99, packing, out, *direct)
     assert done.returncode == 0, done.stderr
     assert f"continuing {out}.resume: 4 frequencies are finished" in done.stderr
+    assert not list(tmp_path.glob("*.resume*"))
     results = [jampetsc.load(path) for path in (whole, out)]
     np.testing.assert_allclose(results[1].G, results[0].G, rtol=1e-12)
     np.testing.assert_allclose(*(result["fields/displacement"] for result in results), atol=1e-9)

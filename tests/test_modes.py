@@ -184,6 +184,18 @@ def test_a_mode_found_twice_is_not_two(session):
             _require_different(wrong, found.network)
 
 
+def test_modes_that_are_not_found_well_are_refused(session, monkeypatch):
+    """SLEPc is told to be content with three digits, and is."""
+    monkeypatch.setattr(eigen, "_left_to_slepc", lambda matrix: True)
+    options = session.PETSc.Options("modes_")
+    options["eps_tol"] = 1e-3
+    try:
+        with pytest.raises(ConvergenceError, match=r"a mode has a residual of .*: tighten -modes_eps_tol"):
+            lowest_modes(build_network(SAMPLES["polydisperse"](), session.comm), 5)
+    finally:
+        options.delValue("eps_tol")
+
+
 @pytest.mark.parametrize("count", [1, 5, 12])
 def test_clusters_are_kept_whole(session, count):
     network = build_network(crystal(), session.comm)

@@ -300,6 +300,12 @@ def test_a_number_of_cycles_is_kept():
     assert shaken(0.1, 1e-5, 16, cycles=4, rotations=False).cycles == 8
 
 
+def test_what_cycles_still_change_is_in_the_error():
+    """Also where the halves of the steps happen to agree: so fast that no cycle is like the one before."""
+    found = shaken(10.0, 3e-2, 8, cycles=3, rotations=False)
+    assert 0.1 * abs(found.G) < found.change < found.error
+
+
 def test_a_stress_that_shears_for_good_is_refused():
     """Above the yield stress no cycle comes back, and nothing waits for it."""
     with pytest.raises(ConvergenceError, match="flows"):

@@ -10,7 +10,10 @@ from sweeps import Sweep, errors, judge
 import jampetsc
 from jampetsc import cli
 from jampetsc.contacts.disks import Disks
-from jampetsc.errors import ConvergenceError
+from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.response import rational_sweep
+from jampetsc.response.job import Job
+from jampetsc.storage.checkpoint import Checkpoint
 from jampetsc.storage.packing_file import write_packing
 
 pytestmark = pytest.mark.scalar("real")
@@ -221,6 +224,24 @@ def test_files_hold_the_spectrum_and_fields(session, shared_path):
     assert result["fields/error_bound"].shape == (2,)
     assert np.all(result["fields/error_bound"] < 1e-3)
     assert np.all(result["fields/error_bound"] > 0)
+
+
+def test_a_checkpoint_that_does_not_solve_the_packing_is_refused(session, shared_path):
+    packing, out, accuracy = shared_path / "packing.h5", shared_path / "sweep.h5", 1e-6
+    if session.rank == 0:
+        write_packing(packing, published())
+    session.comm.Barrier()
+    with Sweep(published(), physics(), OMEGA, accuracy, session.comm) as found:
+        basis = found.basis
+        job = Job.read(packing, physics(), OMEGA, [], "rational", accuracy, out, comm=session.comm)
+        done = {"first": basis.first, "shifts": basis.shifts}
+        fields = {"vectors": basis.vectors, "x0": 1.001 * basis.x0}
+        Checkpoint(out, job.key(session.size), session.comm, ordered=True).save(0, done, fields)
+    with pytest.raises(
+        InputError, match=r"sweep.h5.resume: what it holds does not solve this packing: remove it"
+    ):
+        rational_sweep.run(job)
+    assert not out.exists()
 
 
 def unstable():

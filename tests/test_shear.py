@@ -1,5 +1,7 @@
 """`jampetsc shear`: minima along a quasistatic path, what the file holds, and going on after a kill."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -95,6 +97,18 @@ def test_what_is_followed_is_what_a_quench_finds(jammed):
         assert state.max_force < 1e-9 * state.pressure * slow.diameter
     assert same >= 18
     assert evaluations < 0.2 * cost.evaluations
+
+
+def test_jammed_is_told_by_an_energy_in_units_of_k(jammed):
+    """Of the same disks, stiff or soft, along the same path."""
+    disks, solver = jammed
+    found = []
+    for k in (1.0, 2.0**-50):
+        slow = SlowShear(replace(disks, potential=replace(SOFT, k=k)), 5e-4, solver, 1e-6)
+        plastic = slow.advance().plastic
+        assert slow.found.jammed and look_at(slow.disks).jammed and not plastic
+        found.append(slow.found.energy / k)
+    assert found[1] == pytest.approx(found[0], rel=1e-6) and found[0] * 2.0**-50 < 48 * ENERGY_CUT
 
 
 def test_every_way_down_ends_in_the_same_minimum(jammed, monkeypatch):

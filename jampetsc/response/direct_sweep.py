@@ -57,7 +57,7 @@ def run(job: Job):
     stored = [index for index in finished if job.omega[index] in job.field_omega]
     extra = {"factorisations": solver.factorisations, "unknowns": pencil.unknowns}
     if failures:
-        extra["failed_omega"] = job.omega[sorted(failures)]
+        extra["failed_omega"] = job.asked(job.omega[sorted(failures)])
     kept = Job(**{**vars(job), "field_omega": job.omega[stored]})
     write_sweep(kept, network, omega, G, bounds, _stored_fields(checkpoint, stored), extra)
     solver.destroy()
