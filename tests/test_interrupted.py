@@ -2,14 +2,17 @@
 
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from launch import run
-from samples import polydisperse, published
+from samples import physics, polydisperse, published
 
 import jampetsc
+from jampetsc.analysis.equivalent_damping import EquivalentDamping
+from jampetsc.response.job import Job
 from jampetsc.storage.packing_file import write_packing
 
 
@@ -77,6 +80,23 @@ def test_the_direct_method_continues(packing, tmp_path, ranks):
     results = [jampetsc.load(path) for path in (whole, out)]
     np.testing.assert_allclose(results[1].G, results[0].G, rtol=1e-12)
     np.testing.assert_allclose(*(result["fields/displacement"] for result in results), atol=1e-9)
+
+
+def test_everything_that_decides_a_sweep_identifies_its_checkpoint(packing):
+    omega = np.array([0.1, 1.0])
+    job = Job.read(packing, physics(), omega, [1.0], "rational", 1e-6, "sweep.h5")
+    others = [
+        {"identity": (job.identity[0], "another")},
+        {"physics": physics(beta=0.5)},
+        {"physics": physics(prestress=False)},
+        {"damping": EquivalentDamping(0.5, 1e-5)},
+        {"omega": 2.0 * omega},
+        {"field_omega": omega},
+        {"method": "direct"},
+        {"accuracy": 1e-3},
+    ]
+    keys = [job.key(1), job.key(2), *(replace(job, **other).key(1) for other in others)]
+    assert len(set(map(str, keys))) == len(keys) and str(replace(job, started=0.0).key(1)) == str(keys[0])
 
 
 def lose(first, last):

@@ -151,6 +151,39 @@ def test_a_poor_solver_is_refined(session, given, options):
 
 
 @pytest.mark.scalar("real")
+def test_a_solve_leaves_rounding_and_knows_how_much(session, given):
+    dense, generator = definite(30) + np.eye(30), np.random.default_rng(1)
+    prefix = given(["ksp_type cg", "pc_type jacobi", "ksp_rtol 0.2"])
+    cholesky = Cholesky(matrix(session, dense), prefix, "A")
+    cholesky.factorise()
+    x, b = cholesky.matrix.createVecs()
+    for values in generator.standard_normal((5, 30)):
+        b.setArray(values[slice(*cholesky.matrix.getOwnershipRange())])
+        left = cholesky.solve(b, x)
+        found = np.concatenate(session.comm.allgather(x.getArray()))
+        residual = np.linalg.norm(values - dense @ found)
+        assert residual <= left <= 2e-14 * (5.0 * np.linalg.norm(found) + np.linalg.norm(values))
+    for item in (cholesky, x, b):
+        item.destroy()
+
+
+@pytest.mark.scalar("real")
+def test_an_energy_is_off_in_second_order_of_what_a_solve_leaves(session, given, monkeypatch):
+    monkeypatch.setattr("jampetsc.solvers.cholesky.SOLVED", 1e-2)
+    dense, values = definite(30), np.linspace(1.0, 2.0, 30)
+    prefix = given(["ksp_type gmres", "pc_type jacobi", "ksp_rtol 1e-2"])
+    cholesky = Cholesky(matrix(session, dense), prefix, "A")
+    cholesky.factorise()
+    b = cholesky.matrix.createVecRight()
+    b.setArray(values[slice(*cholesky.matrix.getOwnershipRange())])
+    e, left = cholesky.energy(b)
+    missing = values @ np.linalg.solve(dense, values) - e
+    assert 0.0 < missing <= left**2 / np.linalg.eigvalsh(dense)[0]
+    for item in (cholesky, b):
+        item.destroy()
+
+
+@pytest.mark.scalar("real")
 @pytest.mark.parametrize("options", [["pc_type none"], ["pc_type jacobi"]], ids=" ".join)
 def test_a_solver_that_cannot_be_refined_is_refused(session, given, options):
     prefix = given(options)
