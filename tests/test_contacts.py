@@ -17,6 +17,7 @@ from jampetsc.contacts.state import (
     find_contacts,
     find_rattlers,
     force_threshold,
+    imbalance,
     measure,
     net_forces,
 )
@@ -135,6 +136,16 @@ def test_force_that_a_contact_needs_to_count():
     for pressure, force, force_of_stiff in ((1e-3, 1e-9, 1e-9), (1e-9, 1e-14, 7e-14), (0.0, 1e-14, 7e-14)):
         assert force_threshold(disks, pressure) == pytest.approx(force * d, rel=1e-12, abs=0.0)
         assert force_threshold(stiff, pressure) == pytest.approx(force_of_stiff * d, rel=1e-12, abs=0.0)
+
+
+def test_forces_that_do_not_balance_are_told_over_pressure_and_diameter():
+    disks, _ = polydisperse()
+    moved = replace(disks, offset=disks.offset + np.eye(disks.n, 2, -5) * 1e-3)
+    state = measure(moved)
+    largest = np.hypot(*net_forces(moved.n, find_contacts(moved)).T).max()
+    assert imbalance(moved, state) == pytest.approx(largest / (state.pressure * 2.0 * disks.radii.mean()))
+    apart = replace(disks, radii=0.1 * disks.radii)
+    assert imbalance(apart, measure(apart)) == np.inf
 
 
 @pytest.mark.parametrize("scale", [2.0**29, 2.0**40])

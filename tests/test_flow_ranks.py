@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import sheared
+from gathered import dense
 from sheared import crowd, shear
 
 from jampetsc.errors import ConvergenceError
@@ -73,3 +74,5 @@ def test_walls_stand_still_on_any_number_of_ranks(session, together):
         run.advance(5)
     alone, run = (run.velocities_now() for run in runs)
     assert np.abs(alone - run).max() < 1e-8 * np.abs(alone).max() and (run[:held] == 0).all()
+    matrix = dense(together.solver.ksp.getOperators()[0])
+    np.testing.assert_allclose(matrix, matrix.T, atol=1e-12 * matrix.max())  # as preconditioners are told

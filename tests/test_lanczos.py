@@ -117,6 +117,19 @@ def test_an_option_of_the_user_has_slepc_find_the_same(session):
 
 @real
 @alone
+def test_modes_that_slepc_does_not_find_are_told(session):
+    options = session.PETSc.Options("modes_eps_")
+    options["max_it"], options["ncv"] = 1, 18
+    try:
+        with pytest.raises(ConvergenceError, match=r"SLEPc found \d+ of \d+ modes in 1 restarts"):
+            lowest_modes(build_network(SAMPLES["polydisperse"](), session.comm), 9)
+    finally:
+        for name in ("max_it", "ncv"):
+            options.delValue(name)
+
+
+@real
+@alone
 def test_very_many_disks_are_left_to_slepc(session, monkeypatch):
     network = build_network(SAMPLES["polydisperse"](), session.comm)
     monkeypatch.setattr(eigen, "MANY", 2 * network.n)

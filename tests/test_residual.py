@@ -248,6 +248,21 @@ def test_least_eigenvalue_is_a_lower_bound(session, law, s):
     pencil.destroy()
 
 
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("law", LAWS[:2], ids=str)
+def test_least_eigenvalue_has_the_unit_of_the_matrix(session, law):
+    """Where that is on what is not projected out; scaled to a unit diagonal it has none."""
+    pencil, found = pencil_of(session, law), []
+    for unit in (1.0, 2.0**-100):
+        matrix = shifted(pencil.K, pencil.B, 1e-2)
+        matrix.scale(unit)
+        factor = ShiftedFactor(matrix, "A", pencil.project if law.law.drag else None)
+        found.append(factor.least_eigenvalue() / (unit if law.law.drag else 1.0))
+        factor.destroy()
+    assert found[1] == pytest.approx(found[0], rel=1e-6)
+    pencil.destroy()
+
+
 @pytest.mark.parametrize("quality", [1.0, 0.5, 1e-3, 0.0])
 def test_least_eigenvalue_does_not_believe_a_solver(quality):
     """Only residuals count: a solver that gives too little of the softest part, or nothing, hides nothing."""
