@@ -160,6 +160,19 @@ def test_a_sample_is_brought_to_its_jamming_density(session):
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+def test_a_seed_decides_how_disks_move_while_they_are_hot(session):
+    from jampetsc.solvers import local
+
+    solver = local.NewtonSolver()
+    protocol = jamming.Protocol("compress", temperature=0.1, cooling_rate=1.0, sweeps=5)
+    start = jamming.random_start(radii_of("bidisperse", 16), 0.9, 1, POTENTIAL)
+    one, other, again = (jamming._annealed(protocol, start, seed, solver, 1e-6) for seed in (1, 2, 1))
+    solver.destroy()
+    assert one == again and one["energy"] != pytest.approx(other["energy"], rel=1e-3)
+
+
+@pytest.mark.scalar("real")
 def test_files_of_other_protocols(session, shared_path, capsys):
     result = run(shared_path / "c.h5", "--protocol", "compress", "--seeds", "3:4", "--cooling-rate", "0.5")
     assert result.attributes["protocol"] == "compress" and result.attributes["cooling_rate"] == 0.5

@@ -15,7 +15,7 @@ from jampetsc.flows import steps as flow
 from jampetsc.flows.slowly import SlowShear, look_at
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
-from jampetsc.oscillation import dashpots
+from jampetsc.oscillation import dashpots, moving
 from jampetsc.oscillation.moving import STAGE, Imposed, MovingContacts
 from jampetsc.oscillation.powerlaw import PowerLaw
 from jampetsc.oscillation.repeated import START_STEPS, Start, harmonics_of, left_to_change, shake
@@ -147,6 +147,12 @@ def test_contacts_at_rest_are_soft_enough(monkeypatch):
         monkeypatch.setattr(dashpots, "REST", rest)
         off.append(abs(shaken.__wrapped__(2e-10, 1e-7, 16, 3, **words).G - usual))
     assert off[0] > 1e-4 * abs(usual) and off[1] < 1e-6 * abs(usual)
+
+
+def test_what_newtons_method_leaves_of_the_forces_does_not_matter(monkeypatch):
+    usual = shaken(0.1, 2e-3, 16, 1, rotations=False).G
+    monkeypatch.setattr(moving, "TOLERANCE", 1e-12)
+    assert abs(shaken.__wrapped__(0.1, 2e-3, 16, 1, rotations=False).G - usual) < 1e-9 * abs(usual)
 
 
 @pytest.mark.parametrize("alpha", [0.1, 0.5, 1.0, 1.7])

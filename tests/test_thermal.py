@@ -94,3 +94,13 @@ def test_cooling_leaves_a_deeper_energy_the_slower_it_is():
     assert np.mean(shares[200:]) == pytest.approx(ACCEPTED, abs=0.05)
     assert COLD < energies[1] < 0.7 * energies[0]
     assert np.array_equal(found.radii, start.radii) and np.array_equal(found.cell, start.cell)
+
+
+def test_cooling_is_the_same_in_units_of_k():
+    """The same moves to the same places, whatever the stiffness."""
+    found = []
+    for k in (1.0, 2.0**20):
+        potential = Potential("harmonic", "inverse-square-diameter", k)
+        start = random_start(radii_of("bidisperse", 16), 0.95, 5, potential)
+        found.append(annealed(start, 1e-2 * k, 2.0, 1, np.random.default_rng(2)).positions)
+    np.testing.assert_array_equal(*found)
