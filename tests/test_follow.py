@@ -135,3 +135,11 @@ def test_without_a_factor_it_goes_down_too(listed, monkeypatch):
     status, evaluations, _, pressure = followed(listed)
     assert status == compiled.CONVERGED and pressure == pytest.approx(exact[3], rel=1e-6)
     assert evaluations > 2 * exact[1]
+
+
+def test_displacements_are_told_without_their_drift():
+    moved = np.random.default_rng(1).normal(size=(40, 2)) + np.array([3.0, -2.0])
+    rest = moved - moved.mean(axis=0)
+    size, longest = compiled.without_drift(moved)
+    np.testing.assert_allclose(moved, rest, atol=1e-14)
+    assert size == pytest.approx(np.sqrt(np.mean(np.sum(rest**2, axis=1)))) and longest == np.abs(moved).max()
