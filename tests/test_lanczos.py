@@ -117,8 +117,9 @@ def test_an_option_of_the_user_has_slepc_find_the_same(session):
 
 @real
 @alone
-def test_modes_that_slepc_does_not_find_are_told(session):
-    options = session.PETSc.Options("modes_eps_")
+def test_modes_that_slepc_does_not_find_are_told(session, monkeypatch):
+    monkeypatch.setattr(eigen, "PREFIX", "short_modes_")  # whose defaults have not been set yet
+    options = session.PETSc.Options("short_modes_eps_")
     options["max_it"], options["ncv"] = 1, 18
     try:
         with pytest.raises(ConvergenceError, match=r"SLEPc found \d+ of \d+ modes in 1 restarts"):
