@@ -131,11 +131,9 @@ def main():
                 parts.append(
                     f"{name}: {means.mean():.4g} ± {error:.1g} | {figure:.4g} ± {its:.1g} ({z:+.1f})"
                 )
-            balance = ", ".join(f"{b:.3f}" for _, b in runs)
-            print(
-                f"{key[0]:5} {key[1]:5} {key[2]:7} {key[3]:6g}  {'; '.join(parts)}; balance {balance}",
-                flush=True,
-            )
+            if key[0] != "QS":
+                parts.append("balance " + ", ".join(f"{b:.3f}" for _, b in runs))
+            print(f"{key[0]:5} {key[1]:5} {key[2]:7} {key[3]:6g}  {'; '.join(parts)}", flush=True)
 
 
 if __name__ == "__main__":

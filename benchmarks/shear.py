@@ -1,12 +1,17 @@
 """Quasistatic shear beside plain minimisation of the same steps: force evaluations and processor time per step.
 
     .venv/bin/python benchmarks/shear.py [--steps 200] [--points 64:0.86:1e-3,…]
+    .venv/bin/python benchmarks/shear.py --runs 1:8 --points 64:0.84:1e-3
 
 After every affine step of jampetsc's run the same step is also minimised from the affine positions by nonlinear
 conjugate gradients (Polak–Ribière, with restarts; as Vågberg, thesis sec. 4.7), by FIRE and by L-BFGS, all on the
 compiled forces of jampetsc and to the same max |F| ≤ 1e-6 p d. In turn, twenty steps each, within one run, lists
 included, compilation not.
 Steps that end without a contact are left out. Point: N:φ:Δγ.
+
+With --runs each of these seeds is sheared to a strain of 5 by jampetsc, and by nonlinear CG alone: processor time of
+the whole run, the share of states beyond strain 1 that jam, and their pressure. After a rearrangement the two go
+different ways, so that only means can agree.
 """
 
 import argparse
@@ -21,16 +26,19 @@ from jampetsc.contacts.kernel import FAST, bond_forces
 from jampetsc.contacts.pairs import PairList, deformed, is_stale
 from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.threads import Team
+from jampetsc.flows.slowly import SlowShear, look_at
 from jampetsc.packing.descent import Descent, Goal
 from jampetsc.packing.fire import fall
 from jampetsc.packing.minimise import settle
 from jampetsc.packing.protocols import random_start
 from jampetsc.packing.sizes import radii_of
+from jampetsc.solvers.local import NewtonSolver
 
 TOLERANCE = 1e-6
 POINTS = "64:0.86:1e-3,64:0.845:1e-3,256:0.86:1e-3,256:0.86:1e-4,1024:0.86:1e-4"
 MOST = 200_000  # evaluations of a step
 BLOCK = 20  # steps in a row by each, as in a run
+STRAIN = 5.0  # of --runs
 
 
 @numba.njit(fastmath=FAST, error_model="numpy")
@@ -89,18 +97,23 @@ def conjugate_gradients(pairs, listed, law, o, f, d, state, goal, most):
 
 def by_conjugate_gradients(disks, goal):
     """Force evaluations to max |F| ≤ goal."""
+    return conjugate(disks, goal, MOST)[1]
+
+
+def conjugate(disks, goal, most):
+    """(disks, evaluations) of nonlinear CG, to max |F| ≤ goal or until `most` are spent."""
     widest, evaluations = 2.0 * float(disks.radii.max()), 0
     d, f, state = np.empty((disks.n, 2)), np.empty((disks.n, 2)), np.array([0.0, 0.0, 0.5])
-    while evaluations < MOST:
+    while evaluations < most:
         pairs, o = PairList.build(disks, 0.4), np.zeros((disks.n, 2))
         there, more = conjugate_gradients(
-            pairs.arrays, (widest, 0.4), disks.potential.constants, o, f, d, state, goal, MOST
+            pairs.arrays, (widest, 0.4), disks.potential.constants, o, f, d, state, goal, most - evaluations
         )
         evaluations += more
+        disks = deformed(disks, o, 0.0, 0.0)
         if there:
             break
-        disks = deformed(disks, o, 0.0, 0.0)
-    return evaluations
+    return disks, evaluations
 
 
 def by_fire(disks, goal):
@@ -120,13 +133,60 @@ def by_lbfgs(disks, goal):
 PEERS = {"nonlinear CG": by_conjugate_gradients, "FIRE": by_fire, "L-BFGS": by_lbfgs}
 
 
+def start_of(n, phi, seed):
+    """Disks at rest."""
+    potential = Potential("harmonic", "inverse-square-diameter")
+    return settle(random_start(1.2 * radii_of("bidisperse", n), phi, seed, potential), 1e-6)
+
+
+def run_of_jampetsc(disks, step, steps):
+    """Pressures of the states of a run, 0 where they do not jam."""
+    slow = SlowShear(disks, step, NewtonSolver(), TOLERANCE)
+    for _ in range(steps):
+        slow.advance()
+        yield slow.found.pressure * slow.found.jammed
+
+
+def run_of_conjugate_gradients(disks, step, steps):
+    """As `run_of_jampetsc`; the residual is held against the pressure there is, which is looked at now and then."""
+    diameter, n = 2.0 * float(np.mean(disks.radii)), disks.n
+    for _ in range(steps):
+        disks, spent = deformed(disks, np.zeros((n, 2)), 0.0, step).folded(), 0
+        state = look_at(disks)
+        while state.jammed and spent < MOST:
+            disks, evaluations = conjugate(disks, TOLERANCE * state.pressure * diameter, 300)
+            before, state, spent = state, look_at(disks), spent + evaluations
+            if evaluations < 300 and abs(state.pressure / before.pressure - 1.0) < 1e-3:
+                break
+        yield state.pressure * state.jammed
+
+
+def compare_runs(n, phi, step, seeds):
+    """A line for each seed and method, and one for the means."""
+    print(
+        f"N = {n}, phi = {phi}, step {step:g}, strain {STRAIN:g}: seconds, share that jams, p of all states"
+    )
+    for name, method in (("jampetsc", run_of_jampetsc), ("nonlinear CG", run_of_conjugate_gradients)):
+        rows = []
+        list(method(start_of(n, phi, 0), step, 2))  # compiles
+        for seed in seeds:
+            disks, began = start_of(n, phi, seed), time.process_time()
+            p = np.array(list(method(disks, step, round(STRAIN / step))))[round(1.0 / step) :]
+            rows.append((time.process_time() - began, np.mean(p > 0), np.mean(p)))
+            print(
+                f"    {name:12} seed {seed}: {rows[-1][0]:6.1f} s, {rows[-1][1]:.3f}, {rows[-1][2]:.3e}",
+                flush=True,
+            )
+        mean, error = np.mean(rows, axis=0), np.std(rows, axis=0, ddof=1) / np.sqrt(len(rows))
+        print(
+            f"    {name:12} mean: {mean[0]:6.1f} s, {mean[1]:.3f} ± {error[1]:.3f}, {mean[2]:.2e} ± {error[2]:.1e}",
+            flush=True,
+        )
+
+
 def measure(n, phi, step, steps):
     """Two lines of the table: jampetsc and its peers."""
-    from jampetsc.flows.slowly import SlowShear
-    from jampetsc.solvers.local import NewtonSolver
-
-    potential = Potential("harmonic", "inverse-square-diameter")
-    start = settle(random_start(1.2 * radii_of("bidisperse", n), phi, 1, potential), 1e-6)
+    start = start_of(n, phi, 1)
     slow = SlowShear(start, step, NewtonSolver(), TOLERANCE)
     for _ in range(20):
         slow.advance()
@@ -162,12 +222,17 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], allow_abbrev=False)
     parser.add_argument("--steps", type=int, default=200)
     parser.add_argument("--points", default=POINTS)
+    parser.add_argument("--runs", metavar="A:B", help="seeds of whole runs")
     args = parser.parse_args()
     session.start("real", [])
     print(common.machine(), flush=True)
     for point in args.points.split(","):
         n, phi, step = point.split(":")
-        measure(int(n), float(phi), float(step), args.steps)
+        if args.runs:
+            first, last = map(int, args.runs.split(":"))
+            compare_runs(int(n), float(phi), float(step), range(first, last + 1))
+        else:
+            measure(int(n), float(phi), float(step), args.steps)
 
 
 if __name__ == "__main__":

@@ -310,7 +310,8 @@ def test_a_saddle_without_any_force_is_left(goal):
 def test_the_proof_is_of_the_very_disks():
     found = minimise.minimise(random_disks(64), Goal(1e-3), NewtonSolver())
     assert proved_minimum(found.disks)
-    assert measure(found.disks).max_force <= found.max_force <= 1e-13
+    rounded = 1e-16  # of forces summed in another order
+    assert measure(found.disks).max_force <= found.max_force + rounded <= 1e-13
     assert found.limit == "tolerance"
 
 

@@ -19,7 +19,9 @@ from jampetsc.packing.minimise import UNJAMMED, Effort, minimise, stress_unit
 from jampetsc.packing.newton import FORCE_FLOOR
 
 ENERGY_CUT = 1e-16  # U/(N k_e) above which disks are jammed (Vågberg et al., PRE 83, 031307 (2011))
-LONGEST = 0.1  # mean diameters: a longer displacement was a rearrangement, which does not go on as it went
+# mean diameters: the longest move of a disk on the way down, since longer ones leave the path of a rearrangement for
+# minima where fewer disks touch; and within a step of shear, for the next to begin with: farther, disks rearranged
+LONGEST = 0.01
 RENEWAL = 50  # steps after which everything but the disks is made anew
 AGED = 12  # evaluations of a step with the factor there is,
 FRESH = 40  # and with a new one, before disks are taken to rearrange
