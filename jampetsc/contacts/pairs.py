@@ -95,9 +95,8 @@ def near_pairs(pairs, o, shear, skin):
     i, j, r0, sigma = pairs
     r0x, r0y = r0[0], r0[1]
     near, count = np.empty(len(j), np.uint32), np.uint64(0)
-    for p in range(
-        np.uint64(len(j))
-    ):  # which are near is hard to predict: they are collected without a branch
+    # which are near is hard to predict: they are collected without a branch
+    for p in range(np.uint64(len(j))):
         a, b = i[p], j[p]
         y = r0y[p] + (o[b, 1] - o[a, 1])
         x = r0x[p] + (o[b, 0] - o[a, 0]) + shear * y

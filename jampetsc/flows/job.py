@@ -122,8 +122,8 @@ def is_flow(path) -> bool:
 def execute(job: Job, last=None, together=None) -> Means:
     """Run the job and write its file, and the last state as a packing where `last` names one. Collective.
 
-    together: `flow.together.Together` on several ranks, or where PETSc is to find velocities.
-    Raises ConvergenceError as `flow.run.run`, and where disks never touch.
+    together: `flows.together.Together` on several ranks, or where PETSc is to find velocities.
+    Raises ConvergenceError as `flows.run.run`, and where disks never touch.
     """
     began = time.perf_counter()
     comm = together and together.comm

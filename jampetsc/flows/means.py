@@ -27,7 +27,7 @@ class Means:
 
     @classmethod
     def of(cls, record, discard: float, rate: float, area: float) -> "Means | None":
-        """Means of a `flow.record.Record`; None where nothing is kept."""
+        """Means of a `flows.record.Record`; None where nothing is kept."""
         strain = record.series("strain")
         kept = strain > discard * (1 + 1e-12)
         if not kept.any():

@@ -38,7 +38,7 @@ class Shear:
     def __init__(self, disks: Disks, model: Model, rate: float, scheme: Scheme, together=None, held: int = 0):
         self.model, self.rate, self.scheme = model, rate, scheme
         self.held = held
-        self.together = together  # `flow.together.Together`, where PETSc finds velocities
+        self.together = together  # `flows.together.Together`, where PETSc finds velocities
         n = disks.n
         law = model.law
         self.unit = unit = float(disks.potential.k * law.tau1)  # kτ₁, of all weights

@@ -1,7 +1,8 @@
 """A Hessian's factor for many small solves: L D Lᵀ of 2×2 blocks, one for each disk and contact, compiled.
 
-For N up to some thousands, where a call of a library and its analysis cost more than the work. Disks are eliminated in
-the order of their neighbours' number then. Row k of L follows from the rows before it: with W_j = L_kj D_j,
+Up to N ~ 1e5, where dense blocks of a library begin to pay; at some thousands its call and analysis cost more than the
+work. Disks are eliminated in an order that the caller gives. Row k of L follows from the rows before it: with
+W_j = L_kj D_j,
 
     W_j = A_kj − Σ_{i<j} W_i L_jiᵀ,    L_kj = W_j D_j⁻¹,    D_k = A_kk − Σ_j L_kj W_jᵀ,
 

@@ -40,7 +40,7 @@ class ContactSolver:
         self.ksp.setFromOptions()
 
     def solve(self, graph, weights, hold, b, u) -> int:
-        """Overwrite u (N, 2), the guess, with the solution for b (N, 2); returns iterations. See `flow.resistance`.
+        """Overwrite u (N, 2), the guess, with the solution for b (N, 2); returns iterations. See `flows.resistance`.
 
         u and b are the same on all ranks before, and u after. Raises ConvergenceError.
         """
