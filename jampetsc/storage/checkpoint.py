@@ -10,7 +10,6 @@ import glob
 import hashlib
 import io
 import json
-import os
 import sys
 from pathlib import Path
 
@@ -18,7 +17,7 @@ import numpy as np
 
 from jampetsc.collective import agreed
 from jampetsc.errors import InputError, JampetscError
-from jampetsc.storage.atomic import follow, remove_abandoned, write_error, write_whole
+from jampetsc.storage.atomic import append_durably, follow, remove_abandoned, write_error, write_whole
 from jampetsc.storage.parts import remove_if_empty
 from jampetsc.storage.regular import open_regular
 from jampetsc.version import VERSION
@@ -138,17 +137,7 @@ class Checkpoint:
 
     def _append(self, text):
         line = _line(self._link, text)
-        try:
-            with open(self.journal, "r+b") as file:
-                file.truncate(
-                    self._end
-                )  # what does not count: torn, if the last write failed or was killed, or broken off
-                file.seek(self._end)
-                file.write(line)
-                file.flush()
-                os.fsync(file.fileno())
-        except OSError as error:
-            raise write_error(self.journal, error) from None
+        append_durably(self.journal, self._end, line)
         self._end, self._link = self._end + len(line), line[:_LINK]
 
     def _fields_path(self, index) -> Path:

@@ -5,11 +5,10 @@ that a kill tore does not count.
 """
 
 import json
-import os
 import zlib
 from pathlib import Path
 
-from jampetsc.storage.atomic import write_error
+from jampetsc.storage.atomic import append_durably, write_error
 
 NAME = "journal"
 
@@ -28,16 +27,11 @@ class Journal:
                 self.path.parent.mkdir(exist_ok=True)
                 self.path.touch()
                 self._end = _sound(self.path.read_bytes())[1]
-            text = json.dumps(record).encode()
-            line = b"%08x %s\n" % (zlib.crc32(text), text)
-            with open(self.path, "r+b") as file:
-                file.truncate(self._end)
-                file.seek(self._end)
-                file.write(line)
-                file.flush()
-                os.fsync(file.fileno())
         except OSError as error:
             raise write_error(self.path, error) from None
+        text = json.dumps(record).encode()
+        line = b"%08x %s\n" % (zlib.crc32(text), text)
+        append_durably(self.path, self._end, line)
         self._end += len(line)
 
 
