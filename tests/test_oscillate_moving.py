@@ -15,10 +15,11 @@ from jampetsc.flows import steps as flow
 from jampetsc.flows.slowly import SlowShear, look_at
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
-from jampetsc.oscillation import dashpots, moving
-from jampetsc.oscillation.moving import STAGE, Imposed, MovingContacts
+from jampetsc.oscillation import dashpots, stage
+from jampetsc.oscillation.moving import MovingContacts
 from jampetsc.oscillation.powerlaw import PowerLaw
 from jampetsc.oscillation.repeated import START_STEPS, Start, harmonics_of, left_to_change, shake
+from jampetsc.oscillation.stage import STAGE, Imposed
 from jampetsc.oscillation.steady import Point, SteadyOscillation
 from jampetsc.packing.hessian import Bonds
 from jampetsc.response.elastic import ElasticResponse
@@ -151,7 +152,7 @@ def test_contacts_at_rest_are_soft_enough(monkeypatch):
 
 def test_what_newtons_method_leaves_of_the_forces_does_not_matter(monkeypatch):
     usual = shaken(0.1, 2e-3, 16, 1, rotations=False).G
-    monkeypatch.setattr(moving, "TOLERANCE", 1e-12)
+    monkeypatch.setattr(stage, "TOLERANCE", 1e-12)
     assert abs(shaken.__wrapped__(0.1, 2e-3, 16, 1, rotations=False).G - usual) < 1e-9 * abs(usual)
 
 
@@ -264,8 +265,9 @@ def sheared(disks, law, strain, steps, step=1.0):
 def test_no_contact_is_missed():
     """Lists are made anew in time: after a long shear all contacts are seen, and the cell is where it should be."""
     motion = sheared(published(), physics(rotations=False).law, 0.8, 80, 20.0)
-    r = Bonds.of(motion.pairs, motion.disks.potential, motion.offsets, 0.0, motion.gamma - motion.listed)
-    assert motion.listed > 0.3  # not the first list
+    listed = motion.springs.listed
+    r = Bonds.of(motion.springs.pairs, motion.disks.potential, motion.offsets, 0.0, motion.gamma - listed)
+    assert listed > 0.3  # not the first list
     assert np.count_nonzero(r.overlap > 0.0) == len(find_contacts(motion.disks))
     before, after = published().cell, motion.disks.cell
     turned = (after[1, 0] - before[1, 0] - 0.8 * before[1, 1]) / before[0, 0]

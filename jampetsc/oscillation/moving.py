@@ -6,16 +6,7 @@ F = [[1, g], [0, 1]]; their non-affine velocity in the laboratory is u = F ȯ. F
     ∂R/∂u = f(o, γ) ,     ∂R/∂γ̇ = σV − ∂U/∂γ   where the stress σ is imposed and the strain free,
 
 f = −∂U/∂r in full, R(u, γ̇) the dissipation potential of the contacts there are (see `powerlaw`); where damping is
-linear ∂R/∂u = B u + b γ̇. A step is that of an L-stable method of second order with two equal stages (Alexander, SIAM
-J. Numer. Anal. 14, 1006 (1977)): stiff motions are damped however long it is. A stage is backward Euler over
-h = (1 − 1/√2) Δt from some offsets and strain: over the displacements w = h u, where the law has them turns hΩ of
-disks, and the growth s of a free strain it minimises
-
-    U(w, γ + s) − σV s + h R(w/h, s/h) .
-
-The contacts that damp, and their directions, belong to where the last velocities would lead: if dashpots came and went
-with the contacts while w is looked for, there might be no minimum. Newton's method takes the Hessian of that, and the
-same factor until it has served.
+linear ∂R/∂u = B u + b γ̇. What a step looks for is told in `stage`; here is what its springs are.
 """
 
 from dataclasses import dataclass
@@ -28,56 +19,85 @@ from jampetsc.contacts.pairs import SKIN_START, PairList, deformed, is_stale, tu
 from jampetsc.contacts.state import find_contacts
 from jampetsc.errors import ConvergenceError
 from jampetsc.oscillation.dashpots import Damping, Dashpots
+from jampetsc.oscillation.stage import STAGE, Imposed, Stages
 from jampetsc.oscillation.stepmatrix import StepMatrix
 from jampetsc.packing.hessian import Bonds
 
-STAGE = 1.0 - np.sqrt(0.5)  # of a step
-TOLERANCE = 1e-9  # of forces, in units of what the strain amplitude makes
-ROUNDED = 1e-15  # of forces, in units of k times the largest diameter
-NOISE = 1e-14  # likewise; what does not get smaller is rounding if below this, or below TOLERANCE of damping forces
-ITERATIONS = 300
-WORN = 0.2  # a factor that leaves more of the residual than this is made anew
-FLAT, STEEP = 0.3, 0.7  # of the force along a step, at its end: little is left of it, or nearly all
-TRIES = 20  # points of a search
 REACH = 3.0  # mean overlaps: no disk moves farther in one of Newton's steps, into another minimum
 WIDEST = 2.0  # mean diameters: skin of a list beyond which a step is too long
 
 
-@dataclass(frozen=True)
-class Instant:
-    """What is seen at the end of a stage."""
+@dataclass(frozen=True, eq=False)
+class _State:
+    """The bonds of a list with disks at these offsets."""
 
+    places: np.ndarray  # (N, 2) offsets
     gamma: float
-    rate: float  # of strain
-    stress: float  # σ_xy, elastic and viscous
-    power: float  # dissipated
+    bonds: Bonds
 
 
-@dataclass(frozen=True)
-class Imposed:
-    """What a stage is to end with: a strain and its rate or, where that is None, a stress."""
+class ListedSprings:
+    """The pairs of a list, those that touch and those that may: `stage.Springs`."""
 
-    gamma: float = 0.0
-    rate: float = 0.0
-    stress: float | None = None
+    def __init__(self, disks: Disks, law: Law, speed: float, prefix: str):
+        self.n, self.dofs, self.area = disks.n, law.dofs, disks.area
+        self.damping = Damping.of(law, disks, speed)
+        self.diameter = 2.0 * float(disks.radii.mean())
+        self.largest = 2.0 * float(disks.radii.max())
+        stiffness = float(disks.potential.scale(np.array(self.diameter))) ** -2 * float(disks.potential.k)
+        self.unit = stiffness * self.largest
+        self.reach = REACH * float(np.mean(find_contacts(disks).overlap))
+        self._matrix = StepMatrix(prefix, stiffness, float(np.sqrt(disks.area)))
+
+    def list(self, disks: Disks, skin: float, gamma: float):
+        """From now on pairs are those of these disks, which have the strain gamma."""
+        self._disks, self.skin, self.listed = disks.folded(), skin, gamma
+        self.pairs = PairList.build(self._disks, skin)
+        self._matrix.list(self.pairs, self._disks.radii, self.dofs)
 
     @property
-    def free(self) -> bool:
-        """Whether the strain is unknown."""
-        return self.stress is not None
+    def factorisations(self) -> int:
+        """So far."""
+        return self._matrix.factorisations
 
+    def disks(self, offsets, gamma) -> Disks:
+        """The packing in a state."""
+        return deformed(self._disks, offsets, 0.0, gamma - self.listed)
 
-@dataclass(frozen=True, eq=False)
-class _Seen:
-    """A state that a stage tries: f at z and what is left of the forces, (unknowns + 1,) with that on γL."""
+    def at(self, base, x, gamma):
+        """Moves x (N, 2) are those of the laboratory."""
+        moved = x.copy()
+        moved[:, 0] -= (gamma - self.listed) * moved[:, 1]
+        offsets = base + moved
+        bonds = Bonds.of(self.pairs, self._disks.potential, offsets, 0.0, gamma - self.listed)
+        return _State(offsets, gamma, bonds)
 
-    bonds: Bonds
-    z: np.ndarray
-    f: np.ndarray
-    left: np.ndarray
-    virial: float  # σV
-    gamma: float
-    rate: float
+    def serves(self, state) -> bool:
+        """Whether the list misses no contact."""
+        far = float(np.hypot(*state.places.T).max())
+        return not is_stale(far, 0.0, state.gamma - self.listed, self.largest, self.skin)
+
+    def pull(self, state):
+        """See `stage.Springs`."""
+        bonds = state.bonds
+        sheared = -float(np.sum(bonds.force * bonds.normal[0] * bonds.r[1]))
+        return bonds.on_disks(bonds.force * bonds.normal, self.n), sheared
+
+    def dashpots(self, state) -> Dashpots:
+        """Of the pairs that touch."""
+        return Dashpots(state.bonds, self._disks.radii, self.damping, self.dofs)
+
+    def factorise(self, state, dashpots, damping, free):
+        """See `StepMatrix`."""
+        self._matrix.factorise(state.bonds, dashpots, damping, free)
+
+    def solve(self, right):
+        """See `StepMatrix`."""
+        return self._matrix.solve(right)
+
+    def destroy(self):
+        """Free the factor."""
+        self._matrix.destroy()
 
 
 class MovingContacts:
@@ -89,42 +109,36 @@ class MovingContacts:
     """
 
     def __init__(self, disks: Disks, law: Law, step: float, scale: float, prefix: str, speed=0.0, gamma=0.0):
-        self.dofs, self.step, self.h = law.dofs, step, STAGE * step
-        self.damping = Damping.of(law, disks, speed)
-        self.diameter = 2.0 * float(disks.radii.mean())
-        self.largest = 2.0 * float(disks.radii.max())
-        self.length = float(np.sqrt(disks.area))
-        stiffness = float(disks.potential.scale(np.array(self.diameter))) ** -2 * float(disks.potential.k)
-        self.unit = stiffness * self.largest
-        self.tolerance = max(TOLERANCE * scale, ROUNDED) * self.unit
-        self.gamma, self.rate, self.iterations = gamma, 0.0, 0
-        self.u = np.zeros((disks.n, self.dofs))  # velocities, and spins
-        self.skin, self.since = SKIN_START * self.diameter, 0
-        self._matrix = StepMatrix(prefix, stiffness, self.length)
-        self._reach = REACH * float(np.mean(find_contacts(disks).overlap))
+        self.step, self.gamma, self.rate = step, gamma, 0.0
+        self.springs = ListedSprings(disks, law, speed, prefix)
+        self._stages = Stages(self.springs, STAGE * step, scale)
+        self.u = np.zeros((disks.n, law.dofs))  # velocities, and spins
+        self._skin = SKIN_START * self.springs.diameter
         self._list(disks)
 
     def _list(self, disks):
-        self._disks = disks.folded()
-        self.pairs = PairList.build(self._disks, self.skin)
-        self.listed = self.gamma
-        self.offsets = np.zeros((disks.n, 2))
-        self._matrix.list(self.pairs, self._disks.radii, self.dofs)
-        self._fresh, self.since = False, 0
+        self.springs.list(disks, self._skin, self.gamma)
+        self.offsets, self._since = np.zeros((disks.n, 2)), 0
+        self._stages.forget()
 
     @property
     def disks(self) -> Disks:
         """The packing as it is now."""
-        return deformed(self._disks, self.offsets, 0.0, self.gamma - self.listed)
+        return self.springs.disks(self.offsets, self.gamma)
+
+    @property
+    def iterations(self) -> int:
+        """Newton's steps so far."""
+        return self._stages.iterations
 
     @property
     def factorisations(self) -> int:
         """So far."""
-        return self._matrix.factorisations
+        return self.springs.factorisations
 
     def displace(self, displacements, velocities, gamma, rate):
         """Begin with disks moved by (N, 2) from where they are, at velocities (N, dofs), strained and at a rate."""
-        disks = deformed(self._disks, displacements, 0.0, gamma - self.gamma)
+        disks = self.springs.disks(self.offsets + displacements, gamma)
         self.gamma, self.u, self.rate = gamma, velocities, rate
         self._list(disks)
 
@@ -138,139 +152,20 @@ class MovingContacts:
     def follow(self, imposed):
         """A step whose two stages end with what is imposed; as `advance`."""
         while True:
-            found = self._stages(imposed)
+            found = self._stages.step(self.offsets, self.gamma, imposed, (self.u, self.rate))
             if found is not None:
                 break
-            if not self.since:  # a new list does not last for a step
-                self.skin *= 2.0
-                if self.skin > WIDEST * self.diameter:
+            if not self._since:  # a new list does not last for a step
+                self._skin *= 2.0
+                if self._skin > WIDEST * self.springs.diameter:
                     raise ConvergenceError("disks move too far in one step: give more --steps")
             else:
-                self.skin = tuned_skin(self.skin, 10 * self.since, self.diameter)
+                self._skin = tuned_skin(self._skin, 10 * self._since, self.springs.diameter)
             self._list(self.disks)
         self.offsets, self.u, instants = found
-        self.gamma, self.rate, self.since = instants[1].gamma, instants[1].rate, self.since + 1
+        self.gamma, self.rate, self._since = instants[1].gamma, instants[1].rate, self._since + 1
         return instants
-
-    def _stages(self, imposed):
-        """(offsets, velocities, instants) of a step, or None where the list does not serve for it."""
-        base, gamma, last, instants = self.offsets, self.gamma, (self.u, self.rate), []
-        for one in imposed:
-            if self._is_stale(base, gamma if one.free else one.gamma):
-                return None
-            found = self._stage(base, gamma, one, last)
-            if found is None:
-                return None
-            end, u, instant = found
-            instants.append(instant)
-            last = u, instant.rate
-            base, first = base + (1.0 - STAGE) / STAGE * (end - base), end
-            gamma += (1.0 - STAGE) / STAGE * (instant.gamma - gamma)
-        return first, u, instants
-
-    def _is_stale(self, offsets, gamma):
-        far = float(np.hypot(*offsets.T).max())
-        return is_stale(far, 0.0, gamma - self.listed, self.largest, self.skin)
-
-    def _stage(self, base, gamma, imposed: Imposed, last):
-        """(offsets, velocities, Instant) at the end of a stage; None where the list does not serve.
-
-        base, gamma     where it begins, offsets (N, 2) and a strain
-        last            velocities and rate of strain of the stage before
-        """
-        n, h, free = len(base), self.h, imposed.free
-        area, begin, rate = self._disks.area, gamma if free else imposed.gamma, 0.0 if free else imposed.rate
-
-        def there(q):
-            """(displacements, offsets, strain, its rate) of unknowns (N dofs + 1,)."""
-            x, grown = q[:-1].reshape(n, -1), float(q[-1]) / self.length
-            now = begin + grown
-            moved = x[:, :2].copy()
-            moved[:, 0] -= (now - self.listed) * moved[:, 1]
-            return x, base + moved, now, rate + grown / h
-
-        def bonds_at(offsets, now):
-            return Bonds.of(self.pairs, self._disks.potential, offsets, 0.0, now - self.listed)
-
-        def look(q):
-            x, offsets, now, growth = there(q)
-            bonds = bonds_at(offsets, now)
-            z = dashpots.velocities(x, h * growth, h)
-            f = dashpots.forces(z)
-            left = -dashpots.on_disks(f, n)
-            left[:, :2] += bonds.on_disks(bonds.force * bonds.normal, n)
-            left[:, :2] -= left[:, :2].mean(
-                axis=0
-            )  # rounding, which would move all disks, held by nothing, far
-            virial = dashpots.on_strain(f) - float(np.sum(bonds.force * bonds.normal[0] * bonds.r[1]))
-            row = (imposed.stress * area - virial) / self.length if free else 0.0
-            return _Seen(bonds, z, f, np.append(left, row), virial, now, growth)
-
-        q = np.zeros(n * self.dofs + 1)  # from here it is downhill
-        ahead = np.append(h * last[0], h * last[1] * self.length if free else 0.0)
-        starts = []
-        for start in (q, ahead):  # where a disk has slid off, it does not go on as it went
-            _, offsets, now, _ = there(start)
-            if not self._is_stale(offsets, now):
-                dashpots = Dashpots(bonds_at(offsets, now), self._disks.radii, self.damping, self.dofs)
-                starts.append((np.abs(look(start).left).max(), dashpots))
-        _, dashpots = min(starts, key=lambda start: start[0])
-        seen = look(q)
-        predicted = seen.f
-        for _ in range(ITERATIONS):
-            size = np.abs(seen.left).max()
-            if size <= self.tolerance:
-                break
-            tangents = dashpots.tangents(seen.z, predicted)
-            fresh = not self._fresh
-            if fresh:
-                self._matrix.factorise(seen.bonds, dashpots, tangents / h, free)
-                self._fresh = True
-            step = self._matrix.solve(seen.left)
-            before = seen
-            length, seen = self._search(look, q, step, seen.left)
-            q = q + length * step
-            predicted = before.f + np.einsum("cab,cb->ca", tangents, seen.z - before.z)
-            self.iterations += 1
-            left = np.abs(seen.left).max()
-            noise = NOISE * self.unit + TOLERANCE * np.abs(seen.f).max(initial=0.0)
-            if fresh and WORN * size < left <= noise:
-                break
-            if not left <= WORN * size:
-                self._fresh = False
-            if self._is_stale(*there(q)[1:3]):
-                return None
-        else:
-            raise ConvergenceError(
-                f"forces of a time step are not balanced after {ITERATIONS} of Newton's steps, {size:.1e} of k d is "
-                f"left: give more --steps{' or, if the packing flows, less --stress' if free else ''}"
-            )
-        x, offsets, *_ = there(q)
-        power = float(np.sum(seen.f * seen.z))
-        return offsets, x / h, Instant(seen.gamma, seen.rate, seen.virial / area, power)
-
-    def _search(self, look, q, step, left):
-        """How far to go along a step, and what is there: where its force is small, or has begun to pull back."""
-        moved = float(np.hypot(*step[:-1].reshape(-1, self.dofs)[:, :2].T).max())
-        longest = moved + abs(float(step[-1])) / self.length * self.largest
-        pull, reach = np.vdot(step, left), self._reach / max(longest, 1e-300)
-        length, lower, upper = min(1.0, reach), (0.0, 1.0), None
-        for _ in range(TRIES):
-            found = look(q + length * step)
-            now = np.vdot(step, found.left) / pull
-            if upper is None and now > STEEP and 2.0 * length <= reach:
-                lower, length = (length, now), 2.0 * length  # the force does not give way: a disk slides off
-                continue
-            if abs(now) <= FLAT or (upper is None and now > 0.0):
-                break
-            if now < 0.0:
-                upper = length, now
-            else:
-                lower = length, now
-            share = min(max(lower[1] / (lower[1] - upper[1]), 0.1), 0.9)
-            length = lower[0] + share * (upper[0] - lower[0])
-        return length, found
 
     def destroy(self):
         """Free the factor."""
-        self._matrix.destroy()
+        self.springs.destroy()

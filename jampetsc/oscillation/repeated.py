@@ -15,7 +15,8 @@ from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import Law
 from jampetsc.errors import ConvergenceError
 from jampetsc.oscillation.cycle import Cycle
-from jampetsc.oscillation.moving import STAGE, Imposed, MovingContacts
+from jampetsc.oscillation.moving import MovingContacts
+from jampetsc.oscillation.stage import STAGE, Imposed
 from jampetsc.oscillation.steady import HARMONICS, Point, SteadyOscillation
 
 PREFIX = "osc_factor_"
