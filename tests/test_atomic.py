@@ -1,15 +1,25 @@
 """Files that are complete or absent: on the disk before they have their name, and nothing of them left otherwise."""
 
+import errno
+import fcntl
 import os
 import resource
+import socket
 import stat
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from jampetsc.errors import JampetscError
-from jampetsc.storage.atomic import NewFile, remove_abandoned, write_whole
+from jampetsc.errors import InputError, JampetscError
+from jampetsc.storage.atomic import (
+    NewFile,
+    append_durably,
+    check_writable,
+    remove_abandoned,
+    write_error,
+    write_whole,
+)
 from jampetsc.storage.hdf5 import OutputFile
 from jampetsc.storage.result_file import ResultWriter
 
@@ -67,6 +77,148 @@ def test_what_only_looks_abandoned_is_left(tmp_path):
     (tmp_path / name.replace("-", "-a")).symlink_to("precious")
     remove_abandoned(tmp_path)
     assert (tmp_path / "precious").read_text() == "kept"
+    assert (tmp_path / name.replace("-", "-a")).is_symlink()
+
+
+def abandoned(folder, name, host=None):
+    """What a killed process of a machine, of this one unless told, leaves of a file of this name."""
+    leftover = folder / f".{name}.{host or socket.gethostname()}.123-abcdef01.partial"
+    leftover.touch()
+    return leftover
+
+
+def test_what_a_process_elsewhere_writes_is_spared(tmp_path):
+    """Its lock need not be seen here."""
+    left, elsewhere = abandoned(tmp_path, "x.h5"), abandoned(tmp_path, "x.h5", f"{socket.gethostname()}x")
+    remove_abandoned(tmp_path, "x.h5")
+    assert (left.exists(), elsewhere.exists()) == (False, True)
+
+
+def test_only_leftovers_of_the_same_output_are_removed(tmp_path):
+    """Also where the name looks like a pattern."""
+    for action in (check_writable, lambda path: OutputFile(path).discard()):
+        mine, other = abandoned(tmp_path, "s[1].h5"), abandoned(tmp_path, "s1.h5")
+        action(tmp_path / "s[1].h5")
+        assert (mine.exists(), other.exists()) == (False, True)
+
+
+def test_a_new_file_that_was_taken_for_an_abandoned_one_is_made_again(tmp_path, monkeypatch):
+    """Between its birth and its lock another process may remove it."""
+    flock, removed = fcntl.flock, []
+
+    def late(stream, how):
+        if not removed:
+            removed.append(os.readlink(f"/proc/self/fd/{stream.fileno()}"))
+            os.unlink(removed[0])
+        flock(stream, how)
+
+    monkeypatch.setattr(fcntl, "flock", late)
+    write_whole(tmp_path / "a.csv", b"1,2\n")
+    assert (tmp_path / "a.csv").read_bytes() == b"1,2\n" and len(removed) == 1
+
+
+def test_a_file_system_without_locks_will_do(tmp_path, monkeypatch):
+    def refuse(stream, how):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    write_whole(tmp_path / "a.csv", b"1,2\n")
+    left = abandoned(tmp_path, "a.csv")
+    remove_abandoned(tmp_path)  # nobody can tell whether its writer lives
+    assert sorted(tmp_path.iterdir()) == [left, tmp_path / "a.csv"]
+
+
+def test_a_folder_that_cannot_be_made_durable_will_do(tmp_path, monkeypatch):
+    fsync = os.fsync
+
+    def of_files(handle):
+        if stat.S_ISDIR(os.fstat(handle).st_mode):
+            raise OSError(errno.EINVAL, "Invalid argument")
+        fsync(handle)
+
+    monkeypatch.setattr(os, "fsync", of_files)
+    before = len(os.listdir("/proc/self/fd"))
+    write_whole(tmp_path / "a.csv", b"1,2\n")
+    assert (tmp_path / "a.csv").read_bytes() == b"1,2\n"
+    assert len(os.listdir("/proc/self/fd")) == before  # the folder is closed again
+
+
+@pytest.mark.parametrize("action", [check_writable, lambda path: write_whole(path, b"1"), NewFile])
+def test_what_no_file_may_replace(tmp_path, action):
+    (tmp_path / "folder").mkdir()
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "link").symlink_to("pipe")
+    for name, message in (
+        ("folder", "folder: is a folder: give a file name with --out"),
+        ("pipe", "pipe: is a pipe, which a file would replace: give the name of a file with --out"),
+        ("link", "pipe: is a pipe, which"),
+    ):
+        with pytest.raises(InputError, match=message):
+            action(tmp_path / name)
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+def test_a_file_that_is_write_protected_is_not_replaced(tmp_path, monkeypatch):
+    """A rename would not ask; root, who may everything, is played by anybody."""
+    path = tmp_path / "a.csv"
+    path.touch()
+    access = os.access
+    monkeypatch.setattr(os, "access", lambda file, how: how != os.W_OK and access(file, how))
+    with pytest.raises(InputError, match=r"a\.csv: exists and is write-protected: choose another --out"):
+        check_writable(path)
+    check_writable(tmp_path / "b.csv")
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    ("number", "kind", "message"),
+    [
+        (errno.ENOSPC, JampetscError, "disk full: make room, then run the same command again"),
+        (errno.EDQUOT, JampetscError, "disk quota used up: make room"),
+        (errno.EFBIG, JampetscError, "file size limit reached: make room"),
+        (errno.EACCES, InputError, "cannot be written (Permission denied): choose another --out"),
+        (errno.EROFS, InputError, "cannot be written (Read-only file system): choose another --out"),
+        (errno.ENOTDIR, InputError, "cannot be written (Not a directory): choose another --out"),
+        (errno.ENAMETOOLONG, InputError, "cannot be written (File name too long): choose another --out"),
+        (errno.EIO, JampetscError, "writing failed: Input/output error"),
+    ],
+)
+def test_what_a_failed_write_says(tmp_path, monkeypatch, number, kind, message):
+    """Of whatever the system refuses: to make the file, to get it to the disk, to give it its name."""
+    path = tmp_path / "a.csv"
+
+    def refuse(*_):
+        raise OSError(number, os.strerror(number))
+
+    assert type(write_error(path, OSError(number, os.strerror(number)))) is kind
+    for name in ("fsync", "replace"):
+        with monkeypatch.context() as patch:
+            patch.setattr(os, name, refuse)
+            with pytest.raises(kind) as caught:
+                write_whole(path, b"1,2\n")
+        assert str(caught.value).startswith(f"{path}: {message}")
+        assert list(tmp_path.iterdir()) == []
+
+
+def test_places_where_no_file_can_be(tmp_path):
+    (tmp_path / "file").touch()
+    for path, message in (
+        (tmp_path / "none" / "a.csv", "none does not exist: create it first|No such file"),
+        (tmp_path / "file" / "a.csv", "(folder|cannot be written)"),
+        (tmp_path / ("n" * 300), "cannot be written .File name too long.: choose another --out"),
+    ):
+        for action in (check_writable, NewFile):
+            with pytest.raises(InputError, match=message):
+                action(path)
+
+
+def test_a_line_is_put_behind_what_counts(tmp_path):
+    path = tmp_path / "journal"
+    path.write_bytes(b"whole\ntorn line that is longer than what follows")
+    append_durably(path, 6, b"next\n")
+    assert path.read_bytes() == b"whole\nnext\n"
+    with pytest.raises(InputError, match=r"none: cannot be written \(No such file or directory\)"):
+        append_durably(tmp_path / "none", 0, b"next\n")
 
 
 def write_result(path):

@@ -71,8 +71,8 @@ def write_error(path, error: OSError) -> JampetscError:
 
 def check_writable(path) -> None:
     """Raise InputError unless a file could be put at `path` now. Call it before long work."""
-    path = follow(path)
     try:
+        path = follow(path)
         _require_regular(path)
         if not path.parent.is_dir():
             raise InputError(f"{path}: folder {path.parent} does not exist: create it first")
@@ -165,9 +165,9 @@ class NewFile:
     """
 
     def __init__(self, path):
-        self.path = follow(path)
-        _require_regular(self.path)
         try:
+            self.path = follow(path)
+            _require_regular(self.path)
             self.temporary, self.stream = _locked(self.path)
         except OSError as error:
             raise write_error(path, error) from None

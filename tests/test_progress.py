@@ -1,0 +1,49 @@
+"""What a long run says on standard error: a line for each step where there is no terminal, from rank 0."""
+
+import io
+
+from jampetsc.progress import Progress
+
+
+def test_lines_count_from_what_was_done_before(capsys):
+    with Progress(5, "sweep", done=2) as progress:
+        progress.step("omega 1")
+        progress.note("beside")
+        progress.step("omega 2")
+    assert capsys.readouterr().err == "[3/5] omega 1\nbeside\n[4/5] omega 2\n"
+
+
+def test_a_total_that_is_not_known_is_not_told(capsys):
+    with Progress(None, "trade") as progress:
+        progress.step("a")
+    assert capsys.readouterr().err == "[1] a\n"
+
+
+def test_other_ranks_count_in_silence(capsys):
+    with Progress(5, "sweep", rank=1) as progress:
+        progress.step("a")
+        progress.note("b")
+    assert progress.count == 1 and capsys.readouterr().err == ""
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_a_terminal_has_a_bar_that_goes_in_the_end(monkeypatch):
+    monkeypatch.setattr("sys.stderr", terminal := Terminal())
+    with Progress(5, "sweep", done=2) as progress:
+        assert "sweep:  40%" in terminal.getvalue() and "2/5" in terminal.getvalue()
+        progress.step("G' = 1")
+        progress.note("beside the bar")
+        assert progress.bar.n == 3 and progress.bar.postfix == "G' = 1"
+    assert progress.bar.disable  # closed
+    assert "beside the bar\n" in terminal.getvalue() and "[3/5]" not in terminal.getvalue()
+
+
+def test_other_ranks_have_no_bar(monkeypatch):
+    monkeypatch.setattr("sys.stderr", terminal := Terminal())
+    with Progress(5, "sweep", rank=1) as progress:
+        progress.step("a")
+    assert terminal.getvalue() == ""
