@@ -212,10 +212,13 @@ def test_places_where_no_file_can_be(tmp_path):
                 action(path)
 
 
-def test_a_line_is_put_behind_what_counts(tmp_path):
+def test_a_line_is_put_behind_what_counts_and_on_the_disk(tmp_path, monkeypatch):
     path = tmp_path / "journal"
     path.write_bytes(b"whole\ntorn line that is longer than what follows")
+    synced = []
+    monkeypatch.setattr(os, "fsync", lambda handle: synced.append(os.pread(handle, 99, 0)))
     append_durably(path, 6, b"next\n")
+    assert synced == [b"whole\nnext\n"]
     assert path.read_bytes() == b"whole\nnext\n"
     with pytest.raises(InputError, match=r"none: cannot be written \(No such file or directory\)"):
         append_durably(tmp_path / "none", 0, b"next\n")

@@ -54,7 +54,7 @@ class Lock:
 
     def _refuse(self, other, remedy=""):
         self._file.close()
-        host, _, process = (other or "another machine ?").partition(" ")
+        host, _, process = other.partition(" ") if other else ("another machine", "", "?")
         raise InputError(
             f"{self.path.parent}: a study is running there (process {process} on {host}): "
             f"wait for it, or choose another --out{remedy}"

@@ -1,0 +1,593 @@
+"""The pieces of a study, each by itself: tasks, costs, numbers, lock, journal, table."""
+
+import argparse
+import errno
+import fcntl
+import functools
+import os
+import socket
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from samples import published
+
+from jampetsc import cli, commands
+from jampetsc.errors import InputError, JampetscError
+from jampetsc.storage.packing_file import write_packing
+from jampetsc.storage.provenance import command_line
+from jampetsc.storage.result_file import ResultWriter
+from jampetsc.studies import lock as locks
+from jampetsc.studies import run as study_run
+from jampetsc.studies import tasks as study_tasks
+from jampetsc.studies.costs import Costs, in_words
+from jampetsc.studies.journal import Journal, records_of
+from jampetsc.studies.kinds import KINDS
+from jampetsc.studies.lock import Lock
+from jampetsc.studies.numbers import numbers_of
+from jampetsc.studies.options import choices_of, words_of
+from jampetsc.studies.plan import plan, read
+from jampetsc.studies.table import rows_of, table_text
+from jampetsc.studies.tasks import Runner, row_of
+
+
+@functools.cache
+def parsers():
+    return commands.parsers_of(cli.Parser, KINDS)
+
+
+def tasks(text):
+    return plan("s.toml", text.encode(), parsers())
+
+
+PACK = '[pack]\nn = 16\npressure = 1e-2\nseeds = "1:2"\n'
+
+
+def of(found, command):
+    return [task for task in found if task.command == command]
+
+
+# What STUDY.toml asks for
+
+
+def test_what_is_asked_for_twice_is_done_once():
+    found = tasks(PACK + "[[modes]]\ncount = 3\n[[modes]]\ncount = [3, 4]\n")
+    assert len(of(found, "modes")) == 4 and len({task.name for task in found}) == len(found) == 6
+
+
+def test_only_what_suits_is_read():
+    text = PACK + '[sweep]\nmethod = ["rational", "direct"]\nomega = "1"\n[spectrum]\n'
+    found = tasks(text)
+    assert [task.inputs[0].columns["method"] for task in of(found, "spectrum")] == ["rational"] * 2
+    with pytest.raises(InputError, match=r"needs sweeps with method rational: add a table \[sweep\]"):
+        tasks(PACK + '[sweep]\nmethod = "direct"\n[spectrum]\n')
+
+
+def test_a_flow_begins_with_disks_of_its_own_or_with_packings():
+    words = 'model = "RD0"\nrate = 1e-2\nstrain = 0.1\n'
+    (alone,) = tasks(f"[flow]\nn = 16\nphi = 0.8\n{words}")
+    assert (alone.inputs, alone.level) == ((), 0)
+    found = of(tasks(f"{PACK}[flow]\n{words}"), "flow")
+    assert [(len(task.inputs), task.level) for task in found] == [(1, 1)] * 2
+    with pytest.raises(InputError, match=r"\[flow\]: needs packings: add a table \[pack\] or n"):
+        tasks(f"[flow]\n{words}")
+    with pytest.raises(InputError, match=r"\[modes\]: needs packings: add a table \[pack\]$"):
+        tasks("[modes]\n")
+
+
+def test_a_correlation_takes_all_seeds_of_one_kind_and_keeps_its_name():
+    text = (
+        PACK.replace("1e-2", "[1e-2, 1e-3]")
+        + '[sweep]\nomega = "1"\nfields = "1"\nbeta = [1.0, 0.1]\n[correlate]\n'
+    )
+    found = of(tasks(text), "correlate")
+    assert [len(task.inputs) for task in found] == [2] * 4
+    for task in found:
+        assert {one.columns["beta"] for one in task.inputs} == {task.columns["beta"]}
+        assert {one.columns["pressure"] for one in task.inputs} == {task.columns["pressure"]}
+        assert "seed" not in task.columns and task.level == 2
+    more = of(tasks(text.replace("1:2", "2:4")), "correlate")
+    assert [task.name for task in more] == [task.name for task in found]
+    assert [len(task.inputs) for task in more] == [3] * 4
+    one = of(tasks(text.replace('seeds = "1:2"', "seed = 7")), "correlate")
+    assert [task.name for task in one] == [task.name for task in found] and "seed" not in one[0].columns
+
+
+def test_the_level_is_above_that_of_everything_that_is_read():
+    text = (
+        PACK + '[sweep]\nomega = "1"\nfields = "1"\n[[flow]]\nn = 16\nphi = 0.8\nmodel = "RD0"\nrate = 1e-2\n'
+    )
+    text += "strain = 0.1\nsnapshots = 2\n[correlate]\n[spectrum]\n"
+    levels = {}
+    for task in tasks(text):
+        levels.setdefault((task.command, *sorted({one.command for one in task.inputs})), set()).add(
+            task.level
+        )
+    assert levels == {
+        ("pack",): {0},
+        ("flow",): {0},
+        ("sweep", "pack"): {1},
+        ("correlate", "sweep"): {2},
+        ("correlate", "flow"): {1},
+        ("spectrum", "sweep"): {2},
+    }
+
+
+def test_what_a_task_is_asked_for_itself_tells_its_columns():
+    (made,) = of(tasks(PACK.replace('seeds = "1:2"', "seed = 4\ntolerance = 1e-9") + "[flow]\nmodel = 'RD0'\n"
+                       "rate = 1e-2\nstrain = 0.1\ntolerance = 1e-3\n"), "flow")  # fmt: skip
+    assert made.columns["tolerance"] == 1e-3 and made.columns["seed"] == 4 and made.columns["n"] == 16
+
+
+def test_a_value_and_its_text_are_the_same_task_and_a_default_is_no_other():
+    plain = [task.name for task in tasks(PACK + "[sweep]\n")]
+    same = PACK.replace("1e-2", '"0.01"') + '[sweep]\nbeta = "1e0"\nno-prestress = false\naccuracy = 1e-6\n'
+    assert [task.name for task in tasks(same)][:2] == plain[:2]
+    assert [task.name for task in tasks(PACK + "[sweep]\naccuracy = 1e-6\nno-prestress = false\n")] == plain
+    assert [task.name for task in tasks(PACK + "[sweep]\naccuracy = 1e-7\n")][2:] != plain[2:]
+
+
+def test_what_stays_out_of_a_table():
+    for key in ("help", "out", "packing", "last"):
+        with pytest.raises(
+            InputError, match=rf"\[flow\]: {key}: the study itself gives --{key}: leave it out"
+        ):
+            tasks(f'[flow]\n{key} = "x"\n')
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[pack]\nn = true\n", "n = true: must be a number or a string, or a list of such"),
+        ("[pack]\nn = [16, [17]]\n", r"n = \[17\]: must be a number"),
+        ('[sweep]\nno-prestress = "yes"\n', "no-prestress = 'yes': is a switch: write true or false"),
+        ('[pack]\nseeds = "1-3"\n', r"\[pack\]: --seeds 1-3: must be FIRST:LAST"),
+        ("[modes]\nseeds = 3\n", "seeds: no such option"),
+        ("pack = []\n", r"pack = \[\]: must be a table: write \[pack\]"),
+        ("pack = [1]\n", r"pack = \[1\]: must be a table"),
+        ("[swap]\n", "swap: no table of a study has this name; (did you mean|there are)"),
+        ("[shear]\nn = 16\nphi = 0.9\nstep = 1.0\nstrain = 2.0\n", r"\[shear\]: --step 1: must lie in"),
+        (
+            "[[jam]]\nn = 16\nphi = 0.9\nseeds = '1:2'\n[[jam]]\nn = 1\nphi = 0.9\nseeds = '1:2'\n",
+            "number 2: --n 1",
+        ),
+    ],
+)
+def test_a_table_that_cannot_be_meant(text, message):
+    with pytest.raises(InputError, match=message):
+        tasks(text)
+
+
+def test_reading_a_study_that_is_not_there(tmp_path):
+    with pytest.raises(InputError, match=r"s\.toml: cannot be read \(No such file or directory\)"):
+        read(tmp_path / "s.toml")
+    (tmp_path / "s.toml").write_bytes(b"[pack]\n\xff")
+    assert read(tmp_path / "s.toml") == b"[pack]\n\xff"
+    with pytest.raises(InputError, match=r"s\.toml: is not TOML: "):
+        plan("s.toml", b"[pack]\n\xff", parsers())
+
+
+def option(*names, **settings):
+    parser = argparse.ArgumentParser()
+    return parser.add_argument(*names, **settings)
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        (1e-3, ["--x", "0.001"]),
+        ("1e-3", ["--x", "0.001"]),
+        ("07", ["--x", "7"]),
+        (-0.5, ["--x=-0.5"]),
+        ("-inf", ["--x=-inf"]),
+        ("contact", ["--x", "contact"]),
+        (0.1 + 0.2, ["--x", "0.30000000000000004"]),
+    ],
+)
+def test_words_of_a_value(value, words):
+    assert words_of(option("--x"), value) == words
+
+
+def test_words_of_a_switch():
+    switch = option("--no-x", action="store_true")
+    assert (words_of(switch, True), words_of(switch, False)) == (["--no-x"], [])
+
+
+def test_the_arguments_for_real_files():
+    (one,) = choices_of(parsers()["modes"], {"count": 3}, "s", True)
+    (many,) = choices_of(parsers()["correlate"], {}, "s", True)
+    for choice, files in ((one, "a.h5"), (many, ["a.h5", "b.h5"])):
+        positional = next(
+            a for a in parsers()["modes" if choice is one else "correlate"]._actions if not a.option_strings
+        )
+        args = choice.arguments(positional, ["a.h5", "b.h5"], "o.h5")
+        assert getattr(args, positional.dest) == files and args.out == "o.h5"
+
+
+# What tasks cost
+
+
+def record(command="sweep", state="done", seconds=1.0, **row):
+    return {"state": state, "seconds": seconds, "row": {"command": command, **row}}
+
+
+def asked(command="sweep", **columns):
+    return SimpleNamespace(command=command, columns=columns)
+
+
+def test_costs_follow_from_what_is_most_alike():
+    records = [
+        *(record(n=64, pressure=1e-2, seconds=seconds) for seconds in (1.0, 2.0, 9.0)),
+        record(n=64, pressure=1e-3, seconds=30.0),
+        record(n=128, pressure=1e-3, seconds=100.0),
+        record("modes", n=64, pressure=1e-2, seconds=500.0),
+        record("modes", n=64, pressure=1e-2, seconds=7.0, state="failed"),
+        record("spectrum", seconds=0.5),
+    ]
+    costs = Costs(records)
+    assert costs.of(asked(n=64, pressure=1e-2)) == 2.0  # the median, not the mean
+    assert costs.of(asked(n=64, pressure=1e-4)) == np.median([1.0, 2.0, 9.0, 30.0])
+    each = np.median([1 / 64, 2 / 64, 9 / 64, 30 / 64, 100 / 128])
+    assert costs.of(asked(n=1000, pressure=1e-2)) == pytest.approx(1000 * each)
+    assert costs.of(asked("modes", n=64, pressure=1e-2)) == 500.0  # what failed does not count
+    assert costs.of(asked("spectrum")) == 0.5
+    assert costs.of(asked("quasistatic", n=64)) is None
+    unknown = [asked("quasistatic", n=64)]
+    assert (
+        costs.total([asked(n=64, pressure=1e-2), asked("modes", n=64, pressure=1e-2), *unknown]) == 3 * 251.0
+    )
+    assert costs.total(unknown) is None and costs.total([]) is None
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [
+        (None, "unknown"),
+        (0.123, "0.12 s"),
+        (89.0, "89 s"),
+        (90.0, "1.5 min"),
+        (5399.0, "90 min"),
+        (5400.0, "1.5 h"),
+    ],
+)
+def test_times_in_words(seconds, words):
+    assert in_words(seconds) == words
+
+
+# Large tasks are everybody's
+
+
+def phases(text, most, monkeypatch, size=2):
+    monkeypatch.setattr(study_run, "_most_disks", lambda session: most)
+    found = study_run._phases(tasks(text), SimpleNamespace(size=size))
+    return [(together, [(task.command, task.columns["n"]) for task in some]) for together, some in found]
+
+
+LARGE = PACK.replace("n = 16", "n = [16, 64]").replace('seeds = "1:2"', "seed = 1")
+LARGE += '[sweep]\nomega = "1"\n[shear]\nstep = 1e-3\nstrain = 2e-3\n[spectrum]\n'
+
+
+def test_large_tasks_are_done_by_all_and_what_reads_their_files_after_them(monkeypatch):
+    apart, together, late = phases(LARGE, 63, monkeypatch)
+    assert together == (True, [("sweep", 64)])
+    assert late == (False, [("spectrum", 64)])
+    small = [("pack", 16), ("pack", 64), ("sweep", 16), ("shear", 16), ("shear", 64), ("spectrum", 16)]
+    assert apart == (False, small)  # packings, and what one rank does in any case
+
+
+def test_a_task_of_just_the_most_is_not_large(monkeypatch):
+    assert phases(LARGE, 64, monkeypatch)[1:] == [(True, []), (False, [])]
+
+
+def test_one_rank_does_everything_apart(monkeypatch):
+    assert phases(LARGE, 10, monkeypatch, size=1)[1:] == [(True, []), (False, [])]
+
+
+# The numbers of a file
+
+
+def result(path, kind, attributes=(), **arrays):
+    with ResultWriter(path, f"jampetsc-{kind}") as writer:
+        for name, values in arrays.items():
+            writer.dataset(name, np.asarray(values))
+        writer.attributes(**dict(attributes))
+    return path
+
+
+def test_scalars_of_a_file_are_numbers_and_the_few_words_that_a_row_tells(tmp_path):
+    attributes = {
+        "particle_count": 16, "prestress": True, "eta0": np.float64(0.5), "law": "contact", "argv": "x", "ranks": 2,
+        "wall_seconds": 1.0, "negative_modes": 0, "numpy_version": 3, "sizes": "bidisperse", "method": "direct",
+    }  # fmt: skip
+    found = numbers_of(result(tmp_path / "q.h5", "quasistatic", attributes.items()))
+    assert found == {"n": 16, "prestress": 1, "eta0": 0.5, "law": "contact", "method": "direct"}
+    assert type(found["prestress"]) is int
+
+
+def test_numbers_of_a_packing_are_its_own(tmp_path):
+    write_packing(tmp_path / "p.h5", published().with_record(phi=0.5, seed=3, protocol="quench"))
+    found = numbers_of(tmp_path / "p.h5")
+    assert (found["n"], found["seed"]) == (published().n, 3) and found["phi"] == published().phi
+    assert "protocol" not in found
+
+
+def sweep(path, omega, G, k=1.0, tau1=1.0, pressure=1e-4):
+    attributes = {"pressure": pressure * k, "k": k, "tau1": tau1}
+    arrays = {"omega": omega, "G": G, "error_bound": np.zeros(len(omega))}
+    return result(path, "sweep", attributes.items(), **arrays)
+
+
+@pytest.mark.parametrize(("k", "tau1"), [(1.0, 1.0), (50.0, 0.25)])
+def test_numbers_of_a_sweep_have_the_slopes_of_its_critical_branch(tmp_path, k, tau1):
+    x = np.geomspace(1e-6, 1.0, 61)
+    p = 1e-4
+    inside = (x > 10 * p * (1 - 1e-9)) & (x < 0.1 * (1 + 1e-9))
+    G = k * np.where(inside, x**0.5 + 1j * x**0.4, 2.0 * x**0.5 + 7j * x**0.4)
+    found = numbers_of(sweep(tmp_path / "s.h5", x / tau1, G, k, tau1, p))
+    assert found["exponent_storage"] == pytest.approx(0.5) and found["exponent_loss"] == pytest.approx(0.4)
+    assert "G0" not in found  # no plateau
+
+
+def test_numbers_of_a_sweep_that_reaches_its_plateau(tmp_path):
+    omega = np.geomspace(1e-8, 1e-2, 13)
+    found = numbers_of(sweep(tmp_path / "s.h5", omega, 0.3 + 2j * omega))
+    assert found["G0"] == pytest.approx(0.3) and found["eta0"] == pytest.approx(2.0)
+    assert found["omega_star"] == pytest.approx(0.15)
+
+
+def test_a_slope_needs_enough_frequencies_and_positive_moduli(tmp_path):
+    for count, signs in ((4, 1.0), (5, 1.0), (5, np.array([1, 1, -1, 1, 1]))):
+        omega = np.geomspace(2e-3, 0.05, count)
+        found = numbers_of(sweep(tmp_path / "s.h5", omega, signs * omega**0.5 + 1j * omega**0.5))
+        assert ("exponent_storage" in found) == (count == 5 and np.all(signs == 1.0))
+        assert ("exponent_loss" in found) == (count == 5)
+
+
+def test_numbers_of_modes_are_those_of_the_lowest(tmp_path):
+    arrays = {"eigenvalues": [0.1, 0.2], "participation_ratio": [0.5, 0.6], "floppiness": [3.0, 2.0]}
+    found = numbers_of(result(tmp_path / "m.h5", "modes", **arrays))
+    assert found == {"lowest_eigenvalue": 0.1, "lowest_participation": 0.5, "lowest_floppiness": 3.0}
+
+
+def test_numbers_of_a_correlation_are_those_at_the_lowest_frequency(tmp_path):
+    lengths = np.arange(12.0).reshape(2, 3, 2)  # lane, frequency, part
+    found = numbers_of(
+        result(
+            tmp_path / "c.h5", "correlation", omega=[1.0, 1e-3, 0.1], length=lengths, length_error=-lengths
+        )
+    )
+    assert found == {
+        "omega": 1e-3, "length_storage": 2.0, "length_loss": 3.0, "length_storage_error": -2.0,
+        "length_loss_error": -3.0,
+    }  # fmt: skip
+
+
+def test_numbers_of_jammed_samples_leave_out_what_is_not_known(tmp_path):
+    arrays = {
+        "jammed": [1.0, 0.0, np.nan, 1.0],
+        "phi_J": [0.84, np.nan, np.nan, 0.86],
+        "segregation": [np.nan] * 4,
+    }
+    found = numbers_of(result(tmp_path / "j.h5", "jam", **arrays))
+    assert found == {
+        "samples": 4, "jammed_fraction": pytest.approx(2 / 3), "phi_J": pytest.approx(0.85),
+        "phi_J_error": pytest.approx(0.01),
+    }  # fmt: skip
+    one = numbers_of(result(tmp_path / "j.h5", "jam", jammed=[1.0], phi_J=[0.84]))
+    assert one == {"samples": 1, "jammed_fraction": 1.0, "phi_J": 0.84}
+
+
+# One study in a folder
+
+
+def test_a_lock_tells_who_has_it_while_it_is_held(tmp_path):
+    (tmp_path / "lock").write_text("a longer line of an earlier study that has ended on this machine\n")
+    (tmp_path / "lock").write_text(f"{socket.gethostname()} 1234567890123\n")
+    lock = Lock(tmp_path)
+    lock.take()
+    assert (tmp_path / "lock").read_text() == f"{socket.gethostname()} {os.getpid()}\n"
+    assert [path.name for path in tmp_path.iterdir()] == ["lock"]
+    handles = len(os.listdir("/proc/self/fd"))
+    with pytest.raises(InputError, match=rf"process {os.getpid()} on {socket.gethostname()}"):
+        Lock(tmp_path).take()
+    assert len(os.listdir("/proc/self/fd")) == handles  # what was refused keeps nothing open
+    lock.release()
+    assert (tmp_path / "lock").read_text() == ""
+
+
+def test_the_lock_of_another_machine_holds_while_it_is_touched(tmp_path):
+    (tmp_path / "lock").write_text("elsewhere 123\n")
+    now = time.time()
+    os.utime(tmp_path / "lock", (now - 60, now - 60))
+    with pytest.raises(InputError, match=r"process 123 on elsewhere.*its lock is void in (5|6)\d s"):
+        Lock(tmp_path).take()
+    assert [path.name for path in tmp_path.iterdir()] == ["lock"]  # the clock was read without a trace
+    os.utime(tmp_path / "lock", (now - 121, now - 121))
+    lock = Lock(tmp_path)
+    lock.take()
+    lock.release()
+
+
+def test_a_lock_is_touched_until_it_is_released(tmp_path, monkeypatch):
+    monkeypatch.setattr(locks, "BEAT", 0.005)
+    lock = Lock(tmp_path)
+    lock.take()
+
+    def touched():
+        os.utime(tmp_path / "lock", (0, 0))
+        deadline = time.monotonic() + 0.5
+        while time.monotonic() < deadline:
+            if os.stat(tmp_path / "lock").st_mtime > 0:
+                return True
+            time.sleep(0.002)
+
+    assert touched()
+    lock.release()
+    time.sleep(0.02)
+    os.utime(tmp_path / "lock", (0, 0))
+    time.sleep(0.03)
+    assert os.stat(tmp_path / "lock").st_mtime == 0
+
+
+def test_where_files_have_no_locks_only_another_machine_counts(tmp_path, monkeypatch):
+    def refuse(file, how):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    lock = Lock(tmp_path)
+    lock.take()
+    lock.release()
+
+
+def test_a_lock_that_nobody_has_named_is_refused_all_the_same(tmp_path):
+    with open(tmp_path / "lock", "a+") as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        with pytest.raises(InputError, match=r"a study is running there \(process \? on another machine\)"):
+            Lock(tmp_path).take()
+
+
+def test_a_folder_that_cannot_be_written_has_no_lock(tmp_path):
+    with pytest.raises(InputError, match=r"lock: cannot be written \(No such file or directory\)"):
+        Lock(tmp_path / "none").take()
+    Lock(tmp_path).release()  # was never taken
+
+
+def test_a_study_needs_a_folder(tmp_path):
+    (tmp_path / "file").touch()
+    for path, message in (
+        (tmp_path / "file", "file: is no folder: choose another --out"),
+        (tmp_path / "file" / "study", r"cannot be written \(Not a directory\)"),
+    ):
+        with pytest.raises(InputError, match=message):
+            study_run._open(path, Lock(path))
+
+
+# What became of tasks
+
+
+def test_a_journal_that_cannot_be_kept_or_read_is_one_line(tmp_path):
+    (tmp_path / "journal").touch()
+    with pytest.raises(JampetscError, match=r"journal/rank-0000: writing failed: File exists"):
+        Journal(tmp_path, 0).append({"task": "a", "time": 1})
+    (tmp_path / "journal").unlink()
+    (tmp_path / "journal" / "rank-0001").mkdir(parents=True)
+    with pytest.raises(JampetscError, match=r"journal/rank-0001: cannot be written \(Is a directory\)"):
+        records_of(tmp_path)
+
+
+def test_a_line_without_its_end_is_torn(tmp_path):
+    for name in "ab":
+        Journal(tmp_path, 0).append({"task": name, "time": 1})
+    path = tmp_path / "journal" / "rank-0000"
+    path.write_bytes(path.read_bytes()[:-1])
+    assert list(records_of(tmp_path)) == ["a"]
+
+
+def test_of_two_records_at_one_time_the_later_line_counts(tmp_path):
+    for state in ("failed", "done"):
+        Journal(tmp_path, 0).append({"task": "a", "time": 1, "state": state})
+    assert records_of(tmp_path)["a"]["state"] == "done"
+
+
+def test_rows_are_in_the_order_of_the_study_then_what_was_done_before():
+    def made(state):
+        return {"state": state, "why": "no", "seconds": 0.12345, "row": {"command": "pack"}}
+
+    asked_for = [SimpleNamespace(name=name) for name in ("b", "a", "none", "b")]
+    records = {
+        "z": made("done"),
+        "a": made("failed"),
+        "b": made("done"),
+        "y": made("done"),
+        "x": made("failed"),
+    }
+    for name, one in records.items():
+        one["row"] = {"command": "pack", "file": name}
+    rows = rows_of(asked_for, records)
+    assert [(row["file"], row["state"]) for row in rows] == [
+        ("b", "done"), ("a", "failed: no"), ("y", "done"), ("z", "done"),
+    ]  # fmt: skip
+    assert {row["seconds"] for row in rows} == {0.123}
+
+
+def test_columns_of_the_table_are_in_one_order():
+    rows = [
+        {"seconds": 1.5, "G0": 2.0, "command": "sweep"},
+        {"n": 3, "seconds": 2.5, "command": "pack", "beta": ""},
+    ]
+    assert table_text(rows) == "command,n,G0,beta,seconds\nsweep,,2.0,,1.5\npack,3,,,2.5\n"
+
+
+@pytest.fixture
+def runner(tmp_path):
+    """A runner in a folder where every file of a small study is there and recorded."""
+    text = PACK + '[sweep]\nomega = "1"\nfields = "1"\n[correlate]\n'
+    found = tasks(text)
+    records = {
+        task.name: {"task": task.name, "state": "done", "inputs": [one.name for one in task.inputs]}
+        for task in found
+    }
+    for task in found:
+        (tmp_path / task.file).touch()
+    return Runner(tmp_path, parsers(), records), found
+
+
+def test_what_is_finished(runner):
+    runner, found = runner
+    assert all(map(runner.finished, found))
+    pack, sweep_, mean = (of(found, name)[0] for name in ("pack", "sweep", "correlate"))
+    (runner.folder / sweep_.file).unlink()  # a file that was removed is made again
+    assert not runner.finished(sweep_)
+    runner.records[pack.name]["state"] = "failed"
+    assert not runner.finished(pack)
+    del runner.records[pack.name]
+    assert not runner.finished(pack)
+    assert runner.finished(mean)
+    runner.records[mean.name]["inputs"] = runner.records[mean.name]["inputs"][:1]
+    assert not runner.finished(mean)  # one seed more
+    runner.records[mean.name]["inputs"] = ["another", "one"]
+    assert not runner.finished(mean)  # as many seeds, but others
+
+
+def test_a_task_without_its_inputs_fails_by_their_names(runner):
+    runner, found = runner
+    sweep_, mean = of(found, "sweep")[0], of(found, "correlate")[0]
+    for task in (sweep_, mean):
+        made = runner.run(task, [])
+        assert (made["state"], made["why"]) == ("failed", f"{task.inputs[0].file} failed")
+        assert made["inputs"] == [] and made["row"]["command"] == task.command
+
+
+def test_the_file_of_all_seeds_is_kept_while_they_are_the_same(runner):
+    runner, found = runner
+    mean = of(found, "correlate")[0]
+    assert runner.run(mean, list(mean.inputs)) is runner.records[mean.name]
+    fewer = runner._unchanged(mean, [mean.inputs[0].name])
+    (runner.folder / mean.file).unlink()
+    assert not fewer and not runner._unchanged(mean, [one.name for one in mean.inputs])
+
+
+def test_a_row_says_what_was_asked_for_before_what_was_found():
+    task = of(tasks(PACK + "[sweep]\nno-prestress = true\nbeta = 0.1\n"), "sweep")[0]
+    row = row_of(task, {"beta": 5.0, "prestress": 0, "packing": "p.h5"})
+    assert row["beta"] == 0.1 and row["packing"] == "p.h5" and row["file"] == task.file
+    assert "no_prestress" not in row and row["prestress"] == 0
+    assert row_of(task.inputs[0], {})["packing"] == task.inputs[0].file
+
+
+def test_a_file_is_taken_over_only_from_the_same_command_line(tmp_path):
+    words = ["jampetsc", "modes", "p.h5", "--out", "m.h5"]
+    path = result(tmp_path / "m.h5", "modes", {"argv": command_line(words)}.items(), eigenvalues=[1.0])
+    assert study_tasks._made_by(words, path)
+    assert not study_tasks._made_by([*words, "--count", "3"], path)
+    assert not study_tasks._made_by(words, tmp_path / "none.h5")
+    assert not study_tasks._made_by(words, result(tmp_path / "n.h5", "modes"))
+    write_packing(tmp_path / "p.h5", published())
+    assert not study_tasks._made_by(words, tmp_path / "p.h5")
+    (tmp_path / "m.h5.resume.d").mkdir()
+    (tmp_path / "m.h5.resume.d" / "x").touch()
+    (tmp_path / "m.h5.resume").touch()
+    (tmp_path / "other.h5.resume").touch()
+    assert study_tasks._tidied(path)
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["m.h5", "n.h5", "other.h5.resume", "p.h5"]
