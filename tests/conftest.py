@@ -40,6 +40,12 @@ def pytest_configure(config):
         running = session.start(SCALAR)
 
 
+def pytest_ignore_collect(collection_path):
+    """A file of plain tests alone, with all that it imports, is nothing for the ranks, each of which reads the tests."""
+    if SCALAR is not None and collection_path.match("test_*.py"):
+        return True if "mark.scalar" not in collection_path.read_text() else None
+
+
 def pytest_collection_modifyitems(config, items):
     def wanted(item):
         scalar, most = (item.get_closest_marker(name) for name in ("scalar", "most_ranks"))
