@@ -6,8 +6,10 @@ by projectors, not held by pins. Numbers are numpy.longdouble, 18 digits on x86,
 """
 
 import numpy as np
+from scipy.linalg import lu_factor, lu_solve
 
 LONG, COMPLEX = np.longdouble, np.clongdouble
+REFINEMENTS = 12
 
 
 def total(high, low=None):
@@ -40,6 +42,28 @@ def backbone(n, i, j, force, threshold):
 
 
 def solve(A, b):
+    """A⁻¹ b in the precision of A and b: from doubles by refinement, or by elimination where that does not get there.
+
+    Refined means: the solution for a matrix whose elements differ from those of A by a few roundings in this
+    precision, real and imaginary parts each (Higham, Accuracy and Stability of Numerical Algorithms, 2002,
+    chapter 12). Elimination gives no more.
+    """
+    low = complex if np.iscomplexobj(A) else float
+    factor, x, few = lu_factor(A.astype(low)), np.zeros_like(b), 4 * np.finfo(A.dtype).eps
+    sizes = [np.abs(part(A)) for part in (np.real, np.imag)]
+    for _ in range(REFINEMENTS):
+        rest = b - A @ x
+        real, imaginary = np.abs(x.real), np.abs(x.imag)
+        same, crossed = sizes[0] @ real + sizes[1] @ imaginary, sizes[0] @ imaginary + sizes[1] @ real
+        if np.all(np.abs(rest.real) <= few * (same + np.abs(b.real))) and np.all(
+            np.abs(rest.imag) <= few * (crossed + np.abs(b.imag))
+        ):
+            return x
+        x += lu_solve(factor, rest.astype(low))
+    return eliminated(A, b)
+
+
+def eliminated(A, b):
     """A⁻¹ b by elimination with row exchanges, in the precision of A and b."""
     A, x = A.copy(), b.copy()
     for k in range(len(A)):
