@@ -41,7 +41,7 @@ def pytest_configure(config):
 
 
 def pytest_ignore_collect(collection_path):
-    """A file of plain tests alone, with all that it imports, is nothing for the ranks, each of which reads the tests."""
+    """Ranks, each of which reads the tests, leave out files of plain ones alone, with all that those import."""
     if SCALAR is not None and collection_path.match("test_*.py"):
         return True if "mark.scalar" not in collection_path.read_text() else None
 
