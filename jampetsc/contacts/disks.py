@@ -54,7 +54,8 @@ class Disks:
 
         Raises InputError for wrong shapes, values that are not finite, radii ≤ 0 or a cell of no area.
         """
-        positions, radii, cell = (np.asarray(a, float) for a in (positions, radii, cell))
+        # in one layout: for another one all loops over disks would be compiled anew
+        positions, radii, cell = (np.asarray(a, float, "C") for a in (positions, radii, cell))
         n = len(radii) if radii.ndim == 1 else 0
         if n == 0 or positions.shape != (n, 2) or cell.shape != (2, 2):
             raise InputError(
