@@ -72,6 +72,7 @@ class Disks:
             ("radii", radii),
             ("cell", cell),
             ("positions_low", low),
+            ("cell_low", cell_rest),
         ):
             if not np.isfinite(array).all():
                 row = int(np.argwhere(~np.isfinite(array))[0][0])
