@@ -148,6 +148,88 @@ def test_forces_that_do_not_balance_are_told_over_pressure_and_diameter():
     assert imbalance(apart, measure(apart)) == np.inf
 
 
+def square(n=4, side=4.0):
+    """Arguments of `Disks.from_positions` for n disks in a row, in a square cell."""
+    return {
+        "positions": np.column_stack((np.arange(n), np.zeros(n))),
+        "radii": np.full(n, 0.5),
+        "cell": side * np.eye(2),
+    }
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"positions": np.zeros((4, 3))}, r"positions \(4, 3\), radii \(4,\), cell \(2, 2\): need"),
+        ({"positions": np.zeros((3, 2))}, r"positions \(3, 2\), radii \(4,\)"),
+        ({"cell": np.eye(3)}, r"cell \(3, 3\): need"),
+        ({"radii": np.full((4, 1), 0.5)}, r"radii \(4, 1\)"),
+        ({"positions": np.zeros((0, 2)), "radii": np.zeros(0)}, r"radii \(0,\)"),
+        ({"positions_low": np.zeros((3, 2))}, r"positions_low \(3, 2\), cell_low \(2, 2\): shapes of"),
+        ({"cell_low": np.zeros(2)}, r"positions_low \(4, 2\), cell_low \(2,\): shapes of"),
+        ({"radii": np.array([0.5, 0.5, np.nan, 0.5])}, r"radii\[2\] = nan: must be finite"),
+        ({"cell": np.array([[4.0, 0.0], [np.inf, 4.0]])}, r"cell\[1\] = .*inf.*must be finite"),
+        ({"positions_low": np.full((4, 2), np.nan)}, r"positions_low\[0\] = .*must be finite"),
+        ({"cell_low": np.full((2, 2), np.nan)}, r"cell_low\[0\] = .*must be finite"),
+        ({"radii": np.array([0.5, 0.0, 0.5, 0.5])}, r"radii\[1\] = 0.0: must be positive"),
+        ({"cell": np.array([[4.0, 0.1], [0.0, 4.0]])}, r"need rows \(Lx, 0\) and"),
+        ({"cell": np.diag([-4.0, 4.0])}, r"with Lx, Ly > 0"),
+        ({"cell": np.diag([0.0, 4.0])}, r"with Lx, Ly > 0"),
+        ({"cell": np.diag([4.0, 0.0])}, r"with Lx, Ly > 0"),
+        (
+            {"cell": np.diag([4.0, np.nextafter(1.0, 0)])},
+            r"with a disk of diameter 1: a disk would touch its own",
+        ),
+        ({"cell": np.array([[1.2, 0.0], [1.2, 1.2]])}, r"cell of height 0.848528 with a disk"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else next(iter(value)),
+)
+def test_what_is_no_packing_is_refused(change, says):
+    assert Disks.from_positions(**square()).n == 4
+    with pytest.raises(InputError, match=says):
+        Disks.from_positions(**square() | change)
+
+
+def test_what_is_just_a_packing_is_one():
+    """A disk as wide as its cell meets its image in a point; coordinates up to 2²⁸ keep their digits."""
+    assert Disks.from_positions(**square() | {"cell": np.diag([4.0, 1.0])}).heights[1] == 1.0
+    far = square() | {"cell": np.diag([2.0**28, 4.0])}
+    far["positions"] = far["positions"] + [2.0**28 - 3, 0]
+    assert Disks.from_positions(**far).positions[3, 0] == 2.0**28
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"kind": "WCA"}, "potential 'WCA': choose one of harmonic, hertzian"),
+        ({"stiffness": "soft"}, "stiffness 'soft': choose one of constant, inverse-square-diameter"),
+        ({"k": 0.0}, "stiffness k = 0.0: must be a positive number"),
+        ({"k": np.inf}, "stiffness k = inf: must be a positive number"),
+        ({"k": np.nan}, "stiffness k = nan: must be a positive number"),
+    ],
+)
+def test_potentials_that_there_are_not(change, says):
+    with pytest.raises(InputError, match=says):
+        Potential(**change)
+
+
+def test_disks_that_nothing_holds_have_no_coordination_and_no_force():
+    disks = Disks.from_positions(**square(side=9.0))
+    apart = replace(disks, radii=0.4 * disks.radii)
+    for loose, contacts in ((disks, 0), (apart, 0)):
+        state = measure(loose)
+        assert (state.coordination, state.max_force, len(state.contacts)) == (0.0, 0.0, contacts)
+        assert state.rattlers.all()
+
+
+def test_a_rattler_that_is_pushed_is_no_lack_of_balance():
+    """One contact alone: its force counts in p, the disks in no residual."""
+    disks = Disks.from_positions([[0.0, 0.0], [0.9, 0.0]], [0.5, 0.5], 4.0 * np.eye(2))
+    state = measure(disks)
+    assert state.pressure == pytest.approx(0.1 * 0.9 / 32.0) and state.max_force == 0.0
+    assert len(find_contacts(disks)) == 1
+
+
 @pytest.mark.parametrize("scale", [2.0**29, 2.0**40])
 def test_coordinates_that_leave_no_digits_are_refused(scale):
     disks = published()

@@ -6,7 +6,7 @@ from samples import LAWS, physics, published, reference
 
 import jampetsc
 from jampetsc import cli
-from jampetsc.contacts.laws import FAMILIES, LARGEST, UNDAMPED, damping_law
+from jampetsc.contacts.laws import FAMILIES, LARGEST, UNDAMPED, Law, damping_law
 from jampetsc.errors import InputError
 from jampetsc.storage.packing_file import write_packing
 
@@ -65,6 +65,25 @@ def test_refused(name, options, says):
     with pytest.raises(InputError) as caught:
         damping_law(name, **options)
     assert says in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["normal", "transverse", "sliding", "drag", "eta_f"])
+def test_weights_of_one_s_own_have_limits_too(name):
+    assert getattr(Law("own", **{name: LARGEST}), name) == LARGEST
+    assert damping_law(normal=LARGEST).normal == LARGEST
+    for weight in (-1e-300, 1.001 * LARGEST, float("nan"), float("inf")):
+        with pytest.raises(InputError, match=rf"{name} = .*: must lie between 0 and 1e\+12"):
+            Law("own", **{name: weight})
+    for tau1 in (0.0, -1.0, float("inf"), float("nan")):
+        with pytest.raises(InputError, match=r"--tau1 .*: must be positive"):
+            Law("own", normal=1.0, tau1=tau1)
+
+
+def test_a_fluid_alone_does_not_damp_disks():
+    """Viscosity of the fluid, without drag on a disk, leaves every motion free."""
+    assert not Law("own", eta_f=1.0).damps_contacts
+    with pytest.raises(InputError, match="nothing dissipates; raise one of the weights"):
+        damping_law(normal=0.0, beta=0.0, rotations=False)
 
 
 @pytest.mark.scalar("real")

@@ -1,0 +1,258 @@
+"""What a run of steady shear says of itself: rows and snapshots, means, balance of energy, warnings, its checkpoint."""
+
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sheared import crowd, shear
+
+from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.flows import record as records
+from jampetsc.flows.lanes import LaneCorrelation, correlate_lanes
+from jampetsc.flows.means import FEW, Means
+from jampetsc.flows.record import (
+    ON_WALLS,
+    SERIES,
+    Record,
+    check_space,
+    checkpoint_of,
+    resumed,
+    write_checkpoint,
+)
+from jampetsc.flows.run import Plan, _duration, check_balance
+from jampetsc.storage.reader import load
+from jampetsc.storage.result_file import ResultWriter
+
+RATE, AREA, SPACING = 0.1, 30.0, 0.02
+
+
+def recorded(rows, lost=1.0, loss=0.5, stress=(2.0, 0.3), **columns):
+    """Rows of a run whose stress grows steadily, which dissipates `loss` and says that it is `lost` times as much.
+
+    The energy takes the rest of the work: what is in a row is its mean, of a parabola here.
+    """
+    record, step = Record(columns.get("columns", SERIES)), SPACING / RATE
+    first, slope = stress
+    for row in range(rows):
+        t = (row + 0.5) * step
+        xy = first + slope * t
+        mean_square = t * t + step * step / 12.0
+        energy = 7.0 + RATE * AREA * (first * t + 0.5 * slope * mean_square) - loss * t
+        values = dict.fromkeys(record.columns, 1.0) | {
+            "strain": (row + 1) * SPACING,
+            "shear_stress": [0.5 * xy, 0.3 * xy, 0.2 * xy],
+            "pressure": [1.0, 2.0, 3.0],
+            "energy": energy,
+            "dissipation": lost * loss,
+            "coordination": 4.0 + row,
+        }
+        record.add(**values)
+    return record
+
+
+def means(record, discard=0.0):
+    return Means.of(record, discard, RATE, AREA)
+
+
+def test_work_is_dissipated_or_kept():
+    found = means(recorded(40))
+    assert abs(found.mismatch) < 1e-13
+    assert found.energy_balance == pytest.approx(RATE * AREA * found.shear_stress.mean / 0.5)
+    for lost in (0.9, 1.2):
+        assert means(recorded(40, lost)).mismatch == pytest.approx((1.0 - lost) / lost)
+    assert means(recorded(40, 1.2), discard=0.2).mismatch == pytest.approx(-1 / 6)
+
+
+def test_a_few_rows_are_not_looked_at_for_balance():
+    assert means(recorded(FEW - 1, 1.2)).mismatch == 0.0
+    assert means(recorded(FEW, 1.2)).mismatch == pytest.approx(-1 / 6)
+
+
+def test_what_dissipates_nothing_is_balanced_by_nothing():
+    found = means(recorded(40, lost=0.0))
+    assert np.isnan(found.energy_balance) and found.mismatch == 0.0
+
+
+def test_means_are_over_what_discard_leaves():
+    record = recorded(10)
+    stress, pressure = record.series("shear_stress"), record.series("pressure")
+    assert stress.shape == pressure.shape == (10, 3)
+    for discard, first in ((0.0, 0), (3 * SPACING, 3), (3 * SPACING * (1 + 1e-13), 3), (3.01 * SPACING, 3)):
+        found = means(record, discard)
+        assert found.shear_stress.mean == pytest.approx(stress[first:].sum(1).mean())
+        assert found.pressure.mean == 6.0 and found.coordination.mean == np.mean(4.0 + np.arange(first, 10))
+        np.testing.assert_allclose(found.parts, stress[first:].mean(0))
+        assert found.strain == pytest.approx((10 - first) * SPACING) and found.spacing == pytest.approx(
+            SPACING
+        )
+    assert means(record, 10 * SPACING) is None and means(record, 9.5 * SPACING).strain == pytest.approx(
+        SPACING
+    )
+    assert means(recorded(1)).spacing == SPACING
+    assert not found.walls
+    beside = recorded(10, columns=SERIES | ON_WALLS)
+    assert set(means(beside).walls) == set(ON_WALLS)
+    assert means(beside).facts()["wall_pressure_mean"] == 1.0
+
+
+def test_what_is_not_steady_is_told():
+    def told(stress, pressure):
+        record, noise = Record(), np.random.default_rng(1).normal(0, 0.1, (1000, 2))
+        for row in range(1000):
+            values = dict.fromkeys(SERIES, 1.0) | {
+                "strain": (row + 1) * SPACING,
+                "shear_stress": [1.0 + stress * (row > 500) + noise[row, 0], 0.0, 0.0],
+                "pressure": [1.0 + pressure * (row > 500) + noise[row, 1], 0.0, 0.0],
+            }
+            record.add(**values)
+        return means(record).warnings()
+
+    assert told(0.0, 0.0) == []
+    for drifts in (told(0.05, 0.0), told(0.0, 0.05)):
+        assert len(drifts) == 1 and "not steady yet; --discard more" in drifts[0]
+    short = means(recorded(30)).warnings()
+    assert "strain 0.6 after --discard is short for a correlation strain of about" in short[0]
+
+
+@pytest.mark.parametrize("lost, balanced", [(0.96, True), (1.04, True), (0.94, False), (1.07, False)])
+def test_a_balance_is_off_on_either_side(lost, balanced):
+    run = shear("RD0", crowd(16), rate=RATE)
+    scale = run.reference.area / AREA  # the record's cell is another one
+    record = recorded(40)
+    for name, factor in (("shear_stress", 1.0 / scale), ("dissipation", lost)):
+        record.rows[name] = [factor * np.array(value) for value in record.rows[name]]
+    if balanced:
+        assert check_balance(record, 0.0, run).energy_balance > 0
+    else:
+        with pytest.raises(
+            ConvergenceError, match=r"differ by -?[67] % in the mean .*: give a smaller --step"
+        ):
+            check_balance(record, 0.0, run)
+    assert check_balance(record, 1.0, run) is None
+
+
+@pytest.mark.parametrize(
+    ("given", "steps", "rows"),
+    [
+        ((1e-2, 0.1, 1.0), 10, 100),  # a row is a strain of 0.01
+        ((1e-2, 0.1, 0.1), 2, 50),  # or a fiftieth of a short run
+        ((1e-2, 0.1, 1e-3), 1, 1),
+        ((0.1, 1.0, 1.1), 1, 11),  # 1.1/0.1 is 11.000000000000002
+        ((0.1, 1.0, 1.101), 1, 12),
+        ((1.0, 1e-12, 1.0), 10**10, 100),  # as many time steps as there may be
+    ],
+)
+def test_rows_of_a_run(given, steps, rows):
+    plan = Plan.of(*given, 0.0, 0)
+    assert (plan.steps, plan.rows) == (steps, rows)
+    assert Plan.of(*given, 0.0, 0, steps=3 * steps).steps == 3 * steps
+
+
+def test_more_steps_or_snapshots_than_there_can_be():
+    with pytest.raises(InputError, match=r"--strain 1.01: 1e\+12 time steps of 1e-12, at most 1e\+12"):
+        Plan.of(1.0, 1e-12, 1.01, 0.0, 0)
+    row = 0.1
+    assert Plan.of(0.1, 1.0, 1.0, 3 * row, 7).first_kept(row) == 3  # 0.3/0.1 is less than 3
+    with pytest.raises(
+        InputError, match="--snapshots 8: there are 7 rows after --discard, at most one for each"
+    ):
+        Plan.of(0.1, 1.0, 1.0, 3 * row, 8)
+
+
+def test_snapshots_are_spread_over_what_is_kept():
+    plan = Plan(steps=1, rows=10, discard=0.0, snapshots=3)
+    assert plan.snapshot_rows(4) == {6, 8, 10}
+    assert replace(plan, snapshots=6).snapshot_rows(4) == {5, 6, 7, 8, 9, 10}
+    assert replace(plan, snapshots=1).snapshot_rows(4) == {10}
+
+
+def test_time_left_in_words():
+    told = [_duration(seconds) for seconds in (0.4, 59.4, 60.0, 3599.0, 3600.0, 9000.0)]
+    assert told == ["0 s", "59 s", "1.0 min", "60.0 min", "1.0 h", "2.5 h"]
+
+
+def test_snapshots_need_room_twice(tmp_path, monkeypatch):
+    """Positions and velocities of 10 disks, strain and cell, in doubles, in the file and in the checkpoint."""
+    needed = 2 * 7 * (10 * 2 * 2 + 1 + 4) * 8
+    usage = shutil.disk_usage(tmp_path)
+    for free, fits in ((needed, True), (needed - 1, False)):
+        monkeypatch.setattr(records.shutil, "disk_usage", lambda path, free=free: usage._replace(free=free))
+        if fits:
+            check_space(tmp_path / "x.h5", 10, 7)
+        else:
+            with pytest.raises(InputError, match="--snapshots 7: of 10 disks need"):
+                check_space(tmp_path / "x.h5", 10, 7)
+
+
+def test_only_a_sound_checkpoint_of_the_same_job_goes_on(tmp_path):
+    out, settings = tmp_path / "x.h5", {"rate": 1e-2, "start": "a"}
+    assert resumed(out, settings) is None
+    write_checkpoint(out, recorded(3), {"base": np.eye(2)}, settings)
+    record, state = resumed(out, settings)
+    assert len(record) == 3 and np.array_equal(state["base"], np.eye(2))
+    np.testing.assert_array_equal(record.series("energy"), recorded(3).series("energy"))
+    assert resumed(out, settings | {"start": "b"}) is None
+    path = checkpoint_of(out)
+    path.write_bytes(path.read_bytes()[:-100])
+    assert resumed(out, settings) is None
+
+
+def flow_file(path, velocity=0.1, phi=0.8, walls=False, **facts):
+    """A flow file with two snapshots of 30 disks, its disks at random places with u_y = ±velocity."""
+    rng = np.random.default_rng(1)
+    cell = np.array([[8.0, 0.0], [1.0, 6.0]])
+    common = {"model": "RD0", "rate": 0.1, "particle_count": 30, "mass": 0.0, "phi": phi}
+    with ResultWriter(path, "jampetsc-flow") as writer:
+        writer.dataset("snapshots/positions", rng.random((2, 30, 2)) @ cell)
+        writer.dataset("snapshots/velocities", velocity * rng.choice([-1.0, 1.0], (2, 30, 2)))
+        writer.dataset("snapshots/cell", np.array([cell, cell]))
+        writer.attributes(**common | facts | ({"walls": 4} if walls else {}))
+    return load(path)
+
+
+def test_correlated_files_are_of_one_kind(tmp_path):
+    one = flow_file(tmp_path / "one.h5")
+    found = correlate_lanes([one, one], 0.5, 1.0)
+    assert found.snapshots == 4 and found.mean_square == pytest.approx(1.0) and len(found.values) == 4
+    np.testing.assert_allclose(found.values, correlate_lanes([one], 0.5, 1.0).values)
+    for name, value in (("model", "CD0"), ("rate", 0.2), ("particle_count", 31), ("mass", 1.0)):
+        other = flow_file(tmp_path / "other.h5", **{name: value})
+        with pytest.raises(
+            InputError, match=rf"other.h5: {name} {value}, but one.h5 has .*: average one kind"
+        ):
+            correlate_lanes([one, other], 0.5, 1.0)
+    correlate_lanes([one, flow_file(tmp_path / "near.h5", phi=0.8 + 9e-7)], 0.5, 1.0)
+    with pytest.raises(InputError, match=r"far.h5: another phi than one.h5"):
+        correlate_lanes([one, flow_file(tmp_path / "far.h5", phi=0.8 + 2e-6)], 0.5, 1.0)
+    with pytest.raises(InputError, match=r"walls.h5: a flow between walls is not homogeneous"):
+        correlate_lanes([flow_file(tmp_path / "walls.h5", walls=True)], 0.5, 1.0)
+
+
+def test_lanes_and_bins_that_fit(tmp_path):
+    one = flow_file(tmp_path / "one.h5")  # half of the cell is 4 wide and 3 high
+    assert len(correlate_lanes([one], 2.999, 4.0).values) == 1
+    assert len(correlate_lanes([one], 0.5, 0.1).values) == 40  # whole bins, for all rounding
+    assert len(correlate_lanes([one], 0.5, 1.5).values) == 2
+    for lane in (3.0, float("nan")):
+        with pytest.raises(InputError, match=r"must be less than half of the cell's height 6"):
+            correlate_lanes([one], lane, 1.0)
+    for width in (4.001, float("nan")):
+        with pytest.raises(InputError, match=r"must be at most half of the cell's width, 4"):
+            correlate_lanes([one], 0.5, width)
+
+
+@pytest.mark.parametrize(
+    ("values", "where", "least"),
+    [
+        ([1.0, 0.2, -0.3, -0.1, 0.4], 2.5 + 0.5 * (0.2 + 0.1) / (0.2 + 0.6 - 0.1), -0.3),  # of the parabola
+        ([-0.5, 0.2, 0.3, 0.1, 0.4], 0.5, -0.5),  # at an end there is none
+        ([1.0, 0.2, 0.3, 0.1, -0.4], 4.5, -0.4),
+        ([1.0, 0.2, -0.3, np.nan, 0.4], 2.5, -0.3),
+        ([np.nan, 0.2, -0.3, -0.3, -0.3], 2.5 + 0.5 * (0.2 + 0.3) / (0.2 + 0.6 - 0.3), -0.3),
+    ],
+)
+def test_where_the_correlation_is_least(values, where, least):
+    edges, count = np.arange(6.0), np.ones(5)
+    found = LaneCorrelation(edges, np.array(values), count, count, 1.0, 1)
+    assert found.minimum == (pytest.approx(where), least)
