@@ -304,6 +304,21 @@ def test_a_step_saved_twice_counts_as_it_was_last(out):
     assert Checkpoint(out, KEY).done.keys() == {1}  # not what it was before: its file is gone
 
 
+def test_a_step_that_was_saved_again_with_fields_needs_them(out):
+    checkpoint = saved(out, 2)
+    checkpoint.save(0, record(7), fields(7, 0))
+    assert Checkpoint(out, KEY).done == {0: record(7), 1: record(1)}
+    steps_of(out)[1][0].unlink()
+    assert Checkpoint(out, KEY).done == {1: record(1)}
+
+
+def test_a_gap_in_the_numbers_ends_what_counts_of_an_ordered_job(out):
+    checkpoint = saved(out, 2)
+    checkpoint.save(3, record(3))
+    assert Checkpoint(out, KEY).done.keys() == {0, 1, 3}
+    assert Checkpoint(out, KEY, ordered=True).done.keys() == {0, 1}
+
+
 # On several ranks, of which one fails
 
 
