@@ -94,7 +94,7 @@ class Checkpoint:
         if self.comm is not None:
             sound = [all(ranks) for ranks in zip(*self.comm.allgather(sound), strict=True)]
         for (index, record, fields, end, link), whole in zip(steps, sound, strict=True):
-            if self.ordered and not (whole and index == self.next):
+            if self.ordered and index != self.next:
                 break
             self._end, self._link = end, link
             self.done.pop(index, None)  # a later line about a step replaces an earlier one
