@@ -230,6 +230,109 @@ def test_bytes_come_out_as_they_went_in(tmp_path):
             Verified(open(tmp_path / "g", "rb"))
 
 
+def sealed(path, content):
+    """A file of this content with its checksums; all of its bytes."""
+    path.write_bytes(content)
+    with open(path, "r+b") as file:
+        seal(file)
+    return path.read_bytes()
+
+
+def test_a_list_of_checksums_that_is_not_whole_is_refused(tmp_path):
+    path, content = tmp_path / "f", bytes(range(200))
+    whole = sealed(path, content)
+    line = len(whole) - LINE
+    for place in (0, len(content), line):  # a byte more, of the content or of the hashes
+        path.write_bytes(whole[:place] + b"x" + whole[place:])
+        with pytest.raises(Damaged, match="its length is not"):
+            Verified(open(path, "rb"))
+    path.write_bytes(whole.replace(b" %d " % BLOCK, b" %d " % (BLOCK + 1)))
+    with pytest.raises(Damaged, match="list of checksums is not the one"):
+        Verified(open(path, "rb"))
+    for changed in (
+        whole[:-2] + b"x\n",  # what follows the hash
+        whole.replace(b" %d " % BLOCK, b" 0 "),
+        whole[:-1],
+        whole.replace(b"checksums 1", b"checksums 2"),
+        whole[-LINE + 1 :],
+    ):
+        path.write_bytes(changed)
+        with open(path, "rb") as file:
+            assert seal_of(file) is None
+    zero = whole[:line] + b"jampetsc-checksums 1 200 0 x".ljust(LINE - 1) + b"\n"
+    path.write_bytes(zero)
+    with open(path, "rb") as file:
+        assert seal_of(file) is None  # blocks of nothing
+
+
+@pytest.mark.parametrize("libver", ["v110", "latest"])
+@pytest.mark.parametrize("change", [1, -1])
+def test_one_byte_too_many_or_too_few_without_checksums(tmp_path, libver, change):
+    """HDF5's own header says where it ends."""
+    path = tmp_path / "x.h5"
+    with h5py.File(path, "w", libver=libver) as h5:
+        h5["x"] = np.arange(5)
+        if libver == "latest":  # the third version of the header
+            h5.swmr_mode = True
+    with Verified(open(path, "rb")) as verified:
+        assert not verified.sealed
+    os.truncate(path, path.stat().st_size + change)
+    with pytest.raises(
+        Damaged, match=r"truncated( or changed)?: 1 bytes (of its HDF5 are missing|follow its end)"
+    ):
+        Verified(open(path, "rb"))
+
+
+def test_a_file_that_shrinks_while_it_is_read_is_damaged(tmp_path):
+    (tmp_path / "f").write_bytes(bytes(100))
+    with Verified(open(tmp_path / "f", "rb", buffering=0)) as verified:
+        os.truncate(tmp_path / "f", 99)
+        with pytest.raises(Damaged, match="ends 1 bytes too early"):
+            verified.read(100)
+
+
+class Counted:
+    """A file that tells how often it was read."""
+
+    def __init__(self, path):
+        self.file, self.reads = open(path, "rb"), 0
+
+    def read(self, count):
+        self.reads += 1
+        return self.file.read(count)
+
+    def seek(self, *place):
+        return self.file.seek(*place)
+
+    def close(self):
+        self.file.close()
+
+
+def test_blocks_are_read_once_while_they_are_in_use(tmp_path, monkeypatch):
+    """The last eight of them are kept, no more: memory does not grow with the file."""
+    monkeypatch.setattr("jampetsc.storage.checksums.BLOCK", 64)
+    content = random.Random(2).randbytes(64 * 40)
+    sealed(tmp_path / "f", content)
+    file = Counted(tmp_path / "f")
+    verified = Verified(file)
+    before = file.reads
+
+    def look(block):
+        verified.seek(64 * block + 3)
+        assert verified.tell() == 64 * block + 3
+        assert verified.read(2) == content[64 * block + 3 : 64 * block + 5]
+        return file.reads - before
+
+    assert [look(block) for block in range(8)] == list(range(1, 9))
+    assert look(0) == 8  # kept, and used last
+    assert look(8) == 9 and look(0) == 9 and look(1) == 10
+    for block in range(40):
+        look(block)
+    assert len(verified._blocks) == 8
+    verified.close()
+    assert file.file.closed
+
+
 def test_a_file_that_was_cut_is_refused_before_libhdf5_sees_it(sound, tmp_path):
     content = (sound / "packing" / "s.h5").read_bytes()
     end = int.from_bytes(content[28:36], "little")  # of what HDF5 has written, as its header says

@@ -161,6 +161,57 @@ def test_what_is_a_reason_to_start_mpi_and_ask(monkeypatch, given, several):
     assert launcher.several() == several
 
 
+def test_what_a_launcher_gives_is_left_out():
+    given = {"OMPI_COMM_WORLD_SIZE": "2", "OMPI_UNIVERSE_SIZE": "2", "PMIX_RANK": "0", "PRTE_LAUNCHED": "1",
+             "PMI_SIZE": "2", "MPI_LOCALNRANKS": "2", "OMPI_MCA_ess_base": "x", "OMPI_MCA_pmix": "x",
+             "OMPI_APP_CTX_NUM_PROCS": "2", "OMPI_MCA_orte_x": "1"}  # fmt: skip
+    kept = {"OMPI_MCA_btl": "^openib", "OMPI_ALLOW_RUN_AS_ROOT": "1", "PATH": "/bin", "SLURM_PROCID": "1"}
+    assert launcher.without_launcher(given | kept) == kept
+
+
+PARENTS = {  # processes above this one, from the nearest -> whether a rank has started it
+    "bash mpirun": False,
+    "prterun": False,
+    "sh python*": True,
+    "python* mpirun": True,
+    "mpirun python*": False,  # a program that uses MPI and starts mpirun
+    "": False,
+}
+
+
+@pytest.mark.parametrize("above", PARENTS)
+def test_what_a_rank_starts_forgets_the_launcher(tmp_path, monkeypatch, above):
+    """Its processes are those of a folder like /proc; * marks one that uses MPI."""
+    names = above.split()
+    for pid, name in enumerate(reversed(names), 2):
+        folder = tmp_path / str(pid)
+        folder.mkdir()
+        (folder / "comm").write_text(name.rstrip("*") + "\n")
+        (folder / "maps").write_text(
+            "/usr/lib/libmpi.so.40\n" if "*" in name else "/usr/lib/libopen-rte.so\n"
+        )
+        (folder / "stat").write_text(f"{pid} (a name) of) S {pid - 1} 1 1\n")
+    monkeypatch.setattr(launcher, "Path", lambda root, *parts: tmp_path.joinpath(*parts))
+    monkeypatch.setattr(os, "getppid", lambda: len(names) + 1)
+    monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "2")
+    monkeypatch.setenv("PMIX_RANK", "1")
+    launcher.forget_if_inherited()
+    assert ("PMIX_RANK" not in os.environ) == ("OMPI_COMM_WORLD_SIZE" not in os.environ) == PARENTS[above]
+    if PARENTS[above]:
+        return
+    monkeypatch.setattr(os, "getppid", lambda: 99)  # a process that cannot be looked at
+    launcher.forget_if_inherited()
+    assert "PMIX_RANK" in os.environ
+
+
+def test_one_that_no_launcher_has_started_keeps_its_environment(monkeypatch):
+    monkeypatch.setattr(launcher, "_started_by_rank", lambda: True)
+    monkeypatch.delenv("OMPI_COMM_WORLD_SIZE", raising=False)
+    monkeypatch.setenv("PMIX_RANK", "1")
+    launcher.forget_if_inherited()
+    assert "PMIX_RANK" in os.environ
+
+
 def made_under_mpirun(folder, *line):
     """Names of the files in `folder` after two ranks have run this command line there."""
     environment = launch.environment()

@@ -1,10 +1,13 @@
 """The door to PETSc: which build is taken, whose options win, and what is never started."""
 
+import functools
+import importlib.util
 import os
 import subprocess
 import sys
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
+from types import SimpleNamespace
 
 import launch
 import pytest
@@ -112,6 +115,85 @@ def test_real_is_preferred_to_a_newer_complex_build(tmp_path, scalar, chosen):
         f"with builds.selected({scalar!r}): print(os.environ['PETSC_DIR'])"
     )
     assert python(code).stdout.rstrip().endswith(f"any-linux-gnu-{chosen}")
+
+
+@pytest.fixture
+def installed(tmp_path, monkeypatch):
+    """A distribution's root, in which builds can be made, and no petsc4py loaded or the user's own."""
+    find = importlib.util.find_spec
+    monkeypatch.setattr(
+        builds, "distribution_builds", functools.partial(builds.distribution_builds, tmp_path)
+    )
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "petsc4py" else find(name))
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    for name in ("petsc4py", "slepc4py"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    for name in ("PETSC_DIR", "SLEPC_DIR", "PETSC_ARCH"):
+        monkeypatch.delenv(name, raising=False)
+    return tmp_path
+
+
+def variables_of(scalar=None):
+    """PETSC_DIR and SLEPC_DIR while a build is selected, without the root."""
+    with builds.selected(scalar):
+        return tuple(os.environ.get(name) for name in ("PETSC_DIR", "SLEPC_DIR"))
+
+
+def test_variables_are_as_before_when_a_build_has_been_selected(installed, monkeypatch):
+    make_build(installed, "petsc3.18/any-linux-gnu-real")
+    petsc, slepc = (str(installed / f"{one}dir/{one}3.18/any-linux-gnu-real") for one in ("petsc", "slepc"))
+    before = len(sys.path)
+    assert variables_of() == (petsc, slepc)
+    assert not {"PETSC_DIR", "SLEPC_DIR"} & os.environ.keys()
+    assert sys.path[0] == f"{petsc}/lib/python3/dist-packages" and len(sys.path) == before + 1
+    monkeypatch.setenv("PETSC_DIR", petsc)  # the user's own, with a SLEPc beside it
+    assert variables_of() == (petsc, slepc) and os.environ["PETSC_DIR"] == petsc
+    assert "SLEPC_DIR" not in os.environ
+    monkeypatch.setenv("SLEPC_DIR", "/other")
+    assert variables_of() == (petsc, "/other") and os.environ["SLEPC_DIR"] == "/other"
+
+
+def test_nothing_is_chosen_where_petsc4py_is_loaded_or_the_users_own(installed, monkeypatch):
+    make_build(installed, "petsc3.18/any-linux-gnu-real")
+    assert builds.to_choose("real") and not builds.to_choose("complex")
+    with monkeypatch.context() as patch:
+        patch.setitem(sys.modules, "petsc4py", sys)
+        assert variables_of() == (None, None) and not builds.to_choose("real")
+    with monkeypatch.context() as patch:
+        patch.setattr(
+            importlib.util, "find_spec", lambda name: SimpleNamespace(origin="/own/petsc4py/__init__.py")
+        )
+        assert variables_of() == (None, None) and not builds.to_choose("real")
+    with monkeypatch.context() as patch:  # the distribution's, on the path
+        inside = str(installed / "petscdir/petsc3.18/any-linux-gnu-real/lib/petsc4py/__init__.py")
+        patch.setattr(importlib.util, "find_spec", lambda name: SimpleNamespace(origin=inside))
+        assert variables_of()[0] and builds.to_choose("real")
+    monkeypatch.setenv("PETSC_DIR", "/own")
+    assert not builds.to_choose("real")
+
+
+def test_an_own_petsc_may_have_its_petsc4py_under_its_arch_or_on_the_path(installed, monkeypatch):
+    lib = installed / "own" / "arch-opt" / "lib" / "petsc4py" / "lib" / "arch-opt"
+    lib.mkdir(parents=True)
+    (lib / f"PETSc{EXTENSION_SUFFIXES[0]}").touch()
+    monkeypatch.setenv("PETSC_DIR", str(installed / "own"))
+    with pytest.raises(InputError, match="no petsc4py for this python there"):
+        variables_of()
+    monkeypatch.setenv("PETSC_ARCH", "arch-opt")
+    assert variables_of()[0] == str(installed / "own")
+    assert sys.path[0] == str(installed / "own" / "arch-opt" / "lib")
+    monkeypatch.delenv("PETSC_ARCH")
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: SimpleNamespace(origin="/own/x.py"))
+    assert variables_of()[0] == str(installed / "own")
+
+
+def test_a_build_without_petsc4py_for_this_python_is_none(installed):
+    make_build(installed, "petsc3.18/any-linux-gnu-real", suffix=".cpython-30-other.so")
+    make_build(installed, "petsc3.18/any-linux-gnu-mixed")
+    assert builds.distribution_builds() == []
+    with pytest.raises(InputError, match=r"no petsc4py \(real scalars\) for"):
+        variables_of()
+    assert builds.remedy("real").endswith("configured --with-scalar-type=real")
 
 
 @pytest.mark.parametrize("scalar", ["real", "complex"])
@@ -376,6 +458,139 @@ def test_objects_dropped_on_one_rank_only_are_freed(session):
     total = session.PETSc.Vec().createMPI(10, comm=session.comm)
     total.set(1)
     assert total.sum() == 10
+
+
+# Options of the user: asked for by some rank of the run, rehearsed, and not taken for defaults
+
+
+@pytest.fixture
+def give(session, monkeypatch):
+    """A function that gives PETSc options as a command line does."""
+    database, given = session.PETSc.Options(), []
+
+    def give(*names):
+        for name in names:
+            given.append(name)
+            database.setValue(name, "1")
+        monkeypatch.setattr(session, "_given", {name.lower() for name in names})
+
+    monkeypatch.setattr(session, "_given", set())
+    yield give
+    for name in given:
+        database.delValue(name)
+
+
+def ask(session, *names):
+    for name in names:
+        session.PETSc.Options().getInt(name)
+
+
+@pytest.mark.scalar("real")
+def test_an_option_is_used_once_some_rank_has_asked_for_it(session, give):
+    give("Ours_a", "ours_b", "ours_c")
+    session.PETSc.Options().setValue("theirs", "1")
+    assert session.unused_options() == ["Ours_a", "ours_b", "ours_c"]
+    ask(session, "ours_a")
+    if session.rank == session.size - 1:
+        ask(session, "ours_c")
+    assert session.unused_options() == ["ours_b"]
+    with pytest.raises(
+        InputError, match=r"^PETSc option -ours_b: not used by this run: correct or remove it$"
+    ):
+        session.check_options()
+    session.PETSc.Options().delValue("theirs")
+
+
+@pytest.mark.scalar("real")
+def test_a_rehearsal_leaves_no_trace(session, give):
+    give("Ours_a")
+    session.set_defaults({"ours_before": 1})
+    with session.rehearsal():
+        session.set_defaults({"ours_a": 2, "ours_within": 3})
+        ask(session, "ours_a")
+    assert session.unused_options() == ["Ours_a"]  # what the rehearsal asks for is not asked for by the run
+    assert session.options()["Ours_a"] == "1" and "ours_within" not in session.options()
+    session.set_defaults({"ours_within": 4})
+    assert (session.options()["ours_before"], session.options()["ours_within"]) == ("1", "4")
+    for name in ("ours_before", "ours_within"):
+        session.PETSc.Options().delValue(name)
+        session._defaults.discard(name)
+
+
+@pytest.mark.scalar("real")
+def test_a_rehearsal_refuses_what_nothing_in_it_asks_for(session, give):
+    give("ours_tpye")
+    ask(session, "ours_tpye")  # before it, which does not count
+    with pytest.raises(InputError, match=r"option -ours_tpye \(did you mean -ours_type\?\): not used"):
+        with session.rehearsal():
+            session.set_defaults({"ours_type": "x"})
+    assert "ours_type" not in session.options() and "ours_type" not in session._defaults
+
+
+@pytest.mark.scalar("real")
+def test_a_rehearsal_says_what_petsc_refuses_and_raises_the_rest(session, give, monkeypatch):
+    monkeypatch.setattr(session, "petsc_argv", ["-ours_type", "foo"])
+    with pytest.raises(
+        InputError,
+        match=r"^-ours_type foo: Un(known KSP type given:|able to find requested KSP type) foo: correct or remove",
+    ):
+        with session.rehearsal():
+            session.PETSc.KSP().create(session.comm).setType("foo")
+    for error in (ZeroDivisionError, SystemError):
+        with pytest.raises(error):
+            with session.rehearsal():
+                raise error
+
+
+@pytest.mark.scalar("real")
+def test_an_error_made_of_one_of_petsc_is_one(session):
+    own = session.PETSc.Error(62)
+    wrapped = SystemError("returned a result with an exception set")
+    wrapped.__cause__ = own
+    assert jampetsc.session.petsc_error(own) is own and jampetsc.session.petsc_error(wrapped) is own
+    assert jampetsc.session.petsc_error(SystemError()) is None
+    for error in (own, wrapped):
+        said = jampetsc.session.petsc_message(error)
+        assert said == " ".join(said.split()) and said and not said.startswith("[")
+
+
+@pytest.mark.scalar("real")
+def test_options_of_one_rank_are_options_of_the_run_but_not_of_what_it_does_alone(session, give):
+    if session.rank == session.size - 1:
+        give("ours_a")
+    assert session.options_given()
+    with session.alone():
+        assert session.comm.size == 1 and not session.options_given()
+    assert session.options_given() and session.comm.size == session.size == session.world.size
+    with pytest.raises(ZeroDivisionError), session.alone():
+        raise ZeroDivisionError
+    assert session.options_given() and (session.rank, session.size) == (
+        session.world.rank,
+        session.world.size,
+    )
+
+
+@pytest.mark.scalar("real")
+def test_whether_options_of_a_prefix_were_given(session, give):
+    session.set_defaults({"mine_type": "x"})
+    assert not session.has_options("mine_") and not session.has_options("ours_")
+    give("Ours_a")
+    assert session.has_options("ours_") and not session.has_options("ours_b")
+    session.PETSc.Options().delValue("mine_type")
+    session._defaults.discard("mine_type")
+
+
+@pytest.mark.scalar("real")
+def test_options_that_petsc_reads_late_are_none_of_the_run(session, give):
+    give("options_left", "Ours_a")
+    words = ["-options_left", "no", "-Ours_a", "1", "-ours_used", "2"]
+    other = jampetsc.session.Session(session.PETSc, session.SLEPc, session.world, words)
+    assert other._given == {"ours_a"}
+
+
+def test_versions_without_a_session(monkeypatch):
+    monkeypatch.setattr(jampetsc.session, "_session", None)
+    assert list(jampetsc.session.versions()) == ["numpy", "h5py"]
 
 
 def test_stages_are_named_in_the_log(tmp_path):
