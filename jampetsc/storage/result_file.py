@@ -149,7 +149,7 @@ class ResultWriter:
     def close(self) -> None:
         """Collective. Make everything durable, then let the joint file appear under its name."""
         for name, layout in self._layouts.items():
-            self._describe(name, layout)
+            self._add_without_rows(name, layout)
         if self.size > 1:
             with self._step():
                 finished = self._part.finish()
@@ -175,12 +175,8 @@ class ResultWriter:
         if self.rank == 0 and replaced is not None:
             replaced.remove()
 
-    def _describe(self, name, layout):
-        """Where the local rows lie in the whole, and arrays of no rows, which no part holds."""
-        part = self._part.h5
-        if self.size > 1 and name in part:
-            part[name].attrs["global_shape"] = layout.shape
-            part[name].attrs["local_start"] = sum(layout.counts[: self.rank])
+    def _add_without_rows(self, name, layout):
+        """Arrays of no rows, which no part holds."""
         if self.rank == 0 and not sum(layout.counts):
             self._joint.h5.create_dataset(name, shape=tuple(layout.shape), dtype=layout.dtype)
 

@@ -1,0 +1,526 @@
+"""Reading files: regular ones, in the end what there was when nobody replaced them, and no more than they hold."""
+
+import errno
+import hashlib
+import io
+import os
+import signal
+import stat
+import sys
+
+import h5py
+import numpy as np
+import pytest
+from samples import published
+
+import jampetsc
+from jampetsc.errors import InputError
+from jampetsc.storage import regular, trial
+from jampetsc.storage.hdf5 import (
+    attributes,
+    check_format,
+    checksummed,
+    from_stream,
+    open_file,
+    opening,
+    reading,
+    set_attributes,
+    undisturbed,
+    values,
+)
+from jampetsc.storage.outputs import PICTURE, TABLE, check_output
+from jampetsc.storage.packing_file import is_complete, packing_identity, read_packing, write_packing
+from jampetsc.storage.provenance import LONGEST, command_line, derived_from, git_commit, recorded_as
+from jampetsc.storage.reader import StoredArray
+from jampetsc.storage.regular import kind, open_regular
+from jampetsc.storage.result_file import ResultWriter
+
+
+@pytest.fixture
+def untried(tmp_path, monkeypatch):
+    """Files without checksums are read without their trial, which takes a process."""
+    monkeypatch.setattr(trial.sys, "executable", str(tmp_path))  # a folder, which cannot be run
+
+
+def handles():
+    return len(os.listdir("/proc/self/fd"))
+
+
+# What is no regular file
+
+
+@pytest.mark.parametrize(
+    ("mode", "words"),
+    [
+        (stat.S_IFREG, None),
+        (stat.S_IFDIR, "a folder"),
+        (stat.S_IFIFO, "a pipe"),
+        (stat.S_IFSOCK, "a socket"),
+        (stat.S_IFCHR, "a device"),
+        (stat.S_IFBLK, "a device"),
+        (0, "a special file"),
+    ],
+)
+def test_kinds_of_files(mode, words):
+    assert kind(mode | 0o644) == words
+
+
+def test_what_takes_the_place_of_a_file_is_looked_at_once_more(tmp_path, monkeypatch):
+    """Between the look at a name and its opening; a pipe would have no end."""
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "file").touch()
+    seen, look = os.stat(tmp_path / "file"), os.stat
+    monkeypatch.setattr(
+        regular.os, "stat", lambda path, **how: seen if str(path).endswith("pipe") else look(path, **how)
+    )
+    before = handles()
+    with pytest.raises(InputError, match="pipe: is a pipe: give a regular file"):
+        open_regular(tmp_path / "pipe")
+    assert handles() == before
+
+
+def test_no_child_has_the_files_of_its_parent(tmp_path):
+    (tmp_path / "file").touch()
+    with open_regular(tmp_path / "file") as file:
+        assert not os.get_inheritable(file.fileno())
+
+
+# HDF5
+
+
+@pytest.mark.parametrize("block", [0, 512, 1024, 4096])
+def test_hdf5_may_begin_behind_a_block_of_the_user(tmp_path, block, untried):
+    path = tmp_path / "x.h5"
+    with h5py.File(path, "w", userblock_size=block) as h5:
+        h5["x"] = np.arange(5)
+    with open_file(path) as h5:
+        assert values(h5["x"]).tolist() == [0, 1, 2, 3, 4]
+
+
+def test_what_cannot_be_hdf5_is_not_tried(tmp_path, monkeypatch):
+    monkeypatch.setattr(trial.sys, "executable", str(tmp_path / "tried"))
+    (tmp_path / "tried").write_text("#!/bin/sh\nkill -9 $$\n")
+    (tmp_path / "tried").chmod(0o755)
+    signature = b"\x89HDF\r\n\x1a\n"
+    for place, said in (
+        (0, "does not survive it"),
+        (512, "does not survive"),
+        (100, "not an HDF5"),
+        (1536, "not an"),
+    ):
+        (tmp_path / "x.h5").write_bytes(bytes(place) + signature + bytes(3000))
+        before = handles()
+        with pytest.raises(InputError, match=said):
+            open_file(tmp_path / "x.h5")
+        assert handles() == before  # closed again
+
+
+def test_without_permission(tmp_path, monkeypatch):
+    path = tmp_path / "x.h5"
+    path.touch()
+
+    def refuse(*_):
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(regular.os, "open", refuse)
+    with pytest.raises(InputError, match=r"x\.h5: no permission to read it$"):
+        open_file(path)
+    with pytest.raises(
+        InputError, match=r"is there already and is a file that cannot be read \(Permission denied\)"
+    ):
+        monkeypatch.setattr("jampetsc.storage.outputs.check_writable", lambda out: None)
+        check_output(path, "jampetsc-sweep")
+
+
+def test_a_dataset_is_not_larger_than_its_file_unless_it_is_compressed(tmp_path, untried):
+    path, zeros = tmp_path / "x.h5", np.zeros(1 << 18)
+    with h5py.File(path, "w") as h5:
+        h5.create_dataset("packed", data=zeros, compression="gzip", compression_opts=9, chunks=zeros.shape)
+        h5.create_dataset(
+            "filled", shape=(1 << 18,), fillvalue=0.0, **checksummed((1 << 18,), np.dtype(float))
+        )
+    with open_file(path) as h5:
+        assert path.stat().st_size < 1 << 18
+        assert np.array_equal(values(h5["packed"]), zeros)
+        with pytest.raises(ValueError, match=r"filled says that it is \(262144,\), more than the file holds"):
+            values(h5["filled"])
+
+
+def test_checksums_cover_a_megabyte_at_most():
+    for shape in ((10, 3), (1 << 20, 2), (3, 1 << 20), (2, 1 << 12, 1 << 12)):
+        chunks = checksummed(shape, np.dtype(float))["chunks"]
+        assert 8 * np.prod(chunks) <= 1 << 20 and len(chunks) == len(shape)
+        assert 8 * np.prod(chunks) >= min(8 * np.prod(shape), 1 << 19)
+    assert checksummed((), np.dtype(float)) == {} == checksummed((3, 0), np.dtype(float))
+
+
+def test_attributes_are_plain_values(tmp_path):
+    written = {
+        "number": np.float64(0.5),
+        "flag": np.bool_(True),
+        "list": [1.0, 2.0],
+        "none": None,
+        "word": "β",
+    }
+    with h5py.File(tmp_path / "x.h5", "w") as h5:
+        set_attributes(h5, written)
+        h5.attrs["bytes"], h5.attrs["one"], h5.attrs["square"] = (
+            np.bytes_(b"a\xff"),
+            np.array([3]),
+            np.array([[4]]),
+        )
+        found = attributes(h5)
+    assert "none" not in found and found["word"] == "β" and found["bytes"] == "a\ufffd"
+    assert (found["number"], found["flag"], found["one"]) == (0.5, True, 3)
+    assert [type(found[name]) for name in ("number", "flag", "one")] == [float, bool, int]
+    assert found["list"].tolist() == [1.0, 2.0] and found["square"].tolist() == [[4]]
+
+
+@pytest.mark.parametrize(
+    ("version", "message"),
+    [
+        ("1.9", None),
+        (1, None),
+        ("2.0", r"format_version 2\.0, but this jampetsc reads up to 1\.x: use jampetsc 9 or newer"),
+        ("one", r"format_version = 'one': must be a number such as 1\.0"),
+    ],
+)
+def test_versions_of_a_format(version, message):
+    attrs = {"format": "jampetsc-sweep", "format_version": version, "jampetsc_version": "9"}
+    if message is None:
+        assert check_format("s.h5", attrs, "jampetsc-sweep") == "jampetsc-sweep"
+        return
+    with pytest.raises(InputError, match=message):
+        check_format("s.h5", attrs)
+
+
+def test_a_format_that_is_not_the_one_needed():
+    with pytest.raises(
+        InputError, match=r"s\.h5: is a jampetsc-sweep file: a jampetsc-packing file is needed here"
+    ):
+        check_format("s.h5", {"format": "jampetsc-sweep"}, "jampetsc-packing")
+    for name in (None, 3, "sweep"):
+        with pytest.raises(InputError, match="not a jampetsc file"):
+            check_format("s.h5", {"format": name})
+
+
+def test_what_is_raised_on_damaged_contents():
+    with pytest.raises(InputError, match=r"^x: damaged \(no name\): copy or make it again$"), reading("x"):
+        raise KeyError("no name")
+    with pytest.raises(InputError, match=r"^in its own words$"), reading("x"):
+        raise InputError("in its own words")
+    for error, said in (
+        (OSError("Unable to open file (truncated file: eof = 96)"), "x: truncated: it was not written"),
+        (OSError("file signature not found"), "x: not an HDF5 file: jampetsc reads its own files"),
+        (OSError("odd\n  words"), r"x: cannot be read as HDF5 \(odd words\): copy or make it again"),
+    ):
+        with pytest.raises(InputError, match=said), opening("x"):
+            raise error
+
+
+# Replaced meanwhile
+
+
+def test_a_file_that_is_replaced_while_it_is_read_is_read_again(tmp_path):
+    path, new, tries = tmp_path / "x", tmp_path / "new", []
+    path.write_text("old")
+
+    def action(name):
+        tries.append(name)
+        if len(tries) == 1:
+            new.write_text("new")
+            new.replace(path)
+            raise InputError("half of each")
+        if len(tries) == 2:  # the same inode, written anew
+            os.utime(path, ns=(1, 1))
+            raise InputError("once more")
+        return path.read_text()
+
+    assert undisturbed(path, action) == "new" and tries == [path] * 3
+
+
+def test_what_nobody_replaces_is_refused_at_once(tmp_path):
+    tries = []
+
+    def action(path):
+        tries.append(path)
+        raise InputError("damaged")
+
+    for path in (tmp_path, tmp_path / "none"):
+        with pytest.raises(InputError, match="damaged"):
+            undisturbed(path, action)
+    assert tries == [tmp_path, tmp_path / "none"]
+
+
+def test_load_reads_again_too(tmp_path, monkeypatch):
+    path = tmp_path / "p.h5"
+    write_packing(path, published())
+    content, tries = path.read_bytes(), []
+    path.write_bytes(b"half")
+
+    from_file = jampetsc.storage.reader.open_file
+
+    def replaced(name):
+        tries.append(name)
+        try:
+            return from_file(name)
+        finally:
+            if len(tries) == 1:
+                path.unlink()
+                path.write_bytes(content)
+
+    monkeypatch.setattr(jampetsc.storage.reader, "open_file", replaced)
+    assert jampetsc.load(path).n == published().n and len(tries) == 2
+
+
+def test_a_part_that_goes_while_it_is_read_is_noticed(tmp_path, monkeypatch):
+    path = result(tmp_path / "s.h5", x=np.arange(3.0))
+    with open_file(path) as h5:
+        array = StoredArray(path, "x", h5)
+    monkeypatch.setattr(
+        jampetsc.storage.reader.PartList,
+        "check_present",
+        lambda self: (_ for _ in ()).throw(InputError("is missing")),
+    )
+    with pytest.raises(InputError, match="is missing"):
+        array[...]
+
+
+# Files without checksums have their trial first
+
+
+@pytest.fixture
+def child(tmp_path, monkeypatch):
+    """A function that says how the child ends; the file `told` has the words that it was given."""
+    program = tmp_path / "child"
+
+    def ends(line):
+        program.write_text(
+            f'#!/bin/sh\necho "$@" >> {tmp_path}/told\n[ -f /dev/stdin ] || cat >> {tmp_path}/heard\n{line}\n'
+        )
+        program.chmod(0o755)
+
+    monkeypatch.setattr(trial.sys, "executable", str(program))
+    monkeypatch.setattr(trial, "_passed", set())
+    return ends
+
+
+@pytest.mark.parametrize(
+    ("line", "failure"),
+    [
+        ("exit 0", None),
+        ("exit 1", None),  # what is wrong in an orderly way the reader says
+        ("exit 42", "it says that it is larger than any memory"),
+        ("kill -SEGV $$", f"libhdf5 does not survive it: signal {int(signal.SIGSEGV)}"),
+        ("kill -XCPU $$", "libhdf5 comes to no end with it"),
+    ],
+)
+def test_how_a_trial_may_end(tmp_path, child, line, failure):
+    child(line)
+    (tmp_path / "x.h5").write_bytes(bytes(1000))
+    for count in (1, 2):  # what passed is not tried again
+        with open(tmp_path / "x.h5", "rb") as file:
+            file.seek(10)
+            assert trial.failure_of(file) == failure
+            assert file.tell() == 10
+        assert len((tmp_path / "told").read_text().splitlines()) == (count if failure else 1)
+
+
+def test_a_file_that_changes_has_a_new_trial(tmp_path, child):
+    child("exit 0")
+    path = tmp_path / "x.h5"
+
+    def trials():
+        with open(path, "rb") as file:
+            assert trial.failure_of(file) is None
+        return len((tmp_path / "told").read_text().splitlines())
+
+    path.write_bytes(bytes(1000))
+    os.utime(path, ns=(5, 5))
+    assert (trials(), trials()) == (1, 1)
+    os.utime(path, ns=(5, 6))
+    assert (trials(), trials()) == (2, 2)
+    os.truncate(path, 999)
+    os.utime(path, ns=(5, 6))
+    assert trials() == 3
+    path.rename(tmp_path / "old")
+    path.write_bytes(bytes(999))
+    os.utime(path, ns=(5, 6))
+    assert trials() == 4
+
+
+def test_bytes_in_memory_have_their_trial_from_the_beginning(tmp_path, child):
+    child("exit 0")
+    file = io.BytesIO(b"all of it")
+    file.seek(5)
+    for content in (b"all of it", b"all of it", b"other"):
+        file = io.BytesIO(content)
+        file.seek(3)
+        assert trial.failure_of(file) is None
+    assert (tmp_path / "heard").read_bytes() == b"all of itother"
+
+
+def test_limits_of_a_trial_grow_with_the_file(tmp_path, child):
+    child("exit 0")
+    for size, seconds in ((1000, 10), (100_000_000, 12)):
+        (tmp_path / "x.h5").touch()
+        os.truncate(tmp_path / "x.h5", size)
+        child("exit 0")
+        with open(tmp_path / "x.h5", "rb") as file:
+            trial.failure_of(file)
+        told = (tmp_path / "told").read_text().splitlines()[-1]
+        assert told == f"-m jampetsc.storage.trial {seconds} {(4 << 30) + 2 * size}"
+
+
+def test_where_no_process_can_be_started_a_file_passes(tmp_path, monkeypatch):
+    monkeypatch.setattr(trial.sys, "executable", str(tmp_path))  # a folder: no permission to run it
+    assert trial.failure_of(io.BytesIO(b"never tried")) is None
+
+
+# What may be written where
+
+
+def test_no_other_file_that_the_run_writes_may_be_the_output(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.h5").touch()
+    os.link("a.h5", "hard.h5")
+    (tmp_path / "link").symlink_to(tmp_path)
+    for out, other in (("a.h5", "hard.h5"), ("new.h5", "link/new.h5"), ("new.h5", "./new.h5")):
+        with pytest.raises(
+            InputError, match="is another file that this run writes: choose another name for one"
+        ):
+            check_output(out, "jampetsc-flow", beside=[other])
+    check_output("a.h5", "jampetsc-flow", beside=["b.h5", "none/c.h5"])
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "held"),
+    [
+        ("a.csv", b"x\0", "a file of another kind"),
+        ("a.txt", b"1,2\n", "a file of another kind"),
+        ("a.CSV", b"1,2\n", None),
+        ("a.svg", b"\xef\xbb\xbf<?xml version", "a picture"),
+        ("a.png", b"<svg", "a picture"),
+        ("a.h5", b"\x89HDF\r\n\x1a\n", "a damaged HDF5 file"),
+    ],
+)
+def test_what_is_there_already(tmp_path, name, content, held):
+    (tmp_path / name).write_bytes(content)
+    if held is None:
+        check_output(tmp_path / name, TABLE)
+        return
+    with pytest.raises(InputError, match=f"is there already and is {held}, not a table: choose another"):
+        check_output(tmp_path / name, TABLE)
+
+
+def test_hdf5_of_another_program_is_not_replaced(tmp_path, untried):
+    for name, attrs in (("a.h5", {}), ("b.h5", {"format": "NXdata"}), ("c.h5", {"format": 3})):
+        with h5py.File(tmp_path / name, "w") as h5:
+            h5.attrs.update(attrs)
+        with pytest.raises(InputError, match="is an HDF5 file of another program, not a jampetsc-sweep file"):
+            check_output(tmp_path / name, "jampetsc-sweep")
+
+
+@pytest.mark.parametrize("ending", [".png", ".PDF", ".svg", ".csv", ".Txt", ".opts"])
+def test_endings_that_promise_something_else(tmp_path, ending):
+    with pytest.raises(InputError, match=r"would be an HDF5 file by that name: give it the ending \.h5"):
+        check_output(tmp_path / f"a{ending}", "jampetsc-sweep")
+    check_output(tmp_path / f"a{ending}", PICTURE)
+
+
+# Packings
+
+
+def test_the_record_does_not_rule_what_a_packing_is(tmp_path):
+    disks = published().with_record(k=5.0, potential="hertzian", format="x", seed=3)
+    write_packing(tmp_path / "p.h5", disks)
+    found = read_packing(tmp_path / "p.h5")
+    assert found.potential == published().potential and found.record["seed"] == 3
+    assert not {"k", "potential", "format"} & found.record.keys()
+
+
+def test_a_record_that_lacks_an_entry_is_not_complete(tmp_path):
+    write_packing(tmp_path / "p.h5", published().with_record(seed=3))
+    assert is_complete(tmp_path / "p.h5", seed=3) and not is_complete(tmp_path / "p.h5", stabilise=None)
+
+
+def test_the_hash_is_of_every_byte(tmp_path):
+    (tmp_path / "a").write_bytes(bytes(3 << 20))
+    (tmp_path / "b").write_bytes(bytes((3 << 20) - 1) + b"x")
+    for name in "ab":
+        assert (
+            packing_identity(tmp_path / name)[1] == hashlib.sha256((tmp_path / name).read_bytes()).hexdigest()
+        )
+
+
+def test_odd_contents_of_a_packing(tmp_path, untried):
+    path = tmp_path / "p.h5"
+    write_packing(path, published())
+    with h5py.File(path, "r+") as h5:
+        h5.attrs["k"] = [1.0, 2.0]
+    with pytest.raises(InputError, match=r"attribute k = .*: must be a positive number"):
+        read_packing(path)
+    with h5py.File(path, "r+") as h5:
+        del h5["radii"]
+        h5["radii"] = np.ones(published().n, bool)
+    with pytest.raises(InputError, match=r"radii holds bool: must be real"):
+        read_packing(path)
+
+
+# How a result came about
+
+
+def result(path, attributes=(), **arrays):
+    with ResultWriter(path, "jampetsc-sweep") as writer:
+        for name in ("omega", "G", "error_bound"):
+            writer.dataset(name, arrays.pop(name, np.ones(2)))
+        for name, values_ in arrays.items():
+            writer.dataset(name, values_)
+        writer.attributes(**dict(attributes))
+    return path
+
+
+def test_what_sweeps_have_in_common(tmp_path):
+    shared = {"law": "contact", "beta": 0.5, "pressure": 1e-3}
+    sweeps = [
+        jampetsc.load(result(tmp_path / f"{n}.h5", {**shared, "phi": n, "packing": f"{n}.h5"}.items()))
+        for n in (1, 2)
+    ]
+    found = derived_from(sweeps, 1.5, ["jampetsc", "correlate", "a b"])
+    assert shared.items() <= found.items() and not {"phi", "packing", "k"} & found.keys()
+    assert (found["sources"], found["wall_seconds"]) == ("1.h5 2.h5", 1.5)
+    assert found["source_runs"] == " ".join(sweep.attributes["run_id"] for sweep in sweeps)
+    assert found["argv"] == "jampetsc correlate 'a b'"
+    only = jampetsc.load(result(tmp_path / "3.h5"))
+    assert "law" not in derived_from([only, sweeps[0]], 0.0) and "law" not in derived_from(
+        [sweeps[0], only], 0.0
+    )
+
+
+def test_a_line_that_is_too_long_for_an_attribute_is_cut():
+    assert command_line(["x" * LONGEST]) == "x" * LONGEST
+    assert command_line(["x" * (LONGEST + 1)]) == "x" * LONGEST + " …"
+
+
+def test_command_lines_within_each_other():
+    with recorded_as(["a"]):
+        with pytest.raises(ZeroDivisionError), recorded_as(["b", 1]):
+            assert command_line() == "b 1"
+            raise ZeroDivisionError
+        assert command_line() == "a" and command_line(["c"]) == "c"
+    assert command_line().startswith(command_line(sys.argv)[:10])
+
+
+def test_a_commit_that_is_no_text(tmp_path):
+    (tmp_path / ".git").mkdir()
+    (tmp_path / ".git" / "HEAD").write_bytes(b"\xff")
+    assert git_commit(tmp_path) is None
+    assert git_commit(tmp_path / "none") is None
+
+
+def test_the_place_in_a_stream_is_of_no_matter(tmp_path):
+    write_packing(tmp_path / "p.h5", published())
+    content = io.BytesIO((tmp_path / "p.h5").read_bytes())
+    content.seek(7)
+    with from_stream(content) as h5:
+        assert len(h5["radii"]) == published().n
