@@ -404,7 +404,7 @@ def test_no_other_file_that_the_run_writes_may_be_the_output(tmp_path, monkeypat
         ("a.h5", b"\x89HDF\r\n\x1a\n", "a damaged HDF5 file"),
     ],
 )
-def test_what_is_there_already(tmp_path, name, content, held):
+def test_what_is_there_already(tmp_path, untried, name, content, held):
     (tmp_path / name).write_bytes(content)
     if held is None:
         check_output(tmp_path / name, TABLE)
