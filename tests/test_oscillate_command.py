@@ -58,8 +58,15 @@ def test_a_file_from_one_rank_and_two(packing, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("--alpha 2.5 --stress 1e-5", "--alpha 2.5: must lie between 0.3, below which"),
-        ("--alpha nan --stress 1e-5", "--alpha nan: must lie between"),
+        (
+            "--alpha 2.5 --stress 1e-5",
+            "--alpha 2.5: must be above 0, which would be dry friction, and at most 2",
+        ),
+        ("--alpha nan --stress 1e-5", "--alpha nan: must be above 0"),
+        (
+            "--alpha 0.01 --tau1 1e-301 --stress 1e-5",
+            "--omega 1 --tau1 1e-301: their product must lie between",
+        ),
         ("--stress x", "--stress x: write numbers"),
         ("--strain 1e-5,-1", "--strain -1: must lie between"),
         ("--stress 1e-5 --steps 20", "--steps 20: must be a multiple of 8"),
@@ -157,7 +164,7 @@ def test_moving_contacts_on_any_number_of_ranks(packing, tmp_path):
     [
         ("--stress 1e-12", "--stress 1e-12: must lie between 1e-09 and 1"),
         ("--strain 1e-12", "--strain 1e-12: must lie between 1e-09 and 1"),
-        ("--strain 1e-5 --alpha 0.05", "--alpha 0.05: must lie between 0.1, below which contacts stick"),
+        ("--strain 1e-5 --alpha 0", "--alpha 0: must be above 0, which would be dry friction"),
         ("--strain 1e-5 --no-prestress", "--no-prestress: contacts that open"),
         ("--strain 1e-5 --cycles 2", "--cycles 2: must be auto or a number from 3"),
         ("--strain 1e-5 --contacts fixed --cycles 3", "--cycles: belongs to --contacts moving"),

@@ -1,5 +1,7 @@
 """`jampetsc oscillate`: steady oscillations with power-law damping, without the equivalent linear damping."""
 
+import math
+
 from jampetsc.contacts.laws import FAMILIES, damping_law
 from jampetsc.errors import InputError
 from jampetsc.words.law import add_law_options, physics_from
@@ -14,8 +16,8 @@ EPILOG = """examples
 PETSc options: -osc_snes_… and -osc_ksp_… reach Newton's method and its linear solver, -osc_factor_… the
 factorisations of its preconditioner, -shift_… the proof that the packing is a minimum.
 A run that was killed goes on when the same command is given again."""
-LEAST_ALPHA = {"fixed": 0.3, "moving": 0.1}  # below, contacts stick like dry friction
 LARGEST_ALPHA = 2.0
+DOUBLES = 1e-300, 1e300  # what ω and ωτ₁ may be
 FEWEST, MOST = 16, 4096  # steps
 LEAST, MOST_AMPLITUDE = 1e-30, 1.0
 LEAST_MOVING = 1e-9  # strain, or stress, whose forces rounding leaves some digits of
@@ -29,8 +31,9 @@ def add_parser(subparsers):
         help="G*(ω), harmonics and work of a packing with power-law damping",
         description="Steady oscillation of a packing whose contacts are damped by a force ∝ |Δv|^ALPHA: G*(ω) of the "
         "first harmonic, third and fifth harmonic, work per cycle, with an estimate of the error. With fixed contacts "
-        "the equations are solved as they are, for a whole cycle at once; with moving ones, which open and close, "
-        "cycles are integrated in time until they repeat.",
+        "the equations are solved for a whole cycle at once or, below ALPHA = 0.3, where contacts stick, by steps in "
+        "time for half a cycle that repeats with its sign changed; with moving contacts, which open and close, cycles "
+        "are integrated in time until they repeat.",
         epilog=EPILOG,
     )
     parser.add_argument("packing", metavar="PACKING", help="packing file")
@@ -51,8 +54,8 @@ def add_parser(subparsers):
         type=float,
         default=1.0,
         metavar="A",
-        help=f"exponent of the damping force, {LEAST_ALPHA['fixed']:g} to {LARGEST_ALPHA:g}, of moving contacts from "
-        f"{LEAST_ALPHA['moving']:g} (default 1, linear)",
+        help=f"exponent of the damping force, above 0, which would be dry friction, and at most {LARGEST_ALPHA:g} "
+        "(default 1, linear)",
     )
     parser.add_argument(
         "--contacts",
@@ -78,16 +81,10 @@ def check(args):
     from pathlib import Path
 
     from jampetsc.oscillation.job import Job
-    from jampetsc.words.frequencies import parse_omega
 
-    least = LEAST_ALPHA[args.contacts]
-    if not least <= args.alpha <= LARGEST_ALPHA:
-        instead = (
-            f"; --contacts moving goes down to {LEAST_ALPHA['moving']:g}" if args.contacts == "fixed" else ""
-        )
+    if not 0.0 < args.alpha <= LARGEST_ALPHA:
         raise InputError(
-            f"--alpha {args.alpha:g}: must lie between {least:g}, below which contacts stick like dry friction "
-            f"and the linear equations of Newton's method are not solved, and {LARGEST_ALPHA:g}{instead}"
+            f"--alpha {args.alpha:g}: must be above 0, which would be dry friction, and at most {LARGEST_ALPHA:g}"
         )
     physics = physics_from(args)
     if args.contacts == "moving":
@@ -108,7 +105,7 @@ def check(args):
         packing=Path(args.packing),
         out=Path(args.out),
         physics=physics,
-        omega=parse_omega(args.omega),
+        omega=_frequencies(args.omega, physics.law),
         amplitude=_amplitudes(
             *(("--stress", args.stress) if args.stress is not None else ("--strain", args.strain)),
             LEAST_MOVING if args.contacts == "moving" else LEAST,
@@ -130,6 +127,29 @@ def _check_moving(args, physics):
     number = args.cycles or "auto"
     if number != "auto" and not (number.isdecimal() and FEWEST_CYCLES <= int(number) <= MOST_CYCLES):
         raise InputError(f"--cycles {number}: must be auto or a number from {FEWEST_CYCLES} to {MOST_CYCLES}")
+
+
+def _frequencies(text, law):
+    """(M,) increasing. Raises InputError.
+
+    A power law depends on ω^α, which is to have the range that ω has with linear damping.
+    """
+    from jampetsc.response.limits import LARGEST, SMALLEST
+    from jampetsc.words.frequencies import parse_omega
+
+    widened = 1.0 / min(law.exponent, 1.0)
+    low, high = DOUBLES
+    within = (
+        max(low, SMALLEST**widened),
+        LARGEST**widened if widened * math.log(LARGEST) < math.log(high) else high,
+    )
+    omega = parse_omega(text, within=within)
+    for end in omega[[0, -1]]:
+        if not math.log(low) <= math.log(end) + math.log(law.tau1) <= math.log(high):
+            raise InputError(
+                f"--omega {end:g} --tau1 {law.tau1:g}: their product must lie between {low:g} and {high:g}"
+            )
+    return omega
 
 
 def _amplitudes(option, text, low):

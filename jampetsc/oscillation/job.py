@@ -13,9 +13,11 @@ from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.mechanics.network import Network, build_network
 from jampetsc.oscillation.dashpots import REST
+from jampetsc.oscillation.halfcycles import SteppedOscillation
+from jampetsc.oscillation.harmonics import HARMONICS
 from jampetsc.oscillation.powerlaw import relative_softening
 from jampetsc.oscillation.repeated import START_STEPS, Start, shake
-from jampetsc.oscillation.steady import HARMONICS, Point, SteadyOscillation
+from jampetsc.oscillation.steady import LEAST_ALPHA, Point, SteadyOscillation
 from jampetsc.progress import Progress
 from jampetsc.response.elastic import ElasticResponse
 from jampetsc.response.record import run_record
@@ -25,7 +27,7 @@ from jampetsc.storage.packing_file import read_identified
 from jampetsc.storage.result_file import ResultWriter
 
 FORMAT = "jampetsc-oscillate"
-COUNTS = ("newton_steps", "linear_iterations", "factorisations", "cycles")
+COUNTS = ("newton_steps", "linear_iterations", "factorisations", "cycles", "half_cycles")
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,13 +63,18 @@ class Job:
         return "stress" if self.stress_controlled else "strain"
 
     @property
+    def sticks(self) -> bool:
+        """Whether the exponent is too small for a cycle to be solved at once."""
+        return self.physics.law.exponent < LEAST_ALPHA
+
+    @property
     def parameters(self) -> dict:
         """The law as a file tells it, with its exponent."""
         return {**self.physics.parameters, "alpha": self.physics.law.exponent}
 
 
 class _Fixed:
-    """Oscillations with the contacts of the packing, one after the other, on all ranks together."""
+    """Oscillations with the contacts of the packing, a cycle at once, one after the other, on all ranks together."""
 
     together = 1  # points solved at the same time
 
@@ -75,7 +82,7 @@ class _Fixed:
         self._items = [assemble(network, job.physics.law)]
         self._items.append(build_compatibility(self._items[0]))
         self._oscillation = SteadyOscillation(self._items[1], 2.0 * float(disks.radii.mean()), job.steps)
-        self.facts = {"regularisation": relative_softening(job.physics.law.exponent)}
+        self.facts = {"solver": "cycle", "regularisation": relative_softening(job.physics.law.exponent)}
 
     def solve(self, points) -> list:
         """The record of each point, or the ConvergenceError that it ended with. Collective."""
@@ -87,31 +94,57 @@ class _Fixed:
             item.destroy()
 
 
-class _Moving:
-    """Oscillations whose contacts open and close, one on each rank at a time."""
+class _InTime:
+    """Oscillations by steps in time, one on each rank at a time."""
 
     def __init__(self, job: Job, disks: Disks, network: Network):
         alpha = job.physics.law.exponent
-        self.facts = {"regularisation": 0.0 if alpha == 1.0 else REST**alpha}
+        self.facts = {"solver": "steps", "regularisation": 0.0 if alpha == 1.0 else REST**alpha}
         self._job, self._disks, self._comm = job, disks, network.comm
         self.together = self._comm.size
         with current().alone():
-            alone = build_network(disks, current().comm)
-            self._items = [assemble(alone, job.physics.law)]
-            self._items.append(build_compatibility(self._items[0]))
-            diameter = 2.0 * float(disks.radii.mean())
-            self._items.append(SteadyOscillation(self._items[1], diameter, START_STEPS))
+            self._prepare(build_network(disks, current().comm, job.physics.prestress))
 
     def solve(self, points) -> list:
         """The record of each point, or the ConvergenceError that it ended with. Collective."""
         found = None
         if self._comm.rank < len(points):
             with current().alone():
-                found = _outcome(self._shake, points[self._comm.rank])
+                found = _outcome(self._one, points[self._comm.rank])
         return self._comm.allgather(found)[: len(points)]
 
-    def _shake(self, point):
-        start = Start.of(self._items[-1], self._disks.n, point)
+    def _stepped(self, network, steps):
+        return SteppedOscillation(
+            network, self._job.physics.law, 2.0 * float(self._disks.radii.mean()), steps
+        )
+
+
+class _Sticking(_InTime):
+    """With the contacts of the packing and so small an exponent that they stick."""
+
+    def _prepare(self, network):
+        self._one = self._stepped(network, self._job.steps).solve
+
+    def destroy(self):
+        """Nothing outlives a point."""
+
+
+class _Moving(_InTime):
+    """Of contacts that open and close."""
+
+    def _prepare(self, network):
+        job, self._items = self._job, []
+        if job.sticks:
+            self._start, self._oscillation = Start.of_steps, self._stepped(network, START_STEPS)
+            return
+        self._items.append(assemble(network, job.physics.law))
+        self._items.append(build_compatibility(self._items[0]))
+        diameter = 2.0 * float(self._disks.radii.mean())
+        self._items.append(SteadyOscillation(self._items[1], diameter, START_STEPS))
+        self._start, self._oscillation = Start.of, self._items[-1]
+
+    def _one(self, point):
+        start = self._start(self._oscillation, self._disks.n, point)
         return shake(self._disks, self._job.physics.law, start, self._job.steps, self._job.cycles)
 
     def destroy(self):
@@ -142,7 +175,8 @@ def run(job: Job) -> dict:
             ElasticResponse(network).destroy()  # refuses what has negative or floppy modes
         except InputError as error:
             raise InputError(f"{job.packing}: {error}") from None
-        solver = (_Moving if job.contacts == "moving" else _Fixed)(job, disks, network)
+        kind = _Moving if job.contacts == "moving" else _Sticking if job.sticks else _Fixed
+        solver = kind(job, disks, network)
     checkpoint = Checkpoint(job.out, job.key(identity), session.comm)
     failures = _solve_all(job, solver, checkpoint)
     facts = solver.facts
@@ -197,7 +231,9 @@ def _solve_all(job, solver, checkpoint):
                     continue
                 checkpoint.save(index, found)
                 counts = ", ".join(
-                    f"{count.split('_')[0]} {found[count]}" for count in COUNTS if count in found
+                    f"{count.removesuffix('_steps').removesuffix('_iterations').replace('_', ' ')} {found[count]}"
+                    for count in COUNTS
+                    if count in found
                 )
                 G = found["G"]
                 progress.step(

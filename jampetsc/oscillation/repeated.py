@@ -1,13 +1,14 @@
 """Cycles of imposed strain or stress on moving contacts, repeated until they repeat themselves.
 
-What is imposed is ∝ sin ωt, from the steady oscillation with fixed contacts. Under stress the strain may creep from
+What is imposed is ∝ sin ωt, from the steady oscillation with fixed contacts, and time is counted in 1/ω: with small
+exponents ω may be any power of ten. Under stress the strain may creep from
 cycle to cycle; that ramp is no part of the harmonics. Work is ∮σdγ of what is imposed and answers, so πG''γ₁².
 
 Two runs, the second from where the first has ended: half of the steps, then all of them. Their difference estimates
 the error of the steps; what the last cycles still changed, as a geometric series goes on, that of the repetitions.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,9 +16,11 @@ from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import Law
 from jampetsc.errors import ConvergenceError
 from jampetsc.oscillation.cycle import Cycle
+from jampetsc.oscillation.halfcycles import SteppedOscillation
+from jampetsc.oscillation.harmonics import harmonics_of
 from jampetsc.oscillation.moving import MovingContacts
 from jampetsc.oscillation.stage import STAGE, Imposed
-from jampetsc.oscillation.steady import HARMONICS, Point, SteadyOscillation
+from jampetsc.oscillation.steady import Point, SteadyOscillation
 
 PREFIX = "osc_factor_"
 REPEATED = 1e-3  # of |G*|: what may be left of the change from cycle to cycle
@@ -60,7 +63,10 @@ class Repeated:
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """The steady oscillation with fixed contacts, at the instant at which what is imposed grows through zero."""
+    """The steady oscillation with fixed contacts, at the instant at which what is imposed grows through zero.
+
+    Velocities are those in units of time 1/ω.
+    """
 
     point: Point
     displacement: np.ndarray  # (N, 2) non-affine; 0 for rattlers
@@ -72,16 +78,16 @@ class Start:
 
     @classmethod
     def of(cls, oscillation: SteadyOscillation, n: int, point: Point) -> "Start":
-        """Of a packing of n disks, on one rank."""
+        """Of a packing of n disks, on one rank; from rest where the cycle is not solved."""
         try:
             found = oscillation.solve(point)
-        except ConvergenceError:  # of small exponents: from rest, then
+        except ConvergenceError:
             return cls._at_rest(oscillation, n, point)
         network = oscillation.network
         cycle = Cycle(oscillation.steps, point.omega)
         waves = found.velocity * (-1j) ** cycle.orders[:, None]  # a quarter of a cycle before the largest
         parts = []
-        for motion in (waves / (1j * cycle.frequencies[:, None]), waves):
+        for motion in (waves / (1j * cycle.frequencies[:, None]), waves / point.omega):
             now = motion.sum(axis=0).real
             field = np.zeros((n, oscillation.law.dofs))
             field[network.particles] = now[:-1].reshape(network.n, -1)
@@ -90,13 +96,21 @@ class Start:
         strain = point.amplitude * network.k / abs(found.G) if point.stress_controlled else point.amplitude
         if not point.stress_controlled:
             gamma = 0.0  # but for rounding
-        return cls(point, displacement[:, :2], velocity, gamma, rate, strain, found.speed)
+        return cls(point, displacement[:, :2], velocity, gamma, rate, strain, found.speed / point.omega)
+
+    @classmethod
+    def of_steps(cls, oscillation: SteppedOscillation, n: int, point: Point) -> "Start":
+        """The same, found by steps in time."""
+        found, particles = oscillation.solve(point), oscillation.network.particles
+        displacement, velocity = np.zeros((n, 2)), np.zeros((n, oscillation.law.dofs))
+        displacement[particles], velocity[particles] = found.start.places, found.velocity
+        return cls(point, displacement, velocity, found.start.gamma, found.rate, found.strain, found.speed)
 
     @classmethod
     def _at_rest(cls, oscillation, n, point):
         strain, speed = oscillation.scales(point)
         velocity = np.zeros((n, oscillation.law.dofs))
-        return cls(point, velocity[:, :2], velocity, 0.0, 0.0, strain, speed)
+        return cls(point, velocity[:, :2], velocity, 0.0, 0.0, strain, speed / point.omega)
 
 
 def shake(disks: Disks, law: Law, start: Start, steps: int, cycles: int | None) -> Repeated:
@@ -150,27 +164,17 @@ def left_to_change(G) -> float:
     return float(change * max(1.0, change / (before - change))) if change < before else np.inf
 
 
-def harmonics_of(values, drift: float = 0.0):
-    """Complex first, third and fifth harmonic of values (steps,) at the ends of the steps of a cycle, less a ramp.
-
-    Of a sine they are 1, 0, 0: their origin is the time at which it is largest, as for fixed contacts.
-    """
-    ends = np.arange(1, len(values) + 1) / len(values)
-    orders = 2 * np.arange(HARMONICS + 1) + 1
-    waves = np.exp(-1j * np.outer(2.0 * np.pi * ends - 0.5 * np.pi, orders))
-    return (values - drift * ends) @ waves * (2.0 / len(values))
-
-
 class _Run:
     """Cycles of so many steps of a packing at this strain; `seen` has what each of them was like."""
 
     def __init__(self, disks, law, start, steps, gamma=0.0):
         point = start.point
-        self.omega, self.stress_controlled, self.steps = point.omega, point.stress_controlled, steps
+        self.stress_controlled, self.steps = point.stress_controlled, steps
         self.amplitude = point.amplitude * (float(disks.potential.k) if point.stress_controlled else 1.0)
         self.area = disks.area
-        step = 2.0 * np.pi / (point.omega * steps)
-        self.motion = MovingContacts(disks, law, step, start.strain, PREFIX, start.speed, gamma)
+        scaled = replace(law, tau1=point.omega * law.tau1)
+        step = 2.0 * np.pi / steps
+        self.motion = MovingContacts(disks, scaled, step, start.strain, PREFIX, start.speed, gamma)
         self.seen = []
 
     def repeat(self, cycles):
@@ -204,14 +208,14 @@ class _Run:
         now = self.amplitude * np.sin(phase)
         if self.stress_controlled:
             return Imposed(stress=now)
-        return Imposed(now, self.amplitude * self.omega * np.cos(phase))
+        return Imposed(now, self.amplitude * np.cos(phase))
 
     def _cycle(self):
-        motion, w, dt = self.motion, self.omega, self.motion.step
+        motion, dt = self.motion, self.motion.step
         response, dissipation, begin = np.empty(self.steps), 0.0, motion.gamma
         for n in range(self.steps):
             # whole periods are left out: their rounding would show in the strain
-            ends = motion.follow([self._imposed(w * dt * (n + part)) for part in (STAGE, 1.0)])
+            ends = motion.follow([self._imposed(dt * (n + part)) for part in (STAGE, 1.0)])
             response[n] = ends[1].gamma if self.stress_controlled else ends[1].stress
             dissipation += dt * ((1.0 - STAGE) * ends[0].power + STAGE * ends[1].power)
             if not abs(motion.gamma - begin) < FLOWING + self.amplitude:

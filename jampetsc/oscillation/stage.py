@@ -39,6 +39,7 @@ class Instant:
     rate: float  # of strain
     stress: float  # σ_xy, elastic and viscous
     power: float  # dissipated
+    z: np.ndarray  # (contacts, damped) of the dashpots there were
 
 
 @dataclass(frozen=True)
@@ -209,7 +210,7 @@ class Stages:
                 f"left: give more --steps{' or, if the packing flows, less --stress' if free else ''}"
             )
         power = float(np.sum(seen.f * seen.z))
-        instant = Instant(seen.state.gamma, seen.rate, seen.virial / springs.area, power)
+        instant = Instant(seen.state.gamma, seen.rate, seen.virial / springs.area, power, seen.z)
         return seen.state.places, q[:-1].reshape(springs.n, -1) / self.h, instant
 
     def _dashpots(self, problem, q, last):
@@ -221,9 +222,10 @@ class Stages:
         for place in (q, ahead):
             state = problem.state(place)
             if self.springs.serves(state):
-                dashpots = self.springs.dashpots(state)
-                found.append((np.abs(problem.look(place, dashpots).left).max(), dashpots))
-        return min(found, key=lambda one: one[0])[1]
+                found.append((place, self.springs.dashpots(state)))
+        if found[0][1] is found[-1][1]:
+            return found[0][1]
+        return min(found, key=lambda one: np.abs(problem.look(*one).left).max())[1]
 
     def _search(self, problem, dashpots, q, step, left):
         """How far to go along a step, and what is there: where its force is small, or has begun to pull back."""

@@ -6,8 +6,8 @@ from jampetsc.errors import InputError
 from jampetsc.response.limits import LARGEST, SMALLEST
 
 
-def parse_omega(text: str, option: str = "--omega"):
-    """Frequencies (M,) in units of 1/τ₁, increasing and without repeats.
+def parse_omega(text: str, option: str = "--omega", within=(SMALLEST, LARGEST)):
+    """Frequencies (M,) in units of 1/τ₁, increasing and without repeats, none of them outside `within`.
 
     `low:high:count` is a logarithmic grid, a comma-separated list is taken as it is. Raises InputError.
     """
@@ -23,9 +23,10 @@ def parse_omega(text: str, option: str = "--omega"):
         raise InputError(
             f"{option} {text}: write low:high:count, such as 1e-10:1e4:141, or w1,w2,…"
         ) from None
-    if not np.isfinite(omega).all() or omega.min() < SMALLEST or omega.max() > LARGEST:
+    least, most = within
+    if not np.isfinite(omega).all() or omega.min() < least or omega.max() > most:
         raise InputError(
-            f"{option} {text}: frequencies must lie between {SMALLEST:g} and {LARGEST:g} (for the limits ω → 0 and ∞ "
+            f"{option} {text}: frequencies must lie between {least:g} and {most:g} (for the limits ω → 0 and ∞ "
             "see `jampetsc quasistatic`)"
         )
     if points == 0 and ":" not in text:
