@@ -377,3 +377,92 @@ def test_laws_without_an_overdamped_limit():
         Model(Law("some", **weights), mass=1.0)
     with pytest.raises(InputError, match="belongs to contact damping"):
         Model(Law("drag", drag=1.0), friction=0.1)
+
+
+@pytest.mark.parametrize(
+    ("weights", "more", "says"),
+    [
+        ({"drag": 1.0}, {"mass": -1.0}, "--mass -1: must be positive; leave it out for overdamped disks"),
+        ({"drag": 1.0}, {"mass": float("nan")}, "--mass nan: must be positive"),
+        ({"drag": 1.0}, {"mass": float("inf")}, "--mass inf: must be positive"),
+        ({"normal": 1.0, "transverse": 1.0}, {"friction": -1e-9}, "--friction -1e-09: must not be negative"),
+        ({"normal": 1.0, "transverse": 1.0}, {"friction": float("nan")}, "--friction nan: must not be"),
+        ({"drag": 1.0, "exponent": 0.5}, {}, "--alpha 0.5: flow has linear damping only"),
+        (
+            {"normal": 1.0, "sliding": 1.0},
+            {"friction": 0.1},
+            "disks that roll need --mass, or --no-rotations",
+        ),
+        ({"normal": 1.0, "sliding": 1.0}, {}, "because disks that roll have motions that no contact damps"),
+        ({"normal": 1.0}, {}, "because damping of one direction only leaves the other free"),
+        ({"drag": 1.0}, {"friction": 0.1}, "belongs to contact damping, not to some"),
+    ],
+)
+def test_models_that_there_are_not(weights, more, says):
+    with pytest.raises(InputError, match=says):
+        Model(Law("some", **weights), **more)
+
+
+def test_a_direction_that_no_contact_damps_may_be_held_by_friction_or_drag():
+    assert Model(Law("some", normal=1.0), friction=0.1).drag == 0.1
+    assert Model(Law("some", normal=1.0, drag=0.2)).drag == 0.2
+    assert Model(Law("some", normal=1.0, transverse=1.0)).mass == 0.0
+
+
+def test_time_steps_know_k_tau1_and_the_potential():
+    """In units in which forces are 4 times as large and damping times twice as long; of Hertzian disks k is 3/2."""
+    disks = crowd()
+    stiff = replace(disks, potential=replace(disks.potential, k=4.0))
+    for name in ("RD0", "CD0", "unequal"):
+        law, _ = ROWS[name]
+        step = scheme_for(Model(law), disks, 1e-4).step
+        assert scheme_for(Model(law), stiff, 1e-4).step == pytest.approx(step)  # k τ₁ / k
+        assert scheme_for(Model(replace(law, tau1=2.0 * law.tau1)), disks, 1e-4).step == pytest.approx(
+            2 * step
+        )
+        hertzian = replace(disks, potential=replace(disks.potential, kind="hertzian"))
+        assert scheme_for(Model(law), hertzian, 1e-4).step == pytest.approx(step / 1.5)
+    weak = Model(Law("some", normal=1.0, transverse=0.3))
+    assert scheme_for(weak, disks, 1e-4).step == pytest.approx(0.3 * 0.5)  # the weaker one decides
+    braked = Model(Law("some", normal=1.0, transverse=0.3, drag=3.0), 0.01)
+    assert scheme_for(braked, disks, 1e-4).step == pytest.approx(0.25 * 3.0)  # the strongest one decides
+    larger = Disks.from_positions(2 * disks.positions, 2 * disks.radii, 2 * disks.cell, disks.potential)
+    assert scheme_for(Model(ROWS["RD0"][0]), larger, 1e-4).step == pytest.approx(4 * 0.2)  # k_e/d²
+
+
+def test_everything_of_a_state_comes_back():
+    """Also what was seen, the skin as it was tuned, and whether the run had begun."""
+    for name in ("RD0", "rolling"):
+        one, other = shear(name, rate=0.1), shear(name, rate=0.1)
+        fresh = one.state()
+        other.restore(fresh)
+        assert not other.started
+        one.advance(201)
+        kept = one.state()
+        assert kept["skin"] != fresh["skin"] and kept["rebuilds"] and kept["started"] and kept["since"]
+        other.restore(kept)
+        found = other.state()
+        assert found.keys() == kept.keys()
+        for entry, value in kept.items():
+            assert np.array_equal(found[entry], value), entry
+        one.advance(1)
+        assert not np.array_equal(kept["offsets"], one.offsets)  # a copy
+
+
+def test_units_of_a_run_are_those_of_its_disks():
+    """Weights, drag and the stress of the fluid in kτ₁."""
+    disks = crowd(16)
+    stiff = replace(disks, potential=replace(disks.potential, k=4.0))
+    law = Law("some", normal=1.0, transverse=0.5, sliding=0.25, drag=0.3, eta_f=2.0, tau1=0.5)
+    run = Shear(stiff, Model(law, 0.7, friction=0.1), 0.02, Scheme(0.05, "verlet", 1e-6), held=3)
+    assert run.weights == (2.0, 1.0, 0.5)
+    assert run.physics == pytest.approx((2.0 * 0.4, 0.7, 0.02, 2.0 * 2.0 * disks.area, 3))
+    assert run.inertia == pytest.approx(0.35 * disks.radii**2)
+
+
+def test_disks_of_walls_are_not_among_those_that_coordination_is_a_mean_over():
+    disks = crowd(16, phi=0.9)
+    contacts = find_contacts(disks)
+    run = Shear(disks, Model(ROWS["RD0"][0]), 0.02, Scheme(0.05, "euler", 1e-6), held=4)
+    free = np.count_nonzero(contacts.i >= 4) + np.count_nonzero(contacts.j >= 4)
+    assert run.look().coordination == free / 12

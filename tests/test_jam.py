@@ -212,3 +212,113 @@ def test_sizes_that_separate():
         np.array([[0.0, 0], [1, 0], [5, 0], [5.8, 0]]), [0.5, 0.5, 0.4, 0.4], 10 * np.eye(2)
     )
     assert jamming.segregation(disks) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("times", "rows"),
+    [((0.7, 0.1, 0.1), 6), ((0.5, 0.1, 0.04), 10), ((0.3, 0.1, 0.15), 1), ((0.3, 0.1, 0.2), 1)],
+)
+def test_samples_along_shear_are_as_many_as_fit(times, rows):
+    """(0.7 − 0.1)/0.1 is a little less than 6."""
+    strain, discard, every = times
+    assert jamming.Protocol("shear", step=0.01, strain=strain, discard=discard, every=every).rows == rows
+    assert jamming.Protocol("compress", strain=strain).rows == jamming.Protocol().rows == 1
+
+
+def test_samples_closer_than_a_step_are_a_step_apart(monkeypatch):
+    class Steps:
+        """As SlowShear: disks that stay where they are."""
+
+        def __init__(self, disks, step, *_):
+            self.disks, self.step, self.steps = disks, step, 0
+
+        strain = property(lambda self: self.step * self.steps)
+
+        def advance(self):
+            self.steps += 1
+            if self.steps > 5:
+                raise ConvergenceError("lost")
+
+    monkeypatch.setattr(jamming, "SlowShear", Steps)
+    protocol = jamming.Protocol("shear", step=0.1, strain=0.8, discard=0.2, every=0.04)
+    found = jamming._sheared(
+        protocol, jamming.random_start(radii_of("bidisperse", 16), 0.8, 1, POTENTIAL), 0, 0
+    )
+    assert [row.get("strain") for row in found[:4]] == [
+        pytest.approx(0.3),
+        pytest.approx(0.4),
+        pytest.approx(0.5),
+        None,
+    ]
+    assert len(found) == protocol.rows == 15
+
+
+class Densities:
+    """As `jamming._quenched`, of disks that jam from φ_J on; what is asked for as number `lost` is not found."""
+
+    def __init__(self, phi_J, lost=None):
+        self.phi_J, self.lost, self.asked = phi_J, lost, []
+
+    def __call__(self, disks, *_):
+        self.asked.append(disks.phi)
+        if len(self.asked) == self.lost:
+            return {}, None, False
+        return {}, disks, disks.phi >= self.phi_J
+
+
+@pytest.mark.parametrize("phi_J", [0.8, 0.84321, 0.9])
+def test_a_jamming_density_is_bracketed(monkeypatch, phi_J):
+    """From either side, always going on from a state that jams; and there is none where one minimum is not found."""
+    disks = jamming.random_start(radii_of("bidisperse", 16), 0.85, 1, POTENTIAL)
+
+    def search(**more):
+        quench = Densities(phi_J, **more)
+        monkeypatch.setattr(jamming, "_quenched", quench)
+        return *jamming.jamming_density(disks, phi_J <= 0.85, None, 1e-6), quench.asked
+
+    found, loosest, asked = search()
+    assert abs(found - phi_J) <= jamming.EXACT and phi_J <= loosest.phi <= phi_J + 1.01 * jamming.EXACT
+    steps = abs(phi_J - 0.85) / jamming.STEP
+    assert steps + np.log2(jamming.STEP / jamming.EXACT) < len(asked) < steps + 12
+    for lost in range(1, len(asked) + 1):
+        found, loosest, some = search(lost=lost)
+        assert np.isnan(found) and loosest is None and len(some) == lost
+
+
+def test_the_search_for_a_jamming_density_ends(monkeypatch):
+    quench = Densities(2.0)
+    monkeypatch.setattr(jamming, "_quenched", quench)
+    disks = jamming.random_start(radii_of("bidisperse", 16), 0.95, 1, POTENTIAL)
+    found, loosest = jamming.jamming_density(disks, False, None, 1e-6)
+    assert np.isnan(found) and loosest is None
+    assert jamming.DENSEST - jamming.STEP < quench.asked[-1] <= jamming.DENSEST + 1e-12
+
+
+def test_a_sample_whose_minimum_is_not_found_is_nan(monkeypatch):
+    def lost(*_, **__):
+        raise ConvergenceError("no minimum")
+
+    monkeypatch.setattr(jamming, "minimise", lost)
+    radii = radii_of("bidisperse", 16)
+    hot = jamming.Protocol("compress", temperature=1e-3, cooling_rate=2.0, sweeps=1)
+    for protocol in (jamming.Protocol(), hot):
+        (row,) = jamming.samples(protocol, radii, 0.7, 5, POTENTIAL, None, 1e-6)
+        assert (row.pop("phi"), row.pop("seed")) == (0.7, 5)
+        assert row.keys() == set(protocol.columns) - {"phi", "seed"} and np.isnan(list(row.values())).all()
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+def test_a_temperature_is_in_units_of_k(session):
+    """Stiff disks at the same T in k go the same way."""
+    from jampetsc.solvers import local
+
+    solver, found = local.NewtonSolver(), []
+    protocol = jamming.Protocol("compress", temperature=0.1, cooling_rate=2.0, sweeps=2)
+    for k in (1.0, 2.0**20):
+        potential = Potential("harmonic", "inverse-square-diameter", k)
+        start = jamming.random_start(radii_of("bidisperse", 16), 0.95, 1, potential)
+        known = jamming._annealed(protocol, start, 1, solver, 1e-6)
+        found.append((known["energy"] / k, known["segregation"]))
+    solver.destroy()
+    assert found[1] == pytest.approx(found[0], rel=1e-6)
