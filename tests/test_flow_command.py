@@ -118,6 +118,8 @@ def test_everything_that_decides_a_run_identifies_its_checkpoint(tmp_path):
     numbers = {"rate": 2e-2, "strain": 0.6, "discard": 0.1, "snapshots": 3, "step": 0.01, "tolerance": 1e-6}
     found = [settings(**one) for one in [{}, *others, *({name: x} for name, x in numbers.items())]]
     assert len(set(found)) == 10 and settings() == found[0]
+    job = jobs.fresh(disks, {}, model("CD0"), 1e-2, 0.5, tmp_path / "x.h5")
+    assert replace(job, before=([0, 0], {})).settings != job.settings  # it goes on from another place
 
 
 @pytest.mark.parametrize("name", ["RD0", "CD0", "CDn"])

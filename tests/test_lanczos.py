@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from samples import SAMPLES, physics
 
-from jampetsc.errors import ConvergenceError
+from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.network import build_network
 from jampetsc.response.modes import lowest_modes
@@ -144,3 +144,36 @@ def test_very_many_disks_are_left_to_slepc(session, monkeypatch):
 def test_a_matrix_with_negative_modes_is_refused(session):
     with pytest.raises(ConvergenceError, match="K has negative modes"):
         lowest_modes(build_network(SAMPLES["gears"](), session.comm), 1, proved=True)
+
+
+@real
+@alone
+def test_a_large_part_of_a_large_spectrum_is_refused(session, monkeypatch):
+    """Up to DENSE unknowns LAPACK finds it."""
+    network = build_network(SAMPLES["published"](), session.comm)
+    monkeypatch.setattr(eigen, "DENSE", 2 * network.n)
+    assert lowest_modes(network, 20).method == "lapack"
+    monkeypatch.setattr(eigen, "DENSE", 2 * network.n - 1)
+    with pytest.raises(
+        InputError, match=r"20 of 30 modes: so large a part of the spectrum is found up to 15 disks"
+    ):
+        lowest_modes(network, 20)
+    assert lowest_modes(network, 2).method == "lanczos"
+
+
+@real
+@alone
+def test_more_modes_than_there_are(session):
+    network = build_network(SAMPLES["published"](), session.comm)
+    assert len(lowest_modes(network, 30).eigenvalues) == 30
+    with pytest.raises(InputError, match="31 modes: K has 30 besides its translations; ask for no more"):
+        lowest_modes(network, 31)
+
+
+@real
+@alone
+def test_without_slepc_it_is_said(session, monkeypatch):
+    monkeypatch.setattr(session, "SLEPc", None)
+    monkeypatch.setattr(eigen, "MANY", 0)
+    with pytest.raises(InputError, match="slepc4py is missing: install it for the PETSc in use"):
+        lowest_modes(build_network(SAMPLES["published"](), session.comm), 2)

@@ -15,6 +15,7 @@ from jampetsc import cli
 from jampetsc.contacts.disks import Disks
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.mechanics.network import build_network
+from jampetsc.response import modes as modes_module
 from jampetsc.response.elastic import ElasticResponse
 from jampetsc.response.modes import _require_different, lowest_modes
 from jampetsc.solvers import eigen
@@ -194,6 +195,49 @@ def test_modes_that_are_not_found_well_are_refused(session, monkeypatch):
             lowest_modes(build_network(SAMPLES["polydisperse"](), session.comm), 5)
     finally:
         options.delValue("eps_tol")
+
+
+@pytest.mark.parametrize("beyond", [-1, 1])
+def test_a_count_that_never_agrees_is_an_error(session, monkeypatch, beyond):
+    """Too few below, or too many: either way modes are not what they are said to be."""
+    count = modes_module.count_below
+    monkeypatch.setattr(modes_module, "count_below", lambda *given: count(*given) + beyond)
+    network = build_network(SAMPLES["polydisperse"](), session.comm)
+    with pytest.raises(
+        ConvergenceError, match="modes were found and their count does not agree with inertia"
+    ):
+        lowest_modes(network, 5)
+
+
+def test_none_below_is_said_and_one_is_found(session):
+    wanted, _, _ = spectrum("polydisperse")
+    network = build_network(SAMPLES["polydisperse"](), session.comm)
+    with pytest.raises(InputError, match="no mode lies there; raise it, or ask for a number with --count"):
+        lowest_modes(network, below=float(0.5 * wanted[0]))
+    assert len(lowest_modes(network, below=float(0.5 * (wanted[0] + wanted[1]))).eigenvalues) == 1
+
+
+def test_an_affine_response_has_no_shares(session):
+    """In a crystal a shear moves every disk with the cell: there is nothing to share."""
+    modes = lowest_modes(build_network(crystal(), session.comm), 4)
+    assert modes.share_modulus is None and modes.share_nonaffine is None
+    assert np.abs(modes.shear_force).max() < 1e-12
+
+
+def test_where_a_cluster_ends():
+    """Just above it, if the next value is farther than GAP relatively and than rounding; else with it."""
+    gap = modes_module.GAP
+    apart, together = 1.0 + 1.5 * gap, 1.0 + 0.5 * gap
+    for values, count, there, wanted in (
+        ([0.5, 1.0, apart], 2, 9, (2, 0.5 * (1.0 + apart))),
+        ([0.5, 1.0, together, 2.0], 2, 9, (3, 0.5 * (together + 2.0))),
+        ([0.5, 1.0, together], 2, 9, (None, None)),
+        ([0.5, 1.0, together], 2, 3, (3, together)),
+        ([1e-13, 4e-13, 1.0], 1, 9, (2, 0.5 * (1.0 + 4e-13))),  # nothing but rounding apart
+        ([0.5, 1.0], 2, 9, (None, None)),
+    ):
+        assert modes_module._cut(np.array(values), count, there, 1.0) == pytest.approx(wanted, rel=1e-15)
+    assert modes_module._cut(np.array([1e-6, 4e-6]), 1, 9, 1e7) == (None, None)  # in units of the stiffness
 
 
 @pytest.mark.parametrize("count", [1, 5, 12])

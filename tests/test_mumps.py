@@ -51,3 +51,63 @@ def test_it_is_given_up_in_the_end(session, saddle, monkeypatch):
     ) as failed:
         factorised(session, saddle, "workspace_lost_", 20)
     assert failed.value.code == WORKSPACE_TOO_SMALL
+
+
+@pytest.fixture
+def scripted(session, monkeypatch):
+    """scripted(codes): attempts of a small factorisation whose INFOG(1) are these, one after the other."""
+    made = []
+
+    def factorise(prefix, codes):
+        n = 6
+        matrix = (2.0 * eye(n) - diags(np.ones(n - 1), 1) - diags(np.ones(n - 1), -1)).tocsr()
+        matrix = distributed_matrix(session.comm, matrix, matrix.data)
+        solver = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
+        session.set_defaults({prefix + name: value for name, value in solver.items()})
+        ksp, left = mumps.make_ksp(session.comm, prefix), list(codes)
+        made.extend((ksp, matrix))
+        monkeypatch.setattr(mumps, "failure", lambda pc: left.pop(0))
+        attempts = mumps.factorise(ksp, matrix, "a chain")
+        assert not left
+        return attempts, session.PETSc.Options().getInt(prefix + "mat_mumps_icntl_14", 0)
+
+    yield factorise
+    for item in made:
+        item.destroy()
+
+
+@pytest.mark.parametrize("code", mumps.WORKSPACE)
+def test_every_lack_of_workspace_is_cured_by_more(scripted, code):
+    assert scripted(f"scripted{-code}_", [code, code, code, 0]) == (4, 160)
+
+
+def test_it_is_tried_so_often_and_no_more(scripted):
+    assert scripted("often_", [-9] * (mumps.ATTEMPTS - 1) + [0])[0] == mumps.ATTEMPTS
+    with pytest.raises(mumps.Failure, match="out of memory") as failed:
+        scripted("too_often_", [-9] * mumps.ATTEMPTS)
+    assert failed.value.code == -9
+
+
+def test_a_warning_is_no_failure(scripted):
+    assert scripted("warned_", [1])[0] == scripted("unknown_", [None])[0] == 1
+
+
+@pytest.mark.parametrize(
+    ("code", "says"),
+    [
+        (-13, r"out of memory \(MUMPS INFOG\(1\) = -13\); use more ranks or nodes, or -options_file"),
+        (-19, r"out of memory \(MUMPS INFOG\(1\) = -19\)"),
+        (
+            -90,
+            r"MUMPS could not write its files \(INFOG\(1\) = -90\); free space in, or set, MUMPS_OOC_TMPDIR",
+        ),
+        (-10, r"the matrix is singular \(MUMPS INFOG\(1\) = -10\); is the packing a minimum\? see"),
+        (-40, r"the solver reports MUMPS INFOG\(1\) = -40"),
+        (-6, r"the solver reports MUMPS INFOG\(1\) = -6"),
+    ],
+)
+def test_what_more_workspace_does_not_cure_is_told_at_once(scripted, code, says):
+    with pytest.raises(mumps.Failure, match=f"factorisation of a chain: {says}") as failed:
+        scripted(f"told{-code}_", [code])
+    assert failed.value.code == code
+    assert "a failed factorisation" in str(mumps.explain(None, "a chain"))

@@ -13,7 +13,9 @@ from jampetsc.contacts.minimum import with_proof
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.mechanics.network import build_network
 from jampetsc.response.elastic import ElasticResponse
+from jampetsc.solvers import mumps
 from jampetsc.solvers.cholesky import Cholesky, NotPositiveDefinite
+from jampetsc.solvers.local import NewtonSolver
 from jampetsc.solvers.shifted import ShiftedFactor
 from jampetsc.storage.packing_file import write_packing
 
@@ -184,6 +186,106 @@ def test_an_energy_is_off_in_second_order_of_what_a_solve_leaves(session, given,
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+@pytest.mark.parametrize(
+    ("raised", "kind"),
+    [
+        (mumps.Failure("lost", -10), NotPositiveDefinite),
+        (mumps.Failure("lost", -40), NotPositiveDefinite),
+        (mumps.Failure("lost", -9), mumps.Failure),
+        (mumps.Failure("lost", None), mumps.Failure),
+        (81, NotPositiveDefinite),
+        (63, None),
+    ],
+    ids=str,
+)
+def test_which_failures_mean_that_a_matrix_is_not_definite(session, given, monkeypatch, raised, kind):
+    """Other failures say nothing about its signs, and stay what they are."""
+    petsc = session.PETSc.Error
+
+    def fail(*_):
+        raise petsc(raised) if isinstance(raised, int) else raised
+
+    cholesky = Cholesky(matrix(session, definite()), given([]), "A")
+    cholesky.factorise()
+    assert not cholesky.doubt
+    monkeypatch.setattr(mumps, "factorise", fail)
+    with pytest.raises(kind or petsc) as caught:
+        cholesky.factorise()
+    assert type(caught.value) is (kind or petsc)
+    assert (
+        cholesky.doubt == "nothing is factorised" and not cholesky.prove()
+    )  # what was before counts no more
+    cholesky.destroy()
+
+
+@pytest.mark.scalar("real")
+def test_one_negative_eigenvalue_is_enough(session, given):
+    """Which MUMPS, told that there is none, passes over and counts."""
+    dense = definite(30)
+    dense[7, 7] = -1e-3
+    cholesky = Cholesky(matrix(session, dense), given(MUMPS), "A")
+    with pytest.raises(NotPositiveDefinite, match="A is not positive definite"):
+        cholesky.factorise()
+    cholesky.destroy()
+
+
+@pytest.mark.scalar("real")
+def test_a_solve_that_fails_says_how(session, given):
+    cholesky = Cholesky(
+        matrix(session, definite(30)), given(["ksp_type cg", "pc_type none", "ksp_max_it 1"]), "A"
+    )
+    cholesky.factorise()
+    x, b = cholesky.matrix.createVecs()
+    b.setArray(np.arange(*cholesky.matrix.getOwnershipRange()) + 1.0)
+    with pytest.raises(ConvergenceError, match=r"solve with A failed \(KSP: DIVERGED_M"):
+        cholesky.solve(b, x)
+    for item in (cholesky, x, b):
+        item.destroy()
+
+
+@pytest.mark.scalar("real")
+def test_a_factor_that_does_not_solve_proves_nothing(session, given):
+    cholesky = Cholesky(matrix(session, definite(30)), given(["pc_type jacobi"]), "A")
+    cholesky.factorise()
+    cholesky.doubt = ""  # as if its options could be trusted
+    assert not cholesky.prove() and "refinement does not remove it" in cholesky.doubt
+    cholesky.destroy()
+
+
+@pytest.mark.scalar("real")
+def test_zero_is_solved_for_zero(session, given):
+    cholesky = Cholesky(matrix(session, definite(12)), given([]), "A")
+    cholesky.factorise()
+    x, b = cholesky.matrix.createVecs()
+    assert cholesky.solve(b, x) == 0.0 and x.norm() == 0.0
+    assert cholesky.energy(b) == (0.0, 0.0)
+    for item in (cholesky, x, b):
+        item.destroy()
+
+
+@pytest.mark.scalar("real")
+def test_solutions_stay_where_they_are_projected(session, given):
+    """The part along a direction that is taken out does not grow back with refinement."""
+
+    def project(x):
+        x[:] -= session.comm.allreduce(x.sum()) / 12.0
+
+    dense = definite(12)
+    dense[0, 0] = dense[-1, -1] = 1.0  # now constant vectors cost nothing but what is added
+    cholesky = Cholesky(matrix(session, dense + 1e-13 * np.eye(12)), given([]), "A", project)
+    cholesky.factorise()
+    x, b = cholesky.matrix.createVecs()
+    values = np.arange(12.0) - 5.5
+    b.setArray(values[slice(*cholesky.matrix.getOwnershipRange())])
+    cholesky.solve(b, x)
+    found = np.concatenate(session.comm.allgather(x.getArray()))
+    np.testing.assert_allclose(found, np.linalg.lstsq(dense, values, rcond=1e-10)[0], atol=1e-10)
+    for item in (cholesky, x, b):
+        item.destroy()
+
+
+@pytest.mark.scalar("real")
 @pytest.mark.parametrize("options", [["pc_type none"], ["pc_type jacobi"]], ids=" ".join)
 def test_a_solver_that_cannot_be_refined_is_refused(session, given, options):
     prefix = given(options)
@@ -197,6 +299,45 @@ def test_a_solver_that_cannot_be_refined_is_refused(session, given, options):
         cholesky.solve(b, x)
     for item in (cholesky, x, b):
         item.destroy()
+
+
+@pytest.mark.scalar("complex")
+@pytest.mark.most_ranks(1)
+def test_a_quench_needs_real_scalars(session):
+    with pytest.raises(InputError, match="Cholesky needs the real build of PETSc"):
+        NewtonSolver()
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+def test_a_newton_solver_takes_no_factor_for_a_proof_that_is_none(session, given):
+    """Unless nothing is to be proved."""
+    upper = np.array([0, 2, 3], np.int32), np.array([0, 1, 1], np.int32)
+    for proves in (True, False):
+        solver = NewtonSolver(given(["pc_factor_mat_solver_type petsc"]), "A", proves)
+        if proves:
+            with pytest.raises(
+                InputError, match="petsc does not show the signs of its pivots: that would prove no"
+            ):
+                solver.factorise(*upper, np.array([2.0, -1.0, 2.0]))
+        else:
+            assert solver.factorise(*upper, np.array([2.0, -1.0, 2.0]))
+            np.testing.assert_allclose(solver.solve(np.array([1.0, 0.0])), [2 / 3, 1 / 3])
+        solver.destroy()
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+def test_a_newton_solver_sees_that_a_pattern_has_changed(session):
+    """Also one of as many entries, of which some stand elsewhere."""
+    solver = NewtonSolver()
+    for columns in ([0, 1, 1, 2], [0, 2, 1, 2], [0, 1, 1, 2]):
+        indptr, indices = np.array([0, 2, 3, 4], np.int32), np.array(columns, np.int32)
+        assert solver.factorise(indptr, indices, np.array([2.0, -1.0, 2.0, 2.0]))
+        dense = 2.0 * np.eye(3)
+        dense[0, columns[1]] = dense[columns[1], 0] = -1.0
+        np.testing.assert_allclose(dense @ solver.solve(np.arange(1.0, 4.0)), [1.0, 2.0, 3.0], rtol=1e-14)
+    solver.destroy()
 
 
 @pytest.mark.parametrize(
