@@ -466,3 +466,42 @@ def test_disks_of_walls_are_not_among_those_that_coordination_is_a_mean_over():
     run = Shear(disks, Model(ROWS["RD0"][0]), 0.02, Scheme(0.05, "euler", 1e-6), held=4)
     free = np.count_nonzero(contacts.i >= 4) + np.count_nonzero(contacts.j >= 4)
     assert run.look().coordination == free / 12
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_what_is_no_number_moves_too_far(bad):
+    """Comparisons with NaN are all false: sums tell of it, and the step counts as blown up."""
+    listed = 1.0, 0.5, 0.1
+    for where in ((0, 0), (3, 0), (3, 1)):
+        o, good = np.zeros((4, 2)), np.full((4, 2), 1e-3)
+        u = good.copy()
+        u[where] = bad
+        physics, scratch = (1.0, 1.0, 0.1, 0.0, 0), np.zeros((4, 2))
+        found = [
+            compiled.move(o.copy(), u, 0.1, 0.1, np.empty_like(o)),
+            compiled.drift(o.copy(), u, 1.0, 0.1, 0.1, np.empty_like(o))[:2],
+            compiled.kick(o.copy(), good, good.copy(), physics, 0.1, 0.1, u.copy(), scratch)[:2],
+        ]
+        for far, longest in found:
+            assert compiled.verdict_of(far, longest, 0.0, listed) == compiled.BLOWN_UP
+    far, longest = compiled.move(o, good, 0.1, 0.1, np.empty_like(o))
+    assert compiled.verdict_of(far, longest, 0.0, listed) == compiled.DONE
+
+
+def test_verdicts_of_a_step():
+    """More than half of the largest σ is a jump; a list is stale by its own rule, and a jump is told first."""
+    listed = 1.2, 0.5, 0.1
+    for far, longest, verdict in (
+        (0.1, 0.6, compiled.DONE),
+        (0.1, 0.6001, compiled.BLOWN_UP),
+        (0.25, 0.1, compiled.DONE),
+        (0.2501, 0.1, compiled.STALE),
+        (0.3, 0.7, compiled.BLOWN_UP),
+        (0.1, np.nan, compiled.BLOWN_UP),
+    ):
+        assert compiled.verdict_of(far, longest, 0.0, listed) == verdict
+    assert (
+        compiled.verdict_of(0.0, 0.0, 0.8, listed)
+        == compiled.verdict_of(0.0, 0.0, -0.8, listed)
+        == compiled.STALE
+    )

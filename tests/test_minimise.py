@@ -1,5 +1,6 @@
 """The minimiser: gradient, directions, staleness, proof and saddles, each against an independent calculation."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,8 @@ from jampetsc.contacts.state import find_contacts, measure
 from jampetsc.contacts.threads import Team
 from jampetsc.errors import ConvergenceError
 from jampetsc.packing import descent as descent_module
-from jampetsc.packing import lbfgs, minimise, passes, protocols
+from jampetsc.packing import fire, lbfgs, minimise, passes, protocols
+from jampetsc.packing import newton as newton_module
 from jampetsc.packing.descent import Descent, Goal
 from jampetsc.packing.fire import fall
 from jampetsc.packing.minimise import Effort, relax
@@ -352,3 +354,194 @@ def test_disks_that_do_not_touch_are_told_by_a_pressure_in_units_of_k():
     touching = replace(lattice(4, 1 - 1e-12), potential=Potential(k=1e6))
     assert 5e-7 < measure(touching).pressure < 2e-6
     assert not minimise.minimise(touching, Goal(), None).jammed
+
+
+def searched(length, along=1.0, seed=3):
+    """(Newton, its start, step, what `_search` returns) for a step along the forces; the end is `length` of it."""
+    descent = Descent(random_disks(40, 1.0, seed), Goal(0.05), Team())
+    newton = Newton(descent, None, Effort())
+    start = Point.of(descent)
+    step = along * start.forces, np.zeros(2)
+    before = descent.disks.positions
+    found = newton._search(start, step, length)
+    assert np.abs(descent.disks.positions - before - found[0] * step[0]).max() < 1e-12
+    return newton, start, step, found
+
+
+def test_a_search_ends_where_the_slope_is_small(monkeypatch):
+    """Beyond the minimum along the forces it is turned back unless nearly level there; downhill all is gone."""
+    _, start, step, (length, point) = searched(0.05)
+    assert length == 0.05 and point.along(step) > 0
+    _, start, step, (length, point) = searched(2.0)
+    assert length == 2.0 and -newton_module.FLAT * start.along(step) <= point.along(step) < 0
+    monkeypatch.setattr(newton_module, "FLAT", 0.05)
+    _, start, step, (length, point) = searched(2.0)
+    assert 0.2 < length < 2.0 and abs(point.along(step)) <= 0.05 * start.along(step)
+
+
+def test_a_search_that_finds_no_such_place_ends(monkeypatch):
+    monkeypatch.setattr(newton_module, "FLAT", 0.0)
+    calls = []
+    go = Newton._go
+    monkeypatch.setattr(Newton, "_go", lambda *given: calls.append(given) or go(*given))
+    _, start, step, (length, point) = searched(2.0)
+    assert len(calls) == 1 + newton_module.TRIES and 0.05 < length < 2.0
+    assert abs(point.along(step)) < 1e-2 * start.along(step)
+
+
+class Wrong:
+    """A solver whose factors exist and whose solutions are `value` everywhere."""
+
+    def __init__(self, value):
+        self.value = value
+
+    def factorise(self, *_):
+        return True
+
+    def solve(self, b):
+        return np.full(len(b), self.value)
+
+
+@pytest.mark.parametrize("value", [0.0, np.nan, np.inf])
+def test_steps_that_are_none_end_newton(value):
+    descent = Descent(random_disks(40, 1.0, 3), Goal(), Team())
+    before = descent.disks.positions
+    assert not Newton(descent, Wrong(value), Effort()).converge(Limits(descent, 1e-10))
+    assert np.array_equal(descent.disks.positions, before)
+
+
+class Soft(Wrong):
+    """A solver whose Hessian is that of springs of stiffness 1/`value`."""
+
+    def solve(self, b):
+        return self.value * b
+
+
+def test_no_step_is_longer_than_its_reach(monkeypatch):
+    """However soft the Hessian is said to be: a tenth of a mean diameter, for the disk that goes farthest."""
+    descent, moved, move = Descent(random_disks(40, 1.0, 3), Goal(), Team()), [], Descent.move
+
+    def noted(descent, moves, strain):
+        moved.append(np.hypot(*moves.T).max())
+        move(descent, moves, strain)
+
+    monkeypatch.setattr(Descent, "move", noted)
+    Newton(descent, Soft(1e6), Effort()).converge(Limits(descent, 1e-10))
+    assert moved[0] == pytest.approx(newton_module.REACH * descent.diameter)
+
+
+def test_disks_that_nothing_holds_prove_no_minimum():
+    newton = Newton(Descent(random_disks(40, 0.3), Goal(), Team()), Wrong(0.0), Effort())
+    assert newton.prove() is None and not newton.leave_saddle()
+
+
+@pytest.mark.scalar("real")
+def test_a_minimum_is_no_saddle():
+    """No mode of negative curvature is found where there is none."""
+    found = minimise.minimise(random_disks(64), Goal(1e-2), NewtonSolver())
+    descent = Descent(found.disks, Goal(1e-2), Team())
+    before = descent.disks.positions
+    assert not Newton(descent, NewtonSolver(), Effort()).leave_saddle()
+    assert np.array_equal(descent.disks.positions, before)
+
+
+@pytest.mark.scalar("real")
+def test_a_saddle_is_left_as_far_as_it_goes_downhill(monkeypatch):
+    """Shorter and shorter where the first try is not downhill, and not at all where none is."""
+    newton = Newton(Descent(lattice(), Goal(), Team()), NewtonSolver(), Effort())
+    before, pull, asked = newton.descent.disks.positions, Newton._pull_at, []
+
+    def steep(newton, mode, way):
+        asked.append(abs(way))
+        return pull(newton, mode, way) if abs(way) < 1e-3 * asked[0] else -1.0
+
+    monkeypatch.setattr(Newton, "_pull_at", steep)
+    assert newton.leave_saddle()
+    gone = np.abs(newton.descent.disks.positions - before).max()
+    assert asked[:8] == pytest.approx(asked[0] * np.repeat([1.0, 0.1, 0.01, 0.001], 2))
+    assert 0 < gone < 1e-3
+    monkeypatch.setattr(Newton, "_pull_at", lambda *_: -1.0)
+    newton = Newton(Descent(lattice(), Goal(), Team()), NewtonSolver(), Effort())
+    assert not newton.leave_saddle() and np.array_equal(newton.descent.disks.positions, before)
+
+
+@pytest.mark.scalar("real")
+def test_saddles_without_end_are_given_up(monkeypatch):
+    for most in (0, 2):
+        monkeypatch.setattr(minimise, "SADDLES", most)
+        monkeypatch.setattr(Newton, "prove", lambda _: None)
+        monkeypatch.setattr(Newton, "leave_saddle", lambda _: True)
+        effort = Effort()
+        with pytest.raises(ConvergenceError, match=rf"and {most} saddles: max\|F\|/\(p d\) = "):
+            minimise.minimise(random_disks(32), Goal(1e-2), NewtonSolver(), effort=effort)
+        assert effort.saddles == most
+
+
+@pytest.mark.scalar("real")
+def test_newton_s_method_that_never_converges_is_given_up(monkeypatch):
+    monkeypatch.setattr(Newton, "converge", lambda *_: False)
+    with pytest.raises(ConvergenceError, match=r"^no minimum after \d+ force evaluations and 0 saddles"):
+        minimise.minimise(random_disks(32), Goal(1e-2), NewtonSolver())
+
+
+def test_relaxing_goes_on_until_it_is_there(monkeypatch):
+    """In as many slices as it takes; all evaluations are counted, on top of those before."""
+    monkeypatch.setattr(minimise, "SLICE", 7)
+    reports = []
+    effort = Effort(evaluations=100, report=lambda effort: reports.append(effort.evaluations))
+    disks = relax(random_disks(64), Goal(1e-2), 1e-5, effort=effort)
+    assert len(reports) > 5 and all(more > before for before, more in itertools.pairwise(reports))
+    assert reports[0] == 107 and effort.evaluations == reports[-1]
+    contacts = find_contacts(disks)
+    assert np.hypot(*state.net_forces(disks.n, contacts).T).max() <= 1.001e-5
+    assert abs(measure(disks).pressure - 1e-2) <= 1.001e-5  # force / d, with d = 1
+
+
+def test_disks_where_a_coordinate_is_lost_are_an_error():
+    for spoil in ("offsets", "box"):
+        descent = Descent(random_disks(16), Goal(1e-2), Team())
+        getattr(descent, spoil)[:] = np.nan
+        with pytest.raises(
+            ConvergenceError, match="forces are not finite: do two disks lie on the same spot"
+        ):
+            descent.served(1, False)
+
+
+def test_a_list_is_made_anew_where_it_is_stale_or_its_skin_ill_chosen(monkeypatch):
+    descent = Descent(random_disks(16), Goal(), Team())
+    kept, skin = descent.pairs, descent.skin
+    descent.served(5, False)
+    assert descent.pairs is kept and descent.evaluations == 5  # too early to judge the skin
+    descent.served(5, True)
+    assert descent.pairs is not kept and descent.skin > skin
+    kept, skin = descent.pairs, descent.skin
+    descent.served(descent_module.STEPS, False)
+    assert (
+        descent.pairs is not kept and descent.skin < skin and descent.evaluations == 10 + descent_module.STEPS
+    )
+
+
+def test_evaluations_are_not_exceeded(monkeypatch):
+    monkeypatch.setattr(descent_module, "STEPS", 30)
+    monkeypatch.setattr(fire, "SLICE", 30)
+    descent = Descent(random_disks(64), Goal(1e-2), Team())
+    for more in (1, 7, 100):
+        before = descent.evaluations
+        assert not descent.descend(1e-14, 1e-14, more)
+        assert descent.evaluations == before + more
+    other = Descent(random_disks(64), Goal(), Team())
+    assert not fall(other, 1e-14, 100) and other.evaluations == 100
+
+
+def test_both_forces_and_stress_end_a_descent():
+    """max |F| alone does not, nor the stress on the cell alone."""
+    for force, box_force in ((1e-4, 1e300), (1e300, 1e-4), (1e-4, 1e-4)):
+        descent = Descent(random_disks(64), Goal(1e-2, True), Team())
+        assert descent.descend(force, box_force, 20_000)
+        point = Point.of(descent)
+        assert point.residual.force <= 1.001 * force
+        assert abs(point.drive[0]) <= 1.001 * box_force and abs(point.drive[1]) <= 1.001 * box_force
+        loose = max(point.residual.force / force, np.abs(point.drive).max() / box_force)
+        assert loose > 1e-6
+    still = Descent(random_disks(64), Goal(), Team())
+    assert fall(still, 1e-3, 20_000) and 1e-6 < Point.of(still).residual.force <= 1e-3
