@@ -60,6 +60,75 @@ def test_one_packing_counts_once(folder):
     assert jampetsc.load(folder).mean(by=["pressure", "beta"]).count["G0"].tolist() == [3] * 4
 
 
+def written(folder, text):
+    (folder / "table.csv").write_text(text)
+    return jampetsc.load(folder)
+
+
+def test_what_a_task_has_not_is_a_group_of_its_own_and_the_last(tmp_path):
+    table = written(
+        tmp_path,
+        "command,state,file,packing,beta,G0\n"
+        "a,done,1,p1,,1.0\na,done,2,p2,0.5,2.0\na,done,3,p3,,3.0\na,failed: no,4,p4,0.5,9.0\na,done,5,p5,0.1,4.0\n",
+    )
+    groups = table.groups(["beta"])
+    assert [key["beta"] for key, _ in groups] == [0.1, 0.5, None]
+    assert [rows["file"].tolist() for _, rows in groups] == [[5], [2], [1, 3]]
+    mean = table.mean("beta")
+    assert mean["G0"].tolist() == [4.0, 2.0, 2.0] and mean.count["G0"].tolist() == [1, 1, 2]
+    assert np.isnan(mean.error["G0"]).tolist() == [True, True, False]
+    assert table.mean()["G0"].tolist() == [2.5] and len(mean) == len(list(mean)) == 3  # of beta, file and G0
+
+
+def test_only_numbers_are_averaged_and_packings_that_have_one_counted(tmp_path):
+    table = written(
+        tmp_path,
+        "command,state,file,packing,beta,G0,none\n"
+        "a,done,1.h5,p1,1,1.0,\na,done,2.h5,p1,2,,\na,done,3.h5,,1,inf,\na,done,4.h5,,1,-3.0,\na,done,5.h5,,2,-4.0,\n",
+    )
+    mean = (
+        table.mean()
+    )  # rows of one packing, of which one has no G0; imported ones have no name of a packing
+    assert mean["G0"].tolist() == [-2.0]
+    assert (mean.count["G0"].tolist(), mean.below_zero["G0"].tolist()) == ([3], [2])
+    assert np.isnan(mean["none"]).all() and mean.count["none"].tolist() == [0]
+    with pytest.raises(
+        InputError, match=r"beta of all rows: 1\.h5 and 2\.h5 are of one packing: .* in by= \(beta\)"
+    ):
+        mean["beta"]
+    with pytest.raises(InputError, match="column packing holds words, which have no mean"):
+        mean["packing"]
+
+
+def test_columns_have_the_type_of_all_their_cells(tmp_path):
+    table = written(
+        tmp_path,
+        "command,state,file,n,large,mixed,p\na,done,1,3,100000000000000000000000,1,1e-12\na,done,2,4,1,x,2e-12\n",
+    )
+    assert [table[name].dtype.kind for name in ("n", "large", "mixed", "p")] == list("ifUf")
+    assert table.where(p=1e-12).rows == 1 and table.where(p=1e-12 * (1 + 1e-12)).rows == 1
+    assert table.where(n="3").rows == 1 and table.where(n=None).rows == 0 and table.where(mixed=1).rows == 1
+    assert table.where(p=float("nan")).rows == 0
+    assert (
+        written(tmp_path, "command,state,file,p\na,done,1,\na,done,2,3.5\n").where(p=float("nan")).rows == 1
+    )
+    assert "2 rows of" in repr(table) and table.failed.rows == 0
+
+
+def test_files_of_what_is_done_are_loaded(folder):
+    with pytest.raises(InputError, match=r"q0\.0111\.0\.h5: no such file"):
+        jampetsc.load(folder).results()
+    assert jampetsc.load(folder).failed.results() == []
+
+
+@pytest.mark.parametrize("text", ["", "command,state,n\na,done,3\n", "command,state,file\na,done\n"])
+def test_what_is_no_table_at_all(tmp_path, text):
+    with pytest.raises(
+        InputError, match=r"table\.csv: is not the table of a study: run `jampetsc study` again"
+    ):
+        written(tmp_path, text)
+
+
 def test_what_is_no_table_is_refused(tmp_path):
     (tmp_path / "table.csv").write_text("command,state\n1,2,3\n")
     with pytest.raises(InputError, match="is not the table of a study"):
