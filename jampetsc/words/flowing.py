@@ -44,6 +44,9 @@ def model_from(args, k=1.0) -> Model:
         )
     if args.mass is not None and args.quality is not None:
         raise InputError(f"--quality {args.quality:g}: --mass says the same; leave one out")
+    for name in ("mass", "quality", "friction", "tau1"):
+        if getattr(args, name) is not None and LARGEST < getattr(args, name) < math.inf:
+            raise InputError(f"--{name} {getattr(args, name):g}: must be at most {LARGEST:g}")
     if named:
         law, massive = MODELS[args.model]
         law = Law(**{**vars(law), "tau1": args.tau1})
@@ -60,9 +63,6 @@ def model_from(args, k=1.0) -> Model:
         if not (math.isfinite(args.quality) and args.quality > 0):
             raise InputError(f"--quality {args.quality:g}: must be positive")
         mass = args.quality**2 * k * law.tau1**2
-    for name in ("mass", "quality", "friction", "tau1"):
-        if getattr(args, name) is not None and LARGEST < getattr(args, name) < math.inf:
-            raise InputError(f"--{name} {getattr(args, name):g}: must be at most {LARGEST:g}")
     if mass is not None and not (math.isfinite(mass) and mass > 0):
         limit = "" if named and args.model in ("RD", "CD") else "; it has no overdamped limit"
         other = f"; the overdamped limit is --model {args.model}0" if named and not limit else limit

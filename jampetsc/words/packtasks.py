@@ -1,6 +1,7 @@
 """What `jampetsc pack` is asked to make: a task per packing, where each starts, and which are there already."""
 
 import re
+import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -184,7 +185,8 @@ def _from_packing(args, source):
 
 def _read_radii(path):
     try:
-        with open_regular(path) as file:
+        with open_regular(path) as file, warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of an empty file, which is refused below
             radii = np.loadtxt(file, dtype=float, ndmin=1, max_rows=MOST + 1)
     except InputError:
         raise
