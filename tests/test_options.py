@@ -1,5 +1,7 @@
 """Every file in options/ does what it is for, over the whole range of frequencies, and a user's own option wins."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from dense import Reference
@@ -16,9 +18,16 @@ FOR_SWEEPS = ("mumps", "superlu_dist", "iterative", "low_memory")
 FOR_MODES = ("modes_cholmod", "modes_many", "modes_mumps")
 
 
-@pytest.fixture
-def packing(tmp_path):
-    path = tmp_path / "packing.h5"
+@cache
+def moduli(law, omega):
+    """G* of the packing at these frequencies by the dense reference."""
+    dense = Reference(polydisperse(3)[0], law)
+    return np.array([dense.modulus(w) for w in omega])
+
+
+@pytest.fixture(scope="module")
+def packing(tmp_path_factory):
+    path = tmp_path_factory.mktemp("options") / "packing.h5"
     write_packing(path, polydisperse(3)[0])
     return path
 
@@ -37,35 +46,40 @@ def test_sweep_by_each_file(name, law, packing, tmp_path):
                "-options_file", file)  # fmt: skip
     assert done.returncode == 0, done.stderr
     sweep = jampetsc.load(out)
-    exact = np.array([Reference(polydisperse(3)[0], law).modulus(omega) for omega in sweep.omega])
+    exact = moduli(law, tuple(sweep.omega))
     np.testing.assert_allclose(sweep.G_storage, exact.real, rtol=1e-9)
     np.testing.assert_allclose(sweep.G_loss, exact.imag, rtol=1e-9)
 
 
 @pytest.mark.parametrize("name", [name for name in FOR_SWEEPS if name != "low_memory"])
 def test_sweep_by_each_file_on_two_ranks(name, packing, tmp_path):
-    results = []
-    for ranks in (0, 2):
-        out = tmp_path / f"sweep-{ranks}.h5"
-        file = ROOT / "options" / f"{name}.opts"
-        done = run(ranks, PROGRAM, "sweep", packing, "--out", out, "--method", "direct", "--omega", "1e-6,1e-2,10",
-                   "-options_file", file)  # fmt: skip
-        assert done.returncode == 0, done.stderr
-        results.append(jampetsc.load(out).G)
-    np.testing.assert_allclose(results[1].real, results[0].real, rtol=1e-10)
-    np.testing.assert_allclose(results[1].imag, results[0].imag, rtol=1e-10)
+    out, file = tmp_path / "sweep.h5", ROOT / "options" / f"{name}.opts"
+    done = run(2, PROGRAM, "sweep", packing, "--out", out, "--method", "direct", "--omega", "1e-6,1e-2,10",
+               "-options_file", file)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    found, exact = jampetsc.load(out).G, moduli(physics(), (1e-6, 1e-2, 10.0))
+    np.testing.assert_allclose(found.real, exact.real, rtol=1e-10)
+    np.testing.assert_allclose(found.imag, exact.imag, rtol=1e-10)
+
+
+def modes_of(packing, out, *options):
+    """The file of twelve modes."""
+    done = run(0, PROGRAM, "modes", packing, "--out", out, "--count", 12, *options)
+    assert done.returncode == 0, done.stderr
+    return jampetsc.load(out)
+
+
+@pytest.fixture(scope="module")
+def modes(packing):
+    """Those without any options."""
+    return modes_of(packing, packing.with_name("modes.h5"))
 
 
 @pytest.mark.parametrize("name", FOR_MODES)
-def test_modes_by_each_file(name, packing, tmp_path):
-    found = []
-    for number, options in enumerate(([], ["-options_file", ROOT / "options" / f"{name}.opts"])):
-        out = tmp_path / f"modes-{number}.h5"
-        done = run(0, PROGRAM, "modes", packing, "--out", out, "--count", 12, *options)
-        assert done.returncode == 0, done.stderr
-        found.append(jampetsc.load(out))
-    assert [one.attributes["method"] for one in found] == ["lanczos", "krylovschur"]
-    np.testing.assert_allclose(found[1]["eigenvalues"], found[0]["eigenvalues"], rtol=1e-9)
+def test_modes_by_each_file(name, packing, modes, tmp_path):
+    found = modes_of(packing, tmp_path / "modes.h5", "-options_file", ROOT / "options" / f"{name}.opts")
+    assert [one.attributes["method"] for one in (modes, found)] == ["lanczos", "krylovschur"]
+    np.testing.assert_allclose(found["eigenvalues"], modes["eigenvalues"], rtol=1e-9)
 
 
 def test_an_option_of_the_user_wins_over_file_and_default(packing, tmp_path):
