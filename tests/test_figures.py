@@ -96,13 +96,18 @@ LESS = {  # a figure of which something has to be smaller, or must not be
 
 
 def test_every_figure_is_made(tmp_path):
-    items, made = [], []
+    items, made, folders = [], [], {}
     for name in STUDIES:
         if name == WHOLE:
             continue
         studies, pictures = shown(name, FOLDER=str(tmp_path / name), **TINY | LESS.get(name, {}))
         for n, (part, study) in enumerate(studies.items()):
             (tmp_path / f"{name}-{n}.toml").write_text(study)
+            os.makedirs(os.path.dirname(part), exist_ok=True)
+            if study in folders:  # that of another figure, for other pictures
+                items.append(f"import shutil\nshutil.copytree({folders[study]!r}, {part!r})")
+                continue
+            folders[study] = part
             os.makedirs(part, exist_ok=True)
             items.append(["study", str(tmp_path / f"{name}-{n}.toml"), "--out", part])
         fits = [words for words in pictures if words[0] == "collapse"]
