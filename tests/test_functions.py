@@ -24,6 +24,7 @@ def packing(session, shared_path):
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
 def test_a_function_gives_what_load_gives_for_the_command(session, packing, shared_path):
     out = shared_path / "command.h5"
     words = ["--beta", "0.1", "--no-prestress", "--omega", "0.01,1.0"]
@@ -40,6 +41,7 @@ def test_a_function_gives_what_load_gives_for_the_command(session, packing, shar
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
 def test_functions_take_what_functions_give(session):
     disks = jampetsc.pack(n=16, pressure=1e-2, seed=3)
     assert disks.n == 16 and disks.record["seed"] == 3

@@ -179,6 +179,7 @@ def test_an_error_that_nobody_foresaw_is_a_row_too(session, shared_path, monkeyp
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
 def test_a_mean_is_of_the_seeds_that_there_are_and_is_not_taken_twice(session, shared_path, monkeypatch):
     only_on("one")
     text = '[pack]\nn = 16\npressure = 1e-2\nseeds = "1:2"\n[sweep]\nomega = "1"\nfields = "1"\n[correlate]\n'
@@ -203,6 +204,7 @@ def test_a_mean_is_of_the_seeds_that_there_are_and_is_not_taken_twice(session, s
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
 def test_more_seeds_are_added_and_the_rest_is_kept(session, shared_path):
     only_on("one")
     text = '[pack]\nn = 16\npressure = 1e-2\nseeds = "1:2"\n[sweep]\nomega = "1"\nfields = "1"\n[correlate]\n'
