@@ -306,3 +306,40 @@ def test_a_factor_of_another_frequency_will_do(session):
         for omega in grid:
             compare(solver.solve(omega, 1e-9), modulus("published", law, omega), 1e-9, omega)
         assert solver.factorisations < len(grid)
+
+
+def test_the_matrix_is_scaled_to_a_unit_diagonal(session):
+    """At every frequency: angles are of order ω."""
+    with Solver(published(), physics(), session.comm) as solver:
+        K, B = (np.diag(dense(matrix)) for matrix in (solver.pencil.K, solver.pencil.B))
+        for omega in (1e-6, 1.0, 1e4):
+            solver.form.set(omega)
+            magnitude = np.concatenate(session.comm.allgather(solver.form.magnitude))
+            np.testing.assert_allclose(magnitude, np.abs(K + 1j * omega * B), rtol=1e-14)
+
+
+def test_what_is_no_number_on_one_rank_is_everybodys_failure(session):
+    with Solver(published(), physics(), session.comm) as solver:
+        solve = solver.form.solve
+
+        def spoiled(ksp, right):
+            found = solve(ksp, right)
+            if session.rank == session.size - 1:
+                found[-1] = np.nan
+            return found
+
+        solver.form.solve = spoiled
+        with pytest.raises(ConvergenceError, match=r"ω = 0.01: KSP gave what is no number"):
+            solver.solve(0.01, 1e-6)
+
+
+def test_where_every_frequency_fails_the_first_failure_is_told(session, shared_path):
+    packing, out = shared_path / "gears.h5", shared_path / "out.h5"
+    if session.rank == 0:
+        write_packing(packing, SAMPLES["gears"]())
+    session.comm.barrier()
+    law = physics(prestress=False)
+    job = Job.read(packing, law, [1e-10, 1e-9], [], "direct", 1e-14, out, comm=session.comm)
+    with pytest.raises(ConvergenceError, match=r"^ω = 1e-10: G' = .* only known to"):
+        direct_sweep.run(job)
+    assert not out.exists()

@@ -4,9 +4,18 @@ import numpy as np
 import pytest
 from samples import LAWS, SAMPLES, physics, reference
 
-from jampetsc.errors import ConvergenceError
+from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.mechanics import minimum
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.examine import asymmetry, examine
+from jampetsc.mechanics.minimum import (
+    BY_CHOLESKY,
+    BY_INERTIA,
+    count_modes,
+    negative_modes,
+    require_minimum,
+    require_unique_response,
+)
 from jampetsc.mechanics.network import build_network
 from jampetsc.solvers.inertia import count_below, count_eigenvalues
 
@@ -109,3 +118,37 @@ def test_examination(session, sample):
     pairs = len(set(zip(exact.i, exact.j, strict=True)))
     assert facts.nonzeros == 9 * (exact.n + 2 * pairs)
     assert max(facts.asymmetry_K, facts.asymmetry_B) < 1e-15
+
+
+def test_nothing_is_symmetric(session):
+    matrix = session.PETSc.Mat().createAIJ(4, nnz=1, comm=session.comm)
+    matrix.assemble()
+    assert asymmetry(matrix) == 0.0
+    matrix.destroy()
+
+
+def test_why_a_response_is_not_unique(session):
+    """Negative modes first; then zero modes, but for the translations of every piece."""
+    strips = build_network(SAMPLES["strips"](), session.comm, prestress=False)
+    zero = count_modes(strips).zero
+    assert zero >= 4
+    if zero == 4:
+        require_unique_response(strips)
+    else:
+        with pytest.raises(InputError, match=rf"K has {zero - 4} floppy mode"):
+            require_unique_response(strips)
+    with pytest.raises(InputError, match=r"K has \d+ negative modes: not a minimum"):
+        require_unique_response(build_network(SAMPLES["gears"](), session.comm))
+    require_unique_response(build_network(SAMPLES["published"](), session.comm))
+
+
+def test_negative_modes_are_none_by_cholesky_or_counted(session, monkeypatch):
+    sound, gears = (build_network(SAMPLES[name](), session.comm) for name in ("published", "gears"))
+    assert negative_modes(sound) == (0, BY_CHOLESKY)
+    number, how = negative_modes(gears)
+    assert number == count_modes(gears).negative > 1 and how == BY_INERTIA
+    monkeypatch.setattr(minimum.ShiftedFactor, "prove", lambda _: False)
+    assert negative_modes(sound) == (0, BY_INERTIA)
+    require_minimum(sound)
+    with pytest.raises(InputError, match=f"K has {number} negative modes"):
+        require_minimum(gears)

@@ -1,5 +1,7 @@
 """The distributed contact network: the same on any number of ranks, and refusals of what cannot bear load."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from samples import SAMPLES, honeycomb, physics, published, reference, strips
@@ -7,7 +9,7 @@ from samples import SAMPLES, honeycomb, physics, published, reference, strips
 from jampetsc.contacts.disks import Disks
 from jampetsc.errors import InputError
 from jampetsc.mechanics.assembly import assemble
-from jampetsc.mechanics.network import build_network, find_pieces
+from jampetsc.mechanics.network import _require_rigid, build_network, find_pieces
 
 pytestmark = pytest.mark.scalar("real")
 
@@ -100,3 +102,31 @@ def test_no_contacts_are_below_jamming(session):
     loose = Disks.from_positions(disks.positions, 0.5 * disks.radii, disks.cell)
     with pytest.raises(InputError, match=r"no load-bearing contacts among 16 disks: below jamming"):
         build_network(loose, session.comm)
+
+
+def test_one_contact_too_few_is_too_few(session):
+    """2n − 2 are enough for rigidity by Maxwell's count; of the sample there is one more."""
+    network = build_network(SAMPLES["isostatic"](), session.comm)
+    c = network.contacts
+    ends = sorted(
+        {tuple(pair) for part in session.comm.allgather(list(zip(c.i, c.j, strict=True))) for pair in part}
+    )
+    for gone, floppy in ((0, 0), (1, 0), (2, 1), (3, 2)):
+        cut = {
+            pair for i, j in [pair for pair in ends if pair[0] < pair[1]][:gone] for pair in ((i, j), (j, i))
+        }
+        kept = np.array([(i, j) not in cut for i, j in zip(c.i, c.j, strict=True)], bool)
+        fewer = replace(network, contacts=c[kept])
+        if floppy:
+            with pytest.raises(InputError, match=f"leave at least {floppy} floppy modes: below jamming"):
+                _require_rigid(fewer, 24)
+        else:
+            _require_rigid(fewer, 24)
+
+
+def test_what_network_tells_of_all_ranks(session):
+    network = build_network(published(), session.comm)
+    assert network.max(float(session.rank)) == session.size - 1.0
+    assert network.sum(session.rank + 1) == session.size * (session.size + 1) // 2
+    none = np.zeros(len(network.contacts), bool)
+    assert replace(network, n=0, contacts=network.contacts[none]).coordination == 0.0

@@ -21,11 +21,14 @@ import jampetsc
 from jampetsc import cli
 from jampetsc.analysis.distribution import Distribution
 from jampetsc.contacts.disks import Disks
-from jampetsc.errors import InputError
+from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.mechanics.network import build_network
+from jampetsc.response import balance
+from jampetsc.response import elastic as elastic_module
 from jampetsc.response.elastic import ElasticResponse
 from jampetsc.response.quasistatic import solve
 from jampetsc.response.viscosity import Viscosity
+from jampetsc.solvers.cholesky import NotPositiveDefinite
 from jampetsc.storage.packing_file import write_packing
 
 pytestmark = pytest.mark.scalar("real")
@@ -248,3 +251,86 @@ def test_distribution():
     assert found.counts[inside] == [2]
     assert Distribution.of(np.array([[3.0, 4.0], [0.0, 0.0]])).rms == pytest.approx(np.sqrt(12.5))
     assert Distribution.of(np.zeros(3)).counts.sum() == 3
+
+
+@pytest.mark.most_ranks(1)
+def test_a_field_is_refined_and_its_error_told(session, monkeypatch):
+    """A solver that gives too little by a share: each of two solves leaves that share of what was left."""
+    elastic = ElasticResponse(build_network(SAMPLES["published"](), session.comm))
+    c, g = elastic.compatibility, elastic.compatibility.g
+    right = elastic.shear()
+    imposed = np.sqrt(np.sum(np.abs(c.w_K) * g**2))
+    size = np.sqrt(c.w_K @ (c.motions(right.x)) ** 2)
+
+    def respond(share):
+        def solve(rhs, out):
+            elastic.factor.solve(rhs, out)
+            out.scale(1.0 - share)
+
+        return balance.relax(c, c.w_K, solve, g, "a field")
+
+    found = respond(1e-5)
+    assert found.error == pytest.approx(1e-10 * size / imposed, rel=1e-3)
+    assert found.value == pytest.approx(right.value, rel=1e-12) and found.defect < 1e-8
+    left = right.x - found.x
+    assert np.sqrt(c.w_K @ c.motions(left) ** 2) == pytest.approx(1e-10 * size, rel=1e-2)
+    for share, name in ((1e-3, "LARGEST_ERROR"), (0.3, "LARGEST_DEFECT")):
+        with monkeypatch.context() as only:
+            for limit in {"LARGEST_ERROR", "LARGEST_DEFECT"} - {name}:
+                only.setattr(balance, limit, np.inf)
+            with pytest.raises(
+                ConvergenceError, match=r"a field: only certain to .*the matrix is too ill-cond"
+            ):
+                respond(share)
+    elastic.destroy()
+
+
+def test_softness_that_no_count_confirms_is_the_factorisation_s(session, monkeypatch):
+    def refused(*_):
+        raise NotPositiveDefinite("K is not positive definite")
+
+    network = build_network(SAMPLES["published"](), session.comm)
+    monkeypatch.setattr(elastic_module, "ShiftedFactor", refused)
+    with pytest.raises(NotPositiveDefinite):
+        ElasticResponse(network)
+    floppy = build_network(square_lattice(), session.comm, prestress=False)
+    with pytest.raises(InputError, match="K has 8 floppy modes"):
+        ElasticResponse(floppy)
+
+
+def test_what_is_not_proved_is_counted(session, monkeypatch):
+    """A factorisation that proves nothing is no reason to believe it, and none to refuse a sound packing."""
+    counted = []
+    count = elastic_module.require_unique_response
+    monkeypatch.setattr(
+        elastic_module, "require_unique_response", lambda network: counted.append(1) or count(network)
+    )
+    network = build_network(SAMPLES["published"](), session.comm)
+    ElasticResponse(network).destroy()
+    assert not counted
+    monkeypatch.setattr(elastic_module.ShiftedFactor, "prove", lambda _: False)
+    ElasticResponse(network).destroy()
+    assert counted
+
+
+def test_a_flow_without_dissipation_is_refused(session):
+    """Rows that slide cost nothing where only normal motions are damped."""
+    network = build_network(square_lattice(), session.comm, prestress=False)
+    viscosity = Viscosity(network, physics(beta=0.0, rotations=False).law)
+    with pytest.raises(
+        InputError, match=r"has moves without dissipation besides translations: η is not unique"
+    ):
+        viscosity.infinite()
+    viscosity.destroy()
+
+
+def test_pressure_is_in_the_bulk_modulus_with_prestress_only(session):
+    """−V dp/dV of springs at rest: a quarter of d²U/dε² alone."""
+    for prestress in (True, False):
+        network = build_network(SAMPLES["polydisperse"](), session.comm, prestress)
+        elastic = ElasticResponse(network)
+        value = elastic.compression().value
+        elastic.destroy()
+        found, _ = response(SAMPLES["polydisperse"](), physics(prestress=prestress), session.comm)
+        wanted = value / (4.0 * network.area) + prestress * 0.5 * network.pressure
+        assert found.bulk_modulus == pytest.approx(wanted, rel=1e-9)

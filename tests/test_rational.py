@@ -1,15 +1,20 @@
 """The rational sweep: published values, dense references, its bounds, its shortcuts, its files."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from dense import Reference, without
 from gathered import unknowns
-from samples import DATA, LAWS, ORACLE, SAMPLES, isostatic, modulus, physics, published, reference
+from samples import DATA, LAWS, ORACLE, SAMPLES, honeycomb, isostatic, modulus, physics, published, reference
 from sweeps import Sweep, errors, judge
 
 import jampetsc
 from jampetsc import cli
+from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.state import BALANCED
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.response import rational_sweep
 from jampetsc.response.job import Job
@@ -281,3 +286,73 @@ def test_what_is_no_minimum_is_solved_directly(session, shared_path, capfd):
         assert abs(G - there) <= bound
         assert G.real == pytest.approx(there.real, rel=1e-8)
         assert G.imag == pytest.approx(there.imag, rel=1e-8)
+
+
+def test_a_claim_that_does_not_hold_is_found_out(session, shared_path):
+    """Said to be a minimum, and is none: the first factorisation tells."""
+    packing, out = shared_path / "packing.h5", shared_path / "sweep.h5"
+    if session.rank == 0:
+        write_packing(packing, unstable())
+    session.comm.Barrier()
+    job = Job.read(packing, physics(), [1e-6, 1e-5], [], "rational", 1e-6, out, comm=session.comm)
+    with pytest.raises(
+        InputError, match=r"packing.h5: K \+ sB at s = .* is not .* definite; use --method direct"
+    ):
+        rational_sweep.run(replace(job, negative_modes=0))
+    assert not out.exists()
+
+
+@pytest.mark.most_ranks(1)
+def test_a_packing_below_jamming_is_named(session, shared_path):
+    packing = shared_path / "packing.h5"
+    write_packing(packing, honeycomb())
+    job = Job.read(packing, physics(), [1.0], [], "rational", 1e-6, shared_path / "sweep.h5")
+    with pytest.raises(
+        InputError, match=r"packing.h5: 12 contacts between 8 disks leave at least 2 floppy modes"
+    ):
+        job.network(session.comm)
+
+
+@pytest.mark.most_ranks(1)
+def test_what_a_job_says_of_its_bounds(session, shared_path):
+    """They hold for a minimum at rest, and where it is known to be one."""
+    packing = shared_path / "packing.h5"
+    write_packing(packing, published())
+    job = Job.read(packing, physics(), [1.0], [], "rational", 1e-6, shared_path / "sweep.h5")
+    bare = replace(job, physics=physics(prestress=False))
+    rest, moved = {"imbalance": BALANCED}, {"imbalance": 1.01 * BALANCED}
+    for which, facts, certified, says in (
+        (job, {"negative_modes": 0, **rest}, True, "proved when the packing was made"),
+        (job, {"negative_modes": 0, "counted_by": "X", **rest}, True, "proved by X"),
+        (job, {"negative_modes": 0, **moved}, False, "; but forces are not balanced: max|F|/(p d) = 1.0e-04"),
+        (job, {"negative_modes": 0, "imbalance": np.nan}, False, "; but forces are not balanced"),
+        (job, {"negative_modes": None, **rest}, False, "not shown: that of fields is a bound only if"),
+        (
+            job,
+            {"negative_modes": 3, **rest},
+            False,
+            "no: 3 negative modes; error_bound is an estimate for fields",
+        ),
+        (bare, {"negative_modes": 0, **rest}, True, "by construction (no pre-stress)"),
+    ):
+        made = replace(which, **facts)
+        assert made.certified == certified and says in made.positive_semidefinite
+
+
+@pytest.mark.most_ranks(1)
+def test_frequencies_of_fields_are_among_those_of_the_sweep(session, shared_path):
+    packing = shared_path / "packing.h5"
+    write_packing(packing, published())
+    given = [1e-3, 1.0, 10.0]
+    for field, wanted in (
+        (1.0 + 5e-10, [1e-3, 1.0 + 5e-10, 10.0]),
+        (1.0 + 2e-9, [1e-3, 1.0, 1.0 + 2e-9, 10.0]),
+    ):
+        job = Job.read(packing, physics(), given, [field], "rational", 1e-6, shared_path / "sweep.h5")
+        assert job.omega.tolist() == wanted and job.field_omega.tolist() == [field]
+        assert job.asked(job.field_omega).tolist() == [field]
+    law = physics(tau1=2.0)
+    for omega in (1e-40, 1e12):  # equivalent to what is far beyond, on either side
+        with pytest.raises(InputError, match=rf"omega = {re.escape(format(omega, 'g'))} is equivalent to"):
+            damping = EquivalentDamping(0.5, 1e-5)
+            Job.read(packing, law, [1.0, omega], [], "direct", 1e-6, shared_path / "s.h5", damping)

@@ -12,8 +12,10 @@ import jampetsc
 from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.response.basis import RationalBasis, field_at
+from jampetsc.response.certificate import field_bound
 from jampetsc.response.factors import SideBySide
-from jampetsc.response.galerkin import Galerkin
+from jampetsc.response.galerkin import Galerkin, _graded_eigen
+from jampetsc.response.rational import largest_rate
 from jampetsc.response.residual import ResidualBound, energy_between, positive, transfer
 from jampetsc.solvers.cholesky import NotPositiveDefinite, least_eigenvalue
 from jampetsc.solvers.shifted import ShiftedFactor, shifted
@@ -199,6 +201,117 @@ def test_a_basis_from_outside_is_looked_at(session, spoil, parallel):
         with other:
             assert np.all(errors(other.G, exact("published", law))[0] <= other.bounds)
             assert spoil == "a shift" or other.sweep.factorisations <= found.sweep.factorisations
+
+
+@pytest.mark.scalar("real")
+def test_a_basis_from_infinity_begins_with_nothing(session):
+    pencil = pencil_of(session, physics("stokes"))
+    still = np.zeros(pencil.K.getLocalSize()[0])
+    assert RationalBasis(pencil, np.inf, still).restore([], [])
+    if session.rank == session.size - 1:  # what one rank has is everybody's
+        still[-1] = 1e-3
+    assert not RationalBasis(pencil, np.inf, still).restore([], [])
+    pencil.destroy()
+
+
+@pytest.mark.scalar("real")
+def test_vectors_close_to_the_space_are_not_taken(session):
+    """What is new in them has too few right digits; a part of 1e-4 has enough."""
+    with Sweep(SAMPLES["polydisperse"](), physics("stokes"), OMEGA, 1e-3, session.comm) as found:
+        pencil, old = found.pencil, found.basis
+        one, two = old.vectors[0], old.vectors[1]  # orthonormal in B
+        for new, taken in ((0.0, False), (3e-6, False), (3e-5, True)):
+            basis = RationalBasis(pencil, np.inf, old.x0)
+            assert basis.append(one.copy(), 1.0) and basis.append(one + new * two, 2.0) == taken
+            assert basis.size == len(basis.shifts) == len(basis.K) == len(basis.t) == 1 + taken
+            basis.destroy()
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("law", [*LAWS, physics(beta=0.0), physics("stokes", tau1=0.3)], ids=str)
+def test_largest_rate_is_one(session, law):
+    """K ≤ λ_max B on all that is not pinned, with k ≠ 1 and in units of 1/τ₁."""
+    pencil = pencil_of(session, law, "k = 2.5")
+    top = largest_rate(pencil)
+    K, B = dense(pencil.K), dense(pencil.B)
+    free = np.delete(np.arange(len(K)), pencil.pins)
+    least = np.linalg.eigvalsh((top * B - K)[np.ix_(free, free)])[0]
+    assert least > -1e-12 * top * np.abs(B).max()
+    assert len(set(session.comm.allgather(top))) == 1
+    if law.law.normal:
+        assert top == pytest.approx(1.0 / law.law.tau1)  # harmonic, k constant: k/(kτ₁)
+    pencil.destroy()
+
+
+@pytest.mark.scalar("real")
+def test_there_is_no_largest_rate_where_bonds_move_freely(session):
+    pencil = pencil_of(session, physics(normal=0.0, rotations=False))
+    assert largest_rate(pencil) == np.inf
+    pencil.destroy()
+
+
+def test_energies_are_carried_from_shift_to_frequency():
+    """(K + ωB)⁻¹ ≤ c (K + sB)⁻¹, with the worst K, 0 or λ_max B, in turn; none above where λ_max is infinite."""
+    assert transfer(4.0, 1.0, 3.0) == (4.0 + 1.0) / (4.0 + 3.0)
+    assert transfer(4.0, 3.0, 1.0) == 3.0
+    assert transfer(4.0, 3.0, 3.0) == transfer(np.inf, 3.0, 3.0) == transfer(np.inf, 1.0, 3.0) == 1.0
+    omega = np.array([0.5, 1.0, 2.0, 3.0, 6.0])
+    found = energy_between(np.inf, {3.0: 1.0, 1.0: 2.0}, omega)
+    np.testing.assert_allclose(found, [4.0, 2.0, 1.5, 1.0, 1.0])  # the chord lies above a convex function
+
+
+@pytest.mark.scalar("real")
+def test_a_space_that_is_large_enough_is_not_grown_for_ever(session, monkeypatch):
+    monkeypatch.setattr("jampetsc.response.rational.MOST_VECTORS", 4)
+    monkeypatch.setattr("jampetsc.response.rational.VECTORS", 2)
+    with (
+        pytest.raises(
+            ConvergenceError, match=r"the bound on the error of G\* stays at .* times what --accuracy 1e-08"
+        ),
+        Sweep(SAMPLES["polydisperse"](), physics(), OMEGA, 1e-8, session.comm, "matrix"),
+    ):
+        pass
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+def test_a_projected_pencil_that_is_none_is_told(session, monkeypatch):
+    B = np.eye(2)
+    for K in (np.diag([1.0, -1e-3]), np.diag([1.0, 0.0])):
+        with pytest.raises(
+            ConvergenceError, match="the projected K is not positive definite: the packing is not a"
+        ):
+            _graded_eigen(K, B)
+    rates, vectors = _graded_eigen(np.diag([1e-20, 4.0]), np.diag([1.0, 4.0]))
+    order = np.argsort(rates)
+    np.testing.assert_allclose(rates[order], [1e-20, 1.0], rtol=1e-14)  # relatively exact, each of them
+    np.testing.assert_allclose(np.abs(vectors[:, order]), np.diag([1.0, 0.5]), atol=1e-14)
+    jacobi = scipy.linalg.lapack.dgejsv
+    monkeypatch.setattr(
+        scipy.linalg.lapack, "dgejsv", lambda *given, **words: (*jacobi(*given, **words)[:-1], 1)
+    )
+    with pytest.raises(ConvergenceError, match=r"one-sided Jacobi did not converge \(info 1\)"):
+        _graded_eigen(np.diag([2.0, 1.0]), B)
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+def test_rounding_of_moduli_goes_with_frequency_as_they_do(session):
+    """Of G'' linearly at both ends, of G' it is that of G₀ below all rates and more above."""
+    with Sweep(SAMPLES["polydisperse"](), physics("stokes"), OMEGA, 1e-3, session.comm) as found:
+        storage, loss = found.galerkin.rounding([1e-18, 1e-17, 1e12, 1e13])
+    assert loss[1] == pytest.approx(10 * loss[0]) and loss[3] == pytest.approx(10 * loss[2])
+    assert storage[0] == pytest.approx(storage[1]) and storage[2] == pytest.approx(storage[3])
+    assert 0 < storage[0] < storage[2] and 0 < loss[0]
+
+
+@pytest.mark.scalar("real")
+def test_a_field_of_nothing_has_no_relative_error(session):
+    """In a crystal nothing moves against the strain: then exactly, or nothing is known."""
+    with Sweep(SAMPLES["published"](), physics(), [0.1], 1e-3, session.comm) as found:
+        c, still = found.compatibility, np.zeros(found.pencil.K.getLocalSize()[0], complex)
+        assert field_bound(c, 0.1, still, 0.0) == 0.0
+        assert field_bound(c, 0.1, still, 1e-30) == np.inf
 
 
 @pytest.mark.scalar("real")
