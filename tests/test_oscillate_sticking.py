@@ -1,0 +1,140 @@
+"""Fixed contacts by steps in time, for exponents at which they stick: against the whole cycle, the sweep, dense
+equations, slow shear and dry friction's limit, and themselves."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from powerlaw import Motion
+from samples import network_of, physics, published
+from sweeps import Sweep
+
+from jampetsc.errors import ConvergenceError
+from jampetsc.mechanics.assembly import assemble
+from jampetsc.mechanics.compatibility import build_compatibility
+from jampetsc.oscillation import halfcycles
+from jampetsc.oscillation.halfcycles import SteppedOscillation
+from jampetsc.oscillation.repeated import Start, shake
+from jampetsc.oscillation.steady import Point, SteadyOscillation
+from jampetsc.response.elastic import ElasticResponse
+from jampetsc.session import current
+
+pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]  # a point is one rank's own
+RHO0 = 2.0 * float(published().radii.mean())
+
+
+def frequency(alpha, X, amplitude):
+    """ω at which damping forces are about X times elastic ones."""
+    return float(np.exp((np.log(X) + (1.0 - alpha) * np.log(amplitude)) / alpha))
+
+
+def oscillation(alpha, steps=8, **options):
+    law = physics(exponent=alpha, **options)  # of one rank, which has the packing whole
+    return SteppedOscillation(network_of(published(), law, current().comm), law.law, RHO0, steps)
+
+
+@cache
+def stepped(alpha, omega, amplitude, stress=False, steps=8, **options):
+    """The Stepped of the published packing, solved once."""
+    return oscillation(alpha, steps, **options).solve(Point(omega, amplitude, stress))
+
+
+@pytest.mark.parametrize("stress", [True, False])
+def test_steps_in_time_are_the_whole_cycle(stress):
+    law, point = physics(exponent=0.5), Point(frequency(0.5, 0.3, 1e-4), 1e-4, stress)
+    pencil = assemble(network_of(published(), law, current().comm), law.law)
+    compatibility = build_compatibility(pencil)
+    whole = SteadyOscillation(compatibility, RHO0, 32)
+    exact = whole.solve(point)
+    for item in (whole, compatibility, pencil):
+        item.destroy()
+    found = stepped(0.5, point.omega, 1e-4, stress, 16)
+    assert abs(found.G - exact.G) <= found.error + exact.error
+    assert found.error < 1e-2 * abs(exact.G) and abs(found.balance) < 2e-3
+    np.testing.assert_allclose(found.harmonics, exact.harmonics, atol=4e-3)
+    assert found.work == pytest.approx(np.pi * found.G.imag * found.strain**2, rel=1e-9)
+    assert found.work == pytest.approx(exact.work, rel=2.0 * found.error / found.G.imag)
+
+
+@pytest.mark.parametrize(("stress", "options"), [(True, {"prestress": False}), (False, {"tau1": 2.0})])
+def test_linear_damping_is_the_sweep(stress, options):
+    with Sweep(published(), physics(**options), np.array([3e-2]), 1e-8, current().comm) as sweep:
+        G, bound = sweep.G[0], sweep.bounds[0, 0]
+    found = stepped(1.0, 3e-2, 1e-4, stress, 16, **options)
+    assert abs(found.G - G) <= found.error + bound < 2e-2 * abs(G)
+
+
+@pytest.mark.parametrize("stress", [True, False])
+def test_forces_balance_as_dense_equations_have_it(stress):
+    """At the end of the last step: velocities, turns and stress are those that another solver finds for its places."""
+    alpha, X = 0.15, 0.1
+    found = stepped(alpha, frequency(alpha, X, 1.0), 1.0, stress)
+    law = physics(exponent=alpha, tau1=frequency(alpha, X, 1.0))
+    dense = Motion(published(), law, 1.0, **({"stress": 1.0} if stress else {"strain": 1.0}))
+    Q = np.zeros(len(dense.K))
+    Q[-1] = found.start.gamma
+    particles = network_of(published(), law, current().comm).particles
+    Q[:-1].reshape(published().n, -1)[particles, :2] = found.start.places
+    velocities, _ = dense.velocities(-0.5 * np.pi, Q)
+    z = dense.Z @ velocities
+    mine = np.zeros(len(Q))
+    mine[:-1].reshape(published().n, -1)[particles] = found.velocity
+    mine[-1] = found.rate
+    assert np.abs(dense.Z @ mine - z).max() < 2e-3 * np.abs(z).max()
+    assert np.abs(z).max() > 10.0 * np.median(np.abs(z))  # some stick
+
+
+@pytest.mark.parametrize("alpha", [0.1, 0.02])
+def test_slow_limit(alpha):
+    """Contacts move as in slow shear, and G'' is what that dissipates: ∝ ω^α γ₀^(α−1)."""
+    omega = frequency(alpha, 1e-3, 1.0)
+    found = stepped(alpha, omega, 1.0, False, 16, rotations=False)
+    network = network_of(published(), physics(rotations=False), current().comm)
+    elastic = ElasticResponse(network)
+    shear = elastic.shear()
+    elastic.destroy()
+    total = np.sum(np.sum(shear.motions[:, :2] ** 2, axis=1) ** (0.5 * (1 + alpha)))
+    phase = (np.arange(100_000) + 0.5) * np.pi / 100_000
+    cycle = 2 * np.pi * np.mean(np.sin(phase) ** (1 + alpha))
+    loss = RHO0 ** (1 - alpha) * cycle * omega**alpha * total / (np.pi * network.area)
+    assert found.G.imag == pytest.approx(loss, rel=2e-2)
+    assert found.G.real == pytest.approx(shear.value / network.area, rel=1e-2)
+
+
+def test_stress_and_frequency_are_one_variable_at_any_power_of_ten():
+    """Where only dashpots hold, G* ∝ σ^(1 − 1/α): 49 powers of ten for one of the stress."""
+    alpha = 0.02
+    runs = [stepped(alpha, frequency(alpha, 3.0, 1e-2), stress, True) for stress in (1e-2, 1e-3)]
+    assert abs(runs[0].G) > 1e15 and abs(runs[0].G.real) < runs[0].error
+    ratio = np.log10(runs[1].G.imag) - np.log10(runs[0].G.imag)
+    assert ratio == pytest.approx(1.0 / alpha - 1.0, abs=1e-4)
+    with pytest.raises(ConvergenceError, match="more than doubles hold"):
+        stepped(alpha, frequency(alpha, 3.0, 1e-2), 1e-9, True)
+
+
+def test_where_contacts_begin_to_be_linear_does_not_matter(monkeypatch):
+    """What halving it would change is estimated, and is little."""
+    words = (0.15, frequency(0.15, 0.1, 1.0), 1.0)
+    usual = stepped(*words)
+    assert usual.regularisation < 1e-6 * abs(usual.G)
+    monkeypatch.setattr(halfcycles, "REST", 0.3)
+    found = stepped.__wrapped__(*words)
+    change = abs(found.G - usual.G)
+    assert 0.3 < found.regularisation / change < 3.0 and change > 1e-4 * abs(usual.G)
+
+
+def test_moving_contacts_at_small_amplitudes():
+    """The same steps, but of pairs in a list: the same answer, from which they begin."""
+    alpha, strain = 0.1, 1e-7
+    point, law = Point(frequency(alpha, 0.1, strain), strain, False), physics(exponent=alpha, rotations=False)
+    fixed = oscillation(alpha, rotations=False)
+    start = Start.of_steps(fixed, published().n, point)
+    found = shake(published(), law.law, start, 8, 3)
+    exact = stepped(alpha, point.omega, strain, rotations=False)
+    assert abs(found.G - exact.G) < 2e-4 * abs(exact.G) < found.error
+
+
+def test_half_cycles_that_do_not_repeat_are_no_answer(monkeypatch):
+    monkeypatch.setattr(halfcycles, "MOST_HALVES", 2)
+    with pytest.raises(ConvergenceError, match="half cycles do not repeat: after 2 of them"):
+        stepped.__wrapped__(0.15, frequency(0.15, 0.1, 1.0), 1.0)
