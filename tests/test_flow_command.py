@@ -148,6 +148,9 @@ def test_a_packing_keeps_its_own_units(tmp_path):
     facts = jampetsc.load(out).attributes
     assert facts["phi"] == pytest.approx(disks.phi) and facts["potential"] == "hertzian"
     assert facts["packing"] == "p.h5" and "packing" in facts["units"]
+    assert flow("flow", out, "--strain", 0.1) == 0
+    farther = jampetsc.load(out).attributes
+    assert "packing_sha256" in jobs.KEPT and all(farther.get(name) == facts.get(name) for name in jobs.KEPT)
 
 
 def test_quality_is_a_mass(tmp_path):

@@ -143,3 +143,118 @@ def test_displacements_are_told_without_their_drift():
     size, longest = compiled.without_drift(moved)
     np.testing.assert_allclose(moved, rest, atol=1e-14)
     assert size == pytest.approx(np.sqrt(np.mean(np.sum(rest**2, axis=1)))) and longest == np.abs(moved).max()
+
+
+def test_a_graph_that_fills_up_is_ordered_too():
+    """Of 60 disks that all touch each other: far more neighbours are kept than there was room for."""
+    i, j = (np.array(ends, np.uint32) for ends in np.triu_indices(60, 1))
+    order = minimum_degree(60, i, j, np.ones(len(i), bool))
+    assert sorted(order.tolist()) == list(range(60))
+    generator = np.random.default_rng(1)
+    hub = np.concatenate((generator.permutation(59).astype(np.uint32), np.arange(59, dtype=np.uint32)))
+    other = np.concatenate((np.full(59, 59, np.uint32), ((np.arange(59) + 1) % 59).astype(np.uint32)))
+    assert minimum_degree(60, hub, other, np.ones(118, bool)).tolist().index(59) > 50
+
+
+@pytest.mark.parametrize(
+    ("block", "shift", "definite"),
+    [
+        ([[1.0, 2.0], [2.0, 1.0]], 0.1, False),  # a positive diagonal and a negative determinant
+        ([[1.0, 2.0], [2.0, 1.0]], 2.1, True),
+        ([[-1.0, 0.0], [0.0, -1.0]], 0.1, False),  # a positive determinant of two negative ones
+        ([[1.0, 1.0], [1.0, 1.0]], 0.0, False),
+    ],
+)
+def test_both_minors_of_a_pivot_count(block, shift, definite):
+    one, two = np.array([0], np.uint32), np.array([1], np.uint32)
+    found = factorise(
+        np.array([0, 1], np.uint32), one, two, np.array([block]), np.ones(1, bool), np.full(2, shift)
+    )
+    assert found[0] == definite
+
+
+def test_loose_disks_are_held_and_what_is_indefinite_is_taken_without_stress(listed):
+    disks, pairs, order = listed
+    law, still, n = disks.potential.constants, np.zeros((disks.n, 2)), disks.n
+    for damping, nearby, crushed in ((0.05, 1e-3, 1.03), (1e-9, 1e-3, 0.62)):
+        close = np.ascontiguousarray(crushed * pairs.r0)  # crushed, forces are so large that K is indefinite
+        arrays = (*pairs.arrays[:2], close, pairs.sigma)
+        factor = compiled.factor_of(order, arrays, still, 0.0, law, nearby, damping, 0.7)
+        held = np.zeros(n, int)
+        chosen = np.hypot(*close) < pairs.sigma + nearby
+        np.add.at(held, np.concatenate((pairs.i[chosen], pairs.j[chosen])), 1)
+        shift = damping + np.where(held < 3, 0.7, 0.0)
+        matrices = [
+            dense(pairs, n, compiled.springs(arrays, still, 0.0, law, nearby, stress)[0], shift)
+            for stress in (1.0, 0.0)
+        ]
+        definite = np.linalg.eigvalsh(matrices[0])[0] > 0
+        assert definite == (held < 3).any() == (crushed > 1.0)
+        b, x = np.random.default_rng(3).normal(size=(n, 2)), np.empty((n, 2))
+        solve(factor, b, x, np.empty_like(b))
+        wanted = np.linalg.solve(matrices[0 if definite else 1], b.ravel())
+        np.testing.assert_allclose(x.ravel(), wanted, rtol=0, atol=1e-7 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("factored", [True, False])
+def test_directions_are_those_of_bfgs_on_the_factor(listed, factored):
+    """Against the inverse Hessian updated as a dense matrix, while the memory fills up and begins anew."""
+    disks, pairs, order = listed
+    law, still, n = disks.potential.constants, np.zeros((disks.n, 2)), disks.n
+    rng, size = np.random.default_rng(1), 2 * disks.n
+    factor, start = compiled.NO_FACTOR, None
+    if factored:
+        factor = compiled.factor_of(order, pairs.arrays, still, 0.0, law, 1e-3, 1e-2, 0.5)
+        columns = np.empty((size, n, 2))
+        for column, unit in zip(columns, np.eye(size), strict=True):
+            solve(factor, unit.reshape(n, 2), column, np.empty((n, 2)))
+        start = columns.reshape(size, size)
+    root = rng.normal(size=(size, size))
+    hessian, kept = root @ root.T / size + np.eye(size), []
+    memory = compiled.nothing_remembered(n)
+    (s, y), product, count, spaces = memory
+    for number in range(compiled.MEMORY + 3):
+        forces = rng.normal(size=size)
+        inverse = 0.3 * np.eye(size) if start is None else start
+        if kept and start is None:
+            a, b = kept[-1]
+            inverse = np.eye(size) * (a @ b) / (b @ b)
+        for a, b in kept[-compiled.MEMORY :]:
+            move = np.eye(size) - np.outer(a, b) / (a @ b)
+            inverse = move @ inverse @ move.T + np.outer(a, a) / (a @ b)
+        d = np.empty(size)
+        compiled._direction(factor, 0.3, memory, forces, d, spaces[2])
+        wanted = inverse @ forces
+        np.testing.assert_allclose(d, wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())
+        m = number % compiled.MEMORY
+        s[m] = rng.normal(size=size)
+        y[m] = hessian @ s[m]
+        product[m] = s[m] @ y[m]
+        kept.append((s[m].copy(), y[m].copy()))
+        count[:] = min(number + 1, compiled.MEMORY), (number + 1) % compiled.MEMORY
+
+
+def test_moves_are_made_in_the_laboratory():
+    """o is in the coordinates of the list, F (r0 + o): a move (x, y) there is (x − g y, y); `moved` keeps (x, y)."""
+    rng = np.random.default_rng(1)
+    o, way, g = rng.normal(size=(9, 2)), rng.normal(size=(9, 2)), 0.3
+    wanted, moved = o + np.column_stack((way[:, 0] - g * way[:, 1], way[:, 1])), np.full((9, 2), 7.0)
+    far = compiled.moved_on(o, g, way, moved)
+    np.testing.assert_allclose(o, wanted, atol=1e-15)
+    np.testing.assert_array_equal(moved, way)
+    assert far == pytest.approx(np.hypot(*wanted.T).max())
+
+
+def test_no_disk_goes_farther_than_its_reach(listed):
+    """In one evaluation: the longest of them just as far."""
+    disks, _, order = listed
+    pairs = PairList.build(disks, 2.0)
+    law, o = disks.potential.constants, np.random.default_rng(2).normal(0, 0.05, (disks.n, 2))
+    before, memory, forces = o.copy(), compiled.nothing_remembered(disks.n), np.empty_like(o)
+    scalars = (2.0 * float(disks.radii.max()), 2.0, disks.area, 0.0, 1e-8, 0.0, 1e-12, 1.2, 1e-3, 0.5, 2)
+    factor = compiled.factor_of(order, pairs.arrays, o, 0.0, law, 1e-3, 1e-4, 0.5)
+    status, evaluations, _ = compiled.follow(
+        *pairs.arrays, law, scalars, *factor, *memory, o, np.zeros_like(o), forces
+    )
+    assert (status, evaluations) == (compiled.SPENT, 2)
+    assert np.hypot(*(o - before).T).max() == pytest.approx(1e-3)

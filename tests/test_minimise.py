@@ -345,6 +345,7 @@ def test_limits_are_what_was_asked_for_or_what_rounding_leaves():
     for pressure, force, stress in ((1e-3, 1e-13, 1e-13), (1e-7, 3e-15, 4e-17)):
         found = limits.at(pressure)
         assert (found.force, found.pressure) == pytest.approx((force, stress), rel=1e-12, abs=0.0)
+        assert found.shear_stress == found.pressure
     soft = Limits(Descent(random_disks(100, potential=Potential("hertzian")), Goal(1e-6), Team()), 1e-10)
     assert soft.at(1e-6).force < 3e-16  # rounding of bonds moves the forces of soft contacts less
 
@@ -545,3 +546,48 @@ def test_both_forces_and_stress_end_a_descent():
         assert loose > 1e-6
     still = Descent(random_disks(64), Goal(), Team())
     assert fall(still, 1e-3, 20_000) and 1e-6 < Point.of(still).residual.force <= 1e-3
+
+
+def fallen(disks, steps):
+    """(positions, steps that were uphill) after so many of FIRE, by the equations and loops over all contacts."""
+    longest = fire.STEP / np.sqrt(disks.potential.k)
+    step, mixing, downhill, uphill = 0.2 * longest, fire.MIXING, 0, 0
+    v = np.zeros((disks.n, 2))
+    for _ in range(steps):
+        f = state.net_forces(disks.n, find_contacts(disks))
+        if np.vdot(f, v) > 0:
+            downhill += 1
+            if downhill > fire.DELAY:
+                step, mixing = min(1.1 * step, longest), 0.99 * mixing
+            v = (1 - mixing) * v + mixing * np.linalg.norm(v) / np.linalg.norm(f) * f + step * f
+            back = 0.0
+        else:
+            uphill += 1
+            back, old = 0.5 * step, v
+            step, mixing, downhill = max(0.5 * step, 0.02 * longest), fire.MIXING, 0
+            v = step * f
+        move = step * v - (back * old if back else 0.0)
+        disks = deformed(disks, move, 0.0, 0.0)
+    return disks.positions, uphill
+
+
+@pytest.mark.parametrize("steps", [1, 2, 19, 60, 200])
+def test_fire_moves_as_its_equations_say(steps):
+    disks = random_disks(24, 0.9, 5)
+    descent = Descent(disks, Goal(), Team())
+    assert not fall(descent, 1e-300, steps)
+    wanted, uphill = fallen(disks, steps)
+    found = descent.disks
+    apart = (found.positions - wanted) @ np.linalg.inv(disks.cell)
+    assert np.abs((apart - np.round(apart)) @ disks.cell).max() < 1e-9
+    assert uphill >= 1 + (steps > 100)  # the first one is: there is no velocity yet
+
+
+def test_fire_steps_as_stiffness_allows():
+    """Of disks 16 times as stiff a quarter as long: the same way in the same number of steps."""
+    ends = []
+    for k in (1.0, 16.0):
+        descent = Descent(random_disks(24, 0.9, 5, Potential(k=k)), Goal(), Team())
+        fall(descent, 1e-300, 50)
+        ends.append(descent.disks.positions)
+    np.testing.assert_allclose(ends[1], ends[0], rtol=0, atol=1e-12)

@@ -129,3 +129,41 @@ def test_ensemble_statistics():
         assert abs(np.mean(phis) - phi) < 4e-3
         assert abs((z - 4 + 4 / 256) / np.sqrt(pressure) - excess) < 0.6
         assert abs(np.mean([state.rattlers.mean() for state in states]) - rattlers) < 0.015
+
+
+@pytest.mark.most_ranks(1)
+@pytest.mark.parametrize(
+    ("now", "wanted", "first", "decades"),
+    [
+        (1e-3, 1e-5, True, [1e-3, 1e-4]),
+        (1e-3, 1e-6, True, [1e-3, 1e-4, 1e-5]),  # 1e-3/1e-6 is a little more than 1000
+        (1e-3, 3e-5, True, [1e-3, 1e-4]),
+        (1e-3, 1e-3, True, []),
+        (1e-2, 1e-4, False, [1e-3]),
+        (1e-2, 3e-4, False, [1e-3]),
+        (1e-2, 3e-3, False, []),
+        (1e-4, 1e-2, False, []),
+        (1e-4, 1e-2, True, []),
+    ],
+)
+def test_pressures_on_the_way_are_a_decade_apart(now, wanted, first, decades):
+    assert protocols._decades(now, wanted, first) == pytest.approx(decades)
+
+
+@pytest.mark.most_ranks(1)
+def test_how_a_packing_was_made_is_in_its_record():
+    """In the units of its stiffness: from 1e-3 k down, or from where it is; what ended it is told."""
+    stiff = Potential(k=4.0)
+    disks = pack(16, Target(4e-5), potential=stiff)
+    start = protocols.start_phi(4e-5)
+    wanted = f"random, phi = {start:.6g}, then p = 0.004, then p = 0.0004, then p = 4e-05"
+    assert disks.record["protocol"] == wanted
+    assert disks.record["limited_by"] == "tolerance" and disks.record["tolerance"] == 1e-10
+    assert disks.record["stabilise"] == "volume" and disks.record["newton_steps"] > 0
+    assert disks.record["evaluations"] > 50
+    lower = protocols.make_packing(disks, Target(4e-8, tolerance=1e-12), NewtonSolver(), fresh=False)
+    assert lower.record["protocol"] == "p = 4e-05, then p = 4e-06, then p = 4e-07, then p = 4e-08"
+    assert lower.record["limited_by"] == "rounding" and lower.record["tolerance"] == 1e-12
+    assert lower.record["rattlers"] == np.count_nonzero(measure(lower).rattlers)
+    dense = pack(16, Target(phi=0.9), potential=stiff)
+    assert dense.record["protocol"] == "random, phi = 0.9"

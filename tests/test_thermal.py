@@ -104,3 +104,46 @@ def test_cooling_is_the_same_in_units_of_k():
         start = random_start(radii_of("bidisperse", 16), 0.95, 5, potential)
         found.append(annealed(start, 1e-2 * k, 2.0, 1, np.random.default_rng(2)).positions)
     np.testing.assert_array_equal(*found)
+
+
+def test_every_disk_moves():
+    """Also the last one, and each about as often."""
+    thermal = Thermal(
+        random_start(radii_of("bidisperse", 10), 0.5, 1, POTENTIALS[0]), np.random.default_rng(1)
+    )
+    thermal.reach, moved = 1e-3, np.zeros(10)
+    for _ in range(200):
+        before = thermal._offsets.copy()
+        thermal.sweep(1e3)
+        moved += (thermal._offsets != before).any(axis=1)
+    assert moved.min() > 0.5 * 200 * (1 - np.exp(-1)) and np.abs(thermal._offsets).max() < 0.1
+    assert (thermal._offsets.min(axis=0) < 0).all() and (thermal._offsets.max(axis=0) > 0).all()
+
+
+def test_the_reach_is_tuned_up_to_what_a_list_allows():
+    thermal = Thermal(
+        random_start(radii_of("bidisperse", 16), 0.5, 1, POTENTIALS[0]), np.random.default_rng(1)
+    )
+    longest = thermal.reach
+    assert longest == pytest.approx(0.125)  # a quarter of the skin, half a mean diameter
+    assert thermal.sweep(1e9, tune=True) == 1.0 and thermal.reach == longest
+    thermal.reach = 0.1 * longest
+    share = thermal.sweep(1e9, tune=True)
+    assert thermal.reach == pytest.approx(0.1 * longest * np.exp(share - ACCEPTED))
+    kept = thermal.reach
+    thermal.sweep(1e9)
+    assert thermal.reach == kept
+
+
+def test_cooling_goes_down_to_the_cold(monkeypatch):
+    """ln T falls by the rate before every sweep, after the sweeps at the first temperature; the last is at COLD k."""
+    asked = []
+    monkeypatch.setattr(
+        Thermal, "sweep", lambda _, temperature, tune=False: asked.append((temperature, tune))
+    )
+    potential = Potential("harmonic", "inverse-square-diameter", 3.0)
+    annealed(random_start(radii_of("bidisperse", 16), 0.5, 1, potential), 0.3, 2.0, 4, None)
+    temperatures = [temperature for temperature, _ in asked]
+    assert temperatures[:4] == [0.3] * 4 and all(tune for _, tune in asked)
+    np.testing.assert_allclose(temperatures[4:], 0.3 * np.exp(-2.0 * np.arange(1, len(asked) - 3)))
+    assert temperatures[-1] <= 3.0 * COLD < temperatures[-2]

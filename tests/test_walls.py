@@ -12,6 +12,7 @@ from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import find_contacts
 from jampetsc.errors import InputError
 from jampetsc.flows import steps as compiled
+from jampetsc.flows import walls
 from jampetsc.flows.models import Model, Scheme
 from jampetsc.flows.shearing import Shear
 from jampetsc.flows.walls import between_walls, phi_between, stress_on_walls
@@ -178,3 +179,17 @@ def test_the_command(tmp_path, capsys):
     assert "not homogeneous" in capsys.readouterr().err
     assert run("flow", last, "--walls", *words[6:10], "--strain", 1, "--out", tmp_path / "x.h5") == 2
     assert "--walls: belongs to" in capsys.readouterr().err
+
+
+def test_disks_start_between_the_rows(monkeypatch):
+    """Each with its whole radius, in some of the height; rows have gaps of a twentieth of their diameters."""
+    monkeypatch.setattr(walls, "SETTLING", (0, 0.05))
+    radii = 1.2 * radii_of("bidisperse", 200)
+    disks, held = between_walls(radii, 0.86, 1, SOFT)
+    y, height = disks.positions[held:, 1], disks.cell[1, 1]
+    above, below = y - disks.radii[held:], height - disks.radii[held:] - y
+    assert 0 <= above.min() < 0.1 and 0 <= below.min() < 0.1
+    row = disks.radii[:held]
+    np.testing.assert_allclose(np.diff(disks.positions[:held, 0]), 1.05 * (row[1:] + row[:-1]))
+    assert disks.cell[0, 0] == pytest.approx(2.1 * row.sum())
+    assert np.array_equal(np.sort(disks.radii[held:]), np.sort(radii))
