@@ -14,14 +14,16 @@ from drawn import figure_of, lines
 from matplotlib.image import imread
 
 from jampetsc import cli
+from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import Physics, damping_law
-from jampetsc.errors import InputError
+from jampetsc.errors import ConvergenceError, InputError, JampetscError
 from jampetsc.plots.trade import plot_trade
 from jampetsc.progress import Progress
 from jampetsc.speed_accuracy import choices, ensembles, processes
 from jampetsc.speed_accuracy.advice import advise
 from jampetsc.speed_accuracy.compare import CRITICAL_START, Reference, log_interpolate
 from jampetsc.speed_accuracy.table import MEANINGS, Row, Table
+from jampetsc.storage.packing_file import write_packing
 from jampetsc.words.law import add_law_options, physics_from, words_of
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
@@ -186,6 +188,224 @@ def test_simpler_physics_of_each_law():
 
 def test_the_options_files_are_there():
     assert all(path.is_file() for path in choices.OPTIONS_FILES)
+
+
+# Runs that end otherwise
+
+
+@pytest.mark.parametrize(
+    ("text", "status", "reason"),
+    [
+        ("noise\njampetsc: error: p.h5: no  such file\njampetsc: error: other\n", 2, "p.h5: no such file"),
+        ("half a line", -9, "killed by signal 9"),
+        ("\n ---- \n", 5, "exit status 5 without a message"),
+        (
+            "Traceback (most recent call last):\n  File\nZeroDivisionError: a bug\n",
+            1,
+            "ZeroDivisionError: a bug",
+        ),
+        ("----\nmpirun: not found\nsecond line\n", 127, "mpirun: not found"),
+    ],
+)
+def test_why_a_run_failed(text, status, reason):
+    assert processes._reason(text, status) == reason
+
+
+def test_a_run_that_is_given_up_is_stopped_even_if_it_is_deaf(monkeypatch):
+    monkeypatch.setattr(processes, "_PATIENCE", 0.05)
+    kind, deaf = (
+        subprocess.Popen(
+            ["sh", "-c", f"{trap} echo ready; exec 1>&-; while :; do sleep 0.02; done"],
+            stdout=subprocess.PIPE,
+        )
+        for trap in ("", "trap '' TERM;")
+    )
+    for process, signal in ((kind, 15), (deaf, 9)):
+        assert process.stdout.read() == b"ready\n"
+        processes._stop(process)
+        assert process.returncode == -signal
+        process.stdout.close()
+
+
+def test_an_interrupt_stops_the_run_that_is_waited_for(monkeypatch, clean):
+    stopped, stop = [], processes._stop
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "wait4", interrupted)
+    monkeypatch.setattr(processes, "_stop", lambda process: stopped.append(process) or stop(process))
+    with pytest.raises(KeyboardInterrupt):
+        processes.run(["--version"])
+    assert stopped[0].returncode is not None
+
+
+@pytest.mark.parametrize(
+    ("name", "version", "words"),
+    [
+        ("mpirun", "mpirun (Open MPI) 4.1.4", ["--oversubscribe", "--bind-to", "none"]),
+        ("mpirun", "mpirun (PRRTE) 3.0, OpenRTE", ["--oversubscribe", "--bind-to", "none"]),
+        ("mpiexec", "HYDRA build details: 4.0", []),
+    ],
+)
+def test_words_before_a_command_for_several_ranks(tmp_path, monkeypatch, name, version, words):
+    (tmp_path / name).write_text(f"#!/bin/sh\necho '{version}'\n")
+    (tmp_path / name).chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert processes.launcher(3) == [str(tmp_path / name), *words, "-n", "3"]
+    assert processes.launcher(None) == []
+
+
+class Runs:
+    """Sweeps of a bench that end as they are told: (status, result) for words that contain a text."""
+
+    def __init__(self, *ends):
+        self.ends, self.asked = ends, []
+
+    def __call__(self, packing, words, omega=None):
+        self.asked.append(" ".join(map(str, words)))
+        status, result = next(end for text, *end in self.ends if text in f"{packing} {self.asked[-1]}")
+        error = "" if status == 0 else f"ended by {status}"
+        return processes.Outcome(status, 1.5, 100.0 + len(self.asked), error), result
+
+
+@pytest.fixture
+def told(tmp_path, monkeypatch):
+    """A function that makes a bench whose sweeps end as they are told."""
+
+    def bench(*ends, omega="1e-8:10:91"):
+        with Progress(None, "trade") as progress:
+            made = choices.Bench("p.h5", Physics(damping_law()), omega, None, tmp_path, progress)
+        made.sweep = Runs(*ends)
+        return made
+
+    return bench
+
+
+def spent(curve, seconds=2.0, factorisations=5):
+    curve.attributes |= {"wall_seconds": seconds, "factorisations": factorisations}
+    return curve
+
+
+WIDE = np.geomspace(1e-8, 10, 91)
+
+
+def test_the_reference_is_the_tightest_sweep_that_is_certified(told):
+    ends = [("1e-12", 3, None), ("1e-11", 3, None), ("1e-10", 3, None), ("1e-09", 0, spent(Curve(WIDE)))]
+    bench = told(*ends)
+    rows = bench.find_reference()
+    assert [(row.group, row.choice, row.failed) for row in rows] == [
+        ("reference", "--accuracy 1e-09", False), ("accuracy", "--accuracy 1e-10", True),
+    ]  # fmt: skip
+    assert (rows[0].seconds, rows[0].process_seconds, rows[0].factorisations) == (2.0, 1.5, 5)
+    assert rows[0].exponent_storage == pytest.approx(0.5) and rows[0].certified == pytest.approx(
+        2**0.5 * 1e-6
+    )
+    assert rows[1].note == "failed: ended by 3" and bench.reference_accuracy == 1e-9
+    plan, left_out = choices.plan(bench, ["accuracy"], [])
+    assert [choice.name for choice in plan] == [f"--accuracy {a:g}" for a in choices.ACCURACIES if a > 1e-9]
+    assert left_out == []
+
+
+@pytest.mark.parametrize(
+    ("status", "kind", "message", "runs"),
+    [
+        (2, InputError, "^ended by 2$", 1),
+        (1, JampetscError, "^no reference: ended by 1$", 1),
+        (3, ConvergenceError, "^no reference, the rational sweep failed at every accuracy: ended by 3$", 11),
+    ],
+)
+def test_where_there_is_no_reference(told, status, kind, message, runs):
+    bench = told(("", status, None))
+    with pytest.raises(kind, match=message) as refused:
+        bench.find_reference()
+    assert type(refused.value) is kind and len(bench.sweep.asked) == runs
+
+
+def test_what_cannot_be_measured_is_said(told, tmp_path):
+    narrow = np.geomspace(1.0, 10, 5)
+    bench = told(("", 0, spent(Curve(narrow))), omega="1,2,5")
+    (row,) = bench.find_reference()
+    assert np.isnan(row.exponent_storage) and bench.reference.window is None
+    assert np.isnan(bench.reference.window_errors(bench.reference.G)).all()
+    (tmp_path / "a.opts").touch()
+    plan, left_out = choices.plan(
+        bench, ["method", "frequencies"], [tmp_path / "none.opts", tmp_path / "a.opts"]
+    )
+    assert [choice.name for choice in plan] == ["direct, MUMPS", "direct, a.opts"]
+    assert [line.split(":")[0] for line in left_out] == [
+        f"{tmp_path}/none.opts is not there", "number of frequencies", "critical window, 10 p/k < omega tau1 < 0.1",
+    ]  # fmt: skip
+    assert "none.opts is not there: left out; --options-files names others" in left_out[0]
+
+
+def test_a_choice_is_run_once_and_one_that_cannot_be_read_fails(bench, monkeypatch):
+    runs = []
+
+    def run(words, ranks):
+        runs.append(words)
+        return processes.Outcome(len(runs) - 1, 1.0, 10.0, "" if len(runs) == 1 else "by itself")
+
+    monkeypatch.setattr(processes, "run", run)
+    outcome, result = bench.sweep("p.h5", ["--accuracy", 0.1])
+    assert result is None and outcome.status == 1 and outcome.error.endswith("run0.h5: no such file")
+    assert bench.sweep("p.h5", ["--accuracy", 0.1])[0] is outcome and len(runs) == 1
+    assert bench.sweep("p.h5", ["--accuracy", 0.2])[0].error == "by itself"
+    bench.sweep("p.h5", ["--accuracy", 0.2], omega="1")
+    bench.sweep("q.h5", ["--accuracy", 0.2])
+    assert len(runs) == 4 and runs[2][4:7] == ["--omega", "1", "--accuracy"]
+
+
+def with_record(path, n=64, **record):
+    rng = np.random.default_rng(1)
+    disks = Disks.from_positions(rng.random((n, 2)) * 9, np.full(n, 0.5), 9.0 * np.eye(2), record=record)
+    write_packing(path, disks)
+    return path
+
+
+def test_which_ensembles_a_packing_allows(tmp_path):
+    for n, shares in ((256, [1, 4, 16]), (255, [1, 4]), (64, [1, 4]), (63, [1])):
+        found, left_out = ensembles.plan(with_record(tmp_path / "p.h5", n, sizes="bidisperse"))
+        assert found == shares
+        assert left_out == [
+            f"{s} packings: left out, fewer than 16 disks each" for s in (1, 4, 16) if s not in shares
+        ]
+    for record in ({}, {"sizes": "radii of r.txt"}):
+        found, (line,) = ensembles.plan(with_record(tmp_path / "p.h5", 256, **record))
+        assert found == [] and line.startswith("ensemble: left out, the radii of ")
+
+
+def test_an_ensemble_costs_what_all_its_runs_cost(told, tmp_path, monkeypatch):
+    packing = with_record(tmp_path / "p.h5", 64, sizes="bidisperse")
+    low = Curve(WIDE, 0.9)
+    low.G = low.G.copy()
+    low.G[0] = -1.0 + 1j * low.G[0].imag
+    ends = [("1e-12", 0, spent(Curve(WIDE, k=2.0))), ("-1001", 0, spent(Curve(WIDE, 1.1), 3.0, 7)), ("-1003", 3, None),
+            ("-1002", 0, spent(low, 4.0, 8))]  # fmt: skip
+    bench = told(*ends)
+    bench.packing = packing
+    bench.find_reference()
+    asked = []
+
+    def pack(words, ranks):
+        asked.append([str(word) for word in words])
+        for seed in made:
+            with_record(tmp_path / f"packing-16-{seed}.h5", 16)
+        return processes.Outcome(3 if made else 2, 10.0, 50.0, "one failed")
+
+    monkeypatch.setattr(processes, "run", pack)
+    made = []
+    row = ensembles.measure(bench, 4)
+    assert row.failed and row.note == "failed: one failed"
+    made = [1001, 1002, 1003]
+    row = ensembles.measure(bench, 4)
+    assert (row.seconds, row.process_seconds, row.factorisations) == (17.0, 14.5, 15)
+    assert row.memory_mb == 100.0 + len(bench.sweep.asked)
+    assert row.note == "packing took 10.0 s; only 2 of 4: one failed; G' < 0 in 1 of them"
+    assert row.stderr_loss == pytest.approx(0.1)  # of 1.1 and 0.9
+    line = asked[0]
+    assert line[line.index("--pressure") + 1] == "1e-06" and line[line.index("--seeds") + 1] == "1001:1004"
+    assert line[line.index("--n") + 1] == "16"
 
 
 # What is made of them
