@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jampetsc.analysis.averages import Average, correlation_time
+from jampetsc.analysis.averages import Average, correlation_time, mean_of_runs
 
 
 def autoregressive(memory, count, seed):
@@ -50,3 +50,34 @@ def test_a_long_series_that_drifts_by_one_standard_deviation_is_told():
 def test_nothing_to_average():
     assert Average.of([3.0]) == Average(3.0, 0.0, 0.5, False, False)
     assert Average.of(np.full(100, 2.0)).error == 0.0
+
+
+def test_a_series_without_memory_has_the_error_of_independent_values():
+    """Alternating values have τ = ½, the least; the variance is that about a mean that was not known."""
+    for count in (8, 12, 13, 40):
+        x = (-1.0) ** np.arange(count)
+        found = Average.of(x)
+        assert found.time == 0.5 and found.error == pytest.approx(np.std(x, ddof=1) / np.sqrt(count))
+        assert found.enough == (count >= 12.5)
+
+
+def test_a_series_of_one_memory_has_an_error_for_all_that():
+    """Half of it up, half down: what is taken for independent cannot be less than the tenth that the error allows."""
+    x = np.repeat([0.0, 1.0], 40)
+    found = Average.of(x)
+    share = 1 - min(2 * found.time / 80, 0.9)
+    assert found.time > 5 and found.error == pytest.approx(np.sqrt(2 * found.time * 0.25 / share / 80))
+    assert not found.enough
+
+
+@pytest.mark.parametrize(("shift", "told"), [(1.1, False), (1.25, True)])
+def test_how_far_halves_may_be_apart(shift, told):
+    """±1 in turn, T = 64 and τ = ½: halves s apart, by four errors of √(4 (1 + s²/4)/(1 − 1/T)/T) where s > 1.17."""
+    found = Average.of(np.tile([1.0, -1.0], 32) + np.repeat([0.0, shift], 32))
+    assert found.time == 0.5 and found.drifts == told
+
+
+def test_means_of_runs():
+    assert mean_of_runs([2.0], [0.5]) == (2.0, 0.5)
+    assert mean_of_runs([1.0, 3.0], [0.1, 0.1]) == (2.0, pytest.approx(1.0))  # their scatter, √2/√2
+    assert mean_of_runs([1.0, 1.0], [0.3, 0.4]) == (1.0, pytest.approx(np.sqrt(0.125 / 2)))

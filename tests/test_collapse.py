@@ -370,3 +370,55 @@ def test_files_that_do_not_go_together(tmp_path, capsys):
         assert command(first, *words, *more) == 2
         assert message in capsys.readouterr().err
     assert not (tmp_path / "x.h5").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("value", -1e-9, "must not be negative"),
+        ("value", np.inf, "must not be negative"),
+        ("value", np.nan, "must not be negative"),
+        ("error", 0.0, "must be positive: run longer"),
+        ("error", np.inf, "must be positive: run longer"),
+        ("error", -1.0, "must be positive: run longer"),
+    ],
+)
+def test_values_that_no_observable_has(name, value, message):
+    points = planted(1)
+    wrong = getattr(points, name).copy()
+    wrong[6] = value
+    with pytest.raises(InputError, match=message):
+        replace(points, **{name: wrong}).check()
+    wrong = points.value.copy()
+    wrong[6] = 0.0
+    replace(points, value=wrong).check()  # nothing of it is something
+
+
+def test_a_collapse_needs_three_scales_and_three_packing_fractions():
+    points = planted(1)
+    few = points.scale <= RATES[2]
+    points[few].check()
+    with pytest.raises(InputError, match="2 different rates or sizes: a collapse needs at least 3"):
+        points[points.scale <= RATES[1]].check()
+    points[points.phi <= PHIS[2]].check()
+    with pytest.raises(InputError, match="2 different packing fractions: a collapse needs at least 3"):
+        points[points.phi <= PHIS[1]].check()
+
+
+def test_a_fit_needs_more_points_than_unknowns():
+    form = Form({"y": PLANTED["y"], "kappa": PLANTED["kappa"]}, degree=3)  # φ_J and four coefficients
+    assert (
+        form.unknowns == 5 and Form({}, True, 3).terms == (4, 3) and Form({}, True, 4, True).terms == (7, 3)
+    )
+    assert Form({"omega": 0.3}, True).plain == Form({}, False) and Form({}, True).free[-1] == "omega"
+    points = planted(1)
+    rows = np.array([0, 1, 14, 15, 28, 29])  # three φ, at scales of four kinds
+    chosen = points[rows]
+    chosen = Points(chosen.phi, np.array([1e-6, 1e-5, 1e-4] * 2), chosen.value, chosen.error)
+    assert fit_collapse(chosen, form).dof == 1
+    with pytest.raises(InputError, match="5 points for 5 unknowns: give more points, or a lower --degree"):
+        fit_collapse(chosen[np.arange(6) < 5], form)
+    value = chosen.value.copy()
+    value[0] = 0.0
+    with pytest.raises(InputError, match="5 values above zero for 5 unknowns: give denser disks"):
+        fit_collapse(replace(chosen, value=value), form)

@@ -6,6 +6,7 @@ from drawn import bars, figure_of, lines
 from matplotlib.image import imread
 
 from jampetsc import cli
+from jampetsc.analysis import correlations
 from jampetsc.analysis.correlations import (
     ENOUGH_PACKINGS,
     LaneSums,
@@ -413,3 +414,60 @@ def test_a_length_needs_a_root(tmp_path):
     run(write_sweep(tmp_path, "s", lengths=(0, 0)), "--out", tmp_path / "c.h5")
     with pytest.raises(InputError, match="no correlation falls to zero"):
         cli.dispatch(["plot", str(tmp_path / "c.h5"), "--kind", "length", "--out", str(tmp_path / "p.png")])
+
+
+def test_bins_and_grids():
+    for length in (3.0, 20.0, 100.3):
+        cells = grid_cells(length, 1.0)
+        assert cells % 2 == 0 and cells >= 8 and abs(length / cells - 1 / 8) < 1 / 8 / 8
+        edges = bin_edges(cells)
+        widths = np.diff(edges)
+        assert (
+            edges[0] == 1 and edges[-1] <= cells // 2 and (widths >= 4).all() and (np.diff(widths) >= 0).all()
+        )
+        following = edges[-1] + max(4, round(0.08 * edges[-1]))
+        assert following > cells // 2  # no further bin would fit
+        assert (widths[edges[:-1] > 60] > 4).all()
+
+
+def test_errors_are_known_where_half_of_the_samples_have_a_value():
+    samples = np.array([[1.0, 3.0, np.nan, np.nan], [1.0, np.nan, np.nan, np.nan]])
+    found = correlations._scatter(samples)
+    assert found[0] == pytest.approx(np.sqrt(2.0)) and np.isnan(found[1])
+
+
+def test_a_root_may_lie_on_a_bin_or_between():
+    x = np.array([0.0, 0.1, 0.2, 0.3])
+    assert first_root(x, np.array([1.0, 0.0, -1.0, 1.0])) == pytest.approx(0.1)
+    assert first_root(x, np.array([1.0, 0.5, -1.5, 1.0])) == pytest.approx(0.125)
+    assert np.isnan(first_root(x, np.array([1.0, 0.5, 0.1, 1e-9])))
+
+
+def test_places_are_found_among_the_bins_that_hold_pairs():
+    x = np.array([0.0, 0.1, 0.2, 0.3, 0.4])
+    root, least = correlations._places(x, np.array([1.0, np.nan, -0.5, -0.7, np.nan]))
+    assert root == pytest.approx(0.2 * 2 / 3) and least == 0.3
+
+
+def test_a_lane_may_be_as_wide_as_the_cell():
+    rng = np.random.default_rng(1)
+    cell = np.diag([12.0, 9.0])
+    sums = lane_sums(rng.random((20, 2)) * [12, 9], cell, np.ones((1, 20)), 9.0, grid_cells(12.0, 1.0))
+    assert sums.width == 9.0 and sums.disks.tolist() == [20.0]
+
+
+@pytest.mark.parametrize(("odd", "counts"), [(1.29, False), (1.31, True), (12.9, True), (13.1, False)])
+def test_lengths_near_a_disk_or_the_cell_are_left_out_of_the_spread(odd, counts):
+    """Of three frequencies; the last length of one file is odd. L = 100 d."""
+    omega = np.array([1e-3, 1e-2, 1e-1])
+    length = np.array([6.0, 5.0, 4.0]) * (1 + 1j)
+    other = length.copy()
+    other[2] = odd * (1 + 1j)
+    spread = length_spread([(omega, length, 1e-3, 100.0), (omega, other, 1e-3, 100.0)])
+    assert (spread > 1e-9) == counts
+
+
+@pytest.mark.parametrize("pressure", [0.0, 1.0, -0.1, 2.0, np.nan])
+def test_lengths_collapse_below_a_pressure_of_k(pressure):
+    with pytest.raises(InputError, match="the collapse of lengths needs 0 < p < k"):
+        stokes_collapse([1.0], [1.0], pressure)

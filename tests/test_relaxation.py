@@ -234,3 +234,34 @@ def test_the_smoothed_spectrum_ends_with_its_modes():
     assert found.time[0] < found.tau[0] and found.tau[-1] < found.time[-1]
     beyond = transient(s, 10 * s.rates.max(), 1e12, window=0.5)  # no mode within what was swept
     assert len(beyond.tau) > 2 and np.isfinite(beyond.H).all()
+
+
+def test_times_are_as_dense_as_pictures_need():
+    """Twenty to a decade, from the first to the last, two at least."""
+    found = transient(spectrum(modes=5), 1e-3, 1e2)
+    for grid in (found.time, found.tau):
+        steps = np.diff(np.log10(grid))
+        assert np.ptp(steps) < 1e-9 and 1 / 20 >= steps[0] * (1 - 1e-12) and steps[0] > 0.9 / 20
+    short = transient(spectrum(modes=5), 1.0, 1.001)
+    assert len(short.time) == 2
+    assert 1.0 / (100 * found.retardation.rates.max()) <= found.time[0]
+
+
+def test_creep_that_grows_is_followed_for_five_of_its_times():
+    found = transient(spectrum(G0=-0.02, modes=5), 1e-15, 1e12)
+    late = found.retardation.growth_rate
+    assert late > 0 and found.creep_time[-1] * late <= 5.0 < found.time[len(found.creep_time)] * late
+    assert transient(spectrum(modes=5), 1e-3, 1e2).retardation.growth_rate == 0.0
+
+
+def test_windows_that_follow_from_the_gaps_between_modes():
+    for rates, window in (([1.0, 10**0.4], 0.8), ([1.0, 10**0.1], 0.25), ([1.0, 10.0**3], 1.5)):
+        s = RelaxationSpectrum(0.1, 0.2, np.array(rates), np.ones(2))
+        assert transient(s, 1e-3, 1e3).window == pytest.approx(window)
+
+
+def test_a_mode_of_little_weight_leaves_no_gap():
+    """Of one per cent of all, it counts for the resolution; of less it does not."""
+    for weight, resolution in ((0.99 / 99, 0.5), (1.05 / 99, 3.0)):
+        s = RelaxationSpectrum(0.0, 0.1, np.array([1.0, 10**0.5, 10**3.5]), np.array([0.5, 0.5, weight]))
+        assert s.resolution == pytest.approx(resolution)

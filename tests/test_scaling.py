@@ -145,3 +145,67 @@ def test_power_law_fits_inside_its_window_only():
 def test_local_slope_of_a_power_law_on_any_grid():
     x = np.sort(np.random.default_rng(5).uniform(1, 9, 20))
     np.testing.assert_allclose(local_slope(x, 3 * x**-0.5), -0.5, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("change", "reached"), [(0.029, True), (0.031, False)])
+def test_how_far_extrapolation_may_move_a_limit(change, reached):
+    """G' = 1 + c ω² from frequencies 1 and 2: the limit moves by c, 3 % of itself at most."""
+    omega = np.array([1.0, 2.0])
+    G = 1.0 + change * (omega**2 - 1) + 1j * omega  # the limit is 1 − change, seen from G'(1) = 1
+    if reached:
+        limit = low_frequency_limit(omega, G)
+        assert limit.modulus == pytest.approx(1 - change) and limit.modulus_error == pytest.approx(change)
+        assert (limit.viscosity, limit.viscosity_error) == (pytest.approx(1.0), pytest.approx(0.0))
+        assert limit.crossover == pytest.approx(1 - change)
+    else:
+        with pytest.raises(
+            InputError, match="still change at the lowest frequency, 1: begin the sweep lower"
+        ):
+            low_frequency_limit(omega, G)
+    loss = np.ones(2) + 1j * omega * (1.0 + change * (omega**2 - 1))
+    if not reached:
+        with pytest.raises(InputError):
+            low_frequency_limit(omega, loss)
+    high = 1.0 / omega[::-1]
+    other = 1.0 + change * (high**-2.0 - 1) + 1j * high
+    if reached:
+        assert high_frequency_limit(high, other).modulus == pytest.approx(1 - change)
+    else:
+        with pytest.raises(InputError, match="at the highest frequency, 1: end the sweep higher"):
+            high_frequency_limit(high, other)
+
+
+def test_the_second_frequency_is_twice_the_first_or_more():
+    omega = np.array([1.0, 1.99])
+    with pytest.raises(InputError, match="begin the sweep lower"):
+        low_frequency_limit(omega, 1 + 1j * omega)
+    omega = np.array([1.0, 1.5, 2.0, 8.0])  # 1.5 is too near, 8 is not looked at
+    G = np.array([1.0, 7.0, 1.01, 9.0]) + 1j * omega
+    assert low_frequency_limit(omega, G).modulus == pytest.approx(1 - 0.01 / 3)
+
+
+def test_one_frequency_has_no_limit():
+    with pytest.raises(InputError, match="1 frequencies with a modulus: at least two are needed"):
+        low_frequency_limit([1.0, 2.0], [1 + 1j, np.nan])
+
+
+def test_the_ends_of_a_window_belong_to_it():
+    x = np.array([0.5, 1.0, 2.0, 4.0, 8.0])
+    y = np.array([9.0, 1.0, 2.0, 4.0, 9.0])
+    assert fit_power_law(x, y, (1.0, 4.0)).points == 3
+    assert fit_power_law(x, y, (1.0, 4.0)).exponent == pytest.approx(1.0)
+    for window in ((1.01, 4.0), (1.0, 3.99)):
+        with pytest.raises(InputError, match=r"2 points between .*at least 3; widen the window"):
+            fit_power_law(x, y, window)
+    with pytest.raises(InputError, match=r"5 points .*at least 3"):
+        fit_power_law([1.0, 1.0, 1.0, 2.0, 2.0], y)  # of two frequencies
+    with pytest.raises(InputError, match=r"value 0 between .*: a power law needs positive values"):
+        fit_power_law(x, [1.0, 1.0, 0.0, 1.0, 1.0])
+    y[0] = np.nan
+    assert fit_power_law(x, y).points == 4
+
+
+@pytest.mark.parametrize("pressure", [0.0, -1e-3, np.nan, np.inf])
+def test_what_is_no_pressure_to_scale_with(pressure):
+    with pytest.raises(InputError, match="must be positive to scale with it"):
+        collapse([1.0], [1.0], pressure)
