@@ -1,0 +1,338 @@
+"""What commands say when they have ended: the numbers of the run, and what a user has to know of them."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from samples import published
+
+from jampetsc.commands import correlate, jam, modes, oscillate, pack, quasistatic, study, sweep
+from jampetsc.contacts.laws import Physics, damping_law
+from jampetsc.errors import InputError
+from jampetsc.flows.record import Record
+from jampetsc.packing.protocols import Target
+from jampetsc.storage.packing_file import write_packing
+from jampetsc.words import describe, packtasks
+
+PHYSICS = Physics(damping_law())
+
+
+def sweep_job(**more):
+    disks = SimpleNamespace(record={"pressure": 2e-3}, potential=SimpleNamespace(k=2.0))
+    plain = {
+        "out": "s.h5",
+        "physics": PHYSICS,
+        "certified": True,
+        "damping": None,
+        "omega": np.array([3.0, 4.0]),
+    }
+    return SimpleNamespace(**plain | {"disks": disks} | more)
+
+
+def test_a_sweep_tells_its_ends_and_its_worst_errors():
+    G = np.array([1 + 0.1j, 2 + 4j, 5 + 8j])
+    bounds = np.array([[9, 1e-3, 1e-3], [9, 4e-2, 1e-3], [9, 1e-3, 8e-2]])
+    lines = sweep.summary(sweep_job(), np.array([0.1, 1.0, 10.0]), G, bounds).split("\n")
+    assert lines == [
+        "s.h5: contact damping, beta = 1, 3 frequencies, certified to 2.0e-02 in G' and 1.0e-02 in G''",
+        "  omega 0.1: G' = 1, G'' = 0.1",
+        "  omega 10: G' = 5, G'' = 8",
+    ]
+    one = sweep.summary(sweep_job(certified=False), np.ones(1), G[:1], bounds[:1]).split("\n")
+    assert len(one) == 2 and "1 frequencies, estimated to" in one[0]
+
+
+@pytest.mark.parametrize(("stress", "told"), [(0.9e-3, False), (1.1e-3, True)])
+def test_a_strain_that_would_change_contacts(stress, told):
+    """σ₀ k/|G| of the softest frequency against p/k = 1e-3."""
+    damping = SimpleNamespace(alpha=0.5, stress=stress)
+    G = np.array([4.0 + 0j, 2.0j])
+    text = sweep.summary(sweep_job(damping=damping), np.ones(2), G, np.ones((2, 3)))
+    assert "equivalent linear frequencies 3 to 4; the stored" in text
+    assert (f"strain amplitude up to {stress:.1e}, more than p/k = 1.0e-03" in text) == told
+
+
+def test_modes_tell_how_they_were_counted():
+    found = SimpleNamespace(
+        eigenvalues=np.array([0.25, 0.5, 2.0]), residuals=np.array([1e-9, 3e-9, 2e-9]),
+        floppiness=np.array([5.0, 3.0, 1.0]),
+        complete=False, inertia_count=3, inertia_shift=2.5, network=SimpleNamespace(prestress=False),
+        share_modulus=np.array([0.25, 0.125, 0.0]), share_nonaffine=np.array([0.5, 0.25, 0.125]),
+    )  # fmt: skip
+    assert modes.summary("m.h5", found).split("\n") == [
+        "m.h5: 3 modes, no pre-stress; inertia counts 3 below 2.5",
+        "  eigenvalues 0.25 to 2, residuals ≤ 3.0e-09",
+        "  floppiness (rms Δu⊥ / Δu∥) 5 to 1",
+        "  together 87.5 % of |u_na|², 37.5 % of G_affine − G0",
+    ]
+    found.complete, found.share_modulus, found.network.prestress = True, None, True
+    lines = modes.summary("m.h5", found).split("\n")
+    assert lines[0] == "m.h5: 3 modes, pre-stress; all there are"
+    assert lines[-1].startswith("  the response to shear is affine, or not unique")
+
+
+def test_a_packing_tells_when_rounding_forbids_its_tolerance():
+    disks = published().with_record(
+        pressure=1e-3, phi=0.84, coordination=4.0, rattlers=1, max_force=1e-12, tolerance=1e-10, evaluations=7
+    )
+    text = pack._summary("p.h5", disks, 1.234)
+    assert text.startswith(
+        f"p.h5: N = {disks.n}, p = 0.001, phi = 0.840000, Z = 4.0000, 1 rattlers, max|F|/p = 1.0e-09, "
+    )
+    assert text.split("\n")[0].endswith("7 force evaluations, 1.23 s")
+    diameter = 2 * disks.radii.mean()
+    for factor, note in ((0.999, False), (1.001, True)):
+        limit = disks.with_record(max_force=factor * 1e-13 * diameter)
+        assert (
+            "is what rounding leaves, more than --tolerance 1e-10" in pack._summary("p.h5", limit, 1.0)
+        ) == note
+
+
+def test_a_study_tells_what_failed_and_what_is_unstable():
+    rows = [{"G0": -1.0}, {"G0": 1.0}, {"G0": 0.0}, {}]
+    failures = [{"file": f"{n}.h5", "state": "failed: no"} for n in range(study.MANY + 2)]
+    lines = study._summary("t.csv", rows, failures, "3 s").split("\n")
+    assert lines[0] == f"t.csv: 4 tasks, {study.MANY + 2} failed, 3 s" and lines[1] == "  0.h5: failed: no"
+    assert lines[study.MANY :][1:] == [
+        "  … and 2 more, see the table",
+        "  G0 < 0 in 1 of 3 rows: kept in the averages",
+    ]
+    exactly = study._summary("t.csv", [], failures[: study.MANY], "3 s")
+    assert "more, see" not in exactly and exactly.count("failed: no") == study.MANY
+
+
+def test_samples_tell_their_share_pressure_and_what_is_lost():
+    record = Record({name: 0 for name in ("phi", "seed", "jammed", "pressure", "phi_J")})
+    for phi, seed, jammed, pressure, at in (
+        (0.84, 1, 1, 2e-3, 0.83), (0.84, 2, 0, 5.0, 0.85), (0.84, 3, 1, 4e-3, np.nan), (0.85, 1, np.nan, 1.0, np.nan),
+        (0.84, 4, np.nan, 1.0, np.nan),
+    ):  # fmt: skip
+        record.add(phi=phi, seed=seed, jammed=jammed, pressure=pressure, phi_J=at)
+    lines = jam._summary(SimpleNamespace(out="j.h5", n=16), record).split("\n")
+    assert lines[0] == "j.h5: 5 samples of 16 disks"
+    assert lines[1].startswith("  phi = 0.84: jammed 0.667 ± ") and ", p of the jammed 0.003" in lines[1]
+    assert lines[1].endswith(", phi_J 0.84 ± 0.01")
+    assert lines[2] == "  phi = 0.85: no minimum found"
+    assert lines[3] == "  2 samples reached no minimum: nan in the file"
+
+
+def test_lengths_are_told_with_their_errors():
+    assert correlate._with_error(np.nan, 1.0) == "no root"
+    assert (
+        correlate._with_error(1.2345, np.nan) == "1.23"
+        and correlate._with_error(1.2345, 0.05) == "1.23 ± 0.05"
+    )
+    values = np.array([[1.0, 3.0, np.nan], [1.0, 4.0, np.nan]])
+    assert correlate._rms(values) == pytest.approx(np.sqrt(12.5)) and np.isnan(
+        correlate._rms(values[:, [0, 2]])
+    )
+    sweeps = [SimpleNamespace(attributes={"pressure": p}) for p in (1e-3, 3e-3)]
+    assert correlate._mean_pressure([*sweeps, SimpleNamespace(attributes={})]) == {
+        "pressure": pytest.approx(2e-3)
+    }
+    assert correlate._mean_pressure([]) == {}
+
+
+@pytest.mark.parametrize(("off", "refused"), [(0.009, False), (0.011, True)])
+def test_frequencies_that_are_common(off, refused):
+    sweeps = [
+        SimpleNamespace(path=SimpleNamespace(name="a.h5")),
+        SimpleNamespace(path=SimpleNamespace(name="b.h5")),
+    ]
+    frequencies = [np.array([1.0, 2.0]), np.array([1.0, 2.0 * (1 + off)])]
+    if refused:
+        with pytest.raises(InputError, match="fields at other frequencies"):
+            correlate._require_same_frequencies(sweeps, frequencies)
+    else:
+        correlate._require_same_frequencies(sweeps, frequencies)
+    with pytest.raises(InputError, match="fields at other frequencies"):
+        correlate._require_same_frequencies(sweeps, [frequencies[0], frequencies[0][:1]])
+
+
+def test_an_oscillation_tells_both_ends_of_its_frequencies():
+    asked = SimpleNamespace(
+        out="o.h5",
+        physics=PHYSICS,
+        amplitude=np.array([1e-6]),
+        omega=np.array([0.1, 1.0, 10.0]),
+        control="strain",
+    )
+    arrays = {
+        "G": np.array([[1 + 1j, 2 + 2j, 3 + 4j]]), "error": np.array([[1e-3, 1e-3, 1e-1]]),
+        "energy_balance": np.array([[1e-9, -2e-8, 1e-9]]), "harmonics": np.array([[[0.1j, 0], [0.5, 0], [0.02, 0]]]),
+    }  # fmt: skip
+    lines = oscillate.summary(asked, arrays).split("\n")
+    assert "alpha = 1, 3 oscillations, estimated to 2.0e-02 of |G*|, energy balanced to 2e-08" in lines[0]
+    assert lines[1:] == [
+        "  strain 1e-06, omega 0.1: G' = 1, G'' = 1, third harmonic 10 %",
+        "  strain 1e-06, omega 10: G' = 3, G'' = 4, third harmonic 2 %",
+    ]
+
+
+# What `info` says of matrices
+
+
+def inertia(negative, zero, positive):
+    return SimpleNamespace(negative=negative, zero=zero, positive=positive)
+
+
+def examined(K, bare, damping=(0, 0, 10), translations=2, pins=2):
+    parts = dict(
+        zip(
+            ("with_prestress", "without_prestress", "damping"),
+            (inertia(*n) for n in (K, bare, damping)),
+            strict=True,
+        )
+    )
+    return SimpleNamespace(translations=translations, pins=pins, **parts)
+
+
+@pytest.mark.parametrize(
+    ("facts", "at_rest", "beginnings"),
+    [
+        (
+            examined((0, 2, 9), (0, 2, 9)),
+            True,
+            ["a minimum: K has no negative eigenvalue, and only the translations"],
+        ),
+        (examined((0, 3, 9), (0, 2, 9)), True, ["marginal: 1 moves besides the translations cost no energy"]),
+        (
+            examined((0, 3, 9), (0, 2, 9)),
+            False,
+            ["not a minimum: K has no negative eigenvalue, but the forces are not"],
+        ),
+        (examined((1, 2, 9), (0, 2, 9)), True, ["not a minimum: K has 1 negative eigenvalue;"]),
+        (examined((2, 2, 9), (0, 2, 9)), False, ["not a minimum: K has 2 negative eigenvalues;"]),
+        (examined((0, 2, 9), (0, 5, 9)), True, ["a minimum", "floppy without pre-stress: 3 moves besides"]),
+        (
+            examined((0, 2, 9), (0, 2, 9), (0, 1, 9)),
+            True,
+            ["a minimum", "B lets 1 moves pass besides those pinned"],
+        ),
+    ],
+)
+def test_what_numbers_of_eigenvalues_mean(facts, at_rest, beginnings):
+    lines = describe.verdict(facts, at_rest)
+    assert len(lines) == len(beginnings)
+    for line, beginning in zip(lines, beginnings, strict=True):
+        assert line.startswith(beginning)
+
+
+@pytest.mark.parametrize(
+    ("pins", "translations", "words"),
+    [(0, 2, "0: every move meets drag"), (2, 2, "2: 2 translations"), (3, 2, "3: 2 translations and 1 gear mode"),
+     (6, 4, "6: 4 translations and 2 gear modes")],
+)  # fmt: skip
+def test_what_is_pinned(pins, translations, words):
+    assert describe._pins(SimpleNamespace(pins=pins, translations=translations)) == words
+
+
+def test_numbers_as_one_reads_them():
+    assert (
+        describe.number(1 / 3) == "0.3333333333" and describe.number(3) == "3" and describe.number("x") == "x"
+    )
+    assert describe.number(np.array([0.5, 1.0])) == "0.5, 1"
+    assert describe._files(0) == "one, complete" and describe._files(3) == "joint file and 3 parts, all there"
+    assert (
+        describe.table([("head",), ("a", "1"), ("longer", "2", "x")]) == "head\n  a       1\n  longer  2  x"
+    )
+
+
+@pytest.mark.parametrize(("off", "told"), [(0.9e-6, False), (1.1e-6, True)])
+def test_a_record_that_is_not_of_these_positions(off, told):
+    disks = published()
+    state = describe.measure(disks)
+    text = describe.packing("p.h5", disks.with_record(energy=state.energy * (1 + off), negative_modes=0))
+    assert ("note: the file records energy = " in text) == told
+    assert "note: the file records negative_modes = 0, but not of these disks: it counts for nothing" in text
+
+
+# What is there already
+
+
+ARGS = SimpleNamespace(
+    stabilise="volume",
+    tolerance=1e-10,
+    sizes=None,
+    radii=None,
+    n=16,
+    potential=None,
+    stiffness=None,
+    phi=None,
+    source=None,
+)
+
+
+def test_a_packing_that_is_there_is_the_one_that_is_asked_for_or_refused(tmp_path):
+    request = packtasks.request_of(ARGS, None)
+    task = packtasks.Task(tmp_path / "p.h5", 3, Target(1e-3, stabilise="volume", tolerance=1e-10))
+    wanted = packtasks.entries(task, request)
+    assert wanted == {
+        "stabilise": "volume", "tolerance": 1e-10, "sizes": "bidisperse", "requested_n": 16,
+        "requested_potential": "harmonic", "requested_stiffness": "constant", "requested_pressure": 1e-3, "seed": 3,
+    }  # fmt: skip
+    assert not packtasks.complete(task, request)
+    write_packing(task.path, published().with_record(**wanted))
+    assert packtasks.complete(task, request)
+    for name in wanted:
+        write_packing(task.path, published().with_record(**{k: v for k, v in wanted.items() if k != name}))
+        with pytest.raises(
+            InputError, match=rf"is there already with {name} = None, not .*: remove it, or choose"
+        ):
+            packtasks.complete(task, request)
+
+
+def test_what_is_asked_of_a_packing_that_is_changed():
+    asked = packtasks.request_of(SimpleNamespace(**vars(ARGS) | {"potential": "hertzian"}), ("a.h5", "ab"))
+    assert asked == {"stabilise": "volume", "tolerance": 1e-10, "source": "a.h5", "source_sha256": "ab"}
+    task = packtasks.Task("p.h5", None, Target(phi=0.9, tolerance=1e-10))
+    assert packtasks.entries(task, {}) == {"requested_phi": 0.9}
+    other = SimpleNamespace(
+        **vars(ARGS)
+        | {"potential": "hertzian", "stiffness": "inverse-square-diameter", "n": None, "radii": "a/r.txt"}
+    )
+    told = packtasks.request_of(other, None)
+    assert (
+        told["requested_potential"] == "hertzian" and told["requested_stiffness"] == "inverse-square-diameter"
+    )
+    assert told["requested_n"] == 0 and told["sizes"] == "radii of r.txt"
+
+
+def test_what_cannot_be_begun_with():
+    apart = published()
+    apart = apart.from_positions(apart.positions, 0.5 * apart.radii, apart.cell)
+    for args, message in (
+        ({"n": 15, "source": "p.h5"}, r"--n 15: p\.h5 has 16 disks; leave --n out with --from"),
+        ({"source": "p.h5"}, r"p\.h5: no disks touch, so there is no pressure to change"),
+    ):
+        with pytest.raises(InputError, match=message):
+            packtasks.starter(SimpleNamespace(**vars(ARGS) | args), None, apart)
+    denser = packtasks.starter(SimpleNamespace(**vars(ARGS) | {"phi": 0.9}), None, apart)(
+        None, Target(phi=0.9)
+    )
+    assert denser.phi == pytest.approx(0.9)
+    same = packtasks.starter(ARGS, None, published())(None, Target(1e-3))
+    assert same.phi == published().phi and same.record == {}
+
+
+def test_a_quasistatic_response_tells_its_parts():
+    flow = SimpleNamespace(parts={"contacts": 0.25, "fluid": 0.5}, eta0=0.75)
+    median = {
+        key: SimpleNamespace(median=value)
+        for key, value in (("normal", 1.0), ("transverse", 2.0), ("nonaffine", 3.0))
+    }
+    response = SimpleNamespace(
+        network=SimpleNamespace(prestress=True),
+        flow=flow,
+        G0=0.5,
+        bulk_modulus=4.0,
+        crossover=0.1,
+        identity=1e-12,
+    )
+    outcome = SimpleNamespace(eta_inf=0.5, responses={"": response}, distributions={"": median})
+    lines = quasistatic.summary("q.h5", PHYSICS, outcome).split("\n")
+    assert lines == [
+        "q.h5: contact damping, beta = 1, eta_inf = 0.5",
+        "  pre-stress: G0 = 0.5, bulk modulus 4, eta0 = 0.75 (contacts 0.25, fluid 0.5), omega* = 0.1",
+        "    medians per unit strain: |Δu∥| 1, |Δu⊥| 2, |u_na| 3; identity kept to 1e-12",
+    ]
