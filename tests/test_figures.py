@@ -88,6 +88,7 @@ TINY = {
 WHOLE = "bt-fig5"  # is run by its script
 LESS = {  # a figure of which something has to be smaller, or must not be
     **{"paper1": {"STRAIN": "0.1"}, "paper2": {"N": "16,20,24"}, "paper3": {"STRAIN": "0.1"}},
+    **{"paper4": {"RATES": "0.1,0.05"}, "paper5": {"RATES": "0.1,0.05"}},
     **{
         "softening": {"STRAINS": "0.01,1", "STEPS": "16", "CYCLES": "3"},
         "bt-nonlinear": {"STRESSES": "1e-5", "POINTS": "3", "PRESSURES": "1e-2"},
