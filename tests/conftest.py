@@ -21,6 +21,7 @@ from jampetsc import stopping
 
 SCALAR = os.environ.get("JAMPETSC_TEST_SCALAR")
 PATIENCE = 20.0  # seconds a rank that failed waits for the others to end the same test
+LONG = ("figures", "trade", "interrupted", "options", "oscillate_command", "pack", "documents")  # begin first
 HANG = 300.0  # seconds after which a test counts as hanging: every rank says where, and the run ends
 
 running = None  # the Session of this process
@@ -55,6 +56,9 @@ def pytest_collection_modifyitems(config, items):
 
     config.hook.pytest_deselected(items=[item for item in items if not wanted(item)])
     items[:] = [item for item in items if wanted(item)]
+    if SCALAR is None:
+        # processes share the files: a long one at the end would keep one of them busy and the others idle
+        items.sort(key=lambda item: item.path.stem.removeprefix("test_") not in LONG)
 
 
 def pytest_collection_finish(session):
