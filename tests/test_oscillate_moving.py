@@ -15,10 +15,11 @@ from jampetsc.flows import steps as flow
 from jampetsc.flows.slowly import SlowShear, look_at
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
-from jampetsc.oscillation import dashpots, stage
+from jampetsc.oscillation import dashpots, repeated, stage, steps
+from jampetsc.oscillation.harmonics import harmonics_of
 from jampetsc.oscillation.moving import MovingContacts
 from jampetsc.oscillation.powerlaw import PowerLaw
-from jampetsc.oscillation.repeated import START_STEPS, Start, harmonics_of, left_to_change, shake
+from jampetsc.oscillation.repeated import START_STEPS, Start, left_to_change, shake
 from jampetsc.oscillation.stage import STAGE, Imposed
 from jampetsc.oscillation.steady import Point, SteadyOscillation
 from jampetsc.packing.hessian import Bonds
@@ -89,7 +90,7 @@ def test_small_amplitudes_are_fixed_contacts(alpha, omega, amplitude, stress):
     np.testing.assert_allclose(found.harmonics, exact.harmonics, atol=6e-3)
     strain = amplitude / abs(found.G) if stress else amplitude
     assert found.work == pytest.approx(np.pi * found.G.imag * strain**2, rel=1e-6)
-    assert abs(found.balance) < 5e-3
+    assert abs(found.balance) < 8e-3
 
 
 @pytest.mark.parametrize(
@@ -175,7 +176,7 @@ def test_rattlers_do_not_matter_where_they_touch_nothing():
     law = physics(rotations=False)
     with Sweep(isostatic(), law, np.array([1e-3]), 1e-8, current().comm) as sweep:
         G = sweep.G[0]
-    found = shaken(1e-3, 1e-9, sample=isostatic, rotations=False)
+    found = shaken(1e-3, 1e-9, 16, sample=isostatic, rotations=False)
     assert abs(found.G - G) <= 2.0 * found.error < 0.05 * abs(G)
 
 
@@ -289,7 +290,8 @@ def test_slow_shear_goes_from_minimum_to_minimum():
 def test_harmonics_of_a_cycle_without_its_creep():
     phase = 2.0 * np.pi * np.arange(1, 33) / 32
     creep = 0.2 + 0.7 * np.arange(1, 33) / 32
-    found = harmonics_of(2.0 * np.sin(phase) + 0.5 * np.cos(phase) + 0.1 * np.sin(3.0 * phase) + creep, 0.7)
+    values = 2.0 * np.sin(phase) + 0.5 * np.cos(phase) + 0.1 * np.sin(3.0 * phase) + creep
+    found = harmonics_of(values, phase / (2.0 * np.pi), np.full(32, 1.0 / 32), 0.7)
     np.testing.assert_allclose(found, [2.0 + 0.5j, -0.1, 0.0], atol=1e-14)
 
 
@@ -317,9 +319,97 @@ def test_what_cycles_still_change_is_in_the_error():
 def test_a_stress_that_shears_for_good_is_refused():
     """Above the yield stress no cycle comes back, and nothing waits for it."""
     with pytest.raises(ConvergenceError, match="flows"):
-        shaken(1e-2, 3e-3, 16, 3, stress=True, rotations=False)
+        shaken(1e-2, 1e-2, 16, 3, stress=True, rotations=False)
 
 
-def test_steps_that_are_too_long_are_refused():
+def test_any_amplitude():
+    """Steps that disks could not take at once, from rest: linear response would take them through each other."""
+    found = shaken(1.0, 0.3, 8, cycles=2, rotations=False)
+    assert found.steps > 2 * (4 + 8) and 0.1 < found.G.imag < 1.0 and abs(found.balance) < 0.1
+
+
+def test_steps_that_are_too_long_are_refused(monkeypatch):
+    """Where they are not cut."""
+    monkeypatch.setattr(steps, "FINEST", 0)
     with pytest.raises(ConvergenceError, match="give more --steps"):
         shaken(1.0, 1.0, 16, cycles=3)
+
+
+def run_of(omega, strain, count, alpha=1.0):
+    """A run of cycles under an imposed strain that has not begun, and its Start."""
+    law = physics(exponent=alpha, rotations=False)
+    pencil = assemble(network_of(published(), law, current().comm), law.law)
+    compatibility = build_compatibility(pencil)
+    oscillation = SteadyOscillation(compatibility, 2.0 * float(published().radii.mean()), START_STEPS)
+    start = Start.of(oscillation, published().n, Point(omega, strain, False))
+    for item in (oscillation, compatibility, pencil):
+        item.destroy()
+    return repeated.Run(published(), law.law, start, count), start
+
+
+@pytest.mark.parametrize(("alpha", "omega", "count"), [(1.0, 3.0, 96), (0.5, 1e-5, 64)])
+def test_energy_balances(alpha, omega, count):
+    """What is dissipated and stored in a cycle is the work."""
+    run, start = run_of(omega, 1e-6, count, alpha)
+    run.motion.displace(start.displacement, start.velocity, start.gamma, start.rate)
+    run.repeat(1)
+    run.motion.destroy()
+    assert abs(run.seen[0].spent / run.seen[0].work - 1.0) < 1e-6
+
+
+def test_steps_are_cut_where_disks_rearrange():
+    """None loses more energy than it may, and together they lose less than those that are not cut."""
+    omega, strain = 1e-4, 2e-2
+    lost, counts = [], []
+    for allowed in (np.inf, 1e-8):
+        run, _ = run_of(omega, strain, 16)
+        spent, work = 0.0, 0.0
+        for n in range(4):
+            for one in run.steps.over(n * 2.0 * np.pi / 16, 2.0 * np.pi / 16, allowed):
+                fed = [weight * run.motion.area * seen.stress * seen.rate for _, weight, seen in one.stages()]
+                dissipated = [weight * seen.power for _, weight, seen in one.stages()]
+                assert abs(sum(fed) - sum(dissipated) - run.motion.gained) <= allowed
+                spent, work = spent + sum(dissipated) + run.motion.gained, work + sum(fed)
+        lost.append(abs(spent - work))
+        counts.append(run.steps.taken)
+        run.motion.destroy()
+    assert counts[0] == 4 and 2 * counts[0] < counts[1] < 64
+    assert lost[1] < 0.5 * lost[0]
+
+
+@pytest.mark.parametrize("kind", ["harmonic", "hertzian"])
+def test_energy_of_a_change(kind):
+    """As the difference of energies, but for rounding; of a small change to the last digits."""
+    rng = np.random.default_rng(1)
+    motion = MovingContacts(published(kind), physics().law, 1.0, 1e-3, "osc_factor_")
+    springs, x = motion.springs, rng.normal(size=(16, 2))
+    still = springs.at(np.zeros((16, 2)), np.zeros((16, 2)), 0.0)
+
+    def energy(state):
+        return float(
+            np.sum(
+                published(kind).potential.energy(np.maximum(state.bonds.overlap, 0.0), springs.pairs.sigma)
+            )
+        )
+
+    moved = springs.at(still.places, 1e-2 * x, 2e-3)
+    assert np.any((moved.bonds.overlap > 0.0) != (still.bonds.overlap > 0.0))
+    assert springs.gain(still, moved) == pytest.approx(energy(moved) - energy(still), rel=1e-12)
+    forces, sheared = springs.pull(moved)
+    little = springs.gain(moved, springs.at(moved.places, 1e-12 * x, 2e-3 + 1e-12)) * 1e12
+    assert little == pytest.approx(sheared - np.sum(forces * x), rel=1e-6)
+    motion.destroy()
+
+
+def test_bent_steps_follow_the_forces():
+    """The bend is the second derivative of the forces of springs along a straight step."""
+    rng = np.random.default_rng(1)
+    motion = MovingContacts(published(), physics().law, 1.0, 1e-3, "osc_factor_")
+    springs, x, growth = motion.springs, rng.normal(size=(16, 2)), 0.7
+    still, h = np.zeros((16, 2)), 1e-5
+    pulls = [springs.pull(springs.at(still, t * x, t * growth)) for t in (-h, 0.0, h)]
+    forces, sheared = springs.bend(springs.at(still, still, 0.0), x, growth)
+    motion.destroy()
+    for k, bend in enumerate((forces, sheared)):
+        difference = (pulls[0][k] - 2.0 * pulls[1][k] + pulls[2][k]) / h**2
+        np.testing.assert_allclose(bend, difference, rtol=1e-3, atol=1e-3 * np.abs(forces).max())

@@ -79,6 +79,10 @@ class FixedSprings:
         forces = gathered(np.einsum("cf,cfx->cx", tensions, self._rows), i, j, self.n)
         return -forces, float(np.sum(tensions * self._sheared))
 
+    def bend(self, state, x, growth):
+        """These springs are linear."""
+        return np.zeros((self.n, 2)), 0.0
+
     def product(self, a: State, b: State) -> float:
         """(x_a, γ_a)ᵀ K (x_b, γ_b)."""
         forces, sheared = self.pull(b)

@@ -169,7 +169,8 @@ class _Motion:
                     squares += weight * np.sum(end.z**2)
         finally:
             self.iterations += stages.iterations
-        found = harmonics_of(np.append(values, -values))
+        count = 2 * len(values)
+        found = harmonics_of(np.append(values, -values), np.arange(1, count + 1) / count, 1.0 / count)
         work = np.pi * self._amplitude * float(found[0].imag)
         G, strain, work = (
             (self._amplitude / found[0], abs(found[0]), -work)

@@ -27,7 +27,7 @@ from jampetsc.storage.packing_file import read_identified
 from jampetsc.storage.result_file import ResultWriter
 
 FORMAT = "jampetsc-oscillate"
-COUNTS = ("newton_steps", "linear_iterations", "factorisations", "cycles", "half_cycles")
+COUNTS = ("newton_steps", "linear_iterations", "factorisations", "steps_taken", "cycles", "half_cycles")
 
 
 @dataclass(frozen=True, eq=False)

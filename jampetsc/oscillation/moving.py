@@ -77,11 +77,39 @@ class ListedSprings:
         far = float(np.hypot(*state.places.T).max())
         return not is_stale(far, 0.0, state.gamma - self.listed, self.largest, self.skin)
 
+    def gain(self, state, after) -> float:
+        """Energy that a state has more than another of the same list; only the change is rounded, not the energies."""
+        rx, ry = after.bonds.r + state.bonds.r
+        drawn = after.places - state.places
+        dx, dy = (drawn[self.pairs.j] - drawn[self.pairs.i]).T
+        low = self.pairs.r0[1] + (after.places[self.pairs.j] - after.places[self.pairs.i])[:, 1]
+        dx = dx + (state.gamma - self.listed) * dy + (after.gamma - state.gamma) * low
+        deeper = -(rx * dx + ry * dy) / (after.bonds.distance + state.bonds.distance)
+        potential, sigma = self._disks.potential, self.pairs.sigma
+        before, now = (np.maximum(one.bonds.overlap, 0.0) for one in (state, after))
+        energy, little = potential.energy(before, sigma), np.abs(deeper) < 0.5 * before
+        grown = np.expm1(potential.alpha * np.log1p(deeper[little] / before[little]))
+        much = (potential.energy(now, sigma) - energy)[~little]
+        return float(np.sum(energy[little] * grown) + np.sum(much))
+
     def pull(self, state):
         """See `stage.Springs`."""
         bonds = state.bonds
         sheared = -float(np.sum(bonds.force * bonds.normal[0] * bonds.r[1]))
         return bonds.on_disks(bonds.force * bonds.normal, self.n), sheared
+
+    def bend(self, state, x, growth):
+        """With w of a bond along and across it, −k w⊥²/r (1 + f/kr) along and −2 k w∥ w⊥/r (1 + f/kr) across."""
+        bonds, (nx, ny) = state.bonds, state.bonds.normal
+        wx, wy = (x[bonds.pairs.j] - x[bonds.pairs.i]).T
+        wx = wx + growth * bonds.r[1]
+        along, across = nx * wx + ny * wy, nx * wy - ny * wx
+        push = bonds.force / bonds.distance
+        stiff = (bonds.stiffness + push) * across / bonds.distance
+        bent = -stiff * across * bonds.normal - 2.0 * stiff * along * np.stack((-ny, nx))
+        first = -bonds.stiffness * along * nx - push * across * ny
+        sheared = -float(np.sum(bent[0] * bonds.r[1] + 2.0 * first * wy))
+        return bonds.on_disks(bent, self.n), sheared
 
     def dashpots(self, state) -> Dashpots:
         """Of the pairs that touch."""
@@ -112,6 +140,7 @@ class MovingContacts:
         self.step, self.gamma, self.rate = step, gamma, 0.0
         self.springs = ListedSprings(disks, law, speed, prefix)
         self._stages = Stages(self.springs, STAGE * step, scale)
+        self.gained = 0.0  # energy of springs, in the last step
         self.u = np.zeros((disks.n, law.dofs))  # velocities, and spins
         self._skin = SKIN_START * self.springs.diameter
         self._list(disks)
@@ -149,6 +178,11 @@ class MovingContacts:
         """
         return self.follow([Imposed(*pair) for pair in zip(gamma, rate, strict=True)])
 
+    def pace(self, step: float):
+        """Steps have this length from now on."""
+        self.step = step
+        self._stages.pace(STAGE * step)
+
     def follow(self, imposed):
         """A step whose two stages end with what is imposed; as `advance`."""
         while True:
@@ -158,13 +192,35 @@ class MovingContacts:
             if not self._since:  # a new list does not last for a step
                 self._skin *= 2.0
                 if self._skin > WIDEST * self.springs.diameter:
+                    self._skin = SKIN_START * self.springs.diameter
+                    self._list(self.disks)
                     raise ConvergenceError("disks move too far in one step: give more --steps")
             else:
                 self._skin = tuned_skin(self._skin, 10 * self._since, self.springs.diameter)
             self._list(self.disks)
+        self._before = self.offsets, self.u, self.gamma, self.rate, self._since
+        begin = self._at(self.offsets, self.gamma)
         self.offsets, self.u, instants = found
         self.gamma, self.rate, self._since = instants[1].gamma, instants[1].rate, self._since + 1
+        self.gained = self.springs.gain(begin, self._at(self.offsets, self.gamma))
         return instants
+
+    def _at(self, offsets, gamma):
+        return self.springs.at(offsets, np.zeros_like(offsets), gamma)
+
+    def undo(self):
+        """Be again where the last step began."""
+        self.offsets, self.u, self.gamma, self.rate, self._since = self._before
+
+    @property
+    def area(self) -> float:
+        """Of the cell."""
+        return self.springs.area
+
+    @property
+    def rounding(self) -> float:
+        """Energy by which the last step may be off because forces are not balanced to the last bit."""
+        return self._stages.finest * self.step * float(np.abs(self.u).sum())
 
     def destroy(self):
         """Free the factor."""

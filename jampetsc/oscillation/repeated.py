@@ -1,8 +1,11 @@
 """Cycles of imposed strain or stress on moving contacts, repeated until they repeat themselves.
 
 What is imposed is ∝ sin ωt, from the steady oscillation with fixed contacts, and time is counted in 1/ω: with small
-exponents ω may be any power of ten. Under stress the strain may creep from
-cycle to cycle; that ramp is no part of the harmonics. Work is ∮σdγ of what is imposed and answers, so πG''γ₁².
+exponents ω may be any power of ten. Under stress the strain may creep from cycle to cycle; that ramp is no part of the
+harmonics. Work is ∮σdγ of what is imposed and answers, so πG''γ₁².
+
+Steps are cut where they lose too much energy (see `steps`). Harmonics are integrals by the same quadrature: where the
+strain is imposed a cycle is off by the sum of what its steps are.
 
 Two runs, the second from where the first has ended: half of the steps, then all of them. Their difference estimates
 the error of the steps; what the last cycles still changed, as a geometric series goes on, that of the repetitions.
@@ -19,14 +22,18 @@ from jampetsc.oscillation.cycle import Cycle
 from jampetsc.oscillation.halfcycles import SteppedOscillation
 from jampetsc.oscillation.harmonics import harmonics_of
 from jampetsc.oscillation.moving import MovingContacts
-from jampetsc.oscillation.stage import STAGE, Imposed
+from jampetsc.oscillation.stage import Imposed
 from jampetsc.oscillation.steady import Point, SteadyOscillation
+from jampetsc.oscillation.steps import Steps
 
 PREFIX = "osc_factor_"
 REPEATED = 1e-3  # of |G*|: what may be left of the change from cycle to cycle
 SAME = 1e-7  # a change that is none
 MOST_CYCLES = 60
 START_STEPS = 16  # of the cycle that is the start; linear damping comes out exactly whatever they are
+LOST = 8.0  # over the cubed number of steps: energy by which one may be off, in units of π|G*|γ₁² of the cell
+PERIOD = 2.0 * np.pi
+FAR = 0.1  # mean diameters: where linear response takes a disk farther, nothing is like it, and disks start at rest
 FLOWING = 1.0  # a strain at which disks have left their neighbours for others
 
 
@@ -38,10 +45,11 @@ class Repeated:
     error: float  # estimate of |ΔG*|
     harmonics: np.ndarray  # (2,) complex
     work: float  # per area, of the last cycle
-    balance: float  # dissipation over work − 1
+    balance: float  # what is dissipated and stored, over work, − 1
     change: float  # |ΔG*| from the last cycle but one to the last
     drift: float  # strain that the last cycle has gained
     cycles: int  # of both runs
+    steps: int  # likewise, each cut one counted as those that it was cut into
     factorisations: int
     newton: int  # steps of Newton's method
 
@@ -56,6 +64,7 @@ class Repeated:
             "cycle_change": self.change,
             "drift": self.drift,
             "cycles": self.cycles,
+            "steps_taken": self.steps,
             "newton_steps": self.newton,
             "factorisations": self.factorisations,
         }
@@ -74,6 +83,7 @@ class Start:
     gamma: float
     rate: float  # of strain
     strain: float  # amplitude
+    modulus: float  # |G*|
     speed: float  # see `steady.Steady`
 
     @classmethod
@@ -93,10 +103,13 @@ class Start:
             field[network.particles] = now[:-1].reshape(network.n, -1)
             parts.append((field, float(now[-1]) / oscillation.contacts.length))
         (displacement, gamma), (velocity, rate) = parts
+        if np.abs(displacement[:, :2]).max() > FAR * oscillation.rho0:
+            return cls._at_rest(oscillation, n, point)
         strain = point.amplitude * network.k / abs(found.G) if point.stress_controlled else point.amplitude
         if not point.stress_controlled:
             gamma = 0.0  # but for rounding
-        return cls(point, displacement[:, :2], velocity, gamma, rate, strain, found.speed / point.omega)
+        speed = found.speed / point.omega
+        return cls(point, displacement[:, :2], velocity, gamma, rate, strain, abs(found.G), speed)
 
     @classmethod
     def of_steps(cls, oscillation: SteppedOscillation, n: int, point: Point) -> "Start":
@@ -104,13 +117,15 @@ class Start:
         found, particles = oscillation.solve(point), oscillation.network.particles
         displacement, velocity = np.zeros((n, 2)), np.zeros((n, oscillation.law.dofs))
         displacement[particles], velocity[particles] = found.start.places, found.velocity
-        return cls(point, displacement, velocity, found.start.gamma, found.rate, found.strain, found.speed)
+        scales = found.strain, abs(found.G), found.speed
+        return cls(point, displacement, velocity, found.start.gamma, found.rate, *scales)
 
     @classmethod
     def _at_rest(cls, oscillation, n, point):
         strain, speed = oscillation.scales(point)
         velocity = np.zeros((n, oscillation.law.dofs))
-        return cls(point, velocity[:, :2], velocity, 0.0, 0.0, strain, speed / point.omega)
+        scales = strain, oscillation.network.k, speed / point.omega
+        return cls(point, velocity[:, :2], velocity, 0.0, 0.0, *scales)
 
 
 def shake(disks: Disks, law: Law, start: Start, steps: int, cycles: int | None) -> Repeated:
@@ -119,13 +134,13 @@ def shake(disks: Disks, law: Law, start: Start, steps: int, cycles: int | None) 
     Raises ConvergenceError where a step is too long, where the packing flows, or where cycles do not repeat within
     MOST_CYCLES.
     """
-    half = _Run(disks, law, start, steps // 2)
+    half = Run(disks, law, start, steps // 2)
     whole = None
     try:
         half.motion.displace(start.displacement, start.velocity, start.gamma, start.rate)
         half.repeat(cycles)
         now = half.motion
-        whole = _Run(now.disks, law, start, steps, now.gamma)
+        whole = Run(now.disks, law, start, steps, now.gamma)
         whole.motion.displace(0.0 * now.u[:, :2], now.u, now.gamma, now.rate)
         whole.repeat(cycles)
         last = whole.seen[-1]
@@ -134,10 +149,11 @@ def shake(disks: Disks, law: Law, start: Start, steps: int, cycles: int | None) 
             error=abs(last.G - half.seen[-1].G) + min(whole.left, whole.spread),
             harmonics=last.harmonics,
             work=last.work,
-            balance=last.dissipation / last.work - 1.0,
+            balance=last.spent / last.work - 1.0,
             change=whole.change,
             drift=last.drift,
             cycles=len(half.seen) + len(whole.seen),
+            steps=half.steps.taken + whole.steps.taken,
             factorisations=half.motion.factorisations + whole.motion.factorisations,
             newton=half.motion.iterations + whole.motion.iterations,
         )
@@ -152,7 +168,7 @@ class _Cycle:
     G: complex
     harmonics: np.ndarray
     work: float
-    dissipation: float
+    spent: float  # dissipated and stored
     drift: float
 
 
@@ -164,17 +180,17 @@ def left_to_change(G) -> float:
     return float(change * max(1.0, change / (before - change))) if change < before else np.inf
 
 
-class _Run:
+class Run:
     """Cycles of so many steps of a packing at this strain; `seen` has what each of them was like."""
 
     def __init__(self, disks, law, start, steps, gamma=0.0):
         point = start.point
-        self.stress_controlled, self.steps = point.stress_controlled, steps
+        self.stress_controlled, self.count = point.stress_controlled, steps
         self.amplitude = point.amplitude * (float(disks.potential.k) if point.stress_controlled else 1.0)
-        self.area = disks.area
         scaled = replace(law, tau1=point.omega * law.tau1)
-        step = 2.0 * np.pi / steps
-        self.motion = MovingContacts(disks, scaled, step, start.strain, PREFIX, start.speed, gamma)
+        self.motion = MovingContacts(disks, scaled, PERIOD / steps, start.strain, PREFIX, start.speed, gamma)
+        self.steps = Steps(self.motion, self._imposed)
+        self.strain, self.modulus = start.strain, start.modulus
         self.seen = []
 
     def repeat(self, cycles):
@@ -211,24 +227,30 @@ class _Run:
         return Imposed(now, self.amplitude * np.cos(phase))
 
     def _cycle(self):
-        motion, dt = self.motion, self.motion.step
-        response, dissipation, begin = np.empty(self.steps), 0.0, motion.gamma
-        for n in range(self.steps):
+        motion, begin, rows, spent = self.motion, self.motion.gamma, [], 0.0
+        step = PERIOD / self.count
+        allowed = LOST / self.count**3 * np.pi * self.modulus * self.strain**2 * motion.area
+        for n in range(self.count):
             # whole periods are left out: their rounding would show in the strain
-            ends = motion.follow([self._imposed(dt * (n + part)) for part in (STAGE, 1.0)])
-            response[n] = ends[1].gamma if self.stress_controlled else ends[1].stress
-            dissipation += dt * ((1.0 - STAGE) * ends[0].power + STAGE * ends[1].power)
+            for one in self.steps.over(n * step, step, allowed):
+                for time, weight, seen in one.stages():
+                    rows.append((time, weight, seen.gamma if self.stress_controlled else seen.stress))
+                    spent += weight * seen.power
+                spent += motion.gained
             if not abs(motion.gamma - begin) < FLOWING + self.amplitude:
                 raise ConvergenceError(
                     f"the packing flows: its strain has changed by {motion.gamma - begin:.2g} within a cycle: give "
                     "less --stress"
                 )
-        drift = motion.gamma - begin
-        found = harmonics_of(response, drift if self.stress_controlled else 0.0)
+        drift, (times, weights, response) = motion.gamma - begin, np.array(rows).T
+        ramp = drift if self.stress_controlled else 0.0
+        found = harmonics_of(response, times / PERIOD, weights / PERIOD, ramp)
         work = np.pi * self.amplitude * float(found[0].imag)  # ∮σdγ = −∮γdσ
         G, work = (
             (self.amplitude / found[0], -work)
             if self.stress_controlled
             else (found[0] / self.amplitude, work)
         )
-        self.seen.append(_Cycle(G, found[1:] / found[0], work, dissipation / self.area, drift))
+        self.modulus = abs(G)
+        self.strain = self.amplitude / abs(G) if self.stress_controlled else self.amplitude
+        self.seen.append(_Cycle(G, found[1:] / found[0], work, spent / motion.area, drift))

@@ -22,13 +22,15 @@ from jampetsc.errors import ConvergenceError
 from jampetsc.oscillation.dashpots import Dashpots
 
 STAGE = 1.0 - np.sqrt(0.5)  # of a step
+WEIGHTS = 1.0 - STAGE, STAGE  # of what is seen at the ends of the stages, in an integral over a step
 TOLERANCE = 1e-9  # of forces, in units of what the strain amplitude makes
 ROUNDED = 1e-15  # of forces, in units of k times the largest diameter
 NOISE = 1e-14  # likewise; what does not get smaller is rounding if below this, or below TOLERANCE of damping forces
-ITERATIONS = 300
+ITERATIONS = 100
 WORN = 0.2  # a factor that leaves more of the residual than this is made anew
 FLAT, STEEP = 0.3, 0.7  # of the force along a step, at its end: little is left of it, or nearly all
 TRIES = 20  # points of a search
+BENT = 10.0  # reaches: no disk moves farther in a bent step, whose curvature takes it no farther than one
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,7 @@ class Springs(Protocol):
     area: float
     largest: float  # diameter
     unit: float  # of forces, k times a diameter
-    reach: float  # no disk moves farther in one of Newton's steps
+    reach: float  # no disk moves farther towards others in one of Newton's steps
 
     def at(self, base, x, gamma: float):
         """The state with disks moved by x (N, 2) from the places `base`, at this strain."""
@@ -74,6 +76,9 @@ class Springs(Protocol):
 
     def pull(self, state):
         """−∂U/∂r (N, 2), and ∂U/∂γ."""
+
+    def bend(self, state, x, growth: float):
+        """Second derivatives of `pull` along moves x (N, 2) and a growth of the strain, stiffness unchanged."""
 
     def dashpots(self, state) -> Dashpots:
         """Those of the contacts there."""
@@ -134,6 +139,21 @@ class _Problem:
             row = (self.imposed.stress * self.springs.area - virial) / self.length
         return _Seen(state, z, f, np.append(left, row), virial, growth)
 
+    def bend(self, state, step):
+        """Second derivative of what is left of the forces along a straight step."""
+        n = self.springs.n
+        bend = np.zeros((n, self.springs.dofs))
+        elastic, sheared = self.springs.bend(
+            state, step[:-1].reshape(n, -1)[:, :2], float(step[-1]) / self.length
+        )
+        bend[:, :2] = elastic - elastic.mean(axis=0)
+        return np.append(bend, -sheared / self.length if self.imposed.free else 0.0)
+
+    def farthest(self, step) -> float:
+        """How far a step takes some disk."""
+        moved = float(np.hypot(*step[:-1].reshape(self.springs.n, -1)[:, :2].T).max())
+        return max(moved + abs(float(step[-1])) / self.length * self.springs.largest, 1e-300)
+
 
 class Stages:
     """Stages over h of one packing, one after the other; the factor of one serves the next.
@@ -144,8 +164,15 @@ class Stages:
     def __init__(self, springs: Springs, h: float, scale: float):
         self.springs, self.h = springs, h
         self.tolerance = max(TOLERANCE * scale, ROUNDED) * springs.unit
+        self.finest = max(self.tolerance, NOISE * springs.unit)  # of forces that are looked for
         self.iterations = 0
         self.forget()
+
+    def pace(self, h: float):
+        """Stages have this length from now on."""
+        if h != self.h:
+            self.h = h
+            self.forget()
 
     def forget(self):
         """The factor at hand is no longer one of these springs."""
@@ -191,9 +218,13 @@ class Stages:
                 springs.factorise(seen.state, dashpots, tangents / self.h, free)
                 self._fresh = True
             step = springs.solve(seen.left)
+            bend = 0.5 * problem.bend(seen.state, step)
+            if np.abs(bend).max() > self.tolerance:
+                bend = springs.solve(bend)
+            else:
+                bend = np.zeros_like(step)
             before = seen
-            length, seen = self._search(problem, dashpots, q, step, seen.left)
-            q = q + length * step
+            q, seen = self._search(problem, dashpots, q, step, bend, seen.left)
             predicted = before.f + np.einsum("cab,cb->ca", tangents, seen.z - before.z)
             self.iterations += 1
             left = np.abs(seen.left).max()
@@ -227,16 +258,16 @@ class Stages:
             return found[0][1]
         return min(found, key=lambda one: np.abs(problem.look(*one).left).max())[1]
 
-    def _search(self, problem, dashpots, q, step, left):
-        """How far to go along a step, and what is there: where its force is small, or has begun to pull back."""
-        moved = float(np.hypot(*step[:-1].reshape(problem.springs.n, -1)[:, :2].T).max())
-        longest = moved + abs(float(step[-1])) / problem.length * problem.springs.largest
-        pull, reach = np.vdot(step, left), problem.springs.reach / max(longest, 1e-300)
-        length, lower, upper = min(1.0, reach), (0.0, 1.0), None
+    def _search(self, problem, dashpots, q, step, bend, left):
+        """Where to go along a bent step, and what is there: its force is small there, or has begun to pull back."""
+        pull, reach = np.vdot(step, left), self.springs.reach
+        longest = min(BENT * reach / problem.farthest(step), np.sqrt(reach / problem.farthest(bend)))
+        length, lower, upper = min(1.0, longest), (0.0, 1.0), None
         for _ in range(TRIES):
-            found = problem.look(q + length * step, dashpots)
-            now = np.vdot(step, found.left) / pull
-            if upper is None and now > STEEP and 2.0 * length <= reach:
+            end = q + length * (step + length * bend)
+            found = problem.look(end, dashpots)
+            now = np.vdot(step + 2.0 * length * bend, found.left) / pull
+            if upper is None and now > STEEP and 2.0 * length <= longest:
                 lower, length = (length, now), 2.0 * length  # the force does not give way: a disk slides off
                 continue
             if abs(now) <= FLAT or (upper is None and now > 0.0):
@@ -247,4 +278,4 @@ class Stages:
                 lower = length, now
             share = min(max(lower[1] / (lower[1] - upper[1]), 0.1), 0.9)
             length = lower[0] + share * (upper[0] - lower[0])
-        return length, found
+        return end, found

@@ -1,0 +1,85 @@
+"""Steps in time as long as they may be: one that fails, or that loses energy, is cut in two.
+
+Whatever moves, work goes into what is stored and what is dissipated. With the weights b_i of the two stages, at whose
+ends forces balance, a step of length Δt is off by
+
+    ε = Δt Σ_i b_i (σ_i V γ̇_i − P_i) − ΔU ,
+
+the error of a quadrature of U̇, of third order in Δt; where disks rearrange suddenly within a long step it is what they
+dissipate there. That is measured without further work, and a step may be off by so much and no more. Lengths are those
+of a step of the cycle over powers of two, so that one factor goes on to serve.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from jampetsc.errors import ConvergenceError
+from jampetsc.oscillation.moving import MovingContacts
+from jampetsc.oscillation.stage import STAGE, WEIGHTS, Imposed, Instant
+
+FINEST = 30  # halvings of a step; no motion of a contact is so sudden
+ROOM = 0.1  # of the error that is allowed: a step with less is followed by one of twice its length, 8 times as far off
+
+
+@dataclass(frozen=True)
+class Step:
+    """One that was taken."""
+
+    begin: float  # time
+    length: float
+    instants: list[Instant]  # at the ends of its stages
+
+    def stages(self):
+        """(time, its share of the step times the length, Instant) of each."""
+        for part, weight, instant in zip((STAGE, 1.0), WEIGHTS, self.instants, strict=True):
+            yield self.begin + part * self.length, weight * self.length, instant
+
+
+class Steps:
+    """Of one motion.
+
+    imposed: what a stage is to end with at a time
+    """
+
+    def __init__(self, motion: MovingContacts, imposed: Callable[[float], Imposed]):
+        self._motion, self._imposed = motion, imposed
+        self._halvings = 0  # of the last step
+        self.taken = 0
+
+    def over(self, begin: float, length: float, allowed: float):
+        """The Steps over a time, none off by more than this energy. Raises ConvergenceError where steps fail."""
+        done, whole = 0, 1 << FINEST
+        while done < whole:
+            part = whole >> self._halvings
+            step = Step(begin + length * (done / whole), length * (part / whole), [])
+            off = self._take(step, allowed)
+            if off > allowed:
+                self._halvings += 1
+                continue
+            yield step
+            done, self.taken = done + part, self.taken + 1
+            if self._halvings and off < ROOM * allowed and done % (2 * part) == 0:
+                self._halvings -= 1
+
+    def _take(self, step, allowed) -> float:
+        """What the step is off by, and infinity where it fails; it is taken back where that is more than allowed."""
+        motion, last = self._motion, self._halvings == FINEST
+        motion.pace(step.length)
+        ends = [step.begin + part * step.length for part in (STAGE, 1.0)]
+        try:
+            step.instants.extend(motion.follow([self._imposed(time) for time in ends]))
+        except ConvergenceError:
+            if last:
+                raise
+            return float("inf")
+        fed = sum(
+            weight * (motion.area * one.stress * one.rate - one.power) for _, weight, one in step.stages()
+        )
+        off = max(abs(fed - motion.gained) - motion.rounding, 0.0)
+        if off > allowed:
+            if last:
+                raise ConvergenceError(
+                    f"energy is lost in the shortest step of a cycle, {off:.1e}: give more --steps"
+                )
+            motion.undo()
+        return off
