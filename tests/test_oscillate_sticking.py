@@ -13,6 +13,8 @@ from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.oscillation import halfcycles
+from jampetsc.oscillation.dashpots import Damping
+from jampetsc.oscillation.fixed import FixedSprings
 from jampetsc.oscillation.halfcycles import SteppedOscillation
 from jampetsc.oscillation.repeated import Start, shake
 from jampetsc.oscillation.steady import Point, SteadyOscillation
@@ -132,6 +134,19 @@ def test_moving_contacts_at_small_amplitudes():
     found = shake(published(), law.law, start, 8, 3)
     exact = stepped(alpha, point.omega, strain, rotations=False)
     assert abs(found.G - exact.G) < 2e-4 * abs(exact.G) < found.error
+
+
+@pytest.mark.parametrize("options", [{}, {"prestress": False}])
+def test_springs_are_those_of_slow_shear(options):
+    law = physics(**options)
+    network = network_of(published(), law, current().comm)
+    elastic = ElasticResponse(network)
+    exact = elastic.shear().value / network.area
+    elastic.destroy()
+    damping = Damping.of(law.law, published(), 1.0)
+    springs = FixedSprings(network, law.law, 2.0 * network.k, damping, halfcycles.PREFIX)
+    assert springs.shear_modulus() == pytest.approx(2.0 * exact / network.k, rel=1e-7)
+    springs.destroy()
 
 
 def test_half_cycles_that_do_not_repeat_are_no_answer(monkeypatch):

@@ -51,6 +51,11 @@ class Dashpots:
         roots = damping.roots[damped]
         self._Z, self._sheared = roots[:, None] * rows[:, damped], roots * sheared[:, damped]
 
+    @property
+    def damped(self) -> int:
+        """Number of components of z."""
+        return self._sheared.shape[1]
+
     def velocities(self, x, strain, h):
         """z of x (N, dofs) and a strain within h."""
         ends = np.concatenate((x[self.i], x[self.j]), axis=1)

@@ -88,6 +88,17 @@ class FixedSprings:
         forces, sheared = self.pull(b)
         return a.gamma * sheared - float(np.sum(forces * a.places))
 
+    def shear_modulus(self) -> float:
+        """Of springs alone."""
+        forces, _ = self.pull(State(np.zeros((self.n, 2)), 1.0))
+        damped = self._dashpots.damped
+        self._matrix.factorise(self._bonds, self._dashpots, np.zeros((self.count, damped, damped)), False)
+        right = np.zeros((self.n, self.dofs))
+        right[:, :2] = forces
+        moved = self.solve(np.append(right, 0.0))[:-1].reshape(self.n, -1)[:, :2]
+        sheared = State(moved, 1.0)
+        return self.product(sheared, sheared) / self.area
+
     def dashpots(self, state) -> Dashpots:
         """Those of the packing."""
         return self._dashpots

@@ -123,6 +123,7 @@ class _Half:
     work: float  # per area and cycle, as the next two
     dissipation: float
     softened: float  # what contacts would dissipate more if they were linear at half the velocity
+    unbalanced: float  # work, at most, of what is left of the forces
     speed: float  # root mean square of |z|
 
 
@@ -155,7 +156,7 @@ class _Motion:
         stages = Stages(springs, STAGE * dt, 1.0)
         places, gamma = start.places, start.gamma
         last = np.zeros((springs.n, springs.dofs)), 0.0
-        values, (dissipation, softened, squares) = np.empty(count), np.zeros(3)
+        values, (dissipation, softened, unbalanced, squares) = np.empty(count), np.zeros(4)
         try:
             for n in range(count):
                 imposed = [self._imposed(dt * (n + part)) for part in (STAGE, 1.0)]
@@ -166,6 +167,7 @@ class _Motion:
                     softer = np.sum(self._power.forces(end.z, 0.5 * self._floor) * end.z) - end.power
                     dissipation += weight * end.power
                     softened += weight * softer
+                    unbalanced += weight * end.unbalanced
                     squares += weight * np.sum(end.z**2)
         finally:
             self.iterations += stages.iterations
@@ -187,6 +189,7 @@ class _Motion:
             work=work,
             dissipation=2.0 * dt * dissipation / springs.area,
             softened=2.0 * dt * softened / springs.area,
+            unbalanced=2.0 * dt * unbalanced / springs.area,
             speed=float(np.sqrt(squares / count / springs.count)),
         )
 
@@ -238,6 +241,15 @@ class _Repeated:
         return self._sum(starts + lefts)
 
 
+def _require_stable(springs: FixedSprings, units: _Units):
+    modulus = springs.shear_modulus() * units.stiffness
+    if not modulus > 0.0:
+        raise ConvergenceError(
+            f"its shear modulus is {modulus:.2g}: no stress can be imposed on such a packing; impose a --strain, or "
+            "relax the shear of its cell (pack --stabilise shear)"
+        )
+
+
 class SteppedOscillation:
     """All points of one packing and law, on one rank alone.
 
@@ -258,8 +270,8 @@ class SteppedOscillation:
             half = _Repeated(motion, self.steps // 2, start)
             whole = _Repeated(motion, self.steps, half.start)
             last = whole.last
-            softer = last.softened / (np.pi * last.strain**2)
-            error = abs(last.G - half.last.G) + half.left + whole.left + softer
+            softer, unbalanced = np.array([last.softened, last.unbalanced]) / (np.pi * last.strain**2)
+            error = abs(last.G - half.last.G) + half.left + whole.left + softer + unbalanced
             return Stepped(
                 G=last.G * units.stiffness,
                 error=error * units.stiffness,
@@ -294,6 +306,8 @@ class SteppedOscillation:
             units = _Units.of(law, rho0, self.network.k, point, log_strain)
             motion = _Motion(self.network, law, units, point.stress_controlled, rho0)
             try:
+                if point.stress_controlled:
+                    _require_stable(motion.springs, units)
                 speed = motion.half(State(np.zeros((self.network.n, 2)), 0.0), PILOT_STEPS).speed
             except ConvergenceError:
                 motion.springs.destroy()

@@ -41,6 +41,7 @@ class Instant:
     rate: float  # of strain
     stress: float  # σ_xy, elastic and viscous
     power: float  # dissipated
+    unbalanced: float  # power, at most, of what Newton's method has left of the forces
     z: np.ndarray  # (contacts, damped) of the dashpots there were
 
 
@@ -240,8 +241,8 @@ class Stages:
                 f"forces of a time step are not balanced after {ITERATIONS} of Newton's steps, {size:.1e} of k d is "
                 f"left: give more --steps{' or, if the packing flows, less --stress' if free else ''}"
             )
-        power = float(np.sum(seen.f * seen.z))
-        instant = Instant(seen.state.gamma, seen.rate, seen.virial / springs.area, power, seen.z)
+        power, unbalanced = float(np.sum(seen.f * seen.z)), float(np.sum(np.abs(seen.left * q))) / self.h
+        instant = Instant(seen.state.gamma, seen.rate, seen.virial / springs.area, power, unbalanced, seen.z)
         return seen.state.places, q[:-1].reshape(springs.n, -1) / self.h, instant
 
     def _dashpots(self, problem, q, last):
