@@ -96,8 +96,7 @@ class Cholesky:
             if failure.code not in mumps.NOT_POSITIVE:
                 raise
             raise NotPositiveDefinite(f"{self.what} is not positive definite") from None
-        pc = self.ksp.getPC()
-        if mumps.failure(pc) is not None and pc.getFactorMatrix().getMumpsInfog(12) > 0:
+        if mumps.negative_pivots(self.ksp.getPC()):
             # told that the matrix is positive definite, MUMPS lets negative pivots pass
             raise NotPositiveDefinite(f"{self.what} is not positive definite")
         self._norm = self.matrix.norm(petsc.NormType.INFINITY)  # bounds |A|, as A is symmetric

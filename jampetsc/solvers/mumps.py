@@ -31,6 +31,16 @@ def failure(pc):
     return pc.getFactorMatrix().getMumpsInfog(1)
 
 
+def _outcome(pc):
+    """`failure` of any PC; 0 where it is no factorisation."""
+    return failure(pc) if pc.getType() in ("cholesky", "lu") else 0
+
+
+def negative_pivots(pc) -> int:
+    """How many there are by a MUMPS factorisation of this PC, 0 where MUMPS was not used."""
+    return 0 if failure(pc) is None else pc.getFactorMatrix().getMumpsInfog(12)
+
+
 def make_ksp(comm, prefix: str):
     """A PETSc.KSP with the options of this prefix. Collective."""
     ksp = current().PETSc.KSP().create(comm)
@@ -58,8 +68,7 @@ def factorise(ksp, matrix, what: str) -> int:
                     MEMORY[0],
                 ) from None
             raise
-        pc = ksp.getPC()
-        code = failure(pc) if pc.getType() in ("cholesky", "lu") else 0
+        code = _outcome(ksp.getPC())
         if not code or code > 0:  # positive codes are warnings
             return attempt
         if code not in WORKSPACE or attempt == ATTEMPTS:

@@ -6,6 +6,7 @@ Scaled symmetrically to a unit diagonal first: at small s the θ block is of ord
 
 import numpy as np
 
+from jampetsc.errors import ConvergenceError
 from jampetsc.session import current
 from jampetsc.solvers.cholesky import Cholesky, NotPositiveDefinite, least_eigenvalue
 
@@ -47,12 +48,18 @@ class ShiftedFactor:
         diagonal = self.scale.getArray()
         unfit = int(np.count_nonzero(~(diagonal > 0)))
         if matrix.getComm().tompi4py().allreduce(unfit):
+            for item in (matrix, self.scale):
+                item.destroy()
             raise NotPositiveDefinite(f"{what} is not positive definite")
         self.scale.setArray(1.0 / np.sqrt(diagonal))
         matrix.diagonalScale(self.scale, self.scale)
         self.work = matrix.createVecRight()
         self.cholesky = Cholesky(matrix, PREFIX, what, None if project is None else self._project_scaled)
-        self.cholesky.factorise()
+        try:
+            self.cholesky.factorise()
+        except ConvergenceError:
+            self.destroy()
+            raise
 
     def _scale(self, rhs):
         """`work` ← what is to be solved for, scaled like the matrix."""
