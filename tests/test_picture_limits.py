@@ -1,0 +1,279 @@
+"""Where pictures end: how many fit, which files agree, which numbers belong to them, and what is refused."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from drawn import figure_of, lines
+from samples import published
+from test_flow_plots import facts
+
+from jampetsc.analysis.scaling import collapse_spread
+from jampetsc.errors import InputError
+from jampetsc.plots import fields, jamming, logaxes, packing, style, vibrations
+from jampetsc.plots.averages import average_curves
+from jampetsc.plots.correlation import CorrelationCurve, plot_comparison, plot_lengths
+from jampetsc.plots.curves import Curve, curve_of
+from jampetsc.plots.floppy import pressures_of
+from jampetsc.plots.flowcurves import plot_flow_curves
+from jampetsc.plots.moduli import plot_collapse
+from jampetsc.plots.units import units_of
+
+OMEGA = np.array([1e-2, 1e-1, 1.0])
+
+
+def curve(name="a.h5", omega=OMEGA, pressure=1e-3, G=None, **attributes):
+    G = 1 + 1j * omega if G is None else G
+    return Curve(name, omega, G, np.zeros((2, len(omega))), pressure, attributes)
+
+
+def file(**attributes):
+    return SimpleNamespace(path=Path("a.h5"), attributes=attributes)
+
+
+@pytest.mark.parametrize(
+    ("attributes", "message"),
+    [
+        ({"k": 0.0}, "attribute k = 0.0: must be a positive number"),
+        ({"k": np.inf}, "attribute k = inf: must be a positive number"),
+        ({"tau1": -1.0}, "attribute tau1 = -1.0: must be a positive number"),
+        ({"pressure": np.inf}, "attribute pressure = inf: must be a number; make the file again"),
+        ({"pressure": "low"}, "attribute pressure = low: must be a number"),
+    ],
+)
+def test_what_is_no_unit(attributes, message):
+    with pytest.raises(InputError, match=f"^a.h5: {message}"):
+        units_of(file(**attributes))
+
+
+def test_units_that_a_file_does_not_tell():
+    assert vars(units_of(file())) == {"k": 1.0, "tau1": 1.0, "pressure": None}
+    assert vars(units_of(file(k=2, tau1=3.0, pressure=-1.0))) == {"k": 2.0, "tau1": 3.0, "pressure": -0.5}
+
+
+@pytest.mark.parametrize(("pressure", "told"), [(None, "is not recorded"), (0.0, "0"), (-1.0, "-1")])
+def test_pressures_that_a_log_axis_does_not_show(pressure, told):
+    attributes = {} if pressure is None else {"pressure": pressure}
+    with pytest.raises(InputError, match=f"a.h5: pressure {told}: must be positive on a log axis"):
+        pressures_of([file(pressure=1.0), file(**attributes)])
+    assert pressures_of([file(pressure=1.0 + 1e-9, k=2.0)]) == [0.5]
+
+
+# Means of sweeps
+
+
+@pytest.mark.parametrize(("off", "same"), [(0.5e-9, True), (2e-9, False)])
+def test_a_mean_is_over_the_same_frequencies(off, same):
+    some = [curve("a.h5"), curve("b.h5", OMEGA * (1 + off))]
+    if same:
+        assert average_curves(some)[0].name == "2 sweeps"
+    else:
+        with pytest.raises(InputError, match=r"b\.h5: other frequencies than a\.h5: a mean needs the same"):
+            average_curves(some)
+    with pytest.raises(InputError, match="other frequencies"):
+        average_curves([some[0], curve("b.h5", OMEGA[:2])])
+
+
+def test_a_mean_takes_each_packing_once():
+    with pytest.raises(InputError, match=r"b\.h5: is of the same packing as a\.h5: a mean takes each once"):
+        average_curves([curve("a.h5", packing_sha256="x"), curve("b.h5", packing_sha256="x")])
+    (mean,) = average_curves([curve("a.h5"), curve("b.h5")])  # packings that are not known
+    assert np.allclose(mean.G, 1 + 1j * OMEGA) and mean.bounds.max() < 1e-12
+    (single,) = average_curves([curve("a.h5")])
+    assert single.name == "a.h5" and np.isnan(single.bounds).all()
+
+
+class Sweep(dict):
+    def __init__(self, omega, G, **attributes):
+        super().__init__()
+        self.omega, self.G, self.error_bound = omega, G, np.arange(1.0, len(omega) + 1)
+        self.path, self.attributes = Path("s.h5"), attributes
+
+
+def test_frequencies_that_are_there_twice_count_once():
+    omega = np.array([1.0, 0.5, 1.0 + 0.5e-9, 2.0, 1.0 + 1e-8])
+    found = curve_of(Sweep(omega, np.array([1.0, 2.0, 3.0, np.nan, 5.0]) + 1j, tau1=2.0, k=0.5))
+    assert np.allclose(found.omega, [1.0, 2.0, 2.0]) and found.G.real.tolist() == [4.0, 2.0, 10.0]
+    assert found.bounds[0].tolist() == [4.0, 2.0, 10.0] and found.pressure is None
+
+
+# What scaling leaves out
+
+
+def test_scaling_ends_where_criticality_does():
+    figure = figure_of(plot_collapse, [curve(omega=np.array([0.1, 1.0, 1.01]))])
+    x, *_ = lines(figure.axes[0])[0]
+    assert np.allclose(x, [100.0, 1000.0])
+    with pytest.raises(InputError, match=r"lowest frequency 1\.01: critical scaling needs some up to"):
+        plot_collapse([curve(omega=np.array([1.01, 2.0]))], "x.png")
+    for pressure, message in ((None, "attribute pressure is missing"), (0.0, "pressure 0: must be positive")):
+        with pytest.raises(InputError, match=message):
+            plot_collapse([curve(pressure=pressure)], "x.png")
+
+
+def test_the_last_frequency_that_is_compared():
+    """ωτ₁ = 0.1 belongs to the spread, 0.11 does not."""
+    omega = np.array([1e-3, 1e-2, 0.1, 0.11])
+    one, other = (1 + 1j) * np.ones(4), np.array([1, 1, 2, 9]) * (1 + 1j)
+    assert collapse_spread([(omega, one, 1.0), (omega, other, 1.0)]) > 0.01
+    assert collapse_spread([(omega, one, 1.0), (omega, np.array([1, 1, 1, 9]) * (1 + 1j), 1.0)]) < 1e-12
+
+
+# Correlations
+
+
+def lengths(pressure=1e-3, omega=(1e-3, 1e-2)):
+    count = len(omega)
+    return CorrelationCurve(
+        "c.h5", np.array(omega), np.full(count, 2.0 + 3j), np.zeros((2, count)), pressure, {},
+        C=np.ones((1, count, 2, 3)), errors=np.zeros((1, count, 2, 3)), delta=np.array([[0.0, 1.0, 2.0]]),
+        lanes=np.ones(1), size=20.0,
+    )  # fmt: skip
+
+
+def test_a_length_is_scaled_with_its_pressure():
+    with pytest.raises(
+        InputError, match=r"c\.h5: attribute pressure is missing: correlate sweeps that have it"
+    ):
+        plot_lengths([lengths(), lengths(None)], "x.png")
+
+
+@pytest.mark.parametrize(("off", "there"), [(1.009, True), (1.011, False)])
+def test_files_are_compared_at_a_frequency_that_they_have(off, there):
+    if there:
+        assert figure_of(plot_comparison, [lengths()], 1e-2 * off).axes
+    else:
+        with pytest.raises(InputError, match=r"c\.h5: no correlation at omega = 0.01011: it has 0.001, 0.01"):
+            plot_comparison([lengths()], 1e-2 * off, "x.png")
+
+
+# How many fit
+
+
+def test_panels_of_fields():
+    disks = published()
+    panels = [("", np.zeros((disks.n, 2)))] * fields.COLUMNS
+    particles = np.arange(disks.n)
+    assert len(figure_of(fields.plot_panels, disks, panels, particles, symbol="u").axes) == fields.COLUMNS
+    with pytest.raises(InputError, match=f"{fields.COLUMNS + 1} fields: one picture holds {fields.COLUMNS}"):
+        fields.plot_panels(disks, [*panels, panels[0]], particles, "x.png", "u")
+
+
+def test_panels_of_snapshots():
+    panels = [("", published())] * packing.PANELS
+    assert len(figure_of(packing.plot_flowing, panels).axes) == packing.PANELS
+    with pytest.raises(
+        InputError, match=f"{packing.PANELS + 1} snapshots: one picture shows {packing.PANELS}"
+    ):
+        packing.plot_flowing([*panels, panels[0]], "x.png")
+
+
+def samples(count, jammed=10, phi_J=0):
+    found = []
+    for n in range(count):
+        one = jamming.Samples(("random", 16 + n, "bidisperse", "harmonic"))
+        one.runs[0.84] = [(np.ones(1), np.array([1e-3 * (k + 1)])) for k in range(jammed)]
+        one.runs[0.84] += [(np.zeros(1), np.array([1.0]))] * 5
+        one.jamming = {0.84: 0.84 + 1e-3 * np.arange(phi_J)}
+        found.append(one)
+    return found
+
+
+def test_pressures_of_so_many_kinds(monkeypatch):
+    monkeypatch.setattr(jamming, "flow_units", lambda results: SimpleNamespace(k=1.0, label=lambda *_: "p"))
+    for count, jammed, message in (
+        (6, 10, None),
+        (7, 10, "7 kinds of samples: one picture"),
+        (1, 9, "fewer than 10 jammed"),
+    ):
+        monkeypatch.setattr(jamming, "samples_of", lambda results, n=count, m=jammed: samples(n, m))
+        if message is None:
+            assert len(figure_of(jamming.plot_pressures, [file()]).axes) == 6
+        else:
+            with pytest.raises(InputError, match=message):
+                jamming.plot_pressures([file()], "x.png")
+
+
+def test_a_density_of_phi_J_needs_ten_samples(monkeypatch):
+    monkeypatch.setattr(jamming, "samples_of", lambda results: samples(1, phi_J=10))
+    assert figure_of(jamming.plot_jamming_densities, [file()]).axes
+    monkeypatch.setattr(jamming, "samples_of", lambda results: samples(1, phi_J=9))
+    with pytest.raises(InputError, match=r"a\.h5: holds fewer than 10 values of phi_J"):
+        jamming.plot_jamming_densities([file()], "x.png")
+
+
+def test_flow_curves_need_two_rates_of_one_kind():
+    with pytest.raises(InputError, match="flow curves need several rates of one model, phi and N"):
+        plot_flow_curves([facts(rate=0.1), facts(rate=0.2, mass=2.0)], "x.png")
+    some = [facts(rate=0.1), facts(rate=0.4)]
+    for ax in figure_of(plot_flow_curves, some).axes:
+        np.testing.assert_allclose(ax.get_xlim(), (0.05 / 1.3, 0.2 * 1.3))
+
+
+class Modes(dict):
+    """A file of three modes."""
+
+    path, attributes = Path("m.h5"), {"k": 2.0}
+
+    def __init__(self):
+        super().__init__(eigenvalues=np.array([-1.0, 0.0, 8.0]), modes=np.arange(12.0).reshape(3, 2, 2))
+
+    def stored(self, name):
+        return self[name]
+
+
+def test_modes_are_numbered_from_one():
+    assert [field[0, 0] for _, field in vibrations.chosen_modes(Modes(), "1,3")] == [0.0, 8.0]
+    assert vibrations.frequencies(Modes()).tolist() == [2.0]
+    for text in ("0", "4", "1,-1"):
+        with pytest.raises(InputError, match=f"--mode {text.split(',')[-1]}: m.h5 holds modes 1 to 3"):
+            vibrations.chosen_modes(Modes(), text)
+
+
+# Words and guides
+
+
+@pytest.mark.parametrize(
+    ("value", "tick", "number", "power"),
+    [
+        (1e-3, "0.001", "10^{-3}", "10^{-3}"),
+        (0.99e-3, r"9.9\times10^{-4}", r"9.9\times10^{-4}", r"9.9\times10^{-4}"),
+        (0.1, "0.1", "0.1", "10^{-1}"),
+        (1.0, "1", "1", "1"),
+        (9999.0, "9999", r"10^{4}", "10^{4}"),
+        (1e4, "10^{4}", "10^{4}", "10^{4}"),
+        (99.0, "99", "99", "99"),
+        (123.4, "123.4", "123", "123"),
+        (-1e4, "-10^{4}", "-10^{4}", "-10^{4}"),
+        (0.0, "0", "0", "0"),
+    ],
+)
+def test_numbers_of_axes_and_legends(value, tick, number, power):
+    assert (style.tick_text(value), style.number(value), style.power_or_number(value)) == (
+        tick,
+        number,
+        power,
+    )
+
+
+@pytest.mark.parametrize(("decades", "drawn"), [(0.59, False), (0.61, True)])
+def test_how_long_a_stretch_is_marked_by_a_guide(decades, drawn):
+    x = np.geomspace(1.0, 10**decades, 9)
+    assert (logaxes._regime(x, x**0.5, 0.5) is not None) == drawn
+
+
+@pytest.mark.parametrize(("slope", "drawn"), [(0.61, True), (0.63, False), (0.39, True), (0.37, False)])
+def test_how_close_to_its_slope_data_are(slope, drawn):
+    x = np.geomspace(1.0, 100.0, 9)
+    assert (logaxes._regime(x, x**slope, 0.5) is not None) == drawn
+
+
+def test_a_guide_is_the_middle_of_the_longest_stretch():
+    x = np.geomspace(1.0, 1e8, 81)
+    y = np.where(x < 10**1.05, x**0.5, np.where(x < 10**3.05, x**2, x**0.5 * 10 ** (1.5 * 3.05)))
+    first, last = logaxes._regime(x, y, 0.5)
+    assert last - first == pytest.approx(2.5) and 0.5 * (first + last) == pytest.approx(
+        0.5 * (3.2 + 8.0), abs=0.1
+    )
+    assert logaxes._regime(x[:2], x[:2], 1.0) is None
