@@ -47,7 +47,7 @@ def from_rank_0(comm, arrays: dict | None) -> dict:
     shapes = comm.bcast(arrays and {name: (array.shape, array.dtype) for name, array in arrays.items()})
     shared = {}
     for name, (shape, dtype) in shapes.items():
-        array = np.ascontiguousarray(arrays[name]) if comm.rank == 0 else np.empty(shape, dtype)
+        array = arrays[name] if comm.rank == 0 else np.empty(shape, dtype)
         content = array.reshape(-1).view(np.uint8)
         for start in range(0, len(content), _PIECE):
             comm.Bcast(content[start : start + _PIECE])

@@ -23,6 +23,9 @@ COMMANDS = {  # words without --out -> the ending of what it writes
     "sweep p.h5 --method direct": ".h5",
     "quasistatic p.h5": ".h5",
     "modes p.h5": ".h5",
+    "oscillate p.h5 --omega 1 --strain 1e-6": ".h5",
+    "shear p.h5 --step 1e-3 --strain 2e-3": ".h5",
+    "flow p.h5 --model RD0 --rate 1e-2 --strain 0.1": ".h5",
     "spectrum s.h5": ".h5",
     "spectrum s.h5 --window 1": ".png",
     "correlate s.h5": ".h5",
@@ -144,6 +147,35 @@ def test_earlier_results_of_the_same_kind_are_replaced(inputs):
         check_output(name, kind)
         check_output("none" + name, kind)
         check_output("empty", kind)
+
+
+def test_a_flow_that_goes_on_replaces_no_other_file(inputs, capsys):
+    words = "flow --n 16 --phi 0.8 --model RD0 --rate 1e-2 --strain 0.02 --out f.h5"
+    assert cli.main(words.split()) == 0
+    capsys.readouterr()
+    assert "p.h5: is there already and is a jampetsc-packing file" in refused(
+        capsys, "flow f.h5 --strain 0.01", "p.h5"
+    )
+    for words in ("flow f.h5 --strain 0.01 --last", "shear p.h5 --step 1e-3 --strain 2e-3 --out q.h5 --last"):
+        before = content(Path.cwd())
+        assert cli.main([*words.split(), "s.h5"]) == 2
+        assert "s.h5: is there already and is a jampetsc-sweep file" in capsys.readouterr().err
+        assert content(Path.cwd()) == before
+    for words in ("flow p.h5 --model RD0 --rate 1e-2", "shear p.h5 --step 1e-3"):
+        assert cli.main([*words.split(), "--strain", "0.1", "--out", "q.h5", "--last", "q.h5"]) == 2
+        assert "q.h5: is another file that this run writes" in capsys.readouterr().err
+
+
+@pytest.mark.scalar("real")
+def test_samples_replace_no_other_file(session, shared_path):
+    if session.rank == 0:
+        write_packing(shared_path / "p.h5", published())
+    session.comm.Barrier()
+    line = ["jam", "--n", "16", "--phi", "0.9", "--seeds", "1:2", "--out", str(shared_path / "p.h5")]
+    with pytest.raises(
+        InputError, match="is there already and is a jampetsc-packing file, not a jampetsc-jam"
+    ):
+        cli.dispatch(line)
 
 
 def test_what_writes_asks_again(inputs):

@@ -10,7 +10,7 @@ import pytest
 
 from jampetsc import cli
 from jampetsc.contacts.state import measure
-from jampetsc.errors import InputError
+from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.storage.packing_file import read_packing
 
 
@@ -169,3 +169,14 @@ def test_mumps_instead_of_cholmod(tmp_path):
     done = pack(tmp_path, *words)
     assert done.returncode == 0, done.stderr
     assert measure(read_packing(tmp_path / "a.h5")).max_force <= 1e-13
+
+
+@pytest.mark.scalar("real")
+def test_one_packing_that_fails_says_so_itself_and_several_are_counted(session, shared_path):
+    line = ["pack", "--n", "24", "--phi", "0.8", "--out", str(shared_path / "p{seed}.h5")]
+    with pytest.raises(InputError, match=r"^phi = 0\.8: the disks do not touch"):
+        cli.dispatch([*line, "--seed", "1"])
+    with pytest.raises(
+        ConvergenceError, match=r"^2 of 2 packings failed, the others are on disk: .*p1\.h5: .*p2"
+    ):
+        cli.dispatch([*line, "--seeds", "1:2"])

@@ -270,7 +270,11 @@ def test_arrays_larger_than_one_message(session, monkeypatch):
     from jampetsc import collective
 
     monkeypatch.setattr(collective, "_PIECE", 24)  # bytes: three numbers of the rows below
-    arrays = {"a": np.arange(14.0).reshape(7, 2), "none": np.zeros((0, 2)), "F": np.ones((2, 3), order="F")}
+    arrays = {
+        "a": np.arange(14.0).reshape(7, 2),
+        "none": np.zeros((0, 2)),
+        "F": np.arange(6.0).reshape(2, 3).T,
+    }
     found = collective.from_rank_0(session.comm, arrays if session.rank == 0 else None)
     assert found.keys() == arrays.keys()
     for name, array in arrays.items():
