@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from powerlaw import Motion
+from powerlaw import Friction, Motion
 from samples import network_of, physics, published
 from sweeps import Sweep
 
@@ -84,6 +84,21 @@ def test_forces_balance_as_dense_equations_have_it(stress):
     mine[-1] = found.rate
     assert np.abs(dense.Z @ mine - z).max() < 2e-3 * np.abs(z).max()
     assert np.abs(z).max() > 10.0 * np.median(np.abs(z))  # some stick
+
+
+def test_dry_friction_is_the_limit():
+    """Half a cycle of Coulomb's law takes the steady oscillation of a tiny exponent to minus itself."""
+    alpha, X, stress = 2e-3, 0.3, 1.0
+    found = stepped(alpha, frequency(alpha, X, 1.0), stress, True, rotations=False)
+    law = physics(rotations=False)
+    dry = Friction(published(), law, stress, X * RHO0)
+    Q = np.zeros(len(dry.K))
+    Q[-1] = found.start.gamma
+    Q[:-1].reshape(-1, 2)[network_of(published(), law, current().comm).particles] = found.start.places
+    left = Q + dry.half_cycle(Q, 8)
+    assert left @ dry.K @ left < 1e-4 * (Q @ dry.K @ Q)
+    assert abs(left[-1]) < 1e-2 * abs(Q[-1])
+    assert found.G.imag > 0.3 * found.G.real
 
 
 @pytest.mark.parametrize("alpha", [0.1, 0.02])
