@@ -12,6 +12,7 @@ from jampetsc.contacts.laws import Law
 from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import find_contacts, stress_tensor
 from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.flows import job as jobs
 from jampetsc.flows import steps as compiled
 from jampetsc.flows.models import MODELS, Model, Scheme, scheme_for
 from jampetsc.flows.shearing import Shear
@@ -505,3 +506,19 @@ def test_verdicts_of_a_step():
         == compiled.verdict_of(0.0, 0.0, -0.8, listed)
         == compiled.STALE
     )
+
+
+@pytest.mark.parametrize("share, accepted", [(0.499, True), (0.501, False)])
+def test_starts_of_soft_disks_overlap_by_half_at_most(tmp_path, share, accepted):
+    disks = Disks.from_positions([[0.0, 0.0], [1.2 * (1 - share), 0.0]], [0.5, 0.7], 6.0 * np.eye(2))
+
+    def start():
+        return jobs.fresh(disks, {}, sheared.model("RD0"), 1e-2, 0.5, tmp_path / "x.h5")
+
+    if accepted:
+        assert start().disks is disks
+    else:
+        with pytest.raises(
+            InputError, match="overlap of 50 % of the distance of two disks at contact: no state of"
+        ):
+            start()

@@ -2,23 +2,36 @@
 
 import gc
 import re
+import shutil
+import tempfile
+from pathlib import Path
 
 import numpy as np
 import pytest
 from samples import SAMPLES, physics
+from sheared import crowd, shear
 from sweeps import Sweep
 
+from jampetsc.flows.shearing import Shear
+from jampetsc.flows.together import Together
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.examine import examine
 from jampetsc.mechanics.minimum import negative_modes
 from jampetsc.mechanics.network import build_network
+from jampetsc.response import direct as direct_solver
+from jampetsc.response import direct_sweep, rational_sweep
+from jampetsc.response import quasistatic as quasistatic_response
 from jampetsc.response.direct import FrequencySolver
+from jampetsc.response.job import Job
 from jampetsc.response.modes import lowest_modes
 from jampetsc.response.quasistatic import solve
 from jampetsc.response.viscosity import Viscosity
+from jampetsc.solvers import eigen, inertia, resistance, shifted
 from jampetsc.solvers.cholesky import NotPositiveDefinite
 from jampetsc.solvers.inertia import count_below
+from jampetsc.solvers.resistance import ContactSolver
 from jampetsc.solvers.shifted import ShiftedFactor
+from jampetsc.storage.packing_file import write_packing
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]
 
@@ -76,7 +89,43 @@ def counts(session):
     pencil.destroy()
 
 
+def flow(session):
+    solver = ContactSolver(1e-8)
+    disks = crowd(16)
+    run = shear("CD0", disks)
+    Shear(disks, run.model, run.rate, run.scheme, Together(solver)).advance(3)
+    solver.destroy()
+
+
+def rehearsals(session):
+    matrix = session.PETSc.Mat().createAIJ(16, nnz=1, comm=session.comm)
+    for row in range(*matrix.getOwnershipRange()):
+        matrix.setValue(row, row, 2.0)
+    matrix.assemble()
+    matrix.setOption(session.PETSc.Mat.Option.SYMMETRIC, True)
+    for module in (eigen, shifted, direct_solver, resistance, inertia):
+        module.rehearse(matrix)
+    matrix.destroy()
+
+
+def jobs(session):
+    folder = session.comm.bcast(tempfile.mkdtemp())
+    packing = Path(folder) / "p.h5"
+    if session.rank == 0:
+        write_packing(packing, SAMPLES["published"]())
+    session.comm.Barrier()
+    for method, module in (("rational", rational_sweep), ("direct", direct_sweep)):
+        out = Path(folder) / f"{method}.h5"
+        module.run(Job.read(packing, physics(), [1e-2, 1.0], [1.0], method, 1e-6, out, comm=session.comm))
+    quasistatic_response.run(packing, Path(folder) / "q.h5", physics(), [0.5])
+    if session.rank == 0:
+        shutil.rmtree(folder)
+
+
 RUNS = {
+    "flow": flow,
+    "rehearsals": rehearsals,
+    "jobs": jobs,
     "rational, shifts": sweep("shifts", physics()),
     "rational, matrix": sweep("matrix", physics()),
     "rational, drag": sweep("shifts", physics("stokes")),

@@ -152,3 +152,17 @@ def test_negative_modes_are_none_by_cholesky_or_counted(session, monkeypatch):
     require_minimum(sound)
     with pytest.raises(InputError, match=f"K has {number} negative modes"):
         require_minimum(gears)
+
+
+@pytest.mark.parametrize("size", [0.7e-12, 1.4e-12])
+def test_what_counts_as_zero_is_1e_12_of_the_diagonal(session, size):
+    """[[1, x], [x, 1]] has 1 − x and 1 + x, here times four: x = 1 ∓ size, on either side of zero."""
+    matrix = session.PETSc.Mat().createAIJ(4, nnz=2, comm=session.comm)
+    for row in range(*matrix.getOwnershipRange()):
+        matrix.setValue(row, row, 4.0)
+        matrix.setValue(row, row ^ 1, 4.0 * (1.0 - size if row < 2 else 1.0 + size))
+    matrix.assemble()
+    matrix.setOption(session.PETSc.Mat.Option.SYMMETRIC, True)
+    found = count_eigenvalues(matrix, "A")
+    assert (found.negative, found.zero, found.positive) == ((0, 2, 2) if size < 1e-12 else (1, 0, 3))
+    matrix.destroy()

@@ -277,9 +277,9 @@ def test_a_jamming_density_is_bracketed(monkeypatch, phi_J):
         return *jamming.jamming_density(disks, phi_J <= 0.85, None, 1e-6), quench.asked
 
     found, loosest, asked = search()
-    assert abs(found - phi_J) <= jamming.EXACT and phi_J <= loosest.phi <= phi_J + 1.01 * jamming.EXACT
-    steps = abs(phi_J - 0.85) / jamming.STEP
-    assert steps + np.log2(jamming.STEP / jamming.EXACT) < len(asked) < steps + 12
+    assert abs(found - phi_J) <= 1e-5 and phi_J <= loosest.phi <= phi_J + 1.01e-5
+    steps = abs(phi_J - 0.85) / 2e-3
+    assert steps + np.log2(2e-3 / 1e-5) < len(asked) < steps + 12  # halved from 0.002 to 1e-5
     for lost in range(1, len(asked) + 1):
         found, loosest, some = search(lost=lost)
         assert np.isnan(found) and loosest is None and len(some) == lost
@@ -322,3 +322,13 @@ def test_a_temperature_is_in_units_of_k(session):
         found.append((known["energy"] / k, known["segregation"]))
     solver.destroy()
     assert found[1] == pytest.approx(found[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("gap, found", [(0.199, 1.0), (0.201, np.nan)])
+def test_neighbours_are_a_fifth_of_a_diameter_apart_at_most(gap, found):
+    """Mean diameter 0.9: of two pairs of one kind each, those that are closer are counted."""
+    apart = np.array([1.0, 0.8]) + gap * 0.9
+    disks = Disks.from_positions(
+        np.array([[0.0, 0], [apart[0], 0], [5, 0], [5 + apart[1], 0]]), [0.5, 0.5, 0.4, 0.4], 12 * np.eye(2)
+    )
+    assert jamming.segregation(disks) == pytest.approx(found, nan_ok=True)

@@ -69,9 +69,9 @@ def test_refused(name, options, says):
 
 @pytest.mark.parametrize("name", ["normal", "transverse", "sliding", "drag", "eta_f"])
 def test_weights_of_one_s_own_have_limits_too(name):
-    assert getattr(Law("own", **{name: LARGEST}), name) == LARGEST
+    assert getattr(Law("own", **{name: 1e12}), name) == 1e12
     assert damping_law(normal=LARGEST).normal == LARGEST
-    for weight in (-1e-300, 1.001 * LARGEST, float("nan"), float("inf")):
+    for weight in (-1e-300, 1.001e12, float("nan"), float("inf")):
         with pytest.raises(InputError, match=rf"{name} = .*: must lie between 0 and 1e\+12"):
             Law("own", **{name: weight})
     for tau1 in (0.0, -1.0, float("inf"), float("nan")):

@@ -591,3 +591,41 @@ def test_fire_steps_as_stiffness_allows():
         fall(descent, 1e-300, 50)
         ends.append(descent.disks.positions)
     np.testing.assert_allclose(ends[1], ends[0], rtol=0, atol=1e-12)
+
+
+def test_the_first_step_is_a_tenth_of_that_of_the_springs():
+    """Along the forces, which then have no history; of the stiffest contact there is."""
+    for law in (Potential(k=3.0), Potential("harmonic", "inverse-square-diameter")):
+        disks = minimise.settle(random_disks(40, 0.9, 3, law), 0.3)
+        descent = Descent(disks, Goal(), Team())
+        descent.descend(0.0, 0.0, 2)
+        forces = state.net_forces(disks.n, find_contacts(disks))
+        stiffest = law.contact_stiffness(np.array(0.1), 2.0 * disks.radii.min())
+        assert np.abs(forces).max() / stiffest < 1.0
+        np.testing.assert_allclose(descent.offsets, 0.1 * forces / stiffest, rtol=1e-6, atol=1e-9)
+
+
+def test_no_coordinate_changes_by_more_than_its_reach():
+    """A tenth of a mean diameter for disks, a hundredth for sides of the cell: just as much where far more is asked."""
+    crushed = random_disks(40, 6.0, 3)
+    descent = Descent(crushed, Goal(), Team())
+    descent.descend(0.0, 0.0, 2)
+    assert np.abs(descent.offsets).max() == pytest.approx(0.1 * descent.diameter, rel=1e-6)
+    squeezed = Descent(random_disks(40, 1.0, 3), Goal(50.0), Team())
+    squeezed.descend(0.0, 0.0, 2)
+    assert abs(squeezed.box[0]) == pytest.approx(0.01, rel=1e-6)
+
+
+@pytest.mark.scalar("real")
+def test_disks_that_barely_touch_are_jammed():
+    """Above a pressure of 1e-11 k, below which they are apart."""
+    for gap, jammed in ((4e-12, False), (1e-10, True)):
+        triangular = np.array([[0.0, 0.0], [0.5, np.sqrt(0.75)]])[None] + np.arange(4)[:, None, None] * [
+            1.0,
+            0.0,
+        ]
+        rows = np.concatenate([triangular.reshape(-1, 2) + np.array([0.0, up]) for up in (0.0, np.sqrt(3.0))])
+        cell = np.diag([4.0, 2 * np.sqrt(3.0)])
+        disks = Disks.from_positions((1 - gap) * rows, np.full(16, 0.5), (1 - gap) * cell)
+        found = minimise.minimise(disks, Goal(), NewtonSolver(), tolerance=1e-3)
+        assert found.jammed == jammed and found.pressure == pytest.approx(np.sqrt(3.0) * gap, rel=1e-2)

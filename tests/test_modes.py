@@ -13,6 +13,7 @@ from samples import DATA, SAMPLES, gears, physics, published, reference, strips
 import jampetsc
 from jampetsc import cli
 from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.mechanics.network import build_network
 from jampetsc.response import modes as modes_module
@@ -197,6 +198,29 @@ def test_modes_that_are_not_found_well_are_refused(session, monkeypatch):
         options.delValue("eps_tol")
 
 
+def test_how_exact_and_how_different_modes_must_be(session, monkeypatch):
+    """Residuals of 1e-9 in units of the stiffness; products and lengths to 1e-6."""
+    network = build_network(replace(published(), potential=Potential(k=2.5)), session.comm)
+    right = lowest_modes(network, 3)
+    vectors = right.vectors.reshape(3, -1)
+    _require_different((1.0 + 0.45e-6) * vectors, network)
+    with pytest.raises(ConvergenceError, match="modes are not orthonormal"):
+        _require_different((1.0 + 0.55e-6) * vectors, network)
+    lowest = eigen.lowest
+    for size, found in ((0.99, True), (1.01, False)):
+
+        def rough(*args, size=size, **words):
+            pairs = lowest(*args, **words)
+            return replace(pairs, residuals=np.full(len(pairs.values), 2.5e-9 * size))
+
+        monkeypatch.setattr(modes_module, "lowest", rough)
+        if found:
+            np.testing.assert_allclose(lowest_modes(network, 3).eigenvalues, right.eigenvalues, rtol=1e-10)
+        else:
+            with pytest.raises(ConvergenceError, match=r"a mode has a residual of 2.5e-09: tighten"):
+                lowest_modes(network, 3)
+
+
 @pytest.mark.parametrize("beyond", [-1, 1])
 def test_a_count_that_never_agrees_is_an_error(session, monkeypatch, beyond):
     """Too few below, or too many: either way modes are not what they are said to be."""
@@ -225,9 +249,8 @@ def test_an_affine_response_has_no_shares(session):
 
 
 def test_where_a_cluster_ends():
-    """Just above it, if the next value is farther than GAP relatively and than rounding; else with it."""
-    gap = modes_module.GAP
-    apart, together = 1.0 + 1.5 * gap, 1.0 + 0.5 * gap
+    """Just above it, if the next value is farther than 1e-7 relatively and than rounding; else with it."""
+    apart, together = 1.0 + 1.5e-7, 1.0 + 0.5e-7
     for values, count, there, wanted in (
         ([0.5, 1.0, apart], 2, 9, (2, 0.5 * (1.0 + apart))),
         ([0.5, 1.0, together, 2.0], 2, 9, (3, 0.5 * (together + 2.0))),

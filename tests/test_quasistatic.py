@@ -274,6 +274,12 @@ def test_a_field_is_refined_and_its_error_told(session, monkeypatch):
     assert found.value == pytest.approx(right.value, rel=1e-12) and found.defect < 1e-8
     left = right.x - found.x
     assert np.sqrt(c.w_K @ c.motions(left) ** 2) == pytest.approx(1e-10 * size, rel=1e-2)
+    share = np.sqrt(1e-8 * imposed / size)  # leaves 1e-8 of the motion imposed
+    with monkeypatch.context() as only:
+        only.setattr(balance, "LARGEST_DEFECT", np.inf)
+        assert respond(0.95 * share).error < 1e-8
+        with pytest.raises(ConvergenceError, match=r"a field: only certain to 1.1e-08, its energy to"):
+            respond(1.05 * share)
     for share, name in ((1e-3, "LARGEST_ERROR"), (0.3, "LARGEST_DEFECT")):
         with monkeypatch.context() as only:
             for limit in {"LARGEST_ERROR", "LARGEST_DEFECT"} - {name}:

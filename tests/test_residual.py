@@ -13,7 +13,7 @@ from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.response.basis import RationalBasis, field_at
 from jampetsc.response.certificate import field_bound
-from jampetsc.response.factors import SideBySide
+from jampetsc.response.factors import SideBySide, closest
 from jampetsc.response.galerkin import Galerkin, _graded_eigen
 from jampetsc.response.rational import largest_rate
 from jampetsc.response.residual import ResidualBound, energy_between, positive, transfer
@@ -225,6 +225,25 @@ def test_vectors_close_to_the_space_are_not_taken(session):
             assert basis.append(one.copy(), 1.0) and basis.append(one + new * two, 2.0) == taken
             assert basis.size == len(basis.shifts) == len(basis.K) == len(basis.t) == 1 + taken
             basis.destroy()
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("off, sound", [(3e-7, True), (1e-5, False)])
+def test_how_far_a_field_from_outside_may_be_off(session, off, sound):
+    """A millionth of the terms of its equation: far more than another solver leaves, and less than anybody changes."""
+    pencil = pencil_of(session, physics())
+    factor = ShiftedFactor(shifted(pencil.K, pencil.B, 1e-2), "A")
+    x0 = field_at(pencil, factor, 1e-2)
+    assert RationalBasis(pencil, 1e-2, (1.0 + off) * x0).restore([], []) == sound
+    for item in (factor, pencil):
+        item.destroy()
+
+
+def test_a_factor_serves_for_shifts_close_by():
+    """Within a ratio of 1.5 either way; the first one that does."""
+    assert closest([1.0, 10.0], 1.49) == closest([1.0, 10.0], 0.67) == 1.0
+    assert closest([1.0, 10.0], 1.51) is closest([1.0, 10.0], 0.66) is closest([], 1.0) is None
+    assert closest([1.0, 1.2], 1.3) == 1.0 and closest([10.0, 1.0], 1.0) == 1.0
 
 
 @pytest.mark.scalar("real")
