@@ -1,8 +1,11 @@
 """The commands as python functions: the same file, loaded, and the same refusals."""
 
+import io
 import os
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import launch
 import numpy as np
@@ -10,9 +13,11 @@ import pytest
 import samples
 
 import jampetsc
-from jampetsc import cli
+from jampetsc import cli, functions
+from jampetsc.commands import spectrum
 from jampetsc.errors import InputError
 from jampetsc.storage.packing_file import write_packing
+from jampetsc.storage.result_file import ResultWriter
 
 
 @pytest.fixture
@@ -51,6 +56,60 @@ def test_functions_take_what_functions_give(session):
     slow = jampetsc.quasistatic(disks)
     assert spectrum.spectrum.G0 == pytest.approx(slow.attributes["G0"], rel=1e-6)
     session.comm.Barrier()
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_what_needs_no_petsc_is_done_by_one_rank(session, shared_path, monkeypatch):
+    if session.rank == 0:
+        with ResultWriter(shared_path / "s.h5", "jampetsc-sweep") as writer:
+            for name, values in {
+                "omega": [0.1, 1.0],
+                "G": [1 + 1j, 2 + 2j],
+                "error_bound": [0.0, 0.0],
+            }.items():
+                writer.dataset(name, np.array(values))
+            for name, values in {"G0": 1.0, "eta_inf": 0.5, "rates": [1.0], "weights": [2.0]}.items():
+                writer.dataset(f"reduced/{name}", values)
+    session.comm.Barrier()
+    runs, run = [], spectrum.run
+    monkeypatch.setattr(spectrum, "run", lambda *words: runs.append(session.rank) or run(*words))
+    monkeypatch.setattr("sys.stdout", said := io.StringIO())
+    found = jampetsc.spectrum(shared_path / "s.h5")
+    assert found["relaxation/rates"].tolist() == [1.0] and said.getvalue() == ""
+    assert session.comm.allreduce(len(runs)) == 1 and runs == [0] * (session.rank == 0)
+
+
+@pytest.mark.scalar("real")
+def test_the_folder_of_files_without_a_name_is_made_again(session, monkeypatch):
+    first = functions._temporary()
+    session.comm.Barrier()
+    assert os.path.dirname(functions._temporary()) == os.path.dirname(first)
+    session.comm.Barrier()
+    if session.rank == 0:
+        shutil.rmtree(os.path.dirname(first))
+    session.comm.Barrier()
+    again = functions._temporary()
+    assert os.path.isdir(os.path.dirname(again)) and session.comm.bcast(again) == again
+    session.comm.Barrier()
+
+
+def test_values_as_a_command_line_has_them():
+    assert (
+        functions._one([1e-3, 0.1 + 0.2]) == "0.001,0.30000000000000004" and functions._one((1, 2)) == "1,2"
+    )
+    assert functions._one(np.array([0.5])) == "0.5" and functions._one(np.float64(0.1)) == 0.1
+    assert (
+        functions._one(Path("a") / "b") == "a/b"
+        and functions._one("x") == "x"
+        and functions._one(True) is True
+    )
+    for call in (
+        lambda: jampetsc.run("modes", "p.h5", help=True),
+        lambda: jampetsc.run("modes", "p.h5", cuont=3),
+    ):
+        with pytest.raises(InputError, match=r"modes: (help|cuont): no such option"):
+            call()
 
 
 @pytest.mark.scalar("real")

@@ -588,6 +588,17 @@ def test_options_that_petsc_reads_late_are_none_of_the_run(session, give):
     assert other._given == {"ours_a"}
 
 
+@pytest.mark.scalar("real")
+def test_what_was_not_needed_is_noted_by_one_rank(session, give, capsys):
+    give("Ours_a")
+    cli._note_unused()
+    said = "jampetsc: note: PETSc option -Ours_a: not needed in this run\n"
+    assert capsys.readouterr().err == (said if session.rank == 0 else "")
+    ask(session, "ours_a")
+    cli._note_unused()
+    assert capsys.readouterr().err == ""
+
+
 def test_versions_without_a_session(monkeypatch):
     monkeypatch.setattr(jampetsc.session, "_session", None)
     assert list(jampetsc.session.versions()) == ["numpy", "h5py"]

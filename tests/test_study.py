@@ -16,7 +16,7 @@ from jampetsc.errors import InputError
 from jampetsc.session import current
 from jampetsc.studies import run as study_run
 from jampetsc.studies import tasks as study_tasks
-from jampetsc.studies.board import Board
+from jampetsc.studies.board import BROKEN, DONE, FINISHED, OPEN, Board
 from jampetsc.studies.journal import Journal, records_of
 from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.lock import Lock
@@ -215,6 +215,64 @@ def test_more_seeds_are_added_and_the_rest_is_kept(session, shared_path):
     assert second.where(command="correlate")["packings"] == [3]
     fewer = study(shared_path / "study", text.replace("1:2", "2:2"))
     assert fewer.rows == 7 and sorted(fewer["file"]) == sorted(second["file"])
+
+
+# Who does what
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_a_board_gives_each_task_to_one_rank_and_knows_what_became_of_all(session):
+    board, comm = Board(session, 5), session.comm
+    assert not board.keeps_books and board.state(3) == OPEN
+    taken = []
+    while (number := board.take()) < 5:
+        taken.append(number)
+        finished, failed = board.settle(number, BROKEN if number == 2 else DONE)
+        assert 1 <= finished <= 5 and failed <= 1
+        assert board.settled(number) == (BROKEN if number == 2 else DONE)
+    calls = []
+    board.wait_for(5, lambda: calls.append(1))
+    assert sorted(number for some in comm.allgather(taken) for number in some) == list(range(5))
+    assert board.states() == [DONE, DONE, BROKEN, DONE, DONE]
+    comm.Barrier()
+    if session.rank == 0:
+        board.wait_for(6, lambda: board._add(FINISHED, 1))  # what is done while waiting
+    board.close()
+    several = Board(session, 1, node=session.MPI.COMM_SELF)  # as if each rank had a machine of its own
+    assert several.keeps_books == (session.rank == 0 and session.size > 1)
+    several.close()
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_what_fits_on_a_machine_is_shared_by_its_ranks(session, monkeypatch):
+    assert study_run._most_disks(session) <= study_run.LARGE
+    monkeypatch.setattr(study_run, "LARGE", 10**18)
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    assert study_run._most_disks(session) == memory // 2 // session.size // study_run.BYTES
+    monkeypatch.setattr(study_run, "LARGE", 100 + session.rank)
+    assert study_run._most_disks(session) == 100  # the least that any rank may
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_what_reads_a_large_task_that_failed_fails_too(session, shared_path, monkeypatch):
+    only_on("several")
+    read = study_tasks.numbers_of
+
+    def numbers_of(path):
+        if path.name.startswith("sweep"):
+            raise InputError("lost")
+        return read(path)
+
+    monkeypatch.setattr(study_tasks, "numbers_of", numbers_of)
+    monkeypatch.setattr(study_run, "LARGE", 15)
+    text = SMALL.replace("1:2", "1:1").replace("[quasistatic]", '[sweep]\nomega = "1"\n[spectrum]')
+    table = study(shared_path / "study", text, status=3)
+    states = dict(zip(table["command"], table["state"], strict=True))
+    assert states["sweep"] == "failed: lost" and states["pack"] == "done"
+    assert states["spectrum"].startswith("failed: sweep-n16-") and states["spectrum"].endswith(".h5 failed")
 
 
 # Killed

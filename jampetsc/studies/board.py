@@ -81,6 +81,5 @@ class Board:
             time.sleep(NAP)
 
     def close(self) -> None:
-        """Collective."""
-        self.comm.Barrier()
+        """Collective: memory goes when all have come here."""
         self._window.Free()
