@@ -27,7 +27,7 @@ from jampetsc.oscillation.dashpots import REST, Damping
 from jampetsc.oscillation.fixed import FixedSprings, State
 from jampetsc.oscillation.harmonics import harmonics_of
 from jampetsc.oscillation.powerlaw import PowerLaw
-from jampetsc.oscillation.stage import STAGE, Imposed, Stages
+from jampetsc.oscillation.stage import STAGE, WEIGHTS, Imposed, Stages
 from jampetsc.oscillation.steady import Point
 
 PREFIX = "osc_factor_"
@@ -152,27 +152,25 @@ class _Motion:
 
     def half(self, start: State, steps: int) -> _Half:
         """With so many steps of a cycle."""
-        springs, dt, count = self.springs, 2.0 * np.pi / steps, steps // 2
+        springs, dt = self.springs, 2.0 * np.pi / steps
         stages = Stages(springs, STAGE * dt, 1.0)
         places, gamma = start.places, start.gamma
-        last = np.zeros((springs.n, springs.dofs)), 0.0
-        values, (dissipation, softened, unbalanced, squares) = np.empty(count), np.zeros(4)
+        last, rows = (np.zeros((springs.n, springs.dofs)), 0.0), []
         try:
-            for n in range(count):
-                imposed = [self._imposed(dt * (n + part)) for part in (STAGE, 1.0)]
-                places, u, ends = stages.step(places, gamma, imposed, last)
+            for n in range(steps // 2):
+                times = [dt * (n + part) for part in (STAGE, 1.0)]
+                places, u, ends = stages.step(places, gamma, [self._imposed(time) for time in times], last)
                 gamma, last = ends[1].gamma, (u, ends[1].rate)
-                values[n] = gamma if self._stress_controlled else ends[1].stress
-                for weight, end in zip((1.0 - STAGE, STAGE), ends, strict=True):
-                    softer = np.sum(self._power.forces(end.z, 0.5 * self._floor) * end.z) - end.power
-                    dissipation += weight * end.power
-                    softened += weight * softer
-                    unbalanced += weight * end.unbalanced
-                    squares += weight * np.sum(end.z**2)
+                rows += [
+                    (time, dt * weight, *self._look(end))
+                    for time, weight, end in zip(times, WEIGHTS, ends, strict=True)
+                ]
         finally:
             self.iterations += stages.iterations
-        count = 2 * len(values)
-        found = harmonics_of(np.append(values, -values), np.arange(1, count + 1) / count, 1.0 / count)
+        times, weights, values, *rest = np.array(rows).T
+        dissipation, softened, unbalanced, squares = np.array(rest) @ weights
+        # the other half has the opposite values, and as much of odd harmonics
+        found = harmonics_of(values, times / (2.0 * np.pi), weights / np.pi)
         work = np.pi * self._amplitude * float(found[0].imag)
         G, strain, work = (
             (self._amplitude / found[0], abs(found[0]), -work)
@@ -187,11 +185,17 @@ class _Motion:
             harmonics=found[1:] / found[0],
             strain=float(strain),
             work=work,
-            dissipation=2.0 * dt * dissipation / springs.area,
-            softened=2.0 * dt * softened / springs.area,
-            unbalanced=2.0 * dt * unbalanced / springs.area,
-            speed=float(np.sqrt(squares / count / springs.count)),
+            dissipation=2.0 * dissipation / springs.area,
+            softened=2.0 * softened / springs.area,
+            unbalanced=2.0 * unbalanced / springs.area,
+            speed=float(np.sqrt(squares / np.pi / springs.count)),
         )
+
+    def _look(self, end):
+        """What answers, power dissipated, what more would be if contacts were softer, power left, Σ|z|²."""
+        softer = np.sum(self._power.forces(end.z, 0.5 * self._floor) * end.z) - end.power
+        response = end.gamma if self._stress_controlled else end.stress
+        return response, end.power, softer, end.unbalanced, np.sum(end.z**2)
 
 
 class _Repeated:
