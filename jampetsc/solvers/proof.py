@@ -51,6 +51,6 @@ def _doubt_mumps(prefix, factor, ranks, null_pivots):
         return f"-{prefix}mat_mumps_icntl_13 {factor.getMumpsIcntl(13)} leaves out the pivots of the root"
     if factor.getMumpsIcntl(24) != 0 and not null_pivots:
         return f"-{prefix}mat_mumps_icntl_24 {factor.getMumpsIcntl(24)} replaces null pivots"
-    if factor.getMumpsCntl(4) >= 0.0 or factor.getMumpsInfog(25):
+    if factor.getMumpsCntl(4) >= 0.0:
         return f"-{prefix}mat_mumps_cntl_4 {factor.getMumpsCntl(4):g} replaces small pivots"
     return ""
