@@ -12,6 +12,7 @@ from jampetsc.contacts.disks import Disks
 from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.response import direct_sweep
+from jampetsc.response.certificate import Hold
 from jampetsc.response.direct import FrequencySolver
 from jampetsc.response.job import Job
 from jampetsc.solvers.cholesky import least_singular_value
@@ -191,6 +192,20 @@ def test_a_hold_holds(session, law):
         assert solver._find_hold(1.0).least == 0.0
         wrong.destroy()
     assert replace(hold, least=0.0).reach(1.0) == np.inf
+
+
+@pytest.mark.most_ranks(1)
+def test_a_hold_reaches_softer_motions_at_lower_frequencies(session):
+    """With K = 0 what a force makes of A⁻¹ grows as 1/ω; with B = 0 it does not change, while D does."""
+    for K, B in ((0.0, 2.0), (3.0, 0.0), (1e-3, 1.0)):
+        for at in (1e-2, 1.0, 50.0):
+            diagonal = K + at * B
+            hold = Hold(at, np.array([diagonal]), abs(K + 1j * at * B) / diagonal)
+            assert hold.reach(at) == pytest.approx(diagonal / abs(K + 1j * at * B), rel=1e-14)
+            for omega in (1e-6, 1e-2, 0.5, 1.0, 2.0, 1e4):
+                gain = diagonal / abs(K + 1j * omega * B)
+                assert gain <= hold.reach(omega) * (1 + 1e-12)
+    assert Hold(1.0, np.ones(1), 0.0).reach(2.0) == Hold(1.0, np.ones(1), float("nan")).reach(1.0) == np.inf
 
 
 def test_least_singular_value_is_a_lower_bound():

@@ -26,7 +26,7 @@ from jampetsc.response.job import Job
 from jampetsc.response.modes import lowest_modes
 from jampetsc.response.quasistatic import solve
 from jampetsc.response.viscosity import Viscosity
-from jampetsc.solvers import eigen, inertia, resistance, shifted
+from jampetsc.solvers import eigen, inertia, rehearsal, resistance, shifted
 from jampetsc.solvers.cholesky import NotPositiveDefinite
 from jampetsc.solvers.inertia import count_below
 from jampetsc.solvers.resistance import ContactSolver
@@ -106,6 +106,11 @@ def rehearsals(session):
     for module in (eigen, shifted, direct_solver, resistance, inertia):
         module.rehearse(matrix)
     matrix.destroy()
+    given, session.options_given = session.options_given, lambda: True  # else nothing is rehearsed
+    try:
+        rehearsal.rehearse(direct_solver.rehearse, inertia.rehearse)
+    finally:
+        session.options_given = given
 
 
 def jobs(session):

@@ -19,9 +19,11 @@ from jampetsc.oscillation.cycle import Cycle
 from jampetsc.oscillation.equations import Drive, Equations
 from jampetsc.oscillation.newton import Newton
 from jampetsc.oscillation.powerlaw import STIFFEST
+from jampetsc.oscillation.preconditioner import HarmonicPreconditioner
 from jampetsc.oscillation.steady import Point, SteadyOscillation
 from jampetsc.response.elastic import ElasticResponse
 from jampetsc.session import current
+from jampetsc.solvers.cholesky import NotPositiveDefinite
 from jampetsc.storage.packing_file import write_packing
 from jampetsc.storage.reader import load
 
@@ -220,3 +222,19 @@ def test_the_command_has_the_mean_diameter_for_its_length_and_leaves_no_checkpoi
     assert args.run(args, []) == 0
     assert load(out)["G"][0, 0] == pytest.approx(shaken(0.5, 16).G, rel=1e-6)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["o.h5", "p.h5"]
+
+
+def test_a_factor_that_fails_on_one_rank_fails_on_all(session):
+    """Ranks share the harmonics, each with factors of its own."""
+    packing = Packing(0.5, 16)
+    contacts = packing.oscillation.contacts
+    preconditioner = HarmonicPreconditioner(contacts, Cycle(16, OMEGA), True)
+    stiffness = np.ones((contacts.count, np.arange(contacts.forms)[contacts.damped].size))
+    preconditioner.update(stiffness)
+    if session.rank == session.size - 1:
+        preconditioner._K.data *= 5.0  # but for the diagonal: now it has negative eigenvalues
+        preconditioner._K.data[preconditioner._diagonal] /= 5.0
+    with pytest.raises(NotPositiveDefinite, match=r"K/Ω \+ B at Ω = "):
+        preconditioner.update(1e-12 * stiffness)
+    preconditioner.destroy()
+    packing.destroy()

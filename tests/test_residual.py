@@ -17,6 +17,7 @@ from jampetsc.response.factors import SideBySide, closest
 from jampetsc.response.galerkin import Galerkin, _graded_eigen
 from jampetsc.response.rational import largest_rate
 from jampetsc.response.residual import ResidualBound, energy_between, positive, transfer
+from jampetsc.solvers import stopped
 from jampetsc.solvers.cholesky import NotPositiveDefinite, least_eigenvalue
 from jampetsc.solvers.shifted import ShiftedFactor, shifted
 from jampetsc.storage.packing_file import write_packing
@@ -448,6 +449,60 @@ def test_one_rank_that_fails_is_everybodys_failure(session):
         factors.factorise([1.0, -0.1])
     factors.destroy()
     pencil.destroy()
+
+
+class Lost:
+    """A factor with which nothing comes out."""
+
+    def solve(self, *_):
+        raise ConvergenceError("lost on one rank")
+
+    energy = least_eigenvalue = solve
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+@pytest.mark.parametrize("what", ["start", "extend", "solve", "energies", "least_eigenvalue"])
+def test_a_solve_that_fails_on_one_rank_fails_on_all(session, what):
+    if session.size == 1:
+        return
+    pencil = pencil_of(session, physics())
+    factors = SideBySide(pencil)
+    factors.factorise([1e-2, 10.0])
+    s = next(s for s, rank in factors.owner.items() if rank == session.size - 1)
+    basis = factors.start(1e-2)
+    factor = factors.mine.get(s)
+    if factor is not None:
+        factors.mine[s] = Lost()
+    calls = {
+        "start": lambda: factors.start(s),
+        "extend": lambda: factors.extend(basis, [s], 1),
+        "solve": lambda: factors._solve(s, pencil.k_gamma.getArray()),
+        "energies": lambda: factors.energies(pencil.k_gamma.getArray()),
+        "least_eigenvalue": lambda: factors.least_eigenvalue(s),
+    }
+    with pytest.raises(ConvergenceError, match="lost on one rank"):
+        calls[what]()
+    if factor is not None:
+        factors.mine[s] = factor
+    for item in (basis, factors, pencil):
+        item.destroy()
+
+
+@pytest.mark.scalar("real")
+def test_the_worst_of_all_ranks_is_why_a_solver_stopped(session):
+    class Solver:
+        """As a KSP, of which each rank has another reason."""
+
+        def __init__(self, reason):
+            self.getConvergedReason = lambda: reason
+            self.getComm = lambda: session.PETSc.COMM_WORLD
+
+    reason = session.PETSc.KSP.ConvergedReason
+    last = session.rank == session.size - 1
+    assert stopped.reason(Solver(-11 if last else 2)) == -11
+    assert stopped.reason(Solver(4 if last else 2)) == (4 if session.size == 1 else 2)
+    assert "CONVERGED" in stopped.name(reason.CONVERGED_RTOL) and stopped.name(-1234) == "-1234"
 
 
 @pytest.mark.scalar("real")
