@@ -14,6 +14,7 @@ import os
 import sys
 import time
 from array import array
+from functools import cache
 
 import pytest
 
@@ -43,14 +44,22 @@ def pytest_configure(config):
 
 def pytest_ignore_collect(collection_path):
     """Ranks, each of which reads the tests, leave out files of plain ones alone, with all that those import."""
-    if SCALAR is not None and collection_path.match("test_*.py"):
-        return True if "mark.scalar" not in collection_path.read_text() else None
+    if SCALAR is not None and collection_path.match("test_*.py") and not is_for_ranks(collection_path):
+        return True
+    return None
+
+
+@cache
+def is_for_ranks(path):
+    return "mark.scalar" in path.read_text()
 
 
 def pytest_collection_modifyitems(config, items):
     def wanted(item):
         scalar, most = (item.get_closest_marker(name) for name in ("scalar", "most_ranks"))
         if scalar is None or SCALAR is None:
+            if scalar is not None and not is_for_ranks(item.path):
+                raise pytest.UsageError(f"{item.nodeid}: ranks look for mark.scalar in the text of a file")
             return scalar is None and SCALAR is None
         return SCALAR in scalar.args and (most is None or running.size <= most.args[0])
 
