@@ -1,6 +1,7 @@
 """The command line: what goes to whom, one line for every error, and no rank left waiting."""
 
 import argparse
+import errno
 import os
 import signal
 import subprocess
@@ -42,6 +43,68 @@ def words_of(done):
 )
 def test_who_gets_which_word(line, program, petsc):
     assert cli.split_petsc(line.split()) == (program.split(), petsc.split())
+
+
+@pytest.mark.parametrize(
+    ("line", "joined"),
+    [
+        ("--a -1e-4 --b -.5", "--a=-1e-4 --b=-.5"),
+        ("--a -1 -2", "--a=-1 -2"),  # it has a value
+        ("--a=3 -2", "--a=3 -2"),
+        ("x.h5 -2", "x.h5 -2"),
+        ("-3", "-3"),
+        ("--a -x --b -", "--a -x --b -"),
+    ],
+)
+def test_negative_numbers_are_values(line, joined):
+    assert cli._with_negative_numbers(line.split()) == joined.split()
+
+
+@pytest.mark.parametrize(
+    ("error", "message"),
+    [
+        (
+            OSError(errno.ENOSPC, "x", "a.h5"),
+            "a.h5: No space left on device: free some space, or write elsewhere",
+        ),
+        (OSError(errno.EACCES, "x", "a.h5"), "a.h5: Permission denied: check its permissions"),
+        (OSError(errno.EIO, "x"), "Input/output error"),
+        (
+            OSError("Can't write data (file write failed: name = 'a b.h5', errno = 28, error message = 'x')"),
+            "a b.h5: No space left on device: free some space, or write elsewhere",
+        ),
+        (OSError("odd\n  words"), "odd words"),
+    ],
+)
+def test_what_the_system_says_in_one_line(error, message):
+    assert cli._system_message(error) == message
+
+
+def test_one_command_is_imported_unless_all_are_asked_for():
+    assert list(cli.command_parser(["sweep", "x"])[1].choices) == ["sweep"]
+    assert list(cli.command_parser(["--version"])[1].choices) == []
+    assert list(cli.command_parser(["--help"])[1].choices) == list(commands.COMMANDS)
+    with pytest.raises(
+        InputError, match=r"^swep: no such command; did you mean sweep\? \(see jampetsc --help\)$"
+    ):
+        cli.command_parser(["swep"])
+
+
+def test_a_misspelt_option_is_named_where_its_right_one_is_missing():
+    for line, message in (
+        ("sweep p.h5 --ouput s.h5", "--ouput: no such option; did you mean --out?"),
+        ("sweep p.h5 --ouput=s.h5", "--ouput: no such option; did you mean --out?"),
+        ("sweep p.h5 --out s.h5 --zzz", "--zzz: no such option (see jampetsc sweep --help)"),
+        ("sweep p.h5 q.h5 --out s.h5", "q.h5: one argument too many"),
+        ("sweep --out s.h5 -log_view p.h5", "the following arguments are required: PACKING"),
+        ("info p.h5 -log_view", "info -log_view: single-dash options are PETSc's"),
+    ):
+        with pytest.raises(InputError) as refused:
+            cli.dispatch(line.split())
+        assert str(refused.value).startswith(message)
+        assert ("PETSc's options took p.h5: put them last" in str(refused.value)) == (
+            "-log_view p.h5" in line
+        )
 
 
 def test_every_command_is_there():

@@ -8,7 +8,7 @@ import pytest
 from jampetsc import cli, commands
 from jampetsc.commands import jam
 from jampetsc.errors import InputError
-from jampetsc.words.flowing import model_from
+from jampetsc.words.flowing import OWN_UNITS, UNITS, model_from, start_of
 from jampetsc.words.frequencies import parse_omega
 from jampetsc.words.packtasks import radii_asked, seeds_of
 
@@ -284,3 +284,23 @@ def test_radii_of_a_file(tmp_path):
     ):
         with pytest.raises(InputError, match=message):
             radii(*values)
+
+
+def test_a_start_that_is_no_file_has_disks_of_its_own(tmp_path):
+    """The smallest diameter is 1, unless radii are given; a seed that is not told is 1."""
+    words = "flow --phi 0.7 --model RD0 --rate 1e-2 --strain 1".split()
+
+    def start(*more):
+        return start_of(parser("flow").parse_args([*words[1:], *more]))
+
+    disks, origin = start("--n", "16")
+    assert (origin["seed"], origin["sizes"], origin["units"]) == (1, "bidisperse", UNITS)
+    assert disks.radii.min() == 0.5 and disks.potential.kind == "harmonic" and disks.phi == pytest.approx(0.7)
+    assert np.array_equal(start("--n", "16", "--seed", "1")[0].positions, disks.positions)
+    other, origin = start("--n", "16", "--seed", "2", "--potential", "hertzian")
+    assert origin["seed"] == 2 and other.potential.kind == "hertzian"
+    assert not np.allclose(other.positions, disks.positions)
+    (tmp_path / "r.txt").write_text("3\n" * 16)
+    own, origin = start("--radii", str(tmp_path / "r.txt"))
+    assert own.radii.tolist() == [3.0] * 16
+    assert (origin["sizes"], origin["units"]) == ("radii of r.txt", OWN_UNITS)

@@ -7,6 +7,8 @@ import os
 import signal
 import stat
 import sys
+from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -15,7 +17,7 @@ from samples import published
 
 import jampetsc
 from jampetsc.errors import InputError
-from jampetsc.storage import regular, trial
+from jampetsc.storage import fields, regular, trial
 from jampetsc.storage.hdf5 import (
     attributes,
     check_format,
@@ -524,3 +526,120 @@ def test_the_place_in_a_stream_is_of_no_matter(tmp_path):
     content.seek(7)
     with from_stream(content) as h5:
         assert len(h5["radii"]) == published().n
+
+
+# What sweeps hold
+
+
+class Fields:
+    """A sweep with fields of n disks at these frequencies."""
+
+    path = Path("s.h5")
+
+    def __init__(self, omega, n=3, particles=None):
+        self.omega = np.array(omega)
+        displacement = np.arange(2.0 * n * len(omega)).reshape(len(omega), n, 2) * 1j
+        self.fields = SimpleNamespace(omega=self.omega, displacement=displacement, rotation=None)
+        self.particles = particles
+
+    def __contains__(self, name):
+        return self.particles is not None
+
+    def __getitem__(self, name):
+        return np.array(self.particles)
+
+
+def test_frequencies_shown_by_themselves_are_four_at_most_in_their_order():
+    assert fields.chosen_frequencies(Fields([1.0])).tolist() == [0]
+    assert fields.chosen_frequencies(Fields([3.0, 1.0, 2.0])).tolist() == [1, 2, 0]
+    assert fields.chosen_frequencies(Fields([7.0, 6, 5, 4, 3, 2, 1])).tolist() == [6, 4, 2, 0]
+    with pytest.raises(InputError, match="holds no fields: run the sweep with --fields"):
+        fields.chosen_frequencies(Fields([]))
+
+
+def test_a_frequency_is_found_to_a_hundredth():
+    held = Fields([10.0, 1.0, 0.1])
+    assert fields.chosen_frequencies(held, [1.009, 0.0991, 10.0]).tolist() == [1, 2, 0]
+    for omega in (1.0102, 0.9899):
+        with pytest.raises(
+            InputError, match=rf"no fields at omega = {omega:g}: nearest are 0\.1, 1, 10; or sweep"
+        ):
+            fields.chosen_frequencies(held, [omega])
+
+
+def test_rows_of_fields_are_disks_of_the_packing():
+    disks = SimpleNamespace(n=3)
+    assert fields.particle_rows(Fields([1.0]), disks).tolist() == [0, 1, 2]
+    assert fields.particle_rows(Fields([1.0], particles=[2, 0, 1]), disks).tolist() == [2, 0, 1]
+    for particles, n in (([0, 1], 3), ([0, 1, 3], 3), ([-1, 0, 1], 3), (None, 4)):
+        with pytest.raises(InputError, match=r"fields of . particles do not fit the 3 disks of the packing"):
+            fields.particle_rows(Fields([1.0], n, particles), disks)
+    with pytest.raises(InputError, match="its fields are those of no disk, every one is a rattler"):
+        fields.particle_rows(Fields([1.0], 0, []), disks)
+
+
+@pytest.mark.parametrize(
+    ("value", "sound"), [(0.99e100, True), (1.01e100, False), (np.nan, False), (np.inf, False)]
+)
+def test_fields_that_no_packing_has(value, sound):
+    held = Fields([0.5, 2.0])
+    held.fields.displacement[1, 2, 0] = value
+    assert np.array_equal(fields.field_at(held, 0)[0], held.fields.displacement[0])
+    if sound:
+        assert fields.field_at(held, 1)[1] is None
+    else:
+        with pytest.raises(InputError, match="its field at omega = 2 holds values that are no numbers"):
+            fields.field_at(held, 1)
+
+
+def spectrum_of(tmp_path, **changes):
+    reduced = {"G0": 1.0, "eta_inf": 0.5, "rates": [0.1, 10.0], "weights": [1.0, 2.0]} | changes
+    arrays = {f"reduced/{name}": np.array(value) for name, value in reduced.items()}
+    return jampetsc.load(result(tmp_path / "s.h5", **arrays)).spectrum
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"G0": np.nan},
+        {"eta_inf": np.inf},
+        {"weights": [1.0, np.nan]},
+        {"weights": [1.0, 2.0, 3.0]},
+        {"rates": [0.1, 1.01e100]},
+        {"rates": [0.1, 0.99e-100]},
+        {"rates": [0.1, -1.0]},
+        {"rates": [0.1, np.nan]},
+    ],
+)
+def test_spectra_that_no_packing_has(tmp_path, changes):
+    with pytest.raises(InputError, match=r"s\.h5: its spectrum holds values that no packing has"):
+        spectrum_of(tmp_path, **changes)
+    assert spectrum_of(tmp_path, rates=[0.99e100, 1.01e-100]).rates[0] == 0.99e100
+
+
+def test_frequencies_are_told_apart_by_their_ratio(tmp_path):
+    omega = np.array([1e-14, 1.0])
+    held = jampetsc.load(result(tmp_path / "s.h5", omega=omega, G=omega * 1j))
+    assert held.modulus(1e-14 * (1 + 1e-13)) == 1e-14j and held.modulus([1.0, 1e-14]).tolist() == [1j, 1e-14j]
+    with pytest.raises(InputError, match=r"omega = 2e-14 is not one of its 2 frequencies, 1e-14 to 1"):
+        held.modulus(2e-14)
+    assert held.frequency_range == (1e-14, 1.0) and held.damping is None
+    with pytest.raises(InputError, match=r"attribute alpha is missing: make the file again"):
+        held.attributes["alpha"]
+
+
+def test_what_was_solved_under_power_law_damping_is_another_range(tmp_path):
+    arrays = {"equivalent_omega": np.array([3.0, 0.5])}
+    held = jampetsc.load(
+        result(tmp_path / "s.h5", {"alpha": 0.5, "stress": 1e-3, "tau1": 4.0}.items(), **arrays)
+    )
+    assert held.frequency_range == (0.5, 3.0)
+    expected = held.damping.frequency(0.7 * 4.0) / 4.0
+    assert held._linear(0.7) == expected != held.damping.frequency(0.7)
+    late = tmp_path / "t.h5"
+    with ResultWriter(late, "jampetsc-spectrum") as writer:
+        writer.dataset("relaxation/rates", np.array([2.0]))
+        writer.dataset("relaxation/weights", np.array([3.0]))
+        writer.attributes(G0=1.0, eta_inf=0.0, slowest_omega=1e-3, fastest_omega=1e3)
+    found = jampetsc.load(late)
+    assert found.frequency_range == (1e-3, 1e3) and found.spectrum.G_inf == 4.0
