@@ -284,7 +284,7 @@ def test_what_cannot_be_solved_is_an_error(session):
             solver.solve(0.01, 1e-10)
 
 
-def test_frequencies_that_fail_are_told_beside_the_others(session, shared_path):
+def test_frequencies_that_fail_are_told_beside_the_others(session, shared_path, capfd):
     """Of G'' of gears too little is left at the lowest one. Frequencies are those of the experiment."""
     packing, omega = shared_path / "gears.h5", [1e-24, 1e-6, 1.0]
     if session.rank == 0:
@@ -299,6 +299,7 @@ def test_frequencies_that_fail_are_told_beside_the_others(session, shared_path):
         ConvergenceError, match=r"1 of 3 frequencies failed, the others are in .*some.h5; the first: "
     ):
         direct_sweep.run(job("some.h5", omega))
+    assert ("failed: ω = " in capfd.readouterr().err) == (session.rank == 0)
     _, G, bounds = direct_sweep.run(job("all.h5", omega[1:]))
     for name, failed in (("some.h5", omega[:1]), ("all.h5", [])):
         found = load(shared_path / name)

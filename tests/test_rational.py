@@ -15,7 +15,7 @@ from jampetsc import cli
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.contacts.disks import Disks
 from jampetsc.errors import ConvergenceError, InputError
-from jampetsc.response import rational_sweep
+from jampetsc.response import direct_sweep, rational_sweep
 from jampetsc.response.job import Job
 from jampetsc.storage.checkpoint import Checkpoint
 from jampetsc.storage.packing_file import write_packing
@@ -355,3 +355,33 @@ def test_frequencies_of_fields_are_among_those_of_the_sweep(session, shared_path
         with pytest.raises(InputError, match=rf"omega = {re.escape(format(omega, 'g'))} is equivalent to"):
             damping = EquivalentDamping(0.5, 1e-5)
             Job.read(packing, law, [1.0, omega], [], "direct", 1e-6, shared_path / "s.h5", damping)
+
+
+@pytest.mark.parametrize(
+    ("method", "line"),
+    [
+        ("rational", r"shift \d\S+.*  vectors [1-9]\d*  worst bound / allowed \d\S+"),
+        ("direct", r"omega 1\.000e\+00  G' \d\S+  G'' \d\S+  bound \d\S+  iterations [1-9]"),
+    ],
+)
+def test_what_a_sweep_says_on_its_way(session, shared_path, capfd, method, line):
+    """Once, whatever the number of ranks; where a checkpoint goes on, how much of it there is."""
+    packing, out = shared_path / "packing.h5", shared_path / "sweep.h5"
+    if session.rank == 0:
+        write_packing(packing, published())
+    session.comm.Barrier()
+    module = {"rational": rational_sweep, "direct": direct_sweep}[method]
+    job = Job.read(packing, physics(), [1e-3, 1.0], [], method, 1e-6, out, comm=session.comm)
+    capfd.readouterr()
+    module.run(replace(job, negative_modes=0))
+    said = capfd.readouterr().err
+    assert bool(re.search(line, said)) == (session.rank == 0)
+    assert "continuing" not in said and not session.comm.bcast(list(shared_path.glob("*.resume*")))
+    if method == "direct":
+        kept = Checkpoint(out, job.key(session.size), session.comm)
+        kept.save(0, {"G": 1 + 1j, "bounds": [0.0, 0.0, 0.0]}, None)
+        _, G, _ = module.run(replace(job, negative_modes=0))
+        said = capfd.readouterr().err
+        assert ("sweep.h5.resume: 1 frequencies are finished" in said) == (session.rank == 0)
+        assert G[0] == 1 + 1j and "omega 1.000e-03" not in said
+        assert not session.comm.bcast(list(shared_path.glob("*.resume*")))
