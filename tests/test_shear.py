@@ -111,6 +111,35 @@ def test_jammed_is_told_by_an_energy_in_units_of_k(jammed):
     assert found[1] == pytest.approx(found[0], rel=1e-6) and found[0] * 2.0**-50 < 48 * ENERGY_CUT
 
 
+def test_a_step_begins_as_the_last_one_went_unless_disks_rearranged(jammed):
+    """Displacements of a hundredth of a diameter and more are not expected again."""
+    disks, solver = jammed
+    slow, large = SlowShear(disks, 2e-3, solver, 1e-7), 0
+    for _ in range(40):
+        slow.advance()
+        moved = slow._moved
+        longest = np.abs(moved).max()
+        assert np.abs(moved.mean(axis=0)).max() < 1e-15
+        large += longest >= 0.01 * slow.diameter
+        assert np.array_equal(slow.last, moved if longest < 0.01 * slow.diameter else 0.0 * moved)
+    assert 0 < large < 40
+
+
+def test_disks_that_leave_the_cell_in_a_quench_have_not_gone_far(jammed, monkeypatch):
+    """They come in on the other side; the displacement is that of the nearest image."""
+    monkeypatch.setattr(slowly, "PATIENCE", 0)  # every step ends by a quench
+    disks, solver = jammed
+    disks = minimise(disks, Goal(), solver, tolerance=1e-6).disks
+    crossed = 0
+    for disk in range(6):
+        edge = replace(disks, base=disks.base - disks.base[disk], offset=disks.offset - disks.offset[disk])
+        slow = SlowShear(edge, 1e-3, solver, 1e-6)
+        before = slow.disks.positions
+        assert slow.advance().nonaffine < 0.05
+        crossed += np.abs(slow.disks.positions - before).max() > 1.0
+    assert crossed > 0
+
+
 def test_every_way_down_ends_in_the_same_minimum(jammed, monkeypatch):
     """With the factor there is, with a new one at once, without one for a while, and by a quench."""
     found, costs = [], []
