@@ -6,12 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from drawn import figure_of, lines
+from matplotlib.transforms import Bbox
 from samples import published
 from test_flow_plots import facts
 
 from jampetsc.analysis.scaling import collapse_spread
 from jampetsc.errors import InputError
-from jampetsc.plots import fields, jamming, logaxes, packing, style, vibrations
+from jampetsc.plots import fields, jamming, logaxes, moduli, packing, style, trade, vibrations
 from jampetsc.plots.averages import average_curves
 from jampetsc.plots.correlation import CorrelationCurve, plot_comparison, plot_lengths
 from jampetsc.plots.curves import Curve, curve_of
@@ -19,6 +20,7 @@ from jampetsc.plots.floppy import pressures_of
 from jampetsc.plots.flowcurves import plot_flow_curves
 from jampetsc.plots.moduli import plot_collapse
 from jampetsc.plots.units import units_of
+from jampetsc.speed_accuracy.table import Row
 
 OMEGA = np.array([1e-2, 1e-1, 1.0])
 
@@ -277,3 +279,52 @@ def test_a_guide_is_the_middle_of_the_longest_stretch():
         0.5 * (3.2 + 8.0), abs=0.1
     )
     assert logaxes._regime(x[:2], x[:2], 1.0) is None
+
+
+def test_kinds_of_samples_are_named_by_what_differs():
+    kind = ("random", 64, "bidisperse", "harmonic")
+    assert jamming._labels([kind]) == ["$N=64$"]
+    assert jamming._labels([kind, ("random", 256, *kind[2:])]) == ["$N=64$", "$N=256$"]
+    assert jamming._labels([kind, ("shear", *kind[1:])]) == ["random", "shear"]
+    assert jamming._labels([kind, (*kind[:2], "", "hertzian")]) == ["bidisperse, harmonic", "hertzian"]
+
+
+def run(choice, error, seconds, group="accuracy"):
+    return Row(group, choice, seconds, error_storage=error, error_loss=0.5 * error)
+
+
+def test_runs_of_equal_error_share_a_name():
+    rows = [
+        run("--accuracy 0.01", 1e-3, 1.0),
+        run("--accuracy 0.001", 1e-3, 2.0),
+        run("--accuracy 1e-05", 1e-6, 3.0),
+        run("direct, low_memory.opts", 1e-2, 9.0, "method"),
+        run("7 frequencies", 1e-1, 4.0, "frequencies"),
+    ]
+    assert [(row.seconds, name) for row, name in trade._names(rows)] == [
+        (4.0, "7"),
+        (9.0, "low_memory"),
+        (2.0, "$10^{-2}$, $10^{-3}$"),
+        (3.0, "$10^{-5}$"),
+    ]
+
+
+def test_a_name_rises_no_farther_than_it_must():
+    frame, box = Bbox([[0, 0], [100, 100]]), Bbox([[10, 40], [30, 48]])
+    assert trade._rise(box, [], frame) == 0
+    beside = Bbox([[31, 40], [50, 48]])
+    assert trade._rise(box, [beside], frame) == 0
+    below = trade._rise(box, [Bbox([[10, 41], [30, 80]])], frame)
+    assert below < 0 and box.translated(0, below).y1 <= 41 and below >= -8 - 2
+    over = trade._rise(Bbox([[10, 1], [30, 9]]), [Bbox([[10, 0], [30, 5]])], frame)
+    assert over > 0 and 1 + over >= 5
+    assert trade._rise(Bbox([[90, 40], [110, 48]]), [], frame) == 100  # never within the frame
+
+
+def test_frequencies_that_get_a_marker():
+    few = np.geomspace(1e-3, 1.0, 16)
+    assert moduli._marker_rows(few, 3) == list(range(16))
+    many = np.geomspace(1e-3, 1.0, 161)
+    rows = [moduli._marker_rows(many, number) for number in (0, 1)]
+    assert [len(one) for one in rows] == [8, 8] and not set(rows[0]) & set(rows[1])
+    assert np.ptp(np.diff(rows[0])) <= 1 and rows[0][0] == pytest.approx(10, abs=1)
