@@ -374,6 +374,19 @@ def test_limits_of_a_trial_grow_with_the_file(tmp_path, child):
         assert told == f"-m jampetsc.storage.trial {seconds} {(4 << 30) + 2 * size}"
 
 
+def test_a_trial_reads_every_row(tmp_path, monkeypatch):
+    """Of a large dataset one piece after another."""
+    monkeypatch.setattr(trial, "_PIECE", 40)
+    seen = []
+    monkeypatch.setattr("jampetsc.storage.hdf5.values", lambda item, rows=...: seen.append((item.name, rows)))
+    with h5py.File(tmp_path / "x.h5", "w") as h5:
+        h5["a"], h5["one"], h5["none"] = np.zeros((7, 2)), 3.0, np.zeros((0, 2))
+        h5.visititems(lambda name, item: trial._read(item))
+    assert [(name, rows) for name, rows in seen if name != "/a"] == [("/one", ...)]
+    assert [row for name, rows in seen if name == "/a" for row in range(7)[rows]] == list(range(7))
+    assert all(16 * len(range(7)[rows]) <= 40 for name, rows in seen if name == "/a")
+
+
 def test_where_no_process_can_be_started_a_file_passes(tmp_path, monkeypatch):
     monkeypatch.setattr(trial.sys, "executable", str(tmp_path))  # a folder: no permission to run it
     assert trial.failure_of(io.BytesIO(b"never tried")) is None

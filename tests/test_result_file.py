@@ -1,10 +1,12 @@
 """Results of one rank or many: the same to a reader, complete or absent, and no mixture of two runs."""
 
+import errno
 import os
 import shlex
 import shutil
 import subprocess
 import sys
+from contextlib import nullcontext
 
 import h5py
 import launch
@@ -12,7 +14,7 @@ import numpy as np
 import pytest
 from write_results import LAW, N, arrays
 
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, JampetscError
 from jampetsc.storage.checksums import seal
 from jampetsc.storage.provenance import derived_from, git_commit, law_of, provenance, recorded_as
 from jampetsc.storage.reader import load
@@ -392,3 +394,80 @@ def test_git_commit_in_and_outside_of_a_checkout(tmp_path):
     assert git_commit(tmp_path / "tree") == head
     git("checkout", "-q", "--detach")
     assert git_commit(tmp_path / "repo") == head
+
+
+# Within the ranks of a run
+
+
+def rows_of(session):
+    """This rank's rows of an array (2, n, 3): of several ranks the first has none, the others two each."""
+    count = 2 if session.rank or session.size == 1 else 0
+    return np.random.default_rng(session.rank).random((2, count, 3))
+
+
+@pytest.mark.scalar("real")
+def test_what_ranks_write_together_is_read_as_one(session, shared_path):
+    path, mine = shared_path / "s.h5", rows_of(session)
+    with ResultWriter(path, "jampetsc-modes", session.comm) as writer:
+        writer.attributes(law="contact", none=None)
+        writer.dataset("same", np.arange(3))
+        writer.distributed("rows", mine, axis=1)
+        writer.distributed("nothing", np.zeros((0, 2)))
+        for entry in range(3):
+            writer.append("grown", mine[0] + entry)
+    session.comm.Barrier()
+    found, all_rows = load(path), np.concatenate(session.comm.allgather(mine), axis=1)
+    assert np.array_equal(found["rows"], all_rows) and found["nothing"].shape == (0, 2)
+    assert np.array_equal(found["grown"], np.stack([all_rows[0] + entry for entry in range(3)]))
+    assert found["same"].tolist() == [0, 1, 2] and "none" not in found.attributes
+    assert len(set(session.comm.allgather(found.attributes["run_id"]))) == 1
+    assert len(list((shared_path / "s.parts").glob("*"))) == session.size if session.size > 1 else True
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("moment", ["dataset", "distributed", "append", "close"])
+def test_a_disk_that_is_full_on_the_last_rank_ends_all(session, shared_path, moment):
+    path, last = shared_path / "s.h5", session.size - 1
+    with pytest.raises(JampetscError, match=r"disk full: make room"):
+        with ResultWriter(path, "jampetsc-modes", session.comm) as writer:
+            writer.distributed("rows", rows_of(session), axis=1)
+            if session.rank == last:
+                writer._part.stream.error = OSError(errno.ENOSPC, "full")
+            if moment != "close":
+                getattr(writer, moment)("more", np.ones((2, 2)))
+                raise AssertionError("nobody has noticed")
+    session.comm.Barrier()
+    assert list(shared_path.iterdir()) == []
+
+
+@pytest.mark.scalar("real")
+def test_what_is_raised_between_leaves_nothing_and_what_was_there(session, shared_path):
+    path = shared_path / "s.h5"
+    for number in (1, 2):
+        with pytest.raises(InputError, match="between") if number == 2 else nullcontext():
+            with ResultWriter(path, "jampetsc-modes", session.comm) as writer:
+                writer.distributed("rows", rows_of(session) + number, axis=1)
+                if number == 2:
+                    raise InputError("between")
+        session.comm.Barrier()
+    assert np.array_equal(
+        load(path)["rows"], np.concatenate(session.comm.allgather(rows_of(session) + 1), axis=1)
+    )
+    assert len(names(shared_path)) == (1 + session.size if session.size > 1 else 1)
+    session.comm.Barrier()
+    with ResultWriter(path, "jampetsc-modes", session.comm) as writer:
+        writer.dataset("same", np.ones(2))
+    session.comm.Barrier()
+    assert len(names(shared_path)) == (
+        1 + session.size if session.size > 1 else 1
+    )  # the parts of before are gone
+    assert set(load(path)) == {"same"}
+
+
+@pytest.mark.scalar("real")
+def test_an_output_that_only_rank_0_looks_at_is_refused_on_all(session, shared_path):
+    if session.rank == 0:
+        (shared_path / "s.h5").mkdir()
+    session.comm.Barrier()
+    with pytest.raises(InputError, match=r"s\.h5: is a folder"):
+        ResultWriter(shared_path / "s.h5", "jampetsc-modes", session.comm)

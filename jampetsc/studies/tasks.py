@@ -48,8 +48,6 @@ class Runner:
         try:
             if not there and task.inputs:
                 raise InputError(f"{task.inputs[0].file} failed")
-            if len(there) < len(task.inputs) and KINDS[task.command].on is not SEEDS:
-                raise InputError(f"{task.inputs[len(there)].file} failed")
             if self._unchanged(task, record["inputs"]):
                 return self.records[task.name]
             self._work(task, there)
