@@ -242,6 +242,7 @@ def unstable():
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
 def test_proof_is_that_of_dense_eigenvalues(unstable):
     disks, pressure = unstable
     for shear, negative in ((False, 0), (True, 1)):
@@ -278,6 +279,7 @@ def test_every_part_of_a_residual_counts():
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
 def test_convergence_is_not_taken_on_trust(monkeypatch):
     """A Newton's method that says so at once: what is returned has small forces all the same."""
     monkeypatch.setattr(Newton, "converge", lambda newton, limits: True)
@@ -286,6 +288,7 @@ def test_convergence_is_not_taken_on_trust(monkeypatch):
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
 def test_a_saddle_against_shear_is_left_downhill(unstable):
     disks, pressure = unstable
     effort = Effort()
@@ -296,6 +299,7 @@ def test_a_saddle_against_shear_is_left_downhill(unstable):
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("goal", [Goal(), Goal(0.02), Goal(0.02, True)], ids=str)
 def test_a_saddle_without_any_force_is_left(goal):
     disks, effort = lattice(), Effort()
@@ -309,6 +313,7 @@ def test_a_saddle_without_any_force_is_left(goal):
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
 def test_the_proof_is_of_the_very_disks():
     found = minimise.minimise(random_disks(64), Goal(1e-3), NewtonSolver())
     assert proved_minimum(found.disks)
@@ -318,6 +323,7 @@ def test_the_proof_is_of_the_very_disks():
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
 def test_what_rounding_leaves_is_said():
     found = minimise.minimise(random_disks(64), Goal(1e-6), NewtonSolver())
     assert 1e-16 < found.max_force <= 3e-15
@@ -325,6 +331,7 @@ def test_what_rounding_leaves_is_said():
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
 def test_disks_that_come_apart():
     found = minimise.minimise(random_disks(64, 0.6), Goal(), NewtonSolver())
     assert not found.jammed and not proved_minimum(found.disks)
@@ -332,6 +339,7 @@ def test_disks_that_come_apart():
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
 def test_no_minimum_is_an_error_in_words_of_physics(monkeypatch):
     monkeypatch.setattr(minimise, "EVALUATIONS", 20)
     monkeypatch.setattr(minimise, "SLICE", 10)
@@ -437,6 +445,7 @@ def test_disks_that_nothing_holds_prove_no_minimum():
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
 def test_a_minimum_is_no_saddle():
     """No mode of negative curvature is found where there is none."""
     found = minimise.minimise(random_disks(64), Goal(1e-2), NewtonSolver())
@@ -447,6 +456,7 @@ def test_a_minimum_is_no_saddle():
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
 def test_a_saddle_is_left_as_far_as_it_goes_downhill(monkeypatch):
     """Shorter and shorter where the first try is not downhill, and not at all where none is."""
     newton = Newton(Descent(lattice(), Goal(), Team()), NewtonSolver(), Effort())
@@ -467,6 +477,7 @@ def test_a_saddle_is_left_as_far_as_it_goes_downhill(monkeypatch):
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
 def test_saddles_without_end_are_given_up(monkeypatch):
     for most in (0, 2):
         monkeypatch.setattr(minimise, "SADDLES", most)
@@ -479,6 +490,7 @@ def test_saddles_without_end_are_given_up(monkeypatch):
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
 def test_newton_s_method_that_never_converges_is_given_up(monkeypatch):
     monkeypatch.setattr(Newton, "converge", lambda *_: False)
     with pytest.raises(ConvergenceError, match=r"^no minimum after \d+ force evaluations and 0 saddles"):
@@ -617,6 +629,7 @@ def test_no_coordinate_changes_by_more_than_its_reach():
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
 def test_disks_that_barely_touch_are_jammed():
     """Above a pressure of 1e-11 k, below which they are apart."""
     for gap, jammed in ((4e-12, False), (1e-10, True)):

@@ -11,7 +11,7 @@ from jampetsc.packing.protocols import Target
 from jampetsc.packing.sizes import radii_of
 from jampetsc.solvers.local import NewtonSolver
 
-pytestmark = pytest.mark.scalar("real")
+pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]  # a packing is one rank's own
 
 
 def pack(n, target, seed=1, potential=None, sizes="bidisperse"):
@@ -131,7 +131,6 @@ def test_ensemble_statistics():
         assert abs(np.mean([state.rattlers.mean() for state in states]) - rattlers) < 0.015
 
 
-@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize(
     ("now", "wanted", "first", "decades"),
     [
@@ -150,7 +149,6 @@ def test_pressures_on_the_way_are_a_decade_apart(now, wanted, first, decades):
     assert protocols._decades(now, wanted, first) == pytest.approx(decades)
 
 
-@pytest.mark.most_ranks(1)
 def test_how_a_packing_was_made_is_in_its_record():
     """In the units of its stiffness: from 1e-3 k down, or from where it is; what ended it is told."""
     stiff = Potential(k=4.0)
