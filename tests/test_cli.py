@@ -262,9 +262,16 @@ def test_what_a_rank_starts_forgets_the_launcher(tmp_path, monkeypatch, above):
     assert ("PMIX_RANK" not in os.environ) == ("OMPI_COMM_WORLD_SIZE" not in os.environ) == PARENTS[above]
     if PARENTS[above]:
         return
-    monkeypatch.setattr(os, "getppid", lambda: 99)  # a process that cannot be looked at
-    launcher.forget_if_inherited()
-    assert "PMIX_RANK" in os.environ
+    monkeypatch.setattr(
+        os, "getppid", lambda: 99
+    )  # a process that cannot be looked at, then one of another user
+    for deed in (
+        lambda folder: None,
+        lambda folder: [(folder / name).mkdir(parents=True) for name in ("comm", "maps")],
+    ):
+        deed(tmp_path / "99")
+        launcher.forget_if_inherited()
+        assert "PMIX_RANK" in os.environ
 
 
 def test_one_that_no_launcher_has_started_keeps_its_environment(monkeypatch):

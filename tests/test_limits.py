@@ -8,6 +8,7 @@ import pytest
 from jampetsc import cli, commands
 from jampetsc.commands import jam
 from jampetsc.errors import InputError
+from jampetsc.packing.sizes import SIZES
 from jampetsc.words.flowing import OWN_UNITS, UNITS, model_from, start_of
 from jampetsc.words.frequencies import parse_omega
 from jampetsc.words.packtasks import radii_asked, seeds_of
@@ -260,6 +261,14 @@ def test_a_quality_is_a_mass_in_units_of_k_and_tau1():
     line = "flow --n 16 --phi 0.8 --model RD --rate 1e-2 --strain 1 --quality 3 --tau1 0.5"
     args = parser("flow").parse_args(line.split()[1:])
     assert model_from(args, k=7.0).mass == pytest.approx(3.0**2 * 7.0 * 0.5**2)
+
+
+def test_radii_by_their_sizes():
+    """Bidisperse 1:1.4, half and half, unless told otherwise; mean diameter 1."""
+    for words, ratio in (([], 1.4), (["--sizes", SIZES[0]], 1.4), (["--sizes", SIZES[1]], None)):
+        radii = radii_asked(parser("pack").parse_args(["--n", "16", "--phi", "0.9", "--out", "p.h5", *words]))
+        assert len(radii) == 16 and radii.mean() == pytest.approx(0.5)
+        assert (radii.max() / radii.min() == pytest.approx(1.4)) == (ratio is not None)
 
 
 @pytest.mark.filterwarnings("error")

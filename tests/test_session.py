@@ -1,8 +1,10 @@
 """The door to PETSc: which build is taken, whose options win, and what is never started."""
 
+import ctypes
 import functools
 import importlib.util
 import os
+import re
 import subprocess
 import sys
 from importlib.machinery import EXTENSION_SUFFIXES
@@ -602,6 +604,27 @@ def test_what_was_not_needed_is_noted_by_one_rank(session, give, capsys):
 def test_versions_without_a_session(monkeypatch):
     monkeypatch.setattr(jampetsc.session, "_session", None)
     assert list(jampetsc.session.versions()) == ["numpy", "h5py"]
+
+
+@pytest.mark.scalar("real")
+def test_what_python_drops_petsc_forgets(session, capfd):
+    """On several ranks PETSc keeps it until all have come to collect."""
+    if not hasattr(session.PETSc, "garbage_view"):
+        pytest.skip("this petsc4py frees at once")
+    session.collect()
+    vectors = [session.PETSc.Vec().createMPI(10, comm=session.comm) for _ in range(3)]
+
+    def kept():
+        capfd.readouterr()
+        session.PETSc.garbage_view(session.comm)
+        ctypes.CDLL(None).fflush(None)
+        said = session.comm.bcast(capfd.readouterr().out)
+        return {int(word) for word in re.findall(r"Total entries: (\d+)", said)}
+
+    vectors.clear()
+    assert session.size == 1 or kept() == {3}
+    session.collect()
+    assert kept() <= {0}
 
 
 def test_stages_are_named_in_the_log(tmp_path):

@@ -284,6 +284,56 @@ def test_one_rank_does_everything_apart(monkeypatch):
     assert phases(LARGE, 10, monkeypatch, size=1)[1:] == [(True, []), (False, [])]
 
 
+# What a study says and does beside its tasks
+
+
+def work(rank=0, records=None, refresh=None, tasks=3):
+    """A study's work on a rank; what it journals is in the list `kept`."""
+    kept = []
+    made = study_run._Work(
+        SimpleNamespace(rank=rank), SimpleNamespace(records=records or {}), SimpleNamespace(append=kept.append),
+        [None] * tasks, refresh,
+    )  # fmt: skip
+    return made, kept
+
+
+@pytest.mark.parametrize(("rank", "every", "count"), [(0, -1.0, 2), (0, 1000.0, 0), (1, -1.0, 0)])
+def test_the_table_is_written_now_and_then_by_rank_0(monkeypatch, rank, every, count):
+    monkeypatch.setattr(study_run, "REFRESH", every)
+    calls = []
+    one, _ = work(rank, refresh=lambda: calls.append(1))
+    before = one.refreshed
+    one._now_and_then()
+    one._now_and_then()
+    assert len(calls) == count and (one.refreshed > before) == (count > 0)
+
+
+def test_a_record_that_is_not_new_is_not_kept_again():
+    old = {"task": "a", "state": "done", "row": {"command": "sweep"}, "seconds": 3.0}
+    one, kept = work(records={"a": old})
+    one._keep(old)
+    assert kept == one.made == []
+    for new in (dict(old), dict(old, task="b", state="failed", seconds=99.0)):
+        one._keep(new)
+    assert kept == one.made and len(kept) == 2
+    assert one.costs.of(asked("sweep")) == 3.0  # of what is done alone
+
+
+def test_a_study_says_how_far_it_is(capsys):
+    records = {"z": {"task": "z", "state": "done", "row": {"command": "sweep"}, "seconds": 30.0}}
+    one, _ = work(records=records)
+    task = SimpleNamespace(file="a.h5")
+    one._tell(task, {"state": "done", "seconds": 2.0}, 1, 0, [asked("sweep")] * 2, 2)
+    one.before = (1, 1)
+    one._tell(task, {"state": "failed", "seconds": 2.0, "why": "no"}, 1, 1, [asked("sweep")], 2)
+    one._tell(task, {"state": "done", "seconds": 2.0}, 2, 1, [], 2)
+    assert capsys.readouterr().err.splitlines() == [
+        "[1/3] a.h5 2 s; 30 s left",
+        "[2/3] a.h5: no; 2 failed; 30 s left",  # an estimate is good for a second
+        "[3/3] a.h5 2 s; 2 failed",
+    ]
+
+
 # The numbers of a file
 
 
