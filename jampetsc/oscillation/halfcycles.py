@@ -301,10 +301,8 @@ class SteppedOscillation:
         Under stress the strain may be less than that of springs by any power of ten, since it goes as σ^(1/α).
         """
         law, rho0, alpha = self.law, self.rho0, self.law.exponent
-        upper, lower = (
-            np.log(point.amplitude),
-            -np.inf,
-        )  # of the strain: too large, and too small to be solved
+        upper = np.log(point.amplitude)  # of the strain, too large
+        lower = -np.inf  # too small to be solved
         log_strain = upper
         for _ in range(PILOTS):
             units = _Units.of(law, rho0, self.network.k, point, log_strain)

@@ -118,6 +118,8 @@ class Start:
         displacement, velocity = np.zeros((n, 2)), np.zeros((n, oscillation.law.dofs))
         displacement[particles], velocity[particles] = found.start.places, found.velocity
         scales = found.strain, abs(found.G), found.speed
+        if np.abs(displacement).max() > FAR * oscillation.rho0:
+            return cls(point, 0.0 * displacement, 0.0 * velocity, 0.0, 0.0, *scales)
         return cls(point, displacement, velocity, found.start.gamma, found.rate, *scales)
 
     @classmethod
