@@ -642,3 +642,17 @@ def test_disks_that_barely_touch_are_jammed():
         disks = Disks.from_positions((1 - gap) * rows, np.full(16, 0.5), (1 - gap) * cell)
         found = minimise.minimise(disks, Goal(), NewtonSolver(), tolerance=1e-3)
         assert found.jammed == jammed and found.pressure == pytest.approx(np.sqrt(3.0) * gap, rel=1e-2)
+
+
+@pytest.mark.parametrize("way", ["fire", "lbfgs"])
+def test_every_force_is_as_small_as_was_asked(way):
+    """Its length, not its larger component, whatever its direction: at every stage on the way down."""
+    used = []
+    for seed in range(1, 6):
+        descent = Descent(random_disks(16, 0.95, seed), Goal(), Team())
+        for force in np.geomspace(0.1, 1e-4, 10):
+            there = fall(descent, force, 5000) if way == "fire" else descent.descend(force, 1.0, 5000)
+            forces = Point.of(descent).forces
+            assert there and np.hypot(*forces.T).max() <= force * (1 + 1e-9)
+            used.append(np.sqrt(2.0) * np.abs(forces).max() / force)
+    assert max(used) > 0.97
