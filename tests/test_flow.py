@@ -522,3 +522,15 @@ def test_starts_of_soft_disks_overlap_by_half_at_most(tmp_path, share, accepted)
             InputError, match="overlap of 50 % of the distance of two disks at contact: no state of"
         ):
             start()
+
+
+@pytest.mark.parametrize("k", [1.0, 1e9])
+def test_disks_that_do_not_touch_are_told_in_units_of_k(tmp_path, k):
+    """One pair that overlaps by 1e-9 at the start presses with 1e-9 γ̇kτ₁ or so: that is no flow."""
+    places = 3.0 * np.array([[a, b] for a in range(4) for b in range(4)], float)
+    places[1] = places[0] + [1.0 - 1e-9, 0.0]
+    disks = Disks.from_positions(places, np.full(16, 0.5), 12.0 * np.eye(2), Potential(k=k))
+    job = jobs.fresh(disks, {}, sheared.model("RD0"), 1e-2, 0.02, tmp_path / "x.h5", discard=0.0)
+    with pytest.raises(ConvergenceError, match=r"no two disks touched within the strain of 0\.02"):
+        jobs.execute(job)
+    assert not (tmp_path / "x.h5").exists()
