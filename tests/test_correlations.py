@@ -241,13 +241,15 @@ def test_nothing_to_correlate():
 OMEGA = np.array([1e-4, 1e-2])
 
 
-def write_sweep(folder, name, seed=0, n=400, omega=OMEGA, lengths=(1, 2), pressure=1e-3, **attributes):
+def write_sweep(
+    folder, name, seed=0, n=400, omega=OMEGA, lengths=(1, 2), pressure=1e-3, unit=1.0, **attributes
+):
     """A packing of small disks at random and a sweep with waves of L/m as fields, beside each other."""
-    side = np.sqrt(n)
+    side = unit * np.sqrt(n)
     cell = np.diag([side, side])
     points = scattered(n, cell, seed)
     packing = folder / f"packing-{name}.h5"
-    write_packing(packing, Disks.from_positions(points, np.full(n, 0.5), cell))
+    write_packing(packing, Disks.from_positions(points, np.full(n, 0.5 * unit), cell))
     fields = np.zeros((len(omega), n, 2), complex)
     for field, m in zip(fields, lengths, strict=True):
         field[:, 1] = wave(points, cell, m, phase=seed) + 1j * wave(points, cell, 2 * m, phase=seed)
@@ -292,6 +294,14 @@ def test_a_file_of_correlations(tmp_path, capsys):
     assert (found["length_error"] > 0).all() and (found["length_error"] < 1).all()
     said = capsys.readouterr().out
     assert "6 packings, L = 20 d, lanes of 1 d" in said and "lanes of 0.5 d: C differs by" in said
+
+
+def test_packings_differ_in_size_and_their_mean_is_told(tmp_path):
+    sweeps = [write_sweep(tmp_path, f"s{seed}", seed, unit=unit) for seed, unit in ((1, 1.0), (2, 1.1))]
+    assert run(*sweeps, "--lane", "1", "--out", tmp_path / "c.h5") == 0
+    found = load(tmp_path / "c.h5")
+    assert (found.attributes["L"], found.attributes["mean_diameter"]) == pytest.approx((21.0, 1.05))
+    assert found["lane_width"][0] == pytest.approx(1.0) and found["delta"].max() <= 10.5
 
 
 def test_the_names_of_many_sources_fit_into_attributes(tmp_path):
