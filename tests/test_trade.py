@@ -212,7 +212,6 @@ def test_why_a_run_failed(text, status, reason):
 
 
 def test_a_run_that_is_given_up_is_stopped_even_if_it_is_deaf(monkeypatch):
-    monkeypatch.setattr(processes, "_PATIENCE", 0.05)
     kind, deaf = (
         subprocess.Popen(
             ["sh", "-c", f"{trap} echo ready; exec 1>&-; while :; do sleep 0.02; done"],
@@ -220,7 +219,8 @@ def test_a_run_that_is_given_up_is_stopped_even_if_it_is_deaf(monkeypatch):
         )
         for trap in ("", "trap '' TERM;")
     )
-    for process, signal in ((kind, 15), (deaf, 9)):
+    for process, signal, patience in ((kind, 15, 30.0), (deaf, 9, 0.05)):
+        monkeypatch.setattr(processes, "_PATIENCE", patience)
         assert process.stdout.read() == b"ready\n"
         processes._stop(process)
         assert process.returncode == -signal
