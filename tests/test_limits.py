@@ -76,7 +76,7 @@ RANGES = [  # (line, option, values within, values beyond)
     (f"{JAM} --phi 0.8", "tolerance", [1e-13, 1e-2], [0.99e-13, 1.01e-2, "nan"]),
     (JAM, "phi", ["0.1", "1.0", "0.8:0.9:1", "0.1:1:3", "0.8,0.8"],
      ["0.099", "1.01", "nan", "0.8:0.9:0", "0.8:0.9", "a"]),
-    ("jam --n 16 --out j.h5 --phi 0.8", "seeds", ["0:0", f"{LAST}:{LAST}"],
+    ("jam --n 16 --out j.h5 --phi 0.8", "seeds", ["0:0", f"{LAST}:{LAST}", "1:200000"],
      ["2:1", "-1:2", "1:1000001", f"0:{LAST + 1}", "3"]),
     (f"{QS} --every 0.1 --strain 0.3 --discard 0.1", "step", [1e-8, 0.1], [0.99e-8, 0.11]),
     (f"{QS} --step 0.01", "every", [0.01, 1.0], [0.0099, 1.01]),  # more than a step, and a sample before the strain

@@ -18,7 +18,8 @@ from jampetsc.plots.correlation import CorrelationCurve, plot_comparison, plot_l
 from jampetsc.plots.curves import Curve, curve_of
 from jampetsc.plots.floppy import pressures_of
 from jampetsc.plots.flowcurves import plot_flow_curves
-from jampetsc.plots.moduli import plot_collapse
+from jampetsc.plots.moduli import plot_collapse, plot_moduli
+from jampetsc.plots.style import LOSS
 from jampetsc.plots.units import units_of
 from jampetsc.speed_accuracy.table import Row
 
@@ -269,6 +270,19 @@ def test_how_long_a_stretch_is_marked_by_a_guide(decades, drawn):
 def test_how_close_to_its_slope_data_are(slope, drawn):
     x = np.geomspace(1.0, 100.0, 9)
     assert (logaxes._regime(x, x**slope, 0.5) is not None) == drawn
+
+
+def test_moduli_are_guided_where_they_are_critical_and_where_viscous():
+    omega = np.geomspace(1e-4, 1.0, 41)
+    for G, guides in (
+        ((1 + 1j) * omega**0.5, [r"$\omega^{1/2}$"]),
+        (1 + 1j * omega, [r"$\omega$"]),
+        (1 + 1j * omega**0.75, []),
+    ):
+        (ax,) = figure_of(plot_moduli, [curve(omega=omega, G=G)]).axes
+        assert [text.get_text() for text in ax.texts] == guides
+    (ax,) = figure_of(plot_moduli, [curve(omega=omega, G=(1 + 1j) * omega**0.5)], parts=(LOSS,)).axes
+    assert not ax.texts  # of one modulus there is room for none
 
 
 def test_a_guide_is_the_middle_of_the_longest_stretch():
