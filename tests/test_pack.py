@@ -7,11 +7,14 @@ import h5py
 import launch
 import numpy as np
 import pytest
+from samples import published
 
 from jampetsc import cli
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import measure
 from jampetsc.errors import ConvergenceError, InputError
-from jampetsc.storage.packing_file import read_packing
+from jampetsc.storage.packing_file import read_packing, write_packing
 
 
 def pack(folder, *words, ranks=0):
@@ -180,3 +183,19 @@ def test_one_packing_that_fails_says_so_itself_and_several_are_counted(session, 
         ConvergenceError, match=r"^2 of 2 packings failed, the others are on disk: .*p1\.h5: .*p2"
     ):
         cli.dispatch([*line, "--seeds", "1:2"])
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+def test_a_pressure_is_in_units_of_the_k_of_the_packing_that_is_changed(session, tmp_path):
+    disks = published()
+    stiff = Disks.from_positions(
+        disks.positions, disks.radii, disks.cell, Potential("harmonic", "constant", 2.0)
+    )
+    write_packing(tmp_path / "p.h5", stiff)
+    line = ["pack", "--from", str(tmp_path / "p.h5"), "--pressure", "2e-3", "--out", str(tmp_path / "q.h5")]
+    assert cli.dispatch(line) == 0
+    found = read_packing(tmp_path / "q.h5")
+    assert found.record["requested_pressure"] == 4e-3 and measure(found).pressure == pytest.approx(
+        4e-3, rel=1e-9
+    )
