@@ -539,6 +539,16 @@ def test_a_table_reads_back(tmp_path):
     assert "memory" not in str(Table(ROWS, []))  # nothing known: no column
 
 
+def test_what_the_reference_does_not_resolve_is_told_as_its_bound():
+    small = {"error_storage": 1e-15, "error_loss": 2e-12, "window_storage": 1e-15, "window_loss": 1e-12}
+    text = str(Table([ROWS[0], Row("method", "direct", 1e-15, stderr_loss=1e-15, **small)], [])).splitlines()[
+        -1
+    ]
+    assert [cell.strip() for cell in text.split("|")][3:] == [
+        "0.00", "", "< 1e-12", "2.0e-12", "< 1e-12", "1.0e-12", "", "", "1.0e-15", "", "",
+    ]  # fmt: skip
+
+
 def test_points_of_the_picture_are_times_of_runs_and_errors_of_both_moduli():
     run = Row("method", "direct, MUMPS", 2.0, 5.0, **errors(1e-2, 3e-2))
     exact = Row("physics", "without rotations", 3.0, 5.0, **errors(1e-13, 1e-6))
