@@ -471,3 +471,18 @@ def test_an_output_that_only_rank_0_looks_at_is_refused_on_all(session, shared_p
     session.comm.Barrier()
     with pytest.raises(InputError, match=r"s\.h5: is a folder"):
         ResultWriter(shared_path / "s.h5", "jampetsc-modes", session.comm)
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("last", ["finish", "publish"])
+def test_parts_that_have_their_names_go_where_the_joint_file_gets_none(session, shared_path, last):
+    def refuse():
+        raise JampetscError("no room for a name")
+
+    with pytest.raises(JampetscError, match="no room for a name"):
+        with ResultWriter(shared_path / "s.h5", "jampetsc-modes", session.comm) as writer:
+            writer.distributed("rows", rows_of(session), axis=1)
+            if session.rank == 0:
+                setattr(writer._joint, last, refuse)
+    session.comm.Barrier()
+    assert list(shared_path.iterdir()) == []
