@@ -196,6 +196,7 @@ def test_fields_and_their_bounds(session, name):
         rows = unknowns(found.network, law.law.dofs, exact_law.disks)
         for omega in OMEGA[::3]:
             bound = found.galerkin.field_bound(omega, found.sweep.error_at(omega))
+            assert session.comm.allgather(bound) == [bound] * session.size
             x = np.concatenate(session.comm.allgather(found.galerkin.field(omega)))
             wanted = exact_law.solution(omega)[0][rows]
             moves = exact_law.free_moves()[rows]
