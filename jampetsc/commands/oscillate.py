@@ -31,7 +31,7 @@ def add_parser(subparsers):
         help="G*(ω), harmonics and work of a packing with power-law damping",
         description="Steady oscillation of a packing whose contacts are damped by a force ∝ |Δv|^ALPHA: G*(ω) of the "
         "first harmonic, third and fifth harmonic, work per cycle, with an estimate of the error. With fixed contacts "
-        "the equations are solved for a whole cycle at once or, below ALPHA = 0.3, where contacts stick, by steps in "
+        "the equations are solved for a whole cycle at once or, below ALPHA = 0.45, where contacts stick, by steps in "
         "time for half a cycle that repeats with its sign changed; with moving contacts, which open and close, cycles "
         "are integrated in time until they repeat.",
         epilog=EPILOG,

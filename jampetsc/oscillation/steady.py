@@ -18,7 +18,7 @@ from jampetsc.oscillation.powerlaw import STIFFEST, PowerLaw
 
 # what may be left of the equations, over what drives them, with all steps and with half
 TOLERANCE, HALF_TOLERANCE = 1e-10, 1e-7
-LEAST_ALPHA = 0.3  # below, contacts stick so that FGMRES does not solve the linear equations
+LEAST_ALPHA = 0.45  # below, contacts stick so that FGMRES does not solve the linear equations
 FLOOR = 1e-3  # of the typical velocity: where the start for the damping forces is cut
 SLOW = 1e-3  # of k: ωc of dashpots that springs hardly feel
 SMALLEST, LARGEST = 1e-30, 1.0  # stress in k that the equivalent damping takes
