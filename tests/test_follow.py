@@ -258,3 +258,19 @@ def test_no_disk_goes_farther_than_its_reach(listed):
     )
     assert (status, evaluations) == (compiled.SPENT, 2)
     assert np.hypot(*(o - before).T).max() == pytest.approx(1e-3)
+
+
+@pytest.mark.parametrize("where", [(0, 0), (39, 1)])
+def test_what_is_no_number_is_lost_and_no_minimum(listed, where):
+    """Comparisons with NaN are all false, of every force and of every pivot: neither may count as small or positive."""
+    disks, pairs, order = listed
+    bad = np.zeros((disks.n, 2))
+    bad[where] = np.nan
+    assert np.isnan(compiled._longest(bad.ravel()))
+    blocks, chosen = compiled.springs(
+        pairs.arrays, np.zeros_like(bad), 0.0, disks.potential.constants, 0.0, 1.0
+    )
+    shift = np.full(disks.n, 0.1)
+    assert factorise(order, *pairs.arrays[:2], blocks, chosen, shift)[0]
+    shift[where[0]] = np.nan
+    assert not factorise(order, *pairs.arrays[:2], blocks, chosen, shift)[0]

@@ -125,6 +125,25 @@ def test_no_module_knows_a_law_by_its_name():
     assert not wrong, wrong
 
 
+def test_every_compiled_function_says_how_fast_its_mathematics_is():
+    """One that does not say inherits it from whatever calls it first: NaN might be seen or not."""
+    wrong = [
+        f"{name(path)}:{node.lineno}"
+        for path in MODULES
+        for node in nodes(path)
+        if isinstance(node, ast.Call) and ast.unparse(node.func) in ("numba.njit", "numba.jit", "njit", "jit")
+        if "fastmath" not in {keyword.arg for keyword in node.keywords}
+    ]
+    bare = [
+        f"{name(path)}:{node.lineno}"
+        for path in MODULES
+        for node in nodes(path)
+        if isinstance(node, ast.FunctionDef)
+        and any("jit" in ast.unparse(d) and not isinstance(d, ast.Call) for d in node.decorator_list)
+    ]
+    assert not wrong + bare, wrong + bare
+
+
 def taken(path):
     """Names that a module's compiled functions use, or that it has numba compile."""
     for node in nodes(path):

@@ -157,7 +157,7 @@ def _make(tasks, start, request, solver, team, session):
 def _summary(path, disks, seconds) -> str:
     record = disks.record
     residual = record["max_force"] / (record["pressure"] * 2.0 * float(disks.radii.mean()))
-    missed = residual > record["tolerance"]
+    missed = bool(residual > record["tolerance"])
     note = f"\n  max|F|/(p d) = {residual:.1e} is what rounding leaves, more than --tolerance {record['tolerance']:g}"
     return (
         f"{path}: N = {disks.n}, p = {record['pressure']:.6g}, phi = {record['phi']:.6f}, "

@@ -29,7 +29,7 @@ class Around(NamedTuple):
         )
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
 def energy_of(a, x, y, around, o, law):
     """Σ V of disk a's contacts if its offset were (x, y), those of the others being o (N, 2)."""
     energy = 0.0

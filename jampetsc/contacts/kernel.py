@@ -29,13 +29,15 @@ UX, UY, ROLL, END = (row * BLOCK for row in range(4))
 # Sums may be reordered and multiplications fused: that lets the compiler use its widest vectors.
 # What sums so has to be inlined by force: of copies in several modules, each optimised in its own way, it would depend
 # on numba's cache which one is run, and so the last digit of a result.
+# Every compiled function says which it is, False too: one that does not say is as fast as the first that calls it.
 FAST = {"reassoc", "contract", "nsz", "arcp", "nnan", "ninf"}
+NUMBERS = FAST - {"nnan", "ninf"}  # where NaN must be seen
 
 
 _secant = numba.njit(fastmath=FAST, error_model="numpy", forceinline=True)(secant_stiffness)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
 def pair_energy(rx, ry, sigma, law):
     """V of one pair at distance |r|; law = `potential.constants`."""
     overlap = sigma - np.sqrt(rx * rx + ry * ry)

@@ -29,7 +29,7 @@ class Grid(NamedTuple):
     wrapped: np.ndarray  # (N, 2) whole cell vectors that were taken away for that
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
 def _grid(positions, radii, cell, skin, shape, margin):
     """The Grid of `shape` cells and `margin` more on each side, both (columns, rows)."""
     n = len(positions)
@@ -84,7 +84,7 @@ def _grid(positions, radii, cell, skin, shape, margin):
     return Grid(corner, width, start, x, y, reach, disk, image, inside, wrapped)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
 def _search(grid, radii, first, last, half, around, found, ends):
     """Entries near disks first … last − 1 into `found`, those of each up to its `ends`; their number, −1 without room.
 
@@ -110,7 +110,7 @@ def _search(grid, radii, first, last, half, around, found, ends):
     return np.int64(count)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
 def _pairs(positions, radii, cell, skin, shape, margin, first, last, half):
     """`neighbour_pairs` on a grid of `shape` cells with `margin` cells within reach of each, both (columns, rows)."""
     grid = _grid(positions, radii, cell, skin, shape, margin)
@@ -154,7 +154,7 @@ def neighbour_pairs(positions, radii, cell, skin=0.0, rows=None):
     return _pairs(positions, radii, cell, skin, shape, margin, first, last, rows is None)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, fastmath=False)
 def _hilbert(column, row, bits):
     """Distance along the Hilbert curve of integer coordinates below 2**bits."""
     key = np.empty(len(column), np.int64)

@@ -66,7 +66,7 @@ class PairList:
         return self.i, self.j, self.r0, self.sigma
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
 def _bonds(base, offset, cell_base, cell_offset, radii, i, j, image):
     """`state.bond_vectors` as (2, M), and σ (M,): differences of bases are exact, offsets are added to them."""
     r0, sigma = np.empty((2, len(i))), np.empty(len(i))
@@ -82,14 +82,14 @@ def _bonds(base, offset, cell_base, cell_offset, radii, i, j, image):
     return r0, sigma
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
 def is_stale(far, strain, shear, largest, skin):
     """Whether a list may miss a touching pair: far = max |o|, (ε, g) = (strain, shear), largest = σ_max."""
     stretch = np.exp(-strain) * (np.sqrt(1.0 + 0.25 * shear * shear) + 0.5 * abs(shear))
     return 2.0 * far + max(stretch - 1.0, 0.0) * largest > skin
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
 def near_pairs(pairs, o, shear, skin):
     """The pairs (i, j, r0, sigma) of a list that are closer than σ + skin at offsets o (N, 2) and `shear`, in order."""
     i, j, r0, sigma = pairs
@@ -113,7 +113,7 @@ def near_pairs(pairs, o, shear, skin):
     return near_i, near_j, near_r0, near_sigma
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
 def nearest(pairs, near, o, shear, listed):
     """The near pairs of a list: those of `near` while they serve, then others.
 
@@ -153,7 +153,7 @@ def deformed(disks: Disks, offsets, strain, shear) -> Disks:
     return Disks(base, offset, disks.radii, cell_base, cell_offset, disks.potential, disks.record)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
 def _deformed(base, offset, moves, growth, mixing, grid):
     """(base, offset) of x + o + (F − 1)(x + o), all (N, 2), with F − 1 = [[growth, mixing], [0, growth]]."""
     to, rest = np.empty_like(base), np.empty_like(base)

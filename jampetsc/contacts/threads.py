@@ -44,7 +44,7 @@ def _look(typing, counter):
     return types.int64(counter), generate
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, fastmath=False, nogil=True)
 def meet(counter, threads):
     """Wait until all `threads` are here. counter (1,) int64, zero before the first meeting."""
     if threads == 1:

@@ -164,7 +164,7 @@ def solve(graph, weights, hold, residual, u, tolerance):
     return -1
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
 def centre_clusters(graph, u):
     """Take the mean of u (N, 2) out of every connected cluster, in place; returns (number, largest) of them.
 

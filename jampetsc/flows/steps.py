@@ -13,7 +13,7 @@ steps of TALLY. All begin with the forces at a list that is not stale and end wi
 import numba
 import numpy as np
 
-from jampetsc.contacts.kernel import FAST, bond_forces
+from jampetsc.contacts.kernel import FAST, NUMBERS, bond_forces
 from jampetsc.contacts.pairs import FAR, is_stale, nearest
 from jampetsc.flows.resistance import centre_clusters, contact_graph, solve
 
@@ -21,11 +21,10 @@ from jampetsc.flows.resistance import centre_clusters, contact_graph, solve
 TALLY = ("elastic_xy", "elastic", "viscous_xy", "viscous", "kinetic_xy", "kinetic", "energy", "dissipation")
 TALLY += ("iterations", "steps")
 DONE, STALE, BLOWN_UP, UNSOLVED = range(4)
-NUMBERS = FAST - {"nnan", "ninf"}  # where NaN must be seen
 JUMP = 0.5  # σ_max: the longest move of one step; beyond it the step is unstable
 
 
-@numba.njit(cache=True, error_model="numpy")  # not fast: here NaN must be seen
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
 def move(o, u, g, dt, out):
     """out = o + dt (u_x − g u_y, u_y), all (N, 2); returns max |out| and the longest move, NaN where there is one."""
     far = longest = total = 0.0
@@ -116,7 +115,7 @@ def kick(o, forces, predicted, physics, g, dt, u, a_last):
     return np.sqrt(far), np.sqrt(longest) if total == total else np.nan, xy, squares
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, fastmath=False)
 def verdict_of(far, longest, g, listed):
     """What a move means for the list: listed = (σ_max, its skin, that of its near pairs)."""
     if not longest <= JUMP * listed[0]:

@@ -69,7 +69,7 @@ def _move(o, v, f, keep, push, step, back):
     return far
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@numba.njit(cache=True, fastmath=False, nogil=True, error_model="numpy")
 def _fall(me, threads, counter, domains, motion, law, skin, force, steps, clock, longest):
     """Steps of FIRE by thread `me` of `threads` until max |F| ≤ force, a stale list, or `steps` are done.
 

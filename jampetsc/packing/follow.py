@@ -8,7 +8,7 @@ H₀ the inverse of the factor.) For disks in a cell of fixed shape; moves are i
 import numba
 import numpy as np
 
-from jampetsc.contacts.kernel import FAST, _secant, bond_forces
+from jampetsc.contacts.kernel import FAST, NUMBERS, _secant, bond_forces
 from jampetsc.contacts.pairs import is_stale
 from jampetsc.packing.ldl import factorise, solve
 
@@ -55,7 +55,7 @@ def springs(pairs, o, g, law, nearby, stress):
     return blocks, chosen
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, fastmath=False)
 def held_by(pairs, chosen, n):
     """How many chosen pairs each of N disks has, (N,)."""
     number = np.zeros(n, np.int64)
@@ -66,7 +66,7 @@ def held_by(pairs, chosen, n):
     return number
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
 def factor_of(order, pairs, o, g, law, nearby, damping, stiffness):
     """A factor of the Hessian with `damping` on its diagonal; without pre-stress where it is not definite with it.
 
@@ -185,17 +185,18 @@ def _direction(factor, softness, memory, forces, d, work):
         m = newer
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+@numba.njit(cache=True, fastmath=NUMBERS, error_model="numpy")
 def _longest(a):
-    """Largest a_x² + a_y² of a (2N,)."""
-    longest = 0.0
+    """Largest a_x² + a_y² of a (2N,), NaN where there is one."""
+    longest = total = 0.0
     for k in range(len(a) // 2):
         square = a[2 * k] * a[2 * k] + a[2 * k + 1] * a[2 * k + 1]
         longest = square if square > longest else longest
-    return longest
+        total += square
+    return longest if total == total else np.nan
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+@numba.njit(cache=True, fastmath=NUMBERS, error_model="numpy")
 def _down(pairs, listed, law, area, factor, memory, o, g, moved, forces, aim):
     both, product, count, spaces = memory
     s, y = both[0], both[1]
@@ -248,7 +249,7 @@ def _down(pairs, listed, law, area, factor, memory, o, g, moved, forces, aim):
             count[1] = (m + 1) % MEMORY
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
 def follow(
     i, j, r0, sigma, law, scalars, order, begin, row, lower, both, product, count, spaces, o, moved, forces
 ):

@@ -94,7 +94,7 @@ class Pattern:
         return values
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, fastmath=False)
 def _fill(values, i, j, springs, free, diagonal, blocks):
     for p in range(len(i)):
         a, b = i[p], j[p]

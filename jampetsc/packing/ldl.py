@@ -12,10 +12,10 @@ j running over the disks that the elimination tree leads to from the neighbours 
 import numba
 import numpy as np
 
-from jampetsc.contacts.kernel import FAST
+from jampetsc.contacts.kernel import FAST, NUMBERS
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, fastmath=False)
 def minimum_degree(n, i, j, chosen):
     """N disks in the order of their elimination (N,): always one that then has the fewest neighbours.
 
@@ -78,7 +78,7 @@ def minimum_degree(n, i, j, chosen):
     return order
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, fastmath=False)
 def rows_below(order, i, j, chosen):
     """(start (N + 1,), column, pair): for each disk, in the order of elimination, its contacts with earlier ones.
 
@@ -106,7 +106,7 @@ def rows_below(order, i, j, chosen):
     return start, column, pair
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, fastmath=False)
 def _tree(start, column):
     """(parent (N,), entries of each column of L (N,)) of the elimination tree."""
     n = len(start) - 1
@@ -125,7 +125,7 @@ def _tree(start, column):
     return parent, entries
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+@numba.njit(cache=True, fastmath=NUMBERS, error_model="numpy")
 def factorise(order, i, j, blocks, chosen, shift):
     """L D Lᵀ of Σ blocks (u_j − u_i)² + Σ shift u², blocks (M, 2, 2) of the chosen pairs (M,), shift (N,), in `order`.
 

@@ -20,7 +20,7 @@ COLD = (
 )
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
 def _moves(around, law, o, temperature, reach, stale, draws):
     """Moves by the random numbers draws (M, 4) until all are done or one would make the list stale.
 
