@@ -106,6 +106,7 @@ def test_where_the_packing_is_pinned_does_not_matter(session, sample):
         np.testing.assert_allclose(np.imag(other), np.imag(values[0]), rtol=1e-10)
 
 
+@pytest.mark.most_ranks(2)
 @pytest.mark.parametrize("sample", ["published", "polydisperse", "strips"])
 def test_the_bound_holds_for_poor_solves(session, sample, monkeypatch):
     """GMRES stopped at a residual of a tenth, refined to a few digits: what it does not reach it must know about."""
@@ -311,6 +312,7 @@ def test_frequencies_that_fail_are_told_beside_the_others(session, shared_path, 
         np.testing.assert_array_equal(found[f"error_bound{part}"], column)
 
 
+@pytest.mark.most_ranks(2)
 def test_a_factor_of_another_frequency_will_do(session):
     """With -freq_ksp_reuse_preconditioner a factor serves until it no longer converges."""
     law = str(physics())

@@ -9,7 +9,7 @@ from dense import Reference
 from samples import isostatic, physics, polydisperse, published
 from sweeps import Sweep, judge
 
-pytestmark = pytest.mark.scalar("real")
+pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]
 
 OMEGA = np.geomspace(1e-14, 1e8, 12)
 LAWS = [

@@ -19,7 +19,7 @@ from jampetsc.mechanics.minimum import (
 from jampetsc.mechanics.network import build_network
 from jampetsc.solvers.inertia import count_below, count_eigenvalues
 
-pytestmark = pytest.mark.scalar("real")
+pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]
 
 
 def signs(matrix):

@@ -141,8 +141,8 @@ def test_a_checkpoint_is_of_the_same_oscillation(packing):
 @pytest.mark.parametrize(
     ("contacts", "words"),
     [
-        ("moving", "--alpha 0.7 --omega 0.1,1,3 --cycles 3"),
-        ("fixed", "--alpha 0.2 --omega 1e-32,1e-30,1e-28"),  # which stick
+        ("moving", "--alpha 0.7 --omega 0.1,1 --cycles 3"),
+        ("fixed", "--alpha 0.2 --omega 1e-32,1e-28"),  # which stick
     ],
 )
 def test_steps_in_time_on_any_number_of_ranks(packing, tmp_path, contacts, words):
@@ -163,7 +163,7 @@ def test_steps_in_time_on_any_number_of_ranks(packing, tmp_path, contacts, words
     assert one.attributes["solver"] == "steps"
     np.testing.assert_array_equal(one["G"], three["G"])
     if contacts == "moving":
-        np.testing.assert_array_equal(one["cycles"], [[6, 6, 6]])
+        np.testing.assert_array_equal(one["cycles"], [[6, 6]])
     assert np.all(one["error"] < 0.05 * abs(one["G"]))
 
 

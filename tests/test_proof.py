@@ -19,6 +19,7 @@ from jampetsc.solvers.local import NewtonSolver
 from jampetsc.solvers.shifted import ShiftedFactor
 from jampetsc.storage.packing_file import write_packing
 
+pytestmark = pytest.mark.most_ranks(2)
 PROGRAM = "../jampetsc/__main__.py"
 NUMBER = (
     itertools.count()
