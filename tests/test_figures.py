@@ -81,6 +81,11 @@ def as_python(words):
     return f"import runpy, sys\nsys.argv = {argv}\nrunpy.run_path(sys.argv[0], run_name='__main__')"
 
 
+def kind_of(words):
+    """What a picture shares with those that differ from it in the rows that they take, or in their observable."""
+    return words[0], words[words.index("--kind") + 1] if "--kind" in words else words[1]
+
+
 TINY = {
     **{"N": "16", "SEEDS": "1:1", "SAMPLES": "1:3", "SNAPSHOTS": "2", "PRESSURES": "1e-2,1e-3", "CUT": "1"},
     **{"STRAIN": "1.2", "RATES": "0.1,0.05,0.03", "SHEARED": "16", "COOLED": "1:2", "COOLING": "0.1"},
@@ -97,6 +102,7 @@ LESS = {  # a figure of which something has to be smaller, or must not be
 
 
 def test_every_figure_is_made(tmp_path):
+    """Of each kind the first picture: `test_a_figure_asks_for_what_there_is` looks at the words of all."""
     items, made, folders = [], [], {}
     for name in STUDIES:
         if name == WHOLE:
@@ -114,12 +120,13 @@ def test_every_figure_is_made(tmp_path):
         fits = [words for words in pictures if words[0] == "collapse"]
         for fit in fits[1:]:  # of another observable, and a second each
             pictures = [words for words in pictures if fit[fit.index("--out") + 1] not in words]
+        pictures = [*{kind_of(words): words for words in reversed(pictures)}.values()][::-1]
         items += [as_python(words) if is_program(words) else words for words in pictures]
         made += [words[words.index("--picture" if is_program(words) else "--out") + 1] for words in pictures]
     said = launch.run_lines(tmp_path, items)
     linear = "| 0.01 | 0.01 | 1 of 1 | 1.00 | 1.00 |"  # the least strain
     assert linear in said and "alpha = 0.6667" in said and "measured over self-consistent" in said
-    assert len(made) > 30 and len(STUDIES) > 15
+    assert len(made) > 20 and len(STUDIES) > 15
     for path in made:
         assert os.path.getsize(path) > 5000, path
 
