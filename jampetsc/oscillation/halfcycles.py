@@ -23,14 +23,15 @@ import numpy as np
 from jampetsc.contacts.laws import Law
 from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.network import Network
+from jampetsc.oscillation.answer import Answer, Sine
 from jampetsc.oscillation.dashpots import REST, Damping
 from jampetsc.oscillation.fixed import FixedSprings, State
 from jampetsc.oscillation.harmonics import harmonics_of
 from jampetsc.oscillation.powerlaw import PowerLaw
-from jampetsc.oscillation.stage import STAGE, WEIGHTS, Imposed, Stages
+from jampetsc.oscillation.preconditioner import PREFIX
+from jampetsc.oscillation.stage import STAGE, WEIGHTS, Stages
 from jampetsc.oscillation.steady import Point
 
-PREFIX = "osc_factor_"
 RELAXED = 2.0 / 3.0
 MIXED = 5  # half cycles before the last
 LEFT = 1e-5  # of |G*|: what may be left of the change from half cycle to half cycle
@@ -41,16 +42,10 @@ LARGEST_LOG = 690.0  # of what a double holds
 
 
 @dataclass(frozen=True)
-class Stepped:
-    """The answer. Harmonics as in `steady.Steady`; lengths in those of the packing, time in 1/ω."""
+class Stepped(Answer):
+    """The answer. Lengths in those of the packing, time in 1/ω."""
 
-    G: complex
-    error: float  # estimate of |ΔG*|
-    harmonics: np.ndarray  # (2,) complex
-    work: float  # per area and cycle
-    balance: float  # dissipation over work − 1
     regularisation: float  # estimate of |ΔG*| when the velocity is halved below which contacts are linear
-    newton: int  # steps of Newton's method
     factorisations: int
     half_cycles: int  # of both runs
     strain: float  # amplitude
@@ -61,15 +56,9 @@ class Stepped:
 
     def record(self) -> dict:
         """What a file keeps, by the names of its datasets."""
-        return {
-            "G": self.G,
-            "error": self.error,
-            "harmonics": list(self.harmonics),
-            "work": self.work,
-            "energy_balance": self.balance,
+        return super().record() | {
             "regularisation_effect": self.regularisation,
             "half_cycles": self.half_cycles,
-            "newton_steps": self.newton,
             "factorisations": self.factorisations,
         }
 
@@ -132,7 +121,7 @@ class _Motion:
 
     def __init__(self, network: Network, law: Law, units: _Units, stress_controlled: bool, speed: float):
         self._roots, self._power = np.sqrt(law.on_contacts), PowerLaw(law.exponent, units.c)
-        self._amplitude, self._stress_controlled = units.amplitude, stress_controlled
+        self.sine = Sine(units.amplitude, stress_controlled)
         self.springs = FixedSprings(network, law, units.k, self._damping(speed), PREFIX)
         self.iterations = 0
 
@@ -144,12 +133,6 @@ class _Motion:
         """Contacts are linear at less than REST of this |z|."""
         self.springs.damp(self._damping(speed))
 
-    def _imposed(self, phase):
-        now = self._amplitude * np.sin(phase)
-        if self._stress_controlled:
-            return Imposed(stress=now)
-        return Imposed(now, self._amplitude * np.cos(phase))
-
     def half(self, start: State, steps: int) -> _Half:
         """With so many steps of a cycle."""
         springs, dt = self.springs, 2.0 * np.pi / steps
@@ -159,7 +142,7 @@ class _Motion:
         try:
             for n in range(steps // 2):
                 times = [dt * (n + part) for part in (STAGE, 1.0)]
-                places, u, ends = stages.step(places, gamma, [self._imposed(time) for time in times], last)
+                places, u, ends = stages.step(places, gamma, [self.sine.at(time) for time in times], last)
                 gamma, last = ends[1].gamma, (u, ends[1].rate)
                 rows += [
                     (time, dt * weight, *self._look(end))
@@ -171,19 +154,14 @@ class _Motion:
         dissipation, softened, unbalanced, squares = np.array(rest) @ weights
         # the other half has the opposite values, and as much of odd harmonics
         found = harmonics_of(values, times / (2.0 * np.pi), weights / np.pi)
-        work = np.pi * self._amplitude * float(found[0].imag)
-        G, strain, work = (
-            (self._amplitude / found[0], abs(found[0]), -work)
-            if self._stress_controlled
-            else (found[0] / self._amplitude, self._amplitude, work)
-        )
+        G, strain, work = self.sine.moduli(found[0])
         return _Half(
             end=State(places, gamma),
             u=last[0],
             rate=last[1],
-            G=complex(G),
+            G=G,
             harmonics=found[1:] / found[0],
-            strain=float(strain),
+            strain=strain,
             work=work,
             dissipation=2.0 * dissipation / springs.area,
             softened=2.0 * softened / springs.area,
@@ -194,7 +172,7 @@ class _Motion:
     def _look(self, end):
         """What answers, power dissipated, what more would be if contacts were softer, power left, Σ|z|²."""
         softer = np.sum(self._power.forces(end.z, 0.5 * self._floor) * end.z) - end.power
-        response = end.gamma if self._stress_controlled else end.stress
+        response = end.gamma if self.sine.stress_controlled else end.stress
         return response, end.power, softer, end.unbalanced, np.sum(end.z**2)
 
 
@@ -221,7 +199,7 @@ class _Repeated:
 
     def _sum(self, parts) -> State:
         places = sum(weight * state.places for weight, state in parts)
-        free = self._motion._stress_controlled
+        free = self._motion.sine.stress_controlled
         return State(places, sum(weight * state.gamma for weight, state in parts) if free else 0.0)
 
     def _error(self, left):

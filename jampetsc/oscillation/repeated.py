@@ -18,15 +18,15 @@ import numpy as np
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import Law
 from jampetsc.errors import ConvergenceError
+from jampetsc.oscillation.answer import Answer, Sine
 from jampetsc.oscillation.cycle import Cycle
 from jampetsc.oscillation.halfcycles import SteppedOscillation
 from jampetsc.oscillation.harmonics import harmonics_of
 from jampetsc.oscillation.moving import MovingContacts
-from jampetsc.oscillation.stage import Imposed
+from jampetsc.oscillation.preconditioner import PREFIX
 from jampetsc.oscillation.steady import Point, SteadyOscillation
 from jampetsc.oscillation.steps import Steps
 
-PREFIX = "osc_factor_"
 REPEATED = 1e-3  # of |G*|: what may be left of the change from cycle to cycle
 SAME = 1e-7  # a change that is none
 MOST_CYCLES = 60
@@ -38,34 +38,22 @@ FLOWING = 1.0  # a strain at which disks have left their neighbours for others
 
 
 @dataclass(frozen=True)
-class Repeated:
-    """The answer. Harmonics as in `steady.Steady`."""
+class Repeated(Answer):
+    """The answer, of the last cycle."""
 
-    G: complex  # of the last cycle
-    error: float  # estimate of |ΔG*|
-    harmonics: np.ndarray  # (2,) complex
-    work: float  # per area, of the last cycle
-    balance: float  # what is dissipated and stored, over work, − 1
     change: float  # |ΔG*| from the last cycle but one to the last
     drift: float  # strain that the last cycle has gained
     cycles: int  # of both runs
     steps: int  # likewise, each cut one counted as those that it was cut into
     factorisations: int
-    newton: int  # steps of Newton's method
 
     def record(self) -> dict:
         """What a file keeps, by the names of its datasets."""
-        return {
-            "G": self.G,
-            "error": self.error,
-            "harmonics": list(self.harmonics),
-            "work": self.work,
-            "energy_balance": self.balance,
+        return super().record() | {
             "cycle_change": self.change,
             "drift": self.drift,
             "cycles": self.cycles,
             "steps_taken": self.steps,
-            "newton_steps": self.newton,
             "factorisations": self.factorisations,
         }
 
@@ -187,11 +175,11 @@ class Run:
 
     def __init__(self, disks, law, start, steps, gamma=0.0):
         point = start.point
-        self.stress_controlled, self.count = point.stress_controlled, steps
-        self.amplitude = point.amplitude * (float(disks.potential.k) if point.stress_controlled else 1.0)
+        self.count, unit = steps, float(disks.potential.k) if point.stress_controlled else 1.0
+        self.sine = Sine(point.amplitude * unit, point.stress_controlled)
         scaled = replace(law, tau1=point.omega * law.tau1)
         self.motion = MovingContacts(disks, scaled, PERIOD / steps, start.strain, PREFIX, start.speed, gamma)
-        self.steps = Steps(self.motion, self._imposed)
+        self.steps = Steps(self.motion, self.sine.at)
         self.strain, self.modulus = start.strain, start.modulus
         self.seen = []
 
@@ -222,12 +210,6 @@ class Run:
         """Largest |ΔG*| from the last cycle among the later half of all."""
         return max(abs(one.G - self.seen[-1].G) for one in self.seen[len(self.seen) // 2 :])
 
-    def _imposed(self, phase) -> Imposed:
-        now = self.amplitude * np.sin(phase)
-        if self.stress_controlled:
-            return Imposed(stress=now)
-        return Imposed(now, self.amplitude * np.cos(phase))
-
     def _cycle(self):
         motion, begin, rows, spent = self.motion, self.motion.gamma, [], 0.0
         step = PERIOD / self.count
@@ -236,23 +218,17 @@ class Run:
             # whole periods are left out: their rounding would show in the strain
             for one in self.steps.over(n * step, step, allowed):
                 for time, weight, seen in one.stages():
-                    rows.append((time, weight, seen.gamma if self.stress_controlled else seen.stress))
+                    rows.append((time, weight, seen.gamma if self.sine.stress_controlled else seen.stress))
                     spent += weight * seen.power
                 spent += motion.gained
-            if not abs(motion.gamma - begin) < FLOWING + self.amplitude:
+            if not abs(motion.gamma - begin) < FLOWING + self.sine.amplitude:
                 raise ConvergenceError(
                     f"the packing flows: its strain has changed by {motion.gamma - begin:.2g} within a cycle: give "
                     "less --stress"
                 )
         drift, (times, weights, response) = motion.gamma - begin, np.array(rows).T
-        ramp = drift if self.stress_controlled else 0.0
+        ramp = drift if self.sine.stress_controlled else 0.0
         found = harmonics_of(response, times / PERIOD, weights / PERIOD, ramp)
-        work = np.pi * self.amplitude * float(found[0].imag)  # ∮σdγ = −∮γdσ
-        G, work = (
-            (self.amplitude / found[0], -work)
-            if self.stress_controlled
-            else (found[0] / self.amplitude, work)
-        )
+        G, self.strain, work = self.sine.moduli(found[0])
         self.modulus = abs(G)
-        self.strain = self.amplitude / abs(G) if self.stress_controlled else self.amplitude
         self.seen.append(_Cycle(G, found[1:] / found[0], work, spent / motion.area, drift))

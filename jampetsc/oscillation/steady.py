@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
+from jampetsc.oscillation.answer import Answer
 from jampetsc.oscillation.cycle import Cycle
 from jampetsc.oscillation.equations import Contacts, Drive, Equations
 from jampetsc.oscillation.harmonics import HARMONICS
@@ -34,36 +35,20 @@ class Point:
 
 
 @dataclass(frozen=True)
-class Steady:
+class Steady(Answer):
     """The answer, the same on all ranks but for `velocity`, of which each has its part."""
 
-    G: complex
-    error: float  # estimate of |ΔG*|
-    harmonics: (
-        np.ndarray
-    )  # (2,) complex: third and fifth of strain (stress) over the first, under stress (strain) control
-    work: float  # per area and cycle
-    balance: float  # dissipation over work − 1
     regularisation: float  # |ΔG*| when δ is halved, estimated in the same way as the solver's error
     speed: float  # root mean square of |z| over contacts and time, of the equivalent linear damping
     velocity: (
         np.ndarray
     )  # (odd harmonics, unknowns + 1) complex amplitudes of velocities; last, of the strain rate times √V
-    newton: int  # steps of Newton's method
     linear: int  # iterations of the linear solver
 
     def record(self) -> dict:
         """What a file keeps, by the names of its datasets."""
-        return {
-            "G": self.G,
-            "error": self.error,
-            "harmonics": list(self.harmonics),
-            "work": self.work,
-            "energy_balance": self.balance,
-            "regularisation_effect": self.regularisation,
-            "newton_steps": self.newton,
-            "linear_iterations": self.linear,
-        }
+        more = {"regularisation_effect": self.regularisation, "linear_iterations": self.linear}
+        return super().record() | more
 
 
 class SteadyOscillation:
