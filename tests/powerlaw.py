@@ -8,6 +8,8 @@ import numpy as np
 from dense import Reference
 from scipy.integrate import solve_ivp
 
+from jampetsc.response.elastic import ElasticResponse
+
 
 class Motion:
     """A packing under power-law damping, by contacts alone, with the stress σ₀ cos ωt or the strain γ₀ cos ωt."""
@@ -207,3 +209,16 @@ class Friction(Motion):
             first = self.move(Q, phase[0], tolerance)
             Q = self.move(Q + (1.0 - stage) / stage * (first - Q), phase[1], tolerance)
         return Q
+
+
+def slow_moduli(network, disks, alpha, omega, strain):
+    """(G', G'') of contacts that move as in slow shear, and of what that dissipates: ∝ ω^α γ₀^(α−1). Collective."""
+    elastic = ElasticResponse(network)
+    shear = elastic.shear()
+    elastic.destroy()
+    total = network.sum(np.sum(np.sum(shear.motions[:, :2] ** 2, axis=1) ** (0.5 * (1 + alpha))))
+    phase = (np.arange(100_000) + 0.5) * np.pi / 100_000
+    cycle = 2 * np.pi * np.mean(np.sin(phase) ** (1 + alpha))
+    c = (2 * disks.radii.mean()) ** (1 - alpha)
+    loss = c * cycle * omega**alpha * strain ** (alpha - 1) * total / (np.pi * network.area)
+    return shear.value / network.area, loss
