@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numba import typeof
 
 from jampetsc.contacts import domains, state
 from jampetsc.contacts.disks import Disks
@@ -152,6 +153,12 @@ def test_forces_of_domains_are_those_of_the_whole_list():
     wanted = pair_forces(pairs.i, pairs.j, pairs.r0, pairs.sigma, offsets[: disks.n], *box, law, whole)
     assert np.abs(found[: disks.n] - whole).max() < 1e-14
     assert np.allclose(np.sum(sums, axis=0), wanted, rtol=1e-12)
+
+
+def test_domains_are_of_one_type_however_many():
+    """Numba would compile the descent, ten seconds of it, once more for the first large packing."""
+    one, several = (PairList.build(random_disks(n, 0.3), 0.1) for n in (16, 4100))
+    assert typeof(domains.into_domains(one, 16)) == typeof(domains.into_domains(several, 4100))
 
 
 def test_any_number_of_threads_takes_the_same_way():

@@ -65,7 +65,8 @@ def into_domains(pairs: PairList, n: int) -> Domains:
     r0 = np.hstack((pairs.r0[:, inner], pairs.r0[:, outer], -pairs.r0[:, outer]))
     r0 = np.ascontiguousarray(r0[:, order])
     sigma = np.concatenate((pairs.sigma[inner], pairs.sigma[outer], pairs.sigma[outer]))[order]
-    return Domains(disks, ends[::2], ends[1::2], i, j, r0, sigma)
+    # whole arrays, as one domain has: numba would compile all that takes them once more for arrays with gaps
+    return Domains(disks, ends[::2].copy(), ends[1::2].copy(), i, j, r0, sigma)
 
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)

@@ -272,17 +272,18 @@ def massive_steps(pairs, listed, law, weights, physics, clock, o, u, a_last, for
     dt, since = clock
     alpha = 2.5 if law[1] else 2.0
     predicted = u + 0.5 * dt * a_last
-    if rolling is not None:
+    if rolling is None:
+        spins = None
+    else:
         spin, spin_last, radii, inertia = rolling
         turning, torques = np.empty_like(spin), np.empty_like(spin)
+        spins = turning, radii, torques
     near = pairs, FAR, 0.0
     for step in range(steps):
         g = (since + step) * rate * dt
-        spins = None
         if rolling is not None:
             for a in range(len(u)):
                 turning[a] = spin[a] + 0.5 * dt * spin_last[a]
-            spins = (turning, radii, torques)
         near = nearest(pairs, near, o, g, listed)
         sums = bond_forces(near[0], o, 0.0, g, law, forces, (predicted, rate, weights), spins)
         forces[:held] = 0.0
