@@ -48,6 +48,7 @@ def compare(found, wanted, accuracy, what):
     assert abs(found.G - wanted) <= found.error_bound, what
 
 
+@pytest.mark.most_ranks(2)
 @pytest.mark.parametrize("case", ORACLE["cases"], ids=lambda case: case["case"])
 def test_published_moduli(session, case):
     """Nine laws at eleven frequencies in 50-digit arithmetic; printed to 14 digits."""
@@ -140,6 +141,7 @@ HOSTILE = [
 ]
 
 
+@pytest.mark.most_ranks(2)
 @pytest.mark.parametrize("sample, positive", [("published", True), ("two images", False)])
 @pytest.mark.parametrize("hostile", HOSTILE, ids=str)
 def test_no_solver_makes_a_bound_false(session, hostile, sample, positive):

@@ -311,6 +311,7 @@ def test_file(session, shared_path):
     assert not found.attributes["prestress"]
 
 
+@pytest.mark.most_ranks(2)
 @pytest.mark.parametrize(
     ("words", "says"),
     [

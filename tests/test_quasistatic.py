@@ -196,6 +196,7 @@ def test_file(session, shared_path):
     assert (np.diff(found["beta_scan/eta_inf"]) > 0).all()
 
 
+@pytest.mark.most_ranks(2)
 @pytest.mark.parametrize(
     ("words", "says"),
     [
@@ -211,6 +212,7 @@ def test_bad_options(session, shared_path, capsys, words, says):
     assert not out.exists()
 
 
+@pytest.mark.most_ranks(2)
 @pytest.mark.parametrize(
     ("disks", "says"),
     [

@@ -31,6 +31,7 @@ def exact(sample, law, omega=OMEGA):
     return np.array([modulus(sample, law, w) for w in omega])
 
 
+@pytest.mark.most_ranks(2)
 @pytest.mark.parametrize("case", ORACLE["cases"], ids=lambda case: case["case"])
 def test_published_moduli(session, case):
     """Nine laws at eleven frequencies in 50-digit arithmetic; printed to 14 digits."""
@@ -358,6 +359,7 @@ def test_frequencies_of_fields_are_among_those_of_the_sweep(session, shared_path
             Job.read(packing, law, [1.0, omega], [], "direct", 1e-6, shared_path / "s.h5", damping)
 
 
+@pytest.mark.most_ranks(2)
 @pytest.mark.parametrize(
     ("method", "line"),
     [

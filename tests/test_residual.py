@@ -22,9 +22,8 @@ from jampetsc.solvers.cholesky import NotPositiveDefinite, least_eigenvalue
 from jampetsc.solvers.shifted import ShiftedFactor, shifted
 from jampetsc.storage.packing_file import write_packing
 
-pytestmark = pytest.mark.most_ranks(
-    2
-)  # what is bounded here is compared with dense matrices on 3 by test_rational
+# what is bounded here is compared with dense matrices on 3 ranks by test_rational
+pytestmark = pytest.mark.most_ranks(2)
 OMEGA = np.geomspace(1e-8, 1e3, 12)
 PROGRAM = "../jampetsc/__main__.py"
 LAWS = [physics(), physics("stokes"), physics(rotations=False)]
