@@ -216,7 +216,10 @@ def test_the_command_has_the_mean_diameter_for_its_length_and_leaves_no_checkpoi
     assert sorted(path.name for path in tmp_path.iterdir()) == ["o.h5", "p.h5"]
 
 
-def test_a_factor_that_fails_on_one_rank_fails_on_all(session):
+@pytest.mark.parametrize(
+    "diagonal", [0.2, -1.0, np.nan]
+)  # of what it was, beside the rest: not positive definite
+def test_a_factor_that_fails_on_one_rank_fails_on_all(session, diagonal):
     """Ranks share the harmonics, each with factors of its own."""
     packing = Packing(0.5, 16)
     contacts = packing.oscillation.contacts
@@ -224,8 +227,7 @@ def test_a_factor_that_fails_on_one_rank_fails_on_all(session):
     stiffness = np.ones((contacts.count, np.arange(contacts.forms)[contacts.damped].size))
     preconditioner.update(stiffness)
     if session.rank == session.size - 1:
-        preconditioner._K.data *= 5.0  # but for the diagonal: now it has negative eigenvalues
-        preconditioner._K.data[preconditioner._diagonal] /= 5.0
+        preconditioner._K.data[preconditioner._diagonal] *= diagonal
     with pytest.raises(NotPositiveDefinite, match=r"K/Ω \+ B at Ω = "):
         preconditioner.update(1e-12 * stiffness)
     preconditioner.destroy()

@@ -21,7 +21,7 @@ from jampetsc.collective import agreed
 from jampetsc.oscillation.cycle import Cycle
 from jampetsc.oscillation.equations import Contacts
 from jampetsc.session import current
-from jampetsc.solvers.cholesky import Cholesky
+from jampetsc.solvers.cholesky import Cholesky, NotPositiveDefinite
 
 PREFIX = "osc_factor_"
 SHARED = 1.5
@@ -87,7 +87,7 @@ class HarmonicPreconditioner:
             for level in self._levels:
                 data = self._K.data / level.Omega + self._B.data
                 border = self._border_K / level.Omega + self._border_B if self._bordered else None
-                level.factorise(data, 1.0 / np.sqrt(data[self._diagonal]), self._rows, border)
+                level.factorise(data, data[self._diagonal], self._rows, border)
 
     def apply(self, v, rate):
         """Approximate solution (m, unknowns), (m,) for right-hand sides of these shapes, rate on all ranks."""
@@ -134,10 +134,13 @@ class _Level:
         self._cholesky = Cholesky(matrix, PREFIX, f"K/Ω + B at Ω = {Omega:g}")
         self._right, self._solution = matrix.createVecs()
 
-    def factorise(self, data, scale, rows, border):
-        """Values of H, what scales its diagonal to 1, the row of each value, and the border or None."""
-        self._scale, self._border = scale, border
+    def factorise(self, data, diagonal, rows, border):
+        """Values of H, those on its diagonal, the row of each value, and the border or None."""
         matrix = self._cholesky.matrix
+        if not (diagonal > 0.0).all():  # nan as well
+            raise NotPositiveDefinite(f"{self._cholesky.what} is not positive definite")
+        scale = 1.0 / np.sqrt(diagonal)
+        self._scale, self._border = scale, border
         matrix.setValuesCSR(*self._csr, data * scale[rows] * scale[self._csr[1]])
         matrix.assemble()
         self._cholesky.factorise()
