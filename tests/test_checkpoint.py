@@ -43,6 +43,32 @@ def test_records_come_back_exactly(out):
     assert isinstance(again.done[0]["G"], complex)
 
 
+def test_a_job_is_the_same_in_whatever_order_it_is_told(out):
+    saved(out, 2)
+    assert Checkpoint(out, dict(reversed(KEY.items()))).done.keys() == {0, 1}
+
+
+def test_only_what_was_a_complex_number_becomes_one(out):
+    checkpoint = Checkpoint(out, KEY)
+    told = {"G": 1 - 2j, "parts": {"real": 1.0, "imag": 2.0, "kind": "x"}, "n": np.int64(3), "a": np.ones(2)}
+    checkpoint.save(0, told)
+    assert Checkpoint(out, KEY).done[0] == told | {"n": 3, "a": [1.0, 1.0]}
+
+
+@pytest.mark.parametrize("place", ["journal", "folder"])
+def test_where_no_checkpoint_can_be_is_one_line(out, place):
+    checkpoint = Checkpoint(out, KEY)
+    if place == "journal":
+        checkpoint.journal.symlink_to(checkpoint.journal)  # a link to itself leads nowhere
+        with pytest.raises(JampetscError, match=r"s\.h5\.resume: writing failed: Too many levels"):
+            Checkpoint(out, KEY)
+    else:
+        checkpoint.folder.touch()
+        with pytest.raises(JampetscError, match=r"s\.h5\.resume\.d: writing failed: File exists"):
+            checkpoint.save(0, record(0), fields(0, 0))
+        assert checkpoint.done == {} == Checkpoint(out, KEY).done
+
+
 def test_nothing_is_written_before_something_is_saved(out):
     assert Checkpoint(out, KEY).done == {}
     assert list(out.parent.iterdir()) == []
@@ -277,6 +303,21 @@ def test_what_a_killed_run_left_goes_with_the_checkpoint(out):
     assert list(out.parent.iterdir()) == []
     checkpoint.save(2, record(2))  # a new journal
     assert Checkpoint(out, KEY).done.keys() == {2}
+
+
+def test_what_is_not_its_own_stays_in_the_folder_of_a_checkpoint(out):
+    checkpoint = saved(out, 1, with_fields=True)
+    (checkpoint.folder / "notes.txt").touch()
+    checkpoint.remove()
+    assert sorted(path.name for path in out.parent.rglob("*")) == ["notes.txt", "s.h5.resume.d"]
+
+
+def test_a_step_beyond_a_gap_ends_what_counts_of_an_ordered_job_for_good(out):
+    checkpoint = Checkpoint(out, KEY)
+    for index in (0, 1, 3, 2):
+        checkpoint.save(index, record(index))
+    assert Checkpoint(out, KEY, ordered=True).done.keys() == {0, 1}
+    assert Checkpoint(out, KEY).done.keys() == {0, 1, 2, 3}
 
 
 def test_a_checkpoint_lies_beside_the_file_that_a_link_stands_for(tmp_path):

@@ -283,6 +283,23 @@ def test_one_byte_too_many_or_too_few_without_checksums(tmp_path, libver, change
         Verified(open(path, "rb"))
 
 
+def test_headers_that_say_their_end_elsewhere_are_left_to_libhdf5(tmp_path):
+    """Of files with short addresses, and of the older format."""
+    path = tmp_path / "x.h5"
+    creation, access = (h5py.h5p.create(kind) for kind in (h5py.h5p.FILE_CREATE, h5py.h5p.FILE_ACCESS))
+    access.set_libver_bounds(h5py.h5f.LIBVER_V110, h5py.h5f.LIBVER_V110)
+    creation.set_sizes(4, 4)
+    h5py.h5f.create(os.fsencode(path), h5py.h5f.ACC_TRUNC, creation, access).close()
+    assert path.read_bytes()[8] in (2, 3) and path.read_bytes()[9] == 4
+    with Verified(open(path, "rb")) as verified:
+        assert not verified.sealed and verified.read() == path.read_bytes()
+    with h5py.File(path, "w", libver="earliest") as h5:
+        h5["x"] = np.arange(5)
+    os.truncate(path, path.stat().st_size + 1)
+    with Verified(open(path, "rb")) as verified:
+        assert not verified.sealed
+
+
 def test_a_file_that_shrinks_while_it_is_read_is_damaged(tmp_path):
     (tmp_path / "f").write_bytes(bytes(100))
     with Verified(open(tmp_path / "f", "rb", buffering=0)) as verified:

@@ -99,6 +99,14 @@ def test_cores_are_shared_with_the_ranks_at_work_on_the_same_node(monkeypatch, o
     assert collective.own_cores(Ranks(others)) == count
 
 
+@pytest.mark.parametrize("ranks", range(1, 33))
+def test_shares_of_a_core_make_whole_ones(monkeypatch, ranks):
+    """Also where thirds and sevenths add up to a little less."""
+    cores = set(range(3 * ranks))
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: cores, raising=False)
+    assert collective.own_cores(Ranks([(socket.gethostname(), cores)] * (ranks - 1))) == 3
+
+
 def test_an_idle_rank_asks_for_no_core_of_the_others(monkeypatch):
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1}, raising=False)
     told = []

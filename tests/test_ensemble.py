@@ -6,6 +6,7 @@ import pytest
 import jampetsc
 from jampetsc.analysis.statistics import bootstrap
 from jampetsc.errors import InputError
+from jampetsc.storage.ensemble import CHOICES, load_ensemble
 from jampetsc.studies.table import table_text
 
 MODULI = {1: -0.5, 2: 1.0, 3: 4.0}
@@ -160,3 +161,43 @@ def test_errors_of_few_samples():
         "unbiased, though resamples lie closer"
     )
     assert np.isnan(bootstrap([1.0])[1]) and bootstrap([2.0, 2.0]) == (2.0, 0.0)
+
+
+def test_errors_and_counts_have_the_columns_of_the_means(folder):
+    mean = jampetsc.load(folder).where(beta=1).mean("pressure")
+    assert jampetsc.load(folder).where(beta=1).mean("law")["law"].tolist() == ["contact"]
+    for part in (mean.error, mean.count, mean.below_zero):
+        assert list(part) == list(mean) and len(part) == len(mean) > 3
+    assert mean["seconds"].tolist() == pytest.approx([0.1, 0.1]) and "seconds" not in list(mean)
+
+
+def test_rows_without_the_name_of_a_packing_are_independent(tmp_path):
+    table = written(tmp_path, "command,state,file,G0\na,done,1.h5,1\na,done,2.h5,3\n")
+    assert table.mean()["G0"].tolist() == [2.0] and table.mean().count["G0"].tolist() == [2]
+
+
+def test_a_folder_without_a_table_is_none_of_a_study(tmp_path):
+    message = r"table\.csv: cannot be read \(No such file or directory\): is .*none the folder of a study\?"
+    with pytest.raises(InputError, match=message):
+        load_ensemble(tmp_path / "none")
+
+
+@pytest.mark.parametrize("name", [name for name in CHOICES if name != "command"])
+def test_every_choice_that_tells_two_rows_of_a_packing_apart_is_named(tmp_path, name):
+    text = f"command,state,file,packing,{name},G0\na,done,1.h5,p,1,1\na,done,2.h5,p,2,1\n"
+    with pytest.raises(InputError, match=rf"in by= \({name}\)"):
+        written(tmp_path, text).mean()["G0"]
+    text = f"command,state,file,packing,{name},seed,G0\na,done,1.h5,p,1,1,1\na,done,2.h5,p,1,2,1\n"
+    with pytest.raises(InputError, match=r"in by= \(see the table\)"):
+        written(tmp_path, text).mean(by=name)["G0"]
+
+
+def test_a_list_of_any_kind_chooses_rows(folder):
+    table = jampetsc.load(folder)
+    for some in ([1, 3], (1, 3), {1, 3}, np.array([1, 3])):
+        assert set(table.where(seed=some)["seed"]) == {1, 3}
+
+
+def test_zero_is_not_below_zero(tmp_path):
+    table = written(tmp_path, "command,state,file,G0\na,done,1.h5,0\na,done,2.h5,-1e-300\n")
+    assert table.mean().below_zero["G0"].tolist() == [1]

@@ -10,6 +10,7 @@ import pytest
 from jampetsc.errors import InputError
 from jampetsc.storage.hdf5 import OutputFile, open_file, store, values
 from jampetsc.storage.parts import PartList, part_name, parts_of
+from jampetsc.storage.reader import StoredArray
 
 RUN = "0123456789ab"
 COUNTS = (3, 0, 4, 1)  # rows of each rank
@@ -75,6 +76,22 @@ def test_a_selection_is_what_numpy_makes_of_it(made, selection):
 def test_an_index_beyond_the_rows_is_none(made, selection):
     with open_file(made) as h5, pytest.raises(IndexError, match="is out of range for"):
         PartList(h5, made).read(h5["x"], selection)
+
+
+def test_what_numpy_refuses_is_refused(made):
+    for selection in ((..., 0, ...), (0, 0, 0, 0), (0, 1.5)):
+        with pytest.raises(IndexError):
+            WHOLE[selection]
+        with open_file(made) as h5, pytest.raises(IndexError):
+            PartList(h5, made).read(h5["x"], selection)
+
+
+def test_a_stored_array_tells_what_it_is(made):
+    with open_file(made) as h5:
+        stored = StoredArray(made, "x", h5)
+    assert (len(stored), stored.shape, stored.dtype) == (2, (2, 8, 3), WHOLE.dtype)
+    assert repr(stored) == "<x (2, 8, 3) int64 in s.h5>"
+    assert np.array_equal(np.asarray(stored, float), WHOLE) and np.asarray(stored, float).dtype == float
 
 
 def test_rows_of_other_parts_are_not_asked_for(joint):

@@ -16,7 +16,7 @@ import pytest
 import samples
 
 import jampetsc.session
-from jampetsc import builds, cli
+from jampetsc import builds, cli, loading
 from jampetsc.collective import own_cores
 from jampetsc.errors import InputError
 from jampetsc.storage.packing_file import write_packing
@@ -661,3 +661,161 @@ def test_what_one_rank_does_alone_waits_for_no_other(session, tmp_path):
                 assert cli.dispatch([*line.split(), str(tmp_path / "p.h5"), "--out", str(out)]) == 0
                 assert jampetsc.load(out).attributes["ranks"] == 1
     assert session.size == session.world.size
+
+
+# Words for PETSc, and what may be wrong with it
+
+
+OPTIONS_FILES = {  # what an options file holds -> what is said of it, nothing if PETSc may have it
+    "# why\n\n-a 1 # and why\n  -b_c\nalias x y\n": None,
+    "-a 1\n# -\n -1 2\n": "line 3: -1: options begin with -, comments with #",
+    "-a\n\nb 1 # -b 1\n": "line 3: b: options begin",
+    "aliases x\n": "line 1: aliases: options begin",
+    "--a 1\n": "line 1: --a: options begin",
+    "-a é\n": None,
+    "": None,
+}
+
+
+@pytest.mark.parametrize("content", OPTIONS_FILES)
+def test_what_an_options_file_may_hold(tmp_path, content):
+    message = OPTIONS_FILES[content]
+    path = tmp_path / "a.opts"
+    for encoding in ("utf-8", "latin-1"):
+        path.write_bytes(content.encode(encoding))
+        if message is None:
+            loading.check_words(["-x", "-options_file", str(path), "-y"])
+        else:
+            with pytest.raises(InputError, match=f"^{path}: {re.escape(message)}"):
+                loading.check_words(["-options_file", str(path)])
+    for ending in ("yml", "yaml"):  # PETSc's other language
+        path.with_suffix(f".{ending}").write_text("a: 1\n")
+        loading.check_words(["-options_file", str(path.with_suffix(f".{ending}"))])
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["-a", "x\ny"], r"x\ny: PETSc takes printable text only: use another name"),
+        (["-a", "\udcff"], r"\udcff: PETSc takes printable text only"),
+        (["-options_file"], "-options_file: needs the name of a file"),
+        (["-options_file", ""], "-options_file: needs the name of a file"),
+        (["-options_file", "/none.yml"], "/none.yml: No such file or directory: give a PETSc options file"),
+        (["-options_file", "/"], "/: Is a directory: give a PETSc options file"),
+    ],
+)
+def test_words_that_petsc_cannot_have(words, message):
+    with pytest.raises(InputError) as refused:
+        loading.check_words(words)
+    assert str(refused.value).startswith(message)
+
+
+def test_words_that_petsc_may_have():
+    loading.check_words(["-α", "ω = 1", "options_file", "none"])
+
+
+@pytest.fixture
+def modules(monkeypatch):
+    """petsc4py, slepc4py and mpi4py that do nothing: a function that puts others in their place, None for missing."""
+
+    def module(name, part, **attributes):
+        path = f"/lib/{name}/__init__.py"
+        made = SimpleNamespace(init=lambda *words, **more: None, __file__=path, **attributes)
+        setattr(made, part, SimpleNamespace(__file__=f"/usr/lib/petsc/lib/{part}.so", COMM_WORLD="world"))
+        return made
+
+    def put(**changes):
+        found = {name: module(name, part) for name, part in PARTS.items()} | changes
+        for name, one in found.items():
+            monkeypatch.setitem(sys.modules, name, one)
+        return found
+
+    return put
+
+
+PARTS = {"mpi4py": "MPI", "petsc4py": "PETSc", "slepc4py": "SLEPc"}
+
+
+def refusing(error):
+    """A module whose start fails."""
+
+    def init(*words, **more):
+        raise error
+
+    return SimpleNamespace(init=init, __file__="/lib/any/__init__.py", PETSc=None)
+
+
+def test_petsc_is_started_with_the_words_and_slepc_need_not_be_there(modules):
+    started = []
+    found = modules()
+    found["petsc4py"].init = lambda words, comm: started.append((words, comm))
+    assert loading.load(["-a", "1"]) == (found["petsc4py"].PETSc, found["slepc4py"].SLEPc, "world")
+    assert started == [(["jampetsc", "-a", "1"], "world")]
+    modules(slepc4py=None)
+    assert loading.load([])[1] is None
+
+
+@pytest.mark.parametrize(
+    ("name", "module", "message"),
+    [
+        ("mpi4py", None, "petsc4py and mpi4py: import of mpi4py halted; None in sys.modules: install them for /"),
+        ("petsc4py", None, "petsc4py and mpi4py: import of petsc4py halted"),
+        ("petsc4py", refusing(ImportError("no\n  symbol")), "petsc4py and mpi4py: no symbol: install them for"),
+        ("petsc4py", refusing(RuntimeError(62)), "-a 1: PETSc does not start with this: see its message above"),
+        ("slepc4py", refusing(ImportError("x")), "/lib/any was not built for /usr/lib/petsc: set PETSC_DIR and"),
+        ("slepc4py", refusing(ValueError("x")), "/lib/any was not built for /usr/lib/petsc: set PETSC_DIR and"),
+    ],
+)  # fmt: skip
+def test_what_does_not_start_is_one_line(modules, name, module, message):
+    modules(**{name: module})
+    with pytest.raises(InputError) as refused:
+        loading.load(["-a", "1"])
+    assert str(refused.value).startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("line", "version"),
+    [
+        ("7f r-xp /usr/lib/libdmumps-5.5.so", "5.5"),
+        ("7f r-xp /usr/lib/x86_64-linux-gnu/libzmumps_ptscotch-5.1.2.so\n7f /lib/libz.so", "5.1.2"),
+        ("7f r-xp /opt/libdmumps.so.5.7", "5.7"),
+        ("7f r-xp /usr/lib/libdmumps.so", "unknown"),
+        ("7f r-xp /usr/lib/libmumps_common-5.5.so", "unknown"),
+        (None, "unknown"),
+    ],
+)
+def test_the_version_of_mumps_is_in_the_name_of_its_library(tmp_path, monkeypatch, line, version):
+    if line is not None:
+        (tmp_path / "maps").write_text(line)
+    monkeypatch.setattr(jampetsc.session, "Path", lambda path: tmp_path / "maps")
+    assert jampetsc.session._mumps_version() == version
+    monkeypatch.setattr(jampetsc.session, "Path", lambda path: tmp_path)  # what cannot be read
+    assert jampetsc.session._mumps_version() == "unknown"
+
+
+class World:
+    """A communicator of three ranks, the last of which this is; remembers how the job was ended."""
+
+    rank, size, ended = 2, 3, None
+
+    def Abort(self, status):
+        self.ended = status
+
+
+def test_a_rank_that_ends_by_an_exception_says_so_and_takes_the_others_along(monkeypatch, capsys):
+    monkeypatch.setattr(jampetsc.session, "_session", SimpleNamespace(world=World()))
+    error = ZeroDivisionError("a bug")
+    jampetsc.session._abort(type(error), error, None)
+    assert jampetsc.session._session.world.ended == 1
+    told = capsys.readouterr().err
+    assert told.startswith("jampetsc: rank 2 of 3 failed:\n") and "ZeroDivisionError: a bug" in told
+
+
+def test_petsc_says_it_in_its_last_line_without_places_or_ranks(monkeypatch):
+    class Error(RuntimeError):
+        pass
+
+    running = SimpleNamespace(world=World(), PETSc=SimpleNamespace(Error=Error))
+    monkeypatch.setattr(jampetsc.session, "_session", running)
+    said = Error("error code 62\n[2] KSPSolve() at /petsc/src/ksp.c:1\n[2] Invalid  argument\t[2]")
+    assert jampetsc.session.petsc_message(said) == "Invalid argument [2]"

@@ -201,7 +201,6 @@ class NewFile:
 
     def discard(self) -> None:
         """Close and remove the temporary file, if it is still there."""
-        self.stream.error = self.stream.error or OSError(errno.ECANCELED, "discarded")  # no use in flushing
         self.stream.close()
         self.temporary.unlink(missing_ok=True)
 

@@ -40,7 +40,6 @@ def seal(file) -> str:
         for start in range(0, size, BLOCK)
     )
     digest = _digest(size, BLOCK, hashes)
-    file.seek(size)
     file.write(hashes)
     file.write(_line(size, BLOCK, digest))
     return digest
