@@ -81,3 +81,27 @@ def test_means_of_runs():
     assert mean_of_runs([2.0], [0.5]) == (2.0, 0.5)
     assert mean_of_runs([1.0, 3.0], [0.1, 0.1]) == (2.0, pytest.approx(1.0))  # their scatter, √2/√2
     assert mean_of_runs([1.0, 1.0], [0.3, 0.4]) == (1.0, pytest.approx(np.sqrt(0.125 / 2)))
+
+
+def test_the_middle_of_an_odd_series_is_in_neither_half():
+    """±1 in turn about halves 1.3 apart, which is more than four errors; with −3 in the middle in one of them it is less."""
+    x = np.insert(np.tile([1.0, -1.0], 32), 32, -3.0) + np.repeat([0.0, 1.3], [33, 32])
+    assert Average.of(x).drifts and not Average.of(np.insert(x, 33, -3.0)).drifts
+    assert x[33:].mean() - x[:32].mean() == pytest.approx(1.3)
+
+
+@pytest.mark.parametrize("count", [2, 3, 7, 16, 17])
+def test_a_step_of_few_values_is_no_drift(count):
+    """Two levels alone: what they differ by is the scatter, too."""
+    assert not Average.of(np.arange(count) >= count // 2).drifts
+
+
+@pytest.mark.parametrize("count", [2, 3, 6, 50])
+def test_a_series_that_does_not_forget_is_summed_to_where_its_window_closes(count):
+    """x_t = t: τ(W) = ½ + Σ_1^W ρ(t) by hand, at the first W ≥ 6 τ(W), which there always is, as τ(T − 1) = 0."""
+    x = np.arange(count) - np.mean(np.arange(count))
+    rho = [np.sum(x[: count - t] * x[t:]) / np.sum(x * x) for t in range(count)]
+    tau = np.cumsum(rho) - 0.5
+    assert tau[-1] == pytest.approx(0.0, abs=1e-12)
+    first = next(t for t in range(count) if t >= 6 * tau[t])
+    assert correlation_time(3.0 + 2.0 * np.arange(count)) == pytest.approx(max(0.5, tau[first]))

@@ -481,3 +481,37 @@ def test_lengths_near_a_disk_or_the_cell_are_left_out_of_the_spread(odd, counts)
 def test_lengths_collapse_below_a_pressure_of_k(pressure):
     with pytest.raises(InputError, match="the collapse of lengths needs 0 < p < k"):
         stokes_collapse([1.0], [1.0], pressure)
+
+
+@pytest.mark.parametrize(("cells", "edges"), [(8, [1]), (10, [1, 5]), (16, [1, 5]), (18, [1, 5, 9])])
+def test_a_bin_may_begin_at_half_the_cell(cells, edges):
+    assert bin_edges(cells).tolist() == edges
+
+
+def test_units_count_as_often_as_they_are_drawn():
+    """Drawn twice, a strip stands for itself; together strips weigh by their disks and pairs."""
+    strips = [
+        LaneSums(
+            products=np.array([[[p, 3.0]]]), squares=np.array([[s]]), pairs=np.array([[n, 1.0]]),
+            separations=np.array([[0.1, 0.2]]), disks=np.array([d]), width=0.5, length=10.0,
+        )
+        for p, s, n, d in ((1.0, 2.0, 4.0, 2.0), (6.0, 9.0, 3.0, 6.0))
+    ]  # fmt: skip
+    units = correlations._Units(strips)
+    assert units.correlation(np.array([2, 0]))[0].tolist() == [1.0, 0.25 / 1.0, 3.0 / 1.0]
+    assert units.correlation(np.array([0, 1]))[0].tolist() == [1.0, 2.0 / 1.5, 3.0 / 1.5]
+    np.testing.assert_allclose(
+        units.correlation(np.array([1, 2]))[0], [1.0, 13 / 10 * 14 / 20, 3.0 * 14 / 20]
+    )
+
+
+def test_two_units_have_an_error_one_has_none():
+    """Of one value each, v and w: a mean of two drawn is v, w or, half of the time, between: σ = |v − w|/√8."""
+
+    def drawn(count):
+        return correlations._scatter(
+            correlations._resampled(lambda rows: np.array([[float(rows.mean())]]), count, 0)
+        )
+
+    assert np.isnan(drawn(1)) and drawn(2) == pytest.approx(1 / np.sqrt(8), rel=0.15)
+    assert drawn(2) == drawn(2)

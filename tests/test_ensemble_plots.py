@@ -125,3 +125,10 @@ def test_intervals_of_long_tails_stay_among_the_samples():
     values = np.array([1.0, 1.1, 1.2, 1.3, 1e6])
     low, high = interval(values)
     assert 1.0 <= low < np.median(values) < high < 2.0 < bootstrap(values, "median")[1]
+
+
+def test_an_interval_is_one_standard_error_to_either_side():
+    values = np.random.default_rng(2).normal(size=400)
+    low, high = interval(values, "mean")
+    assert 0.5 * (high - low) == pytest.approx(np.std(values) / 20, rel=0.06)
+    assert interval(values, "mean") == (low, high)  # the same samples, the same draws

@@ -332,3 +332,12 @@ def test_neighbours_are_a_fifth_of_a_diameter_apart_at_most(gap, found):
         np.array([[0.0, 0], [apart[0], 0], [5, 0], [5 + apart[1], 0]]), [0.5, 0.5, 0.4, 0.4], 12 * np.eye(2)
     )
     assert jamming.segregation(disks) == pytest.approx(found, nan_ok=True)
+
+
+def test_kinds_are_mixed_by_the_ends_that_pairs_have():
+    """A star: its centre, of one kind, touches all three others. Ends are half of either kind, pairs all unlike: −1."""
+    assert assortativity([True, False, False, False], np.zeros(3, int), np.arange(1, 4)) == -1.0
+    some = assortativity([True, True, False, False], np.array([0, 0, 0]), np.array([1, 2, 3]))
+    assert some == pytest.approx((1 / 3 - (16 + 4) / 36) / (1 - (16 + 4) / 36))
+    none = np.zeros(0, int)
+    assert np.isnan(assortativity([True, False], none, none))

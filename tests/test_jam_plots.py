@@ -240,3 +240,30 @@ def test_a_mixture_that_no_picture_shows_is_refused(study, tmp_path, capsys):
 def test_the_last_minimum_is_the_last_state(study):
     disks = replace(last_minimum(load(study / "shear-0.9.h5")), potential=isostatic().potential)
     assert disks.fingerprint == isostatic().fingerprint
+
+
+def test_runs_are_remembered_by_their_length():
+    """Alternating states have the least memory, one state of many a memory of its own; the longer run tells more."""
+    short, long = np.tile([0.0, 1.0], 5), np.repeat([0.0, 1.0], 45)
+    alone = [memory([run]) for run in (short, long)]
+    assert alone[0] == 1.0 and alone[1] > 2
+    assert memory([short, long]) == pytest.approx((10 * alone[0] + 90 * alone[1]) / 100)
+
+
+def test_an_empty_bin_has_the_error_of_one_sample():
+    values = np.r_[np.linspace(0.0, 0.1, 12), np.linspace(0.9, 1.0, 13)]
+    edges, height, error = density(values, 0.0, 3.0)
+    counts = np.histogram(values, edges)[0]
+    assert (counts == 0).any() and len(counts) == 5
+    np.testing.assert_allclose(error * 25 * np.diff(edges), np.sqrt(3 * np.maximum(counts, 1)))
+    np.testing.assert_allclose(height * 25 * np.diff(edges), counts)
+
+
+def test_samples_that_are_all_alike_have_a_density():
+    edges, height, error = density(np.full(12, 0.84))
+    assert np.sum(height * np.diff(edges)) == pytest.approx(1) and np.isfinite(error).all()
+
+
+@pytest.mark.parametrize(("count", "bins"), [(16, 5), (36, 6), (35, 5), (899, 29), (1000, 30)])
+def test_as_many_bins_as_the_root_of_samples(count, bins):
+    assert len(density(np.linspace(0.0, 1.0, count))[1]) == bins

@@ -265,3 +265,43 @@ def test_a_mode_of_little_weight_leaves_no_gap():
     for weight, resolution in ((0.99 / 99, 0.5), (1.05 / 99, 3.0)):
         s = RelaxationSpectrum(0.0, 0.1, np.array([1.0, 10**0.5, 10**3.5]), np.array([0.5, 0.5, weight]))
         assert s.resolution == pytest.approx(resolution)
+
+
+@pytest.mark.parametrize(
+    ("G0", "exact"),
+    [(0.0, lambda t: t / 2), (-1.0, lambda t: np.expm1(t / 2)), (1.0, lambda t: -np.expm1(-t / 2))],
+)
+def test_creep_of_a_dashpot_with_and_without_its_spring(G0, exact):
+    """G* = G₀ + 2iω has no pole, and J(t) = (1 − exp(−G₀t/2))/G₀."""
+    late = retardation(RelaxationSpectrum(G0, 2.0, np.empty(0), np.empty(0)))
+    t = np.array([0.1, 1.0, 10.0])
+    np.testing.assert_allclose(late.creep(t), exact(t), rtol=1e-13)
+    assert late.growth_rate == pytest.approx(max(0.0, -G0 / 2))
+
+
+def test_only_what_holds_no_stress_at_once_is_refused():
+    """G_∞ = 0 without a dashpot holds none; the least of either does."""
+    rates, weights = np.array([1.0]), np.array([0.25])
+    with pytest.raises(InputError, match="G_inf = 0 without viscosity"):
+        retardation(RelaxationSpectrum(-0.25, 0.0, rates, weights))
+    assert retardation(RelaxationSpectrum(-0.25, 1e-3, rates, weights)).growth_rate > 0
+    assert retardation(RelaxationSpectrum(-0.2, 0.0, rates, weights)).J_inf == pytest.approx(20.0)
+
+
+def test_times_follow_what_is_slowest_of_relaxation_and_creep():
+    """One mode at λ = 1 beside G₀ = 10⁻⁶: creep ends a million times later, and is shown."""
+    s = RelaxationSpectrum(1e-6, 1e-3, np.array([1.0]), np.array([1.0]))
+    found = transient(s, 1e-12, 1e12)
+    late = found.retardation.rates
+    assert late[0] < 1e-5 and late[-1] > 1e2
+    np.testing.assert_allclose(found.time[[0, -1]], [1 / (100 * late[-1]), 100 / late[0]])
+
+
+@pytest.mark.parametrize(("slowest", "fastest"), [(1e-9, 1e-6), (1e6, 1e9)])
+def test_where_no_mode_was_swept_all_of_it_is_shown(slowest, fastest):
+    """Times from 1/fastest to 1/slowest, which never change places, though all modes lie to one side."""
+    s = RelaxationSpectrum(1.0, 1e-3, np.array([1.0]), np.array([1e-3]))
+    found = transient(s, slowest, fastest, window=0.5)
+    assert 1 / fastest <= found.time[0] * (1 + 1e-12) and found.time[-1] <= (1 + 1e-12) / slowest
+    assert found.time[0] <= found.time[-1] and found.tau[0] <= found.tau[-1]
+    assert np.isfinite(found.H).all() and len(found.tau) == len(found.time)

@@ -209,3 +209,13 @@ def test_the_ends_of_a_window_belong_to_it():
 def test_what_is_no_pressure_to_scale_with(pressure):
     with pytest.raises(InputError, match="must be positive to scale with it"):
         collapse([1.0], [1.0], pressure)
+
+
+def test_spread_is_over_all_that_two_of_the_sweeps_share():
+    """Of three in a row each overlaps the next: a factor 1.2 apart over one decade, the same over another."""
+    ranges = ((-6, -4), (-5, -3), (-4, -2))
+    sweeps = [
+        (np.logspace(*ends, 201), factor * (1 + 1j) * np.logspace(*ends, 201), 1.0)
+        for ends, factor in zip(ranges, (1.2, 1.0, 1.0), strict=True)
+    ]
+    assert collapse_spread(sweeps) == pytest.approx(np.log(1.2) / np.sqrt(2) / np.sqrt(2), rel=0.02)

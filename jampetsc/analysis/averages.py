@@ -41,7 +41,7 @@ class Average:
             math.sqrt(2.0 * time * variance / count),
             time,
             count >= ENOUGH * time,
-            bool(apart and count >= 8),
+            bool(apart),
         )
 
 
@@ -52,8 +52,8 @@ def correlation_time(values) -> float:
     transform = np.fft.rfft(x, 2 * count)
     rho = np.fft.irfft(np.abs(transform) ** 2)[:count]
     times = np.cumsum(rho / rho[0]) - 0.5
-    closed = np.arange(count) >= WINDOW * times
-    cut = int(np.argmax(closed)) if closed.any() else count - 1
+    # the last window closes whatever the series, as deviations from the mean add up to nothing: τ(T − 1) = 0
+    cut = int(np.argmax(np.arange(count) >= WINDOW * times))
     return max(0.5, float(times[cut]))
 
 

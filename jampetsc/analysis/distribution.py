@@ -27,14 +27,13 @@ class Distribution:
         top = int(np.floor(np.log10(size.max()))) + 1 if size.any() else 0
         exponents = np.arange(BINS * (top - DECADES), BINS * top + 1) / BINS
         edges = np.append(0.0, 10.0**exponents)
-        counts = np.bincount(np.searchsorted(edges, size, side="right") - 1, minlength=len(edges))
-        counts[-2] += counts[-1]  # a largest value that rounding puts on the last edge
+        counts = np.bincount(np.searchsorted(edges, size, side="right") - 1, minlength=len(edges) - 1)
         return cls(
             float(np.median(size)),
             float(np.mean(size)),
             float(np.sqrt(np.mean(size**2))),
             edges,
-            counts[:-1],
+            counts,
         )
 
 

@@ -1,0 +1,75 @@
+"""Medians and logarithmic histograms of magnitudes, slopes over an ensemble, and bounds in relation to their values."""
+
+import numpy as np
+import pytest
+
+from jampetsc.analysis.bounds import relative_bound
+from jampetsc.analysis.distribution import BINS, Distribution, ensemble_slope
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-30, 3e17])
+def test_a_histogram_reaches_ten_decades_below_that_of_the_largest_value(unit):
+    """What is smaller than all its edges is in the first bin, nothing is lost."""
+    values = unit * 2.0 * 10.0 ** -np.arange(0.0, 13.0)
+    found = Distribution.of(values)
+    top = found.edges[-1]
+    assert top > values[0] >= top / 10 * (1 - 1e-12)
+    assert found.edges[0] == 0.0 and found.edges[1] == pytest.approx(1e-10 * top)
+    assert len(found.edges) == len(found.counts) + 1 == 10 * BINS + 2
+    np.testing.assert_allclose(found.edges[2:] / found.edges[1:-1], 10 ** (1 / BINS))
+    beyond = int(np.count_nonzero(values < 1e-10 * top))
+    assert found.counts[0] == beyond == 3 and found.counts.sum() == 13 and found.counts.max() == 3
+
+
+def test_a_value_on_an_edge_is_in_the_bin_above():
+    """As numpy's histogram has it, but for the last edge, on which no value lies."""
+    edges = Distribution.of(np.ones(1)).edges
+    values = edges[edges <= 1.0]
+    found = Distribution.of(values)
+    np.testing.assert_array_equal(found.edges, edges)
+    np.testing.assert_array_equal(found.counts, edges[:-1] <= 1.0)
+    for power in range(-40, 41):  # of ten: none is lost to rounding
+        for value in np.nextafter(10.0**power, (0.0, 10.0**power, np.inf)):
+            one = Distribution.of(np.array([value]))
+            (here,) = np.flatnonzero(one.counts)
+            assert one.edges[here] <= value < one.edges[here + 1] and one.counts[here] == 1
+
+
+def test_lengths_are_told_by_their_absolute_value():
+    vectors = np.array([[3.0, 4.0], [-5.0, 12.0], [0.0, -1.0]])
+    found = Distribution.of(vectors)
+    assert (found.median, found.mean) == (5.0, pytest.approx(19 / 3))
+    assert found.rms == pytest.approx(np.sqrt((25 + 169 + 1) / 3))
+    still = Distribution.of(np.zeros((4, 2)))
+    assert still.counts[0] == 4 == still.counts.sum() and still.rms == 0.0 and np.isfinite(still.edges).all()
+
+
+def ensemble(exponents, factors, x=(1e-4, 1e-3, 1e-2)):
+    """y = c x^a of packings with these a and c, each at all x, as (x, y, group)."""
+    rows = [(u, c * u**a, 7 * n) for n, (a, c) in enumerate(zip(exponents, factors, strict=True)) for u in x]
+    return map(np.array, zip(*rows, strict=True))
+
+
+def test_a_slope_over_an_ensemble_draws_whole_packings():
+    """Packings of one exponent but other prefactors: whichever are drawn, medians have that slope; points do not."""
+    rng = np.random.default_rng(1)
+    slope, error = ensemble_slope(*ensemble(np.full(9, -0.25), 10 ** rng.uniform(-1, 1, 9)), repeats=50)
+    assert slope == pytest.approx(-0.25, abs=1e-12) and error < 1e-12
+
+
+def test_the_error_of_a_slope_is_the_scatter_of_packings():
+    """Of prefactor 1, medians at x < 1 follow the median exponent: its bootstrap is the error."""
+    exponents = np.array([0.2, 0.23, 0.25, 0.28, 0.4])
+    slope, error = ensemble_slope(*ensemble(exponents, np.ones(5)), repeats=300)
+    assert slope == pytest.approx(0.25, abs=1e-12)
+    drawn = np.random.default_rng(5).choice(exponents, (4000, 5))
+    assert error == pytest.approx(np.median(drawn, axis=1).std(), rel=0.2)
+    again = ensemble_slope(*ensemble(exponents, np.ones(5)), repeats=300)
+    assert again == (slope, error)
+
+
+def test_a_bound_of_what_vanishes():
+    bound, value = np.array([0.0, 1e-3, 2.0, 0.0]), np.array([0.0, 0.0, -4.0, 3.0])
+    np.testing.assert_array_equal(relative_bound(bound, value), [0.0, np.inf, 0.5, 0.0])
+    assert relative_bound(1.0, 3 + 4j) == 0.2
+    np.testing.assert_array_equal(relative_bound(1.0, np.array([2.0, 0.0])), [0.5, np.inf])
