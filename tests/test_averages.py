@@ -84,7 +84,7 @@ def test_means_of_runs():
 
 
 def test_the_middle_of_an_odd_series_is_in_neither_half():
-    """±1 in turn about halves 1.3 apart, which is more than four errors; with −3 in the middle in one of them it is less."""
+    """±1 in turn about halves 1.3 apart: over four errors, but less where the −3 in the middle is in one of them."""
     x = np.insert(np.tile([1.0, -1.0], 32), 32, -3.0) + np.repeat([0.0, 1.3], [33, 32])
     assert Average.of(x).drifts and not Average.of(np.insert(x, 33, -3.0)).drifts
     assert x[33:].mean() - x[:32].mean() == pytest.approx(1.3)
