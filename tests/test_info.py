@@ -1,5 +1,7 @@
 """`jampetsc info`: what it says of packings, results and matrices."""
 
+from types import SimpleNamespace
+
 import launch
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from jampetsc.contacts.disks import Disks
 from jampetsc.storage.importers import import_packing
 from jampetsc.storage.packing_file import write_packing
 from jampetsc.storage.result_file import ResultWriter
+from jampetsc.words import describe
 
 
 def info(capsys, *words):
@@ -203,3 +206,105 @@ def test_results_of_no_packing_say_what_they_are_of(capsys, tmp_path):
         status, lines, _ = info(capsys, path)
         assert status == 0 and lines[0] == f"{path}: {name} of {origin}"
         assert any("packing sha256" in line for line in lines) == ("packing" in facts)
+
+
+def test_disks_forces_and_stress_are_told_in_their_units(capsys, tmp_path):
+    """A row of disks of diameters 1 and 2 in a cell of area 24 that overlap by 0.1 where they touch once."""
+    positions = np.array([[1.0, 1.0], [2.4, 1.0], [1.0, 3.0], [6.0, 3.0]])
+    disks = Disks.from_positions(positions, np.array([0.5, 1.0, 0.5, 0.5]), [(8.0, 0.0), (0.5, 3.0)])
+    record = {
+        "published_stress_yx": 1.0,
+        "published_stress_xy": 0.25,
+        "phi": disks.phi * (1 + 2e-6),
+        "rattlers": 9,
+    }
+    write_packing(tmp_path / "p.h5", disks.with_record(**record | {"note": "kept", "max_force": 7.0}))
+    _, lines, _ = info(capsys, tmp_path / "p.h5")
+    assert entry(lines, "radii") == "0.5 to 1, mean diameter d = 1.25"
+    assert entry(lines, "cell") == "a1 = (8, 0), a2 = (0.5, 3), V = 24"
+    assert entry(lines, "packing fraction φ") == describe.number(np.pi * 1.75 / 24)
+    assert entry(lines, "stress σ_xy").split()[1:] == ["published", "0.25"]
+    assert (
+        not [line for line in lines if "stress_yx" in line or "max_force" in line]
+        and entry(lines, "note") == "kept"
+    )
+    assert lines[-1].startswith("note: the file records phi = ")
+    state = describe.measure(disks)
+    assert entry(lines, "rattlers") == "4 (1e+02 %)" and state.rattlers.all()
+
+
+def test_forces_are_told_in_units_of_the_pressure_that_is_measured(capsys, tmp_path):
+    disks = published()
+    noise = np.random.default_rng(0).normal(0, 1e-4, (16, 2))
+    shaken = Disks.from_positions(disks.positions + noise, disks.radii, disks.cell)
+    write_packing(tmp_path / "p.h5", shaken)
+    state = describe.measure(shaken)
+    _, lines, _ = info(capsys, tmp_path / "p.h5")
+    assert entry(lines, "max |F| / p") == f"{state.max_force / state.pressure:.2e}: forces are not balanced"
+    for name, row, column in (("xx", 0, 0), ("xy", 0, 1), ("yy", 1, 1)):
+        assert float(entry(lines, f"stress σ_{name}")) == pytest.approx(state.stress[row, column], rel=1e-9)
+
+
+def test_what_a_result_was_made_from(capsys, tmp_path):
+    for name, attributes, told in (
+        ("a", {"packing": "p.h5", "packing_sha256": "ab"}, "p.h5"),
+        ("b", {"sources": "x.h5, y.h5"}, "x.h5, y.h5"),
+        ("c", {"particle_count": 64}, "64 disks of its own"),
+        ("d", {}, "an unknown packing"),
+    ):
+        with ResultWriter(tmp_path / f"{name}.h5", "jampetsc-modes") as writer:
+            writer.dataset("eigenvalues", [1.0])
+            writer.attributes(**attributes)
+        _, lines, _ = info(capsys, tmp_path / f"{name}.h5")
+        assert lines[0] == f"{tmp_path / name}.h5: modes of {told}"
+        assert [line.split()[-1] for line in lines if "packing sha256" in line] == ["ab"] * (name == "a")
+        assert entry(lines, "law") == entry(lines, "PETSc options") == "none"
+
+
+def test_the_worst_bound_is_that_of_its_part_and_stands_at_its_frequency():
+    G = np.array([1.0 + 10j, 10.0 + 1j, 5 + 5j])
+    bounds = {
+        "error_bound_storage": [1e-3, 1e-3, 0],
+        "error_bound_loss": [1e-3, 2e-3, 0],
+        "error_bound": [0, 0, 1e-2],
+    }
+    sweep = {"omega": np.array([1.0, 2.0, 4.0]), "G": G} | {name: np.array(b) for name, b in bounds.items()}
+    assert describe._moduli(sweep) == [
+        ("frequencies", "3, from 1 to 4"),
+        ("worst bound, G'", "1.0e-03 relative, at omega = 1"),
+        ("worst bound, G''", "2.0e-03 relative, at omega = 2"),
+        ("worst bound, G*", "1.4e-03 relative, at omega = 4"),
+    ]
+    del sweep["error_bound_loss"]
+    assert [name for name, _ in describe._moduli(sweep)][1:] == ["worst bound, G'", "worst bound, G*"]
+
+
+def test_what_is_told_of_matrices_are_their_own_numbers():
+    def inertia(*counts):
+        return SimpleNamespace(
+            **dict(zip(("negative", "zero", "positive", "shift"), (*counts, 1e-12), strict=True))
+        )
+
+    facts = SimpleNamespace(
+        contacts=33, unknowns=48, dofs=3, nonzeros=700, pieces=2, gears=1, pins=3, translations=2,
+        asymmetry_K=1e-17, asymmetry_B=2e-17,
+        with_prestress=inertia(1, 2, 45), without_prestress=inertia(0, 4, 44), damping=inertia(0, 0, 47),
+    )  # fmt: skip
+    network = SimpleNamespace(n=15, rattlers=1)
+    text = describe.matrices(published(), network, "some law", facts, 2)
+    lines = text.splitlines()
+    assert lines[0] == "K and B for some law, on 2 ranks"
+    assert entry(lines, "unknowns") == "48, 3 for each of 15 disks; 1 rattlers left out"
+    assert entry(lines, "nonzeros").startswith("700 ") and entry(lines, "contacts") == "33, Z = 4.4"
+    assert entry(lines, "Maxwell's count") == "33 contacts − (2·15 − 2) = 5 in excess"
+    assert entry(lines, "pieces") == "2 connected, 1 of them bipartite (gears)"
+    assert entry(lines, "pinned unknowns") == "3: 2 translations and 1 gear mode"
+    assert entry(lines, "asymmetry") == "|K − Kᵀ|/|K| = 1.0e-17, |B − Bᵀ|/|B| = 2.0e-17"
+    assert entry(lines, "K, pre-stress").split()[:3] == ["1", "2", "45"]
+    assert entry(lines, "K, no pre-stress").split()[:3] == ["0", "4", "44"]
+    assert entry(lines, "B").split()[:3] == ["0", "0", "47"] and "within 1e-12 of it" in text
+    assert lines[-2].startswith("not a minimum: K has 1 negative") and lines[-1].startswith(
+        "floppy without pre-stress: 2"
+    )
+    single = describe.matrices(published(), network, "some law", facts, 1)
+    assert single.startswith("K and B for some law, on 1 rank\n")

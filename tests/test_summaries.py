@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from samples import published
 
-from jampetsc.commands import correlate, jam, modes, oscillate, pack, quasistatic, study, sweep
+from jampetsc.analysis import jamming
+from jampetsc.commands import collapse, correlate, jam, modes, oscillate, pack, quasistatic, study, sweep
 from jampetsc.contacts.laws import Physics, damping_law
-from jampetsc.errors import InputError
+from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.flows.record import Record
 from jampetsc.packing.protocols import Target
 from jampetsc.storage.packing_file import write_packing
@@ -336,3 +337,117 @@ def test_a_quasistatic_response_tells_its_parts():
         "  pre-stress: G0 = 0.5, bulk modulus 4, eta0 = 0.75 (contacts 0.25, fluid 0.5), omega* = 0.1",
         "    medians per unit strain: |Δu∥| 1, |Δu⊥| 2, |u_na| 3; identity kept to 1e-12",
     ]
+
+
+def fit_of(**parameters):
+    free = ["phi_J", "y", "kappa"]
+    plain = {"phi_J": 0.8433, "y": 1.1, "kappa": 3.5} | parameters
+    return SimpleNamespace(
+        form=SimpleNamespace(free=free), parameters=plain, chi2=30.0, dof=20, probability=0.5
+    )
+
+
+def collapse_lines(fit, finite_size=False):
+    """Two cuts after all of the points, of scales that are rates or 1/L."""
+    args = SimpleNamespace(out="c.h5", observable="pressure", finite_size=finite_size)
+    drawn = np.array([[0.84, 1.0, 3.0], [0.85, 1.2, 4.0], [0.86, 1.4, 5.0]])
+    scales = (0.5, 0.125) if finite_size else (1e-2, 1e-3)
+    cuts = [(scale, fit_of(y=0.5 + n), np.array([1e-3, 0.1, 0.2])) for n, scale in enumerate(scales)]
+    cuts[1][1].chi2 = 10.0
+    return collapse._summary(args, range(7), fit, drawn, cuts).split("\n")
+
+
+def test_a_collapse_tells_its_parameters_and_those_of_every_cut():
+    lines = collapse_lines(fit_of())
+    assert lines == [
+        "c.h5: pressure at 7 points, phi_J = 0.8433 ± 0.01, y = 1.1 ± 0.2, znu = 3.5 ± 1",
+        "  chi2/dof = 1.5 with 20 degrees of freedom, probability 0.5",
+        "  rates <= 0.001: phi_J = 0.8433 ± 0.001, y = 1.5 ± 0.1, znu = 3.5 ± 0.2, chi2/dof = 0.5",
+    ]
+    lines = collapse_lines(fit_of(), finite_size=True)
+    assert (
+        lines[2].startswith("  N >= 64: phi_J = ") and "nu = 3.5 ± 0.2" in lines[2] and "znu" not in lines[2]
+    )
+
+
+@pytest.mark.parametrize(("probability", "told"), [(0.0101, False), (0.0099, True)])
+def test_a_form_that_does_not_describe_the_data(probability, told):
+    fit = fit_of()
+    fit.probability = probability
+    assert (
+        "  note: the form does not describe the data within their errors: cut, or --corrections"
+        in collapse_lines(fit)
+    ) == told
+
+
+@pytest.mark.parametrize(
+    ("parameters", "told"),
+    [({"kappa": 19.9991}, ["znu"]), ({"kappa": 19.998}, []), ({"y": -1.9991}, ["y"]), ({"phi_J": 0.2}, [])],
+)
+def test_a_parameter_at_the_end_of_its_range_is_not_told_by_the_data(parameters, told):
+    notes = [line for line in collapse_lines(fit_of(**parameters)) if "end of its range" in line]
+    assert notes == [f"  note: {name} is at the end of its range: the data do not tell it" for name in told]
+
+
+def test_lanes_of_other_widths_are_compared_with_errors_of_both():
+    def result(values, errors):
+        C, e = (np.array([[one, x, np.nan], [one, x, np.nan]]) for one, x in ((1.0, values), (0.0, errors)))
+        return SimpleNamespace(
+            values=C, errors=e, pairs=9, root=np.array([0.1, np.nan]), root_error=np.array([0.01, 0.02])
+        )
+
+    results = [result(0.5, 0.03), result(0.7, 0.04), result(np.nan, 0.1)]
+    lines = correlate._summary("c.h5", [1], np.array([1e-3]), [0.5, 1.0, 2.0], results, 20.0).split("\n")
+    assert lines == [
+        "c.h5: 1 packing, L = 20 d, lanes of 0.5 d, 9 pairs",
+        "  omega 0.001: l/d Re 2 ± 0.2,  Im no root",
+        "  lanes of 1 d: C differs by 0.2 (rms), with errors of 0.05",
+        "  lanes of 2 d: C is not known",
+    ]
+    assert correlate._summary("c.h5", [1, 2], np.ones(1), [0.5], results[:1], 1.0).startswith(
+        "c.h5: 2 packings, "
+    )
+
+
+def test_the_error_of_a_share_is_half_its_interval_and_what_is_told_is_of_its_phi():
+    record = Record({name: 0 for name in ("phi", "seed", "jammed", "pressure", "phi_J", "segregation")})
+    for n in range(8):
+        phi = 0.84 if n < 4 else 0.85
+        record.add(
+            phi=phi, seed=n, jammed=1.0, pressure=1e-3 * (n + 1), phi_J=0.83 + 1e-3 * n, segregation=0.1 * n
+        )
+    lines = jam._summary(SimpleNamespace(out="j.h5", n=16), record).split("\n")
+    share = jamming.independent_share(np.ones(4))
+    for line, first in zip(lines[1:], (0, 4), strict=True):
+        assert (
+            f"jammed 1.000 ± {0.5 * (1 - share.low):.2g}, p of the jammed {1e-3 * (first + 2.5):.4g}" in line
+        )
+        error = np.std([0, 1, 2, 3], ddof=1) / 2
+        values = [
+            f"{0.8315 + 1e-3 * first:.5g} ± {1e-3 * error:.2g}",
+            f"{0.15 + 0.1 * first:.5g} ± {0.1 * error:.2g}",
+        ]
+        assert line.endswith(f", phi_J {values[0]}, segregation {values[1]}")
+    assert len(lines) == 3
+
+
+@pytest.mark.parametrize("error", [ConvergenceError("stuck"), InputError("p1.h5: no room")])
+def test_a_packing_that_fails_leaves_the_others_alone(tmp_path, error, capsys):
+    """What did not converge is told with its remedy, anything else as it is; the next packing is made all the same."""
+    asked = []
+
+    def start(seed, target):
+        asked.append(seed)
+        if seed != 2:
+            raise error
+        return published()
+
+    tasks = [
+        packtasks.Task(tmp_path / f"p{seed}.h5", seed, Target(1e-3, tolerance=1e-6)) for seed in (1, 3, 2)
+    ]
+    request = packtasks.request_of(ARGS, None)
+    failures = pack._make(tasks[:2], start, request, None, None, SimpleNamespace(rank=0))
+    assert asked == [1, 3] and [path for path, _ in failures] == [str(task.path) for task in tasks[:2]]
+    remedy = ": use another --seed, or a larger --tolerance" if isinstance(error, ConvergenceError) else ""
+    assert {(type(one), str(one)) for _, one in failures} == {(type(error), f"{error}{remedy}")}
+    assert not list(tmp_path.iterdir())
