@@ -29,7 +29,7 @@ from jampetsc.oscillation.fixed import FixedSprings, State
 from jampetsc.oscillation.harmonics import harmonics_of
 from jampetsc.oscillation.powerlaw import PowerLaw
 from jampetsc.oscillation.preconditioner import PREFIX
-from jampetsc.oscillation.stage import STAGE, WEIGHTS, Stages
+from jampetsc.oscillation.stage import STAGE, TOLERANCE, WEIGHTS, Stages
 from jampetsc.oscillation.steady import Point
 
 RELAXED = 2.0 / 3.0
@@ -89,7 +89,7 @@ class _Units:
             log_imposed += np.log(k)
             unit = max(unit, log_imposed)
             log_imposed -= unit
-        if max(abs(log_strain), unit, abs(unit + 2.0 * log_strain)) > LARGEST_LOG:
+        if max(unit, abs(unit + 2.0 * log_strain)) > LARGEST_LOG:
             raise ConvergenceError(
                 f"strains of 1e{log_strain / np.log(10.0):.0f} and moduli of 1e{unit / np.log(10.0):.0f} k are more "
                 "than doubles hold: choose --omega nearer to where elastic and damping forces are alike"
@@ -288,7 +288,8 @@ class SteppedOscillation:
             try:
                 if point.stress_controlled:
                     _require_stable(motion.springs, units)
-                speed = motion.half(State(np.zeros((self.network.n, 2)), 0.0), PILOT_STEPS).speed
+                with np.errstate(divide="ignore", invalid="ignore"):  # of a motion too slow to be seen
+                    speed = motion.half(State(np.zeros((self.network.n, 2)), 0.0), PILOT_STEPS).speed
             except ConvergenceError:
                 motion.springs.destroy()
                 if log_strain == upper:
@@ -300,7 +301,7 @@ class SteppedOscillation:
                 motion.rest_at(speed)
                 return units, motion
             motion.springs.destroy()
-            slower = np.log(speed / rho0)
+            slower = np.log(max(speed / rho0, TOLERANCE))  # slower, and forces may be taken for balanced
             if slower < np.log(REST):  # linear by then: the law is slower still
                 upper = log_strain
                 slower = np.log(REST) + (slower - np.log(REST)) / alpha

@@ -93,10 +93,6 @@ class SteadyOscillation:
             linear=sum(run.linear for run in runs),
         )
 
-    def start(self, point: Point):
-        """Complex amplitudes of the velocities of the equivalent linear damping, as `Steady.velocity`."""
-        return self._equivalent(point).waves
-
     def scales(self, point: Point) -> tuple[float, float]:
         """Rough amplitudes of the strain and of |z|: from springs alone or, where that is less, from dashpots alone."""
         strain, k = point.amplitude, self.network.k
