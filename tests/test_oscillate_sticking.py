@@ -1,6 +1,8 @@
 """Fixed contacts by steps in time, for exponents at which they stick: against the whole cycle, the sweep, dense
 equations, slow shear and dry friction's limit, and themselves."""
 
+import re
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -12,7 +14,7 @@ from sweeps import Sweep
 from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
-from jampetsc.oscillation import halfcycles
+from jampetsc.oscillation import halfcycles, stage
 from jampetsc.oscillation.dashpots import Damping
 from jampetsc.oscillation.fixed import FixedSprings
 from jampetsc.oscillation.halfcycles import SteppedOscillation
@@ -158,7 +160,129 @@ def test_springs_are_those_of_slow_shear(options):
     springs.destroy()
 
 
-def test_half_cycles_that_do_not_repeat_are_no_answer(monkeypatch):
-    monkeypatch.setattr(halfcycles, "MOST_HALVES", 2)
-    with pytest.raises(ConvergenceError, match="half cycles do not repeat: after 2 of them"):
-        stepped.__wrapped__(0.15, frequency(0.15, 0.1, 1.0), 1.0)
+@pytest.mark.parametrize("most", [1, 3])
+def test_half_cycles_that_do_not_repeat_are_no_answer(monkeypatch, most):
+    half, counts = halfcycles._Motion.half, []
+
+    def counted(*words):
+        counts.append(words[-1])
+        return half(*words)
+
+    monkeypatch.setattr(halfcycles._Motion, "half", counted)
+    monkeypatch.setattr(halfcycles, "MOST_HALVES", most)
+    with pytest.raises(ConvergenceError, match=f"half cycles do not repeat: after {most} of them G") as told:
+        again()
+    assert counts.count(4) == most  # with half of the steps, after the first trials with more
+    assert 1.0 < float(str(told.value).split("uncertain by ")[1].split(" %")[0]) < 1000.0
+
+
+EASY = (0.5, frequency(0.5, 0.3, 1.0), 1.0, True)  # any amplitude will do for fixed contacts
+
+
+def easy(steps=8):
+    return stepped(*EASY, steps, rotations=False)
+
+
+def again():
+    return stepped.__wrapped__(*EASY, 8, rotations=False)
+
+
+def test_energy_balances_to_second_order():
+    """What is dissipated is summed up by itself, and is work but for the steps."""
+    coarse, fine = (easy(steps).balance for steps in (8, 16))
+    assert 0.01 < coarse < 0.05 and 3.0 < coarse / fine < 6.0
+
+
+def test_error_covers_what_finer_steps_change():
+    change = abs(easy(8).G - easy(16).G)
+    assert change < easy(8).error < 20.0 * change and easy(16).error < 0.5 * easy(8).error
+
+
+@pytest.mark.parametrize(("module", "name", "value"), [(halfcycles, "LEFT", 0.3), (stage, "TOLERANCE", 1e-2)])
+def test_what_is_left_is_in_the_error(monkeypatch, module, name, value):
+    """Of half cycles that are not yet repeated and of forces that are not balanced, besides that of the steps."""
+    monkeypatch.setattr(module, name, value)
+    found, usual = again(), easy()
+    change = abs(found.G - usual.G)
+    assert change > 1e-3 * abs(usual.G) and found.error > usual.error + change
+
+
+def test_contacts_that_are_linear_too_soon_are_in_the_error(monkeypatch):
+    monkeypatch.setattr(halfcycles, "REST", 10.0)
+    found = again()
+    assert found.error > found.regularisation > 0.1 * abs(found.G)
+
+
+def test_half_cycles_are_mixed():
+    """Repeated as they come, or each by itself, they would take several times as many."""
+    assert easy().half_cycles <= 14 and stepped(0.15, frequency(0.15, 0.1, 1.0), 1.0).half_cycles <= 14
+
+
+@pytest.mark.parametrize("stress", [True, False])
+def test_linear_damping_begins_as_the_cycle_does(stress):
+    """Where what is imposed grows through zero: moves, velocities and sizes are those of the cycle at once."""
+    law, point, n = physics(rotations=False), Point(0.1, 1e-4, stress), published().n
+    pencil = assemble(network_of(published(), law, current().comm), law.law)
+    compatibility = build_compatibility(pencil)
+    whole = SteadyOscillation(compatibility, RHO0, 16)
+    exact = Start.of(whole, n, point)
+    for item in (whole, compatibility, pencil):
+        item.destroy()
+    found = Start.of_steps(oscillation(1.0, 32, rotations=False), n, point)
+    for name in ("displacement", "velocity"):
+        a, b = (getattr(start, name) - getattr(start, name).mean(axis=0) for start in (found, exact))
+        assert np.abs(a - b).max() < 1e-2 * np.abs(b).max() > 0.0
+    for name in ("strain", "modulus", "speed", "rate"):
+        assert getattr(found, name) == pytest.approx(getattr(exact, name), rel=5e-3)
+    assert found.gamma == pytest.approx(exact.gamma, rel=5e-3, abs=1e-9 * exact.strain)
+    assert (abs(exact.gamma) > 0.1 * exact.strain) == stress
+
+
+@pytest.mark.parametrize("X", [1e6, 1e12])
+def test_dashpots_alone(X):
+    """Far above the crossover G* ∝ ω; unbalanced forces of the first trial are less than what counts as balanced."""
+    slow, fast = (frequency(0.4, at, 1e-4) for at in (1e3, X))
+    one, other = (stepped(0.4, omega, 1e-4, True, rotations=False) for omega in (slow, fast))
+    assert other.G.imag / fast == pytest.approx(one.G.imag / slow, rel=1e-6)
+    assert other.strain == pytest.approx(1e-4 / abs(other.G), rel=1e-9)
+
+
+@pytest.mark.parametrize(("stress", "slower"), [(1e-8, 1.0), (1e-9, 1e-68)])  # moduli; work alone
+def test_more_than_doubles_hold(stress, slower):
+    """The message has strain and modulus as powers of ten, where G* ∝ σ^(1 − 1/α) and ∝ ω."""
+    alpha = 0.02
+    omega = frequency(alpha, 3.0, 1e-2)
+    G = abs(stepped(alpha, omega, 1e-3, True).G) * slower
+    with pytest.raises(ConvergenceError, match="more than doubles hold: choose --omega nearer") as told:
+        stepped(alpha, slower * omega, stress, True)
+    strain, modulus = (int(word) for word in re.findall(r"of 1e(-?\d+)", str(told.value)))
+    expected = np.log10(G) + (1.0 / alpha - 1.0) * np.log10(1e-3 / stress)
+    assert modulus == pytest.approx(expected, abs=15.0)  # of the trial that is the first beyond
+    assert strain == pytest.approx(np.log10(stress) - expected, abs=15.0)
+
+
+def test_a_first_trial_that_fails_is_told(monkeypatch):
+    """A strain of that size is what is asked for; nothing smaller is tried instead."""
+    monkeypatch.setattr(stage, "ITERATIONS", 1)
+    with pytest.raises(ConvergenceError, match="not balanced after 1 of Newton's steps"):
+        again()
+
+
+def test_trials_that_do_not_suffice_are_told(monkeypatch):
+    monkeypatch.setattr(halfcycles, "PILOTS", 1)
+    with pytest.raises(ConvergenceError, match="no unit of velocity was found in 1 trials"):
+        stepped.__wrapped__(0.1, frequency(0.1, 100.0, 1e-4), 1e-4, True)
+
+
+def test_no_stress_is_imposed_where_shear_is_unstable():
+    """K is positive, but the cell would shear on by itself: pre-stress of a packing so near to buckling."""
+    law = physics(exponent=0.5, rotations=False)
+    for k, sample in ((1.0, "published"), (2.5, "k = 2.5")):
+        network = network_of(SAMPLES[sample](), law, current().comm)
+        contacts = replace(network.contacts, force=31.5 * network.contacts.force)
+        solver = SteppedOscillation(replace(network, contacts=contacts), law.law, RHO0, 8)
+        with pytest.raises(ConvergenceError, match="its shear modulus is -") as told:
+            solver.solve(Point(frequency(0.5, 0.3, 1.0), 1.0, True))
+        modulus = float(str(told.value).split("modulus is ")[1].split(":")[0])
+        assert modulus == pytest.approx(-0.0116 * k, rel=0.05)
+        assert solver.solve(Point(frequency(0.5, 0.3, 1.0), 1.0, False)).G.imag > 0.0

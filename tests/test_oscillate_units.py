@@ -1,0 +1,123 @@
+"""Oscillations in other units of length, stiffness and time, and of other amplitudes where contacts are fixed."""
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from samples import network_of, physics, published
+
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.potentials import Potential
+from jampetsc.mechanics.assembly import assemble
+from jampetsc.mechanics.compatibility import build_compatibility
+from jampetsc.oscillation.halfcycles import SteppedOscillation
+from jampetsc.oscillation.repeated import Start, shake
+from jampetsc.oscillation.steady import Point, SteadyOscillation
+from jampetsc.session import current
+
+pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]
+K, LENGTH, TIME, LARGER = 2.5, 2.0, 3.0, 7.0  # units of stiffness, length and time; a second amplitude
+# what each field of an answer is made of: (powers of) stiffness, length, amplitude
+SCALES = {
+    "G": (1, 0, 0),
+    "error": (1, 0, 0),
+    "regularisation": (1, 0, 0),
+    "change": (1, 0, 0),
+    "modulus": (1, 0, 0),
+    "work": (1, 0, 2),
+    "strain": (0, 0, 1),
+    "gamma": (0, 0, 1),
+    "rate": (0, 0, 1),
+    "drift": (0, 0, 1),
+    "speed": (0, 1, 1),
+    "velocity": (0, 1, 1),
+    "displacement": (0, 1, 1),
+    "places": (0, 1, 1),
+}
+
+
+def packing(scaled):
+    disks = published()
+    if not scaled:
+        return disks
+    return Disks.from_positions(
+        LENGTH * disks.positions, LENGTH * disks.radii, LENGTH * disks.cell, Potential(k=K)
+    )
+
+
+def law_of(alpha, scaled):
+    return physics(exponent=alpha, tau1=TIME if scaled else 1.0, rotations=False)
+
+
+def point_of(alpha, X, amplitude, stress, scaled, larger=LARGER):
+    """Damping forces are about X times elastic ones; scaled, time is another and the amplitude `larger` times."""
+    if scaled:
+        amplitude *= larger
+    omega = float(np.exp((np.log(X) + (1.0 - alpha) * np.log(amplitude)) / alpha))
+    return Point(omega / (TIME if scaled else 1.0), amplitude, stress)
+
+
+def compare(one, two, amplitude, rel=1e-6, left_out=()):
+    for field in fields(one):
+        a, b = getattr(one, field.name), getattr(two, field.name)
+        if field.name == "point" or field.name in left_out:
+            continue
+        if field.name == "start":
+            compare(a, b, amplitude, rel)
+            continue
+        k, length, powers = SCALES.get(field.name, (0, 0, 0))
+        unit = K**k * LENGTH**length * amplitude**powers
+        size = np.abs(a).max()
+        if isinstance(a, int):  # counts, which rounding may change
+            assert abs(a - b) <= 0.02 * a
+            continue
+        np.testing.assert_allclose(np.asarray(b) / unit, a, rtol=rel, atol=rel * size, err_msg=field.name)
+
+
+def stepped(alpha, scaled):
+    law, disks = law_of(alpha, scaled), packing(scaled)
+    network = network_of(disks, law, current().comm)
+    return SteppedOscillation(network, law.law, 2.0 * float(disks.radii.mean()), 8)
+
+
+@pytest.mark.parametrize("stress", [True, False])
+def test_half_cycles(stress):
+    found = [stepped(0.5, scaled).solve(point_of(0.5, 0.3, 1e-3, stress, scaled)) for scaled in (False, True)]
+    compare(*found, LARGER, 1e-4)
+
+
+def steady(alpha, scaled, steps=16):
+    law, disks = law_of(alpha, scaled), packing(scaled)
+    pencil = assemble(network_of(disks, law, current().comm), law.law)
+    return SteadyOscillation(build_compatibility(pencil), 2.0 * float(disks.radii.mean()), steps, 1e3)
+
+
+@pytest.mark.parametrize("stress", [True, False])
+def test_cycles_at_once(stress):
+    found = [steady(0.5, scaled).solve(point_of(0.5, 0.3, 1e-3, stress, scaled)) for scaled in (False, True)]
+    compare(*found, LARGER, 1e-6, ("velocity", "speed", "balance"))
+
+
+@pytest.mark.parametrize(
+    ("alpha", "stress", "amplitude"),
+    [(0.4, False, 0.9), (0.5, True, 1e-6), (0.5, True, 0.5), (0.5, False, 0.9)],
+)
+def test_starts(alpha, stress, amplitude):
+    """Also where linear response takes disks too far, so that they start at rest."""
+    found = []
+    for scaled in (False, True):
+        make, start = (stepped, Start.of_steps) if alpha < 0.45 else (steady, Start.of)
+        point = point_of(alpha, 0.3, amplitude, stress, scaled, 1.0)
+        found.append(start(make(alpha, scaled), published().n, point))
+    assert np.any(found[0].displacement) == (amplitude < 0.1)
+    compare(*found, 1.0, 1e-4)
+
+
+@pytest.mark.parametrize(("stress", "amplitude"), [(True, 1e-4), (False, 2e-3)])
+def test_moving_contacts(stress, amplitude):
+    found = []
+    for scaled in (False, True):
+        point, disks = point_of(0.5, 0.3, amplitude, stress, scaled, 1.0), packing(scaled)
+        start = Start.of(steady(0.5, scaled), disks.n, point)
+        found.append(shake(disks, law_of(0.5, scaled).law, start, 8, 1))
+    compare(*found, 1.0, 1e-4)
