@@ -1,0 +1,226 @@
+"""A run of `oscillate`: every point in its place, whoever solved it, and what becomes of those that fail."""
+
+import numpy as np
+import pytest
+from samples import SAMPLES, lattice, network_of, physics, published
+from sweeps import Sweep
+
+from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.oscillation import job
+from jampetsc.oscillation.answer import Answer
+from jampetsc.oscillation.halfcycles import Stepped, SteppedOscillation
+from jampetsc.oscillation.repeated import Repeated
+from jampetsc.oscillation.steady import Point, Steady, SteadyOscillation
+from jampetsc.session import current
+from jampetsc.storage.packing_file import write_packing
+from jampetsc.storage.reader import load
+
+pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]
+OMEGA = {1.0: (0.1, 1.0), 0.4: (1e-8, 1e-7)}
+
+
+def put(path, disks):
+    if current().rank == 0:
+        write_packing(path, disks)
+    current().comm.barrier()
+    return path
+
+
+@pytest.fixture
+def packing(session, shared_path):
+    return put(shared_path / "p.h5", published())
+
+
+def ask(
+    packing,
+    alpha=1.0,
+    contacts="fixed",
+    amplitude=(1e-5, 1e-4),
+    omega=None,
+    out="o.h5",
+    stress=True,
+    **options,
+):
+    given = physics(exponent=alpha, rotations=False, **options)
+    omega = np.array(OMEGA[alpha] if omega is None else omega)
+    cycles = 3 if contacts == "moving" else None
+    return job.Job(
+        packing, packing.parent / out, given, omega, np.array(amplitude), stress, 8, contacts, cycles
+    )
+
+
+def left_behind(packing):
+    return sorted(
+        path.name for path in packing.parent.iterdir() if path != packing and path.suffix != ".parts"
+    )
+
+
+@pytest.mark.parametrize("contacts", ["fixed", "moving"])
+def test_every_point_is_in_its_place(packing, contacts):
+    """G* grows with ω, and work says which strain there was; of moving contacts three points, for two ranks."""
+    asked = ask(packing, 1.0, contacts, *(((1e-4,), (0.03, 0.3, 1.0)) if contacts == "moving" else ()))
+    arrays = job.run(asked)
+    current().comm.barrier()
+    file = load(asked.out)
+    assert file.attributes["solver"] == {"fixed": "cycle", "moving": "steps"}[contacts]
+    assert (file.attributes["control"], file.attributes["contacts"], file.attributes["steps"]) == (
+        "stress",
+        contacts,
+        8,
+    )
+    assert (file.attributes["alpha"], file.attributes["regularisation"]) == (1.0, 0.0)
+    shape = len(asked.amplitude), len(asked.omega)
+    for name, values in arrays.items():
+        np.testing.assert_array_equal(file[name], values)
+        assert values.shape[:2] == shape and np.all(np.isfinite(values))
+        assert (values.dtype.kind == "i") == (name in job.COUNTS)
+    G, strain = arrays["G"], asked.amplitude[:, None] / abs(arrays["G"])
+    np.testing.assert_allclose(arrays["work"], np.pi * G.imag * strain**2, rtol=1e-3)
+    assert np.all(np.diff(abs(G), axis=1) > 0.0)
+    np.testing.assert_array_equal(file["omega"], asked.omega)
+    np.testing.assert_array_equal(file["amplitude"], asked.amplitude)
+    assert left_behind(packing) == ["o.h5"]
+
+
+def failing(monkeypatch, points, solver):
+    """From now on these (ω, amplitude) fail; the list of what is solved, by this rank."""
+    real, seen = solver.solve, []
+
+    def solve(self, point):
+        seen.append((point.omega, point.amplitude))
+        if seen[-1] in points:
+            raise ConvergenceError("something went wrong")
+        return real(self, point)
+
+    monkeypatch.setattr(solver, "solve", solve)
+    return seen
+
+
+@pytest.mark.parametrize(("alpha", "solver"), [(1.0, SteadyOscillation), (0.4, SteppedOscillation)])
+def test_what_fails_is_left_out_and_tried_again(monkeypatch, session, packing, capfd, alpha, solver):
+    """On whichever rank: the others are kept and in the file, and only what is missing is done next time."""
+    asked, omega = ask(packing, alpha), OMEGA[alpha]
+    bad = [(omega[1], 1e-5), (omega[0], 1e-4)]  # one on each rank
+    with monkeypatch.context() as patch:
+        failing(patch, bad, solver)
+        with pytest.raises(ConvergenceError) as told:
+            job.run(asked)
+    named = f"omega {omega[1]:.3e}  stress 1.0e-05: something went wrong"
+    assert str(told.value) == f"2 of 4 points failed, the others are in {asked.out}; the first: {named}"
+    session.comm.barrier()
+    shown = session.comm.bcast(capfd.readouterr().err)
+    assert shown.count("failed: ") == 2 and f"failed: {named}" in shown
+    first = {name: load(asked.out)[name] for name in ("G", "error", "newton_steps")}
+    missing = [[False, True], [True, False]]
+    assert np.isnan(first["G"]).tolist() == np.isnan(first["error"]).tolist() == missing
+    assert (first["newton_steps"] == 0).tolist() == missing
+    with monkeypatch.context() as patch:
+        seen = failing(patch, [], solver)
+        arrays = job.run(asked)
+    everyone = session.comm.allgather(seen)
+    solved = {tuple(point) for points in everyone for point in points}
+    assert solved == set(bad)
+    shown = session.comm.bcast(capfd.readouterr().err)
+    assert "2 points are finished" in shown and "[4/4]" in shown
+    kept = ~np.isnan(first["G"])
+    np.testing.assert_array_equal(arrays["G"][kept], first["G"][kept])
+    strain = asked.amplitude[:, None] / abs(arrays["G"])
+    np.testing.assert_allclose(arrays["work"], np.pi * arrays["G"].imag * strain**2, rtol=1e-3)
+    told = load(asked.out).attributes
+    expected = ("cycle", 0.0) if alpha == 1.0 else ("steps", 1e-5**alpha)
+    assert (told["solver"], told["regularisation"]) == pytest.approx(expected)
+    assert left_behind(packing) == ["o.h5"]
+
+
+@pytest.mark.parametrize(("alpha", "solver"), [(1.0, SteadyOscillation), (0.4, SteppedOscillation)])
+def test_where_all_fail_there_is_no_file(monkeypatch, packing, alpha, solver):
+    asked = ask(packing, alpha)
+    failing(monkeypatch, [(o, a) for o in OMEGA[alpha] for a in asked.amplitude], solver)
+    with pytest.raises(ConvergenceError, match=r"omega 1.*e-0.  stress 1.0e-05: something went wrong$"):
+        job.run(asked)
+    assert not asked.out.exists()
+
+
+@pytest.mark.most_ranks(1)
+def test_which_solver(monkeypatch, packing):
+    """A cycle at once down to α = 0.45; below, steps in time, also for the start of moving contacts."""
+    omega, strain = (1e-6,), (1e-3,)
+    solvers = []
+    for alpha in (0.45, 0.449):
+        job.run(ask(packing, alpha, "fixed", strain, omega, f"{alpha}.h5"))
+        current().comm.barrier()
+        solvers.append(load(packing.parent / f"{alpha}.h5").attributes["solver"])
+    assert solvers == ["cycle", "steps"]
+    seen = [failing(monkeypatch, [], solver) for solver in (SteadyOscillation, SteppedOscillation)]
+    for alpha in (0.5, 0.4):
+        job.run(ask(packing, alpha, "moving", (1e-7,), (1e-12,), f"m{alpha}.h5", False))
+        counts = [sum(current().comm.allgather(len(one))) for one in seen]
+        assert counts == ([1, 0] if alpha == 0.5 else [1, 1])
+
+
+@pytest.mark.parametrize("alpha", [1.0, 0.4])
+def test_prestress_and_stiffness_are_those_asked_for(session, packing, alpha):
+    """On all ranks together and on each alone."""
+    disks = SAMPLES["k = 2.5"]()
+    put(packing, disks)
+    omega, strain = OMEGA[alpha][:1], 1e-4
+    found = job.run(ask(packing, alpha, "fixed", (strain,), omega, stress=False, prestress=False))["G"][0, 0]
+    law = physics(exponent=alpha, rotations=False, prestress=False)
+    if alpha == 1.0:
+        with Sweep(disks, law, np.array(omega), 1e-8, session.comm) as sweep:
+            exact = sweep.G[0]
+    else:
+        with session.alone():
+            network = network_of(disks, law, current().comm)
+            solver = SteppedOscillation(network, law.law, 2.0 * float(disks.radii.mean()), 8)
+            exact = solver.solve(Point(omega[0], strain, False)).G
+    assert found == pytest.approx(exact, rel=1e-6)
+
+
+@pytest.mark.parametrize("alpha", [1.0, 0.4])
+def test_a_packing_that_is_no_minimum_is_named(session, packing, alpha):
+    put(packing, lattice())
+    with pytest.raises(InputError, match=f"^{packing}: K has 14 negative modes"):
+        job.run(ask(packing, alpha))
+    assert left_behind(packing) == []
+
+
+COMMON = {
+    "G": 1.0 + 2.0j,
+    "error": 3.0,
+    "harmonics": np.array([4.0, 5.0j]),
+    "work": 6.0,
+    "balance": -7.0,
+    "newton": 8,
+}
+
+
+@pytest.mark.parametrize(
+    ("kind", "more", "names"),
+    [
+        (Answer, {}, {}),
+        (
+            Steady,
+            {"regularisation": 9.0, "speed": 10.0, "velocity": np.zeros(1), "linear": 11},
+            {"regularisation_effect": 9.0, "linear_iterations": 11},
+        ),
+        (
+            Stepped,
+            {
+                "regularisation": 9.0, "factorisations": 10, "half_cycles": 11, "strain": 12.0, "speed": 13.0,
+                "start": None, "velocity": np.zeros(1), "rate": 14.0,
+            },
+            {"regularisation_effect": 9.0, "factorisations": 10, "half_cycles": 11},
+        ),
+        (
+            Repeated,
+            {"change": 9.0, "drift": -10.0, "cycles": 11, "steps": 12, "factorisations": 13},
+            {"cycle_change": 9.0, "drift": -10.0, "cycles": 11, "steps_taken": 12, "factorisations": 13},
+        ),
+    ],
+)  # fmt: skip
+def test_names_in_a_file(kind, more, names):
+    record = kind(**COMMON, **more).record()
+    assert record == names | {
+        "G": 1.0 + 2.0j, "error": 3.0, "harmonics": [4.0, 5.0j], "work": 6.0, "energy_balance": -7.0, "newton_steps": 8,
+    }  # fmt: skip
