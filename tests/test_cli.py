@@ -5,15 +5,17 @@ import errno
 import os
 import signal
 import subprocess
+import sys
 from importlib.metadata import version
+from types import SimpleNamespace
 
 import launch
 import pytest
 from samples import polydisperse
 
 import jampetsc
-from jampetsc import cli, commands, launcher
-from jampetsc.errors import InputError
+from jampetsc import cli, commands, launcher, stopping, streams
+from jampetsc.errors import ConvergenceError, InputError, JampetscError
 from jampetsc.storage.packing_file import write_packing
 
 
@@ -98,6 +100,10 @@ def test_a_misspelt_option_is_named_where_its_right_one_is_missing():
         ("sweep p.h5 q.h5 --out s.h5", "q.h5: one argument too many"),
         ("sweep --out s.h5 -log_view p.h5", "the following arguments are required: PACKING"),
         ("info p.h5 -log_view", "info -log_view: single-dash options are PETSc's"),
+        (
+            "sweep p.h5 --out s.h5 --beta x --typo -log_view q.h5",
+            "argument --beta",
+        ),  # what is wrong comes first
     ):
         with pytest.raises(InputError) as refused:
             cli.dispatch(line.split())
@@ -312,6 +318,113 @@ def test_what_a_rank_starts_is_no_rank(tmp_path):
 
 
 # Errors while a command runs
+
+
+class Failing:
+    """A command line that ends by an error."""
+
+    def __init__(self, error):
+        self.error = error
+
+    def __call__(self, words, during):
+        raise self.error
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "lines"),
+    [
+        (InputError("one\ntwo"), 2, ["one", "two"]),
+        (ConvergenceError("no minimum"), 3, ["no minimum"]),
+        (JampetscError("disk full"), 1, ["disk full"]),
+        (MemoryError(), 1, ["out of memory: use more nodes, or a smaller packing"]),
+        (MemoryError("Unable to\n allocate 3 GB"), 1,
+         ["out of memory: Unable to allocate 3 GB: use more nodes, or a smaller packing"]),
+        (PermissionError(errno.EACCES, "x", "a.h5"), 1, ["a.h5: Permission denied: check its permissions"]),
+        (KeyboardInterrupt(), 130, ["interrupted"]),
+        (stopping.Terminated(), 143, ["stopped by SIGTERM; what was finished is on disk"]),
+    ],
+)  # fmt: skip
+def test_every_error_has_its_line_and_status(monkeypatch, capsys, error, status, lines):
+    monkeypatch.setattr(cli, "dispatch", Failing(error))
+    assert cli.main(["probe"]) == status
+    assert capsys.readouterr() == ("", "".join(f"jampetsc: error: {line}\n" for line in lines))
+
+
+def test_what_comes_of_the_end_is_told_as_the_end(monkeypatch, capsys):
+    monkeypatch.setattr(cli, "dispatch", Failing(RuntimeError("no compiled object")))
+    with pytest.raises(RuntimeError):  # a bug
+        cli.main(["probe"])
+    monkeypatch.setattr(stopping, "_noticed", True)
+    assert cli.main(["probe"]) == 143 and "stopped by SIGTERM" in capsys.readouterr().err
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_an_error_of_petsc_is_one_line_of_one_rank(session, monkeypatch, capsys):
+    monkeypatch.setattr(cli, "dispatch", Failing(session.PETSc.Error(62)))
+    assert cli.main(["probe"]) == 1
+    told = capsys.readouterr().err
+    assert (
+        (told.startswith("jampetsc: error: PETSc: ") and told.count("\n") == 1)
+        if session.rank == 0
+        else not told
+    )
+
+
+class Late:
+    """A communicator of ranks of which some do not come."""
+
+    rank, size = 1, 3
+
+    class Pending:
+        def Test(self):
+            return False
+
+    def __init__(self):
+        self.ended = None
+
+    def Ibarrier(self):
+        return self.Pending()
+
+    def Abort(self, status):
+        self.ended = status
+
+
+def test_a_rank_that_fails_alone_says_which_it_is_and_ends_the_job(monkeypatch, capsys):
+    comm = Late()
+    monkeypatch.setattr(cli, "_mpi", lambda: SimpleNamespace(COMM_WORLD=comm))
+    monkeypatch.setattr(cli, "PATIENCE", 0.0)
+    monkeypatch.setattr(cli, "dispatch", Failing(ConvergenceError("no minimum")))
+    cli.main(["probe"])
+    assert comm.ended == 3
+    assert capsys.readouterr().err == "jampetsc: error: rank 1: no minimum\n"
+
+
+def test_mpi_that_is_not_begun_or_over_is_none(monkeypatch):
+    for begun, over, there in ((False, False, False), (True, False, True), (True, True, False)):
+        mpi = SimpleNamespace(Is_initialized=lambda b=begun: b, Is_finalized=lambda o=over: o)
+        monkeypatch.setitem(sys.modules, "mpi4py.MPI", mpi)
+        assert cli._mpi() is (mpi if there else None)
+
+
+def test_standard_error_that_takes_nothing_stops_nothing(monkeypatch):
+    for mode in ({"buffering": 1}, {}):  # refused at once, or later
+        with open("/dev/full", "w", **mode) as full:
+            monkeypatch.setattr(sys, "stderr", full)
+            streams.say("a line\n")
+            assert os.readlink(f"/proc/self/fd/{full.fileno()}") == os.devnull
+
+
+def test_streams_are_prepared_without_leaving_a_file_open(monkeypatch):
+    before = len(os.listdir("/proc/self/fd"))
+    streams.prepare()
+    assert len(os.listdir("/proc/self/fd")) == before
+    monkeypatch.setattr(sys, "stdout", None)
+    monkeypatch.setattr(sys, "stderr", None)
+    streams.prepare()
+    for stream in (sys.stdout, sys.stderr):
+        assert stream.name == os.devnull and stream.errors == "backslashreplace"
+        stream.close()
 
 
 @pytest.mark.parametrize(

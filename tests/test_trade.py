@@ -23,7 +23,7 @@ from jampetsc.speed_accuracy import choices, ensembles, processes
 from jampetsc.speed_accuracy.advice import advise
 from jampetsc.speed_accuracy.compare import CRITICAL_START, Reference, log_interpolate
 from jampetsc.speed_accuracy.table import MEANINGS, Row, Table
-from jampetsc.storage.packing_file import write_packing
+from jampetsc.storage.packing_file import read_packing, write_packing
 from jampetsc.words.law import add_law_options, physics_from, words_of
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
@@ -339,6 +339,63 @@ def test_what_cannot_be_measured_is_said(told, tmp_path):
     assert "none.opts is not there: left out; --options-files names others" in left_out[0]
 
 
+@pytest.mark.parametrize(
+    ("omega", "points", "grids"),
+    [
+        ("1:10:3", 3, {"1:10:2": 2, "1:10:3": 3}),
+        ("1e-4:1e2:60", 60, {f"1e-4:1e2:{n}": n for n in (4, 7, 13, 25)} | {"1e-4:1e2:60": 60}),
+    ],
+)
+def test_numbers_of_frequencies_are_so_many_per_decade_up_to_those_asked_for(told, omega, points, grids):
+    low, high, _ = omega.split(":")
+    bench = told(("", 0, spent(Curve(np.geomspace(float(low), float(high), points)))), omega=omega)
+    bench.find_reference()
+    plan, _ = choices.plan(bench, ["frequencies"], [])
+    assert {choice.omega: choice.name for choice in plan} == {g: f"{n} frequencies" for g, n in grids.items()}
+    assert all(choice.words[-2:] == ["--method", "direct"] for choice in plan)
+
+
+class Bent:
+    """G' = G'' = 1 + ω, which is no straight line in log-log."""
+
+    def __init__(self, *omega):
+        self.attributes = {"tau1": 1.0, "pressure": 1.0, "k": 1.0}  # no critical window
+        self.omega = np.array(omega)
+        self.G = self.modulus(self.omega)
+
+    def __getitem__(self, name):
+        return np.zeros(len(self.omega))
+
+    def modulus(self, omega):
+        return (1 + 1j) * (1.0 + omega)
+
+
+def test_too_few_frequencies_are_judged_between_those_of_the_reference():
+    """Between 0.01 and 100 the chord is highest above the curve at 1, by (√(1.01 · 101) - 2)/2."""
+    ends = Bent(0.01, 100.0)
+    choice = choices._frequencies(Physics(damping_law()), "0.01:100:2", 2)
+    judged = choice.judge(Reference(ends), ends)
+    expected = (np.sqrt(1.01 * 101) - 2) / 2
+    assert (judged["error_storage"], judged["error_loss"]) == pytest.approx((expected, expected), rel=1e-3)
+    assert judged["note"] == "direct, log-log interpolation between them"
+    between = choice.judge(Reference(Bent(0.01, 1.0, 100.0)), ends)
+    assert between["error_storage"] == pytest.approx(expected, rel=1e-3)
+    assert np.isnan(between["window_storage"])
+
+
+def test_errors_count_over_the_window_and_over_all(told):
+    bench = told(("", 0, spent(Curve(WIDE))))
+    bench.find_reference()
+    G = bench.reference.G.copy()
+    G[0] *= 2
+    G[45] *= 1.5  # in the window
+    found = choices.deviation(bench.reference, G)
+    assert [found[f"{where}_{part}"] for where in ("error", "window") for part in ("storage", "loss")] == [
+        pytest.approx(error) for error in (1.0, 1.0, 0.5, 0.5)
+    ]
+    assert found["exponent_storage_error"] > 0 < found["exponent_loss_error"]
+
+
 def test_a_choice_is_run_once_and_one_that_cannot_be_read_fails(bench, monkeypatch):
     runs = []
 
@@ -408,6 +465,62 @@ def test_an_ensemble_costs_what_all_its_runs_cost(told, tmp_path, monkeypatch):
     assert line[line.index("--n") + 1] == "16"
 
 
+def test_an_ensemble_of_which_no_sweep_is_left_fails(told, tmp_path, monkeypatch):
+    bench = told(("1e-12", 0, spent(Curve(WIDE))), ("", 3, None))
+    bench.packing = with_record(tmp_path / "p.h5", 64, sizes="bidisperse")
+    bench.find_reference()
+    with_record(tmp_path / "packing-16-1001.h5", 16)
+    monkeypatch.setattr(processes, "run", lambda words, ranks: processes.Outcome(0, 1.0, 2.0, ""))
+    row = ensembles.measure(bench, 4)
+    assert (row.failed, row.note, row.process_seconds) == (True, "failed: ended by 3", 1.5)
+
+
+def test_the_memory_of_an_ensemble_is_that_of_its_largest_process(told, tmp_path, monkeypatch):
+    bench = told(("", 0, spent(Curve(WIDE))))
+    bench.packing = with_record(tmp_path / "p.h5", 64, sizes="bidisperse")
+    bench.find_reference()
+    with_record(tmp_path / "packing-64-1001.h5", 64)
+    monkeypatch.setattr(processes, "run", lambda words, ranks: processes.Outcome(0, 1.0, 5000.0, ""))
+    row = ensembles.measure(bench, 1)
+    assert row.memory_mb == 5000.0 and row.note == "packing took 1.0 s"
+    assert np.isnan(row.stderr_storage) and np.isnan(row.stderr_loss)  # one has no scatter
+
+
+def test_packings_of_an_ensemble_are_made_as_the_one_of_the_reference(told, tmp_path):
+    bench = told(("", 0, spent(Curve(WIDE, k=2.0))))
+    bench.find_reference()
+    record = {"sizes": "gamma 3", "requested_pressure": 0.02, "stabilise": "shear"}
+    for given, expected in ((record, ("0.02", "shear")), ({"sizes": "gamma 3"}, ("1e-06", "volume"))):
+        disks = read_packing(with_record(tmp_path / "p.h5", 32, **given))
+        line = [str(word) for word in ensembles._pack_words(bench, disks, 8, 4)]
+        options = dict(zip(line[1::2], line[2::2], strict=True))
+        assert (options.pop("--pressure"), options.pop("--stabilise")) == expected
+        assert options == {
+            "--n": "8", "--seeds": "1001:1004", "--potential": disks.potential.kind, "--sizes": "gamma 3",
+            "--stiffness": disks.potential.stiffness, "--out": f"{tmp_path}/packing-8-{{seed}}.h5",
+        }  # fmt: skip
+
+
+def test_slopes_of_an_ensemble_scatter_from_packing_to_packing():
+    omega = np.geomspace(1e-4, 1e-2, 7)
+    reference = Reference(Curve(omega))
+    steep = [omega**exponent * (1 + 1j) for exponent in (0.5, 0.6)]
+    found = ensembles._statistics(reference, np.array(steep))
+    for part in ("storage", "loss"):  # √(0.05² + 0.05²)/√2
+        assert found[f"exponent_{part}_error"] == pytest.approx(0.05)
+    steep[1][3] = -0.1 * steep[1][3]  # of which no slope can be told: a single one has no scatter
+    fit = choices.deviation(reference, np.mean(steep, axis=0))
+    alone = ensembles._statistics(reference, np.array(steep))
+    assert alone["exponent_storage_error"] == fit["exponent_storage_error"] > 0
+
+
+def test_the_scatter_of_moduli_is_that_in_the_window():
+    reference = Reference(Curve(WIDE))
+    curves = np.array([reference.G, reference.G])
+    curves[0, 0], curves[1, 0] = 1.0, -1.0 + 1e-9
+    assert ensembles._statistics(reference, curves)["stderr_storage"] < 1e-12
+
+
 # What is made of them
 
 
@@ -439,6 +552,40 @@ def test_errors_and_slopes_of_a_square_root():
 def test_the_critical_window_is_in_units_of_k_and_tau1():
     window = Reference(Curve(np.geomspace(1e-8, 10, 91), k=100.0, tau1=4.0)).window
     assert window == pytest.approx((2.5e-6, 0.025), rel=0.3)  # to a step of the grid
+
+
+def test_the_ends_of_the_critical_window_belong_to_it():
+    curve = Curve([2.0**-10, 0.01, 0.02, 0.05, 0.1])
+    curve.attributes["pressure"] = 2.0**-10 / 10.0
+    assert Reference(curve).window == (2.0**-10, 0.1)
+    for omega in ([2.0**-10, 0.01, 0.02, 0.1], [2.0**-10, 0.01, 0.02, 0.05, 0.101]):  # four are too few
+        curve = Curve(omega)
+        curve.attributes["pressure"] = 2.0**-10 / 10.0
+        assert Reference(curve).window is None
+
+
+def test_a_modulus_that_is_not_positive_has_no_slope():
+    reference = Reference(Curve(WIDE))
+    for factor in (-1 + 1j, 1 - 1j):
+        G = factor.real * reference.G.real + 1j * factor.imag * reference.G.imag
+        assert reference.exponents(G) is None
+
+
+def test_the_bounds_of_both_moduli_count_each_for_its_own():
+    class Bounded(Curve):
+        def __init__(self, storage, loss, error=0.0):
+            super().__init__([1.0, 4.0])
+            self.bounds = {"error_bound_storage": storage, "error_bound_loss": loss}
+            self.G = self.G + error * np.array([0.0, 1.0])
+
+        def __getitem__(self, name):
+            return np.full(2, self.bounds[name])
+
+    reference = Reference(Bounded(0.1, 0.2))
+    for error, beyond in ((0.29, None), (0.31, 4.0), (0.49j, None), (-0.51j, 4.0), (-0.31, 4.0)):
+        assert reference.violation(Bounded(0.2, 0.3, error)) == beyond
+    assert Reference(Bounded(0.1, 0.2)).certified == pytest.approx(0.2)
+    assert Reference(Bounded(0.4, 0.2)).certified == pytest.approx(0.4)
 
 
 def test_the_scatter_of_a_mean_falls_with_the_number_of_packings():
@@ -503,6 +650,47 @@ def test_advice_follows_its_rules():
     assert physics.endswith(": without rotations (0.50 s)")
 
 
+def run(seconds, error, storage=0.5, loss=0.5):
+    return Row("accuracy", f"run of {seconds} s", seconds, **errors(error), exponent_storage=storage,
+               exponent_loss=loss)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("line", "runs", "taken"),
+    [
+        (1, [run(1.0, 0.05), run(3.0, 1e-3)], 1.0),  # "at most"
+        (1, [run(1.0, 0.0501), run(3.0, 1e-3)], 3.0),
+        (2, [run(1.0, 0.005), run(3.0, 1e-3)], 1.0),
+        (2, [run(1.0, 0.00501), run(3.0, 1e-3)], 3.0),
+        (3, [run(1.0, 0.9, storage=0.5049), run(3.0, 0.8)], 1.0),
+        (3, [run(1.0, 0.9, loss=0.4951), run(3.0, 0.8)], 1.0),
+        (3, [run(1.0, 0.9, storage=0.5051), run(3.0, 0.8)], 3.0),
+        (3, [run(1.0, 0.9, loss=0.4949), run(3.0, 0.8)], 3.0),
+        (3, [run(1.0, 0.9, storage=np.nan), run(3.0, 0.8)], 3.0),  # a slope that is not known fits nothing
+        (3, [run(1.0, 0.9, loss=np.nan), run(3.0, 0.8)], 3.0),
+        (1, [run(1.0, 0.01), run(1.09, 1e-3)], 1.09),  # equally fast: the more exact
+        (1, [run(1.0, 0.01), run(1.11, 1e-3)], 1.0),
+        (1, [run(1.0, 0.01), run(1.09, 0.02)], 1.0),
+    ],
+)
+def test_the_ends_of_the_rules_of_advice(line, runs, taken):
+    assert f": run of {taken} s, {taken:.2f} s, error at most " in advise([ROWS[0], *runs])[line]
+
+
+def test_no_advice_promises_more_than_the_reference_resolves():
+    lines = advise([ROWS[0], run(1.0, 1e-15)])
+    assert [line.rpartition(", ")[2] for line in lines[1:]] == ["error at most 1e-12"] * 3
+    assert lines[0].endswith("those within 10% of its time")
+
+
+def test_of_the_frequencies_that_suffice_the_cheapest_are_named():
+    rows = [Row("frequencies", f"{n} frequencies", n / 10, **errors(error))
+            for n, error in ((8, 0.2), (15, 0.04), (29, 0.001))]  # fmt: skip
+    look, figure = (line for line in advise([ROWS[0], *rows]) if "solved one by one" in line)
+    assert "15 frequencies and interpolation do, 1.50 s" in look
+    assert "29 frequencies and interpolation do, 2.90 s" in figure
+
+
 def test_advice_where_only_the_reference_is_exact_enough():
     loose = [row if row.group == "reference" else replace(row, **errors(0.9)) for row in ROWS]
     assert "only the reference, --accuracy 1e-12, 5.00 s" in advise(loose)[1]
@@ -524,6 +712,30 @@ def test_advice_on_packings(off, verdict):
     big = Row("ensemble", "1 x N = 64", 9.0, **errors(1.0), window_storage=0.1, window_loss=0.3)
     alone, line = advise([*ROWS, big, row])[-2:]
     assert "off by 3.0e-01" in alone and ", no more than scatter;" in line
+
+
+@pytest.mark.parametrize(("off", "same"), [(0.055, True), (0.057, False)])
+def test_scatter_is_two_root_two_standard_errors(off, same):
+    for modulus in ("storage", "loss"):
+        fields = {"stderr_storage": 0.01, "stderr_loss": 0.01, "window_storage": 0.0, "window_loss": 0.0}
+        fields |= {f"stderr_{modulus}": 0.02, f"window_{modulus}": off}
+        line = advise([ROWS[0], Row("ensemble", "4 x N = 16", 9.0, **errors(1.0), **fields)])[-1]
+        assert (", no more than scatter;" in line) == same and f"off by {off:.1e}" in line
+
+
+def test_packings_are_compared_at_all_frequencies_where_there_is_no_window():
+    row = Row("ensemble", "4 x N = 16", 9.0, **errors(0.1, 0.3), stderr_storage=0.2, stderr_loss=0.1)
+    assert "mean off by 3.0e-01 with standard error 2.0e-01, no more" in advise([ROWS[0], row])[-1]
+
+
+def test_a_table_tells_each_group_once_and_numbers_to_six_digits(tmp_path):
+    table = Table([*ROWS[:3], replace(ROWS[5], seconds=1 / 3)], [])
+    groups = [line.split("|")[1].strip() for line in str(table).splitlines()]
+    assert groups == ["", "-" * 9, "reference", "accuracy", "", "method"]
+    table.write(tmp_path / "t.csv")
+    read = rows_of(tmp_path / "t.csv")
+    assert read["method", "direct, iterative.opts"]["seconds"] == "0.333333"
+    assert [row["failed"] for row in read.values()] == ["0", "0", "0", "1"]
 
 
 def test_a_table_reads_back(tmp_path):
