@@ -56,7 +56,9 @@ def test_jaxmd_has_its_published_numbers(index):
     assert state.max_force < 1e-12
     assert disks.record["published_energy"] == energy
     assert disks.record["published_stress_xy"] == stress[1]
-    assert disks.record["published_C_xyxy"] == moduli[2]
+    assert disks.record["published_C_xyxy"] == moduli[2] and disks.record["published_C_xxyy"] == moduli[3]
+    assert disks.record["imported_index"] == index and disks.record["phi"] == disks.phi
+    assert disks.record["max_force"] == state.max_force
 
 
 def test_cell_vectors_are_the_columns_of_a_box(tmp_path):
@@ -152,7 +154,13 @@ def test_other_files_are_refused(tmp_path):
         h5.attrs["format"] = "jampetsc-packing"
     with h5py.File(tmp_path / "3d.nc", "w") as h5:
         h5["pos"], h5["rad"], h5["box"] = np.ones((1, 12)), np.ones((1, 4)), np.ones((1, 9))
+    with h5py.File(tmp_path / "odd.nc", "w") as h5:
+        h5["pos"], h5["rad"], h5["box"] = np.ones((1, 12)), np.ones((1, 5)), np.eye(2).reshape(1, 4)
+    with h5py.File(tmp_path / "flat.nc", "w") as h5:
+        h5["pos"], h5["rad"], h5["box"] = np.ones((1, 8)), np.ones((1, 4)), np.ones((1, 2))
     cases = {
+        "odd.nc": "12 coordinates for 5 disks: two-dimensional only",
+        "flat.nc": "8 coordinates for 4 disks: two-dimensional only",
         "cut.nc": "truncated",
         "classic.nc": "neither jamBashbulk text nor jax-md netCDF4",
         "other.h5": "no variable rad, box: not a packing file of jax-md",

@@ -1,19 +1,27 @@
 """Studies: the same table on any number of ranks, after any kill, and whatever fails."""
 
+import argparse
+import dataclasses
 import functools
 import json
 import os
+import shlex
+import shutil
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import launch
 import numpy as np
 import pytest
+import samples
 
 import jampetsc
 from jampetsc import cli, commands
 from jampetsc.errors import InputError
 from jampetsc.session import current
+from jampetsc.storage.packing_file import write_packing
+from jampetsc.storage.provenance import command_line
 from jampetsc.studies import run as study_run
 from jampetsc.studies import tasks as study_tasks
 from jampetsc.studies.board import BROKEN, DONE, FINISHED, OPEN, Board
@@ -215,6 +223,34 @@ def test_more_seeds_are_added_and_the_rest_is_kept(session, shared_path):
     assert second.where(command="correlate")["packings"] == [3]
     fewer = study(shared_path / "study", text.replace("1:2", "2:2"))
     assert fewer.rows == 7 and sorted(fewer["file"]) == sorted(second["file"])
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+@pytest.mark.parametrize(
+    ("threads", "status", "used"), [({}, 0, None), ({"threads": None}, 3, 5), ({"threads": 2}, 0, 2)]
+)
+def test_a_task_is_a_command_with_its_share_of_the_cores(session, tmp_path, capsys, threads, status, used):
+    """What it says is kept back, and told where it ends with a status."""
+    seen = []
+
+    def run(args, petsc_argv):
+        print("on the one stream")
+        print("and the other", file=sys.stderr)
+        seen.append((getattr(args, "threads", None), petsc_argv, command_line()))
+        shutil.copy(tmp_path / "p.h5", args.out)
+        return status
+
+    write_packing(tmp_path / "p.h5", samples.published().with_record(pressure=0.5))
+    (task,) = plan("s.toml", b"[pack]\nn = 16\nphi = 0.9\n", commands.parsers_of(cli.Parser, KINDS))
+    arguments = {"run": run, "out": str(tmp_path / task.file)} | threads
+    choice = SimpleNamespace(arguments=lambda *_: argparse.Namespace(**arguments), words=task.choice.words)
+    task = dataclasses.replace(task, choice=choice)
+    made = study_tasks.Runner(tmp_path, {"pack": cli.Parser()}, {}, 5).run(task, [])
+    assert seen == [(used, [], shlex.join(task.words))] and capsys.readouterr() == ("", "")
+    said = "pack ended with status 3: on the one stream and the other"
+    assert (made["state"], made["why"]) == (("failed", said) if status else ("done", ""))
+    assert made["row"]["n"] == 16 and made["row"].get("pressure") == (None if status else 0.5)
 
 
 # Who does what

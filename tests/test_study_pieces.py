@@ -159,6 +159,37 @@ def test_a_table_that_cannot_be_meant(text, message):
         tasks(text)
 
 
+@pytest.mark.parametrize(
+    ("seeds", "expected"), [("3", [3]), ("[5, 1]", [5, 1]), ('"2:4"', [2, 3, 4]), ('["7", 8]', [7, 8])]
+)
+def test_seeds_may_be_told_in_any_way(seeds, expected):
+    assert [task.columns["seed"] for task in tasks(PACK.replace('"1:2"', seeds))] == expected
+
+
+@pytest.mark.parametrize(
+    ("given", "label"),
+    [
+        ("n = 1024\npressure = 1e-3\nseed = 1", "n1024-p0.001-s1"),
+        ("n = 16\nphi = 0.843217", "n16-phi0.843217"),
+        ('n = "16"\npressure = "1.25e-7"\nseed = 30', "n16-p1.25e-07-s30"),
+    ],
+)
+def test_the_name_of_a_file_tells_what_it_is_about(given, label):
+    (task,) = tasks(f"[pack]\n{given}\n")
+    assert task.name.startswith(f"pack-{label}-") and len(task.name.rpartition("-")[2]) == 8
+    assert task.file == f"{task.name}.h5"
+    assert task.words[:4] == ["jampetsc", "pack", "--out", task.file]
+
+
+@pytest.mark.parametrize("key", ["hel", "ouut", "packin", "lastt"])
+def test_what_the_study_gives_itself_is_never_suggested(key):
+    with pytest.raises(InputError) as refused:
+        tasks(f"[flow]\n{key} = 1\n")
+    found = str(refused.value)
+    assert f"[flow]: {key}: no such option" in found
+    assert not any(f"did you mean {own}?" in found for own in ("help", "out", "packing", "last"))
+
+
 def test_reading_a_study_that_is_not_there(tmp_path):
     with pytest.raises(InputError, match=r"s\.toml: cannot be read \(No such file or directory\)"):
         read(tmp_path / "s.toml")
@@ -400,9 +431,9 @@ def test_a_slope_needs_enough_frequencies_and_positive_moduli(tmp_path):
 
 
 def test_numbers_of_modes_are_those_of_the_lowest(tmp_path):
-    arrays = {"eigenvalues": [0.1, 0.2], "participation_ratio": [0.5, 0.6], "floppiness": [3.0, 2.0]}
+    arrays = {"eigenvalues": [0.1, 0.2], "participation_ratio": [0.5, 0.6], "floppiness": [2.0, 3.0]}
     found = numbers_of(result(tmp_path / "m.h5", "modes", **arrays))
-    assert found == {"lowest_eigenvalue": 0.1, "lowest_participation": 0.5, "lowest_floppiness": 3.0}
+    assert found == {"lowest_eigenvalue": 0.1, "lowest_participation": 0.5, "lowest_floppiness": 2.0}
 
 
 def test_numbers_of_a_correlation_are_those_at_the_lowest_frequency(tmp_path):
