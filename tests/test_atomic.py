@@ -271,6 +271,20 @@ def test_what_comes_after_the_end_of_a_file_is_no_error(tmp_path):
         assert list(tmp_path.iterdir()) == []
 
 
+def test_an_interrupt_of_a_write_is_kept_for_later(tmp_path, monkeypatch):
+    file = NewFile(tmp_path / "a.csv")
+
+    def interrupted(view):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(file.stream, "_write_all", interrupted)
+    assert file.stream.write(b"12") == 2
+    with pytest.raises(KeyboardInterrupt):
+        file.finish()
+    file.discard()
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_an_interrupt_while_hdf5_writes_is_raised_in_the_end(tmp_path, monkeypatch):
     output = OutputFile(tmp_path / "x.h5")
 

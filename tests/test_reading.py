@@ -7,6 +7,7 @@ import os
 import signal
 import stat
 import sys
+from datetime import datetime
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,7 +17,7 @@ import pytest
 from samples import published
 
 import jampetsc
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, JampetscError
 from jampetsc.storage import fields, regular, trial
 from jampetsc.storage.hdf5 import (
     attributes,
@@ -220,6 +221,24 @@ def test_what_is_raised_on_damaged_contents():
             raise error
 
 
+DAMAGES = (
+    *(OSError, RuntimeError, KeyError, IndexError, ValueError, TypeError, AttributeError, ZeroDivisionError),
+    *(OverflowError, NotImplementedError),
+)
+
+
+@pytest.mark.parametrize("error", DAMAGES)
+def test_whatever_libraries_raise_on_a_damaged_file_is_damage(error):
+    with pytest.raises(InputError, match=r"^x: damaged \(odd words\): copy or make it again$"), reading("x"):
+        raise error("odd words")
+
+
+@pytest.mark.parametrize("error", [MemoryError, KeyboardInterrupt, JampetscError])
+def test_what_is_no_fault_of_the_file_is_raised_as_it_is(error):
+    with pytest.raises(error), reading("x"):
+        raise error
+
+
 # Replaced meanwhile
 
 
@@ -233,12 +252,18 @@ def test_a_file_that_is_replaced_while_it_is_read_is_read_again(tmp_path):
             new.write_text("new")
             new.replace(path)
             raise InputError("half of each")
-        if len(tries) == 2:  # the same inode, written anew
+        if len(tries) == 2:  # another one of the same age
+            age = path.stat().st_mtime_ns
+            new.write_text("newer")
+            os.utime(new, ns=(age, age))
+            new.replace(path)
+            raise InputError("half of each")
+        if len(tries) == 3:  # the same inode, written anew
             os.utime(path, ns=(1, 1))
             raise InputError("once more")
         return path.read_text()
 
-    assert undisturbed(path, action) == "new" and tries == [path] * 3
+    assert undisturbed(path, action) == "newer" and tries == [path] * 4
 
 
 def test_what_nobody_replaces_is_refused_at_once(tmp_path):
@@ -408,6 +433,17 @@ def test_no_other_file_that_the_run_writes_may_be_the_output(tmp_path, monkeypat
     check_output("a.h5", "jampetsc-flow", beside=["b.h5", "none/c.h5"])
 
 
+def test_an_input_is_named_where_it_has_another_name(tmp_path):
+    (tmp_path / "a.h5").touch()
+    os.link(tmp_path / "a.h5", tmp_path / "b.h5")
+    for out, message in (
+        ("a.h5", "a.h5: is the input, which"),
+        ("b.h5", f"b.h5: is the input {tmp_path}/a.h5,"),
+    ):
+        with pytest.raises(InputError, match=message):
+            check_output(tmp_path / out, "jampetsc-sweep", [tmp_path / "none.h5", tmp_path / "a.h5"])
+
+
 @pytest.mark.parametrize(
     ("name", "content", "held"),
     [
@@ -496,14 +532,25 @@ def result(path, attributes=(), **arrays):
 
 
 def test_what_sweeps_have_in_common(tmp_path):
-    shared = {"law": "contact", "beta": 0.5, "pressure": 1e-3}
+    shared = {
+        "law": "contact",
+        "beta": 0.5,
+        "pressure": 1e-3,
+        "packing_sha256": "ab",
+        "particle_count": 9,
+        "tau1": 2.0,
+    }
     sweeps = [
         jampetsc.load(result(tmp_path / f"{n}.h5", {**shared, "phi": n, "packing": f"{n}.h5"}.items()))
         for n in (1, 2)
     ]
     found = derived_from(sweeps, 1.5, ["jampetsc", "correlate", "a b"])
     assert shared.items() <= found.items() and not {"phi", "packing", "k"} & found.keys()
+    assert derived_from([jampetsc.load(result(tmp_path / "k.h5", {"k": 3.0}.items()))], 0.0)["k"] == 3.0
+    many = derived_from(sweeps * 600, 0.0)  # an attribute holds 64 kB
+    assert all(len(many[name]) < LONGEST + 3 for name in ("sources", "source_runs"))
     assert (found["sources"], found["wall_seconds"]) == ("1.h5 2.h5", 1.5)
+    assert datetime.fromisoformat(found["date"]).utcoffset() is not None
     assert found["source_runs"] == " ".join(sweep.attributes["run_id"] for sweep in sweeps)
     assert found["argv"] == "jampetsc correlate 'a b'"
     only = jampetsc.load(result(tmp_path / "3.h5"))
@@ -572,8 +619,8 @@ def test_frequencies_shown_by_themselves_are_four_at_most_in_their_order():
 
 def test_a_frequency_is_found_to_a_hundredth():
     held = Fields([10.0, 1.0, 0.1])
-    assert fields.chosen_frequencies(held, [1.009, 0.0991, 10.0]).tolist() == [1, 2, 0]
-    for omega in (1.0102, 0.9899):
+    assert fields.chosen_frequencies(held, [1.009, 0.0991, 10.0, 10.09]).tolist() == [1, 2, 0, 0]
+    for omega in (1.0102, 0.9899, 0.102, 10.2):
         with pytest.raises(
             InputError, match=rf"no fields at omega = {omega:g}: nearest are 0\.1, 1, 10; or sweep"
         ):

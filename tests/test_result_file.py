@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 from contextlib import nullcontext
+from datetime import datetime
 
 import h5py
 import launch
@@ -349,7 +350,9 @@ def test_provenance_round_trip(tmp_path):
     assert {name: found[name] for name in entries if entries[name] is not None} == {
         name: value for name, value in entries.items() if value is not None
     }
-    assert found["petsc_version"] == "3.18.5"
+    assert found["petsc_version"] == "3.18.5" and found["packing_sha256"] == "ab" * 32
+    assert (found["packing"], found["ranks"], found["wall_seconds"]) == ("p.h5", 3, 1.5)
+    assert datetime.fromisoformat(found["date"]).utcoffset() is not None
     assert found["argv"] == "jampetsc sweep 'my packing.h5'"
     assert law_of(found) == {"law": "stokes", "eta_f": 1.0, "prestress": True}
 
@@ -389,9 +392,15 @@ def test_git_commit_in_and_outside_of_a_checkout(tmp_path):
     assert git_commit(tmp_path / "repo") == head
     git("worktree", "add", "-q", "-b", "side", str(tmp_path / "tree"))
     assert git_commit(tmp_path / "tree") == head
+    git("commit", "-q", "--allow-empty", "-m", "second")
+    for branch, commit in (("a-b", head), ("x/a.b", head), ("a.b", "HEAD")):  # names that look alike
+        git("branch", branch, commit)
+    head = git("rev-parse", "HEAD")
     git("pack-refs", "--all")
     assert git_commit(tmp_path / "repo") == head
-    assert git_commit(tmp_path / "tree") == head
+    assert git_commit(tmp_path / "tree") == git("rev-parse", "side") != head
+    git("checkout", "-q", "a.b")
+    assert git_commit(tmp_path / "repo") == head
     git("checkout", "-q", "--detach")
     assert git_commit(tmp_path / "repo") == head
 

@@ -190,9 +190,7 @@ def _require_independent(key, rows, name):
     if repeated is None:
         return
     one, other = repeated
-    differ = [
-        c for c in CHOICES if c in rows and c not in key and not _same(rows[c][[one]], rows[c][other])[0]
-    ]
+    differ = [c for c in CHOICES if c in rows and not _same(rows[c][[one]], rows[c][other])[0]]
     where = ", ".join(f"{column} {value}" for column, value in key.items()) or "all rows"
     raise InputError(
         f"{rows.path / TABLE}: {name} of {where}: {rows['file'][one]} and {rows['file'][other]} are of one packing: "
