@@ -143,6 +143,9 @@ def test_directions_are_those_of_bfgs():
 def test_forces_of_domains_are_those_of_the_whole_list():
     disks = random_disks(5000)
     pairs = PairList.build(disks, 0.2)
+    pairs = replace(
+        pairs, sigma=pairs.sigma + 0.2
+    )  # so that every pair touches, also the last one of a domain
     parts = domains.into_domains(pairs, disks.n)
     assert parts.number > 1
     offsets = np.zeros((domains.padded(disks.n), 2))
@@ -151,7 +154,7 @@ def test_forces_of_domains_are_those_of_the_whole_list():
     law, box = disks.potential.constants, (0.01, 0.02)
     sums = [domains.domain_forces(parts, d, offsets, *box, law, found) for d in range(parts.number)]
     wanted = pair_forces(pairs.i, pairs.j, pairs.r0, pairs.sigma, offsets[: disks.n], *box, law, whole)
-    assert np.abs(found[: disks.n] - whole).max() < 1e-14
+    assert np.abs(found[: disks.n] - whole).max() < 1e-13
     assert np.allclose(np.sum(sums, axis=0), wanted, rtol=1e-12)
 
 
@@ -600,6 +603,45 @@ def test_fire_moves_as_its_equations_say(steps):
     apart = (found.positions - wanted) @ np.linalg.inv(disks.cell)
     assert np.abs((apart - np.round(apart)) @ disks.cell).max() < 1e-9
     assert uphill >= 1 + (steps > 100)  # the first one is: there is no velocity yet
+
+
+@pytest.mark.parametrize("along", [(2.0, -0.5), (-0.5, 2.0), (-2.0, 0.5), (0.5, -2.0)])
+def test_all_domains_take_one_step_of_fire(along):
+    """What decides it are sums over all of them, as if there were one: power, sizes of forces and of velocities."""
+    disks = random_disks(4200)
+    pairs, size = PairList.build(disks, 0.3), domains.padded(disks.n)
+    parts = domains.into_domains(pairs, disks.n)
+    f = state.net_forces(disks.n, find_contacts(disks))
+    middle, longest, law = parts.disks[1], 0.5, disks.potential.constants
+    factors = np.where(np.arange(disks.n) < middle, *along)[:, None]
+    motion = fire.Motion(*np.zeros((3, size, 2)), np.zeros((2, 4)), np.zeros(2))
+    motion.velocities[: disks.n] = factors * f
+    clock = fire.Clock(0.1, 0.2, 30)
+
+    def step(skin, force):
+        return fire._fall(0, 1, np.zeros(1, np.int64), parts, motion, law, skin, force, 1, clock, longest)
+
+    largest = np.sqrt(2.0) * np.abs(f).max()
+    assert step(9.0, largest * (1 + 1e-9))[0] == lbfgs.CONVERGED and not motion.offsets.any()
+    status, evaluations, after = step(9.0, largest * (1 - 1e-9))
+    assert (status, evaluations) == (lbfgs.MORE, 1)
+    if np.sum(factors * f * f) > 0:
+        assert after == pytest.approx((0.11, 0.198, 31))
+        size = np.linalg.norm(factors * f) / np.linalg.norm(f)
+        v = (1 - 0.198) * factors * f + (0.11 + 0.198 * size) * f
+        o = 0.11 * v
+    else:
+        assert after == pytest.approx((0.05, fire.MIXING, 0))
+        v = 0.05 * f
+        o = 0.05 * v - 0.05 * factors * f
+    np.testing.assert_allclose(motion.velocities[: disks.n], v, atol=1e-13)
+    np.testing.assert_allclose(motion.offsets[: disks.n], o, atol=1e-13)
+    for far in (0, middle):  # one disk that has gone too far, in either domain
+        motion.offsets[:] = motion.velocities[:] = 0.0
+        motion.offsets[far] = 0.2, 0.0
+        assert step(0.3, 0.0)[0] == lbfgs.STALE
+        motion.offsets[:] = motion.velocities[:] = 0.0
+        assert step(9.0, 0.0)[0] == lbfgs.MORE
 
 
 def test_fire_steps_as_stiffness_allows():

@@ -45,6 +45,19 @@ def test_finds_every_pair_of_every_image_once(name, n, skin):
     assert as_set(neighbour_pairs(positions, radii, cell, skin)) == wanted
 
 
+@pytest.mark.parametrize("name", CELLS)
+def test_a_disk_a_rounding_error_outside_is_in_the_cell_or_beside_it(name):
+    """A coordinate of −1e-17 cell vectors plus one is one, which no cell of the grid begins with."""
+    cell = np.array(CELLS[name])
+    rng, edge = np.random.default_rng(3), -1e-17
+    positions = rng.uniform(0.0, 1.0, (30, 2)) @ cell
+    positions[:5] = [[edge, 0.0], [0.3, edge], [edge, edge], [edge, 0.5 * cell[1, 1]], [0.0, edge]]
+    radii = rng.uniform(0.3, 0.8, 30)
+    wanted = every_pair(positions, radii, cell, 0.1, images=12)
+    assert as_set(neighbour_pairs(positions, radii, cell, 0.1)) == wanted
+    assert np.array_equal(np.sort(spatial_order(positions, cell)), np.arange(30))
+
+
 def test_a_pair_can_touch_through_two_images():
     cell = np.array([(1.9, 0.0), (0.0, 5.0)])
     pairs = as_set(neighbour_pairs(np.array([(0.0, 0.0), (0.95, 0.0)]), np.full(2, 0.5), cell))
@@ -78,3 +91,12 @@ def test_spatial_order_keeps_neighbours_together():
     assert np.median(length) < 1.5  # 25 in random order
     # a quarter of the numbering is a patch of about a quarter of the cell
     assert np.ptp(fractional[:1024], axis=0).max() < 0.6
+
+
+@pytest.mark.parametrize("side", [2, 16])
+def test_spatial_order_goes_through_a_grid_step_by_step(side):
+    """A Hilbert curve: from every square to one beside it."""
+    squares = np.random.default_rng(1).permutation(side * side)
+    places = np.column_stack(np.divmod(squares, side)) + 0.5
+    steps = np.diff(places[spatial_order(places, float(side) * np.eye(2))], axis=0)
+    assert (np.abs(steps).sum(axis=1) == 1.0).all()

@@ -156,7 +156,7 @@ def neighbour_pairs(positions, radii, cell, skin=0.0, rows=None):
 
 @numba.njit(cache=True, fastmath=False)
 def _hilbert(column, row, bits):
-    """Distance along the Hilbert curve of integer coordinates below 2**bits."""
+    """Distance along the Hilbert curve of integer coordinates, taken modulo 2**bits."""
     key = np.empty(len(column), np.int64)
     for p in range(len(column)):
         x, y, d = column[p], row[p], 0
@@ -184,5 +184,5 @@ def spatial_order(positions, cell):
     bits = 16
     fractional = positions @ np.linalg.inv(cell)
     fractional -= np.floor(fractional)
-    grid = np.minimum((fractional * 2**bits).astype(np.int64), 2**bits - 1)
+    grid = (fractional * 2**bits).astype(np.int64)
     return np.argsort(_hilbert(grid[:, 0], grid[:, 1], bits), kind="stable")
