@@ -1,9 +1,11 @@
 """The pair list: complete until its rule calls it stale, whatever disks and cell do; the cell put upright again."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
-from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.disks import GRID, Disks
 from jampetsc.contacts.neighbours import neighbour_pairs
 from jampetsc.contacts.pairs import (
     FAR,
@@ -16,7 +18,7 @@ from jampetsc.contacts.pairs import (
     nearest,
     tuned_skin,
 )  # fmt: skip
-from jampetsc.contacts.state import find_contacts, measure
+from jampetsc.contacts.state import bond_vectors, find_contacts, measure
 from jampetsc.packing.sizes import radii_of
 
 
@@ -36,6 +38,50 @@ def listed(pairs):
 def touching(disks):
     i, j, _ = neighbour_pairs(disks.positions, disks.radii, disks.cell)
     return set(zip(i.tolist(), j.tolist(), strict=True))
+
+
+def far_off(n=40):
+    """Disks with coordinates ~ 1e4 of a cell whose vectors, too, are finer than one double."""
+    rng = np.random.default_rng(8)
+    cell = np.array([[1e4 / 3, 0.0], [123.4, 1e4 / 7]])
+    positions = np.array([0.1, 0.2]) + rng.uniform(-2.0, 2.0, (n, 2)) + rng.integers(-3, 4, (n, 2)) @ cell
+    fine, cell_low = rng.uniform(-1e-13, 1e-13, (n, 2)), np.array([[3e-13, 0.0], [1e-13, -2e-13]])
+    return Disks.from_positions(positions, np.full(n, 0.5), cell, positions_low=fine, cell_low=cell_low)
+
+
+def test_bonds_of_a_list_are_rounded_once():
+    disks = far_off()
+    pairs = PairList.build(disks, 0.3)
+    i, j, image = neighbour_pairs(disks.positions, disks.radii, disks.cell, skin=0.3)
+    assert len(i) > disks.n and np.abs(image).max() >= 3
+    exact = bond_vectors(disks, i, j, image)
+    assert np.array_equal(pairs.i, i) and np.array_equal(pairs.j, j) and (pairs.sigma == 1.0).all()
+    assert np.abs(pairs.r0.T - exact).max() < 5e-16
+
+
+@pytest.mark.parametrize(("strain", "shear"), [(1e-9, -1e-10), (-0.1, 0.3), (0.0, 0.0), (0.0, 1e-12)])
+def test_only_the_change_is_rounded(strain, shear):
+    """x → F (x + o) and the rows of the cell likewise, in exact arithmetic; bases stay on their grid."""
+    disks = far_off(12)
+    o = np.random.default_rng(1).uniform(-0.1, 0.1, (12, 2))
+    new = deformed(disks, o, strain, shear)
+    growth, mixing = Fraction(np.expm1(strain)), Fraction(np.exp(strain) * shear)
+
+    def exact(base, offset, more):
+        x, y = (sum(map(Fraction, parts)) for parts in zip(base, offset, more, strict=True))
+        return x + growth * x + mixing * y, y + growth * y
+
+    for old, now, moves in (
+        ((disks.base, disks.offset), (new.base, new.offset), o),
+        ((disks.cell_base, disks.cell_offset), (new.cell_base, new.cell_offset), np.zeros((2, 2))),
+    ):
+        base, offset = now
+        assert (base / GRID == np.round(base / GRID)).all() and np.abs(offset).max() <= GRID / 2
+        for *row, found, fine in zip(*old, moves, base, offset, strict=True):
+            for wanted, a, b, before in zip(exact(*row), found, fine, row[0], strict=True):
+                change = abs(float(wanted) - before)
+                assert abs(float(wanted - Fraction(a) - Fraction(b))) <= 1e-15 * change + 1e-23
+    assert new.radii is disks.radii and new.potential is disks.potential and new.record is disks.record
 
 
 @pytest.mark.parametrize("kind", ["moves", "strain", "shear", "all"])
@@ -159,3 +205,18 @@ def test_folding_leaves_every_bond(tilt):
         rows = [np.sort(getattr(c, name).reshape(len(c), -1), axis=0) for c in (before, after)]
         assert np.abs(rows[0] - rows[1]).max() < 1e-14 * 50
     assert measure(folded).pressure == pytest.approx(measure(disks).pressure, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("skin", "steps", "best"),
+    [
+        (0.2, 1, 0.3),  # no more than half as much again
+        (0.2, 0, 0.3),
+        (0.4, 1, 0.5),  # nor more than half a diameter
+        (0.2, 10**6, 0.1),  # nor less than half,
+        (0.03, 10**6, 0.02),  # or a fiftieth of a diameter
+    ],
+)
+def test_a_skin_changes_little_at_a_time(skin, steps, best):
+    for diameter in (1.0, 3.0):
+        assert tuned_skin(diameter * skin, steps, diameter) == pytest.approx(diameter * best)
