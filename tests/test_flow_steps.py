@@ -1,0 +1,148 @@
+"""Time steps of steady shear, one by one, against their equations in plain numpy: what moves, and what is tallied."""
+
+import numpy as np
+import pytest
+import sheared
+from sheared import ROWS, crowd
+
+from jampetsc.contacts.pairs import deformed
+from jampetsc.contacts.state import find_contacts
+from jampetsc.flows.models import Model, Scheme
+from jampetsc.flows.shearing import Shear
+from jampetsc.flows.steps import TALLY
+
+SHEARED = 5e-3  # strain of a step
+
+
+class Numpy:
+    """Disks in a cell that is sheared, as they are now; no list, no offsets, all velocities in the laboratory."""
+
+    def __init__(self, disks, model, step, method, held):
+        self.disks, self.model, self.method, self.held = disks, model, method, held
+        self.step, self.rate = step, SHEARED / step
+        self.u, self.a = np.zeros((2, disks.n, 2))
+        self.spin, self.turn = np.zeros((2, disks.n))
+        self.inertia = 0.5 * model.mass * disks.radii**2
+        self.unit = disks.potential.k * model.law.tau1
+        self.seen = dict.fromkeys(TALLY, 0.0)
+        if method == "verlet":
+            force, torques = self.forces(self.disks, self.u, self.spin)
+            self.a, self.turn = force / model.mass, torques / self.inertia
+            self.u, self.spin = self.u - 0.5 * self.step * self.a, self.spin - 0.5 * self.step * self.turn
+
+    def free(self, *arrays):
+        for array in arrays:
+            array[: self.held] = 0.0
+        return arrays
+
+    def forces(self, disks, u, spin):
+        """m u̇ (N, 2) and torques (N,)."""
+        elastic, viscous, torques, *_ = sheared.forces(disks, self.model.law, self.rate, u, spin)
+        force = elastic + viscous - self.unit * self.model.drag * u
+        force[:, 0] -= self.model.mass * self.rate * u[:, 1]
+        return self.free(force, torques)
+
+    def velocities(self, disks):
+        """Those without inertia, or of backward Euler."""
+        law, mass, n = self.model.law, self.model.mass, disks.n
+        if not mass and not law.damps_contacts:
+            return self.forces(disks, 0.0 * self.u, self.spin)[0] / (self.unit * law.drag)
+        if not mass:
+            return sheared.overdamped_velocities(disks, law, self.rate, self.held)
+        columns = [
+            sheared.forces(disks, law, 0.0, one.reshape(n, 2), self.spin)[1].ravel() for one in np.eye(2 * n)
+        ]
+        matrix = (self.unit * self.model.drag + mass / self.step) * np.eye(2 * n) - np.array(columns).T
+        free = slice(2 * self.held, None)
+        residual = self.forces(disks, self.u, self.spin)[0].ravel()
+        change = np.zeros(2 * n)
+        change[free] = np.linalg.solve(matrix[free, free], residual[free])
+        u = self.u + change.reshape(n, 2)
+        return u if self.held or self.model.drag else u - u.mean(axis=0)
+
+    def moved(self, u):
+        """The disks a step later: each goes with u, and with the flow where it is on the way."""
+        return deformed(
+            deformed(self.disks, 0.5 * self.step * u, 0.0, SHEARED), 0.5 * self.step * u, 0.0, 0.0
+        )
+
+    def tally(self, u, spin):
+        contacts, law, mass = find_contacts(self.disks), self.model.law, self.model.mass
+        pull = contacts.normal * contacts.force[:, None]
+        *_, viscous, spent = sheared.forces(self.disks, law, self.rate, u, spin)
+        velocity = u[contacts.j] - u[contacts.i]
+        velocity[:, 0] += self.rate * contacts.r[:, 1]
+        along = np.sum(contacts.r * velocity, axis=1)  # times the distance
+        fluid = self.unit * law.eta_f * self.disks.area * self.rate
+        energy = self.disks.potential.energy(contacts.overlap, contacts.sigma).sum()
+        for name, value in {
+            "elastic_xy": pull[:, 0] @ contacts.r[:, 1],
+            "elastic": np.sum(pull * contacts.r),
+            "viscous_xy": viscous - fluid,
+            "viscous": -self.unit * law.normal * along.sum(),
+            "kinetic_xy": mass * u[:, 0] @ u[:, 1],
+            "kinetic": mass * np.sum(u * u),
+            "energy": energy + 0.5 * mass * np.sum(u * u) + 0.5 * self.inertia @ spin**2,
+            "dissipation": spent + self.unit * self.model.drag * np.sum(u * u) + fluid * self.rate,
+            "steps": 1.0,
+        }.items():
+            self.seen[name] += value
+
+    def advance(self):
+        if self.method == "verlet":
+            u, spin = self.u + 0.5 * self.step * self.a, self.spin + 0.5 * self.step * self.turn
+            force, torques = self.forces(self.disks, u, spin)
+            self.a, self.turn = force / self.model.mass, torques / self.inertia
+            self.tally(u, spin)
+            self.u, self.spin = self.u + self.step * self.a, self.spin + self.step * self.turn
+            self.disks = self.moved(self.u)
+            return
+        self.u = self.velocities(self.disks)
+        self.tally(self.u, self.spin)
+        velocity = self.u
+        if self.method == "heun":
+            velocity = 0.5 * (self.u + self.velocities(self.moved(self.u)))
+        self.disks = self.moved(velocity)
+
+
+@pytest.mark.parametrize(
+    ("name", "method", "held", "step"),
+    [
+        ("RD0", "euler", 0, 0.1),
+        ("RD0", "euler", 3, 0.1),
+        ("RD0", "heun", 3, 0.1),
+        ("CD0", "euler", 3, 0.1),
+        ("CD0", "heun", 0, 0.1),
+        ("unequal", "heun", 3, 0.1),
+        ("CD", "backward Euler", 0, 0.1),
+        ("both", "backward Euler", 3, 0.1),
+        ("both", "verlet", 3, 0.1),
+        ("rolling", "verlet", 0, 0.02),
+        ("rolling", "verlet", 3, 0.02),
+    ],
+)
+def test_steps_are_those_of_their_equations(name, method, held, step):
+    """Over lists that are made anew, and near pairs that are chosen anew."""
+    law, mass = ROWS[name]
+    disks, model = crowd(10, phi=0.9), Model(law, mass)
+    run = Shear(disks, model, SHEARED / step, Scheme(step, method, 1e-13), held=held)
+    plain = Numpy(run.reference, model, step, method, held)
+    for _ in range(60):
+        plain.advance()
+    run.advance(60)
+    found, wanted = run.disks, plain.disks.folded()
+    apart = (found.positions - wanted.positions) @ np.linalg.inv(wanted.cell)
+    assert run.rebuilds > 0
+    assert np.abs((apart - np.round(apart)) @ wanted.cell).max() < 1e-10
+    assert run.disks.cell == pytest.approx(wanted.cell, rel=1e-12, abs=1e-12)
+    for found, wanted in (
+        (run.velocities, plain.u),
+        (run.accelerations, plain.a),
+        (run.spins, plain.spin),
+        (run.spin_rates, plain.turn),
+    ):
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-10)
+    seen = dict(zip(TALLY, run.seen, strict=True))
+    assert (seen.pop("iterations") > 0) == (method == "backward Euler" or name in ("CD0", "unequal"))
+    for name, value in seen.items():
+        assert value == pytest.approx(plain.seen[name], rel=1e-9, abs=1e-11), name
