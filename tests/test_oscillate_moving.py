@@ -405,3 +405,67 @@ def test_bent_steps_follow_the_forces():
     for k, bend in enumerate((forces, sheared)):
         difference = (pulls[0][k] - 2.0 * pulls[1][k] + pulls[2][k]) / h**2
         np.testing.assert_allclose(bend, difference, rtol=1e-3, atol=1e-3 * np.abs(forces).max())
+
+
+class Told(repeated.Run):
+    """A run whose cycles have these G*, one after the other."""
+
+    def __init__(self, G):
+        self.seen, self._told = [], iter(G)
+
+    def _cycle(self):
+        self.seen.append(repeated._Cycle(next(self._told), np.zeros(2), 1.0, 1.0, 0.0))
+
+
+def test_cycles_are_repeated_until_what_is_left_is_a_thousandth():
+    """And not once more; of a geometric series the rest is known."""
+    run = Told(1.0 + 0.5**n for n in range(60))
+    run.repeat(None)
+    assert len(run.seen) == 11 and run.left == pytest.approx(0.5**10) == run.change
+    run = Told([1.0, 1.0, *map(float, range(60))])  # what has not changed at all is enough
+    run.repeat(None)
+    assert len(run.seen) == 2 and run.left == run.change == 0.0
+    run = Told(n % 2 + 1.0 for n in range(100))
+    run.repeat(7)
+    assert len(run.seen) == 7 and run.left == np.inf
+
+
+def test_cycles_that_go_on_changing_are_given_up():
+    run = Told(n % 2 + 1.0 for n in range(100))
+    with pytest.raises(
+        ConvergenceError, match="the last of 60 still changes G\\* by 50 %; --cycles 60 keeps"
+    ) as told:
+        run.repeat(None)
+    assert "cycles do not repeat" in str(told.value) and len(run.seen) == 60
+    run = Told([*(n % 2 + 1.0 for n in range(58)), 1.0, 1.0])  # the last one is in time
+    run.repeat(None)
+
+
+def test_spread_is_that_of_the_later_half():
+    run = Told([10.0, 7.0, 1.5, 1.2, 1.0])
+    run.repeat(5)
+    assert run.spread == pytest.approx(0.5)
+    run = Told([9.0, 3.0, 1.0, 2.0])
+    run.repeat(4)
+    assert run.spread == pytest.approx(1.0)
+    run = Told([1.0])
+    run.repeat(1)
+    assert run.change == np.inf and run.spread == 0.0
+
+
+def test_both_runs_are_counted(monkeypatch):
+    """Steps, cycles, Newton's steps and factors are those of half of the steps and of all of them."""
+    runs = []
+
+    class Kept(repeated.Run):
+        def __init__(self, *words):
+            super().__init__(*words)
+            runs.append(self)
+
+    monkeypatch.setattr(repeated, "Run", Kept)
+    found = shaken.__wrapped__(0.1, 1e-6, 16, 3, rotations=False)
+    assert (found.steps, found.cycles) == (3 * (8 + 16), 6) and [run.count for run in runs] == [8, 16]
+    for count, name in ((found.newton, "iterations"), (found.factorisations, "factorisations")):
+        parts = [getattr(run.motion, name) for run in runs]
+        assert count == sum(parts) and min(parts) > 0
+    assert found.newton >= 2 * found.steps
