@@ -1,0 +1,189 @@
+"""What runs write: every array and attribute of a file is that of the run, under its name, on any number of ranks."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from samples import gears, isostatic, network_of, physics, published
+
+from jampetsc.analysis.equivalent_damping import EquivalentDamping
+from jampetsc.contacts.potentials import Potential
+from jampetsc.errors import InputError
+from jampetsc.response import direct_sweep, modes_file, quasistatic, rational_sweep
+from jampetsc.response.job import Job
+from jampetsc.response.record import run_record
+from jampetsc.storage.packing_file import write_packing
+from jampetsc.storage.reader import load
+
+pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]
+
+
+@pytest.fixture
+def put(session, shared_path):
+    """A function that writes disks to a file for all ranks."""
+
+    def write(disks):
+        path = shared_path / "p.h5"
+        if session.rank == 0:
+            write_packing(path, disks)
+        session.comm.barrier()
+        return path
+
+    return write
+
+
+def whole(comm, local, axis=0):
+    return np.concatenate(comm.allgather(local), axis=axis)
+
+
+def compare(file, expected):
+    for name, values in expected.items():
+        np.testing.assert_allclose(file[name], values, rtol=1e-13, err_msg=name)
+
+
+def test_facts_of_a_packing(session):
+    disks = replace(isostatic(), potential=Potential(k=2.5)).with_record(seed=17)
+    network = network_of(disks, physics(), session.comm)
+    found = run_record(disks, ("p.h5", "abc"), physics(beta=3.0).parameters, network, 0.0)
+    overlaps, n = network.contact_count, network.n
+    expected = {
+        "packing": "p.h5", "packing_sha256": "abc", "beta": 3.0, "scalar_type": "real", "ranks": session.size,
+        "particle_count": 24, "rattlers": 2, "k": 2.5, "seed": 17, "coordination": 2.0 * overlaps / 22,
+        "force_threshold": network.threshold, "phi": disks.phi,
+    }  # fmt: skip
+    assert {name: found[name] for name in expected} == expected and n == 22
+    assert found["pressure"] == pytest.approx(2.5e-7, rel=0.01) and found["wall_seconds"] > 0.0
+    assert 0.0 < found["force_threshold"] < found["pressure"]
+    for name, value in session.options().items():
+        assert f"-{name} {value or ''}".strip() in found["petsc_options"]
+
+
+def test_modes(session, put):
+    path = put(isostatic())
+    out = path.parent / "m.h5"
+    found = modes_file.run(path, out, True, 5)
+    session.comm.barrier()
+    file = load(out)
+    names = {
+        "eigenvalues": "eigenvalues",
+        "residuals": "residuals",
+        "normal": "normal",
+        "transverse": "transverse",
+    }
+    names |= {
+        "participation_ratio": "participation",
+        "shear_force": "shear_force",
+        "share/nonaffine": "share_nonaffine",
+    }
+    compare(file, {name: getattr(found, field) for name, field in names.items()})
+    compare(
+        file, {"share/modulus": found.share_modulus, "cumulative/nonaffine": np.cumsum(found.share_nonaffine)}
+    )
+    compare(
+        file,
+        {
+            "floppiness": np.sqrt(found.transverse / found.normal),
+            "modes": whole(session.comm, found.vectors, 1),
+        },
+    )
+    np.testing.assert_array_equal(file["particles"], whole(session.comm, found.network.particles))
+    told = {
+        "inertia_count": 5,
+        "inertia_shift": found.inertia_shift,
+        "complete": False,
+        "method": found.method,
+    }
+    told |= {"restarts": found.iterations, "contacts": 43, "prestress": True, "rattlers": 2}
+    assert {name: file.attributes[name] for name in told} == told
+    eigenvalues = modes_file.run(path, out, True, below=0.5 * sum(found.eigenvalues[2:4])).eigenvalues
+    np.testing.assert_allclose(eigenvalues, found.eigenvalues[:3], rtol=1e-9)
+
+
+def test_modes_of_what_is_no_minimum_are_refused_with_prestress_only(session, put):
+    path = put(gears())
+    with pytest.raises(InputError, match=f"^{path}: K has .* negative modes"):
+        modes_file.run(path, path.parent / "m.h5", True, 1)
+    assert modes_file.run(path, path.parent / "m.h5", False, 1).eigenvalues[0] > 0.0
+
+
+@pytest.mark.parametrize("prestress", [True, False])
+def test_quasistatic(session, put, prestress):
+    path = put(replace(published(), potential=Potential(k=2.5)))
+    out, law = path.parent / "q.h5", physics(beta=2.0, prestress=prestress)
+    found = quasistatic.run(path, out, law, (0.5, 3.0))
+    session.comm.barrier()
+    file, comm = load(out), session.comm
+    assert set(found.responses) == ({"", "no_prestress"} if prestress else {""})
+    c = found.network.contacts
+    once = c.i < c.j
+    compare(file, {"contacts/bonds": whole(comm, c.r[once])})
+    for name, one in found.responses.items():
+        group, prefix = (f"{name}/", f"{name}_") if name else ("", "")
+        arrays = {
+            "contacts/normal": one.normal,
+            "contacts/transverse": one.transverse,
+            "nonaffine": one.nonaffine,
+        }
+        arrays |= {"contacts/sliding": one.flow.sliding, "rotation": one.flow.rotation}
+        compare(file, {group + key: whole(comm, value) for key, value in arrays.items()})
+        told = {
+            "G0": one.G0,
+            "G_affine": one.G_affine,
+            "bulk_modulus": one.bulk_modulus,
+            "field_error": one.error,
+        }
+        told |= {
+            "eta0": one.flow.eta0,
+            "eta0_normal": one.flow.parts["normal"],
+            "omega_star": one.G0 / one.flow.eta0,
+        }
+        told |= {"eta0_transverse": one.flow.parts["transverse"], "identity_difference": one.identity}
+        for quantity, local in (
+            ("normal", one.normal),
+            ("transverse", one.transverse),
+            ("nonaffine", one.nonaffine),
+        ):
+            sizes = np.abs(whole(comm, local)) if local.ndim == 1 else np.hypot(*whole(comm, local).T)
+            told |= {f"{quantity}_median": np.median(sizes), f"{quantity}_mean": sizes.mean()}
+            told |= {f"{quantity}_rms": np.sqrt(np.mean(sizes**2))}
+            assert file[f"{group}histogram/{quantity}/counts"].sum() == len(sizes)
+        for key, value in told.items():
+            assert file.attributes[prefix + key] == pytest.approx(value, rel=1e-12), prefix + key
+        assert one.G_affine > one.G0 > 0.0 and one.error < 1e-9
+    assert file.attributes["eta_inf"] == found.eta_inf
+    columns = dict(zip(("beta", "eta0", "no_prestress_eta0", "eta_inf"), found.scan.T, strict=True))
+    compare(file, {f"beta_scan/{name}": column for name, column in columns.items()})
+    for beta, eta0, bare, eta_inf in found.scan:
+        again = quasistatic.run(path, out, physics(beta=beta, prestress=prestress))
+        other = again.responses.get("no_prestress", again.responses[""])
+        expected = again.responses[""].flow.eta0, other.flow.eta0, again.eta_inf
+        np.testing.assert_allclose((eta0, bare, eta_inf), expected, rtol=1e-9)
+    assert np.any(found.scan[:, 1] != found.scan[:, 2]) == prestress
+
+
+@pytest.mark.parametrize("method", ["rational", "direct"])
+def test_sweeps_under_power_law_damping(session, put, method):
+    """Frequencies are those of the experiment everywhere; those solved for are beside them."""
+    path, damping = put(published()), EquivalentDamping(0.5, 1e-5)
+    out, law, omega, field = path.parent / "s.h5", physics(tau1=2.0), np.array([1e-4, 1e-2, 1.0]), 3e-3
+    job = Job.read(path, law, omega, [field], method, 1e-6, out, damping, comm=session.comm)
+    module = {"rational": rational_sweep, "direct": direct_sweep}[method]
+    solved, G, bounds = module.run(replace(job, negative_modes=0, counted_by="X", imbalance=1e-9))
+    session.comm.barrier()
+    file = load(out)
+    asked = np.array([1e-4, field, 1e-2, 1.0])
+    names = ("error_bound", "error_bound_storage", "error_bound_loss")
+    compare(file, {"omega": asked, "equivalent_omega": solved, "G": G, "fields/omega": [field]})
+    compare(file, dict(zip(names, bounds.T, strict=True)))
+    np.testing.assert_allclose(solved, damping.frequency(2.0 * asked) / 2.0, rtol=1e-12)
+    told = {"method": method, "accuracy": 1e-6, "alpha": 0.5, "stress": 1e-5, "tau1": 2.0, "unknowns": 48}
+    told |= {"positive_semidefinite": "proved by X"}
+    assert {name: file.attributes[name] for name in told} == told
+    at = physics(tau1=2.0)
+    plain = Job.read(path, at, solved, [solved[1]], "direct", 1e-6, path.parent / "d.h5", comm=session.comm)
+    direct_sweep.run(replace(plain, negative_modes=0))
+    session.comm.barrier()
+    same = load(path.parent / "d.h5")
+    np.testing.assert_allclose(same["G"], G, rtol=1e-5)
+    for name in ("displacement", "rotation"):
+        np.testing.assert_allclose(file[f"fields/{name}"], same[f"fields/{name}"], rtol=1e-3, atol=1e-5)
