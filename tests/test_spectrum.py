@@ -6,6 +6,7 @@ from drawn import figure_of, lines
 from matplotlib.image import imread
 
 from jampetsc import cli
+from jampetsc.analysis.creep import retardation
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.errors import InputError
 from jampetsc.plots.spectrum import plot_relaxation, spectrum_curve
@@ -154,3 +155,108 @@ def test_bad_input(tmp_path, monkeypatch, line, message):
     with pytest.raises(InputError, match=message):
         run(*line.split())
     assert not (tmp_path / "s.h5").exists() and not list(tmp_path.glob("s.[pg]*"))
+
+
+@pytest.mark.parametrize(
+    ("slowest", "fastest", "whole"),
+    [(0.99e-5, 10.1, True), (1.01e-5, 10.1, False), (0.99e-5, 9.9, False), (1e-3, 1e-2, False)],
+)
+def test_a_sweep_reaches_a_decade_beyond_all_modes_or_says_so(tmp_path, capsys, slowest, fastest, whole):
+    """Rates are 1e-4 to 1."""
+    run(write_sweep(tmp_path / "s.h5", omega=np.geomspace(slowest, fastest, 5)), "--out", tmp_path / "t.h5")
+    said = capsys.readouterr().out
+    assert ("is not certified" in said) != whole
+    assert whole or f"the sweep covers times {1 / fastest:.3g} to {1 / slowest:.3g}: what is" in said
+
+
+@pytest.mark.parametrize("window", [None, 0.75])
+def test_attributes_of_a_spectrum_are_those_of_its_sweep(tmp_path, window, capsys):
+    rates = np.array([1e-4, 1e-3, 10**-2.4, 1.0])
+    held = RelaxationSpectrum(0.02, 0.4, rates, np.full(4, 0.25))
+    path = write_sweep(tmp_path / "s.h5", held)
+    run(path, "--out", tmp_path / "t.h5", *([] if window is None else ["--window", window]))
+    found = load(tmp_path / "t.h5")
+    late = retardation(held)
+    expected = {
+        "G0": held.G0, "G_inf": held.G_inf, "eta0": held.eta0, "eta_inf": 0.4, "J_inf": 0.0, "fluidity": 0.0,
+        "growth_rate": 0.0, "window_decades": window or 1.5, "resolution_decades": 2.4,
+        "slowest_omega": OMEGA[0], "fastest_omega": OMEGA[-1],
+    }  # fmt: skip
+    assert {name: found.attributes[name] for name in expected} == pytest.approx(expected)
+    np.testing.assert_allclose(found["relaxation/rates"], rates[::-1])
+    np.testing.assert_allclose(found["relaxation/weights"], 0.25)
+    np.testing.assert_allclose(found["retardation/rates"], late.rates)
+    np.testing.assert_allclose(found["retardation/compliances"], late.compliances)
+    np.testing.assert_allclose(found["H/between"], held.between()[1])
+    np.testing.assert_allclose(found["creep/J"], late.creep(found["creep/time"]))
+    said = capsys.readouterr().out
+    assert f"H averaged over {window or 1.5:.2g} decades" in said
+    assert f"G(0+) = {held.G_inf:.6g} and 0.4 delta(t), G(t -> inf) = 0.02, eta0 = {held.eta0:.6g}" in said
+    assert f"J(t -> inf) = 1/G0 = 50, slowest retardation {1 / late.rates[0]:.3g}" in said
+
+
+def test_what_flows_in_the_end_is_said(tmp_path, capsys):
+    held = spectrum(0.0)
+    run(write_sweep(tmp_path / "s.h5", held), "--out", tmp_path / "t.h5")
+    assert f"G0 = 0: it flows in the end, J(t) -> {1 / held.eta0:.6g} t" in capsys.readouterr().out
+    assert load(tmp_path / "t.h5").attributes["fluidity"] == pytest.approx(1 / held.eta0)
+
+
+def curve(tmp_path, name, held, omega=OMEGA, **attributes):
+    return spectrum_curve(load(write_sweep(tmp_path / f"{name}.h5", held, omega, **attributes)))
+
+
+def test_few_spectra_show_their_modes_many_do_not(tmp_path):
+    some = [curve(tmp_path, f"s{n}", spectrum(), beta=0.1 * (n + 1)) for n in range(3)]
+    for count, single in ((2, True), (3, False)):
+        axes = figure_of(plot_relaxation, some[:count]).axes
+        assert len(axes[0].patches) == count * single  # steps between nodes
+        assert [line.get_marker() for line in axes[1].get_lines()] == ["." if single else "None"] * count
+        told = [text.get_text() for text in axes[0].get_legend().get_texts()]
+        assert told == ["averaged over 0.53 decades", *["mean between nodes"] * single]
+        labels = [text.get_text() for text in axes[1].get_legend().get_texts()]
+        assert labels == [rf"$\beta={0.1 * (n + 1):.1f}$" for n in range(count)]
+
+
+def test_notes_tell_what_is_not_drawn(tmp_path):
+    stiff, soft = spectrum(), spectrum(-0.01)
+    other = RelaxationSpectrum(0.02, 0.5, stiff.rates, stiff.weights)
+    pairs = (
+        (
+            [stiff, soft],
+            r"without $\eta_\infty\,\delta(t)$, $\eta_\infty=0.4\,k\tau_1$",
+            r"$G_0<0$ in 1 of 2: creep diverges (dashed)",
+        ),
+        ([stiff, other], r"without $\eta_\infty\,\delta(t)$", None),
+        ([RelaxationSpectrum(0.02, 0.0, stiff.rates, stiff.weights)], None, None),
+    )
+    for held, dashpot, unstable in pairs:
+        curves = [curve(tmp_path, f"{n}", one, beta=1.0 + n) for n, one in enumerate(held)]
+        axes = figure_of(plot_relaxation, curves).axes
+        assert [text.get_text() for text in axes[2].texts] == [dashpot] * (dashpot is not None)
+        assert [text.get_text() for text in axes[3].texts] == [unstable] * (unstable is not None)
+        dashes = ["-" if one.G0 >= 0 else "--" for one in held]
+        assert [line.get_linestyle() for line in axes[3].get_lines()] == dashes
+
+
+def test_a_spectrum_is_in_units_of_its_k_and_tau1(tmp_path):
+    held = spectrum()
+    scaled = RelaxationSpectrum(3 * held.G0, 6 * held.eta_inf, held.rates / 2, 3 * held.weights)
+    one, other = (
+        curve(tmp_path, name, *what, **more)
+        for name, what, more in (
+            ("plain", (held, OMEGA), {}),
+            ("other", (scaled, OMEGA / 2), {"k": 3.0, "tau1": 2.0, "pressure": 3e-3}),
+        )
+    )
+    for name in ("rates", "weights", "eta_inf", "G0"):
+        np.testing.assert_allclose(getattr(one.spectrum, name), getattr(other.spectrum, name), rtol=1e-12)
+    for name in ("time", "tau", "creep_time", "J", "G", "H"):
+        np.testing.assert_allclose(getattr(one.transient, name), getattr(other.transient, name), rtol=1e-9)
+
+
+def test_the_window_of_a_spectrum_file_is_kept(tmp_path):
+    run(write_sweep(tmp_path / "s.h5"), "--out", tmp_path / "t.h5", "--window", 0.9)
+    assert spectrum_curve(load(tmp_path / "t.h5")).transient.window == 0.9
+    assert spectrum_curve(load(tmp_path / "t.h5"), 0.6).transient.window == 0.6
+    assert spectrum_curve(load(tmp_path / "s.h5")).transient.window == pytest.approx(2 * 4 / 15)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from samples import published
 
+from jampetsc import cli
 from jampetsc.analysis import jamming
 from jampetsc.commands import collapse, correlate, jam, modes, oscillate, pack, quasistatic, study, sweep
 from jampetsc.contacts.laws import Physics, damping_law
@@ -451,3 +452,114 @@ def test_a_packing_that_fails_leaves_the_others_alone(tmp_path, error, capsys):
     remedy = ": use another --seed, or a larger --tolerance" if isinstance(error, ConvergenceError) else ""
     assert {(type(one), str(one)) for _, one in failures} == {(type(error), f"{error}{remedy}")}
     assert not list(tmp_path.iterdir())
+
+
+def test_the_worst_error_of_the_loss_is_over_the_loss():
+    """Bounds of |G*|, G' and G'' of which each part's own is worst at another frequency."""
+    G = np.array([1 + 0.5j, 4 + 1j])
+    bounds = np.array([[0.5, 1e-3, 2e-3], [0.5, 2e-3, 1e-3]])
+    (line, *_) = sweep.summary(sweep_job(), np.array([0.1, 1.0]), G, bounds).split("\n")
+    assert line.endswith("certified to 1.0e-03 in G' and 4.0e-03 in G''")
+
+
+@pytest.mark.parametrize(("known", "seconds"), [((1.0, 2.0), 3.0), ((1.0, None), None), ((0.0, 0.0), 0.0)])
+def test_what_a_study_costs_is_known_where_all_its_commands_are(known, seconds):
+    costs = SimpleNamespace(total=lambda tasks: dict(zip("ab", known, strict=True))[tasks[0].command])
+    tasks = [SimpleNamespace(command=name) for name in "abab"]
+    assert study._sum(costs, tasks) == seconds
+    assert study._sum(costs, []) == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ([], {"ranks": None, "ensemble": False, "options_files": None, "omega": "1e-10:1e4:141"}),
+        (["--ranks", "2", "--ensemble", "--omega", "1,2"], {"ranks": 2, "ensemble": True, "omega": "1,2"}),
+        (
+            ["--choices", "method", "--options-files", "a.opts", "b.opts"],
+            {"groups": ["method"], "options_files": ["a.opts", "b.opts"]},
+        ),
+        (["--no-prestress", "--beta", "0.5"], {"physics": Physics(damping_law("contact", beta=0.5), False)}),
+    ],
+)
+def test_a_trade_measures_what_is_asked_for(tmp_path, monkeypatch, capsys, words, expected):
+    monkeypatch.chdir(tmp_path)
+    for name in ("a.opts", "b.opts"):
+        (tmp_path / name).touch()
+    asked = []
+    monkeypatch.setattr("jampetsc.speed_accuracy.measure.measure", lambda *it: asked.append(it) or "table")
+    assert cli.dispatch(["trade", "p.h5", "--out", "t.csv", *words]) == 0
+    ((request, out),) = asked
+    assert request.packing == "p.h5" and str(out) == "t.csv" and capsys.readouterr().out == "table\n"
+    assert {name: getattr(request, name) for name in expected} == expected
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--out", "t.h5"], r"--out t\.h5: give it the ending \.csv"),
+        (["--out", "t.csv", "--ranks", "0"], "--ranks 0: must be 1 or more"),
+        (["--out", "t.csv", "--ranks", "100001"], "--ranks 100001"),
+        (["--out", "t.csv", "--choices", "speed"], "--choices speed: 'speed' is none of accuracy, method"),
+        (["--out", "t.csv", "--options-files", "none.opts"], r"--options-files none\.opts: no such file"),
+    ],
+)
+def test_what_a_trade_refuses(tmp_path, monkeypatch, words, message):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=message):
+        cli.dispatch(["trade", "p.h5", *words])
+
+
+class Begun(Exception):
+    """With the settings that identify a run to its checkpoint."""
+
+
+def settings_of(line, monkeypatch):
+    def resumed(out, settings, columns):
+        raise Begun(settings, tuple(columns))
+
+    monkeypatch.setattr("jampetsc.flows.record.resumed", resumed)
+    words = ["jam", *line.split(), "--out", "j.h5"]
+    args = cli.command_parser(words)[0].parse_args(words)
+    with pytest.raises(Begun) as begun:
+        jam._samples(args, *jam.check(args), None, None)
+    return begun.value.args
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        "--n 17",
+        "--phi 0.85",
+        "--seeds 1:3",
+        "--sizes monodisperse",
+        "--potential hertzian",
+        "--tolerance 1e-7",
+        "--protocol shear",
+        "--protocol compress",
+    ],
+)
+def test_a_checkpoint_of_samples_serves_the_same_words_alone(more, monkeypatch):
+    plain = "--n 16 --phi 0.84 --seeds 1:2"
+    assert settings_of(f"{plain} {more}", monkeypatch)[0] != settings_of(plain, monkeypatch)[0]
+    assert settings_of(f"{plain} --sizes bidisperse --tolerance 1e-6", monkeypatch) == settings_of(
+        plain, monkeypatch
+    )
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        "shear --step 0.002",
+        "shear --strain 3",
+        "shear --discard 0.5",
+        "shear --every 0.03",
+        "compress --temperature 0.01",
+        "compress --cooling-rate 0.1",
+        "compress --sweeps 7",
+    ],
+)
+def test_a_checkpoint_knows_the_options_of_its_protocol(more, monkeypatch):
+    plain = "--n 16 --phi 0.84 --seeds 1:2 --protocol"
+    settings = [settings_of(f"{plain} {words}", monkeypatch)[0] for words in (more, more.split()[0])]
+    assert len(settings[0]) == len(settings[1]) and settings[0] != settings[1]
