@@ -7,13 +7,15 @@ import pytest
 from drawn import bars, figure_of, lines
 
 from jampetsc import cli
+from jampetsc.analysis import collapse, jamming
+from jampetsc.analysis.averages import Average, mean_of_runs
 from jampetsc.analysis.collapse import Form, Points, bootstrap_fits, drift, fit_collapse, scaled
 from jampetsc.errors import InputError
 from jampetsc.plots.scaling import plot_scaling
 from jampetsc.storage.reader import load
 from jampetsc.storage.result_file import ResultWriter
 from jampetsc.studies.table import table_text
-from jampetsc.words.scaling import read_points
+from jampetsc.words.scaling import ALIKE, read_points
 
 PLANTED = {"phi_J": 0.8433, "y": 1.1, "kappa": 3.5}
 OMEGA = 0.3
@@ -422,3 +424,259 @@ def test_a_fit_needs_more_points_than_unknowns():
     value[0] = 0.0
     with pytest.raises(InputError, match="5 values above zero for 5 unknowns: give denser disks"):
         fit_collapse(replace(chosen, value=value), form)
+
+
+def write_jam(path, n, jammed, pressure=None, phi=(0.82, 0.83, 0.84, 0.85), **more):
+    """A jam file of samples (φ, seeds) that jam or not."""
+    jammed = np.asarray(jammed, float)
+    seeds = np.tile(np.arange(jammed.shape[1]), len(phi))
+    columns = {"phi": np.repeat(phi, jammed.shape[1]), "seed": seeds, "jammed": jammed.ravel()}
+    if pressure is not None:
+        columns["pressure"] = np.asarray(pressure, float).ravel()
+    with ResultWriter(path, "jampetsc-jam") as writer:
+        for name, values in columns.items():
+            writer.dataset(name, values)
+        writer.attributes(
+            **{"particle_count": n, "sizes": "bidisperse", "potential": "harmonic", **VAGBERG} | more
+        )
+    return load(path)
+
+
+def test_points_of_jam_files_are_shares_and_means_with_their_errors(tmp_path):
+    """Wilson's interval is not even about a share near one; a pressure is a mean of all, 0 where none jams."""
+    jammed = [[0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 1, 1], [1, 1, 1, 1, 1, 0], [1, 1, 1, 1, 1, np.nan]]
+    pressure = np.where(np.nan_to_num(jammed) == 1, 1e-3 * np.arange(1, 7), 1e-15) + 0 * np.array(jammed)
+    file = write_jam(tmp_path / "a.h5", 64, jammed, pressure)
+    data = read_points([file], "jammed", True)
+    shares = [jamming.independent_share(np.array(row)[np.isfinite(row)]) for row in jammed]
+    np.testing.assert_allclose(data.points.value, [share.value for share in shares])
+    np.testing.assert_allclose(data.points.error, [0.5 * (share.high - share.low) for share in shares])
+    assert (
+        data.runs.tolist() == [6, 6, 6, 5] and (data.size == 64).all() and (data.points.scale == 1 / 8).all()
+    )
+    data = read_points([file], "pressure", True)
+    assert data.points.phi.tolist() == [0.83, 0.84, 0.85]
+    values = [np.where(np.array(row) == 1, p, 0.0) for row, p in zip(jammed[1:], pressure[1:], strict=True)]
+    values[2] = values[2][:5]  # one that reached no minimum
+    np.testing.assert_allclose(data.points.value, [some.mean() for some in values])
+    np.testing.assert_allclose(data.points.error, [some.std(ddof=1) / np.sqrt(len(some)) for some in values])
+    alone = write_jam(tmp_path / "b.h5", 64, [[1]], [[2e-3]], (0.84,))
+    assert read_points([alone], "pressure", True).points.error == [0.0]
+
+
+def test_what_one_seed_gives_in_a_row_is_one_run(tmp_path):
+    """Of shear between samples a file has several rows of a seed: a series, not so many samples."""
+    pressure = np.abs(np.random.default_rng(1).normal(1e-3, 1e-4, (2, 60)))
+    phi, seed = np.full(120, 0.84), np.repeat([1, 2], 60)
+    with ResultWriter(tmp_path / "s.h5", "jampetsc-jam") as writer:
+        for name, values in {
+            "phi": phi,
+            "seed": seed,
+            "jammed": np.ones(120),
+            "pressure": pressure.ravel(),
+        }.items():
+            writer.dataset(name, values)
+        writer.attributes(particle_count=64, potential="harmonic")
+    data = read_points([load(tmp_path / "s.h5")], "pressure", True)
+    runs = [Average.of(run) for run in pressure]
+    value, error = mean_of_runs([run.mean for run in runs], [run.error for run in runs])
+    assert data.runs.tolist() == [2] and (data.points.value, data.points.error) == (
+        value,
+        pytest.approx(error),
+    )
+
+
+def test_packing_fractions_are_one_to_six_decimals(tmp_path):
+    def counts(off):
+        files = [write_flow(tmp_path / f"{n}.h5", 0.84 + n * off, 1e-3, seed=n) for n in (0, 1)]
+        return read_points([load(path) for path in files], "pressure", False).runs.tolist()
+
+    assert counts(3e-7) == [2] and counts(2e-6) == [1, 1]
+
+
+def test_every_observable_has_its_own_error(tmp_path):
+    more = {"shear_stress_mean": 7e-4, "shear_stress_error": 3e-5, "pressure_error": 1e-5}
+    file = load(write_flow(tmp_path / "a.h5", 0.84, 1e-3, **more))
+    points = read_points([file], "shear_stress", False).points
+    assert (points.value, points.error, points.scale) == ([7e-4], [3e-5], [1e-3])
+    assert read_points([file], "pressure", False).points.error == [1e-5]
+
+
+@pytest.mark.parametrize("name", ALIKE)
+def test_what_is_scaled_is_of_one_kind(tmp_path, name):
+    first, other = (
+        load(write_flow(tmp_path / f"{n}.h5", 0.84, 1e-3, seed=n, **{name: value}))
+        for n, value in enumerate((1.0, 2.0))
+    )
+    with pytest.raises(InputError, match=rf"1\.h5: {name} 2\.0, but 0\.h5 has 1\.0: scale one kind"):
+        read_points([first, other], "pressure", False)
+
+
+def test_samples_of_shear_may_stand_beside_those_of_a_protocol(tmp_path):
+    random = write_jam(tmp_path / "a.h5", 64, np.ones((4, 3)), protocol="random")
+    cooled = write_jam(tmp_path / "b.h5", 144, np.ones((4, 3)), protocol="compress")
+    with ResultWriter(tmp_path / "qs.h5", "jampetsc-shear") as writer:
+        writer.dataset("strain", 0.1 * np.arange(1, 21))
+        writer.dataset("jammed", np.ones(20))
+        facts = {"phi": 0.84, "seed": 1, "particle_count": 256, "discard": 1.0, "sizes": "bidisperse"}
+        writer.attributes(**facts, potential="harmonic", **VAGBERG)
+    assert len(read_points([random, load(tmp_path / "qs.h5")], "jammed", True).size) == 5
+    with pytest.raises(InputError, match=r"b\.h5: protocol compress, but a\.h5 has random"):
+        read_points([random, cooled], "jammed", True)
+
+
+def test_a_state_counts_once(tmp_path):
+    one = write_jam(tmp_path / "a.h5", 64, np.ones((4, 3)))
+    with pytest.raises(InputError, match=r"b\.h5: phi = 0\.82 from seed 0 is in a\.h5 too: each counts once"):
+        read_points([one, write_jam(tmp_path / "b.h5", 64, np.ones((4, 1)))], "jammed", True)
+    read_points([one, write_jam(tmp_path / "c.h5", 144, np.ones((4, 3)))], "jammed", True)
+
+
+def test_a_file_of_sizes_holds_what_was_fitted_in_words_of_the_command(tmp_path, capsys):
+    """--cut N and --range take their ends along; of four sizes and four φ, three of each are left."""
+    rng = np.random.default_rng(3)
+    for n in (36, 64, 144, 256, 400):
+        share = 1 / (1 + np.exp(-(np.array([0.82, 0.83, 0.84, 0.85]) - 0.835) * 10 * np.sqrt(n)))
+        write_jam(tmp_path / f"{n}.h5", n, rng.random((4, 40)) < share[:, None])
+    words = [
+        "--finite-size",
+        "--observable",
+        "jammed",
+        "--fit",
+        "phi_J,y=0,nu=1",
+        "--degree",
+        "1",
+        "--cut",
+        "64",
+    ]
+    files = [tmp_path / f"{n}.h5" for n in (400, 36, 256, 64, 144)]
+    assert command(*files, *words, "--spline", "--range", "0.82:0.84", "--out", tmp_path / "f.h5") == 0
+    found = load(tmp_path / "f.h5")
+    a = found.attributes
+    assert found["N"].tolist() == [400, 256, 144, 64] * 3 and np.allclose(found["size"] ** 2, found["N"])
+    assert found["phi"].tolist() == [0.82] * 4 + [0.83] * 4 + [0.84] * 4 and (found["runs"] == 40).all()
+    assert np.allclose(found["x"], (found["phi"] - a["phi_J"]) * found["size"])
+    data = read_points([load(path) for path in files], "jammed", True).points
+    here = (data.phi < 0.845) & (data.scale < 0.13)
+    points = data[here]
+    for name in ("value", "error"):
+        np.testing.assert_allclose(found[name], getattr(points, name))
+    fit = fit_collapse(points, Form({"y": 0.0, "kappa": 1.0}, degree=1, spline=True))
+    assert a["phi_J"] == pytest.approx(fit.parameters["phi_J"]) and a["chi2"] == pytest.approx(fit.chi2)
+    assert (a["fitted"], a["scaling"], a["dof"], a["y"], a["nu"]) == ("phi_J", "size", fit.dof, 0.0, 1.0)
+    assert a["probability"] == pytest.approx(fit.probability) and not a["corrections"]
+    assert a["functions"] == "spline, degree 1"
+    assert found["bootstrap"].shape == (100, 1)
+    assert a["phi_J_error"] == pytest.approx(found["bootstrap"].std(ddof=1))
+    np.testing.assert_allclose(found["drift/cut"], [64, 144])
+    for row, (cut, one, error) in enumerate(drift(points, fit.form)):
+        assert found["drift/cut"][row] == pytest.approx(cut**-2)
+        assert found["drift/parameters"][row] == pytest.approx([one.parameters["phi_J"]])
+        assert found["drift/errors"][row] == pytest.approx(error)
+        assert found["drift/chi2_per_dof"][row] == pytest.approx(one.chi2 / one.dof)
+    np.testing.assert_allclose(found["curve/f0"], fit.functions(found["curve/x"])[0])
+    assert (found["curve/f1"] == 0).all() and found["curve/x"][[0, -1]] == pytest.approx(
+        [found["x"].min(), found["x"].max()]
+    )
+    said = capsys.readouterr().out.splitlines()
+    assert "jammed at 12 points, phi_J = " in said[0] and "nu = 1 held" in said[0]
+    assert [line[:9] for line in said[2:]] == ["  N >= 14"]
+
+
+def test_a_value_that_is_held_is_taken_off_before_the_search(tmp_path):
+    """With every parameter held but one, the fit is that of the free one, whatever the grid it begins on."""
+    points = planted(3)
+    free = fit_collapse(points, Form({}, degree=3))
+    for name in ("phi_J", "y", "kappa"):
+        held = {other: free.parameters[other] for other in ("phi_J", "y", "kappa") if other != name}
+        one = fit_collapse(points, Form(held, degree=3))
+        assert one.form.free == [name] and one.chi2 == pytest.approx(free.chi2, rel=1e-5)
+        assert one.parameters[name] == pytest.approx(free.parameters[name], rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    "held", [{}, {"y": PLANTED["y"]}, {"kappa": PLANTED["kappa"], "phi_J": PLANTED["phi_J"]}]
+)
+def test_the_search_begins_near_what_was_planted(held):
+    """The best of a grid of φ_J and κ, where ln O is linear in the rest: weights are those of ln O."""
+    points = planted(1)
+    start = collapse._start(points, Form(held, degree=3))
+    p = start.parameters
+    assert abs(p["phi_J"] - PLANTED["phi_J"]) < 2e-3 and 2.0 < p["kappa"] < 6.0 and 0.6 < p["y"] < 1.8
+    x, b = scaled(points, p["phi_J"], p["kappa"]), points.scale
+    residuals = (np.log(points.value) - np.log(start.model(points))) * points.value / points.error
+    assert start.chi2 == pytest.approx(np.sum(residuals**2), rel=1e-6)
+    columns = np.column_stack((start.basis(x)[0], *([] if "y" in held else [np.log(b)])))
+    weighted = columns * (points.value / points.error)[:, None]
+    assert (
+        np.abs(weighted.T @ residuals).max() < 1e-6 * np.abs(weighted.T @ (points.value / points.error)).max()
+    )
+
+
+def test_chi2_is_that_of_the_points_and_its_probability_that_of_a_larger_one():
+    from scipy.stats import chi2
+
+    points = planted(2)
+    fit = fit_collapse(points, Form({}, degree=3))
+    assert fit.chi2 == pytest.approx(np.sum(((points.value - fit.model(points)) / points.error) ** 2))
+    assert fit.probability == pytest.approx(chi2.sf(fit.chi2, fit.dof))
+
+
+def test_data_drawn_anew_are_about_the_fit_not_about_the_data():
+    """One point far off: fits to draws scatter about the parameters found, by what its error says."""
+    points = planted(1, 0.003)
+    form = Form({"y": PLANTED["y"], "kappa": PLANTED["kappa"]}, degree=3)
+    fit = fit_collapse(points, form)
+    expected = replace(points, value=fit.model(points))
+    drawn = [bootstrap_fits(some, fit, 12) for some in (points, expected)]
+    np.testing.assert_array_equal(*drawn)
+    assert abs(drawn[0].mean() - fit.parameters["phi_J"]) < drawn[0].std(ddof=1)
+
+
+def test_the_sign_of_corrections_and_their_exponent_are_searched_for():
+    """Below zero as well as above, and its slope by ω is that of b^ω."""
+    points = planted(3, 0.003, -0.5)
+    plain = fit_collapse(points, Form({}, degree=3))
+    form = Form({}, corrections=True, degree=3)
+    fixed = Form({"omega": 0.4}, corrections=True, degree=3)
+    begun = [collapse._corrected(plain, fixed, sign) for sign in (1, -1)]
+    assert [one.sign for one in begun] == [1.0, -1.0]
+    for one in begun:  # f₁ begins as a share of what f₀ is without its last terms
+        assert one.parameters["omega"] == 0.4 and one.coefficients[1][0] == pytest.approx(
+            plain.coefficients[0][0] + np.log(0.3)
+        )
+        np.testing.assert_array_equal(one.coefficients[1][1:], plain.coefficients[0][1:3])
+    one = replace(begun[1], form=form)
+    slopes, step = one.slopes(points), 1e-6
+    for column, name in enumerate(form.free):
+        ends = [
+            replace(one, parameters={**one.parameters, name: one.parameters[name] + h}).model(points)
+            for h in (step, -step)
+        ]
+        np.testing.assert_allclose(
+            (ends[0] - ends[1]) / (2 * step),
+            slopes[:, column],
+            rtol=1e-4,
+            atol=1e-6 * np.abs(slopes[:, column]).max(),
+        )
+
+
+def test_phi_J_may_lie_beyond_the_data():
+    """By as much as they span; here all of them are below it."""
+    points = planted(1, 0.001)
+    below = points[points.phi < 0.8425]
+    fit = fit_collapse(below, Form({"y": PLANTED["y"], "kappa": PLANTED["kappa"]}, degree=3))
+    assert fit.parameters["phi_J"] > below.phi.max() and fit.parameters["phi_J"] == pytest.approx(
+        0.8433, abs=1e-3
+    )
+
+
+def test_errors_of_cuts_are_of_their_own_points():
+    points = planted(4, 0.01)
+    form = Form({"y": PLANTED["y"], "kappa": PLANTED["kappa"]}, degree=3)
+    found = drift(points, form, 4)
+    assert [cut for cut, *_ in found] == sorted(RATES)[:1:-1]
+    for cut, fit, error in found:
+        some = points[points.scale <= cut]
+        assert fit.dof == len(some) - form.unknowns
+        np.testing.assert_allclose(error, bootstrap_fits(some, fit, 4).std(axis=0, ddof=1))
