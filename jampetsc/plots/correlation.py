@@ -41,12 +41,6 @@ class CorrelationCurve(Curve):
     lanes: np.ndarray  # (lanes,) widths/d
     size: float  # L/d
 
-    @property
-    def description(self) -> dict:
-        """As of any curve, and the number of disks."""
-        count = self.attributes.get("particle_count")
-        return {**super().description, "N": None if count is None else f"$N={count}$"}
-
 
 def correlation_curve(result) -> CorrelationCurve:
     """A correlation file in units of the mean diameter d, k and 1/τ₁."""
