@@ -1,8 +1,11 @@
 """Correlations of displacements: loops over pairs, fields of known C, and the command line."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
-from drawn import bars, figure_of, lines
+from drawn import bands, bars, figure_of, lines
 from matplotlib.image import imread
 
 from jampetsc import cli
@@ -18,13 +21,21 @@ from jampetsc.analysis.correlations import (
     length_spread,
     stokes_collapse,
 )
+from jampetsc.commands.correlate import _open
 from jampetsc.contacts.disks import Disks
 from jampetsc.errors import InputError
-from jampetsc.plots.correlation import CorrelationCurve, plot_correlation, plot_lengths
+from jampetsc.plots.correlation import (
+    CorrelationCurve,
+    correlation_curve,
+    plot_comparison,
+    plot_correlation,
+    plot_lengths,
+)
 from jampetsc.storage.packing_file import packing_identity, write_packing
 from jampetsc.storage.provenance import derived_from
 from jampetsc.storage.reader import load
 from jampetsc.storage.result_file import ResultWriter
+from jampetsc.words.pictures import PICTURES
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 
@@ -242,10 +253,10 @@ OMEGA = np.array([1e-4, 1e-2])
 
 
 def write_sweep(
-    folder, name, seed=0, n=400, omega=OMEGA, lengths=(1, 2), pressure=1e-3, unit=1.0, **attributes
+    folder, name, seed=0, n=400, omega=OMEGA, lengths=(1, 2), pressure=1e-3, unit=1.0, wide=1.0, **attributes
 ):
     """A packing of small disks at random and a sweep with waves of L/m as fields, beside each other."""
-    side = unit * np.sqrt(n)
+    side = wide * unit * np.sqrt(n)
     cell = np.diag([side, side])
     points = scattered(n, cell, seed)
     packing = folder / f"packing-{name}.h5"
@@ -515,3 +526,218 @@ def test_two_units_have_an_error_one_has_none():
 
     assert np.isnan(drawn(1)) and drawn(2) == pytest.approx(1 / np.sqrt(8), rel=0.15)
     assert drawn(2) == drawn(2)
+
+
+def sums_of(folder, name, cells, width, fields):
+    """Lane sums of a sweep of `write_sweep`, of real and imaginary part of the fields with these numbers in turn."""
+    sweep, disks = load(folder / f"{name}.h5"), load(folder / f"packing-{name}.h5")
+    transverse = [sweep["fields/displacement"][number][:, 1] for number in fields]
+    parts = np.array([part for field in transverse for part in (field.real, field.imag)])
+    return lane_sums(disks.positions, disks.cell, parts, width, cells)
+
+
+def test_every_array_of_a_file_of_correlations(tmp_path, capsys):
+    """Of two sweeps whose fields are not in order, in cells of other sizes: grid and edges are those of the first."""
+    omega = np.array([1e-2, 1e-4, 1.0])
+    paths = [write_sweep(tmp_path, f"s{k}", k, n=144, omega=omega, lengths=(1, 2, 3), unit=2.0, wide=wide, pressure=p)
+             for k, (wide, p) in enumerate(((1.0, 1e-3), (1.04, 1.005e-3)))]  # fmt: skip
+    assert run(*paths, "--lane", "1,0.5", "--out", tmp_path / "c.h5") == 0
+    found = load(tmp_path / "c.h5")
+    cells = grid_cells(24.0, 2.0)
+    assert cells != grid_cells(1.04 * 24, 2.0)
+    length, order = 24 * 1.02, (1, 0, 2)
+    np.testing.assert_array_equal(found["omega"], [1e-4, 1e-2, 1.0])
+    for lane, width in enumerate((2.0, 1.0)):
+        sums = [sums_of(tmp_path, f"s{k}", cells, width, order) for k in (0, 1)]
+        exact = correlate(sums)
+        assert found["lane_width"][lane] == sums[0].width
+        np.testing.assert_array_equal(found["delta"][lane], length * exact.separation)
+        for name, values, unit in (
+            ("C", exact.values, 1.0), ("C_error", exact.errors, 1.0), ("length", exact.root, length),
+            ("length_error", exact.root_error, length), ("minimum", exact.minimum, length),
+            ("minimum_error", exact.minimum_error, length),
+        ):  # fmt: skip
+            np.testing.assert_array_equal(found[name][lane], (unit * values).reshape(3, 2, *values.shape[1:]))
+        assert found.attributes["pairs"][lane] == exact.pairs
+    a = found.attributes
+    assert (a["packings"], a["mean_diameter"], a["L"]) == (2, 2.0, pytest.approx(length))
+    assert a["pressure"] == pytest.approx(1.0025e-3) and a["sources"] == "s0.h5 s1.h5"
+    said = capsys.readouterr().out.splitlines()
+    assert said[0].endswith(
+        f"2 packings, L = {length / 2:.4g} d, lanes of 1 d, {found.attributes['pairs'][0]} pairs"
+    )
+    assert said[1].startswith(f"  omega 0.0001: l/d Re {found['length'][0, 0, 0] / 2:.3g} ± ")
+
+
+@pytest.mark.parametrize(("off", "same"), [(1.0099, True), (1.0101, False), (0.9901, True), (0.9899, False)])
+def test_sweeps_are_of_one_pressure_within_a_per_cent(tmp_path, off, same):
+    paths = [write_sweep(tmp_path, f"s{k}", k, n=16, pressure=p) for k, p in enumerate((1e-3, off * 1e-3))]
+    if same:
+        assert len(_open(paths)) == 2
+    else:
+        with pytest.raises(
+            InputError, match=r"s1\.h5: pressure .*, but .*s0\.h5 has 0\.001: average sweeps of one"
+        ):
+            _open(paths)
+
+
+def test_what_belongs_to_flow_files_and_what_to_sweeps(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_sweep(tmp_path.relative_to(tmp_path), "s", n=16)
+    with ResultWriter("f.h5", "jampetsc-flow") as writer:
+        writer.attributes(rate=1e-2)
+    for line, message in (
+        ("s.h5 --bin 1", r"--bin 1: belongs to flow files, not to s\.h5; leave it out"),
+        ("f.h5 --lane 0.5,1", "--lane 0.5,1: flow files are correlated at one width"),
+        ("f.h5 s.h5", r"s\.h5: is not a flow file as f\.h5 is: average one kind"),
+        ("s.h5 f.h5", r"f\.h5: is not a sweep: correlations come from"),
+        ("f.h5 --omega 1", r"--omega: belongs to sweeps, not to f\.h5; leave it out"),
+        ("f.h5 --packing p.h5", r"--packing: belongs to sweeps, not to f\.h5"),
+    ):
+        with pytest.raises(InputError, match=message):
+            run(*line.split(), "--out", "c.h5")
+
+
+# Pictures
+
+
+def correlation_file(
+    path, tau1=1.0, k=1.0, d=2.0, omega=(1e-3, 1e-2), lanes=2, pressure=1e-3, low=-0.7, **more
+):
+    """A file of correlations of known content, lengths in units of which a disk is d = 2; two lanes, four bins."""
+    rng = np.random.default_rng(7)
+    shape = (lanes, len(omega), 2)
+    C = np.concatenate((np.ones((*shape, 1)), rng.uniform(-0.4, 0.9, (*shape, 3))), axis=-1)
+    C[0, -1, 1, 2] = low
+    values = {
+        "omega": np.array(omega) / tau1, "lane_width": d * np.array([0.5, 1.0, 0.25][:lanes]),
+        "delta": d * np.tile([0.0, 1.0, 2.0, 3.0], (lanes, 1)), "C": C, "C_error": 0.1 * np.abs(C),
+        "length": d * rng.uniform(1.0, 3.0, shape), "length_error": d * rng.uniform(0.1, 0.3, shape),
+    }  # fmt: skip
+    with ResultWriter(path, "jampetsc-correlation") as writer:
+        for name, array in values.items():
+            writer.dataset(name, array)
+        attributes = {
+            "mean_diameter": d,
+            "L": 8.0 * d,
+            "pressure": k * pressure,
+            "k": k,
+            "tau1": tau1,
+            "law": "stokes",
+        }
+        writer.attributes(**attributes | {"particle_count": 64} | more)
+    return load(path)
+
+
+def test_a_correlation_is_drawn_in_diameters_and_in_units_of_k_and_tau1(tmp_path):
+    plain = correlation_curve(correlation_file(tmp_path / "a.h5"))
+    scaled = correlation_curve(correlation_file(tmp_path / "b.h5", tau1=4.0, k=3.0, d=5.0))
+    for name in ("omega", "G", "bounds", "pressure", "C", "errors", "delta", "lanes", "size"):
+        np.testing.assert_allclose(getattr(plain, name), getattr(scaled, name), rtol=1e-12)
+    file = load(tmp_path / "a.h5")
+    np.testing.assert_array_equal(plain.G, file["length"][0, :, 0] / 2 + 0.5j * file["length"][0, :, 1])
+    np.testing.assert_array_equal(plain.bounds, file["length_error"][0].T / 2)
+    assert (
+        plain.lanes.tolist() == [0.5, 1.0] and plain.size == 8.0 and plain.delta[0].tolist() == [0, 1, 2, 3]
+    )
+
+
+def test_files_are_compared_at_their_own_row_of_a_frequency(tmp_path):
+    """Above against δ/d, below against δ/L; Re left and Im right, with bands; all of C is in sight."""
+    first = correlation_curve(correlation_file(tmp_path / "a.h5"))
+    other = correlation_curve(
+        correlation_file(tmp_path / "b.h5", omega=(1e-4, 1e-3, 1e-2), particle_count=256)
+    )
+    fig = figure_of(plot_comparison, [first, other], 1e-2)
+    for number, ax in enumerate(fig.axes[:4]):
+        part, scale = number % 2, 1.0 if number < 2 else 1 / 8
+        drawn = lines(ax, 4)
+        for (x, y, *_), band, curve, row in zip(drawn, bands(ax), (first, other), (1, 2), strict=True):
+            np.testing.assert_allclose(x, scale * curve.delta[0])
+            np.testing.assert_allclose(y, curve.C[0, row, part])
+            np.testing.assert_allclose(
+                band[1:], [y - curve.errors[0, row, part], y + curve.errors[0, row, part]]
+            )
+        assert ax.get_xlabel() == (r"$\delta/d$" if number < 2 else r"$\delta/L$")
+        assert ax.get_ylabel() == rf"$C(\delta)$ of {('Re', 'Im')[part]} $u_y$"
+        assert ax.get_ylim() == pytest.approx((-0.75, 1.05)) and ax.get_xlim()[0] == 0.0
+    legend = fig.axes[1].get_legend()
+    assert [text.get_text() for text in legend.get_texts()] == ["$N=64$", "$N=256$", "standard error"]
+    assert legend.get_title().get_text() == r"$\omega\tau_1=10^{-2}$"
+
+
+def test_errors_that_nobody_knows_have_no_entry(tmp_path):
+    curve = correlation_curve(correlation_file(tmp_path / "a.h5", low=-0.1))
+    bare = replace(curve, errors=np.full_like(curve.errors, np.nan))
+    fig = figure_of(plot_comparison, [bare], 1e-2)
+    assert "standard error" not in [text.get_text() for text in fig.axes[1].get_legend().get_texts()]
+    assert all(np.allclose(low, high) for ax in fig.axes for _, low, high in bands(ax))
+    assert fig.axes[0].get_ylim() == pytest.approx((-0.5, 1.05))
+
+
+@pytest.mark.parametrize(
+    ("count", "few", "bar"), [(3, True, False), (4, False, False), (5, False, False), (6, False, True)]
+)
+def test_of_few_frequencies_other_lanes_are_shown_of_many_a_bar(tmp_path, count, few, bar):
+    curve = correlation_curve(
+        correlation_file(tmp_path / "a.h5", omega=np.logspace(-5, -5 + count - 1, count))
+    )
+    fig = figure_of(plot_correlation, curve)
+    thin = [line.get_linewidth() == 0.4 for line in fig.axes[0].get_lines() if len(line.get_xdata()) == 4]
+    assert thin == [False, True] * count if few else thin == [False] * count
+    spread = [np.ptp([low, high], axis=0).max() > 0 for _, low, high in bands(fig.axes[0])]
+    assert spread == [few] * count
+    legend = fig.axes[1].get_legend()
+    assert (legend is None) == bar and any("tau" in ax.get_ylabel() for ax in fig.axes) == bar
+    if not bar:
+        told = [text.get_text() for text in legend.get_texts()]
+        assert told[:count] == [f"$10^{{{n - 5}}}$" if n < 5 else "$1$" for n in range(count)]
+        assert told[count:] == ["standard error", r"lanes of $1\,d$"] * few
+    assert fig.axes[0].get_xlabel() == r"$\delta/L$"
+
+
+def said_of(kind, items, monkeypatch, **options):
+    """What a picture says, and what it was given to draw."""
+    drawn = []
+    for name in ("plot_correlation", "plot_comparison", "plot_lengths"):
+        monkeypatch.setattr(
+            f"jampetsc.plots.correlation.{name}", lambda *it, name=name: drawn.append((name, *it))
+        )
+    args = SimpleNamespace(**{"out": "x.png", "omega": None, "log_exponent": None} | options)
+    return PICTURES[kind].draw(args, items), drawn[0]
+
+
+def test_several_correlations_are_compared_at_the_lowest_frequency_or_the_one_asked_for(
+    tmp_path, monkeypatch
+):
+    files = [
+        correlation_file(tmp_path / f"{n}.h5", omega=(1e-2, 1e-3, 1e-1), pressure=p)
+        for n, p in enumerate((1e-3, 1e-2))
+    ]
+    said, (name, curves, omega, _) = said_of("correlation", files, monkeypatch)
+    assert (name, len(curves), omega) == ("plot_comparison", 2, 1e-3)
+    assert said == "correlation in 2 files at omega tau1 = 0.001"
+    said, (name, curves, omega, _) = said_of("correlation", files[:1], monkeypatch, omega="0.1")
+    assert (name, len(curves), omega) == ("plot_comparison", 1, 0.1) and "in 1 file at" in said
+    said, (name, *_) = said_of("correlation", files[:1], monkeypatch)
+    assert (name, said) == ("plot_correlation", "correlation at 3 frequencies")
+    with pytest.raises(InputError, match=r"--omega 0\.1,0\.01: correlations are compared at one frequency"):
+        said_of("correlation", files, monkeypatch, omega="0.1,0.01")
+
+
+def test_the_spread_of_lengths_is_told_of_those_within_the_cell(tmp_path, monkeypatch):
+    files = [
+        correlation_file(tmp_path / f"{n}.h5", omega=(1e-3, 1e-2, 1e-1), pressure=p, **{"L": L})
+        for n, (p, L) in enumerate(((1e-3, 40.0), (1.1e-3, 30.0)))
+    ]
+    curves = [correlation_curve(file) for file in files]
+    said, (name, *_, exponent) = said_of("length", files, monkeypatch, log_exponent=0.3)
+    spread = length_spread([(c.omega, c.G, c.pressure, c.size) for c in curves], 0.3)
+    assert (name, exponent) == ("plot_lengths", 0.3)
+    assert (
+        said
+        == f"correlation lengths of 2 files; l (-ln p)^0.3 differs by {100 * spread:.2g} % (rms) at equal omega/p^(1/2)"
+    )
+    assert spread != length_spread([(c.omega, c.G, c.pressure, 1e9) for c in curves], 0.3)
+    said, (*_, exponent) = said_of("length", files[:1], monkeypatch)
+    assert said == "correlation lengths of 1 file" and exponent == 0.65

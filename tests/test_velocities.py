@@ -6,6 +6,8 @@ import pytest
 import jampetsc
 from jampetsc import cli
 from jampetsc.analysis.velocities import lane_products
+from jampetsc.flows.lanes import correlate_lanes
+from jampetsc.storage.result_file import ResultWriter
 
 
 def every_pair(positions, cell, v, lane, bins):
@@ -82,3 +84,56 @@ def test_the_command(tmp_path, capsys):
         assert cli.main(["correlate", "--out", str(tmp_path / "bad.h5"), *map(str, more)]) == 2
         assert message in capsys.readouterr().err
     assert not (tmp_path / "bad.h5").exists()
+
+
+def test_every_number_of_the_file_is_of_the_words(tmp_path, capsys):
+    """A file of two snapshots, correlated as told: width, bin, means over the rate squared."""
+    rng = np.random.default_rng(4)
+    cell = np.array([[12.0, 0.0], [1.0, 10.0]])
+    with ResultWriter(tmp_path / "f.h5", "jampetsc-flow") as writer:
+        writer.dataset("snapshots/positions", rng.random((3, 60, 2)) @ cell)
+        writer.dataset("snapshots/velocities", rng.normal(size=(3, 60, 2)))
+        writer.dataset("snapshots/cell", np.tile(cell, (3, 1, 1)))
+        writer.attributes(
+            model="CD", rate=0.5, mass=2.0, units="those of the packing", phi=0.8, particle_count=60, seed=1
+        )
+    result = jampetsc.load(tmp_path / "f.h5")
+    for words, lane, width in (([], 0.5, 1.0), (["--lane", "1.5", "--bin", "0.75"], 1.5, 0.75)):
+        assert cli.main(["correlate", str(tmp_path / "f.h5"), *words, "--out", str(tmp_path / "g.h5")]) == 0
+        exact = correlate_lanes([result], lane, width)
+        found = jampetsc.load(tmp_path / "g.h5")
+        for name, values in (
+            ("x", exact.centres),
+            ("g_y", exact.values),
+            ("g_y_error", exact.errors),
+            ("pairs", exact.pairs),
+        ):
+            np.testing.assert_array_equal(found[name], values)
+        place, depth = exact.minimum
+        expected = {
+            "lane": lane,
+            "bin": width,
+            "snapshots": 3,
+            "mean_square": exact.mean_square,
+            "minimum": depth,
+        }
+        expected |= {
+            "minimum_at": place,
+            "model": "CD",
+            "rate": 0.5,
+            "mass": 2.0,
+            "units": "those of the packing",
+        }
+        assert {name: found.attributes[name] for name in expected} == expected
+        assert exact.mean_square == pytest.approx(np.mean(result["snapshots/velocities"][..., 1] ** 2) / 0.25)
+        assert capsys.readouterr().out == (
+            f"{tmp_path}/g.h5: g_y of 3 snapshots, |y| < {lane:g}: least {depth:.3g} at x = {place:.3g}, "
+            f"<u_y^2>/rate^2 = {exact.mean_square:.3g}\n"
+        )
+
+
+def test_a_lane_ends_where_it_is_as_wide():
+    """Pairs closer than the lane alone; one exactly as far is left out."""
+    positions, bins = np.array([[0.0, 0.0], [0.25, 0.5], [0.5, 1.25]]), np.array([0.0, 0.5, 1.0])
+    for lane, pairs in ((0.5, 0), (0.75, 1), (0.76, 2), (1.3, 3)):
+        assert lane_products(positions, np.diag([4.0, 4.0]), np.ones(3), lane, bins)[1].sum() == pairs
