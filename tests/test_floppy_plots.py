@@ -1,15 +1,19 @@
 """Pictures of quasistatic files and modes, drawn through the command line from files of known content."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
-from drawn import figure_of, lines
+from drawn import bands, figure_of, lines
 from matplotlib.image import imread
 from samples import published
 
 from jampetsc import cli
+from jampetsc.analysis.statistics import interval
 from jampetsc.errors import InputError
+from jampetsc.plots import style
 from jampetsc.plots.floppy import groups_of, plot_medians, plot_viscosities
-from jampetsc.plots.vibrations import chosen_modes, density_of_states, plot_modes
+from jampetsc.plots.vibrations import chosen_modes, density_of_states, plot_modes, plot_states
 from jampetsc.storage.packing_file import packing_identity, write_packing
 from jampetsc.storage.reader import load
 from jampetsc.storage.result_file import ResultWriter
@@ -203,3 +207,177 @@ def test_sizes_are_kept_apart(tmp_path, capsys):
     }  # p/k, k = 2
     for kind in ("medians", "viscosities"):
         assert plot(*files, "--kind", kind, "--out", tmp_path / f"{kind}.png") == 0
+
+
+def quasistatic_of(medians, size=16, pressure=1e-3, k=1.0, bare=None, **more):
+    """A result of which only attributes are there: medians of Δu∥, Δu⊥ and u_na with pre-stress, and without."""
+    attributes = {"pressure": k * pressure, "k": k, "tau1": 1.0, "particle_count": size, "law": "contact"}
+    attributes |= {"prestress": bare is not None, "beta": 1.0, "eta0": 1.0, "eta_inf": 0.5}
+    for prefix, values in (("", medians), *([("no_prestress_", bare)] if bare is not None else [])):
+        names = (f"{prefix}{name}_median" for name in ("normal", "transverse", "nonaffine"))
+        attributes |= dict(zip(names, values, strict=True))
+    result = Scan()
+    result.path, result.attributes = Path("q.h5"), attributes | more
+    return result
+
+
+class Scan(dict):
+    """With what a file holds of β."""
+
+
+def test_files_without_pre_stress_have_filled_symbols_alone():
+    some = [quasistatic_of([p, 2 * p, 3 * p], pressure=p) for p in (1e-3, 1e-2)]
+    ax = figure_of(plot_medians, some).axes[0]
+    drawn = lines(ax, 2)
+    assert len(drawn) == 6  # a line and its guide for each quantity
+    for number, factor in enumerate((1, 2, 3)):
+        x, y, dash, face = drawn[2 * number]
+        assert (dash, face != "white") == ("-", True)
+        np.testing.assert_allclose((x, y), [[1e-3, 1e-2], [factor * 1e-3, factor * 1e-2]])
+
+
+def test_lines_run_through_medians_and_small_points_are_files():
+    """Three files to a pressure, one of them far off; guides of ±1/4 through the geometric mean of the bare ones."""
+    some = [
+        quasistatic_of(0.5 * c * np.arange(1, 4), pressure=p, bare=p * c * np.arange(1, 4))
+        for p in (1e-4, 1e-2)
+        for c in (1.0, 1.5, 20.0)
+    ]
+    ax = figure_of(plot_medians, some).axes[0]
+    points, medians = lines(ax, 6), lines(ax, 2)
+    p = np.array([1e-4, 1e-2])
+    for number, (factor, slope) in enumerate(((1, 0.25), (2, -0.25), (3, -0.25))):
+        bare, stressed, guide = medians[3 * number : 3 * number + 3]
+        np.testing.assert_allclose(bare[:2], [p, 1.5 * factor * p])
+        np.testing.assert_allclose(stressed[:2], [p, np.full(2, 0.75 * factor)])
+        np.testing.assert_allclose(guide[1], 1.5 * factor * 1e-3 * (p / 1e-3) ** slope)
+        assert guide[2] == ":"
+        np.testing.assert_allclose(points[2 * number][1], factor * np.outer(p, [1.0, 1.5, 20.0]).ravel())
+        np.testing.assert_allclose(points[2 * number][0], np.repeat(p, 3))
+    assert len(points) == 6
+    found = bands(ax)
+    low, high = interval(np.array([1.0, 1.5, 20.0]))
+    np.testing.assert_allclose(found[0][1:], [low * p, high * p])
+    told = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert told[3:] == ["no pre-stress", "pre-stress", r"$p^{\pm 1/4}$", "single files", "68 % interval"]
+
+
+def test_the_guide_goes_with_the_largest_packings_and_sizes_have_markers():
+    some = [quasistatic_of([n, n, n], n, p) for n in (16, 64) for p in (1e-3, 1e-2)]
+    ax = figure_of(plot_medians, some).axes[0]
+    guides = [y for _, y, dash, _ in lines(ax, 2) if dash == ":"]
+    assert len(guides) == 3
+    for y in guides:
+        assert np.sqrt(y[0] * y[1]) == pytest.approx(64)
+    told = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert told[3:5] == ["$N=16$", "$N=64$"] and "single files" not in told and "68 % interval" not in told
+
+
+def test_viscosities_are_medians_over_files_in_units_of_k_and_tau1():
+    """Own β and those of the scan, but for β = 0; k = 2 and τ₁ = 4."""
+    some = []
+    for eta in (1.0, 3.0, 50.0):
+        one = quasistatic_of([1, 1, 1], k=2.0, eta0=8 * eta, eta_inf=4 * eta, tau1=4.0, beta=0.1)
+        one.update(
+            {
+                "beta_scan/beta": [0.0, 0.01],
+                "beta_scan/eta0": [9.0, 0.8 * eta],
+                "beta_scan/eta_inf": [9.0, 0.4 * eta],
+            }
+        )
+        some.append(one)
+    ax = figure_of(plot_viscosities, some).axes[0]
+    (low, high) = lines(ax, 2)
+    np.testing.assert_allclose(low[:2], [[0.01, 0.1], [0.3, 3.0]])
+    np.testing.assert_allclose(high[:2], [[0.01, 0.1], [0.15, 1.5]])
+    limits = np.transpose([interval(np.array([0.1, 0.3, 5.0])), interval(np.array([1.0, 3.0, 50.0]))])
+    np.testing.assert_allclose(bands(ax)[0][1:], limits)
+    legend = ax.get_legend()
+    assert [text.get_text() for text in legend.get_texts()] == [
+        "$10^{-3}$",
+        r"$\eta_0$",
+        r"$\eta_\infty$",
+        "68 % interval",
+    ]
+    other = quasistatic_of([1, 1, 1], 64)
+    legend = figure_of(plot_viscosities, [some[0], other]).axes[0].get_legend()
+    assert [text.get_text() for text in legend.get_texts()][:2] == ["$10^{-3}$, $N=16$", "$10^{-3}$, $N=64$"]
+
+
+def test_the_response_of_a_file_without_pre_stress(tmp_path, packing, monkeypatch):
+    shown = []
+    monkeypatch.setattr("jampetsc.plots.fields.plot_panels", lambda disks, panels, *_: shown.extend(panels))
+    path = write_quasistatic(tmp_path / "q.h5", packing=packing, prestress=False)
+    assert plot(path, "--kind", "response", "--out", tmp_path / "x.png") == 0
+    ((title, field),) = shown
+    assert title == "no pre-stress" and np.array_equal(field, load(path)["nonaffine"])
+
+
+def modes_of(values, floppiness=None, pressure=1e-3, **more):
+    """A result with these eigenvalues of 4 disks."""
+    result = Scan(eigenvalues=np.array(values), particles=np.arange(4))
+    result["floppiness"] = np.ones(len(values)) if floppiness is None else np.array(floppiness)
+    result.path, result.attributes = Path("m.h5"), {"pressure": pressure, "k": 1.0, "complete": True} | more
+    return result
+
+
+def test_modes_keep_their_numbers_where_some_have_no_frequency():
+    """Of λ = −1, 0, 4, 16 in k = 4 the third and fourth are shown, coloured by floppiness; infinite is the largest."""
+    one = modes_of([-4.0, 0.0, 4.0, 16.0], [1.0, 10.0, 5.0, np.inf], k=4.0)
+    fig = figure_of(plot_modes, [one])
+    shown = fig.axes[0].collections[0]
+    np.testing.assert_allclose(shown.get_offsets(), [(3, 1.0), (4, 2.0)])
+    colours = shown.get_facecolors()
+    np.testing.assert_allclose(colours[0], style.sequential()(np.log10(5.0)))
+    np.testing.assert_allclose(colours[1], style.sequential()(1.0))
+    assert fig.axes[2].get_ylim() == pytest.approx((1.0, 10.0)) and not lines(fig.axes[1], 4)
+    titles = [text.get_text() for text in fig.axes[0].get_legend().get_texts()]
+    assert titles == [r"$2.5\times10^{-4}$"]
+
+
+def test_shares_of_modes_have_a_marker_here_and_there():
+    one = modes_of(np.arange(1.0, 101.0), 1 + np.arange(100.0))
+    one["cumulative/modulus"], one["cumulative/nonaffine"] = (
+        np.linspace(0.01, 1, 100),
+        np.linspace(0.01, 0.9, 100),
+    )
+    below = figure_of(plot_modes, [one]).axes[1]
+    marked = [(x, y, face) for x, y, _, face in lines(below) if len(x) not in (100, 2)]
+    assert len(marked) == 2 and marked[0][2] == "k" and marked[1][2] == "white"
+    for (x, y, _), name in zip(marked, ("nonaffine", "modulus"), strict=True):
+        assert x.tolist() == [1, 3, 7, 13, 26, 51, 100]  # even on a log axis
+        np.testing.assert_allclose(y, one[f"cumulative/{name}"][x.astype(int) - 1])
+
+
+def test_titles_of_modes_are_their_own_eigenvalues():
+    one = modes_of([1e-3, 1e-2, -1.0])
+    one["modes"] = np.zeros((3, 4, 2))
+    one.stored = lambda name: one[name]
+    titles = [title for title, _ in chosen_modes(one, "2,1,3")]
+    assert titles == [
+        r"mode 2, $\lambda/k=10^{-2}$",
+        r"mode 1, $\lambda/k=10^{-3}$",
+        r"mode 3, $\lambda/k=0$",
+    ]
+
+
+def test_states_are_pooled_by_pressure():
+    """Of two files at one pressure and one at another; per degree of freedom of all disks that are no rattlers."""
+    some = [modes_of(values, pressure=p) for values, p in (([1.0, 1.1], 1e-2), ([1.0], 1e-3), ([1.05], 1e-3))]
+    ax = figure_of(plot_states, some).axes[0]
+    drawn = lines(ax)
+    for (x, y, *_), pooled in zip(drawn, ([some[1], some[2]], [some[0]]), strict=True):
+        np.testing.assert_allclose((x, y), density_of_states(pooled))
+    width = 10 ** (1 / 8) - 1
+    np.testing.assert_allclose(drawn[1][1], [2 / 8 / width])
+    np.testing.assert_allclose(drawn[0][1], [2 / 16 / width])
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["$10^{-3}$", "$10^{-2}$"]
+
+
+@pytest.mark.parametrize("floppiness", [5.0, 10.0])
+def test_a_single_mode_has_a_picture(floppiness):
+    """Its floppiness is the only one: the bar of its colour has no length but what matplotlib gives it."""
+    fig = figure_of(plot_modes, [modes_of([4.0], [floppiness])])
+    np.testing.assert_allclose(fig.axes[0].collections[0].get_offsets(), [(1, 2.0)])
+    low, high = fig.axes[2].get_ylim()
+    assert low < floppiness < high

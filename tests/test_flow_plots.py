@@ -5,18 +5,19 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from drawn import bars, figure_of, lines
+from drawn import bands, bars, figure_of, lines
 
 import jampetsc
 from jampetsc import cli
 from jampetsc.contacts.state import measure
 from jampetsc.errors import InputError
-from jampetsc.plots.flowcurves import flow_curves, local_exponents, plot_against_phi, plot_flow_curves
+from jampetsc.plots.flowcurves import _ratio, flow_curves, local_exponents, plot_against_phi, plot_flow_curves
 from jampetsc.plots.packing import touching
-from jampetsc.plots.shearing import kind_of, labels_of, lanes_of, last_snapshot, plot_series
+from jampetsc.plots.shearing import kind_of, labels_of, lanes_of, last_snapshot, plot_lanes, plot_series
 from jampetsc.plots.units import flow_units
 from jampetsc.storage.reader import Attributes
 from jampetsc.storage.result_file import ResultWriter
+from jampetsc.words.pictures import PICTURES
 
 
 @pytest.fixture(scope="module")
@@ -198,3 +199,185 @@ def test_what_cannot_be_drawn(runs, tmp_path, capsys):
     ]:
         assert cli.main(["plot", *map(str, files), *more, "--out", str(tmp_path / "x.png")]) == 2
         assert message in capsys.readouterr().err
+
+
+def test_what_is_not_positive_is_left_out_of_all_but_the_coordination():
+    """Of four rates one has a negative stress, one a negative pressure; Z is known for all."""
+    rates, stress, pressure = (0.1, 0.2, 0.4, 0.8), (1.0, -1.0, 4.0, 6.0), (8.0, 2.0, -1.0, 16.0)
+    some = [
+        facts(rate=r, shear_stress_mean=s, pressure_mean=p, coordination_mean=3.0 + r)
+        for r, s, p in zip(rates, stress, pressure, strict=True)
+    ]
+    axes = figure_of(plot_flow_curves, some).axes
+    for ax in axes[:4]:
+        for x, *_ in bars(ax):
+            np.testing.assert_allclose(x, [0.05, 0.4])  # τ₁ = ½
+    np.testing.assert_allclose(bars(axes[5])[0][:2], [[0.05, 0.1, 0.2, 0.4], 3.0 + np.array(rates)])
+    (top,) = bars(axes[1])
+    assert top[1].tolist() == [4.0, 8.0] and bars(axes[3])[1][1].tolist() == [80.0, 20.0]
+    low, high = axes[3].get_ylim()
+    assert low < 6.0 / 0.8 < 80.0 < high  # p/γ̇ is in sight as σ/γ̇ is
+    assert axes[3].texts[0].get_text() == r"filled: $\sigma$, hollow: $p$"
+    against = [
+        facts(phi=phi, rate=0.2, shear_stress_mean=s) for phi, s in ((0.8, -1.0), (0.81, 1.0), (0.82, 2.0))
+    ]
+    axes = figure_of(plot_against_phi, against).axes
+    counts = [len(bars(ax)[0][0]) for ax in axes]
+    assert counts == [2, 3, 3] and axes[0].get_yscale() == "log" and axes[2].get_yscale() == "linear"
+
+
+@pytest.mark.parametrize(
+    ("power", "names"),
+    [(1.0, ["Newtonian"]), (2.0, ["Bagnoldian"]), (0.4, []), (2.5, ["Newtonian", "Bagnoldian"])],
+)
+def test_exponents_that_have_a_name_are_marked_where_they_are_in_sight(power, names):
+    some = [
+        facts(rate=r, shear_stress_mean=r**power, pressure_mean=r ** (0.9 if power == 2.5 else 1.01 * power))
+        for r in (0.1, 0.2, 0.4)
+    ]
+    ax = figure_of(plot_flow_curves, some).axes[4]
+    assert [text.get_text() for text in ax.texts] == names
+    levels = [line.get_ydata()[0] for line in ax.get_lines() if line.get_linestyle() == ":"]
+    assert levels == [{"Newtonian": 1, "Bagnoldian": 2}[name] for name in names]
+
+
+def test_the_error_of_a_quotient_is_of_both():
+    value, error = _ratio(
+        (np.array([3.0, -4.0]), np.array([0.3, 0.0])), (np.array([2.0, 2.0]), np.array([0.0, 0.5]))
+    )
+    np.testing.assert_allclose((value, error), [[1.5, -2.0], [0.15, 0.5]])
+
+
+def test_axes_of_a_flow_are_named_by_their_units():
+    texts = [ax.get_ylabel() for ax in figure_of(plot_flow_curves, [facts(rate=r) for r in (0.1, 0.2)]).axes]
+    assert texts[:4] == [
+        r"$\sigma\ [k]$",
+        r"$p\ [k]$",
+        r"$\sigma/p$",
+        r"$\sigma/\dot\gamma,\ p/\dot\gamma\ [k\tau_1]$",
+    ]
+    vagberg = flow_units([facts(units="k_e = k_d = 1, diameter of the small disks 1")])
+    packing = flow_units([facts(stiffness="inverse-square-diameter")])
+    plain = flow_units([facts()])
+    names = ("energy", "stress", "rate", "viscosity", "length")
+    assert [getattr(plain, name) for name in names] == ["k", "k", r"1/\tau_1", r"k\tau_1", ""]
+    assert [getattr(packing, name) for name in names] == [
+        r"k_{\rm e}",
+        r"k_{\rm e}",
+        r"1/\tau_1",
+        r"k_{\rm e}\tau_1",
+        "",
+    ]
+    assert [getattr(vagberg, name) for name in names] == [
+        r"k_{\rm e}", r"k_{\rm e}/d_{\rm s}^2", r"k_{\rm e}/k_{\rm d}d_{\rm s}^2", r"k_{\rm d}", r"d_{\rm s}",
+    ]  # fmt: skip
+    for other in ({"k": 1.0}, {"tau1": 1.0}, {"stiffness": "inverse-square-diameter"}):
+        with pytest.raises(InputError, match="is in other units"):
+            flow_units([facts(), facts(**other)])
+
+
+def test_rates_at_which_phi_is_varied_are_named_with_their_kinds():
+    some = [
+        facts(phi=phi, rate=rate, mass=mass)
+        for phi in (0.8, 0.82)
+        for rate, mass in ((0.2, 1.0), (0.2, 2.0), (0.4, 1.0))
+    ]
+    legend = figure_of(plot_against_phi, some).axes[2].get_legend()
+    assert [text.get_text() for text in legend.get_texts()] == [
+        "$m=1$, $0.1$",
+        "$m=1$, $0.2$",
+        "$m=2$, $0.1$",
+    ]
+    assert legend.get_title().get_text() == r"$\dot\gamma\ [1/\tau_1]$"
+
+
+def series(name, rate=0.1, **more):
+    """A flow file of three rows."""
+    result = Rows(strain=np.array([0.1, 0.2, 0.3]))
+    result |= {key: np.array([[1.0, 0.5], [2.0, 0.5], [3.0, 0.5]]) for key in ("shear_stress", "pressure")}
+    one = Rows(result)
+    one.path, one.attributes, one.format = (
+        Path(name),
+        facts(rate=rate, discard=0.15, **more).attributes,
+        "jampetsc-flow",
+    )
+    return one
+
+
+class Rows(dict):
+    """What a file holds."""
+
+
+@pytest.mark.parametrize(("count", "named"), [(1, False), (2, True), (12, True), (13, False)])
+def test_so_many_series_are_named(count, named):
+    fig = figure_of(plot_series, [series(f"run{n}.h5") for n in range(count)])
+    legend = fig.axes[0].get_legend()
+    assert (legend is not None) == named
+    if named:
+        assert [text.get_text() for text in legend.get_texts()] == [f"run{n}" for n in range(count)]
+    assert fig.axes[1].texts[0].get_text() == "dashed: means"
+
+
+def test_lanes_are_drawn_with_bands_of_one_error_kind_by_kind():
+    one = Rows(x=np.array([0.5, 1.5]), g_y=np.array([0.4, -0.1]), g_y_error=np.array([0.1, 0.05]))
+    one.path, one.format, one.attributes = Path("g.h5"), "jampetsc-velocity-correlation", facts().attributes
+    ax = figure_of(plot_lanes, [one]).axes[0]
+    np.testing.assert_allclose(lines(ax, 2)[1][:2], [one["x"], one["g_y"]])
+    np.testing.assert_allclose(bands(ax)[0], [one["x"], [0.3, -0.15], [0.5, -0.05]])
+    (text,) = ax.get_legend().get_texts()
+    assert text.get_text() == r"RD, $\phi=0.8$, $\dot\gamma=0.1$"
+
+
+@pytest.mark.parametrize(
+    ("kind", "plot", "said"),
+    [
+        (
+            "phi",
+            "jampetsc.plots.flowcurves.plot_against_phi",
+            "stress, pressure and coordination of 2 runs against phi",
+        ),
+        ("phi_J", "jampetsc.plots.jamming.plot_jamming_densities", "distribution of phi_J of 2 files"),
+        (
+            "fraction",
+            "jampetsc.plots.jamming.plot_fraction",
+            "f(phi), the share of samples that jam, of 2 files",
+        ),
+        ("lanes", "jampetsc.plots.shearing.plot_lanes", "g_y of 2 files"),
+        (
+            "strain",
+            "jampetsc.plots.slowly.plot_slow_shear",
+            "energy, stress, pressure and coordination of 2 runs over the strain",
+        ),
+        ("modes", "jampetsc.plots.vibrations.plot_modes", "modes of 2 packings"),
+        ("states", "jampetsc.plots.vibrations.plot_states", "density of states of 2 packings"),
+    ],
+)
+def test_a_picture_shows_all_files_and_says_so(monkeypatch, kind, plot, said):
+    drawn = []
+    monkeypatch.setattr(plot, lambda *what: drawn.append(what))
+    items = [object(), object()]
+    assert PICTURES[kind].draw(SimpleNamespace(out="x.png"), items) == said
+    assert drawn == [(items, "x.png")]
+
+
+def test_a_snapshot_counts_the_disks_that_are_no_walls(monkeypatch):
+    drawn = []
+    monkeypatch.setattr("jampetsc.plots.packing.plot_flowing", lambda panels, out: drawn.extend(panels))
+    items = []
+    for walls, last in ((3, 0.75), (0, 1.25)):
+        one = Rows({"snapshots/strain": np.array([0.25, last]), "state/radii": np.full(5, 0.5)})
+        positions = {
+            "snapshots/positions": np.arange(20.0).reshape(2, 5, 2),
+            "snapshots/cell": np.tile(9 * np.eye(2), (2, 1, 1)),
+        }
+        one |= positions
+        some = Rows(one)
+        some.stored = some.__getitem__
+        some.attributes = facts(**({"walls": walls} if walls else {})).attributes
+        items.append(some)
+    said = PICTURES["snapshot"].draw(SimpleNamespace(out="x.png"), items)
+    assert said == "contacts of 2 disks at strain 0.75, 5 disks at strain 1.25"
+    for (_, disks), one, walls in zip(drawn, items, (3, None), strict=True):
+        assert disks.record.get("walls") == walls and disks.potential.k == 2.0
+        np.testing.assert_allclose(disks.positions % 9, one["snapshots/positions"][1] % 9)
+    assert [title for title, _ in drawn] == ["RD between walls", "RD"]

@@ -1,6 +1,8 @@
 """Pictures of which packings jam: shares with their errors, densities, and samples of one kind put together."""
 
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +13,8 @@ from jampetsc import cli
 from jampetsc.analysis.averages import mean_of_runs
 from jampetsc.analysis.jamming import correlated_share, density, independent_share, memory
 from jampetsc.errors import InputError
-from jampetsc.plots.jamming import plot_fraction, plot_jamming_densities, plot_pressures, samples_of
+from jampetsc.plots import jamming
+from jampetsc.plots.jamming import Samples, plot_fraction, plot_jamming_densities, plot_pressures, samples_of
 from jampetsc.plots.slowly import last_minimum, plot_slow_shear
 from jampetsc.storage.reader import load
 from jampetsc.storage.result_file import ResultWriter
@@ -267,3 +270,103 @@ def test_samples_that_are_all_alike_have_a_density():
 @pytest.mark.parametrize(("count", "bins"), [(16, 5), (36, 6), (35, 5), (899, 29), (1000, 30)])
 def test_as_many_bins_as_the_root_of_samples(count, bins):
     assert len(density(np.linspace(0.0, 1.0, count))[1]) == bins
+
+
+def samples(kind, count=12, phi_J=0.84, phis=(0.84,)):
+    one = Samples(kind)
+    for phi in phis:
+        one.runs[phi] = [(np.ones(1), np.array([1e-3 * (n + 1)])) for n in range(count)]
+        one.jamming[phi] = phi_J + 1e-3 * np.arange(count) ** 2
+    return one
+
+
+def test_means_of_phi_J_are_dotted(monkeypatch):
+    kinds = (("compress", 64, "", ""), ("compress", 256, "", ""))
+    monkeypatch.setattr(
+        jamming, "samples_of", lambda results: [samples(kinds[0]), samples(kinds[1], 20, 0.8)]
+    )
+    ax = figure_of(plot_jamming_densities, []).axes[0]
+    means = [x[0] for x, _, dash, _ in lines(ax, 2) if dash == ":"]
+    np.testing.assert_allclose(
+        means, [0.84 + 1e-3 * np.mean(np.arange(12) ** 2), 0.8 + 1e-3 * np.mean(np.arange(20) ** 2)]
+    )
+    for (x, y, _, up), one in zip(bars(ax), (samples(kinds[0]), samples(kinds[1], 20, 0.8)), strict=True):
+        edges, height, error = density(one.jamming[0.84])
+        np.testing.assert_allclose((x, y, up), (0.5 * (edges[1:] + edges[:-1]), height, error))
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["$N=64$", "$N=256$"]
+    both = samples(kinds[0], phis=(0.83, 0.84))
+    monkeypatch.setattr(jamming, "samples_of", lambda results: [both])
+    told = [
+        text.get_text() for text in figure_of(plot_jamming_densities, []).axes[0].get_legend().get_texts()
+    ]
+    assert told == [rf"$N=64$, cooled at $\phi={phi}$" for phi in (0.83, 0.84)]
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_every_kind_has_a_panel_of_its_own(monkeypatch, count):
+    monkeypatch.setattr(jamming, "flow_units", lambda results: SimpleNamespace(k=1.0, label=lambda *_: "p"))
+    monkeypatch.setattr(
+        jamming, "samples_of", lambda results: [samples(("random", 16 * 4**n, "", "")) for n in range(count)]
+    )
+    fig = figure_of(plot_pressures, [])
+    shown = [ax for ax in fig.axes if ax.axison]
+    assert len(shown) == count and len(fig.axes) == (1, 2, 4)[count - 1]
+    assert [ax.get_title() for ax in shown] == [f"$N={16 * 4**n}$" for n in range(count)]
+    assert [ax.get_title(loc="left") for ax in shown] == (
+        [""] if count == 1 else ["(a)", "(b)", "(c)"][:count]
+    )
+    assert fig.get_figwidth() == (3.4 if count == 1 else 7.0)
+
+
+def slow_shear(jammed, plastic=None, name="s.h5", **more):
+    """A shear file of so many states."""
+    jammed = np.array(jammed, float)
+    one = Rows(
+        jammed=jammed, strain=0.1 * np.arange(1, len(jammed) + 1), energy=np.where(jammed == 1, 1e-4, 1e-20)
+    )
+    one |= {
+        key: jammed * scale
+        for key, scale in (("shear_stress", 1e-3), ("pressure", 2e-3), ("coordination", 4.0))
+    }
+    file = Rows(one) if plastic is None else Rows(one, plastic=np.array(plastic, float))
+    facts = {"discard": 0.25, "energy_cut": 1e-16, "particle_count": 10, "k": 2.0, "stiffness": "constant"}
+    means = {f"{key}_mean": one[key].mean() for key in ("shear_stress", "pressure", "coordination")}
+    file.path, file.attributes = Path(name), facts | means | more
+    return file
+
+
+class Rows(dict):
+    """What a file holds."""
+
+
+def test_states_that_jam_are_lines_others_dots_and_single_ones_dashes():
+    file = slow_shear([1, 1, 0, 1, 0, 0, 1, 1])
+    fig = figure_of(plot_slow_shear, [file])
+    strain = file["strain"]
+    for ax, (name, unit) in zip(
+        fig.axes,
+        (("energy", 20.0), ("shear_stress", 2.0), ("pressure", 2.0), ("coordination", 1.0)),
+        strict=True,
+    ):
+        line, loose, single = ax.get_lines()[:3]
+        values = file[name] / unit
+        np.testing.assert_allclose(line.get_ydata(), np.where(file["jammed"] == 1, values, np.nan))
+        np.testing.assert_allclose(loose.get_data(), [strain[[2, 4, 5]], values[[2, 4, 5]]])
+        np.testing.assert_allclose(single.get_data(), [strain[[3]], values[[3]]])
+        assert single.get_marker() == "_" and loose.get_marker() == "."
+    cut = [y[0] for x, y, dash, _ in lines(fig.axes[0], 2) if dash == ":"]
+    assert cut == [1e-16] and fig.axes[0].get_yscale() == "log"
+    told = [text.get_text() for text in fig.axes[0].get_legend().get_texts()]
+    assert told == ["jammed", "not jammed", "means"]
+
+
+def test_where_all_is_jammed_no_cut_is_drawn_and_plastic_events_are_marked():
+    fig = figure_of(plot_slow_shear, [slow_shear(np.ones(6), [0, 1, 0, 0, 1, 0])])
+    told = [text.get_text() for text in fig.axes[0].get_legend().get_texts()]
+    assert told == ["jammed", "plastic events, in (b)", "means"]
+    assert not [1 for _, _, dash, _ in lines(fig.axes[0], 2) if dash == ":"]
+    marks = [line for line in fig.axes[1].get_lines() if line.get_marker() == "|"]
+    np.testing.assert_allclose(marks[0].get_xdata(), [0.2, 0.5])
+    assert (np.asarray(marks[0].get_ydata()) == 0.02).all()  # of the height of the panel
+    quiet = figure_of(plot_slow_shear, [slow_shear(np.ones(6), np.zeros(6))])
+    assert [text.get_text() for text in quiet.axes[0].get_legend().get_texts()] == ["jammed", "means"]

@@ -1,11 +1,12 @@
 """Where pictures end: how many fit, which files agree, which numbers belong to them, and what is refused."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from drawn import figure_of, lines
+from drawn import bands, figure_of, lines
 from matplotlib.transforms import Bbox
 from samples import published
 from test_flow_plots import facts
@@ -18,10 +19,11 @@ from jampetsc.plots.correlation import CorrelationCurve, plot_comparison, plot_l
 from jampetsc.plots.curves import Curve, curve_of
 from jampetsc.plots.floppy import pressures_of
 from jampetsc.plots.flowcurves import plot_flow_curves
-from jampetsc.plots.moduli import plot_collapse, plot_moduli
-from jampetsc.plots.style import LOSS
+from jampetsc.plots.moduli import BOTH, plot_collapse, plot_moduli
+from jampetsc.plots.style import LOSS, STORAGE
 from jampetsc.plots.units import units_of
 from jampetsc.speed_accuracy.table import Row
+from jampetsc.words import pictures, response_pictures
 
 OMEGA = np.array([1e-2, 1e-1, 1.0])
 
@@ -342,3 +344,182 @@ def test_frequencies_that_get_a_marker():
     rows = [moduli._marker_rows(many, number) for number in (0, 1)]
     assert [len(one) for one in rows] == [8, 8] and not set(rows[0]) & set(rows[1])
     assert np.ptp(np.diff(rows[0])) <= 1 and rows[0][0] == pytest.approx(10, abs=1)
+
+
+def test_many_pressures_are_told_by_a_bar(monkeypatch):
+    """Up to seven in the legend, eight by the colours of a bar from the lowest to the highest."""
+    for count, barred in ((7, False), (8, True)):
+        curves = [curve(f"{n}.h5", pressure=10.0 ** (-1 - n)) for n in range(count)]
+        fig = figure_of(plot_moduli, curves)
+        assert len(fig.axes) == 1 + barred
+        told = [text.get_text() for text in fig.axes[0].get_legend().get_texts()]
+        assert told == ([] if barred else [f"$10^{{{n - count}}}$" for n in range(count)]) + [STORAGE, LOSS]
+        assert fig.axes[0].get_legend().get_title().get_text() == ("" if barred else "$p/k$")
+        if barred:
+            assert (
+                fig.axes[1].get_ylim() == pytest.approx((1e-8, 1e-1)) and fig.axes[1].get_ylabel() == "$p/k$"
+            )
+    laws = [curve(f"{n}.h5", law="contact", beta=float(n)) for n in range(8)]
+    fig = figure_of(plot_moduli, laws)
+    assert len(fig.axes) == 1 and len(fig.axes[0].get_legend().get_texts()) == 10
+
+
+def test_negative_moduli_are_counted_where_they_would_be_drawn():
+    some = [
+        curve("a.h5", G=G + 1j * OMEGA)
+        for G in (np.array([-1.0, 1.0, 1.0]), np.zeros(3) + 1.0, np.array([0.0, 1.0, 1.0]))
+    ]
+    (ax,) = figure_of(plot_moduli, some).axes
+    assert [text.get_text() for text in ax.texts if "not shown" in text.get_text()] == [
+        f"{STORAGE} < 0 (not shown) in 2 of 3 sweeps"
+    ]
+    (ax,) = figure_of(plot_moduli, some, parts=(LOSS,)).axes
+    assert not [text for text in ax.texts if "not shown" in text.get_text()]
+    below = [curve(G=-OMEGA - 1j * OMEGA)]
+    for parts, words in ((BOTH, "neither G' nor G'' is positive"), ((LOSS,), "no modulus is positive")):
+        with pytest.raises(InputError, match=f"a.h5: {words} anywhere"):
+            plot_moduli(below, "x.png", parts=parts)
+
+
+def test_a_collapse_is_guided_by_the_ratio_of_its_exponents():
+    """Critical at the lowest pressure, viscous at the highest: G*/p^μ ∝ x^(μ/λ)."""
+    omega = np.geomspace(1e-6, 1.0, 61)
+    low, high = (
+        curve(omega=omega, G=(1 + 1j) * omega**0.25, pressure=1e-6),
+        curve(omega=omega, G=1 + 1j * omega, pressure=1e-1),
+    )
+    (ax,) = figure_of(plot_collapse, [high, low], mu=0.5, lam=2.0).axes
+    assert [text.get_text() for text in ax.texts] == ["$x^{1/4}$", "$x$"]
+    assert ax.get_xlabel() == r"$\omega\tau_1\,/\,(p/k)^{2}$" and "(p/k)^{1/2}" in ax.get_ylabel()
+    (ax,) = figure_of(plot_moduli, [high, low]).axes
+    assert [text.get_text() for text in ax.texts] == [r"$\omega$"]  # ¼ is not ½
+
+
+def test_bands_of_a_collapse_are_scaled_as_its_values():
+    one = replace(curve(pressure=1e-2), bounds=np.array([[0.1, 0.2, 0.3], [1e-3, 2e-3, 3e-3]]))
+    (ax,) = figure_of(plot_collapse, [one], band="what they are").axes
+    for (_, low, high), part, bound in zip(bands(ax), (one.G.real, one.G.imag), one.bounds, strict=True):
+        np.testing.assert_allclose((low, high), [(part - bound) / 0.1, (part + bound) / 0.1])
+    assert [text.get_text() for text in ax.get_legend().get_texts()][-1] == "what they are"
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "labelled", "between"),
+    [
+        (-3.0, 0.0, [-3, -2, -1, 0], True),
+        (-7.0, 0.0, [-6, -4, -2, 0], False),
+        (-6.0, 0.0, range(-6, 1), True),
+        (-13.9, 0.1, [-12, -10, -8, -6, -4, -2, 0], False),
+    ],
+)
+def test_at_most_seven_powers_of_ten_are_labelled(low, high, labelled, between):
+    with style.figure(3, 3) as fig:
+        ax = fig.add_subplot(xscale="log")
+        logaxes.set_ticks(ax.xaxis, low, high)
+        np.testing.assert_allclose(np.log10(ax.xaxis.get_major_locator().locs), list(labelled), atol=1e-9)
+        minor = np.log10(ax.xaxis.get_minor_locator().locs)
+        assert bool((np.abs(minor - np.round(minor)) > 0.1).any()) == between
+
+
+def test_limits_leave_a_margin_and_guides_stay_in_sight():
+    x = np.array([1e-4, 1.0])
+    with style.figure(3, 3) as fig:
+        ax = fig.add_subplot()
+        logaxes.set_log_axes(ax, [(x, 1e-2 * x), (np.array([1e-3, 10.0]), np.array([1.0, 1.0]))])
+        np.testing.assert_allclose(np.log10(ax.get_xlim()), [-4 - 0.2, 1 + 0.2])
+        np.testing.assert_allclose(np.log10(ax.get_ylim()), [-6 - 0.24, 0.24])
+        logaxes.set_log_axes(ax, [(x[:1], x[:1])])
+        np.testing.assert_allclose(np.log10(ax.get_xlim()), [-4.1, -3.9])
+
+
+def test_a_legend_does_not_mind_lines_without_points():
+    with style.figure(3, 3, layout="constrained") as fig:
+        ax = fig.add_subplot()
+        x = np.geomspace(1e-3, 1.0, 9)
+        (line,) = ax.plot(x, x, label="x")
+        logaxes.set_log_axes(ax, [(x, x)])
+        ax.plot([], [])
+        assert (
+            logaxes.place_legend(fig, ax, "title", [line], [(x, x), (x[:0], x[:0])])._loc == 4
+        )  # lower right
+
+
+@pytest.mark.parametrize("floor", [1e-12, 1e-4])
+def test_errors_of_a_trade_end_where_the_reference_does(floor):
+    """Rows without a time or an error are left out; what is smaller than the reference's bound is drawn at it."""
+    rows = [
+        run("--accuracy 0.01", 1e-2, 1.0), run("--accuracy 1e-06", 1e-6, 4.0), run("direct", 1e-3, 2.0, "method"),
+        run("direct, a.opts", 1e-3, 0.0, "method"), run("direct, b.opts", np.nan, 2.0, "method"),
+        run("", 1.0, 1.0, "reference"),
+    ]  # fmt: skip
+    ax = figure_of(trade.plot_trade, rows, floor).axes[0]
+    points = sorted((x[0], y[0]) for x, y, *_ in lines(ax, 1))
+    errors = {1.0: 1e-2, 4.0: 1e-6, 2.0: 1e-3}
+    np.testing.assert_allclose(
+        points, sorted((t, max(e, floor)) for t, one in errors.items() for e in (one, 0.5 * one))
+    )
+    joined = [(x, y) for x, y, *_ in lines(ax, 2) if x[0] != x[1] and not np.isclose(y[0], y[1])]
+    np.testing.assert_allclose(joined, [([1.0, 4.0], [1e-2, max(1e-6, floor)])])
+    told = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert ("errors below are not resolved" in told) == (
+        floor > 1e-6
+    ) and "rational sweep, by --accuracy" in told
+    assert told[1] == "one frequency after another" and len(told) == 4 + (floor > 1e-6)
+
+
+def test_nothing_to_trade_is_an_empty_picture():
+    ax = figure_of(trade.plot_trade, [run("direct", np.nan, 1.0, "method")], 1e-9).axes[0]
+    assert not ax.get_lines() and len(ax.get_legend().get_texts()) == 2
+
+
+def test_studies_with_packings_unstable_to_shear_say_in_how_many(monkeypatch):
+    """G' < 0 at some frequency is enough."""
+    some = [
+        curve(f"{n}.h5", G=np.array([a, 1.0, 1.0]) + 1j, packing_sha256=str(n))
+        for n, a in enumerate((-1.0, 1.0, -2.0, 0.0))
+    ]
+    (mean,), band, words = response_pictures._averaged(SimpleNamespace(average=True), some)
+    assert mean.G[0] == pytest.approx(-0.5 + 1j) and band == "mean ± standard error"
+    assert words.endswith("; G' < 0 somewhere in 2 of them, which count like the others")
+    assert response_pictures._averaged(SimpleNamespace(average=False), some) == (some, "", "")
+    *_, words = response_pictures._averaged(SimpleNamespace(average=True), some[1:2])
+    assert words == ", arithmetic means over packings with bootstrap errors"
+
+
+@pytest.mark.parametrize(
+    ("kind", "held", "count", "message"),
+    [
+        (["moduli"], "sweep", 3, None),
+        (["fields"], "sweep", 1, None),
+        (["fields"], "sweep", 2, "2 sweep files: fields pictures show one; plot them one by one"),
+        (["spectrum"], "modes", 1, "a.h5: is a modes file: spectrum pictures need spectra or sweeps"),
+        (["packing"], "sweep", 1, "a.h5: is a sweep file: packing pictures need a packing"),
+        (
+            ["lanes"],
+            "jam",
+            1,
+            "a.h5: is a jam file: lanes pictures need velocity-correlation files or flow files",
+        ),
+    ],
+)
+def test_a_kind_shows_some_files(kind, held, count, message):
+    if message is None:
+        assert pictures.choose(kind, held, ["a.h5"] * count) == kind[0]
+    else:
+        with pytest.raises(InputError, match=message):
+            pictures.choose(kind, held, ["a.h5"] * count)
+
+
+@pytest.mark.parametrize(
+    ("rows", "kind", "fit"),
+    [
+        (0, "moduli", False),
+        (1, "moduli", True),
+        (5, "moduli", True),
+        (0, "fields", False),
+        (1, "fields", True),
+        (2, "fields", False),
+    ],
+)
+def test_so_many_files_of_a_study_fit(rows, kind, fit):
+    assert pictures.fits(SimpleNamespace(rows=rows), kind) == fit

@@ -34,7 +34,7 @@ def set_log_axes(ax, lines) -> None:
 
 def set_ticks(axis, low, high):
     """Ticks from 10^low to 10^high: labels at powers of ten, if these are few also between them."""
-    floors = np.arange(np.floor(low), np.ceil(high))
+    floors = np.arange(np.floor(low), np.floor(high) + 1)
     decades = np.arange(np.ceil(low), np.floor(high) + 1)
     between = np.concatenate([np.log10(np.arange(1, 10)) + d for d in floors])
     step = int(np.ceil(len(decades) / _TICKS))
@@ -46,8 +46,6 @@ def set_ticks(axis, low, high):
             labelled = np.log10(even[(even >= 10.0**low) & (even <= 10.0**high)])
     else:
         labelled = decades[np.mod(decades, step) == 0]
-    if len(labelled) < 2:
-        return  # matplotlib's own ticks label any digit
     axis.set_major_locator(FixedLocator(10.0**labelled))
     axis.set_minor_locator(FixedLocator(10.0 ** (between if step == 1 else decades)))
     if high - low < _SHORT_AXIS:
