@@ -5,6 +5,7 @@ import dataclasses
 import functools
 import json
 import os
+import re
 import shlex
 import shutil
 import subprocess
@@ -147,8 +148,14 @@ def test_on_several_machines_rank_0_keeps_the_books(session, shared_path, monkey
     assert made and "rank-0000" not in made
 
 
+def told(capsys):
+    """What a study said of its tasks on this rank: [(count, the rest of the line)]."""
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("[")]
+    return [tuple(line[1:].split("] ", 1)) for line in lines]
+
+
 @pytest.mark.scalar("real")
-def test_a_task_that_fails_is_a_row_and_the_others_go_on(session, shared_path):
+def test_a_task_that_fails_is_a_row_and_the_others_go_on(session, shared_path, capsys):
     text = "[pack]\nn = 24\nphi = [0.8, 0.95]\n[quasistatic]\n[modes]\ncount = [2, 1000]\n"
     table = study(shared_path / "study", text, status=3)
     found = dict(
@@ -161,6 +168,11 @@ def test_a_task_that_fails_is_a_row_and_the_others_go_on(session, shared_path):
     assert "failed: pack-n24-phi0.8" in states["quasistatic", 0.8, None]
     assert "1000 modes: K has" in states["modes", 0.95, 1000]
     assert str(shared_path) not in "".join(reasons.values())
+    if session.size == 1:
+        said = told(capsys)
+        assert [count for count, _ in said] == [f"{n}/8" for n in range(1, 9)]
+        failed = [int((re.findall(r"; (\d+) failed\b", line) or [0])[-1]) for _, line in said]
+        assert failed == sorted(failed) and failed[-1] == 5 and "left" not in said[-1][1]
     # what is asked for no more fails no more; what was done stays as it is
     before = {path.name: path.stat().st_mtime_ns for path in (shared_path / "study").glob("*.h5")}
     session.comm.Barrier()
@@ -265,7 +277,8 @@ def test_a_board_gives_each_task_to_one_rank_and_knows_what_became_of_all(sessio
     while (number := board.take()) < 5:
         taken.append(number)
         finished, failed = board.settle(number, BROKEN if number == 2 else DONE)
-        assert 1 <= finished <= 5 and failed <= 1
+        assert 1 <= finished <= 5 and (number == 2) <= failed <= 1
+        assert session.size > 1 or (finished, failed) == (len(taken), int(2 in taken))
         assert board.settled(number) == (BROKEN if number == 2 else DONE)
     calls = []
     board.wait_for(5, lambda: calls.append(1))
@@ -293,7 +306,7 @@ def test_what_fits_on_a_machine_is_shared_by_its_ranks(session, monkeypatch):
 
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(2)
-def test_what_reads_a_large_task_that_failed_fails_too(session, shared_path, monkeypatch):
+def test_what_reads_a_large_task_that_failed_fails_too(session, shared_path, monkeypatch, capsys):
     only_on("several")
     read = study_tasks.numbers_of
 
@@ -309,6 +322,11 @@ def test_what_reads_a_large_task_that_failed_fails_too(session, shared_path, mon
     states = dict(zip(table["command"], table["state"], strict=True))
     assert states["sweep"] == "failed: lost" and states["pack"] == "done"
     assert states["spectrum"].startswith("failed: sweep-n16-") and states["spectrum"].endswith(".h5 failed")
+    lines = session.comm.allgather(told(capsys))
+    said = sorted(line for some in lines for line in some)
+    assert [count for count, _ in said] == ["1/3", "2/3", "3/3"]
+    assert said[1][1].endswith(": lost; 1 failed") and said[2][1].endswith("2 failed")
+    assert said[1] in lines[0]  # of what all do together one tells
 
 
 # Killed

@@ -467,6 +467,10 @@ def test_numbers_of_jammed_samples_leave_out_what_is_not_known(tmp_path):
 # One study in a folder
 
 
+def test_a_lock_lives_through_touches_that_are_late():
+    assert 4 * locks.BEAT <= locks.LOST <= 600.0
+
+
 def test_a_lock_tells_who_has_it_while_it_is_held(tmp_path):
     (tmp_path / "lock").write_text("a longer line of an earlier study that has ended on this machine\n")
     (tmp_path / "lock").write_text(f"{socket.gethostname()} 1234567890123\n")

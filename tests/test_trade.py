@@ -677,6 +677,14 @@ def test_the_ends_of_the_rules_of_advice(line, runs, taken):
     assert f": run of {taken} s, {taken:.2f} s, error at most " in advise([ROWS[0], *runs])[line]
 
 
+@pytest.mark.parametrize("group", ["accuracy", "method", "physics", "frequencies", "ensemble"])
+def test_only_other_ways_to_the_same_numbers_are_recommended(group):
+    fast = replace(run(0.1, 1e-4), group=group, choice="fast")
+    taken = [line.rpartition(": ")[2].split(",")[0] for line in advise([ROWS[0], fast, run(3.0, 1e-3)])
+             if line.startswith("for ")]  # fmt: skip
+    assert taken == ["fast" if group in ("accuracy", "method") else "run of 3.0 s"] * 3
+
+
 def test_no_advice_promises_more_than_the_reference_resolves():
     lines = advise([ROWS[0], run(1.0, 1e-15)])
     assert [line.rpartition(", ")[2] for line in lines[1:]] == ["error at most 1e-12"] * 3
