@@ -181,6 +181,12 @@ def test_a_law_survives_as_options(physics):
 def test_simpler_physics_of_each_law():
     names = [name for name, _ in choices.simpler(Physics(damping_law(rotations=False), prestress=False))]
     assert names == ["with rotations", "with pre-stress", "Stokes drag, eta_f = 0"]
+    names = [name for name, _ in choices.simpler(Physics(damping_law(beta=0.0)))]
+    assert names == ["without pre-stress", "Stokes drag, eta_f = 0"]  # whose disks may roll as they like
+    for prestress in (True, False):
+        others = dict(choices.simpler(Physics(damping_law(tau1=3.0), prestress=prestress)))
+        others.pop("without pre-stress" if prestress else "with pre-stress")
+        assert {(other.prestress, other.law.tau1) for other in others.values()} == {(prestress, 3.0)}
     others = dict(choices.simpler(Physics(damping_law("stokes", tau1=2.0))))
     assert others["contact damping, beta = 1"] == Physics(damping_law(tau1=2.0))
     assert others["without pre-stress"] == Physics(damping_law("stokes", tau1=2.0), prestress=False)
