@@ -146,6 +146,15 @@ def test_flows_and_studies_are_functions_too(session, shared_path):
     session.comm.Barrier()
 
 
+@pytest.mark.parametrize("name", functions.FUNCTIONS)
+def test_every_function_runs_its_own_command(monkeypatch, name):
+    calls = []
+    monkeypatch.setattr(functions, "run", lambda *words, **options: calls.append((words, options)))
+    inputs = () if name in ("pack", "jam") else ("a.h5",)
+    getattr(jampetsc, name)(*inputs, out="o.h5", n=3)
+    assert calls == [((name, *inputs), {"out": "o.h5", "n": 3})]
+
+
 def test_every_function_has_a_name_in_the_package():
     from jampetsc import functions
 

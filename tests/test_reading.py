@@ -1,9 +1,12 @@
 """Reading files: regular ones, in the end what there was when nobody replaced them, and no more than they hold."""
 
+import ast
+import contextlib
 import errno
 import hashlib
 import io
 import os
+import resource
 import signal
 import stat
 import sys
@@ -397,6 +400,46 @@ def test_limits_of_a_trial_grow_with_the_file(tmp_path, child):
             trial.failure_of(file)
         told = (tmp_path / "told").read_text().splitlines()[-1]
         assert told == f"-m jampetsc.storage.trial {seconds} {(4 << 30) + 2 * size}"
+
+
+def tried(path, seconds, memory):
+    """(exit status, limits) of a child that has this file as its standard input, forked here to be fast."""
+    read, write = os.pipe()
+    child = os.fork()
+    if child == 0:
+        with contextlib.suppress(BaseException):
+            os.dup2(os.open(path, os.O_RDONLY), 0)
+            status = trial._child(seconds, memory)
+            limits = [
+                resource.getrlimit(getattr(resource, f"RLIMIT_{name}")) for name in ("CPU", "AS", "CORE")
+            ]
+            os.write(write, repr((status, limits)).encode())
+        os._exit(0)
+    os.close(write)
+    os.waitpid(child, 0)
+    with os.fdopen(read) as told:
+        return ast.literal_eval(told.read())
+
+
+def test_a_trial_has_its_limits(tmp_path):
+    """Of the processor's time one that can be told, and a later one that cannot be passed; no core is dumped."""
+    path = tmp_path / "x.h5"
+    with h5py.File(path, "w") as h5:
+        h5["x"] = np.arange(3)
+    assert tried(path, 7, 1 << 40) == (0, [(7, 12), (1 << 40, 1 << 40), (0, 0)])
+    path.write_bytes(b"no HDF5 at all")
+    assert tried(path, 7, 1 << 40)[0] == 0  # the reader will say so
+
+
+def test_a_trial_that_lacks_memory_says_so(tmp_path, monkeypatch):
+    path = tmp_path / "x.h5"
+    with h5py.File(path, "w", libver="v110") as h5:
+        h5.create_dataset("x", (1 << 24,), float)
+    os.truncate(path, 1 << 28)  # which could hold it
+    monkeypatch.setattr(trial, "_PIECE", 1 << 30)
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    in_use = pages * os.sysconf("SC_PAGE_SIZE")
+    assert tried(path, 60, in_use + (1 << 25))[0] == 42
 
 
 def test_a_trial_reads_every_row(tmp_path, monkeypatch):

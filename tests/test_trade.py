@@ -1,11 +1,13 @@
 """The trade: real runs at N = 64, what is made of them, and the advice that follows from rows."""
 
 import csv
+import hashlib
 import os
 import subprocess
 import sys
 from argparse import ArgumentParser
 from dataclasses import replace
+from pathlib import Path
 
 import launch
 import numpy as np
@@ -13,13 +15,13 @@ import pytest
 from drawn import figure_of, lines
 from matplotlib.image import imread
 
-from jampetsc import cli
+from jampetsc import cli, launcher
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import Physics, damping_law
 from jampetsc.errors import ConvergenceError, InputError, JampetscError
 from jampetsc.plots.trade import plot_trade
 from jampetsc.progress import Progress
-from jampetsc.speed_accuracy import choices, ensembles, processes
+from jampetsc.speed_accuracy import choices, ensembles, measure, processes
 from jampetsc.speed_accuracy.advice import advise
 from jampetsc.speed_accuracy.compare import CRITICAL_START, Reference, log_interpolate
 from jampetsc.speed_accuracy.table import MEANINGS, Row, Table
@@ -525,6 +527,79 @@ def test_the_scatter_of_moduli_is_that_in_the_window():
     curves = np.array([reference.G, reference.G])
     curves[0, 0], curves[1, 0] = 1.0, -1.0 + 1e-9
     assert ensembles._statistics(reference, curves)["stderr_storage"] < 1e-12
+
+
+# The whole of it
+
+
+def request(packing, **changes):
+    fields = {"physics": Physics(damping_law()), "omega": "1e-8:10:91", "ranks": None, "groups": [],
+              "ensemble": True, "options_files": None}  # fmt: skip
+    return measure.Request(str(packing), **fields | changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"omega": "1:2"}, "--omega 1:2"),
+        ({"omega": "-1"}, "--omega -1"),
+        ({"ranks": 3}, "--ranks 3: neither mpirun nor mpiexec is in PATH"),
+        ({"options_files": ["t.csv"]}, "t.csv: is the input"),
+        ({"options_files": ["t.png"]}, "t.png: is the input"),
+        ({"packing": "none.h5"}, "none.h5: no such file"),
+        ({"packing": "t.csv"}, "t.csv: is the input"),
+    ],
+)
+def test_what_can_be_known_to_be_wrong_is_said_before_anything_runs(tmp_path, monkeypatch, changes, message):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with_record("p.h5", 16)
+    (tmp_path / "t.csv").write_text("1,2\n")
+    (tmp_path / "t.png").write_bytes(b"\x89PNG\r\n")
+    good = request("p.h5")
+    measure._check(good, "t.csv", Path("t.png"))
+    with pytest.raises(InputError, match=message):
+        measure._check(replace(good, **changes), "t.csv", Path("t.png"))
+    for name, held in (("t.csv", "table"), ("t.png", "picture")):  # not what was there, but something else
+        (tmp_path / name).write_bytes(b"x\0")
+        with pytest.raises(InputError, match=rf"{name}: is there already and .*, not a {held}"):
+            measure._check(good, "t.csv", Path("t.png"))
+        (tmp_path / name).unlink()
+    monkeypatch.setattr(launcher, "several", lambda: True)
+    with pytest.raises(InputError, match="run it without mpirun and give --ranks"):
+        measure._check(good, "t.csv", Path("t.png"))
+
+
+def test_a_trade_tells_what_was_measured_on_what_and_what_was_left_out(tmp_path, monkeypatch):
+    packing, drawn = with_record(tmp_path / "p.h5", 64), []
+    curve = spent(Curve(WIDE))
+    curve.attributes["petsc_version"] = "3.99"
+    monkeypatch.setattr(choices.Bench, "sweep", lambda *_: (processes.Outcome(0, 1.5, 100.0, ""), curve))
+    monkeypatch.setattr("jampetsc.plots.trade.plot_trade", lambda *words: drawn.append(words))
+    text = measure.measure(request(packing, ranks=None), tmp_path / "t.csv")
+    table = (tmp_path / "t.csv").read_text()
+    digest = hashlib.sha256(packing.read_bytes()).hexdigest()
+    for line in (
+        f"packing: p.h5, N = 64, p = 1e-06, sha256 {digest}",
+        "law: contact damping, beta = 1, tau1 = 1; frequencies 1e-8:10:91",
+        "reference: certified to 1.4e-06; errors below that are not resolved",
+        "critical window: omega = 1e-05 to 0.1",
+        f"ensemble: left out, the radii of {packing} cannot be drawn anew by `jampetsc pack`",
+    ):
+        assert f"# {line}\n" in table and line in text.splitlines()
+    assert "runs: one process each; " in table and "PETSc 3.99; 2" in table
+    assert text.endswith(f"{tmp_path}/t.csv, {tmp_path}/t.png")
+    assert "for a first look" in text and [row.group for row in drawn[0][0]] == ["reference"]
+    assert drawn[0][1:] == (pytest.approx(2**0.5 * 1e-6), tmp_path / "t.png")
+    curve.omega, curve.G = curve.omega[:9], curve.G[:9]
+    table = measure.measure(
+        request(packing, omega="1,2", groups=["frequencies"], ranks=2), tmp_path / "t.csv"
+    )
+    assert (
+        "runs: mpirun -n 2; " in table
+        and "critical window, 10 p/k" in table
+        and "left out, it needs" in table
+    )
 
 
 # What is made of them
