@@ -5,12 +5,14 @@ import pytest
 import sheared
 from sheared import ROWS, crowd
 
+from jampetsc.contacts.laws import Law
 from jampetsc.contacts.pairs import deformed
 from jampetsc.contacts.state import find_contacts
 from jampetsc.flows.models import Model, Scheme
 from jampetsc.flows.shearing import Shear
 from jampetsc.flows.steps import TALLY
 
+LAWS = ROWS | {"across": (Law("across", normal=0.3, transverse=1.0), 0.0)}
 SHEARED = 5e-3  # strain of a step
 
 
@@ -114,7 +116,9 @@ class Numpy:
         ("CD0", "euler", 3, 0.1),
         ("CD0", "heun", 0, 0.1),
         ("unequal", "heun", 3, 0.1),
+        ("across", "euler", 0, 0.1),
         ("CD", "backward Euler", 0, 0.1),
+        ("CD", "backward Euler", 3, 0.1),
         ("both", "backward Euler", 3, 0.1),
         ("both", "verlet", 3, 0.1),
         ("rolling", "verlet", 0, 0.02),
@@ -123,7 +127,7 @@ class Numpy:
 )
 def test_steps_are_those_of_their_equations(name, method, held, step):
     """Over lists that are made anew, and near pairs that are chosen anew."""
-    law, mass = ROWS[name]
+    law, mass = LAWS[name]
     disks, model = crowd(10, phi=0.9), Model(law, mass)
     run = Shear(disks, model, SHEARED / step, Scheme(step, method, 1e-13), held=held)
     plain = Numpy(run.reference, model, step, method, held)
@@ -143,6 +147,8 @@ def test_steps_are_those_of_their_equations(name, method, held, step):
     ):
         np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-10)
     seen = dict(zip(TALLY, run.seen, strict=True))
-    assert (seen.pop("iterations") > 0) == (method == "backward Euler" or name in ("CD0", "unequal"))
+    assert (seen.pop("iterations") > 0) == (
+        method == "backward Euler" or name in ("CD0", "unequal", "across")
+    )
     for name, value in seen.items():
         assert value == pytest.approx(plain.seen[name], rel=1e-9, abs=1e-11), name

@@ -14,7 +14,7 @@ from jampetsc.contacts.threads import Team
 from jampetsc.packing import newton, protocols
 from jampetsc.packing.descent import Descent, Goal
 from jampetsc.packing.hessian import Bonds, Pattern, border
-from jampetsc.packing.minimise import Effort
+from jampetsc.packing.minimise import Effort, relax, settle
 from jampetsc.packing.sizes import radii_of
 from jampetsc.solvers.local import NewtonSolver
 
@@ -101,6 +101,95 @@ def test_hessian_and_border_are_derivatives_of_the_forces(law):
             exact = np.concatenate((mixed[..., column - 2 * n].ravel(), corner[column - 2 * n]))
         # Contacts that open or close within the step, and √δ of Hertzian ones, set the accuracy.
         assert np.abs(difference - exact).max() < 2e-4 * (1 + np.abs(exact).max())
+
+
+class Dense:
+    """What Newton's method takes for a solver, in dense numpy."""
+
+    def factorise(self, indptr, indices, values):
+        self.matrix = np.zeros((len(indptr) - 1,) * 2)
+        self.matrix[np.repeat(np.arange(len(indptr) - 1), np.diff(indptr)), indices] = values
+        self.matrix += np.triu(self.matrix, 1).T
+        return bool(np.linalg.eigvalsh(self.matrix)[0] > 0)
+
+    def solve(self, b):
+        return np.linalg.solve(self.matrix, b)
+
+
+@pytest.mark.parametrize("goal", [Goal(), Goal(0.3), Goal(0.3, True), Goal(shear=True)], ids=str)
+def test_disks_and_cell_are_solved_for_together(goal):
+    """(H + μ) x = b, μ once for every disk in the corner of the cell; definite where all of H + μ is, never else."""
+    disks, kinds = settle(crowd(n=16), 0.03), set()
+    n, pairs = disks.n, PairList.build(disks, 0.4)
+    point = newton.Point.of(Descent(disks, goal, Team()))
+    rows, corner = border(point.bonds, n, disks.area, goal.pressure or 0.0)
+    moving = [b for b, moves in enumerate((goal.pressure is not None, goal.shear)) if moves]
+    forces, drive = np.random.default_rng(1).normal(size=(n, 2)), np.array([1.3, -0.7])
+    for free in (np.ones(n, bool), np.arange(n) % 4 > 0):
+        whole, pattern = Dense(), Pattern(pairs, n)
+        whole.factorise(pattern.indptr, pattern.indices, pattern.fill(Bonds.of(pairs, disks.potential), free))
+        kept = np.append(np.repeat(free, 2), [b in moving for b in range(2)])
+        matrix = np.block([[whole.matrix, rows.reshape(-1, 2)], [rows.reshape(-1, 2).T, corner]])
+        for mu in np.geomspace(1e-3, 1.0, 12):
+            damped = matrix + mu * np.diag(np.append(np.ones(2 * n), [n, n]))
+            inner = damped[np.ix_(kept, kept)]
+            free_disks = inner[: 2 * free.sum(), : 2 * free.sum()]
+            definite, without_cell = (np.linalg.eigvalsh(part)[0] > 0 for part in (inner, free_disks))
+            linear = newton.Linear(point, Pattern(point.bonds.pairs, n), Dense(), free, mu)
+            assert linear.definite == definite
+            kinds.add((definite, without_cell))
+            if definite:
+                wanted = np.zeros(2 * n + 2)
+                wanted[kept] = np.linalg.solve(inner, np.append(forces.ravel(), drive)[kept])
+                move, strain = linear.solve(forces, drive)
+                np.testing.assert_allclose(
+                    move.ravel(), wanted[:-2], rtol=0, atol=1e-9 * np.abs(wanted).max()
+                )
+                np.testing.assert_allclose(strain, wanted[-2:], rtol=0, atol=1e-9 * np.abs(wanted).max())
+    assert {(True, True), (False, False)} <= kinds and ((False, True) in kinds) == goal.shear
+
+
+@pytest.fixture
+def damped(monkeypatch):
+    """μ of every Hessian that Newton's method factorises, in units of p."""
+    asked, make = [], newton.Newton._linear
+
+    def noted(self, point, free, mu):
+        asked.append(mu / point.pressure)
+        return make(self, point, free, mu)
+
+    monkeypatch.setattr(newton.Newton, "_linear", noted)
+    return asked
+
+
+def test_damping_goes_where_steps_are_full(damped):
+    """Threefold smaller after each; but for a floor as long as forces are not small."""
+    disks = relax(crowd(n=24), Goal(0.05), 1e-5)
+    for floor, near in ((0.0, newton.NEAR), (newton.DAMPING_LEAST, 0.0)):
+        damped.clear()
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(newton, "NEAR", near)
+            descent = Descent(disks, Goal(0.05), Team())
+            limits = newton.Limits(descent, 1e-14)
+            assert newton.Newton(descent, Dense(), Effort()).converge(limits)
+        assert newton.Point.of(descent).residual.within(limits.at(0.05)) and 3 <= len(damped) <= 8
+        wanted = np.maximum(newton.DAMPING * 0.3 ** np.arange(len(damped)), floor)
+        assert damped == pytest.approx(wanted, rel=1e-3)
+
+
+def test_damping_is_raised_until_a_hessian_is_definite(damped):
+    """Fourfold, and not from nothing; of a lattice that is no minimum."""
+    row, column = np.divmod(np.arange(16), 4)
+    disks = Disks.from_positions(0.9 * np.column_stack((column, row)), np.full(16, 0.5), 3.6 * np.eye(2))
+    descent = Descent(disks, Goal(), Team())
+    point, effort = newton.Point.of(descent), Effort()
+    linear, mu = newton.Newton(descent, Dense(), effort)._damped(point, np.ones(16, bool), 0.0)
+    assert linear.definite and effort.newton_steps == len(damped) > 2
+    wanted = np.append(0.0, newton.DAMPING_RAISED * 4.0 ** np.arange(len(damped) - 1))
+    assert damped == pytest.approx(wanted) and mu == pytest.approx(wanted[-1] * point.pressure)
+    damped.clear()
+    newton.Newton(descent, Dense(), effort)._damped(point, np.ones(16, bool), 1e-3 * point.pressure)
+    assert damped == pytest.approx(1e-3 * 4.0 ** np.arange(len(damped)))
 
 
 def test_held_disks_have_unit_rows():
