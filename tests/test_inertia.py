@@ -91,13 +91,14 @@ def test_an_eigenvalue_at_the_very_value_is_not_counted_silently(session):
     matrix.destroy()
 
 
-def test_asymmetry_is_measured(session):
+@pytest.mark.parametrize("unit", [1.0, 1e-9])
+def test_asymmetry_is_measured(session, unit):
     matrix = session.PETSc.Mat().createAIJ(6, nnz=2, comm=session.comm)
     first, last = matrix.getOwnershipRange()
     for row in range(first, last):
-        matrix.setValue(row, row, 1.0)
+        matrix.setValue(row, row, unit)
     if first == 0:
-        matrix.setValue(0, 5, 0.5)
+        matrix.setValue(0, 5, 0.5 * unit)
     matrix.assemble()
     assert asymmetry(matrix) == pytest.approx(np.sqrt(2 * 0.25 / 6.25))
     matrix.destroy()
@@ -118,6 +119,14 @@ def test_examination(session, sample):
     pairs = len(set(zip(exact.i, exact.j, strict=True)))
     assert facts.nonzeros == 9 * (exact.n + 2 * pairs)
     assert max(facts.asymmetry_K, facts.asymmetry_B) < 1e-15
+
+
+def test_both_kinds_of_K_are_counted_whichever_is_asked_for(session):
+    """Negative modes of gears are those with pre-stress, without it there are none."""
+    network = build_network(SAMPLES["gears"](), session.comm, prestress=False)
+    facts = examine(network, physics().law)
+    assert facts.with_prestress.negative > 0 == facts.without_prestress.negative
+    assert facts.pieces == facts.gears == 1 and facts.pins == 3 and facts.dofs == 3
 
 
 def test_nothing_is_symmetric(session):
@@ -154,13 +163,14 @@ def test_negative_modes_are_none_by_cholesky_or_counted(session, monkeypatch):
         require_minimum(gears)
 
 
+@pytest.mark.parametrize("unit", [4.0, 4e-9])
 @pytest.mark.parametrize("size", [0.7e-12, 1.4e-12])
-def test_what_counts_as_zero_is_1e_12_of_the_diagonal(session, size):
-    """[[1, x], [x, 1]] has 1 − x and 1 + x, here times four: x = 1 ∓ size, on either side of zero."""
+def test_what_counts_as_zero_is_1e_12_of_the_diagonal(session, size, unit):
+    """[[1, x], [x, 1]] has 1 − x and 1 + x, here times a unit: x = 1 ∓ size, on either side of zero."""
     matrix = session.PETSc.Mat().createAIJ(4, nnz=2, comm=session.comm)
     for row in range(*matrix.getOwnershipRange()):
-        matrix.setValue(row, row, 4.0)
-        matrix.setValue(row, row ^ 1, 4.0 * (1.0 - size if row < 2 else 1.0 + size))
+        matrix.setValue(row, row, unit)
+        matrix.setValue(row, row ^ 1, unit * (1.0 - size if row < 2 else 1.0 + size))
     matrix.assemble()
     matrix.setOption(session.PETSc.Mat.Option.SYMMETRIC, True)
     found = count_eigenvalues(matrix, "A")

@@ -413,6 +413,25 @@ def test_least_eigenvalue_does_not_believe_a_solver(quality):
     assert least_eigenvalue(lambda: generator.standard_normal(200), step) <= 1e-6
 
 
+@pytest.mark.parametrize("lost", [(0.0, 0.5), (0.5, 0.25), (0.0, 0.0), (0.9, 0.0)])
+def test_least_eigenvalue_is_no_more_than_residuals_allow(lost):
+    """A start with just so much of the softest part as it may have, of which each solve loses some."""
+    value, tau = 1e-6, 1e-3
+
+    def starts():
+        x, left = tau, [share * tau / value**k for k, share in enumerate(lost)]
+
+        def step(x):
+            residual = left.pop(0)
+            return (x - residual) / value, residual + 1e-30, (x - residual) / value
+
+        return x, step
+
+    x, step = starts()
+    found = least_eigenvalue(lambda: x, step, trials=1)
+    assert 0.3 * value < found <= value * (1.0 + 1e-12)
+
+
 @pytest.mark.scalar("real")
 def test_an_energy_is_exact_but_for_its_second_order_term(session):
     pencil = pencil_of(session, physics())
