@@ -232,3 +232,36 @@ def test_a_factor_that_fails_on_one_rank_fails_on_all(session, diagonal):
         preconditioner.update(1e-12 * stiffness)
     preconditioner.destroy()
     packing.destroy()
+
+
+@pytest.mark.most_ranks(2)
+@pytest.mark.parametrize("imposed", [{"stress": STRESS}, {"strain": 1e-3}])
+def test_all_ranks_together_find_what_one_finds(session, monkeypatch, imposed):
+    """Each number, also what a poor solver leaves and what a large softening changes; and with as little work."""
+    monkeypatch.setattr(steady, "TOLERANCE", 1e-4)
+
+    def found():
+        packing = Packing(0.5, 16, 8.0)
+        answer = packing.shake(OMEGA, **imposed)
+        packing.destroy()
+        return answer
+
+    together = found()
+    with session.alone():
+        alone = found()
+    for name in ("G", "harmonics", "work", "speed"):
+        np.testing.assert_allclose(getattr(together, name), getattr(alone, name), rtol=1e-4)
+    for name in ("error", "regularisation"):
+        assert getattr(together, name) == pytest.approx(getattr(alone, name), rel=0.02)
+        assert getattr(together, name) > 1e-4 * abs(alone.G)
+    assert together.balance == pytest.approx(alone.balance, abs=1e-4)
+    assert together.newton <= alone.newton + 1 and together.linear <= 1.2 * alone.linear + 5
+    scalars = (together.G, together.error, together.work, together.balance, together.speed, together.newton)
+    assert len(set(session.comm.allgather(scalars))) == 1
+
+
+@pytest.mark.most_ranks(1)
+def test_few_iterations():
+    """What the preconditioner, the start from half of the steps and Newton's own steps save."""
+    counts = [(run.newton, run.linear) for run in (shaken(1.0, 16, 0.1), shaken(0.5, 16), shaken(0.5, 64))]
+    assert np.all(np.array(counts) <= 1.25 * np.array([(4, 12), (12, 146), (12, 269)])), counts

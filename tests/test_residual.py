@@ -1,5 +1,7 @@
 """What a sweep certifies is the residual as it is, however the space was made and whichever rank computes what."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import scipy.linalg
@@ -11,6 +13,7 @@ from sweeps import Sweep, errors
 import jampetsc
 from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.assembly import assemble
+from jampetsc.response import factors
 from jampetsc.response.basis import RationalBasis, field_at
 from jampetsc.response.certificate import field_bound
 from jampetsc.response.factors import SideBySide, closest
@@ -262,6 +265,63 @@ def test_largest_rate_is_one(session, law):
     assert len(set(session.comm.allgather(top))) == 1
     if law.law.normal:
         assert top == pytest.approx(1.0 / law.law.tau1)  # harmonic, k constant: k/(kτ₁)
+    pencil.destroy()
+
+
+@pytest.mark.scalar("real")
+def test_largest_rate_is_that_of_the_stiffest_contact_of_all_ranks(session):
+    """Where each contact has a stiffness of its own."""
+    pencil = pencil_of(session, physics(normal=0.5, tau1=3.0), "hertzian")
+    contacts = session.comm.allgather(pencil.network.contacts.stiffness)
+    expected = np.concatenate(contacts).max() / (pencil.network.k * 3.0 * 0.5)
+    assert largest_rate(pencil) == pytest.approx(expected, rel=1e-12)
+    pencil.destroy()
+
+
+@pytest.mark.scalar("real")
+def test_a_stretch_is_the_largest_of_all_ranks(session):
+    with Sweep(SAMPLES["hertzian"](), physics(), OMEGA, 1e-3, session.comm) as found:
+        sweep, residual = found.sweep, Galerkin(found.basis, found.compatibility).residual()
+        bound = ResidualBound(residual, sweep.factors, *sweep.missing, sweep.largest_rate, OMEGA)
+        generator = np.random.default_rng(session.rank)
+        diagonal = generator.uniform(0.1, 1.0, len(bound._diagonal(1.0)))
+        every = np.concatenate(session.comm.allgather(bound._diagonal(0.3) / diagonal))
+        assert bound._stretch(0.3, diagonal) == pytest.approx(every.max(), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("ranks", "unknowns", "asked", "kind"),
+    [
+        (1, 100, "auto", "Together"),
+        (2, 100, "auto", "SideBySide"),
+        (4, 400_000, "auto", "SideBySide"),
+        (4, 400_001, "auto", "Together"),
+        (5, 100, "auto", "Together"),
+        (5, 400_001, "shifts", "SideBySide"),
+        (1, 100, "shifts", "Together"),
+        (2, 100, "matrix", "Together"),
+    ],
+)
+def test_how_ranks_are_used(monkeypatch, ranks, unknowns, asked, kind):
+    """Side by side where a matrix fits a rank's memory and no more shifts are made at once than are needed."""
+    for name in ("Together", "SideBySide"):
+        monkeypatch.setattr(factors, name, lambda pencil, name=name: name)
+    network = SimpleNamespace(comm=SimpleNamespace(size=ranks))
+    assert factors.make_factors(SimpleNamespace(network=network, unknowns=unknowns), asked) == kind
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_shifts_go_to_ranks_in_turn(session):
+    pencil = pencil_of(session, physics())
+    side = factors.SideBySide(pencil)
+    side.factorise([1e-3, 1e-1])
+    side.factorise([1.2e-3, 10.0])  # the first of which is near enough to one at hand
+    assert side.shifts == [1e-3, 1e-1, 10.0]
+    if session.size == 2:
+        assert list(side.owner.values()) == [0, 1, 0]
+        assert list(side.mine) == [[1e-3, 10.0], [1e-1]][session.rank]
+    side.destroy()
     pencil.destroy()
 
 
