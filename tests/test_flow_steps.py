@@ -5,9 +5,11 @@ import pytest
 import sheared
 from sheared import ROWS, crowd
 
+from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import Law
 from jampetsc.contacts.pairs import deformed
 from jampetsc.contacts.state import find_contacts
+from jampetsc.flows import steps as compiled
 from jampetsc.flows.models import Model, Scheme
 from jampetsc.flows.shearing import Shear
 from jampetsc.flows.steps import TALLY
@@ -152,3 +154,27 @@ def test_steps_are_those_of_their_equations(name, method, held, step):
     )
     for name, value in seen.items():
         assert value == pytest.approx(plain.seen[name], rel=1e-9, abs=1e-11), name
+
+
+@pytest.mark.parametrize(
+    ("name", "method"),
+    [
+        ("RD0", "euler"),
+        ("RD0", "heun"),
+        ("CD0", "euler"),
+        ("CD0", "heun"),
+        ("CD", "backward Euler"),
+        ("RD", "verlet"),
+        ("rolling", "verlet"),
+    ],
+)
+def test_a_list_is_stale_by_the_shear_after_a_step(name, method):
+    """Of disks that stay where they are: 0.2 is not too much for this skin and 0.3 is. Heun's method looks ahead."""
+    law, mass = ROWS[name]
+    places = np.array([[2.0, 2.0], [6.0, 2.5], [2.5, 6.0], [6.5, 6.5]])
+    disks = Disks.from_positions(places, np.full(4, 0.5), 9.0 * np.eye(2))
+    run = Shear(disks, Model(law, mass), 1.0, Scheme(0.1, method, 1e-12))
+    run.skin = 0.12  # the larger singular value of the deformation is 1.105 at 0.2, 1.161 at 0.3
+    run._list(run.reference)
+    assert run._run(9) == (2 if method == "heun" else 3, compiled.STALE)
+    assert not run.offsets.any() and run.seen[TALLY.index("steps")] == (2 if method == "heun" else 3)

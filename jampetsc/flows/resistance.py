@@ -146,7 +146,7 @@ def solve(graph, weights, hold, residual, u, tolerance):
         rho += ps[a] * r[a]
     goal *= tolerance * tolerance
     for iteration in range(SOLVES):
-        if size <= goal or rho <= 0.0:
+        if size <= goal:
             return iteration
         curvature = resist(graph, weights, hold, p, q)
         step = rho / curvature if curvature > 0.0 else 0.0
