@@ -98,7 +98,9 @@ def test_values_as_a_command_line_has_them():
     assert (
         functions._one([1e-3, 0.1 + 0.2]) == "0.001,0.30000000000000004" and functions._one((1, 2)) == "1,2"
     )
-    assert functions._one(np.array([0.5])) == "0.5" and functions._one(np.float64(0.1)) == 0.1
+    assert functions._one(np.array([0.5])) == "0.5" and functions._one(np.array([0.5, 2])) == "0.5,2.0"
+    plain = [functions._one(value) for value in (np.float64(0.1), np.int64(3), np.bool_(True))]
+    assert [repr(value) for value in plain] == ["0.1", "3", "True"]
     assert (
         functions._one(Path("a") / "b") == "a/b"
         and functions._one("x") == "x"

@@ -94,6 +94,18 @@ def test_a_correlation_takes_all_seeds_of_one_kind_and_keeps_its_name():
     assert [task.name for task in one] == [task.name for task in found] and "seed" not in one[0].columns
 
 
+def test_columns_of_a_mean_are_those_of_all_that_it_is_of():
+    """One packing says in so many words what the other has by default."""
+    packs = '[[pack]]\nn = 16\npressure = 1e-2\nseed = 1\nstabilise = "volume"\n' + PACK.replace(
+        "[pack]", "[[pack]]"
+    )
+    (mean,) = of(
+        tasks(packs.replace("1:2", "2:2") + '[sweep]\nomega = "1"\nfields = "1"\n[correlate]\n'), "correlate"
+    )
+    assert ["stabilise" in one.columns for one in mean.inputs] == [True, False]
+    assert mean.columns["n"] == 16 and not {"stabilise", "seed"} & mean.columns.keys()
+
+
 def test_the_level_is_above_that_of_everything_that_is_read():
     text = (
         PACK + '[sweep]\nomega = "1"\nfields = "1"\n[[flow]]\nn = 16\nphi = 0.8\nmodel = "RD0"\nrate = 1e-2\n'
