@@ -94,6 +94,19 @@ def test_the_folder_of_files_without_a_name_is_made_again(session, monkeypatch):
     session.comm.Barrier()
 
 
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_a_packing_in_memory_is_written_once(session, monkeypatch):
+    written, write = [], functions.write_packing
+    monkeypatch.setattr(
+        functions, "write_packing", lambda *words: written.append(session.rank) or write(*words)
+    )
+    path = functions._file(samples.published())
+    assert session.comm.allgather(written) == [[0], []][: session.size]
+    assert jampetsc.load(path).n == samples.published().n
+    assert functions._file(jampetsc.load(path)) != path and functions._file(Path("a.h5")) == "a.h5"
+
+
 def test_values_as_a_command_line_has_them():
     assert (
         functions._one([1e-3, 0.1 + 0.2]) == "0.001,0.30000000000000004" and functions._one((1, 2)) == "1,2"

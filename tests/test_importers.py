@@ -69,9 +69,12 @@ def test_cell_vectors_are_the_columns_of_a_box(tmp_path):
         tilted = box + box[0, 0] * np.eye(2, k=1)
         h5["box"][0] = tilted.ravel()
         h5["pos"][0] = np.column_stack((s[:, 0] - s[:, 1], s[:, 1])).ravel()
+        h5["Stress"][0] += [0.0, 1e-3, 2e-3, 0.0]  # which the pressure does not show
+        stress = h5["Stress"][0].tolist()
     plain, disks = import_packing(JAXMD), import_packing(tmp_path / "x.nc")
     assert disks.cell[1, 0] == tilted[0, 1] != 0 and disks.cell[0, 1] == 0
     assert disks.record["energy"] == pytest.approx(plain.record["energy"], rel=1e-12)
+    assert [disks.record[f"published_stress_{name}"] for name in ("xx", "xy", "yx", "yy")] == stress
 
 
 def test_fractions_of_the_box_are_what_fits_the_energy(tmp_path):

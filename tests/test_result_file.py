@@ -430,6 +430,12 @@ def test_what_ranks_write_together_is_read_as_one(session, shared_path):
     assert np.array_equal(found["grown"], np.stack([all_rows[0] + entry for entry in range(3)]))
     assert found["same"].tolist() == [0, 1, 2] and "none" not in found.attributes
     assert len(set(session.comm.allgather(found.attributes["run_id"]))) == 1
+    parts = sorted((shared_path / "s.parts").iterdir()) if session.size > 1 else []
+    for rank, part in enumerate(parts):  # what tells them apart where nobody has their seals
+        with h5py.File(part) as h5:
+            told = dict(h5.attrs)
+        assert told == {"format": "jampetsc-part", "run_id": found.attributes["run_id"], "rank": rank}
+    assert len(parts) == session.size * (session.size > 1)
     assert len(list((shared_path / "s.parts").glob("*"))) == session.size if session.size > 1 else True
 
 

@@ -78,7 +78,7 @@ def read_identified(path, comm=None) -> tuple[Disks, tuple[str, str]]:
     with agreed(comm):
         if first:
             found = _read(path)
-    if comm is None or comm.size == 1:
+    if comm is None:
         return found
     disks, identity = found
     arrays = from_rank_0(comm, {name: getattr(disks, name) for name in _ARRAYS} if first else None)
