@@ -676,6 +676,15 @@ def test_a_row_says_what_was_asked_for_before_what_was_found():
     assert row["beta"] == 0.1 and row["packing"] == "p.h5" and row["file"] == task.file
     assert "no_prestress" not in row and row["prestress"] == 0
     assert row_of(task.inputs[0], {})["packing"] == task.inputs[0].file
+    for command in (
+        "modes",
+        "quasistatic",
+    ):  # the column of a switch is what it turns off, and the file tells it
+        task = of(tasks(PACK + f"[{command}]\nno-prestress = true\n"), command)[0]
+        assert (
+            "no_prestress" not in row_of(task, {"prestress": 0})
+            and row_of(task, {"prestress": 0})["prestress"] == 0
+        )
 
 
 def test_a_file_is_taken_over_only_from_the_same_command_line(tmp_path):
