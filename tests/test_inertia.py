@@ -17,7 +17,7 @@ from jampetsc.mechanics.minimum import (
     require_unique_response,
 )
 from jampetsc.mechanics.network import build_network
-from jampetsc.solvers.inertia import count_below, count_eigenvalues
+from jampetsc.solvers.inertia import Inertia, count_below, count_eigenvalues
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]
 
@@ -149,6 +149,27 @@ def test_why_a_response_is_not_unique(session):
     with pytest.raises(InputError, match=r"K has \d+ negative modes: not a minimum"):
         require_unique_response(build_network(SAMPLES["gears"](), session.comm))
     require_unique_response(build_network(SAMPLES["published"](), session.comm))
+
+
+@pytest.mark.parametrize(
+    ("negative", "zero", "says"),
+    [
+        (1, 2, "K has 1 negative mode: not a minimum"),
+        (2, 5, "K has 2 negative modes: not a minimum"),
+        (0, 3, "K has 1 floppy mode besides its translations"),
+        (0, 4, "K has 2 floppy modes besides"),
+        (0, 2, None),
+    ],
+)
+def test_one_mode_is_enough(session, monkeypatch, negative, zero, says):
+    network = build_network(SAMPLES["published"](), session.comm)
+    monkeypatch.setattr(
+        minimum, "count_modes", lambda _: Inertia(negative, zero, 32 - negative - zero, 1e-12)
+    )
+    if says is None:
+        return require_unique_response(network)
+    with pytest.raises(InputError, match=says):
+        require_unique_response(network)
 
 
 def test_negative_modes_are_none_by_cholesky_or_counted(session, monkeypatch):

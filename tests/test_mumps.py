@@ -58,11 +58,11 @@ def scripted(session, monkeypatch):
     """scripted(codes): attempts of a small factorisation whose INFOG(1) are these, one after the other."""
     made = []
 
-    def factorise(prefix, codes):
+    def factorise(prefix, codes, pc="cholesky"):
         n = 6
         matrix = (2.0 * eye(n) - diags(np.ones(n - 1), 1) - diags(np.ones(n - 1), -1)).tocsr()
         matrix = distributed_matrix(session.comm, matrix, matrix.data)
-        solver = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
+        solver = {"ksp_type": "preonly", "pc_type": pc, "pc_factor_mat_solver_type": "mumps"}
         session.set_defaults({prefix + name: value for name, value in solver.items()})
         ksp, left = mumps.make_ksp(session.comm, prefix), list(codes)
         made.extend((ksp, matrix))
@@ -79,6 +79,12 @@ def scripted(session, monkeypatch):
 @pytest.mark.parametrize("code", mumps.WORKSPACE)
 def test_every_lack_of_workspace_is_cured_by_more(scripted, code):
     assert scripted(f"scripted{-code}_", [code, code, code, 0]) == (4, 160)
+
+
+def test_a_factorisation_without_symmetry_is_looked_at_as_well(scripted):
+    assert scripted("general_", [-9, 0], "lu") == (2, 40)
+    with pytest.raises(mumps.Failure, match="is singular"):
+        scripted("general_singular_", [-10], "lu")
 
 
 def test_it_is_tried_so_often_and_no_more(scripted):

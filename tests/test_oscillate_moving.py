@@ -593,3 +593,46 @@ def test_disks_that_move_too_far_for_any_list():
     assert motion.springs.skin == fresh.springs.skin
     for one in (motion, fresh):
         one.destroy()
+
+
+@pytest.mark.parametrize("imposed", [{}, {"stress": True}])
+def test_rounding_is_no_energy_that_is_lost(imposed):
+    """The smallest amplitude there may be: no step is cut for the last digits of forces, and Newton's steps are few."""
+    found = shaken(1e-2, 1e-9, 16, 1, rotations=False, **imposed)
+    usual = shaken(1e-2, 1e-7, 16, 1, rotations=False, **imposed)
+    assert found.steps == 24 and found.newton <= 1.3 * usual.newton
+    assert abs(found.G - usual.G) < 1e-4 * abs(usual.G)
+
+
+def test_how_far_a_list_reaches_hardly_matters():
+    """Pairs that it does not have and that come near are found in time."""
+    found = []
+    for skin in (1e-3, 0.05, 1.5):
+        motion = MovingContacts(published(), physics(rotations=False).law, 10.0, 1e-2, "osc_factor_")
+        motion._skin = skin * motion.springs.diameter
+        motion._list(motion.disks)
+        for n in range(4):
+            motion.advance(0.05 * np.array([n + STAGE, n + 1.0]), np.full(2, 5e-3))
+        found.append(find_contacts(motion.disks))
+        motion.destroy()
+    for contacts in found:
+        assert len(contacts) == len(found[0]) != len(find_contacts(published()))
+        np.testing.assert_allclose(np.sort(contacts.overlap), np.sort(found[0].overlap), atol=2e-4)
+
+
+def test_cut_steps_fill_the_time():
+    """Each begins where the last has ended, whole at places where whole ones begin, longer again after the event."""
+    run, _ = run_of(1e-4, 2e-2, 16)
+    steps, period = [], 2.0 * np.pi / 16
+    for n in range(3):
+        steps += list(run.steps.over(n * period, period, 3e-8))
+    run.motion.destroy()
+    ends = [one.begin + one.length for one in steps]
+    np.testing.assert_allclose([one.begin for one in steps], [0.0, *ends[:-1]], atol=1e-12)
+    assert ends[-1] == pytest.approx(3 * period, rel=1e-12)
+    parts = np.array([one.length for one in steps]) / period
+    np.testing.assert_allclose(np.log2(parts), np.round(np.log2(parts)), atol=1e-9)
+    phase = np.array([one.begin for one in steps]) / period / parts
+    np.testing.assert_allclose(phase, np.round(phase), atol=1e-9)
+    assert parts.min() <= 0.25 and np.any(np.diff(parts) > 0.0) and run.steps.taken == len(steps)
+    assert run.motion.gamma == pytest.approx(2e-2 * np.sin(3 * period), rel=1e-9)
