@@ -107,7 +107,8 @@ def packing_energy(motion, Q):
 
 @pytest.mark.parametrize("imposed", [{"stress": 3e-5}, {"strain": 3e-5}])
 @pytest.mark.parametrize(
-    "options", [{}, {"beta": 0.0, "prestress": False}, {"rotations": False, "tau1": 2.0}]
+    "options",
+    [{}, {"beta": 0.0, "prestress": False}, {"rotations": False, "tau1": 2.0, "normal": 0.25, "beta": 3.0}],
 )
 def test_linear_damping_is_the_sweep(options, imposed):
     packing = Packing(1.0, steps=16, **options)

@@ -43,7 +43,9 @@ def shaken(omega, amplitude, steps=32, cycles=None, sample=published, stress=Fal
 
 
 @pytest.mark.parametrize("omega", [1e-4, 3e-2, 3.0])
-@pytest.mark.parametrize("options", [{}, {"rotations": False}, {"beta": 0.0, "tau1": 2.0}])
+@pytest.mark.parametrize(
+    "options", [{"normal": 0.25, "beta": 3.0}, {"rotations": False, "beta": 0.3}, {"beta": 0.0, "tau1": 2.0}]
+)
 def test_small_strains_are_the_sweep(omega, options):
     with Sweep(published(), physics(**options), np.array([omega]), 1e-8, current().comm) as sweep:
         G, bound = sweep.G[0], sweep.bounds[0, 0]
@@ -76,14 +78,15 @@ def test_small_stresses_are_the_sweep(omega):
 )
 def test_small_amplitudes_are_fixed_contacts(alpha, omega, amplitude, stress):
     """Under a power law too, of any exponent; what is put in is dissipated."""
-    law = physics(exponent=alpha)
+    weights = {"normal": 0.5, "beta": 1.5}
+    law = physics(exponent=alpha, **weights)
     pencil = assemble(network_of(published(), law, current().comm), law.law)
     compatibility = build_compatibility(pencil)
     fixed = SteadyOscillation(compatibility, 2.0 * float(published().radii.mean()), 32)
     exact = fixed.solve(Point(omega, amplitude, stress))
     for item in (fixed, compatibility, pencil):
         item.destroy()
-    found = shaken(omega, amplitude, 16, 3, stress=stress, alpha=alpha)
+    found = shaken(omega, amplitude, 16, 3, stress=stress, alpha=alpha, **weights)
     assert abs(found.G - exact.G) <= found.error + exact.error
     assert found.error < 2e-2 * abs(exact.G) < 0.2 * exact.G.imag
     np.testing.assert_allclose(found.harmonics, exact.harmonics, atol=6e-3)

@@ -45,14 +45,15 @@ def stepped(alpha, omega, amplitude, stress=False, steps=8, **options):
 
 @pytest.mark.parametrize(("stress", "sample"), [(True, "k = 2.5"), (False, "published")])
 def test_steps_in_time_are_the_whole_cycle(stress, sample):
-    law, point = physics(exponent=0.5), Point(frequency(0.5, 0.3, 1e-4), 1e-4, stress)
+    weights = {"normal": 0.5, "beta": 1.5}
+    law, point = physics(exponent=0.5, **weights), Point(frequency(0.5, 0.3, 1e-4), 1e-4, stress)
     pencil = assemble(network_of(SAMPLES[sample](), law, current().comm), law.law)
     compatibility = build_compatibility(pencil)
     whole = SteadyOscillation(compatibility, RHO0, 32)
     exact = whole.solve(point)
     for item in (whole, compatibility, pencil):
         item.destroy()
-    found = stepped(0.5, point.omega, 1e-4, stress, 16, sample=sample)
+    found = stepped(0.5, point.omega, 1e-4, stress, 16, sample=sample, **weights)
     assert abs(found.G - exact.G) <= found.error + exact.error
     assert found.error < 1e-2 * abs(exact.G) and abs(found.balance) < 1e-2
     np.testing.assert_allclose(found.harmonics, exact.harmonics, atol=4e-3)
@@ -60,7 +61,13 @@ def test_steps_in_time_are_the_whole_cycle(stress, sample):
     assert found.work == pytest.approx(exact.work, rel=2.0 * found.error / found.G.imag)
 
 
-@pytest.mark.parametrize(("stress", "options"), [(True, {"prestress": False}), (False, {"tau1": 2.0})])
+@pytest.mark.parametrize(
+    ("stress", "options"),
+    [
+        (True, {"prestress": False, "normal": 0.25, "beta": 3.0}),
+        (False, {"tau1": 2.0, "rotations": False, "beta": 0.3}),
+    ],
+)
 def test_linear_damping_is_the_sweep(stress, options):
     with Sweep(published(), physics(**options), np.array([3e-2]), 1e-8, current().comm) as sweep:
         G, bound = sweep.G[0], sweep.bounds[0, 0]
