@@ -199,3 +199,28 @@ def test_a_pressure_is_in_units_of_the_k_of_the_packing_that_is_changed(session,
     assert found.record["requested_pressure"] == 4e-3 and measure(found).pressure == pytest.approx(
         4e-3, rel=1e-9
     )
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_radii_are_those_that_one_rank_has_read(session, shared_path, tmp_path):
+    """Every rank reads a file of its own, as if it were replaced meanwhile; packings are of the first one's disks."""
+    radii = np.linspace(0.5, 0.6 + 0.1 * session.rank, 16)
+    np.savetxt(tmp_path / "r.txt", radii)
+    out = shared_path / "p{seed}.h5"
+    line = [
+        "pack",
+        "--radii",
+        str(tmp_path / "r.txt"),
+        "--phi",
+        "0.95",
+        "--seeds",
+        "1:2",
+        "--tolerance",
+        "1e-6",
+    ]
+    assert cli.dispatch([*line, "--out", str(out)]) == 0
+    for seed in (1, 2):
+        found = read_packing(shared_path / f"p{seed}.h5")
+        np.testing.assert_allclose(np.sort(found.radii), np.linspace(0.5, 0.6, 16))
+        assert found.record["seed"] == seed

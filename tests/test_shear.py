@@ -224,3 +224,16 @@ def test_bad_words(session, tmp_path):
         with pytest.raises(InputError, match=message):
             shear(tmp_path / "out.h5", *more, **given)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.most_ranks(2)
+def test_one_run_is_one_process(session, shared_path):
+    """Of several ranks all refuse, before they make anything."""
+    out = shared_path / "s.h5"
+    line = f"shear --n 16 --phi 0.5 --step 0.01 --strain 0.01 --out {out}".split()
+    if session.size == 1:
+        assert cli.dispatch(line) == 0 and out.exists()
+    else:
+        with pytest.raises(InputError, match=f"^shear on {session.size} ranks: one run is one process"):
+            cli.dispatch(line)
+        assert not out.exists()

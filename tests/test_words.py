@@ -13,10 +13,13 @@ from jampetsc.contacts.laws import Physics, damping_law
 from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import InputError
 from jampetsc.flows import job as jobs
-from jampetsc.packing.protocols import Target
-from jampetsc.storage.packing_file import write_packing
+from jampetsc.packing.minimise import settle
+from jampetsc.packing.protocols import Target, random_start
+from jampetsc.packing.sizes import radii_of
+from jampetsc.storage.packing_file import packing_identity, read_packing, write_packing
+from jampetsc.storage.reader import load
 from jampetsc.studies.table import table_text
-from jampetsc.words import packtasks, picture
+from jampetsc.words import flowing, packtasks, picture
 from jampetsc.words.files import files_named, refuse_one_packing, refuse_repeated
 from jampetsc.words.law import physics_from, words_of
 from jampetsc.words.packtasks import plan
@@ -292,3 +295,139 @@ def test_an_option_of_a_picture_lies_between_its_limits(value, within):
 def test_words_of_a_law_mean_that_law(physics):
     args = words(" ".join(["sweep", "p.h5", "--out", "s.h5", *words_of(physics)]))
     assert physics_from(args) == physics
+
+
+@pytest.mark.parametrize(
+    ("model", "solves"), [("CD0", True), ("CD --mass 1", False), ("CDn --mass 1", False)]
+)
+def test_ranks_are_for_flows_that_have_velocities_to_solve_for(tmp_path, model, solves):
+    line = f"flow --n 16 --phi 0.7 --model {model} --rate 1e-2 --strain 0.02 --out {tmp_path}/f.h5"
+    job = flow._fresh(words(line), jobs, None, [])
+    assert job.solves == solves and flow._together(job, None) is None
+    if not solves:
+        with pytest.raises(
+            InputError, match="has nothing to solve for: leave PETSc's options and mpirun out"
+        ):
+            flow._together(job, object())
+
+
+@pytest.mark.parametrize(
+    ("words_", "may"),
+    [
+        ("--model RD0", False),
+        ("--model RD --mass 1", False),
+        ("--model CD0", True),
+        ("--model CDt --mass 1", True),
+        ("--law stokes --mass 1", False),
+        ("--law contact --mass 1", True),
+    ],
+)
+def test_options_of_petsc_go_with_flows_that_may_solve(words_, may):
+    args = words(f"flow --n 16 --phi 0.7 {words_} --rate 1e-2 --strain 0.02 --out f.h5")
+    assert args.takes_petsc(args) == may
+
+
+@pytest.mark.parametrize("seed", [None, 0, 3])
+def test_a_random_start_is_that_of_its_seed(seed):
+    line = "flow --n 16 --phi 0.5 --model RD0 --rate 1e-2 --strain 0.02 --out f.h5"
+    disks, origin = flowing.start_of(words(line + ("" if seed is None else f" --seed {seed}")))
+    assert origin["seed"] == (1 if seed is None else seed)
+    radii = radii_of("bidisperse", 16)
+    again = settle(
+        random_start(radii * (0.5 / radii.min()), 0.5, origin["seed"], disks.potential), flowing.SETTLED
+    )
+    assert again.fingerprint == disks.fingerprint
+
+
+def test_disks_between_walls_are_told_with_how_many_make_them_up():
+    line = "flow --n 32 --phi 0.5 --model RD0 --rate 1e-2 --strain 0.02 --walls --out f.h5"
+    disks, origin = flowing.start_of(words(line))
+    assert 0 < origin["walls"] < disks.n and disks.n >= 32
+    plain, origin = flowing.start_of(words(line.replace("--walls ", "")))
+    assert plain.n == 32 and "walls" not in origin
+
+
+def test_a_packing_to_start_from_is_told_with_its_checksum(tmp_path):
+    write_packing(tmp_path / "p.h5", published())
+    line = f"flow {tmp_path}/p.h5 --model RD0 --rate 1e-2 --strain 0.02 --out {tmp_path}/f.h5"
+    disks, origin = flowing.start_of(words(line))
+    name, digest = packing_identity(tmp_path / "p.h5")
+    assert origin == {"packing": name, "packing_sha256": digest, "units": "those of the packing"}
+    assert disks.fingerprint == published().fingerprint
+
+
+@pytest.mark.parametrize(
+    "line", ["pack --radii r.h5 --pressure 1e-3 --out r.h5", "pack --radii r.h5 --phi 0.9 --out ./r.h5"]
+)
+def test_radii_are_not_lost(line, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "r.h5").write_text("1\n" * 16)
+    with pytest.raises(InputError, match=r"r\.h5: is the input, which would be lost"):
+        cli.dispatch(line.split())
+    assert (tmp_path / "r.h5").read_text() == "1\n" * 16
+
+
+def test_a_flow_that_goes_on_elsewhere_leaves_what_it_goes_on_from(tmp_path):
+    line = f"flow --n 16 --phi 0.5 --model RD0 --rate 0.1 --strain 0.02 --out {tmp_path}/f.h5"
+    assert cli.dispatch(line.split()) == 0
+    before = (tmp_path / "f.h5").read_bytes()
+    for more, message in (
+        (f"--out {tmp_path}/f.h5", "is the input"), (f"--out {tmp_path}/g.h5 --last {tmp_path}/f.h5", "is the input"),
+        (f"--out {tmp_path}/g.h5 --last {tmp_path}/g.h5", "another file that this run writes"),
+    ):  # fmt: skip
+        with pytest.raises(InputError, match=message):
+            cli.dispatch(f"flow {tmp_path}/f.h5 --strain 0.02 {more}".split())
+    assert (tmp_path / "f.h5").read_bytes() == before and len(list(tmp_path.iterdir())) == 1
+    assert cli.dispatch(f"flow {tmp_path}/f.h5 --strain 0.02 --out {tmp_path}/g.h5".split()) == 0
+    assert (tmp_path / "f.h5").read_bytes() == before
+    assert load(tmp_path / "g.h5")["strain"][-1] == pytest.approx(0.04, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        "--rate 0.1",
+        "--model RD0",
+        "--seed 1",
+        "--discard 0.1",
+        "--step 0.01",
+        "--snapshots 1",
+        "--tolerance 1e-5",
+        "--mass 1",
+        "--law stokes",
+        "--n 16",
+        "--walls",
+    ],
+)
+def test_a_flow_that_goes_on_has_its_settings(more):
+    with pytest.raises(InputError, match=rf"{more.split()[0]}: f\.h5 goes on as it was begun; leave it out"):
+        flow._refuse_settled(words(f"flow f.h5 --strain 1 {more}"))
+    flow._refuse_settled(words("flow f.h5 --strain 1 --out g.h5 --last p.h5"))
+
+
+@pytest.mark.parametrize(("seed", "fresh"), [(None, False), (0, True), (5, True)])
+def test_a_packing_is_made_from_where_its_task_says(tmp_path, monkeypatch, seed, fresh, capsys):
+    asked = []
+
+    def make(start, target, solver, **how):
+        asked.append((start, target, solver, how["fresh"], how["team"]))
+        return published().with_record(
+            pressure=1e-3,
+            phi=0.8,
+            coordination=4.0,
+            rattlers=0,
+            max_force=1e-12,
+            tolerance=1e-6,
+            evaluations=3,
+        )
+
+    monkeypatch.setattr("jampetsc.packing.protocols.make_packing", make)
+    task = packtasks.Task(tmp_path / "p.h5", seed, Target(1e-3, tolerance=1e-6))
+    start = lambda seed, target: ("start", seed, target)  # noqa: E731
+    assert pack._make([task], start, {"stabilise": "volume"}, "solver", "team", SimpleNamespace(rank=0)) == []
+    assert asked == [(("start", seed, task.target), task.target, "solver", fresh, "team")]
+    record = read_packing(tmp_path / "p.h5").record
+    assert record["requested_pressure"] == 1e-3 and record["stabilise"] == "volume"
+    assert record.get("seed") == seed and capsys.readouterr().out.startswith(
+        f"{tmp_path}/p.h5: N = 16, p = 0.001"
+    )
