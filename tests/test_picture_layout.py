@@ -290,3 +290,24 @@ def test_alone_are_disks_without_contact_that_are_no_wall():
     fig = figure_of(packing.plot_flowing, [("", spread)])
     assert "no load-bearing contacts;  hollow: 12 without contact;  dark: walls" in fig.texts[0].get_text()
     assert len(fig.axes[0].collections) == 1
+
+
+@pytest.mark.parametrize("arrows", [16, 6])
+def test_arrows_begin_at_their_disks(monkeypatch, arrows):
+    """Of the particles that have a field, all or those that are chosen; images start a cell further."""
+    monkeypatch.setattr(fields, "ARROWS", arrows)
+    disks, particles = published(), np.array([2, 3, 5, 7, 8, 9, 11, 13, 15])
+    u = np.random.default_rng(2).normal(size=(9, 2))
+    ax = figure_of(fields.plot_panels, disks, [("", u)], particles, symbol="u").axes[0]
+    drawn = ax.collections[1]
+    vectors, starts = np.column_stack((drawn.U, drawn.V)), np.column_stack((drawn.X, drawn.Y))
+    centres = packing.wrap(disks.positions, disks.cell)
+    chosen = set()
+    for start, vector in zip(starts, vectors, strict=True):
+        directions = u @ vector / np.linalg.norm(u, axis=1) / np.linalg.norm(vector)
+        row = int(np.argmax(directions))
+        assert directions[row] == pytest.approx(1.0)
+        images = (start - centres[particles[row]]) @ np.linalg.inv(disks.cell)
+        np.testing.assert_allclose(images, np.round(images), atol=1e-9)
+        chosen.add(row)
+    assert len(chosen) == 9 if arrows == 16 else 3 <= len(chosen) <= 6
