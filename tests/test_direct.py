@@ -288,30 +288,55 @@ def test_what_cannot_be_solved_is_an_error(session):
 
 
 def test_frequencies_that_fail_are_told_beside_the_others(session, shared_path, capfd):
-    """Of G'' of gears too little is left at the lowest one. Frequencies are those of the experiment."""
-    packing, omega = shared_path / "gears.h5", [1e-24, 1e-6, 1.0]
+    """Of G'' of gears too little is left at the lowest ones. Frequencies are those of the experiment throughout."""
+    packing, omega = shared_path / "gears.h5", [1e-24, 1e-23, 1e-6, 1.0]
     if session.rank == 0:
         write_packing(packing, SAMPLES["gears"]())
     session.comm.barrier()
 
-    def job(name, omega):
+    def job(name, omega, fields=()):
         how = ("direct", 1e-10, shared_path / name, EquivalentDamping(0.5, 1e-5))
-        return Job.read(packing, physics(prestress=False), omega, [], *how, comm=session.comm)
+        return Job.read(packing, physics(prestress=False), omega, list(fields), *how, comm=session.comm)
 
-    with pytest.raises(
-        ConvergenceError, match=r"1 of 3 frequencies failed, the others are in .*some.h5; the first: "
-    ):
-        direct_sweep.run(job("some.h5", omega))
-    assert ("failed: ω = " in capfd.readouterr().err) == (session.rank == 0)
-    _, G, bounds = direct_sweep.run(job("all.h5", omega[1:]))
-    for name, failed in (("some.h5", omega[:1]), ("all.h5", [])):
+    some = job("some.h5", omega, omega[1:3])
+    first = rf"2 of 4 frequencies failed, the others are in .*some.h5; the first: ω = {some.omega[0]:g}:"
+    with pytest.raises(ConvergenceError, match=first):
+        direct_sweep.run(some)
+    assert (capfd.readouterr().err.count("failed: ω = ") == 2) == (session.rank == 0)
+    _, G, bounds = direct_sweep.run(job("all.h5", omega[2:]))
+    for name, failed in (("some.h5", omega[:2]), ("all.h5", [])):
         found = load(shared_path / name)
-        np.testing.assert_allclose(found.omega, omega[1:], rtol=1e-12)
+        np.testing.assert_allclose(found.omega, omega[2:], rtol=1e-12)
         np.testing.assert_allclose(found.G, G, rtol=1e-9)
         np.testing.assert_allclose(found.attributes.get("failed_omega", []), failed, rtol=1e-12)
-    assert np.all(bounds[:, 1] < bounds[:, 2])
     for column, part in zip(bounds.T, ("", "_storage", "_loss"), strict=True):
         np.testing.assert_array_equal(found[f"error_bound{part}"], column)
+    assert np.all(bounds[:, 1] < bounds[:, 2])
+    fields = load(shared_path / "some.h5")
+    np.testing.assert_allclose(fields["fields/omega"], omega[2:3], rtol=1e-12)
+    assert fields["fields/displacement"].shape[0] == fields["fields/error_bound"].shape[0] == 1
+
+
+@pytest.mark.most_ranks(1)
+@pytest.mark.parametrize("modes", [None, 0, 3])
+def test_a_hold_serves_elsewhere_only_where_K_is_known_to_have_no_negative_modes(
+    session, shared_path, monkeypatch, modes
+):
+    packing, told = shared_path / "p.h5", []
+    write_packing(packing, published())
+
+    class Told(FrequencySolver):
+        def __init__(self, pencil, positive_semidefinite=False):
+            told.append(positive_semidefinite)
+            super().__init__(pencil, positive_semidefinite)
+
+    monkeypatch.setattr(direct_sweep, "FrequencySolver", Told)
+    job = Job.read(packing, physics(), [1.0], [], "direct", 1e-6, shared_path / "s.h5")
+    assert job.negative_modes is None
+    bare = Job.read(packing, physics(prestress=False), [1.0], [], "direct", 1e-6, shared_path / "s.h5")
+    assert bare.negative_modes == 0  # by construction
+    direct_sweep.run(replace(job, negative_modes=modes))
+    assert told == [modes == 0]
 
 
 @pytest.mark.most_ranks(2)

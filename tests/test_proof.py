@@ -39,6 +39,7 @@ UNPROVING = [
     [*MUMPS, "mat_mumps_icntl_24 1"],
     [*MUMPS, "mat_mumps_icntl_35 1"],
     [*MUMPS, "mat_mumps_cntl_4 0.01"],
+    [*MUMPS, "mat_mumps_cntl_4 0"],  # at a size that MUMPS chooses
 ]
 PROVING = [
     [],

@@ -289,6 +289,31 @@ def test_a_stretch_is_the_largest_of_all_ranks(session):
         assert bound._stretch(0.3, diagonal) == pytest.approx(every.max(), rel=1e-12)
 
 
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+@pytest.mark.parametrize("law", LAWS[:2], ids=str)
+def test_rounding_of_the_columns_is_in_the_bound(session, law, monkeypatch):
+    """As much of each as its weight has it, from the diagonal of K + sB to that of the anchor."""
+    with Sweep(SAMPLES["polydisperse"](), law, OMEGA, 1e-3, session.comm) as found:
+        sweep, residual = found.sweep, Galerkin(found.basis, found.compatibility).residual()
+
+        def bound():
+            made = ResidualBound(residual, sweep.factors, *sweep.missing, sweep.largest_rate, OMEGA)
+            return made, made.within(np.full(len(OMEGA), np.inf))
+
+        usual = bound()[1]
+        monkeypatch.setattr(residual, "rounding", lambda s, diagonal: np.full(len(residual.rates) + 2, 1e3))
+        made, rounded = bound()
+        anchor = made.anchors[0]
+        K, B = np.diag(dense(found.pencil.K)), np.diag(dense(found.pencil.B))
+        stretch = np.max((K + anchor.shift * B) / anchor.diagonal)
+        np.testing.assert_allclose(anchor.rounding, 1e3 * np.sqrt(stretch), rtol=1e-12)
+        weights = np.sum(np.abs(residual.weights(OMEGA)), axis=0)
+        inverse = transfer(sweep.largest_rate, anchor.shift, OMEGA) / anchor.least
+        assert np.all(rounded >= np.sqrt(2.0) * 1e6 * stretch * weights**2 * inverse * (1 - 1e-9))
+        assert np.all(rounded > usual)
+
+
 @pytest.mark.parametrize(
     ("ranks", "unknowns", "asked", "kind"),
     [
