@@ -218,6 +218,11 @@ def test_ranks_with_the_same_request_do_it_once():
         ("", False),
         ("OMPI_COMM_WORLD_SIZE=1", False),
         ("OMPI_COMM_WORLD_SIZE=2", True),
+        ("OMPI_COMM_WORLD_SIZE=10", True),
+        ("OMPI_COMM_WORLD_SIZE=two", False),
+        ("OMPI_COMM_WORLD_SIZE=1 MPI_LOCALNRANKS=1 PMI_SIZE=2", True),
+        ("MPI_LOCALNRANKS=1 PMI_SIZE=1", False),
+        ("MPI_LOCALNRANKS=2", False),
         ("MPI_LOCALNRANKS=1 PMI_SIZE=2", True),
         ("SLURM_NTASKS=2 PMI_SIZE=2", False),  # srun: MPI would have each task wait for the others
     ],
@@ -244,6 +249,9 @@ PARENTS = {  # processes above this one, from the nearest -> whether a rank has 
     "sh python*": True,
     "python* mpirun": True,
     "mpirun python*": False,  # a program that uses MPI and starts mpirun
+    **{f"{daemon} python*": False for daemon in ("mpiexec", "orterun", "orted", "prted", "hydra_pmi_proxy")},
+    "slurmstepd python*": False,
+    "bash env sh python*": True,  # through others
     "": False,
 }
 
@@ -348,6 +356,14 @@ def test_every_error_has_its_line_and_status(monkeypatch, capsys, error, status,
     monkeypatch.setattr(cli, "dispatch", Failing(error))
     assert cli.main(["probe"]) == status
     assert capsys.readouterr() == ("", "".join(f"jampetsc: error: {line}\n" for line in lines))
+
+
+@pytest.mark.parametrize("name", ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"])
+def test_threads_are_the_callers_to_choose(monkeypatch, name):
+    for given, found in (({}, "1"), ({name: "4"}, "4")):
+        monkeypatch.setattr(os, "environ", dict(given))
+        monkeypatch.setattr(cli, "dispatch", lambda words, during: 0)
+        assert cli.main([]) == 0 and os.environ[name] == found
 
 
 def test_what_comes_of_the_end_is_told_as_the_end(monkeypatch, capsys):

@@ -148,6 +148,11 @@ def test_variables_are_as_before_when_a_build_has_been_selected(installed, monke
     assert variables_of() == (petsc, slepc)
     assert not {"PETSC_DIR", "SLEPC_DIR"} & os.environ.keys()
     assert sys.path[0] == f"{petsc}/lib/python3/dist-packages" and len(sys.path) == before + 1
+    lib = installed / "slepcdir/slepc3.18/any-linux-gnu-real/lib/python3/dist-packages/slepc4py/lib"
+    lib.mkdir(parents=True)
+    (lib / f"SLEPc{EXTENSION_SUFFIXES[0]}").touch()
+    variables_of()
+    assert sys.path[:2] == [f"{one}/lib/python3/dist-packages" for one in (petsc, slepc)]
     monkeypatch.setenv("PETSC_DIR", petsc)  # the user's own, with a SLEPc beside it
     assert variables_of() == (petsc, slepc) and os.environ["PETSC_DIR"] == petsc
     assert "SLEPC_DIR" not in os.environ
@@ -661,6 +666,49 @@ def test_what_one_rank_does_alone_waits_for_no_other(session, tmp_path):
                 assert cli.dispatch([*line.split(), str(tmp_path / "p.h5"), "--out", str(out)]) == 0
                 assert jampetsc.load(out).attributes["ranks"] == 1
     assert session.size == session.world.size
+
+
+def test_a_build_with_two_names_is_one(installed):
+    make_build(installed, "petsc3.18/any-linux-gnu-real")
+    (installed / "petscdir" / "3.18").mkdir()
+    (installed / "petscdir" / "3.18" / "real").symlink_to(installed / "petscdir/petsc3.18/any-linux-gnu-real")
+    (build,) = builds.distribution_builds()
+    assert build.scalar == "real"
+
+
+@pytest.mark.parametrize("scalar", ["real", "complex"])
+def test_the_remedy_is_a_build_of_the_type_that_is_wanted(installed, monkeypatch, scalar):
+    wish = f"use a petsc4py and slepc4py whose PETSc was configured --with-scalar-type={scalar}"
+    other = "complex" if scalar == "real" else "real"
+    make_build(installed, f"petsc3.19/any-linux-gnu-{other}")
+    assert builds.remedy(scalar) == wish and not builds.to_choose(scalar) and builds.to_choose(other)
+    monkeypatch.setenv("PETSC_DIR", str(installed / "mine"))
+    with pytest.raises(InputError, match=f"no petsc4py for this python there: .*, or {wish}"):
+        builds._choose(scalar)
+    make_build(installed, f"petsc3.18/any-linux-gnu-{scalar}")
+    folder = installed / f"petscdir/petsc3.18/any-linux-gnu-{scalar}"
+    assert builds.remedy(scalar) == (
+        f"unset PETSC_DIR and SLEPC_DIR (and leave other environments) to use {folder}"
+    )
+    assert not builds.to_choose(scalar)
+    monkeypatch.delenv("PETSC_DIR")
+    assert builds.to_choose(scalar)
+    assert builds._choose(scalar) == {
+        "PETSC_DIR": str(folder), "SLEPC_DIR": str(folder).replace("petscdir/petsc", "slepcdir/slepc"),
+    }  # fmt: skip
+    monkeypatch.setitem(sys.modules, "petsc4py", SimpleNamespace())
+    assert not builds.to_choose(scalar)
+
+
+def test_who_works_together(monkeypatch):
+    """The ranks of the session; without one all that mpirun has started, or nobody."""
+    monkeypatch.setitem(sys.modules, "mpi4py.MPI", SimpleNamespace(COMM_WORLD="all"))
+    for running, several, comm in (("session", True, "its"), (None, True, "all"), (None, False, None)):
+        monkeypatch.setattr(
+            jampetsc.session, "_session", running and SimpleNamespace(comm="its", world="all")
+        )
+        monkeypatch.setattr(jampetsc.session.launcher, "several", lambda: several)  # noqa: B023
+        assert jampetsc.session.communicator() == comm
 
 
 # Words for PETSc, and what may be wrong with it
