@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import re
 import resource
 import socket
 import time
@@ -131,6 +132,17 @@ def test_another_job_is_ignored_with_a_notice_and_replaced(out, capsys, change):
     other.save(0, record(0), fields(0, 0))
     assert len(list(out.with_name("s.h5.resume.d").iterdir())) == 1
     assert Checkpoint(out, KEY | change).done.keys() == {0}
+
+
+def test_every_line_of_the_journal_begins_with_a_hash_that_cannot_be_met_by_chance(out):
+    saved(out, 3)
+    lines = out.with_name("s.h5.resume").read_bytes().splitlines(keepends=True)
+    hashes = [re.fullmatch(rb"([0-9a-f]{32}) \{.*\}\n", line)[1] for line in lines]
+    assert len(set(hashes)) == 4
+    link = b""
+    for found, line in zip(hashes, lines, strict=True):
+        assert hashlib.sha256(link + line[33:-1]).hexdigest().encode().startswith(found)
+        link = found
 
 
 def test_what_another_version_saved_is_not_taken_for_its_own(out, monkeypatch):

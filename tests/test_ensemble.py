@@ -108,6 +108,7 @@ def test_columns_have_the_type_of_all_their_cells(tmp_path):
     )
     assert [table[name].dtype.kind for name in ("n", "large", "mixed", "p")] == list("ifUf")
     assert table.where(p=1e-12).rows == 1 and table.where(p=1e-12 * (1 + 1e-12)).rows == 1
+    assert table.where(p=1e-12 * (1 + 5e-10)).rows == 1 and table.where(p=1e-12 * (1 + 5e-9)).rows == 0
     assert table.where(n="3").rows == 1 and table.where(n=None).rows == 0 and table.where(mixed=1).rows == 1
     assert table.where(p=float("nan")).rows == 0
     assert (

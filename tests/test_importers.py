@@ -124,7 +124,7 @@ def test_spoiled_text_is_refused_in_one_line(tmp_path, edit):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(("off", "refused"), [(1e-8, False), (1e-5, True)])
+@pytest.mark.parametrize(("off", "refused"), [(1e-8, False), (5e-7, False), (5e-6, True), (1e-5, True)])
 def test_how_far_a_stored_pressure_may_be_off(tmp_path, off, refused):
     """Published numbers have some nine digits; 1e-5 is another packing."""
     spoiled = tmp_path / "packing.txt"

@@ -148,8 +148,26 @@ def test_a_dataset_is_not_larger_than_its_file_unless_it_is_compressed(tmp_path,
     with open_file(path) as h5:
         assert path.stat().st_size < 1 << 18
         assert np.array_equal(values(h5["packed"]), zeros)
-        with pytest.raises(ValueError, match=r"filled says that it is \(262144,\), more than the file holds"):
+        with pytest.raises(
+            ValueError, match=r"^dataset /filled says that it is \(262144,\), more than the file holds"
+        ):
             values(h5["filled"])
+
+
+def test_no_compression_makes_more_than_a_thousand_of_one(tmp_path, untried):
+    """Deflate ends at 1032; a dataset of which nothing was written says what it likes."""
+    path = tmp_path / "x.h5"
+    for times, sound in ((900, True), (3000, False)):
+        with h5py.File(path, "w") as h5:
+            h5["rest"] = np.zeros(10_000, np.uint8)
+            size = h5.id.get_filesize()
+            h5.create_dataset("x", (times * (size + 2000),), np.uint8, compression="gzip", chunks=(1 << 20,))
+        with open_file(path) as h5:
+            if sound:
+                assert not values(h5["x"], slice(0, 9)).any()
+            else:
+                with pytest.raises(ValueError, match="more than the file holds"):
+                    values(h5["x"], slice(0, 9))
 
 
 def test_checksums_cover_a_megabyte_at_most():
@@ -726,6 +744,14 @@ def test_frequencies_are_told_apart_by_their_ratio(tmp_path):
     assert held.modulus(1e-14 * (1 + 1e-13)) == 1e-14j and held.modulus([1.0, 1e-14]).tolist() == [1j, 1e-14j]
     with pytest.raises(InputError, match=r"omega = 2e-14 is not one of its 2 frequencies, 1e-14 to 1"):
         held.modulus(2e-14)
+    for nearly in (
+        1e-14 * (1 + 5e-13),
+        1 - 5e-13,
+    ):  # what rounding does to a number that was read and written
+        assert held.modulus(nearly).imag == pytest.approx(nearly)
+    for other in (1e-14 * (1 + 5e-12), 1 - 5e-12):
+        with pytest.raises(InputError, match="is not one of its 2 frequencies"):
+            held.modulus(other)
     assert held.frequency_range == (1e-14, 1.0) and held.damping is None
     with pytest.raises(InputError, match=r"attribute alpha is missing: make the file again"):
         held.attributes["alpha"]
