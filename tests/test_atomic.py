@@ -217,6 +217,19 @@ def test_places_where_no_file_can_be(tmp_path):
                 action(path)
 
 
+def test_the_file_that_a_link_stands_for_is_what_is_written(tmp_path):
+    (tmp_path / "there").mkdir()
+    for name in ("there", "none"):
+        (tmp_path / f"{name}.csv").symlink_to(tmp_path / name / "a.csv")
+    check_writable(tmp_path / "there.csv")
+    write_whole(tmp_path / "there.csv", b"1,2")
+    assert (tmp_path / "there.csv").is_symlink() and (tmp_path / "there" / "a.csv").read_bytes() == b"1,2"
+    with pytest.raises(InputError, match=r"none/a\.csv: folder .*none does not exist: create it first"):
+        check_writable(tmp_path / "none.csv")
+    with pytest.raises(InputError, match=r"cannot be written \(No such file or directory\)"):
+        write_whole(tmp_path / "none.csv", b"1,2")
+
+
 def test_a_line_is_put_behind_what_counts_and_on_the_disk(tmp_path, monkeypatch):
     path = tmp_path / "journal"
     path.write_bytes(b"whole\ntorn line that is longer than what follows")

@@ -99,6 +99,7 @@ def test_a_misspelt_option_is_named_where_its_right_one_is_missing():
         ("sweep p.h5 --out s.h5 --zzz", "--zzz: no such option (see jampetsc sweep --help)"),
         ("sweep p.h5 q.h5 --out s.h5", "q.h5: one argument too many"),
         ("sweep --out s.h5 -log_view p.h5", "the following arguments are required: PACKING"),
+        ("--foo", "the following arguments are required: COMMAND (see jampetsc --help)"),
         ("info p.h5 -log_view", "info -log_view: single-dash options are PETSc's"),
         (
             "sweep p.h5 --out s.h5 --beta x --typo -log_view q.h5",
@@ -108,9 +109,9 @@ def test_a_misspelt_option_is_named_where_its_right_one_is_missing():
         with pytest.raises(InputError) as refused:
             cli.dispatch(line.split())
         assert str(refused.value).startswith(message)
-        assert ("PETSc's options took p.h5: put them last" in str(refused.value)) == (
-            "-log_view p.h5" in line
-        )
+        hint = "; PETSc's options took p.h5: put them last"
+        assert str(refused.value).endswith(hint) == ("-log_view p.h5" in line)
+        assert ("PETSc's options took" in str(refused.value)) == ("-log_view p.h5" in line)
 
 
 def test_every_command_is_there():

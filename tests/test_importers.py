@@ -98,6 +98,10 @@ EDITS = {
     "no L2": (lambda text: text.replace("L2=", "LL="), "no L2 = … in the header"),
     "no P": (lambda text: text.replace("P =", "Q ="), "no P = … in the header"),
     "nan": (lambda text: text.replace("8.8767069662298361795", "nan"), r"positions\[0\].*must be finite"),
+    "no pressure": (
+        lambda text: re.sub(r"P = [\d.e-]+", "P = nan", text),
+        "pressure is .* but stored as nan: another potential",
+    ),
     "no number": (lambda text: text.replace("8.8767069662298361795", "8.8.7"), "8.8.7, .*: not numbers"),
     "negative": (
         lambda text: text.replace("1.3999999999999999112", "-1.4"),

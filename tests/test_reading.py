@@ -374,6 +374,14 @@ def test_how_a_trial_may_end(tmp_path, child, line, failure):
         assert len((tmp_path / "told").read_text().splitlines()) == (count if failure else 1)
 
 
+def test_the_child_of_a_trial_is_no_rank_and_has_one_thread(tmp_path, child, monkeypatch):
+    child(f'echo "[$OMPI_COMM_WORLD_SIZE] [$OPENBLAS_NUM_THREADS] [$MARK]" > {tmp_path}/environment')
+    for name, value in (("OMPI_COMM_WORLD_SIZE", "2"), ("OPENBLAS_NUM_THREADS", "8"), ("MARK", "kept")):
+        monkeypatch.setenv(name, value)
+    assert trial.failure_of(io.BytesIO(b"any")) is None
+    assert (tmp_path / "environment").read_text() == "[] [1] [kept]\n"
+
+
 def test_a_file_that_changes_has_a_new_trial(tmp_path, child):
     child("exit 0")
     path = tmp_path / "x.h5"

@@ -2,11 +2,13 @@
 
 import ctypes
 import functools
+import gc
 import importlib.util
 import os
 import re
 import subprocess
 import sys
+import weakref
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 from types import SimpleNamespace
@@ -630,6 +632,24 @@ def test_what_python_drops_petsc_forgets(session, capfd):
     assert session.size == 1 or kept() == {3}
     session.collect()
     assert kept() <= {0}
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+def test_what_refers_to_itself_is_collected_too(session):
+    class Loop:
+        pass
+
+    one = Loop()
+    one.itself, seen = one, weakref.ref(one)
+    gc.disable()
+    try:
+        del one
+        assert seen() is not None
+        session.collect()
+        assert seen() is None
+    finally:
+        gc.enable()
 
 
 def test_stages_are_named_in_the_log(tmp_path):

@@ -159,6 +159,19 @@ def test_a_run_that_fails_says_why(clean):
     assert 10 < outcome.memory < 2000  # MB
 
 
+def test_runs_of_a_trade_are_no_ranks(monkeypatch):
+    for name in ("OMPI_COMM_WORLD_SIZE", "PMIX_RANK", "MARK"):
+        monkeypatch.setenv(name, "2")
+    for name in ("OMPI_ALLOW_RUN_AS_ROOT", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM"):
+        monkeypatch.delenv(name, raising=False)
+    for user, allowed in ((0, {"1"}), (1000, {None})):
+        monkeypatch.setattr(os, "geteuid", lambda: user)  # noqa: B023
+        found = processes._environment()
+        assert found["MARK"] == "2" and not {"OMPI_COMM_WORLD_SIZE", "PMIX_RANK"} & found.keys()
+        roots = ("OMPI_ALLOW_RUN_AS_ROOT", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM")
+        assert {found.get(name) for name in roots} == allowed
+
+
 def test_no_mpirun_is_said(monkeypatch):
     monkeypatch.setenv("PATH", "/nowhere")
     with pytest.raises(InputError, match="--ranks 2: neither mpirun nor mpiexec"):
