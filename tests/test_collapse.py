@@ -518,9 +518,10 @@ def test_samples_of_shear_may_stand_beside_those_of_a_protocol(tmp_path):
     with ResultWriter(tmp_path / "qs.h5", "jampetsc-shear") as writer:
         writer.dataset("strain", 0.1 * np.arange(1, 21))
         writer.dataset("jammed", np.ones(20))
-        facts = {"phi": 0.84, "seed": 1, "particle_count": 256, "discard": 1.0, "sizes": "bidisperse"}
+        facts = {"phi": 0.84375, "seed": 1, "particle_count": 256, "discard": 1.0, "sizes": "bidisperse"}
         writer.attributes(**facts, potential="harmonic", **VAGBERG)
-    assert len(read_points([random, load(tmp_path / "qs.h5")], "jammed", True).size) == 5
+    data = read_points([random, load(tmp_path / "qs.h5")], "jammed", True)
+    assert sorted(data.points.phi) == [0.82, 0.83, 0.84, 0.84375, 0.85] and sorted(data.size)[-1] == 256
     with pytest.raises(InputError, match=r"b\.h5: protocol compress, but a\.h5 has random"):
         read_points([random, cooled], "jammed", True)
 
@@ -566,6 +567,11 @@ def test_a_file_of_sizes_holds_what_was_fitted_in_words_of_the_command(tmp_path,
     assert (a["fitted"], a["scaling"], a["dof"], a["y"], a["nu"]) == ("phi_J", "size", fit.dof, 0.0, 1.0)
     assert a["probability"] == pytest.approx(fit.probability) and not a["corrections"]
     assert a["functions"] == "spline, degree 1"
+    assert {name: a[name] for name in ("sizes", "potential", *VAGBERG)} == {
+        "sizes": "bidisperse",
+        "potential": "harmonic",
+        **VAGBERG,
+    }
     assert found["bootstrap"].shape == (100, 1)
     assert a["phi_J_error"] == pytest.approx(found["bootstrap"].std(ddof=1))
     np.testing.assert_allclose(found["drift/cut"], [64, 144])
@@ -680,3 +686,78 @@ def test_errors_of_cuts_are_of_their_own_points():
         some = points[points.scale <= cut]
         assert fit.dof == len(some) - form.unknowns
         np.testing.assert_allclose(error, bootstrap_fits(some, fit, 4).std(axis=0, ddof=1))
+
+
+def test_what_grows_near_jamming_has_a_negative_exponent():
+    """A viscosity: y < 0."""
+    law = PLANTED | {"y": -0.9}
+    fit = fit_collapse(
+        planted(1, 0.003, law=law), Form({"phi_J": law["phi_J"], "kappa": law["kappa"]}, degree=3)
+    )
+    assert fit.parameters["y"] == pytest.approx(-0.9, abs=0.02)
+
+
+def test_files_of_a_collapse_tell_what_their_disks_and_model_are(study, tmp_path):
+    words = (
+        "--where",
+        "model=RD0",
+        "--observable",
+        "pressure",
+        "--fit",
+        "phi_J,y=1.1,znu=3.5",
+        "--degree",
+        "3",
+    )
+    assert command(study, *words, "--out", tmp_path / "p.h5") == 0
+    a = load(tmp_path / "p.h5").attributes
+    facts = {
+        "model": "RD0",
+        "mass": 0.0,
+        "sizes": "bidisperse",
+        "potential": "harmonic",
+        "tau1": 1.0,
+        **VAGBERG,
+    }
+    assert {name: a[name] for name in facts} == facts
+
+
+@pytest.mark.parametrize(("off", "inside"), [(0.005, True), (0.5, False)])
+def test_a_fit_that_has_lost_its_way_is_out_of_sight(off, inside):
+    """Six typical changes or errors to either side of the best are seen, less where everything is nearer."""
+    best, own, errors = 0.84, 2e-3, np.array([1e-3, 2e-3, 3e-3])
+    values = best + np.array([1e-3, -2e-3, off])
+    result = {
+        "rate": np.array([1e-3, 1e-2]), "value": np.ones(2), "error": np.ones(2), "correction": np.zeros(2),
+        "leading": np.ones(2), "x": np.zeros(2), "curve/x": np.zeros(2), "curve/f0": np.ones(2),
+        "drift/cut": np.array([1e-2, 1e-3, 1e-4]), "drift/parameters": values[:, None], "drift/errors": errors[:, None],
+    }  # fmt: skip
+    attributes = {
+        "scaling": "rate",
+        "observable": "shear_stress",
+        "corrections": False,
+        "fitted": "phi_J",
+        "y": 1.0,
+    }
+    attributes |= {"znu": 2.0, "phi_J": best, "phi_J_error": own, "chi2": 3.0, "dof": 4}
+    fig = figure_of(plot_scaling, Held(result, attributes))
+    top, middle, drift_ = fig.axes
+    low, high = drift_.get_ylim()
+    reach = 6 * max(np.median(np.abs(values - best)), 2e-3, own)
+    expected = min(max((values + errors).max(), best + own) + 0.1 * own, best + reach)
+    assert high == pytest.approx(expected) and (high > values[2]) == inside
+    assert low == pytest.approx(max(min((values - errors).min(), best - own) - 0.1 * own, best - reach))
+    assert drift_.get_xlim() == pytest.approx((10**-4.1, 10**-1.9)) and drift_.get_ylabel() == r"$\phi_J$"
+    assert top.get_title(loc="right") == r"$\chi^2/\mathrm{dof}=0.75$" and top.get_yscale() == "linear"
+    assert top.get_ylabel() == r"$\sigma\,\dot\gamma^{-y/z\nu}$" and middle.get_ylabel() == "residual / error"
+    assert middle.get_xlabel() == r"$x=(\phi-\phi_J)\,\dot\gamma^{-1/z\nu}$"
+    assert [ax.get_title(loc="left") for ax in fig.axes] == ["(a)", "(b)", "(c)"]
+    span = drift_.patches[0].get_extents().transformed(drift_.transData.inverted())
+    assert (span.y0, span.y1) == pytest.approx((best - own, best + own))
+
+
+class Held(dict):
+    """Arrays and attributes of a file."""
+
+    def __init__(self, arrays, attributes):
+        super().__init__(arrays)
+        self.attributes = attributes

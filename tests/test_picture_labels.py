@@ -3,6 +3,9 @@
 import numpy as np
 import pytest
 from drawn import figure_of
+from matplotlib import rc_context
+from matplotlib.text import Text
+from samples import published
 from test_correlations import correlation_file
 from test_floppy_plots import modes_of, quasistatic_of
 from test_flow_plots import facts, series
@@ -10,19 +13,22 @@ from test_jam_plots import slow_shear, write_jam
 from test_picture_limits import curve, run
 from test_spectrum import write_sweep
 
+from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.plots import (
     correlation,
+    fields,
     floppy,
     flowcurves,
     jamming,
     moduli,
+    packing,
     shearing,
     slowly,
     trade,
     vibrations,
 )
 from jampetsc.plots.spectrum import plot_relaxation, spectrum_curve
-from jampetsc.plots.style import LOSS, STORAGE
+from jampetsc.plots.style import COLUMN, LOSS, PAGE, STORAGE, STYLE
 from jampetsc.storage.reader import load
 
 RATE = r"$\dot\gamma\ [1/\tau_1]$"
@@ -95,6 +101,10 @@ def test_axes_are_named(tmp_path, plot, made, panels):
     ]
     assert found == panels
     several = len(panels) > 1
+    rows = len({round(ax.get_position(original=True).y0, 3) for ax in fig.axes[: len(panels)]})
+    width, height = fig.get_size_inches()
+    assert width == (COLUMN if rows == len(panels) or plot is vibrations.plot_modes else PAGE)
+    assert 1.9 < height / min(rows, 2) < 4.0
     letters = [
         ax.get_title(loc="left") for ax in fig.axes if plot is not vibrations.plot_modes or ax in fig.axes[:2]
     ]
@@ -136,3 +146,51 @@ def test_shares_are_seen_from_none_to_all(tmp_path):
         assert figure_of(plot, cooled(tmp_path)).axes[0].get_ylim()[0] == 0.0
     below = figure_of(vibrations.plot_modes, modes(tmp_path)).axes[1]
     assert below.get_ylim() == (0.0, 1.3) and below.get_yticks().tolist() == [0, 0.5, 1]
+
+
+def test_words_are_as_large_as_print_needs_them(tmp_path):
+    """Notes 7.5 points, names of axes 10; nothing is smaller than 6 or larger than 10."""
+    disks, panels = published(), [("title", np.ones((16, 2)))]
+    spin = np.ones((2, 16)) + 0j
+    figures = [
+        figure_of(fields.plot_panels, disks, panels, np.arange(16), symbol="u"),
+        figure_of(fields.plot_fields, disks, np.ones(2), np.ones((2, 16, 2)) + 0j, spin, np.arange(16)),
+        figure_of(packing.plot_packing, disks),
+        figure_of(moduli.plot_moduli, [curve(G=np.array([-1.0, 1.0, 1.0]) + 1j)]),
+        figure_of(trade.plot_trade, [run("direct", 1e-3, 1.0, "method")], 1e-9),
+        figure_of(plot_relaxation, spectra(tmp_path)),
+    ]
+    for fig in figures:
+        with rc_context(STYLE):
+            texts = fig.findobj(Text)
+        sizes = {text.get_fontsize() for text in texts if text.get_text()}
+        assert 6 <= min(sizes) and max(sizes) <= 10
+
+
+def test_names_of_a_trade_stand_beside_their_points():
+    """To the right of all there is room for them: they stay in the axes, off each other and off the points."""
+    rows = [run(f"--accuracy 1e-{n}", 10.0**-n, 2.0**n) for n in range(2, 8)] + [
+        run("direct, MUMPS", 1e-9, 200.0, "method")
+    ]
+    ax = figure_of(trade.plot_trade, rows, 1e-12).axes[0]
+    boxes = [text.get_window_extent() for text in ax.texts]
+    assert len(boxes) == 7
+    for n, box in enumerate(boxes):
+        assert ax.bbox.x0 <= box.x0 and box.x1 <= ax.bbox.x1 and ax.bbox.y0 <= box.y0 and box.y1 <= ax.bbox.y1
+        assert not any(box.overlaps(other) for other in boxes[:n])
+    left, right = np.log10(ax.get_xlim())
+    assert left < np.log10(4.0) and right > np.log10(200.0) + 0.1 * (np.log10(200.0) - np.log10(4.0))
+
+
+def test_one_spectrum_without_a_pressure_needs_no_legend(tmp_path):
+    one = spectrum_curve(load(write_sweep(tmp_path / "s.h5", pressure=None)))
+    assert figure_of(plot_relaxation, [one]).axes[1].get_legend() is None
+
+
+def test_flanks_of_the_window_are_not_drawn(tmp_path):
+    """H below 10⁻⁴ of its largest value is of the window, not of the spectrum."""
+    held = RelaxationSpectrum(0.02, 0.4, np.array([1e-4, 1.0]), np.array([1.0, 1e-5]))
+    one = spectrum_curve(load(write_sweep(tmp_path / "s.h5", held)), 0.3)
+    ax = figure_of(plot_relaxation, [one]).axes[0]
+    H = ax.get_lines()[0].get_ydata()
+    assert one.transient.H.min() < 1e-4 * one.transient.H.max() and H.min() >= 1e-4 * H.max() > 0

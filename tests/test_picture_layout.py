@@ -141,6 +141,14 @@ def test_a_note_is_there_where_not_every_disk_has_an_arrow(monkeypatch):
         figure_of(fields.plot_panels, *arguments, symbol="u"),
         figure_of(fields.plot_fields, disks, np.ones(1), u, None, np.arange(16)),
     ]
+    monkeypatch.setattr(fields, "ARROWS", 16)  # as many as there are disks: each has its arrow
+    same = (
+        figure_of(fields.plot_panels, *arguments, symbol="u"),
+        figure_of(fields.plot_fields, disks, np.ones(1), u, None, np.arange(16)),
+    )
+    for before, after in zip(plain, same, strict=True):
+        assert after.get_figheight() == before.get_figheight() and not after.texts
+        assert not after.axes[0].collections[0].get_rasterized()
     monkeypatch.setattr(fields, "ARROWS", 9)
     some = [
         figure_of(fields.plot_panels, *arguments, symbol="u"),
@@ -152,6 +160,7 @@ def test_a_note_is_there_where_not_every_disk_has_an_arrow(monkeypatch):
         count = int(note.get_text().split()[2])
         assert note.get_text() == f"arrows on {count} of 16 disks" and 4 <= count <= 9
         arrows = after.axes[0].collections[1]
+        assert after.axes[0].collections[0].get_rasterized()
         assert len(np.unique(np.round(np.hypot(arrows.U, arrows.V), 9))) == count
         box = after.axes[0].get_position()
         assert note.get_position()[1] * after.get_figheight() < box.y0 * after.get_figheight() - 0.2

@@ -23,6 +23,7 @@ from jampetsc.plots.moduli import plot_collapse, plot_moduli
 from jampetsc.plots.packing import plot_packing
 from jampetsc.storage.packing_file import packing_identity, write_packing
 from jampetsc.storage.result_file import ResultWriter
+from jampetsc.words.pictures import open_files
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 
@@ -565,3 +566,14 @@ def test_a_users_matplotlibrc_changes_nothing(sweeps, tmp_path):
     with matplotlib.rc_context({"font.size": 30, "lines.linewidth": 9, "svg.hashsalt": "other"}):
         plot(*sweeps, "--out", tmp_path / "b.svg")
     assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+
+
+def test_the_one_file_of_another_kind_is_named_wherever_it_stands(sweeps, packing):
+    for place in range(4):
+        files = [*sweeps[:place], packing, *sweeps[place:]]
+        odd = packing if place else sweeps[0]
+        with pytest.raises(InputError) as refused:
+            open_files(files, ["moduli"])
+        noun = "packing" if place else "sweep"
+        assert f", {odd} a {noun}: one picture shows one or the other" in str(refused.value)
+        assert str(refused.value).startswith(f"{files[0]} is a {'sweep' if place else 'packing'}, ")

@@ -305,3 +305,12 @@ def test_where_no_mode_was_swept_all_of_it_is_shown(slowest, fastest):
     assert 1 / fastest <= found.time[0] * (1 + 1e-12) and found.time[-1] <= (1 + 1e-12) / slowest
     assert found.time[0] <= found.time[-1] and found.tau[0] <= found.tau[-1]
     assert np.isfinite(found.H).all() and len(found.tau) == len(found.time)
+
+
+def test_limits_are_those_of_the_modulus_at_either_end():
+    s = spectrum(modes=5)
+    low, high = s.rates.min() * 1e-6, s.rates.max() * 1e6
+    assert s.modulus(low).real == pytest.approx(s.G0, rel=1e-9)
+    assert s.eta0 == pytest.approx(s.modulus(low).imag / low, rel=1e-9)
+    assert s.G_inf == pytest.approx(s.modulus(high).real, rel=1e-9)
+    assert s.eta_inf == pytest.approx(s.modulus(high).imag / high, rel=1e-5)

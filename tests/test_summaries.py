@@ -563,3 +563,12 @@ def test_a_checkpoint_knows_the_options_of_its_protocol(more, monkeypatch):
     plain = "--n 16 --phi 0.84 --seeds 1:2 --protocol"
     settings = [settings_of(f"{plain} {words}", monkeypatch)[0] for words in (more, more.split()[0])]
     assert len(settings[0]) == len(settings[1]) and settings[0] != settings[1]
+
+
+@pytest.mark.parametrize("lost", [0, 1, 3])
+def test_samples_that_are_lost_are_counted(lost):
+    record = Record({name: 0 for name in ("phi", "seed", "jammed", "pressure")})
+    for n in range(4):
+        record.add(phi=0.84, seed=n, jammed=np.nan if n < lost else 1.0, pressure=1e-3)
+    lines = jam._summary(SimpleNamespace(out="j.h5", n=16), record).split("\n")
+    assert lines[2:] == [f"  {lost} samples reached no minimum: nan in the file"] * (lost > 0)
