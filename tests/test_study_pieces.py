@@ -442,6 +442,17 @@ def test_a_slope_needs_enough_frequencies_and_positive_moduli(tmp_path):
         assert ("exponent_loss" in found) == (count == 5)
 
 
+def test_the_ends_of_the_critical_branch_belong_to_it(tmp_path):
+    ends = np.array([2.0**-10, 0.01, 0.02, 0.05, 0.1])
+    for omega, there in (
+        (ends, True),
+        (ends * [1 - 1e-9, 1, 1, 1, 1], False),
+        (ends * [1, 1, 1, 1, 1 + 1e-9], False),
+    ):
+        path = sweep(tmp_path / "s.h5", omega, (1 + 1j) * omega**0.5, pressure=2.0**-10 / 10.0)
+        assert ({"exponent_storage", "exponent_loss"} <= numbers_of(path).keys()) == there
+
+
 def test_numbers_of_modes_are_those_of_the_lowest(tmp_path):
     arrays = {"eigenvalues": [0.1, 0.2], "participation_ratio": [0.5, 0.6], "floppiness": [2.0, 3.0]}
     found = numbers_of(result(tmp_path / "m.h5", "modes", **arrays))
