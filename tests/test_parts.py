@@ -94,6 +94,15 @@ def test_a_stored_array_tells_what_it_is(made):
     assert np.array_equal(np.asarray(stored, float), WHOLE) and np.asarray(stored, float).dtype == float
 
 
+def test_a_stored_array_is_read_from_where_it_was_found(made, tmp_path, monkeypatch):
+    """Though the program has gone elsewhere since."""
+    monkeypatch.chdir(made.parent)
+    with open_file("s.h5") as h5:
+        stored = StoredArray("s.h5", "x", h5)
+    monkeypatch.chdir(tmp_path)
+    assert np.array_equal(stored[0, 1], WHOLE[0, 1])
+
+
 def test_rows_of_other_parts_are_not_asked_for(joint):
     with open_file(joint) as h5:
         parts, asked = PartList(h5, joint), []

@@ -329,6 +329,30 @@ def test_what_reads_a_large_task_that_failed_fails_too(session, shared_path, mon
     assert said[1] in lines[0]  # of what all do together one tells
 
 
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_a_bug_in_what_all_do_together_is_no_row(session, shared_path, monkeypatch):
+    """One rank alone may have met it: the others would wait for it in the next task."""
+    only_on("several")
+    read = study_tasks.numbers_of
+
+    def numbers_of(path):
+        if path.name.startswith("quasistatic"):
+            raise ZeroDivisionError("a bug")
+        return read(path)
+
+    monkeypatch.setattr(study_tasks, "numbers_of", numbers_of)
+    monkeypatch.setattr(study_run, "LARGE", 15)
+    with pytest.raises(ZeroDivisionError, match="a bug"):
+        study(shared_path / "study", SMALL.replace("1:2", "1:1"))
+    session.comm.Barrier()
+    if session.rank == 0:  # the folder is free, and what was finished is kept
+        lock = Lock(shared_path / "study")
+        lock.take()
+        lock.release()
+        assert [record["state"] for record in records_of(shared_path / "study").values()] == ["done"]
+
+
 # Killed
 
 
