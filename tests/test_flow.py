@@ -524,6 +524,15 @@ def test_starts_of_soft_disks_overlap_by_half_at_most(tmp_path, share, accepted)
             start()
 
 
+def test_disks_that_touch_a_little_flow(tmp_path):
+    """One pair whose pressure is far above a millionth of γ̇kτ₁, and far below a millionth of k."""
+    places = 3.0 * np.array([[a, b] for a in range(4) for b in range(4)], float)
+    places[1] = places[0] + [1.0 - 1e-4, 0.0]
+    disks = Disks.from_positions(places, np.full(16, 0.5), 12.0 * np.eye(2))
+    job = jobs.fresh(disks, {}, sheared.model("RD0"), 1e-2, 0.02, tmp_path / "x.h5", discard=0.0)
+    assert 1e-8 < 0.2 * jobs.execute(job).pressure.mean < 1e-7  # γ̇kτ₁ = 0.01
+
+
 @pytest.mark.parametrize("k", [1.0, 1e9])
 def test_disks_that_do_not_touch_are_told_in_units_of_k(tmp_path, k):
     """One pair that overlaps by 1e-9 at the start presses with 1e-9 γ̇kτ₁ or so: that is no flow."""

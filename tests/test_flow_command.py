@@ -139,6 +139,30 @@ def test_a_finished_run_goes_on_to_the_last_bit(tmp_path, name):
     assert np.array_equal(jampetsc.load(one)["energy"], whole["energy"])
 
 
+def test_snapshots_go_on_with_the_run(tmp_path, monkeypatch):
+    """As many as before over all that is kept then; room for both is asked for."""
+    out, room = tmp_path / "flow.h5", []
+    common = "flow --n 16 --phi 0.9 --model RD0 --rate 0.1 --strain 0.1 --discard 0 --snapshots 4".split()
+    assert flow(*common, "--out", out) == 0
+    before = jampetsc.load(out)["snapshots/strain"]
+    monkeypatch.setattr(jobs, "check_space", lambda path, disks, snapshots: room.append((disks, snapshots)))
+    assert flow("flow", out, "--strain", 0.1) == 0
+    after = jampetsc.load(out)
+    assert np.array_equal(after["snapshots/strain"][:4], before)
+    assert after["snapshots/strain"][4:] == pytest.approx([0.15, 0.2]) and room == [(16, 8)]
+
+
+def test_what_solves_for_velocities(tmp_path):
+    """PETSc's solvers may be asked for where a time step solves, with or without mass."""
+    found = {}
+    for name, mass in (("RD0", 0.0), ("CD0", 0.0), ("RD", 0.01), ("CD", 0.01), ("CD", 1.0)):
+        chosen = replace(model(name), mass=mass)
+        found[name, mass] = jobs.fresh(crowd(16), {}, chosen, 1e-2, 0.5, tmp_path / "x.h5").solves
+    assert found == {
+        ("RD0", 0.0): False, ("CD0", 0.0): True, ("RD", 0.01): True, ("CD", 0.01): True, ("CD", 1.0): False,
+    }  # fmt: skip
+
+
 def test_a_packing_keeps_its_own_units(tmp_path):
     packing, out = tmp_path / "p.h5", tmp_path / "flow.h5"
     disks = crowd(kind="hertzian")

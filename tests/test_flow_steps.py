@@ -1,5 +1,7 @@
 """Time steps of steady shear, one by one, against their equations in plain numpy: what moves, and what is tallied."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import sheared
@@ -178,3 +180,28 @@ def test_a_list_is_stale_by_the_shear_after_a_step(name, method):
     run._list(run.reference)
     assert run._run(9) == (2 if method == "heun" else 3, compiled.STALE)
     assert not run.offsets.any() and run.seen[TALLY.index("steps")] == (2 if method == "heun" else 3)
+
+
+@pytest.mark.parametrize(("name", "method"), [("RD0", "heun"), ("CD0", "euler"), ("rolling", "verlet")])
+def test_looking_at_a_run_does_not_change_it(name, method):
+    """Not to the last bit, though velocities are found again, and more exactly than steps need them."""
+    law, mass = ROWS[name]
+    looked, left = (
+        Shear(crowd(10, phi=0.9), Model(law, mass), 0.25, Scheme(0.02, method, 1e-3)) for _ in range(2)
+    )
+    assert not mass or not looked.velocities_now().any()  # massive disks start at rest
+    for run in (looked, left):
+        for _ in range(5):
+            run.advance(3)
+            if run is looked:
+                run.velocities_now(), run.look(), run.disks, run.state()
+    for array in ("offsets", "velocities", "accelerations", "spins", "seen"):
+        assert np.array_equal(getattr(looked, array), getattr(left, array)), array
+
+
+def test_a_start_is_put_into_its_upright_cell():
+    disks = crowd(10, phi=0.9)
+    turned = np.array([[1.0, 0.0], [3.0, 1.0]])
+    far = replace(disks, cell_base=turned @ disks.cell_base, cell_offset=turned @ disks.cell_offset)
+    state = Shear(far, Model(ROWS["RD0"][0]), 0.1, Scheme(0.1, "euler", 1e-6)).state()
+    np.testing.assert_allclose(state["cell_base"] + state["cell_offset"], disks.cell, atol=1e-12)

@@ -12,6 +12,7 @@ from jampetsc.analysis.jamming import assortativity
 from jampetsc.commands import jam
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.potentials import Potential
+from jampetsc.contacts.state import find_contacts, net_forces
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.flows import jamming, record
 from jampetsc.flows.slowly import ENERGY_CUT
@@ -251,6 +252,47 @@ def test_samples_closer_than_a_step_are_a_step_apart(monkeypatch):
         None,
     ]
     assert len(found) == protocol.rows == 15
+
+
+@pytest.mark.parametrize(
+    ("every", "discard", "strains"),
+    [(0.3, 0.3, [0.6, 0.9]), (0.26, 0.26, [0.6, 0.9]), (0.24, 0.34, [0.5, 0.7])],
+)
+def test_samples_are_so_many_whole_steps_apart(monkeypatch, every, discard, strains):
+    """The nearest number of them: 0.3/0.1 is a little less than 3."""
+
+    class Steps:
+        def __init__(self, disks, step, *_):
+            self.disks, self.strain, self.step = disks, 0.0, step
+
+        def advance(self):
+            self.strain += self.step
+
+    monkeypatch.setattr(jamming, "SlowShear", Steps)
+    protocol = jamming.Protocol(
+        "shear", step=0.1, strain=discard + 2.001 * every, discard=discard, every=every
+    )
+    start = jamming.random_start(radii_of("bidisperse", 16), 0.8, 1, POTENTIAL)
+    assert [row["strain"] for row in jamming._sheared(protocol, start, 0, 0)] == pytest.approx(strains)
+
+
+def test_a_liquid_begins_without_deep_overlaps(monkeypatch):
+    """Hot disks are those of the start, relaxed in their cell, at T in units of k."""
+    asked = []
+
+    def noted(disks, *given):
+        asked.append((net_forces(disks.n, find_contacts(disks)), given))
+        return disks
+
+    monkeypatch.setattr(jamming, "annealed", noted)
+    monkeypatch.setattr(jamming, "_quenched", lambda *_: ({}, None, False))
+    protocol = jamming.Protocol("compress", temperature=0.1, cooling_rate=0.7, sweeps=3)
+    law = Potential("harmonic", "inverse-square-diameter", 8.0)
+    start = jamming.random_start(radii_of("bidisperse", 16), 0.9, 1, law)
+    assert jamming._annealed(protocol, start, 1, None, 1e-6) == {}
+    forces, (heat, *given, _) = asked[0]
+    assert np.abs(net_forces(16, find_contacts(start))).max() > 0.1 and np.abs(forces).max() < 1e-4
+    assert heat == pytest.approx(0.8) and given == [0.7, 3]
 
 
 class Densities:

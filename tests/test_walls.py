@@ -181,6 +181,11 @@ def test_the_command(tmp_path, capsys):
     assert "--walls: belongs to" in capsys.readouterr().err
 
 
+def test_disks_between_walls_settle_alike_whatever_their_stiffness():
+    starts = [between_walls(1.2 * radii_of("bidisperse", 16), 0.86, 3, Potential(k=k))[0] for k in (1.0, 4.0)]
+    np.testing.assert_allclose(starts[0].positions, starts[1].positions, rtol=0, atol=1e-9)
+
+
 def test_disks_start_between_the_rows(monkeypatch):
     """Each with its whole radius, in some of the height; rows have gaps of a twentieth of their diameters."""
     monkeypatch.setattr(walls, "SETTLING", (0, 0.05))

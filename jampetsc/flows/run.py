@@ -96,7 +96,6 @@ def run(shear: Shear, plan: Plan, out, settings: dict, record=None) -> Record:
                 means = check_balance(record, plan.discard, shear)
                 left = (time.monotonic() - began) / (len(record) - first) * (plan.rows - len(record))
                 progress.step(_line(shear, means, left))
-    check_balance(record, plan.discard, shear)
     return record
 
 

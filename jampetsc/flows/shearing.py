@@ -171,11 +171,8 @@ class Shear:
 
     def velocities_now(self) -> np.ndarray:
         """Non-affine velocities (N, 2) at the positions as they are now."""
-        if not self.started:
-            self._start()
-        if self.model.mass:
-            ahead = 0.5 * self.scheme.step if self.scheme.method == "verlet" else 0.0
-            return self.velocities + ahead * self.accelerations
+        if self.model.mass:  # half a step on where there are accelerations, which velocity Verlet alone keeps
+            return self.velocities + 0.5 * self.scheme.step * self.accelerations
         u, forces = self.velocities.copy(), np.empty_like(self.offsets)
         place = (self.pairs.arrays, self.offsets, self.shear, self._law, self.weights, self.physics)
         if self.model.law.damps_contacts:

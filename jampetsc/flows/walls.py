@@ -66,7 +66,7 @@ def between_walls(radii, phi: float, seed: int, potential: Potential) -> tuple[D
     start = Disks.from_positions(
         np.concatenate((wall, places[order])), np.concatenate((row, radii[order])), cell, potential
     )
-    step = SETTLING[1] * float(2.0 * radii.min()) ** 2 / potential.k
+    step = SETTLING[1] * float(2.0 * radii.min()) ** 2  # k_d = k_e τ₁, and τ₁ = 1
     rest = Shear(start, Model(MODELS["RD0"][0]), 0.0, Scheme(step, "euler", 1e-4), held=number)
     rest.advance(SETTLING[0])
     return rest.disks, number

@@ -1,0 +1,80 @@
+"""Lengths and stiffnesses have no absolute size: the same quench and the same slow shear in any units.
+
+By powers of four, so that rounding is the same, and with it every evaluation and every decision on the way.
+"""
+
+import numpy as np
+import pytest
+
+from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
+from jampetsc.flows.slowly import SlowShear
+from jampetsc.packing.protocols import Target, make_packing, random_start
+from jampetsc.packing.sizes import radii_of
+
+UNITS = [(4.0, 1.0), (0.25, 1.0), (1.0, 1024.0)]  # of length and of stiffness
+
+
+class Dense:
+    """What Newton's method takes for a solver, in dense numpy."""
+
+    def factorise(self, indptr, indices, values):
+        self.matrix = np.zeros((len(indptr) - 1,) * 2)
+        self.matrix[np.repeat(np.arange(len(indptr) - 1), np.diff(indptr)), indices] = values
+        self.matrix += np.triu(self.matrix, 1).T
+        return bool(np.linalg.eigvalsh(self.matrix)[0] > 0)
+
+    def solve(self, b):
+        return np.linalg.solve(self.matrix, b)
+
+
+def energy_unit(length, k, law):
+    """By how much an energy is larger: V = (k/α) (δ/scale)^α."""
+    return k * (length**law.alpha if law.stiffness == "constant" else 1.0)
+
+
+def quenched(length, k, kind, stiffness, target):
+    """A packing of 16 disks, and by how much its energies are larger."""
+    law = Potential(kind, stiffness, k)
+    energy = energy_unit(length, k, law)
+    if target.pressure:
+        target = Target(target.pressure * energy / length**2, stabilise=target.stabilise)
+    start = random_start(length * radii_of("bidisperse", 16), target.phi or 0.9, 3, law)
+    return make_packing(start, target, Dense()), energy
+
+
+@pytest.mark.parametrize("target", [Target(1e-4), Target(3e-3, stabilise="shear"), Target(phi=0.9)], ids=str)
+@pytest.mark.parametrize(("kind", "stiffness"), [(k, s) for k in EXPONENTS for s in STIFFNESSES])
+def test_a_quench_is_the_same_in_any_units(kind, stiffness, target):
+    """At a pressure lengths count: strains of the cell are weighed against moves of disks of diameter one."""
+    usual, _ = quenched(1.0, 1.0, kind, stiffness, target)
+    assert usual.record["evaluations"] > 30 and usual.record["newton_steps"] >= 1
+    for length, k in UNITS[2:] if target.pressure else UNITS:
+        found, energy = quenched(length, k, kind, stiffness, target)
+        np.testing.assert_array_equal(found.positions, length * usual.positions)
+        for name in ("evaluations", "newton_steps", "limited_by", "rattlers", "phi"):
+            assert found.record[name] == usual.record[name], name
+        for name, unit in (
+            ("energy", energy),
+            ("max_force", energy / length),
+            ("pressure", energy / length**2),
+            ("shear_stress", energy / length**2),
+            ("shear_modulus", energy / length**2),
+        ):
+            assert found.record[name] == pytest.approx(unit * usual.record[name], rel=1e-9), name
+
+
+@pytest.mark.parametrize("kind", EXPONENTS)
+def test_slow_shear_is_the_same_in_any_units(kind):
+    def steps(length, k):
+        disks, energy = quenched(length, k, kind, STIFFNESSES[1], Target(phi=0.88))
+        slow = SlowShear(disks, 2e-3, Dense(), 1e-7)
+        rows = [vars(slow.advance()) | vars(slow.found) for _ in range(25)]
+        stress = energy / length**2
+        units = {"energy": energy, "dissipated": energy, "shear_stress": stress, "pressure": stress}
+        return [{name: value / units.get(name, 1.0) for name, value in row.items()} for row in rows]
+
+    usual = steps(1.0, 1.0)
+    assert max(row["evaluations"] for row in usual) > 30  # disks rearrange
+    for length, k in UNITS:
+        for found, wanted in zip(steps(length, k), usual, strict=True):
+            assert found == pytest.approx(wanted, rel=1e-9, abs=1e-18)
