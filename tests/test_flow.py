@@ -423,6 +423,12 @@ def test_time_steps_know_k_tau1_and_the_potential():
         )
         hertzian = replace(disks, potential=replace(disks.potential, kind="hertzian"))
         assert scheme_for(Model(law), hertzian, 1e-4).step == pytest.approx(step / 1.5)
+    for given, m, wanted in ((disks, 0.5, 0.05), (stiff, 0.4, 0.01), (stiff, 10.0, 0.1 * np.sqrt(2.5))):
+        flying = scheme_for(Model(Law("some", normal=1.0), m), given, 1e-4)
+        assert (flying.method, flying.step) == ("verlet", pytest.approx(wanted))  # m/c and √(m/k)
+    for tau1, rate, method in ((1.0, 4.9e-3, "euler"), (1.0, 5.1e-3, "heun"), (2.0, 2.6e-3, "heun")):
+        for given in (disks, stiff):
+            assert scheme_for(Model(Law("some", drag=1.0, tau1=tau1)), given, rate).method == method
     weak = Model(Law("some", normal=1.0, transverse=0.3))
     assert scheme_for(weak, disks, 1e-4).step == pytest.approx(0.3 * 0.5)  # the weaker one decides
     braked = Model(Law("some", normal=1.0, transverse=0.3, drag=3.0), 0.01)

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from sheared import crowd, shear
 
+from jampetsc.contacts.state import find_contacts, measure
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.flows import record as records
+from jampetsc.flows import run as running
 from jampetsc.flows.lanes import LaneCorrelation, correlate_lanes
 from jampetsc.flows.means import FEW, Means
 from jampetsc.flows.record import (
@@ -20,7 +22,7 @@ from jampetsc.flows.record import (
     resumed,
     write_checkpoint,
 )
-from jampetsc.flows.run import Plan, _duration, check_balance
+from jampetsc.flows.run import Plan, _duration, _row, check_balance
 from jampetsc.storage.reader import load
 from jampetsc.storage.result_file import ResultWriter
 
@@ -167,6 +169,41 @@ def test_snapshots_are_spread_over_what_is_kept():
     assert replace(plan, snapshots=1).snapshot_rows(4) == {10}
 
 
+def test_a_row_is_what_a_run_has_seen():
+    """Stress, pressure and energy of the packing at its time steps; contacts at the end."""
+    run, record = shear("RD0", crowd(16, phi=0.9), rate=RATE, step=0.01), Record()
+    state = measure(run.disks)
+    _row(run, 1, record)
+    row = {name: record.series(name)[0] for name in SERIES}
+    assert row["shear_stress"] == pytest.approx([state.stress[0, 1], 0.0, 0.0], rel=1e-9)
+    assert row["pressure"] == pytest.approx([state.pressure, 0.0, 0.0], rel=1e-9)
+    assert row["energy"] == pytest.approx(state.energy, rel=1e-9)
+    assert row["strain"] == pytest.approx(1e-3) and row["time"] == pytest.approx(0.01)
+    _row(run, 3, record)
+    contacts = find_contacts(run.disks)
+    assert record.series("time") == pytest.approx([0.01, 0.04]) and run.seen[-1] == 3
+    assert record.series("coordination")[1] == 2 * len(contacts) / 16
+    assert record.series("deepest_overlap")[1] == pytest.approx(np.max(contacts.overlap / contacts.sigma))
+    assert record.series("pressure")[1, 0] == pytest.approx(measure(run.disks).pressure, rel=0.1)
+
+
+def test_steps_are_taken_in_batches(monkeypatch):
+    """As many as a row has, between looks at signals."""
+    monkeypatch.setattr(running, "BATCH", 4)
+    run, asked = shear("RD0", crowd(16), rate=RATE, step=0.01), []
+    monkeypatch.setattr(type(run), "advance", lambda _, steps: asked.append(steps) or run.seen.__iadd__(1.0))
+    for steps in (3, 4, 11):
+        asked.clear()
+        _row(run, steps, Record())
+        assert asked == [4] * (steps // 4) + [steps % 4] * (steps % 4 > 0)
+
+
+def test_a_checkpoint_is_beside_the_file_that_a_link_leads_to(tmp_path):
+    (tmp_path / "far").mkdir()
+    (tmp_path / "x.h5").symlink_to(tmp_path / "far" / "y.h5")
+    assert checkpoint_of(tmp_path / "x.h5") == tmp_path / "far" / "y.h5.resume"
+
+
 def test_time_left_in_words():
     told = [_duration(seconds) for seconds in (0.4, 59.4, 60.0, 3599.0, 3600.0, 9000.0)]
     assert told == ["0 s", "59 s", "1.0 min", "60.0 min", "1.0 h", "2.5 h"]
@@ -198,15 +235,15 @@ def test_only_a_sound_checkpoint_of_the_same_job_goes_on(tmp_path):
     assert resumed(out, settings) is None
 
 
-def flow_file(path, velocity=0.1, phi=0.8, walls=False, **facts):
-    """A flow file with two snapshots of 30 disks, its disks at random places with u_y = ±velocity."""
+def flow_file(path, velocity=0.1, phi=0.8, walls=False, snapshots=2, **facts):
+    """A flow file with snapshots of 30 disks, its disks at random places with u_y = ±velocity."""
     rng = np.random.default_rng(1)
     cell = np.array([[8.0, 0.0], [1.0, 6.0]])
     common = {"model": "RD0", "rate": 0.1, "particle_count": 30, "mass": 0.0, "phi": phi}
     with ResultWriter(path, "jampetsc-flow") as writer:
-        writer.dataset("snapshots/positions", rng.random((2, 30, 2)) @ cell)
-        writer.dataset("snapshots/velocities", velocity * rng.choice([-1.0, 1.0], (2, 30, 2)))
-        writer.dataset("snapshots/cell", np.array([cell, cell]))
+        writer.dataset("snapshots/positions", rng.random((snapshots, 30, 2)) @ cell)
+        writer.dataset("snapshots/velocities", velocity * rng.choice([-1.0, 1.0], (snapshots, 30, 2)))
+        writer.dataset("snapshots/cell", np.array([cell] * snapshots))
         writer.attributes(**common | facts | ({"walls": 4} if walls else {}))
     return load(path)
 
@@ -227,6 +264,15 @@ def test_correlated_files_are_of_one_kind(tmp_path):
         correlate_lanes([one, flow_file(tmp_path / "far.h5", phi=0.8 + 2e-6)], 0.5, 1.0)
     with pytest.raises(InputError, match=r"walls.h5: a flow between walls is not homogeneous"):
         correlate_lanes([flow_file(tmp_path / "walls.h5", walls=True)], 0.5, 1.0)
+
+
+def test_errors_of_a_correlation_are_those_between_snapshots(tmp_path):
+    """Of velocities that have none it is as far from zero as its error says; alone in its lane a disk has no pairs."""
+    found = correlate_lanes([flow_file(tmp_path / "many.h5", snapshots=60)], 1.0, 0.2)
+    assert len(found.values) == 20 and (found.errors > 0).all()
+    assert 0.6 < np.sqrt(np.mean((found.values / found.errors) ** 2)) < 1.6
+    lone = correlate_lanes([flow_file(tmp_path / "one.h5", snapshots=1)], 1e-3, 4.0)
+    assert lone.pairs[0] in (0, 1, 2) and np.isnan(lone.values[0]) == (lone.pairs[0] == 0)
 
 
 def test_lanes_and_bins_that_fit(tmp_path):

@@ -52,7 +52,7 @@ class Record:
 
     def snapshot(self, strain, disks, velocities) -> None:
         """Keep positions, non-affine velocities and cell of this moment."""
-        kept = (strain, disks.positions, velocities.copy(), disks.cell)
+        kept = (strain, disks.positions, velocities, disks.cell)
         for name, value in zip(SNAPSHOTS, kept, strict=True):
             self.snapshots[name].append(value)
 
