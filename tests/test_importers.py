@@ -182,8 +182,14 @@ def test_other_files_are_refused(tmp_path):
 
 def test_which_packing_of_many(tmp_path):
     two = tmp_path / "two.txt"
-    two.write_text(JAMBASHBULK.read_text() * 2)
-    assert np.array_equal(import_packing(two, 1).positions, import_packing(JAMBASHBULK).positions)
+    text = JAMBASHBULK.read_text()
+    head, _, rows = text.partition("\n{\n")
+    *rows, end = rows.strip().splitlines()
+    two.write_text(text + "\n".join([head, "{", *reversed(rows), end]))
+    for index in (0, 1):
+        assert np.array_equal(
+            import_packing(two, index).positions, import_packing(JAMBASHBULK).positions[:: 1 - 2 * index]
+        )
     for path, index, count in ((two, 2, 2), (JAXMD, 10, 10), (JAXMD, -1, 10), (JAMBASHBULK, 1, 1)):
         with pytest.raises(InputError, match=f"--index {index}: it holds {count} packings"):
             import_packing(path, index)

@@ -435,6 +435,7 @@ def test_what_ranks_write_together_is_read_as_one(session, shared_path):
     for rank, part in enumerate(parts):  # what tells them apart where nobody has their seals
         with h5py.File(part) as h5:
             told = dict(h5.attrs)
+            assert ("rows" in h5) == ("grown" in h5) == (rank > 0) and "nothing" not in h5
         assert told == {"format": "jampetsc-part", "run_id": found.attributes["run_id"], "rank": rank}
     assert len(parts) == session.size * (session.size > 1)
     assert len(list((shared_path / "s.parts").glob("*"))) == session.size if session.size > 1 else True
@@ -452,6 +453,22 @@ def test_a_disk_that_is_full_on_the_last_rank_ends_all(session, shared_path, mom
             if moment != "close":
                 getattr(writer, moment)("more", np.ones((2, 2)))
                 raise AssertionError("nobody has noticed")
+    session.comm.Barrier()
+    assert list(shared_path.iterdir()) == []
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+@pytest.mark.parametrize("moment", ["finish", "publish"])
+def test_a_part_of_one_rank_that_gets_no_name_ends_all(session, shared_path, moment):
+    def refuse():
+        raise JampetscError("no room for a name")
+
+    with pytest.raises(JampetscError, match="no room for a name"):
+        with ResultWriter(shared_path / "s.h5", "jampetsc-modes", session.comm) as writer:
+            writer.distributed("rows", rows_of(session), axis=1)
+            if session.rank == session.size - 1:
+                setattr(writer._part, moment, refuse)
     session.comm.Barrier()
     assert list(shared_path.iterdir()) == []
 

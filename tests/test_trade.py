@@ -608,6 +608,13 @@ def test_a_trade_tells_what_was_measured_on_what_and_what_was_left_out(tmp_path,
     table = measure.measure(
         request(packing, omega="1,2", groups=["frequencies"], ranks=2), tmp_path / "t.csv"
     )
+    (tmp_path / "a.opts").touch()
+    own = request(packing, omega="1,2", groups=["method"], options_files=[str(tmp_path / "a.opts")])
+    rows = measure.measure(own, tmp_path / "t.csv").splitlines()
+    assert [line.split("|")[2].strip() for line in rows if "| direct, " in line] == [
+        "direct, MUMPS",
+        "direct, a.opts",
+    ]
     assert (
         "runs: mpirun -n 2; " in table
         and "critical window, 10 p/k" in table
