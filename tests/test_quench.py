@@ -192,6 +192,113 @@ def test_damping_is_raised_until_a_hessian_is_definite(damped):
     assert damped == pytest.approx(1e-3 * 4.0 ** np.arange(len(damped)))
 
 
+@pytest.mark.parametrize(
+    ("length", "factor"), [(0.2, 3.0), (0.31, 1.0), (0.69, 1.0), (0.71, 0.3), (1.0, 0.3)]
+)
+def test_damping_follows_how_far_steps_go(damped, monkeypatch, length, factor):
+    """Threefold where the slope ends a step early, as it is in between."""
+    monkeypatch.setattr(newton, "STEPS", 2)
+    monkeypatch.setattr(newton.Newton, "_search", lambda self, point, *_: (length, point))
+    descent = Descent(settle(crowd(n=24), 0.03), Goal(), Team())
+    newton.Newton(descent, Dense(), Effort()).converge(newton.Limits(descent, 1e-14))
+    first = newton.DAMPING
+    while first != pytest.approx(damped[-1] / factor, rel=1e-9) and first < 1e3:
+        first = max(4.0 * first, newton.DAMPING_RAISED)
+    assert len(damped) > 2 and damped[-1] == pytest.approx(factor * first)
+
+
+def test_newton_goes_on_while_rounding_lets_it(monkeypatch):
+    """Slopes are searched above rounding only; within what rounding leaves it ends where forces no longer halve."""
+    disks, ways = relax(crowd(n=24), Goal(0.05), 2e-5), []
+
+    def noted(name, made):
+        def method(self, point, *given):
+            ways.append((name, point.residual))
+            return made(self, point, *given)
+
+        monkeypatch.setattr(newton.Newton, f"_{name}", method)
+
+    noted("search", newton.Newton._search)
+    noted("linear", newton.Newton._linear)
+    descent = Descent(disks, Goal(0.05), Team())
+    limits = newton.Limits(descent, 1e-20)
+    assert newton.Newton(descent, Dense(), Effort()).converge(limits)
+    forces = [residual.force for name, residual in ways if name == "linear"]
+    searched = [residual.force for name, residual in ways if name == "search"]
+    last = newton.Point.of(descent).residual.force
+    assert last > 0.5 * forces[-1] and last <= limits.at(0.05).force
+    assert searched == [force for force in forces if force > newton.BEND * 0.05 * descent.diameter]
+
+
+def test_a_pattern_is_that_of_the_list_there_is():
+    descent = Descent(settle(crowd(n=16), 0.03), Goal(), Team())
+    kept, free = newton.Newton(descent, Dense(), Effort()), np.ones(16, bool)
+    for shift in (0.0, 0.3):
+        descent.move(np.random.default_rng(1).normal(0, shift, (16, 2)), np.zeros(2))
+        descent.fold()
+        point = newton.Point.of(descent)
+        one, other = (n._linear(point, free, 1e3) for n in (kept, newton.Newton(descent, Dense(), Effort())))
+        for found, wanted in zip(
+            *(linear.solve(point.forces, point.drive) for linear in (one, other)), strict=True
+        ):
+            np.testing.assert_array_equal(found, wanted)
+
+
+def saddle(goal):
+    """A square lattice under pressure: no forces, and modes of negative curvature."""
+    row, column = np.divmod(np.arange(16), 4)
+    disks = Disks.from_positions(0.9 * np.column_stack((column, row)), np.full(16, 0.5), 3.6 * np.eye(2))
+    return newton.Newton(Descent(disks, goal, Team()), Dense(), Effort())
+
+
+@pytest.mark.parametrize("goal", [Goal(), Goal(0.1), Goal(0.1, True)], ids=str)
+def test_a_saddle_is_left_where_it_is_steepest(goal, monkeypatch):
+    """Looks leave the disks where they were; then they are as far along the mode as it pulls most, or may go."""
+    walker, seen, look = saddle(goal), [], newton.Newton._pull_at
+    descent = walker.descent
+    start = descent.disks
+
+    def noted(self, mode, way):
+        pull = look(self, mode, way)
+        assert np.abs(descent.disks.positions - start.positions).max() < 1e-13
+        assert np.abs(descent.disks.cell - start.cell).max() < 1e-13
+        seen.append((way, pull, mode))
+        return pull
+
+    monkeypatch.setattr(newton.Newton, "_pull_at", noted)
+    assert walker.leave_saddle()
+    mode, ways = seen[0][2], {way: pull for way, pull, _ in seen}
+    went = max(ways, key=ways.get)
+    other = saddle(goal)
+    other._go(mode, went)
+    assert ways[went] > 0
+    np.testing.assert_allclose(descent.disks.positions, other.descent.disks.positions, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(descent.disks.cell, other.descent.disks.cell, rtol=0, atol=1e-12)
+    longest = abs(2.0 * went) * np.hypot(*mode[0].T).max()
+    assert longest > newton.REACH * descent.diameter or ways[2.0 * went] <= ways[went]
+    assert np.abs(descent.disks.positions - start.positions).max() > 1e-4
+
+
+@pytest.mark.parametrize("goal", [Goal(), Goal(0.1), Goal(0.1, True)], ids=str)
+def test_a_negative_mode_is_nearly_the_most_negative(goal):
+    """Of the generalised eigenproblem where a strain weighs as much as all disks moved by it."""
+    walker = saddle(goal)
+    point, held = newton.Point.of(walker.descent).held(walker.descent.disks)
+    move, strain = walker._negative_mode(point, held)
+    n, whole = 16, Dense()
+    pattern = Pattern(point.bonds.pairs, n)
+    whole.factorise(pattern.indptr, pattern.indices, pattern.fill(point.bonds, np.ones(n, bool)))
+    rows, corner = border(point.bonds, n, walker.descent.area, goal.pressure or 0.0)
+    matrix = np.block([[whole.matrix, rows.reshape(-1, 2)], [rows.reshape(-1, 2).T, corner]])
+    scale = np.append(np.ones(2 * n), [n**-0.5] * 2)
+    kept = np.append(np.repeat(held, 2), [goal.pressure is not None, goal.shear])
+    scaled = (matrix * np.outer(scale, scale))[np.ix_(kept, kept)]
+    mode = (np.append(move.ravel(), strain) / scale)[kept]
+    assert np.linalg.norm(mode) == pytest.approx(1.0)
+    least = np.linalg.eigvalsh(scaled)[0]
+    assert least <= mode @ scaled @ mode < 0.7 * least < 0
+
+
 def test_held_disks_have_unit_rows():
     disks = crowd()
     pairs = PairList.build(disks, 0.4)
