@@ -10,6 +10,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from time import sleep
 from types import SimpleNamespace
 
 import launch
@@ -291,6 +292,31 @@ def test_a_board_gives_each_task_to_one_rank_and_knows_what_became_of_all(sessio
     several = Board(session, 1, node=session.MPI.COMM_SELF)  # as if each rank had a machine of its own
     assert several.keeps_books == (session.rank == 0 and session.size > 1)
     several.close()
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_nobody_takes_a_task_before_the_board_is_clean(session):
+    """Memory comes as it was left, and rank 0 may be late to wipe it."""
+    MPI, comm = session.MPI, session.comm
+
+    def allocate(*words, **more):
+        window = MPI.Win.Allocate(*words, **more)
+        if comm.rank == 0:
+            np.frombuffer(window.tomemory(), dtype=np.int64)[:] = 7
+        comm.Barrier()
+        if comm.rank == 0:
+            sleep(0.05)
+        return window
+
+    words = {"LOCK_SHARED": MPI.LOCK_SHARED, "SUM": MPI.SUM, "Win": SimpleNamespace(Allocate=allocate)}
+    board = Board(SimpleNamespace(MPI=SimpleNamespace(**words), comm=comm), 4, node=comm)
+    assert sorted(comm.allgather(board.take())) == list(range(comm.size))
+    assert board.states() == [OPEN] * 4
+    comm.Barrier()
+    assert board.settle(comm.rank, DONE)[1] == 0
+    board.wait_for(comm.size)
+    board.close()
 
 
 @pytest.mark.scalar("real")
