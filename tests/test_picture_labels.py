@@ -148,7 +148,7 @@ def test_shares_are_seen_from_none_to_all(tmp_path):
     assert below.get_ylim() == (0.0, 1.3) and below.get_yticks().tolist() == [0, 0.5, 1]
 
 
-def test_words_are_as_large_as_print_needs_them(tmp_path):
+def test_words_are_as_large_as_print_needs_them():
     """Notes 7.5 points, names of axes 10; nothing is smaller than 6 or larger than 10."""
     disks, panels = published(), [("title", np.ones((16, 2)))]
     spin = np.ones((2, 16)) + 0j
@@ -156,9 +156,6 @@ def test_words_are_as_large_as_print_needs_them(tmp_path):
         figure_of(fields.plot_panels, disks, panels, np.arange(16), symbol="u"),
         figure_of(fields.plot_fields, disks, np.ones(2), np.ones((2, 16, 2)) + 0j, spin, np.arange(16)),
         figure_of(packing.plot_packing, disks),
-        figure_of(moduli.plot_moduli, [curve(G=np.array([-1.0, 1.0, 1.0]) + 1j)]),
-        figure_of(trade.plot_trade, [run("direct", 1e-3, 1.0, "method")], 1e-9),
-        figure_of(plot_relaxation, spectra(tmp_path)),
     ]
     for fig in figures:
         with rc_context(STYLE):

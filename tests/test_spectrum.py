@@ -115,18 +115,6 @@ def test_a_spectrum_file_draws_as_its_sweep_does(tmp_path):
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
-def test_units_of_the_sweep_drop_out_of_the_picture(tmp_path):
-    held = spectrum()
-    scaled = RelaxationSpectrum(3 * held.G0, 6 * held.eta_inf, held.rates / 2, 3 * held.weights)
-    plain = write_sweep(tmp_path / "plain.h5", held)
-    other = write_sweep(tmp_path / "other.h5", scaled, OMEGA / 2, k=3.0, tau1=2.0, pressure=3e-3)
-    for sweep in (plain, other):
-        run(sweep, "--out", sweep.with_suffix(".png"))
-    np.testing.assert_allclose(
-        imread(plain.with_suffix(".png")), imread(other.with_suffix(".png")), atol=0.02, rtol=0
-    )
-
-
 @pytest.mark.parametrize(
     ("line", "message"),
     [
