@@ -7,14 +7,15 @@ import pytest
 
 from jampetsc.contacts.disks import GRID, Disks
 from jampetsc.contacts.kernel import pair_forces
-from jampetsc.contacts.pairs import PairList, deformed
+from jampetsc.contacts.pairs import PairList, deformed, is_stale
 from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.contacts.state import find_contacts, measure, net_forces, stress_tensor
 from jampetsc.contacts.threads import Team
+from jampetsc.errors import ConvergenceError
 from jampetsc.packing import newton, protocols
 from jampetsc.packing.descent import Descent, Goal
 from jampetsc.packing.hessian import Bonds, Pattern, border
-from jampetsc.packing.minimise import Effort, relax, settle
+from jampetsc.packing.minimise import Effort, _Way, minimise, relax, settle, stress_unit
 from jampetsc.packing.sizes import radii_of
 from jampetsc.solvers.local import NewtonSolver
 
@@ -137,6 +138,12 @@ def test_disks_and_cell_are_solved_for_together(goal):
             definite, without_cell = (np.linalg.eigvalsh(part)[0] > 0 for part in (inner, free_disks))
             linear = newton.Linear(point, Pattern(point.bonds.pairs, n), Dense(), free, mu)
             assert linear.definite == definite
+            if without_cell:
+                both = np.append(np.repeat(free, 2), [False, False])
+                bent = damped[-2:, -2:] - damped[-2:][:, both] @ np.linalg.solve(
+                    free_disks, damped[both][:, -2:]
+                )
+                assert linear.modulus == pytest.approx(bent[1, 1] / disks.area, rel=1e-7, abs=1e-9)
             kinds.add((definite, without_cell))
             if definite:
                 wanted = np.zeros(2 * n + 2)
@@ -147,6 +154,82 @@ def test_disks_and_cell_are_solved_for_together(goal):
                 )
                 np.testing.assert_allclose(strain, wanted[-2:], rtol=0, atol=1e-9 * np.abs(wanted).max())
     assert {(True, True), (False, False)} <= kinds and ((False, True) in kinds) == goal.shear
+
+
+def test_what_is_left_is_told_in_forces_and_stresses():
+    disks = settle(crowd(n=24), 0.03)
+    state = measure(disks)
+    for goal in (Goal(), Goal(0.3), Goal(0.3, True)):
+        left = newton.Point.of(Descent(disks, goal, Team())).residual
+        assert left.force == pytest.approx(np.hypot(*net_forces(24, find_contacts(disks)).T).max())
+        assert left.pressure == pytest.approx(abs(state.pressure - 0.3) if goal.pressure else 0.0)
+        assert left.shear_stress == pytest.approx(abs(state.stress[0, 1]) if goal.shear else 0.0)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=str)
+@pytest.mark.parametrize("length", [1.0, 3.0])
+def test_a_usual_contact_carries_a_usual_force(law, length):
+    """2 p d, at the pressure asked for, that of the goal, or a thousandth of what is of order one."""
+    start = crowd(law, n=16)
+    disks = Disks.from_positions(length * start.positions, length * start.radii, length * start.cell, law)
+    d = length
+    unit = stress_unit(disks)
+    for goal, asked, pressure in (
+        (Goal(), None, 1e-3 * unit),
+        (Goal(0.02 * unit), None, 0.02 * unit),
+        (Goal(0.02 * unit), 0.1 * unit, 0.1 * unit),
+    ):
+        overlap = Descent(disks, goal, Team()).usual_overlap(asked)
+        assert law.force(overlap, d) == pytest.approx(2.0 * pressure * d)
+    contacts = find_contacts(disks)
+    assert Descent(disks, Goal(), Team()).stiffest() == pytest.approx(contacts.stiffness.max())
+
+
+@pytest.mark.parametrize("strain", [(0.0, 0.3), (-0.2, 0.0), (0.0, 0.0)])
+def test_a_list_serves_moves_until_it_is_stale(strain):
+    descent = Descent(settle(crowd(n=24), 0.03), Goal(), Team())
+    kept, steps = descent.pairs, 0
+    while descent.pairs is kept:
+        assert not is_stale(np.hypot(*descent.offsets.T).max(), *descent.box, descent._widest, kept.skin)
+        moves = np.zeros((24, 2))
+        moves[7] = 0.0 if any(strain) else 0.01
+        descent.move(moves, 0.1 * np.array(strain))
+        steps += 1
+    assert 2 < steps < 20 and not descent.offsets.any() and not descent.box.any()
+
+
+def test_newton_is_tried_at_ever_smaller_forces(monkeypatch):
+    """Each a tenth of that before, the stress of the cell as small in proportion, as long as rounding leaves room."""
+    asked, descend = [], Descent.descend
+
+    def noted(descent, force, box_force, evaluations):
+        asked.append((force, box_force / (2.0 * descent.area)))
+        return descend(descent, 1e-3, 1e-3, evaluations)
+
+    monkeypatch.setattr(Descent, "descend", noted)
+    monkeypatch.setattr(newton.Newton, "converge", lambda *_: False)
+    start = crowd(n=16)
+    disks = Disks.from_positions(2.0 * start.positions, 2.0 * start.radii, 2.0 * start.cell)
+    for pressure in (1e-3, 1e-8):
+        asked.clear()
+        with pytest.raises(ConvergenceError, match="no minimum after"):
+            minimise(disks, Goal(pressure), Dense())
+        least = newton.Limits(Descent(disks, Goal(pressure), Team()), 1e-10).at(pressure).force
+        wanted = 1e-5 * 10.0 ** -np.arange(20) * pressure * 2.0
+        wanted = np.maximum(wanted[: 1 + np.argmax(wanted < 0.1 * least)], 0.5 * least)
+        assert [force for force, _ in asked] == pytest.approx(wanted.tolist(), rel=1e-9, abs=0.0)
+        assert [stress for _, stress in asked] == pytest.approx((wanted / 2.0).tolist(), rel=1e-9, abs=0.0)
+
+
+def test_forces_are_small_at_the_pressure_that_is_left():
+    """In a fixed cell it falls on the way down."""
+    descent = Descent(crowd(n=24, phi=0.88), Goal(), Team())
+    limits = newton.Limits(descent, 1e-10)
+    before = newton.Point.of(descent).pressure
+    pressure = _Way(descent, Effort()).down_to_fraction(1e-3, limits)
+    point = newton.Point.of(descent)
+    assert pressure == point.pressure < 0.2 * before
+    assert point.residual.force <= 2e-3 * pressure * descent.diameter
 
 
 @pytest.fixture

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
+from jampetsc.contacts.state import measure
 from jampetsc.flows.slowly import SlowShear
+from jampetsc.packing import protocols
 from jampetsc.packing.protocols import Target, make_packing, random_start
 from jampetsc.packing.sizes import radii_of
 
-UNITS = [(4.0, 1.0), (0.25, 1.0), (1.0, 1024.0)]  # of length and of stiffness
+UNITS = [(4.0, 1.0), (0.25, 1.0), (1.0, 1024.0), (1.0, 2.0**-10)]  # of length and of stiffness
 
 
 class Dense:
@@ -78,3 +80,41 @@ def test_slow_shear_is_the_same_in_any_units(kind):
     for length, k in UNITS:
         for found, wanted in zip(steps(length, k), usual, strict=True):
             assert found == pytest.approx(wanted, rel=1e-9, abs=1e-18)
+
+
+def test_the_path_of_a_quench(monkeypatch):
+    """Forces in units of k d, then of p d; the cell shears all the way where it does in the end."""
+    asked = []
+
+    def note(name, keys):
+        def noted(disks, *given, **more):
+            asked.append((name, *given[:keys]))
+            if name == "minimise":
+                raise KeyboardInterrupt
+            return disks
+
+        monkeypatch.setattr(protocols, name, noted)
+
+    for name, keys in (("settle", 1), ("relax", 2), ("minimise", 1)):
+        note(name, keys)
+    start = random_start(2.0 * radii_of("bidisperse", 16), 0.9, 1, Potential(k=4.0))
+    with pytest.raises(KeyboardInterrupt):
+        make_packing(start, Target(4e-5, stabilise="shear"), None)
+    names, *forces = zip(*((one[0], one[-1]) for one in asked), strict=True)
+    assert names == ("settle", "relax", "relax", "minimise")
+    assert forces[0][:3] == pytest.approx((8e-3, 8e-5, 8e-6))
+    goals = [one[1] for one in asked[1:]]
+    assert [goal.pressure for goal in goals] == pytest.approx([4e-3, 4e-4, 4e-5])
+    assert all(goal.shear for goal in goals)
+
+
+@pytest.mark.parametrize("pressure", [1e-4, 1e-2, 0.1, 0.3])
+def test_a_quench_starts_near_its_end(pressure):
+    start = random_start(radii_of("bidisperse", 16), protocols.start_phi(pressure), 3, Potential())
+    found = make_packing(start, Target(pressure), Dense())
+    assert -0.02 < start.phi - found.phi < 0.03 + 2.5 * pressure
+    state = measure(found)
+    for name, value in (("energy", state.energy), ("shear_stress", state.stress[0, 1]), ("phi", found.phi)):
+        assert found.record[name] == value
+    near = np.linalg.norm(np.diff(start.positions, axis=0), axis=1)
+    assert np.median(near) < 0.6 * start.cell[0, 0] * 0.52  # random ones are half a cell apart
