@@ -112,7 +112,7 @@ def test_the_path_of_a_quench(monkeypatch):
 def test_a_quench_starts_near_its_end(pressure):
     start = random_start(radii_of("bidisperse", 16), protocols.start_phi(pressure), 3, Potential())
     found = make_packing(start, Target(pressure), Dense())
-    assert -0.02 < start.phi - found.phi < 0.03 + 2.5 * pressure
+    assert -0.01 < start.phi - found.phi < 0.05 + 2.5 * pressure
     state = measure(found)
     for name, value in (("energy", state.energy), ("shear_stress", state.stress[0, 1]), ("phi", found.phi)):
         assert found.record[name] == value
