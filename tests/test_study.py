@@ -320,6 +320,23 @@ def test_nobody_takes_a_task_before_the_board_is_clean(session):
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+def test_a_task_counts_as_finished_when_its_state_can_be_read(session, monkeypatch):
+    """Whoever has waited for all reads all states."""
+    board, add, seen = Board(session, 2), Board._add, []
+
+    def watched(self, place, amount):
+        if place == FINISHED and amount:
+            seen.append(board.states())
+        return add(self, place, amount)
+
+    monkeypatch.setattr(Board, "_add", watched)
+    assert board.settle(1, BROKEN) == (1, 1) and board.settle(0, DONE) == (2, 1)
+    assert seen == [[OPEN, BROKEN], [DONE, BROKEN]]
+    board.close()
+
+
+@pytest.mark.scalar("real")
 @pytest.mark.most_ranks(2)
 def test_what_fits_on_a_machine_is_shared_by_its_ranks(session, monkeypatch):
     assert study_run._most_disks(session) <= study_run.LARGE
