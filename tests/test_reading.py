@@ -481,6 +481,27 @@ def test_a_trial_reads_every_row(tmp_path, monkeypatch):
     assert all(16 * len(range(7)[rows]) <= 40 for name, rows in seen if name == "/a")
 
 
+def test_a_trial_looks_at_the_sources_of_virtual_datasets_and_at_all_attributes():
+    """Whose descriptions libhdf5 may not survive; what they name is other files."""
+    looked = []
+
+    class Attributes:
+        def items(self):
+            looked.append("attributes")
+            return [("unit", "d")]
+
+    group = SimpleNamespace(attrs=Attributes())
+    virtual = SimpleNamespace(
+        attrs=Attributes(), is_virtual=True, virtual_sources=lambda: looked.append("sources")
+    )
+    trial._read(group)
+    trial._read(virtual)
+    assert looked == ["attributes", "attributes", "sources"]
+    damaged = SimpleNamespace(is_virtual=True, virtual_sources=virtual.virtual_sources)  # without attributes
+    trial._read(damaged)
+    assert looked[3:] == ["sources"]
+
+
 def test_where_no_process_can_be_started_a_file_passes(tmp_path, monkeypatch):
     monkeypatch.setattr(trial.sys, "executable", str(tmp_path))  # a folder: no permission to run it
     assert trial.failure_of(io.BytesIO(b"never tried")) is None
