@@ -104,6 +104,7 @@ def test_axes_are_named(tmp_path, plot, made, panels):
     rows = len({round(ax.get_position(original=True).y0, 3) for ax in fig.axes[: len(panels)]})
     width, height = fig.get_size_inches()
     assert width == (COLUMN if rows == len(panels) or plot is vibrations.plot_modes else PAGE)
+    assert (COLUMN, PAGE) == (3.4, 7.0)  # inches of one and of two columns of a journal
     assert 1.9 < height / min(rows, 2) < 4.0
     letters = [
         ax.get_title(loc="left") for ax in fig.axes if plot is not vibrations.plot_modes or ax in fig.axes[:2]
@@ -118,7 +119,9 @@ def test_axes_are_named(tmp_path, plot, made, panels):
 
 
 def test_a_trade_names_its_axes():
-    (ax,) = figure_of(trade.plot_trade, [run("direct", 1e-3, 1.0, "method")], 1e-9).axes
+    fig = figure_of(trade.plot_trade, [run("direct", 1e-3, 1.0, "method")], 1e-9)
+    (ax,) = fig.axes
+    assert fig.get_figwidth() == PAGE and 3 < fig.get_figheight() < 6
     assert (ax.get_xlabel(), ax.get_xscale(), ax.get_yscale()) == ("time of the run [s]", "log", "log")
     assert ax.get_ylabel() == f"largest relative error of {STORAGE}, {LOSS}"
     assert [text.get_text() for text in ax.texts] == ["direct"]

@@ -248,16 +248,16 @@ def test_a_high_cell_is_shrunk_to_two_and_a_half_widths():
     assert fig.get_figheight() == pytest.approx(2.5 * COLUMN + 0.38)
 
 
-@pytest.mark.parametrize("unit", [1.0, 100.0])
-def test_the_line_of_a_mean_force_is_a_fixed_part_of_a_disk(unit):
+@pytest.mark.parametrize(("unit", "wide"), [(1.0, 1.0), (100.0, 1.0), (1.0, 6.0)])
+def test_the_line_of_a_mean_force_is_a_fixed_part_of_a_disk(unit, wide):
     """0.09 mean diameters as they are on paper, two points at most; twice the force is twice as wide."""
     disks = published()
-    disks = Disks.from_positions(unit * disks.positions, unit * disks.radii, unit * disks.cell)
-    fig = figure_of(packing.plot_packing, disks)
+    disks = Disks.from_positions(unit * disks.positions, unit * disks.radii, unit * wide * disks.cell)
+    fig = figure_of(packing.plot_flowing, [("", disks)])
     ax = fig.axes[0]
     ax.apply_aspect()
     (a, _), (b, _) = ax.transData.transform([(0, 0), (2 * disks.radii.mean(), 0)]) * 72 / fig.dpi
-    contacts = measure(disks).contacts
+    contacts = packing.touching(disks)[0]
     lines = ax.collections[1]
     drawn = np.array([end - begin for begin, end in lines.get_segments()])
     for vector, width in zip(drawn, lines.get_linewidths(), strict=True):
@@ -320,3 +320,18 @@ def test_arrows_begin_at_their_disks(monkeypatch, arrows):
         np.testing.assert_allclose(images, np.round(images), atol=1e-9)
         chosen.add(row)
     assert len(chosen) == 9 if arrows == 16 else 3 <= len(chosen) <= 6
+
+
+def test_a_panel_is_large_enough_for_its_arrows():
+    """An inch and more where most fields stand side by side; arrows of many disks a few points apart."""
+    row = fields._Row(np.eye(2), fields.COLUMNS, False)
+    page = fields._Page(np.eye(2), fields.COLUMNS, True, False)
+    assert min(row.panel[0], page.panel[0]) > 1.0
+    single = fields._Row(np.eye(2), 1, True)
+    rng = np.random.default_rng(1)
+    picture = fields._Picture(
+        Disks.from_positions(rng.random((30_000, 2)) * 150, np.full(30_000, 0.4), 150 * np.eye(2)),
+        np.arange(30_000), 72 * single.panel[0] / 150,
+    )  # fmt: skip
+    assert 3.0 < picture.spacing * picture.points < 7.0
+    assert picture.note == f"arrows on {len(picture.arrows)} of 30000 disks"

@@ -518,3 +518,27 @@ def test_a_kind_shows_some_files(kind, held, count, message):
 )
 def test_so_many_files_of_a_study_fit(rows, kind, fit):
     assert pictures.fits(SimpleNamespace(rows=rows), kind) == fit
+
+
+@pytest.mark.parametrize(
+    ("size", "shown"), [(0.9e200, True), (1.1e200, False), (1.1e-200, True), (0.9e-200, False), (0.0, True)]
+)
+@pytest.mark.parametrize("part", [1.0, 1j])
+def test_moduli_that_a_log_axis_can_show(size, shown, part):
+    """Of either part; what vanishes is left out later."""
+    G = np.array([1 + 1j, (1 + 1j) - part + part * size])
+    if shown:
+        assert len(curve_of(Sweep(np.array([1.0, 2.0]), G)).omega) == 2
+    else:
+        with pytest.raises(InputError, match=r"s\.h5: holds moduli that no picture can show"):
+            curve_of(Sweep(np.array([1.0, 2.0]), G))
+
+
+@pytest.mark.parametrize(("seconds", "ticks"), [((1.0, 20.0), True), ((1.0, 2000.0), False)])
+def test_times_over_less_than_two_decades_are_labelled_between(seconds, ticks):
+    rows = [run("direct", 1e-3, one, "method") for one in seconds]
+    ax = figure_of(trade.plot_trade, rows, 1e-9).axes[0]
+    left, right = ax.get_xlim()
+    shown = [tick for tick in ax.get_xticks() if left <= tick <= right]
+    assert any(tick in (2.0, 5.0, 20.0) for tick in shown) == ticks and {1.0, 10.0} <= set(shown)
+    assert ax.xaxis.get_major_formatter()(20.0, 0) == "20"
