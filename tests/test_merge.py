@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from test_result_file import assert_holds, names, parts, written
 
+from jampetsc import cli
 from jampetsc.commands.merge import run
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.storage import merge as merging
@@ -157,3 +158,19 @@ def test_the_command_says_what_it_did(joint, tmp_path, capsys):
     assert said(joint) == f"{joint}: one file already, nothing to do\n"
     assert said(joint, "--out", tmp_path / "two.h5").endswith("which was one file already\n")
     assert np.array_equal(*(h5py.File(tmp_path / name)["G"][...] for name in ("one.h5", "two.h5")))
+
+
+def test_what_was_merged_copied_or_left_is_told(joint, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(joint.parent)
+
+    def said(*words):
+        assert cli.main(["merge", *words]) == 0
+        return capsys.readouterr().out
+
+    assert said("s.h5", "--out", "one.h5") == "one.h5: 3 parts in one file\n"
+    assert (
+        said("s.h5") == "s.h5: 3 parts in one file\n"
+        and said("s.h5") == "s.h5: one file already, nothing to do\n"
+    )
+    assert said("s.h5", "--out", "./s.h5") == "s.h5: one file already, nothing to do\n"
+    assert said("s.h5", "--out", "two.h5") == "two.h5: copy of s.h5, which was one file already\n"
