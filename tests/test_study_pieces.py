@@ -56,6 +56,15 @@ def test_what_is_asked_for_twice_is_done_once():
     assert len(of(found, "modes")) == 4 and len({task.name for task in found}) == len(found) == 6
 
 
+def test_what_reads_it_reads_it_once():
+    pack = PACK.replace("[pack]", "[[pack]]")
+    sweeps = '[[sweep]]\nomega = "1"\nfields = "1"\n' * 2
+    found = tasks(pack * 2 + sweeps + "[correlate]\n[spectrum]\n")
+    assert [task.command for task in found] == ["pack"] * 2 + ["sweep"] * 2 + ["spectrum"] * 2 + ["correlate"]
+    (mean,) = of(found, "correlate")
+    assert [one.columns["seed"] for one in mean.inputs] == [1, 2]
+
+
 def test_only_what_suits_is_read():
     text = PACK + '[sweep]\nmethod = ["rational", "direct"]\nomega = "1"\n[spectrum]\n'
     found = tasks(text)
