@@ -124,7 +124,7 @@ def test_spoiled_text_is_refused_in_one_line(tmp_path, edit):
     spoiled.write_text(change(JAMBASHBULK.read_text()))
     with pytest.raises(InputError, match=message) as caught:
         import_packing(spoiled)
-    assert str(caught.value).startswith(f"{spoiled}: ")
+    assert str(caught.value).startswith(f"{spoiled}: ") and str(caught.value).count(f"{spoiled}") == 1
     assert "\n" not in str(caught.value)
 
 
@@ -176,8 +176,9 @@ def test_other_files_are_refused(tmp_path):
         "none.txt": "cannot be read",
     }
     for name, message in cases.items():
-        with pytest.raises(InputError, match=message):
+        with pytest.raises(InputError, match=message) as refused:
             import_packing(tmp_path / name)
+        assert str(refused.value).startswith(f"{tmp_path / name}: ") and str(refused.value).count(name) == 1
 
 
 def test_which_packing_of_many(tmp_path):
