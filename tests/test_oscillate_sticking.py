@@ -298,3 +298,11 @@ def test_no_stress_is_imposed_where_shear_is_unstable():
         modulus = float(str(told.value).split("modulus is ")[1].split(":")[0])
         assert modulus == pytest.approx(-0.0116 * k, rel=0.05)
         assert solver.solve(Point(frequency(0.5, 0.3, 1.0), 1.0, False)).G.imag > 0.0
+
+
+def test_half_cycles_go_on_until_little_is_left(monkeypatch):
+    """A hundred-thousandth of G*."""
+    monkeypatch.setattr(halfcycles, "LEFT", 1e-8)
+    exact = again()
+    assert exact.half_cycles > easy().half_cycles
+    assert abs(easy().G - exact.G) < 1e-5 * abs(exact.G)
