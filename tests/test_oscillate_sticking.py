@@ -16,7 +16,7 @@ from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.oscillation import halfcycles, stage
 from jampetsc.oscillation.dashpots import Damping
-from jampetsc.oscillation.fixed import FixedSprings
+from jampetsc.oscillation.fixed import FixedSprings, State
 from jampetsc.oscillation.halfcycles import SteppedOscillation
 from jampetsc.oscillation.repeated import Start, shake
 from jampetsc.oscillation.steady import Point, SteadyOscillation
@@ -306,3 +306,16 @@ def test_half_cycles_go_on_until_little_is_left(monkeypatch):
     exact = again()
     assert exact.half_cycles > easy().half_cycles
     assert abs(easy().G - exact.G) < 1e-5 * abs(exact.G)
+
+
+def test_work_of_forces_that_are_left_is_seen(monkeypatch):
+    """Far less than the work of a cycle, and more where more is left."""
+    shares = []
+    for tolerance in (stage.TOLERANCE, 1e-3):
+        monkeypatch.setattr(stage, "TOLERANCE", tolerance)
+        solver = oscillation(0.5, 8, rotations=False)
+        _, motion = solver._motion(Point(*EASY[1:]))
+        half = motion.half(State(np.zeros((motion.springs.n, 2)), 0.0), 8)
+        shares.append(half.unbalanced / half.work)
+        motion.springs.destroy()
+    assert 0.0 <= shares[0] < 1e-6 and 1e-4 < shares[1] < 0.1
