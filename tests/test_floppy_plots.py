@@ -381,3 +381,14 @@ def test_a_single_mode_has_a_picture(floppiness):
     np.testing.assert_allclose(fig.axes[0].collections[0].get_offsets(), [(1, 2.0)])
     low, high = fig.axes[2].get_ylim()
     assert low < floppiness < high
+
+
+def test_colours_reach_over_the_floppiness_of_all_files():
+    some = [
+        modes_of([1.0, 4.0], floppiness, p) for floppiness, p in (([2.0, 3.0], 1e-3), ([20.0, 200.0], 1e-2))
+    ]
+    fig = figure_of(plot_modes, some)
+    assert fig.axes[2].get_ylim() == pytest.approx((2.0, 200.0))
+    shades = np.concatenate([one.get_facecolors() for one in fig.axes[0].collections])
+    expected = style.sequential()(np.log10(np.array([2.0, 3.0, 20.0, 200.0]) / 2.0) / 2.0)
+    np.testing.assert_allclose(shades, expected)

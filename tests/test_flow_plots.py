@@ -219,11 +219,12 @@ def test_what_is_not_positive_is_left_out_of_all_but_the_coordination():
     assert low < 6.0 / 0.8 < 80.0 < high  # p/γ̇ is in sight as σ/γ̇ is
     assert axes[3].texts[0].get_text() == r"filled: $\sigma$, hollow: $p$"
     against = [
-        facts(phi=phi, rate=0.2, shear_stress_mean=s) for phi, s in ((0.8, -1.0), (0.81, 1.0), (0.82, 2.0))
+        facts(phi=phi, rate=0.2, shear_stress_mean=s)
+        for phi, s in ((0.79, 0.0), (0.8, -1.0), (0.81, 1.0), (0.82, 2.0))
     ]
     axes = figure_of(plot_against_phi, against).axes
     counts = [len(bars(ax)[0][0]) for ax in axes]
-    assert counts == [2, 3, 3] and axes[0].get_yscale() == "log" and axes[2].get_yscale() == "linear"
+    assert counts == [2, 4, 4] and axes[0].get_yscale() == "log" and axes[2].get_yscale() == "linear"
 
 
 @pytest.mark.parametrize(

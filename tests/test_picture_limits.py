@@ -542,3 +542,21 @@ def test_times_over_less_than_two_decades_are_labelled_between(seconds, ticks):
     shown = [tick for tick in ax.get_xticks() if left <= tick <= right]
     assert any(tick in (2.0, 5.0, 20.0) for tick in shown) == ticks and {1.0, 10.0} <= set(shown)
     assert ax.xaxis.get_major_formatter()(20.0, 0) == "20"
+
+
+def test_a_picture_grows_by_the_legend_above_it():
+    """Where data is in every corner; the axes stay as large as they were."""
+    x = np.geomspace(1e-6, 1e3, 100)
+    data = [(x, x), (x, 1 / x), (x, np.ones(100)), (np.ones(100), x), (x, x**0.5), (x, x**-0.5)]
+    heights, figures = [], []
+    for entries in (0, 6):
+        with style.figure(3.4, 2.9, layout="constrained") as fig:
+            ax = fig.add_subplot()
+            drawn = [ax.plot(*line, label="a label of some length")[0] for line in data]
+            logaxes.set_log_axes(ax, data)
+            if entries:
+                logaxes.place_legend(fig, ax, "", drawn, data)
+            fig.draw_without_rendering()
+            heights.append(ax.get_window_extent().height / fig.dpi)
+            figures.append(fig.get_figheight())
+    assert figures[1] > figures[0] + 0.2 and heights[1] == pytest.approx(heights[0], abs=0.1)
