@@ -514,7 +514,7 @@ def test_verdicts_of_a_step():
     )
 
 
-@pytest.mark.parametrize("share, accepted", [(0.499, True), (0.501, False)])
+@pytest.mark.parametrize("share, accepted", [(0.499, True), (0.5, True), (0.501, False)])
 def test_starts_of_soft_disks_overlap_by_half_at_most(tmp_path, share, accepted):
     disks = Disks.from_positions([[0.0, 0.0], [1.2 * (1 - share), 0.0]], [0.5, 0.7], 6.0 * np.eye(2))
 

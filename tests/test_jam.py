@@ -320,6 +320,7 @@ def test_a_jamming_density_is_bracketed(monkeypatch, phi_J):
 
     found, loosest, asked = search()
     assert abs(found - phi_J) <= 1e-5 and phi_J <= loosest.phi <= phi_J + 1.01e-5
+    assert loosest.phi - found == pytest.approx(2e-3 / 2**9, rel=1e-3)  # the middle of the last bracket
     steps = abs(phi_J - 0.85) / 2e-3
     assert steps + np.log2(2e-3 / 1e-5) < len(asked) < steps + 12  # halved from 0.002 to 1e-5
     for lost in range(1, len(asked) + 1):

@@ -142,6 +142,8 @@ def test_what_the_walls_feel_in_the_mean_is_the_stress_of_the_bulk():
 def test_rows_that_leave_no_room():
     with pytest.raises(InputError, match="leave no room for a disk of diameter 12"):
         between_walls(np.r_[np.full(30, 0.5), 6.0], 0.8, 2, SOFT)
+    with pytest.raises(InputError, match=r"rows of disks 4.9 apart, .* no room for a disk of diameter 2.8"):
+        between_walls(np.array([0.4, 0.4, 1.4, 1.4]), 0.86, 0, SOFT)  # the largest of the row counts, too
 
 
 def run(*words):
