@@ -18,6 +18,8 @@ from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.examine import examine
 from jampetsc.mechanics.minimum import negative_modes
 from jampetsc.mechanics.network import build_network
+from jampetsc.oscillation import job as oscillation
+from jampetsc.oscillation.newton import Newton
 from jampetsc.response import direct as direct_solver
 from jampetsc.response import direct_sweep, rational_sweep
 from jampetsc.response import quasistatic as quasistatic_response
@@ -127,7 +129,28 @@ def jobs(session):
         shutil.rmtree(folder)
 
 
+def oscillate(session):
+    """A cycle at once, on all ranks and as the start of moving contacts, and steps in time, each on one."""
+    folder = session.comm.bcast(tempfile.mkdtemp())
+    packing, law = Path(folder) / "p.h5", physics(rotations=False)
+    if session.rank == 0:
+        write_packing(packing, SAMPLES["published"]())
+    session.comm.Barrier()
+    for contacts in ("fixed", "moving"):
+        imposed = np.array([0.1]), np.array([1e-6]), contacts == "fixed", 8, contacts
+        oscillation.run(
+            oscillation.Job(
+                packing, Path(folder) / f"{contacts}.h5", law, *imposed, None if contacts == "fixed" else 3
+            )
+        )
+    gc.collect()  # those that SNES goes on to hold, which holds them, would stay for ever
+    assert not [one for one in gc.get_objects() if isinstance(one, Newton)]
+    if session.rank == 0:
+        shutil.rmtree(folder)
+
+
 RUNS = {
+    "oscillate": oscillate,
     "flow": flow,
     "rehearsals": rehearsals,
     "jobs": jobs,
