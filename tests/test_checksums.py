@@ -53,11 +53,11 @@ def contents(path):
 
 
 def outcome(path):
-    """ "refused", a hash of the contents, or what should not be; found out by a child process of ten seconds."""
+    """ "refused", a hash of the contents, or what should not be; found out by a child process of a minute."""
     read, write = os.pipe()
     child = os.fork()
     if child == 0:
-        signal.alarm(10)
+        signal.alarm(60)
         try:
             said = hashlib.sha256(contents(path).encode()).hexdigest()
         except InputError as error:
