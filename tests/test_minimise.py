@@ -393,8 +393,6 @@ def test_a_search_ends_where_the_slope_is_small(monkeypatch):
     assert length == 0.05 and point.along(step) > 0
     _, start, step, (length, point) = searched(2.0)
     assert length == 2.0 and -newton_module.FLAT * start.along(step) <= point.along(step) < 0
-    _, start, step, (length, point) = searched(5.0)
-    assert length < 5.0 and abs(point.along(step)) < 0.5 * start.along(step)
     monkeypatch.setattr(newton_module, "FLAT", 0.05)
     _, start, step, (length, point) = searched(2.0)
     assert 0.2 < length < 2.0 and abs(point.along(step)) <= 0.05 * start.along(step)
