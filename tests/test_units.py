@@ -10,6 +10,8 @@ from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.contacts.state import measure
 from jampetsc.flows.slowly import SlowShear
 from jampetsc.packing import protocols
+from jampetsc.packing.descent import Goal
+from jampetsc.packing.minimise import Effort, relax
 from jampetsc.packing.protocols import Target, make_packing, random_start
 from jampetsc.packing.sizes import radii_of
 
@@ -47,7 +49,7 @@ def quenched(length, k, kind, stiffness, target):
 @pytest.mark.parametrize("target", [Target(1e-4), Target(3e-3, stabilise="shear"), Target(phi=0.9)], ids=str)
 @pytest.mark.parametrize(("kind", "stiffness"), [(k, s) for k in EXPONENTS for s in STIFFNESSES])
 def test_a_quench_is_the_same_in_any_units(kind, stiffness, target):
-    """At a pressure lengths count: strains of the cell are weighed against moves of disks of diameter one."""
+    """At a pressure in any unit of length the last steps, Newton's, round otherwise."""
     usual, _ = quenched(1.0, 1.0, kind, stiffness, target)
     assert usual.record["evaluations"] > 30 and usual.record["newton_steps"] >= 1
     for length, k in UNITS[2:] if target.pressure else UNITS:
@@ -63,6 +65,28 @@ def test_a_quench_is_the_same_in_any_units(kind, stiffness, target):
             ("shear_modulus", energy / length**2),
         ):
             assert found.record[name] == pytest.approx(unit * usual.record[name], rel=1e-9), name
+
+
+@pytest.mark.parametrize("shear", [False, True])
+@pytest.mark.parametrize("kind", EXPONENTS)
+def test_a_descent_at_a_pressure_is_the_same_in_any_units(kind, shear):
+    """Strains of the cell are weighed against moves of disks in units of their diameter."""
+
+    def relaxed(length, k):
+        law = Potential(kind, STIFFNESSES[0], k)
+        stress = energy_unit(length, k, law) / length**2
+        start = random_start(length * radii_of("bidisperse", 16), 0.9, 3, law)
+        effort = Effort()
+        goal = Goal(1e-3 * stress, shear)
+        return relax(start, goal, 1e-6 * stress * length, effort=effort), effort.evaluations
+
+    usual, evaluations = relaxed(1.0, 1.0)
+    assert evaluations > 50
+    for length, k in UNITS:
+        found, needed = relaxed(length, k)
+        assert needed == evaluations
+        np.testing.assert_array_equal(found.positions, length * usual.positions)
+        np.testing.assert_array_equal(found.cell, length * usual.cell)
 
 
 @pytest.mark.parametrize("kind", EXPONENTS)

@@ -160,7 +160,7 @@ class Descent:
             law=self.potential.constants,
             moving=(self.goal.pressure is not None, self.goal.shear),
             push=(self.goal.pressure or 0.0) * self._disks.area,
-            scale=float(np.sqrt(self.n)),
+            scale=float(np.sqrt(self.n)) * self.diameter,
             reach=REACH * self.diameter,
             widest=self._widest,
             skin=self.pairs.skin,

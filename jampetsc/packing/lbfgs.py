@@ -1,7 +1,7 @@
 """L-BFGS: the compiled steps down to a minimum of the enthalpy, with the cell as one or two more coordinates.
 
 Coordinates are the offsets o of the disks since their pairs were listed and, where the cell moves, its strain ε and
-shear g in units that make them about as stiff as a disk: x = (o, √N ε, √N g). With f the net contact forces,
+shear g in units that make them about as stiff as a disk: x = (o, √N d ε, √N d g). With f the net contact forces,
 F = e^ε [[1, g], [0, 1]] and W = Σ (f/r) r rᵀ,
 
     ∂H/∂o = −Fᵀ f,    ∂H/∂ε = −(W_xx + W_yy − 2 p V),    ∂H/∂g = −W_xy,    H = U + p V.
@@ -33,7 +33,7 @@ class Task(NamedTuple):
     law: tuple  # `Potential.constants`
     moving: tuple  # (bool, bool): which of ε and g move
     push: float  # p V at ε = 0
-    scale: float  # √N
+    scale: float  # √N d: ε and g times this are lengths, as moves of disks are
     reach: float  # longest move of a disk in one step
     widest: float  # diameter of the largest disk
     skin: float  # of the pair list
