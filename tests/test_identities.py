@@ -122,6 +122,7 @@ def elastic_constants(disks, prestress):
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("index", range(10))
 def test_published_elastic_constants(session, index):
     """The six constants jax-md gives for each of its packings, to about as many digits as they have."""
@@ -132,6 +133,7 @@ def test_published_elastic_constants(session, index):
 
 
 @pytest.mark.scalar("complex", "real")
+@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("index", range(10))
 def test_simple_shear_and_symmetric_strain(session, index):
     """In second order simple shear stretches the cell against the stress: G = C_xyxy + (3 σ_yy − σ_xx)/4.

@@ -65,7 +65,7 @@ def shaken(alpha, steps=64, omega=OMEGA, stress=STRESS, strain=None, stiffest=ST
     return found
 
 
-@pytest.mark.most_ranks(2)
+@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize(
     ("alpha", "omega", "imposed"),
     [
