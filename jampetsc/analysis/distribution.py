@@ -2,6 +2,7 @@
 (BT Fig. 5).
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +25,8 @@ class Distribution:
     def of(cls, values) -> "Distribution":
         """Distribution of |values| (M,), or of lengths (M, 2)."""
         size = np.abs(values) if values.ndim == 1 else np.hypot(values[:, 0], values[:, 1])
-        top = int(np.floor(np.log10(size.max()))) + 1 if size.any() else 0
+        # by the C library, whose log10 is exact at powers of ten; numpy's own for some processors need not be
+        top = math.floor(math.log10(size.max())) + 1 if size.any() else 0
         exponents = np.arange(BINS * (top - DECADES), BINS * top + 1) / BINS
         edges = np.append(0.0, 10.0**exponents)
         counts = np.bincount(np.searchsorted(edges, size, side="right") - 1, minlength=len(edges) - 1)
