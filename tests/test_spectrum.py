@@ -107,10 +107,13 @@ def test_weights_add_up_with_time(tmp_path):
     assert np.allclose(G, held.stress_relaxation(time))
 
 
-def test_a_spectrum_file_draws_as_its_sweep_does(tmp_path):
+def test_a_spectrum_file_draws_as_its_sweep_does(tmp_path, capsys):
     sweep = write_sweep(tmp_path / "sweep.h5")
     run(sweep, "--out", tmp_path / "spectrum.h5")
     run(sweep, "--out", tmp_path / "a.png")
+    assert (
+        capsys.readouterr().out.splitlines()[-1] == f"{tmp_path / 'a.png'}: spectra, G(t) and J(t) of 1 sweep"
+    )
     cli.dispatch(["plot", str(tmp_path / "spectrum.h5"), "--out", str(tmp_path / "b.png")])
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 

@@ -263,9 +263,11 @@ def _mean_pressure(sweeps):
 
 def _summary(out, sweeps, omega, lanes, results, size):
     """Lengths in diameters of the first lane width, and how far the others are from it."""
+    from jampetsc.words.picture import count
+
     first = results[0]
-    count = f"{len(sweeps)} packing{'s' * (len(sweeps) > 1)}"
-    lines = [f"{out}: {count}, L = {size:.4g} d, lanes of {lanes[0]:g} d, {first.pairs} pairs"]
+    packings = count(sweeps, "packing", "packings")
+    lines = [f"{out}: {packings}, L = {size:.4g} d, lanes of {lanes[0]:g} d, {first.pairs} pairs"]
     for n, w in enumerate(omega):
         parts = [
             f"{name} {_with_error(size * first.root[2 * n + part], size * first.root_error[2 * n + part])}"
