@@ -248,6 +248,15 @@ def flow_file(path, velocity=0.1, phi=0.8, walls=False, snapshots=2, **facts):
     return load(path)
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_bin_without_pairs_has_no_value(tmp_path):
+    found = correlate_lanes([flow_file(tmp_path / "one.h5")], 0.1, 0.25)
+    empty = found.pairs == 0
+    assert empty.any() and not empty.all()
+    np.testing.assert_array_equal(np.isnan(found.values), empty)
+    assert np.isfinite(found.errors).all() and not found.errors[empty].any()
+
+
 def test_correlated_files_are_of_one_kind(tmp_path):
     one = flow_file(tmp_path / "one.h5")
     found = correlate_lanes([one, one], 0.5, 1.0)
