@@ -84,6 +84,19 @@ def without(moves, x):
     return x
 
 
+class NewtonSteps:
+    """What Newton's method takes for a solver, in dense numpy."""
+
+    def factorise(self, indptr, indices, values):
+        self.matrix = np.zeros((len(indptr) - 1,) * 2)
+        self.matrix[np.repeat(np.arange(len(indptr) - 1), np.diff(indptr)), indices] = values
+        self.matrix += np.triu(self.matrix, 1).T
+        return bool(np.linalg.eigvalsh(self.matrix)[0] > 0)
+
+    def solve(self, b):
+        return np.linalg.solve(self.matrix, b)
+
+
 class Reference:
     """K, B and G* of `disks` for `physics` (law, prestress), rattlers left out.
 

@@ -462,8 +462,9 @@ def test_spread_is_that_of_the_later_half():
     assert run.change == np.inf and run.spread == 0.0
 
 
-def test_both_runs_are_counted(monkeypatch):
-    """Steps, cycles, Newton's steps and factors are those of half of the steps and of all of them."""
+@pytest.fixture
+def runs(monkeypatch):
+    """Every Run that is made from now on."""
     runs = []
 
     class Kept(repeated.Run):
@@ -472,6 +473,11 @@ def test_both_runs_are_counted(monkeypatch):
             runs.append(self)
 
     monkeypatch.setattr(repeated, "Run", Kept)
+    return runs
+
+
+def test_both_runs_are_counted(runs):
+    """Steps, cycles, Newton's steps and factors are those of half of the steps and of all of them."""
     found = shaken.__wrapped__(0.1, 1e-6, 16, 3, rotations=False)
     assert (found.steps, found.cycles) == (3 * (8 + 16), 6) and [run.count for run in runs] == [8, 16]
     for count, name in ((found.newton, "iterations"), (found.factorisations, "factorisations")):
@@ -500,16 +506,8 @@ def test_newtons_method_takes_few_steps_and_factors():
 @pytest.mark.parametrize(
     ("strain", "stress", "steps"), [(5e-2, False, (25, 27)), (1e-4, True, (27, 33))]
 )  # steps of both runs: 24 if none is cut
-def test_a_cycle_loses_little_energy(monkeypatch, strain, stress, steps):
+def test_a_cycle_loses_little_energy(runs, strain, stress, steps):
     """A step is cut where it loses more than 8 n⁻³ of π|G*|γ², so a cycle of n loses less than 8 n⁻²: about half."""
-    runs = []
-
-    class Kept(repeated.Run):
-        def __init__(self, *words):
-            super().__init__(*words)
-            runs.append(self)
-
-    monkeypatch.setattr(repeated, "Run", Kept)
     found = shaken.__wrapped__(1e-2, strain, 16, 1, stress=stress, rotations=False)
     for run in runs:
         one = run.seen[0]

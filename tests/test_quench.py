@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from dense import NewtonSteps
 
 from jampetsc.contacts.disks import GRID, Disks
 from jampetsc.contacts.kernel import pair_forces
@@ -104,19 +105,6 @@ def test_hessian_and_border_are_derivatives_of_the_forces(law):
         assert np.abs(difference - exact).max() < 2e-4 * (1 + np.abs(exact).max())
 
 
-class Dense:
-    """What Newton's method takes for a solver, in dense numpy."""
-
-    def factorise(self, indptr, indices, values):
-        self.matrix = np.zeros((len(indptr) - 1,) * 2)
-        self.matrix[np.repeat(np.arange(len(indptr) - 1), np.diff(indptr)), indices] = values
-        self.matrix += np.triu(self.matrix, 1).T
-        return bool(np.linalg.eigvalsh(self.matrix)[0] > 0)
-
-    def solve(self, b):
-        return np.linalg.solve(self.matrix, b)
-
-
 @pytest.mark.parametrize("goal", [Goal(), Goal(0.3), Goal(0.3, True), Goal(shear=True)], ids=str)
 def test_disks_and_cell_are_solved_for_together(goal):
     """(H + μ) x = b, μ once for every disk in the corner of the cell; definite where all of H + μ is, never else."""
@@ -127,7 +115,7 @@ def test_disks_and_cell_are_solved_for_together(goal):
     moving = [b for b, moves in enumerate((goal.pressure is not None, goal.shear)) if moves]
     forces, drive = np.random.default_rng(1).normal(size=(n, 2)), np.array([1.3, -0.7])
     for free in (np.ones(n, bool), np.arange(n) % 4 > 0):
-        whole, pattern = Dense(), Pattern(pairs, n)
+        whole, pattern = NewtonSteps(), Pattern(pairs, n)
         whole.factorise(pattern.indptr, pattern.indices, pattern.fill(Bonds.of(pairs, disks.potential), free))
         kept = np.append(np.repeat(free, 2), [b in moving for b in range(2)])
         matrix = np.block([[whole.matrix, rows.reshape(-1, 2)], [rows.reshape(-1, 2).T, corner]])
@@ -136,7 +124,7 @@ def test_disks_and_cell_are_solved_for_together(goal):
             inner = damped[np.ix_(kept, kept)]
             free_disks = inner[: 2 * free.sum(), : 2 * free.sum()]
             definite, without_cell = (np.linalg.eigvalsh(part)[0] > 0 for part in (inner, free_disks))
-            linear = newton.Linear(point, Pattern(point.bonds.pairs, n), Dense(), free, mu)
+            linear = newton.Linear(point, Pattern(point.bonds.pairs, n), NewtonSteps(), free, mu)
             assert linear.definite == definite
             if without_cell:
                 both = np.append(np.repeat(free, 2), [False, False])
@@ -213,7 +201,7 @@ def test_newton_is_tried_at_ever_smaller_forces(monkeypatch):
     for pressure in (1e-3, 1e-8):
         asked.clear()
         with pytest.raises(ConvergenceError, match="no minimum after"):
-            minimise(disks, Goal(pressure), Dense())
+            minimise(disks, Goal(pressure), NewtonSteps())
         least = newton.Limits(Descent(disks, Goal(pressure), Team()), 1e-10).at(pressure).force
         wanted = 1e-5 * 10.0 ** -np.arange(20) * pressure * 2.0
         wanted = np.maximum(wanted[: 1 + np.argmax(wanted < 0.1 * least)], 0.5 * least)
@@ -254,7 +242,7 @@ def test_damping_goes_where_steps_are_full(damped):
             patch.setattr(newton, "NEAR", near)
             descent = Descent(disks, Goal(0.05), Team())
             limits = newton.Limits(descent, 1e-14)
-            assert newton.Newton(descent, Dense(), Effort()).converge(limits)
+            assert newton.Newton(descent, NewtonSteps(), Effort()).converge(limits)
         assert newton.Point.of(descent).residual.within(limits.at(0.05)) and 3 <= len(damped) <= 8
         wanted = np.maximum(newton.DAMPING * 0.3 ** np.arange(len(damped)), floor)
         assert damped == pytest.approx(wanted, rel=1e-3)
@@ -266,12 +254,12 @@ def test_damping_is_raised_until_a_hessian_is_definite(damped):
     disks = Disks.from_positions(0.9 * np.column_stack((column, row)), np.full(16, 0.5), 3.6 * np.eye(2))
     descent = Descent(disks, Goal(), Team())
     point, effort = newton.Point.of(descent), Effort()
-    linear, mu = newton.Newton(descent, Dense(), effort)._damped(point, np.ones(16, bool), 0.0)
+    linear, mu = newton.Newton(descent, NewtonSteps(), effort)._damped(point, np.ones(16, bool), 0.0)
     assert linear.definite and effort.newton_steps == len(damped) > 2
     wanted = np.append(0.0, newton.DAMPING_RAISED * 4.0 ** np.arange(len(damped) - 1))
     assert damped == pytest.approx(wanted) and mu == pytest.approx(wanted[-1] * point.pressure)
     damped.clear()
-    newton.Newton(descent, Dense(), effort)._damped(point, np.ones(16, bool), 1e-3 * point.pressure)
+    newton.Newton(descent, NewtonSteps(), effort)._damped(point, np.ones(16, bool), 1e-3 * point.pressure)
     assert damped == pytest.approx(1e-3 * 4.0 ** np.arange(len(damped)))
 
 
@@ -283,7 +271,7 @@ def test_damping_follows_how_far_steps_go(damped, monkeypatch, length, factor):
     monkeypatch.setattr(newton, "STEPS", 2)
     monkeypatch.setattr(newton.Newton, "_search", lambda self, point, *_: (length, point))
     descent = Descent(settle(crowd(n=24), 0.03), Goal(), Team())
-    newton.Newton(descent, Dense(), Effort()).converge(newton.Limits(descent, 1e-14))
+    newton.Newton(descent, NewtonSteps(), Effort()).converge(newton.Limits(descent, 1e-14))
     first = newton.DAMPING
     while first != pytest.approx(damped[-1] / factor, rel=1e-9) and first < 1e3:
         first = max(4.0 * first, newton.DAMPING_RAISED)
@@ -305,7 +293,7 @@ def test_newton_goes_on_while_rounding_lets_it(monkeypatch):
     noted("linear", newton.Newton._linear)
     descent = Descent(disks, Goal(0.05), Team())
     limits = newton.Limits(descent, 1e-20)
-    assert newton.Newton(descent, Dense(), Effort()).converge(limits)
+    assert newton.Newton(descent, NewtonSteps(), Effort()).converge(limits)
     forces = [residual.force for name, residual in ways if name == "linear"]
     searched = [residual.force for name, residual in ways if name == "search"]
     last = newton.Point.of(descent).residual.force
@@ -315,12 +303,14 @@ def test_newton_goes_on_while_rounding_lets_it(monkeypatch):
 
 def test_a_pattern_is_that_of_the_list_there_is():
     descent = Descent(settle(crowd(n=16), 0.03), Goal(), Team())
-    kept, free = newton.Newton(descent, Dense(), Effort()), np.ones(16, bool)
+    kept, free = newton.Newton(descent, NewtonSteps(), Effort()), np.ones(16, bool)
     for shift in (0.0, 0.3):
         descent.move(np.random.default_rng(1).normal(0, shift, (16, 2)), np.zeros(2))
         descent.fold()
         point = newton.Point.of(descent)
-        one, other = (n._linear(point, free, 1e3) for n in (kept, newton.Newton(descent, Dense(), Effort())))
+        one, other = (
+            n._linear(point, free, 1e3) for n in (kept, newton.Newton(descent, NewtonSteps(), Effort()))
+        )
         for found, wanted in zip(
             *(linear.solve(point.forces, point.drive) for linear in (one, other)), strict=True
         ):
@@ -331,7 +321,7 @@ def saddle(goal):
     """A square lattice under pressure: no forces, and modes of negative curvature."""
     row, column = np.divmod(np.arange(16), 4)
     disks = Disks.from_positions(0.9 * np.column_stack((column, row)), np.full(16, 0.5), 3.6 * np.eye(2))
-    return newton.Newton(Descent(disks, goal, Team()), Dense(), Effort())
+    return newton.Newton(Descent(disks, goal, Team()), NewtonSteps(), Effort())
 
 
 @pytest.mark.parametrize("goal", [Goal(), Goal(0.1), Goal(0.1, True)], ids=str)
@@ -368,7 +358,7 @@ def test_a_negative_mode_is_nearly_the_most_negative(goal):
     walker = saddle(goal)
     point, held = newton.Point.of(walker.descent).held(walker.descent.disks)
     move, strain = walker._negative_mode(point, held)
-    n, whole = 16, Dense()
+    n, whole = 16, NewtonSteps()
     pattern = Pattern(point.bonds.pairs, n)
     whole.factorise(pattern.indptr, pattern.indices, pattern.fill(point.bonds, np.ones(n, bool)))
     rows, corner = border(point.bonds, n, walker.descent.area, goal.pressure or 0.0)

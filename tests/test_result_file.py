@@ -457,20 +457,26 @@ def test_a_disk_that_is_full_on_the_last_rank_ends_all(session, shared_path, mom
     assert list(shared_path.iterdir()) == []
 
 
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(2)
-@pytest.mark.parametrize("moment", ["finish", "publish"])
-def test_a_part_of_one_rank_that_gets_no_name_ends_all(session, shared_path, moment):
+def require_nothing_left(session, shared_path, rank, file, moment):
+    """All ranks are told, and no file stays, where one of this rank cannot be finished or published."""
+
     def refuse():
         raise JampetscError("no room for a name")
 
     with pytest.raises(JampetscError, match="no room for a name"):
         with ResultWriter(shared_path / "s.h5", "jampetsc-modes", session.comm) as writer:
             writer.distributed("rows", rows_of(session), axis=1)
-            if session.rank == session.size - 1:
-                setattr(writer._part, moment, refuse)
+            if session.rank == rank:
+                setattr(getattr(writer, file), moment, refuse)
     session.comm.Barrier()
     assert list(shared_path.iterdir()) == []
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+@pytest.mark.parametrize("moment", ["finish", "publish"])
+def test_a_part_of_one_rank_that_gets_no_name_ends_all(session, shared_path, moment):
+    require_nothing_left(session, shared_path, session.size - 1, "_part", moment)
 
 
 @pytest.mark.scalar("real")
@@ -509,13 +515,4 @@ def test_an_output_that_only_rank_0_looks_at_is_refused_on_all(session, shared_p
 @pytest.mark.scalar("real")
 @pytest.mark.parametrize("last", ["finish", "publish"])
 def test_parts_that_have_their_names_go_where_the_joint_file_gets_none(session, shared_path, last):
-    def refuse():
-        raise JampetscError("no room for a name")
-
-    with pytest.raises(JampetscError, match="no room for a name"):
-        with ResultWriter(shared_path / "s.h5", "jampetsc-modes", session.comm) as writer:
-            writer.distributed("rows", rows_of(session), axis=1)
-            if session.rank == 0:
-                setattr(writer._joint, last, refuse)
-    session.comm.Barrier()
-    assert list(shared_path.iterdir()) == []
+    require_nothing_left(session, shared_path, 0, "_joint", last)

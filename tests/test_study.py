@@ -350,19 +350,24 @@ def test_what_fits_on_a_machine_is_shared_by_its_ranks(session, monkeypatch):
     assert study_run._most_disks(session) == 100  # the least that any rank may
 
 
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(2)
-def test_what_reads_a_large_task_that_failed_fails_too(session, shared_path, monkeypatch, capsys):
-    only_on("several")
+def together_but(monkeypatch, command, error):
+    """From now on all ranks do each task together, and what this command leaves raises `error` where it is read."""
     read = study_tasks.numbers_of
 
     def numbers_of(path):
-        if path.name.startswith("sweep"):
-            raise InputError("lost")
+        if path.name.startswith(command):
+            raise error
         return read(path)
 
     monkeypatch.setattr(study_tasks, "numbers_of", numbers_of)
     monkeypatch.setattr(study_run, "LARGE", 15)
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_what_reads_a_large_task_that_failed_fails_too(session, shared_path, monkeypatch, capsys):
+    only_on("several")
+    together_but(monkeypatch, "sweep", InputError("lost"))
     text = SMALL.replace("1:2", "1:1").replace("[quasistatic]", '[sweep]\nomega = "1"\n[spectrum]')
     table = study(shared_path / "study", text, status=3)
     states = dict(zip(table["command"], table["state"], strict=True))
@@ -380,15 +385,7 @@ def test_what_reads_a_large_task_that_failed_fails_too(session, shared_path, mon
 def test_a_bug_in_what_all_do_together_is_no_row(session, shared_path, monkeypatch):
     """One rank alone may have met it: the others would wait for it in the next task."""
     only_on("several")
-    read = study_tasks.numbers_of
-
-    def numbers_of(path):
-        if path.name.startswith("quasistatic"):
-            raise ZeroDivisionError("a bug")
-        return read(path)
-
-    monkeypatch.setattr(study_tasks, "numbers_of", numbers_of)
-    monkeypatch.setattr(study_run, "LARGE", 15)
+    together_but(monkeypatch, "quasistatic", ZeroDivisionError("a bug"))
     with pytest.raises(ZeroDivisionError, match="a bug"):
         study(shared_path / "study", SMALL.replace("1:2", "1:1"))
     session.comm.Barrier()

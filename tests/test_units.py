@@ -5,6 +5,7 @@ By powers of four, so that rounding is the same, and with it every evaluation an
 
 import numpy as np
 import pytest
+from dense import NewtonSteps
 
 from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.contacts.state import measure
@@ -16,19 +17,6 @@ from jampetsc.packing.protocols import Target, make_packing, random_start
 from jampetsc.packing.sizes import radii_of
 
 UNITS = [(4.0, 1.0), (0.25, 1.0), (1.0, 1024.0), (1.0, 2.0**-10)]  # of length and of stiffness
-
-
-class Dense:
-    """What Newton's method takes for a solver, in dense numpy."""
-
-    def factorise(self, indptr, indices, values):
-        self.matrix = np.zeros((len(indptr) - 1,) * 2)
-        self.matrix[np.repeat(np.arange(len(indptr) - 1), np.diff(indptr)), indices] = values
-        self.matrix += np.triu(self.matrix, 1).T
-        return bool(np.linalg.eigvalsh(self.matrix)[0] > 0)
-
-    def solve(self, b):
-        return np.linalg.solve(self.matrix, b)
 
 
 def energy_unit(length, k, law):
@@ -43,7 +31,7 @@ def quenched(length, k, kind, stiffness, target):
     if target.pressure:
         target = Target(target.pressure * energy / length**2, stabilise=target.stabilise)
     start = random_start(length * radii_of("bidisperse", 16), target.phi or 0.9, 3, law)
-    return make_packing(start, target, Dense()), energy
+    return make_packing(start, target, NewtonSteps()), energy
 
 
 @pytest.mark.parametrize("target", [Target(1e-4), Target(3e-3, stabilise="shear"), Target(phi=0.9)], ids=str)
@@ -93,7 +81,7 @@ def test_a_descent_at_a_pressure_is_the_same_in_any_units(kind, shear):
 def test_slow_shear_is_the_same_in_any_units(kind):
     def steps(length, k):
         disks, energy = quenched(length, k, kind, STIFFNESSES[1], Target(phi=0.88))
-        slow = SlowShear(disks, 2e-3, Dense(), 1e-7)
+        slow = SlowShear(disks, 2e-3, NewtonSteps(), 1e-7)
         rows = [vars(slow.advance()) | vars(slow.found) for _ in range(25)]
         stress = energy / length**2
         units = {"energy": energy, "dissipated": energy, "shear_stress": stress, "pressure": stress}
@@ -135,7 +123,7 @@ def test_the_path_of_a_quench(monkeypatch):
 @pytest.mark.parametrize("pressure", [1e-4, 1e-2, 0.1, 0.3])
 def test_a_quench_starts_near_its_end(pressure):
     start = random_start(radii_of("bidisperse", 16), protocols.start_phi(pressure), 3, Potential())
-    found = make_packing(start, Target(pressure), Dense())
+    found = make_packing(start, Target(pressure), NewtonSteps())
     assert -0.01 < start.phi - found.phi < 0.05 + 2.5 * pressure
     state = measure(found)
     for name, value in (("energy", state.energy), ("shear_stress", state.stress[0, 1]), ("phi", found.phi)):
