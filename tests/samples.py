@@ -13,7 +13,7 @@ from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import Physics, damping_law
 from jampetsc.contacts.potentials import Potential
 from jampetsc.mechanics.network import build_network
-from jampetsc.storage.packing_file import read_packing
+from jampetsc.storage.packing_file import read_packing, write_packing
 
 DATA = Path(__file__).parent / "data"
 JAMBASHBULK = DATA / "jambashbulk-N16-P1e-3-0001.txt"
@@ -109,6 +109,14 @@ SAMPLES = {
 def physics(*name, prestress=True, **options):
     """Physics with the law of these options."""
     return Physics(damping_law(*name, **options), prestress)
+
+
+def put(path, disks, comm):
+    """The path, where all ranks find a file of these disks. Collective."""
+    if comm.rank == 0:
+        write_packing(path, disks)
+    comm.barrier()
+    return path
 
 
 def network_of(disks, physics, comm):

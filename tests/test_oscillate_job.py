@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from samples import SAMPLES, lattice, network_of, physics, published
+from samples import SAMPLES, lattice, network_of, physics, published, put
 from sweeps import Sweep
 
 from jampetsc.errors import ConvergenceError, InputError
@@ -12,23 +12,15 @@ from jampetsc.oscillation.halfcycles import Stepped, SteppedOscillation
 from jampetsc.oscillation.repeated import Repeated
 from jampetsc.oscillation.steady import Point, Steady, SteadyOscillation
 from jampetsc.session import current
-from jampetsc.storage.packing_file import write_packing
 from jampetsc.storage.reader import load
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]
 OMEGA = {1.0: (0.1, 1.0), 0.4: (1e-8, 1e-7)}
 
 
-def put(path, disks):
-    if current().rank == 0:
-        write_packing(path, disks)
-    current().comm.barrier()
-    return path
-
-
 @pytest.fixture
 def packing(session, shared_path):
-    return put(shared_path / "p.h5", published())
+    return put(shared_path / "p.h5", published(), session.comm)
 
 
 def ask(
@@ -162,7 +154,7 @@ def test_which_solver(monkeypatch, packing):
 def test_prestress_and_stiffness_are_those_asked_for(session, packing, alpha):
     """On all ranks together and on each alone."""
     disks = SAMPLES["k = 2.5"]()
-    put(packing, disks)
+    put(packing, disks, session.comm)
     omega, strain = OMEGA[alpha][:1], 1e-4
     found = job.run(ask(packing, alpha, "fixed", (strain,), omega, stress=False, prestress=False))["G"][0, 0]
     law = physics(exponent=alpha, rotations=False, prestress=False)
@@ -179,7 +171,7 @@ def test_prestress_and_stiffness_are_those_asked_for(session, packing, alpha):
 
 @pytest.mark.parametrize("alpha", [1.0, 0.4])
 def test_a_packing_that_is_no_minimum_is_named(session, packing, alpha):
-    put(packing, lattice())
+    put(packing, lattice(), session.comm)
     with pytest.raises(InputError, match=f"^{packing}: K has 14 negative modes"):
         job.run(ask(packing, alpha))
     assert left_behind(packing) == []

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from samples import gears, isostatic, network_of, physics, published
+from samples import gears, isostatic, network_of, physics, published, put
 
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.contacts.potentials import Potential
@@ -13,24 +13,14 @@ from jampetsc.response import direct_sweep, modes_file, quasistatic, rational_sw
 from jampetsc.response.certificate import Functional
 from jampetsc.response.job import Job
 from jampetsc.response.record import run_record
-from jampetsc.storage.packing_file import write_packing
 from jampetsc.storage.reader import load
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]
 
 
 @pytest.fixture
-def put(session, shared_path):
-    """A function that writes disks to a file for all ranks."""
-
-    def write(disks):
-        path = shared_path / "p.h5"
-        if session.rank == 0:
-            write_packing(path, disks)
-        session.comm.barrier()
-        return path
-
-    return write
+def path(shared_path):
+    return shared_path / "p.h5"
 
 
 def whole(comm, local, axis=0):
@@ -59,8 +49,8 @@ def test_facts_of_a_packing(session):
         assert f"-{name} {value or ''}".strip() in found["petsc_options"]
 
 
-def test_modes(session, put):
-    path = put(isostatic())
+def test_modes(session, path):
+    put(path, isostatic(), session.comm)
     out = path.parent / "m.h5"
     found = modes_file.run(path, out, True, 5)
     session.comm.barrier()
@@ -100,16 +90,16 @@ def test_modes(session, put):
     np.testing.assert_allclose(eigenvalues, found.eigenvalues[:3], rtol=1e-9)
 
 
-def test_modes_of_what_is_no_minimum_are_refused_with_prestress_only(session, put):
-    path = put(gears())
+def test_modes_of_what_is_no_minimum_are_refused_with_prestress_only(session, path):
+    put(path, gears(), session.comm)
     with pytest.raises(InputError, match=f"^{path}: K has .* negative modes"):
         modes_file.run(path, path.parent / "m.h5", True, 1)
     assert modes_file.run(path, path.parent / "m.h5", False, 1).eigenvalues[0] > 0.0
 
 
 @pytest.mark.parametrize("prestress", [True, False])
-def test_quasistatic(session, put, prestress):
-    path = put(replace(published(), potential=Potential(k=2.5)))
+def test_quasistatic(session, path, prestress):
+    put(path, replace(published(), potential=Potential(k=2.5)), session.comm)
     out, law = path.parent / "q.h5", physics(beta=2.0, prestress=prestress)
     found = quasistatic.run(path, out, law, (0.5, 3.0))
     session.comm.barrier()
@@ -163,9 +153,10 @@ def test_quasistatic(session, put, prestress):
 
 
 @pytest.mark.parametrize("method", ["rational", "direct"])
-def test_sweeps_under_power_law_damping(session, put, method, monkeypatch):
+def test_sweeps_under_power_law_damping(session, path, method, monkeypatch):
     """Frequencies are those of the experiment everywhere; those solved for are beside them."""
-    path, damping = put(published()), EquivalentDamping(0.5, 1e-5)
+    put(path, published(), session.comm)
+    damping = EquivalentDamping(0.5, 1e-5)
     out, law, omega, field = path.parent / "s.h5", physics(tau1=2.0), np.array([1e-4, 1e-2, 1.0]), 3e-3
     job = Job.read(path, law, omega, [field], method, 1e-6, out, damping, comm=session.comm)
     module = {"rational": rational_sweep, "direct": direct_sweep}[method]
