@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from gathered import dense, unknowns
-from samples import LAWS, ORACLE, SAMPLES, laws_of, modulus, network_of, physics, published, reference
+from samples import LAWS, ORACLE, SAMPLES, laws_of, modulus, network_of, physics, published, put, reference
 
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.contacts.disks import Disks
@@ -290,9 +290,7 @@ def test_what_cannot_be_solved_is_an_error(session):
 def test_frequencies_that_fail_are_told_beside_the_others(session, shared_path, capfd):
     """Of G'' of gears too little is left at the lowest ones. Frequencies are those of the experiment throughout."""
     packing, omega = shared_path / "gears.h5", [1e-24, 1e-23, 1e-6, 1.0]
-    if session.rank == 0:
-        write_packing(packing, SAMPLES["gears"]())
-    session.comm.barrier()
+    put(packing, SAMPLES["gears"](), session.comm)
 
     def job(name, omega, fields=()):
         how = ("direct", 1e-10, shared_path / name, EquivalentDamping(0.5, 1e-5))
@@ -380,9 +378,7 @@ def test_what_is_no_number_on_one_rank_is_everybodys_failure(session):
 
 def test_where_every_frequency_fails_the_first_failure_is_told(session, shared_path):
     packing, out = shared_path / "gears.h5", shared_path / "out.h5"
-    if session.rank == 0:
-        write_packing(packing, SAMPLES["gears"]())
-    session.comm.barrier()
+    put(packing, SAMPLES["gears"](), session.comm)
     law = physics(prestress=False)
     job = Job.read(packing, law, [1e-10, 1e-9], [], "direct", 1e-14, out, comm=session.comm)
     with pytest.raises(ConvergenceError, match=r"^ω = 1e-10: G' = .* only known to"):

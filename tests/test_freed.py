@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from samples import SAMPLES, physics
+from samples import SAMPLES, physics, put
 from sheared import crowd, shear
 from sweeps import Sweep
 
@@ -33,7 +33,6 @@ from jampetsc.solvers.cholesky import NotPositiveDefinite
 from jampetsc.solvers.inertia import count_below
 from jampetsc.solvers.resistance import ContactSolver
 from jampetsc.solvers.shifted import ShiftedFactor
-from jampetsc.storage.packing_file import write_packing
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]
 
@@ -118,9 +117,7 @@ def rehearsals(session):
 def jobs(session):
     folder = session.comm.bcast(tempfile.mkdtemp())
     packing = Path(folder) / "p.h5"
-    if session.rank == 0:
-        write_packing(packing, SAMPLES["published"]())
-    session.comm.Barrier()
+    put(packing, SAMPLES["published"](), session.comm)
     for method, module in (("rational", rational_sweep), ("direct", direct_sweep)):
         out = Path(folder) / f"{method}.h5"
         module.run(Job.read(packing, physics(), [1e-2, 1.0], [1.0], method, 1e-6, out, comm=session.comm))
@@ -133,9 +130,7 @@ def oscillate(session):
     """A cycle at once, on all ranks and as the start of moving contacts, and steps in time, each on one."""
     folder = session.comm.bcast(tempfile.mkdtemp())
     packing, law = Path(folder) / "p.h5", physics(rotations=False)
-    if session.rank == 0:
-        write_packing(packing, SAMPLES["published"]())
-    session.comm.Barrier()
+    put(packing, SAMPLES["published"](), session.comm)
     for contacts in ("fixed", "moving"):
         imposed = np.array([0.1]), np.array([1e-6]), contacts == "fixed", 8, contacts
         oscillation.run(

@@ -16,16 +16,12 @@ import jampetsc
 from jampetsc import cli, functions
 from jampetsc.commands import spectrum
 from jampetsc.errors import InputError
-from jampetsc.storage.packing_file import write_packing
 from jampetsc.storage.result_file import ResultWriter
 
 
 @pytest.fixture
 def packing(session, shared_path):
-    if session.rank == 0:
-        write_packing(shared_path / "p.h5", samples.published())
-    session.comm.Barrier()
-    return shared_path / "p.h5"
+    return samples.put(shared_path / "p.h5", samples.published(), session.comm)
 
 
 @pytest.mark.scalar("real")

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import launch
 import numpy as np
 import pytest
-from samples import JAMBASHBULK, JAXMD, gears, honeycomb, isostatic, polydisperse, published
+from samples import JAMBASHBULK, JAXMD, gears, honeycomb, isostatic, polydisperse, published, put
 
 from jampetsc import cli
 from jampetsc.contacts.disks import Disks
@@ -125,9 +125,7 @@ def test_refusals_are_one_line(capsys, tmp_path):
 def matrices(capsys, session, shared_path, disks, *words):
     """(exit status, lines, error lines) of `info --matrices`; the lines are the same on all ranks."""
     path = shared_path / "packing.h5"
-    if session.rank == 0:
-        write_packing(path, disks)
-    session.comm.Barrier()
+    put(path, disks, session.comm)
     status, lines, errors = info(capsys, path, "--matrices", *words)
     assert session.rank == 0 or not lines
     return status, *session.comm.bcast((lines, errors))

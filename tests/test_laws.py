@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from samples import LAWS, physics, published, reference
+from samples import LAWS, physics, published, put, reference
 
 import jampetsc
 from jampetsc import cli
 from jampetsc.contacts.laws import FAMILIES, LARGEST, UNDAMPED, Law, damping_law
 from jampetsc.errors import InputError
-from jampetsc.storage.packing_file import write_packing
 
 TRANSVERSE = physics(normal=0.0, rotations=False)
 
@@ -91,9 +90,7 @@ def test_a_law_of_a_row_alone_through_every_command(session, shared_path, capsys
     """Vågberg's CDt in linear response, against the dense reference of the same weights."""
     exact = reference("published", str(TRANSVERSE))
     packing, words = shared_path / "packing.h5", ("--normal", "0", "--no-rotations")
-    if session.rank == 0:
-        write_packing(packing, published())
-    session.comm.Barrier()
+    put(packing, published(), session.comm)
 
     def command(name, *more):
         return cli.main([name, str(packing), *words, *map(str, more)])

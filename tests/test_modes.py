@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from dense import Reference
 from gathered import unknowns
-from samples import DATA, SAMPLES, gears, physics, published, reference, strips
+from samples import DATA, SAMPLES, gears, physics, published, put, reference, strips
 
 import jampetsc
 from jampetsc import cli
@@ -20,7 +20,6 @@ from jampetsc.response import modes as modes_module
 from jampetsc.response.elastic import ElasticResponse
 from jampetsc.response.modes import _require_different, lowest_modes
 from jampetsc.solvers import eigen
-from jampetsc.storage.packing_file import write_packing
 
 pytestmark = pytest.mark.scalar("real")
 
@@ -330,9 +329,7 @@ def test_bad_options(session, shared_path, capsys, words, says):
 
 
 def test_no_minimum_is_refused_with_the_count(session, shared_path, capsys):
-    if session.rank == 0:
-        write_packing(shared_path / "packing.h5", gears())
-    session.comm.Barrier()
+    put(shared_path / "packing.h5", gears(), session.comm)
     negative = int(
         np.sum(
             np.linalg.eigvalsh(reference("gears", str(physics("stokes"))).K[:-1, :-1].astype(float)) < -1e-9

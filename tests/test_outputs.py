@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from samples import JAMBASHBULK, published
+from samples import JAMBASHBULK, published, put
 
 from jampetsc import cli
 from jampetsc.errors import InputError
@@ -168,9 +168,7 @@ def test_a_flow_that_goes_on_replaces_no_other_file(inputs, capsys):
 
 @pytest.mark.scalar("real")
 def test_samples_replace_no_other_file(session, shared_path):
-    if session.rank == 0:
-        write_packing(shared_path / "p.h5", published())
-    session.comm.Barrier()
+    put(shared_path / "p.h5", published(), session.comm)
     line = ["jam", "--n", "16", "--phi", "0.9", "--seeds", "1:2", "--out", str(shared_path / "p.h5")]
     with pytest.raises(
         InputError, match="is there already and is a jampetsc-packing file, not a jampetsc-jam"

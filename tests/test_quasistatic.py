@@ -14,6 +14,7 @@ from samples import (
     network_of,
     physics,
     polydisperse,
+    put,
     reference,
 )
 
@@ -29,7 +30,6 @@ from jampetsc.response.elastic import ElasticResponse
 from jampetsc.response.quasistatic import solve
 from jampetsc.response.viscosity import Viscosity
 from jampetsc.solvers.cholesky import NotPositiveDefinite
-from jampetsc.storage.packing_file import write_packing
 
 pytestmark = pytest.mark.scalar("real")
 
@@ -222,9 +222,7 @@ def test_bad_options(session, shared_path, capsys, words, says):
     ],
 )
 def test_refused_packings_leave_no_file(session, shared_path, capsys, disks, says):
-    if session.rank == 0:
-        write_packing(shared_path / "packing.h5", disks())
-    session.comm.Barrier()
+    put(shared_path / "packing.h5", disks(), session.comm)
     out = shared_path / "q.h5"
     assert command("quasistatic", shared_path / "packing.h5", "--out", out) == 2
     assert session.rank or (says in (text := capsys.readouterr().err) and "packing.h5" in text)

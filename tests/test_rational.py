@@ -7,7 +7,19 @@ import numpy as np
 import pytest
 from dense import Reference, without
 from gathered import unknowns
-from samples import DATA, LAWS, ORACLE, SAMPLES, honeycomb, isostatic, modulus, physics, published, reference
+from samples import (
+    DATA,
+    LAWS,
+    ORACLE,
+    SAMPLES,
+    honeycomb,
+    isostatic,
+    modulus,
+    physics,
+    published,
+    put,
+    reference,
+)
 from sweeps import Sweep, errors, judge
 
 import jampetsc
@@ -214,9 +226,7 @@ def test_fields_and_their_bounds(session, name):
 def test_files_hold_the_spectrum_and_fields(session, shared_path):
     """G* at any other frequency from the file alone; fields where they were asked for."""
     packing, out = shared_path / "packing.h5", shared_path / "sweep.h5"
-    if session.rank == 0:
-        write_packing(packing, SAMPLES["polydisperse"]())
-    session.comm.Barrier()
+    put(packing, SAMPLES["polydisperse"](), session.comm)
     line = f"sweep {packing} --out {out} --omega 1e-6:1e2:9 --fields 1e-3,0.5 --accuracy 1e-8"
     assert cli.main(line.split()) == 0
     session.comm.Barrier()
@@ -234,9 +244,7 @@ def test_files_hold_the_spectrum_and_fields(session, shared_path):
 
 def test_a_checkpoint_that_does_not_solve_the_packing_is_refused(session, shared_path):
     packing, out, accuracy = shared_path / "packing.h5", shared_path / "sweep.h5", 1e-6
-    if session.rank == 0:
-        write_packing(packing, published())
-    session.comm.Barrier()
+    put(packing, published(), session.comm)
     with Sweep(published(), physics(), OMEGA, accuracy, session.comm) as found:
         basis = found.basis
         job = Job.read(packing, physics(), OMEGA, [], "rational", accuracy, out, comm=session.comm)
@@ -259,9 +267,7 @@ def unstable():
 
 def test_what_is_no_minimum_is_solved_directly(session, shared_path, capfd):
     packing, out = shared_path / "packing.h5", shared_path / "sweep.h5"
-    if session.rank == 0:
-        write_packing(packing, unstable())
-    session.comm.Barrier()
+    put(packing, unstable(), session.comm)
     assert cli.main(f"sweep {packing} --out {out} --omega 1e-6,1e-2,10 --fields 0.01".split()) == 0
     session.comm.Barrier()
     wanted = Reference(unstable(), physics())
@@ -292,9 +298,7 @@ def test_what_is_no_minimum_is_solved_directly(session, shared_path, capfd):
 def test_a_claim_that_does_not_hold_is_found_out(session, shared_path):
     """Said to be a minimum, and is none: the first factorisation tells."""
     packing, out = shared_path / "packing.h5", shared_path / "sweep.h5"
-    if session.rank == 0:
-        write_packing(packing, unstable())
-    session.comm.Barrier()
+    put(packing, unstable(), session.comm)
     job = Job.read(packing, physics(), [1e-6, 1e-5], [], "rational", 1e-6, out, comm=session.comm)
     with pytest.raises(
         InputError, match=r"packing.h5: K \+ sB at s = .* is not .* definite; use --method direct"
@@ -370,9 +374,7 @@ def test_frequencies_of_fields_are_among_those_of_the_sweep(session, shared_path
 def test_what_a_sweep_says_on_its_way(session, shared_path, capfd, method, line):
     """Once, whatever the number of ranks; where a checkpoint goes on, how much of it there is."""
     packing, out = shared_path / "packing.h5", shared_path / "sweep.h5"
-    if session.rank == 0:
-        write_packing(packing, published())
-    session.comm.Barrier()
+    put(packing, published(), session.comm)
     module = {"rational": rational_sweep, "direct": direct_sweep}[method]
     job = Job.read(packing, physics(), [1e-3, 1.0], [], method, 1e-6, out, comm=session.comm)
     capfd.readouterr()
