@@ -206,6 +206,8 @@ def _fail(message, status):
         messages = MPI.COMM_WORLD.allgather(message) if MPI else [message]
         if messages.index(message) == _rank():
             _print_error(message)
+        if MPI:
+            MPI.COMM_WORLD.Barrier()  # mpirun ends the others when the first one leaves, printed or not
         return status
     _print_error(f"rank {_rank()}: {message}")
     _mpi().COMM_WORLD.Abort(status)

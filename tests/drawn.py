@@ -16,6 +16,13 @@ def figure_of(plot, *what, **settings):
     return figure
 
 
+def require_inside(fig):
+    """That nothing which is drawn reaches beyond the page, but for the width of a line."""
+    fig.draw_without_rendering()
+    drawn, (width, height) = fig.get_tightbbox(), fig.get_size_inches()
+    assert min(drawn.x0, drawn.y0, width - drawn.x1, height - drawn.y1) > -0.02, drawn
+
+
 def lines(ax, count=None):
     """[(x, y, line style, face of its markers)] of the lines of an axes, or of those with so many points."""
     found = []

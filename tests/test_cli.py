@@ -114,6 +114,26 @@ def test_a_misspelt_option_is_named_where_its_right_one_is_missing():
         assert ("PETSc's options took" in str(refused.value)) == ("-log_view p.h5" in line)
 
 
+@pytest.mark.parametrize(
+    ("command", "prefixes"),
+    {
+        "pack": "newton",
+        "jam": "newton",
+        "shear": "newton",
+        "flow": "flow",
+        "sweep": "shift freq",
+        "quasistatic": "shift",
+        "modes": "modes inertia",
+        "oscillate": "osc_snes osc_ksp osc_factor shift",
+        "info": "inertia",
+    }.items(),
+)
+def test_help_names_the_options_of_petsc(command, prefixes):
+    text = cli.command_parser([command])[1].choices[command].format_help()
+    for prefix in prefixes.split():
+        assert f" -{prefix}_" in " ".join(text.split())
+
+
 def test_every_command_is_there():
     assert list(cli.command_parser([])[1].choices) == list(commands.COMMANDS)
 
@@ -318,6 +338,16 @@ def test_ranks_with_the_same_words_in_folders_of_their_own_do_them_in_each(tmp_p
     line = launch.command(0, "probe.py", "probe", "--do", "make", "x")
     assert made_under_mpirun(tmp_path, *farm, *line) == ["0", "1"]
     assert [os.listdir(tmp_path / rank) for rank in "01"] == [["x"]] * 2
+
+
+def test_ranks_with_requests_of_their_own_say_what_failed_in_each(tmp_path):
+    """All of them, though mpirun ends the job when the first has left."""
+    farm = ["sh", "-c", 'exec "$@" none$OMPI_COMM_WORLD_RANK.h5', "farm"]
+    line = [*launch.mpirun(2), *farm, launch.sys.executable, "-m", "jampetsc", "info"]
+    settings = {"env": launch.environment(), "cwd": tmp_path, "capture_output": True, "text": True}
+    errors = subprocess.run(line, timeout=60, **settings).stderr.replace("\0", "").splitlines()
+    told = sorted(text for text in errors if text.startswith("jampetsc: "))
+    assert told == [f"jampetsc: error: none{rank}.h5: no such file" for rank in "01"]
 
 
 def test_what_a_rank_starts_is_no_rank(tmp_path):

@@ -753,6 +753,12 @@ def test_a_fit_that_has_lost_its_way_is_out_of_sight(off, inside):
     assert [ax.get_title(loc="left") for ax in fig.axes] == ["(a)", "(b)", "(c)"]
     span = drift_.patches[0].get_extents().transformed(drift_.transData.inverted())
     assert (span.y0, span.y1) == pytest.approx((best - own, best + own))
+    for observable, symbol in (("pressure", "p"), ("jammed", "f")):
+        fig = figure_of(
+            plot_scaling, Held(result, attributes | {"observable": observable, "corrections": True})
+        )
+        expected = rf"$({symbol} - \mathrm{{corr.}})\,\dot\gamma^{{-y/z\nu}}$"
+        assert fig.axes[0].get_ylabel() == expected
 
 
 class Held(dict):

@@ -47,9 +47,11 @@ def test_velocities_are_those_of_dense_numpy(session, together, name, phi):
     "name, method, steps", [("CD0", "euler", 100), ("CD0", "heun", 10), ("CD", "backward Euler", 20)]
 )
 def test_a_run_is_the_same_on_any_number_of_ranks(session, together, name, method, steps):
-    alone, run = beside(name, together, crowd(), method=method, step=0.1)
+    """Also over lists that become stale."""
+    alone, run = beside(name, together, crowd(), method=method, step=0.1, rate=0.1)
     for one in (alone, run):
         one.advance(steps)
+        assert one.rebuilds and one.steps == steps
     assert np.abs(alone.disks.positions - run.disks.positions).max() < 1e-8
     assert np.abs(alone.seen[:8] - run.seen[:8]).max() < 1e-8 * np.abs(alone.seen[:8]).max()
     assert len(set(session.comm.allgather(run.offsets.tobytes()))) == 1

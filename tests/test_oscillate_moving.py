@@ -319,7 +319,9 @@ def test_what_cycles_still_change_is_in_the_error():
 
 def test_a_stress_that_shears_for_good_is_refused():
     """Above the yield stress no cycle comes back, and nothing waits for it."""
-    with pytest.raises(ConvergenceError, match="flows"):
+    with pytest.raises(
+        ConvergenceError, match=r"the packing flows: its strain has changed by .* within a cycle"
+    ):
         shaken(1e-2, 1e-2, 16, 3, stress=True, rotations=False)
 
 
@@ -334,6 +336,17 @@ def test_steps_that_are_too_long_are_refused(monkeypatch):
     monkeypatch.setattr(steps, "FINEST", 0)
     with pytest.raises(ConvergenceError, match="give more --steps"):
         shaken(1.0, 1.0, 16, cycles=3)
+
+
+def test_energy_that_the_shortest_steps_lose_is_told(monkeypatch):
+    monkeypatch.setattr(steps, "FINEST", 2)
+    run, _ = run_of(1.0, 1e-3, 16)
+    with pytest.raises(
+        ConvergenceError, match=r"^energy is lost in the shortest step of a cycle, \d\.\de-\d+"
+    ):
+        list(run.steps.over(0.0, 1.0, 1e-20))
+    assert run.motion.step == 0.25
+    run.motion.destroy()
 
 
 def run_of(omega, strain, count, alpha=1.0):

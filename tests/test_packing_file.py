@@ -143,7 +143,7 @@ def test_files_that_are_no_hdf5(tmp_path, path):
         "empty.h5": "HDF5",
         "none.h5": "no such file",
     }
-    cases["."] = "is a folder"
+    cases["."] = "is a folder: give the file in it"
     for name, message in cases.items():
         with pytest.raises(InputError, match=message) as caught:
             read_packing(tmp_path / name)

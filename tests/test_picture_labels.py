@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from drawn import figure_of
+from drawn import figure_of, require_inside
 from matplotlib import rc_context
 from matplotlib.text import Text
 from samples import published
@@ -95,6 +95,7 @@ TITLES |= {jamming.plot_jamming_densities: "dotted: means"}
 @pytest.mark.parametrize(("plot", "made", "panels"), PICTURES, ids=lambda part: getattr(part, "__name__", ""))
 def test_axes_are_named(tmp_path, plot, made, panels):
     fig = figure_of(plot, made(tmp_path))
+    require_inside(fig)
     words = {"linear": "-", "log": "l"}
     found = [
         (ax.get_xlabel(), ax.get_ylabel(), words[ax.get_xscale()] + words[ax.get_yscale()]) for ax in fig.axes
@@ -121,6 +122,7 @@ def test_axes_are_named(tmp_path, plot, made, panels):
 def test_a_trade_names_its_axes():
     fig = figure_of(trade.plot_trade, [run("direct", 1e-3, 1.0, "method")], 1e-9)
     (ax,) = fig.axes
+    require_inside(fig)
     assert fig.get_figwidth() == PAGE and 3 < fig.get_figheight() < 6
     assert (ax.get_xlabel(), ax.get_xscale(), ax.get_yscale()) == ("time of the run [s]", "log", "log")
     assert ax.get_ylabel() == f"largest relative error of {STORAGE}, {LOSS}"

@@ -5,7 +5,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from drawn import figure_of
+from drawn import figure_of, require_inside
 from samples import published
 
 from jampetsc.contacts.disks import Disks
@@ -164,6 +164,21 @@ def test_a_note_is_there_where_not_every_disk_has_an_arrow(monkeypatch):
         assert len(np.unique(np.round(np.hypot(arrows.U, arrows.V), 9))) == count
         box = after.axes[0].get_position()
         assert note.get_position()[1] * after.get_figheight() < box.y0 * after.get_figheight() - 0.2
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_the_bar_of_rotations_stands_in_its_place(count):
+    """With ticks at the ends of its colours and in their middle."""
+    disks, omega = published(), np.geomspace(0.1, 1.0, count)
+    u, spin = np.ones((count, 16, 2)) + 1j, np.ones((count, 16)) + 0.5j
+    fig = figure_of(fields.plot_fields, disks, omega, u, spin, np.arange(16))
+    require_inside(fig)
+    *_, bar = fig.axes
+    assert len(fig.axes) == 2 * count + 1 and bar.get_title() == r"$\theta/\theta_{\rm rms}$"
+    np.testing.assert_allclose(
+        bar.get_position().bounds, fields._Page(disks.cell, count, True, False).bar_box
+    )
+    assert bar.get_yticks().tolist() == [-2.0, 0.0, 2.0] and bar.get_ylim() == (-2.0, 2.0)
 
 
 @pytest.mark.parametrize("spin", [None, np.zeros(15), np.linspace(-3.0, 3.0, 15)])

@@ -16,7 +16,7 @@ from jampetsc.errors import InputError
 from jampetsc.plots import fields, jamming, logaxes, moduli, packing, style, trade, vibrations
 from jampetsc.plots.averages import average_curves
 from jampetsc.plots.correlation import CorrelationCurve, plot_comparison, plot_lengths
-from jampetsc.plots.curves import Curve, curve_of
+from jampetsc.plots.curves import Curve, curve_of, group_curves
 from jampetsc.plots.floppy import pressures_of
 from jampetsc.plots.flowcurves import plot_flow_curves
 from jampetsc.plots.moduli import BOTH, plot_collapse, plot_moduli
@@ -344,6 +344,8 @@ def test_frequencies_that_get_a_marker():
     rows = [moduli._marker_rows(many, number) for number in (0, 1)]
     assert [len(one) for one in rows] == [8, 8] and not set(rows[0]) & set(rows[1])
     assert np.ptp(np.diff(rows[0])) <= 1 and rows[0][0] == pytest.approx(10, abs=1)
+    uneven = np.concatenate([[1e-6], np.geomspace(1e-3, 1.0, 100)])  # evenly over what they span nevertheless
+    assert sum(row < 2 for row in moduli._marker_rows(uneven, 0)) == 2
 
 
 def test_many_pressures_are_told_by_a_bar():
@@ -355,6 +357,8 @@ def test_many_pressures_are_told_by_a_bar():
         told = [text.get_text() for text in fig.axes[0].get_legend().get_texts()]
         assert told == ([] if barred else [f"$10^{{{n - count}}}$" for n in range(count)]) + [STORAGE, LOSS]
         assert fig.axes[0].get_legend().get_title().get_text() == ("" if barred else "$p/k$")
+        shades = [group.colour for group in group_curves(curves)[1]]
+        np.testing.assert_allclose(shades, [style.sequential()(n / (count - 1)) for n in range(count)])
         if barred:
             assert (
                 fig.axes[1].get_ylim() == pytest.approx((1e-8, 1e-1)) and fig.axes[1].get_ylabel() == "$p/k$"

@@ -70,6 +70,12 @@ def test_ranks_may_be_used_in_two_ways(session, parallel):
         judge(found.G, found.bounds, exact("polydisperse", law), 1e-8, parallel)
 
 
+def test_frequencies_are_those_of_rank_0(session):
+    """Ranks that compute them may differ by an ulp."""
+    with Sweep(published(), physics(), OMEGA * (1.0 + 0.1 * session.rank), 1e-6, session.comm) as found:
+        np.testing.assert_array_equal(found.sweep.omega, OMEGA)
+
+
 def test_the_bound_is_not_far_from_the_error(session, monkeypatch):
     """Where rounding is far away: never below the error, half of the time within a factor of ten."""
     monkeypatch.setattr(

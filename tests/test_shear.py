@@ -210,6 +210,14 @@ def test_a_checkpoint_of_another_tolerance_is_left_alone(session, tmp_path, monk
         assert ("goes on from strain 0.001" in capsys.readouterr().err) == goes_on
 
 
+@pytest.mark.parametrize(("steps", "lines"), [(3, 3), (120, 50)])
+def test_progress_is_told_in_fifty_lines_at_most(session, tmp_path, capsys, steps, lines):
+    result = shear(tmp_path / "out.h5", strain=steps * 1e-3)
+    told = capsys.readouterr().err.splitlines()
+    assert len(told) == lines and told[0].startswith("[1/50] strain 0.00")
+    assert told[-1] == f"[{lines}/50] strain {steps * 1e-3:.4g}, p {result['pressure'][-1]:.4g}"
+
+
 def test_bad_words(session, tmp_path):
     for given, more, message in [
         ({"step": 0}, (), "must lie in"),

@@ -350,12 +350,12 @@ def test_what_fits_on_a_machine_is_shared_by_its_ranks(session, monkeypatch):
     assert study_run._most_disks(session) == 100  # the least that any rank may
 
 
-def together_but(monkeypatch, command, error):
-    """From now on all ranks do each task together, and what this command leaves raises `error` where it is read."""
+def together_but(monkeypatch, command, error, rank=None):
+    """All ranks do each task together now; what this command leaves raises `error` where it is read, or on one rank."""
     read = study_tasks.numbers_of
 
     def numbers_of(path):
-        if path.name.startswith(command):
+        if path.name.startswith(command) and rank in (None, current().rank):
             raise error
         return read(path)
 
@@ -378,6 +378,16 @@ def test_what_reads_a_large_task_that_failed_fails_too(session, shared_path, mon
     assert [count for count, _ in said] == ["1/3", "2/3", "3/3"]
     assert said[1][1].endswith(": lost; 1 failed") and said[2][1].endswith("2 failed")
     assert said[1] in lines[0]  # of what all do together one tells
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_what_becomes_of_a_large_task_is_what_rank_0_says(session, shared_path, monkeypatch):
+    """So that all go on with the same tasks."""
+    only_on("several")
+    together_but(monkeypatch, "sweep", InputError("lost"), rank=1)
+    text = SMALL.replace("1:2", "1:1").replace("[quasistatic]", '[sweep]\nomega = "1"\n[spectrum]')
+    assert set(study(shared_path / "study", text)["state"]) == {"done"}
 
 
 @pytest.mark.scalar("real")

@@ -311,7 +311,7 @@ def spent(curve, seconds=2.0, factorisations=5):
 WIDE = np.geomspace(1e-8, 10, 91)
 
 
-def test_the_reference_is_the_tightest_sweep_that_is_certified(told):
+def test_the_reference_is_the_tightest_sweep_that_is_certified(told, capsys):
     ends = [("1e-12", 3, None), ("1e-11", 3, None), ("1e-10", 3, None), ("1e-09", 0, spent(Curve(WIDE)))]
     bench = told(*ends)
     rows = bench.find_reference()
@@ -323,6 +323,14 @@ def test_the_reference_is_the_tightest_sweep_that_is_certified(told):
         2**0.5 * 1e-6
     )
     assert rows[1].note == "failed: ended by 3" and bench.reference_accuracy == 1e-9
+    bench.failed("options", "o.opts", processes.Outcome(1, 1.0, 1.0, "broken"))
+    bench._tell(replace(rows[0], group="method", choice="direct", error_storage=2e-5, error_loss=1e-5))
+    assert capsys.readouterr().err.splitlines() == [
+        *[f"[{n}] accuracy --accuracy 1e-{13 - n}: failed: ended by 3" for n in (1, 2, 3)],
+        "[4] reference --accuracy 1e-09: 2.00 s  certified to 1.4e-06",
+        "[5] options o.opts: failed: broken",
+        "[6] method direct: 2.00 s  error 2.0e-05",
+    ]
     plan, left_out = choices.plan(bench, ["accuracy"], [])
     assert [choice.name for choice in plan] == [f"--accuracy {a:g}" for a in choices.ACCURACIES if a > 1e-9]
     assert left_out == []
