@@ -314,7 +314,7 @@ def test_a_number_of_cycles_is_kept():
 def test_what_cycles_still_change_is_in_the_error():
     """Also where the halves of the steps happen to agree: so fast that no cycle is like the one before."""
     found = shaken(10.0, 3e-2, 8, cycles=3, rotations=False)
-    assert 0.1 * abs(found.G) < found.change < found.error
+    assert 0.05 * abs(found.G) < found.change < found.error
 
 
 def test_a_stress_that_shears_for_good_is_refused():
@@ -327,7 +327,7 @@ def test_a_stress_that_shears_for_good_is_refused():
 
 def test_any_amplitude():
     """Steps that disks could not take at once, from rest: linear response would take them through each other."""
-    found = shaken(1.0, 0.3, 8, cycles=2, rotations=False)
+    found = shaken(1.0, 0.6, 8, cycles=2, rotations=False)
     assert found.steps > 2 * (4 + 8) and 0.1 < found.G.imag < 1.0 and abs(found.balance) < 0.1
 
 
@@ -526,7 +526,7 @@ def test_a_cycle_loses_little_energy(runs, strain, stress, steps):
         one = run.seen[0]
         amplitude = strain / abs(one.G) if stress else strain
         lost = abs(one.spent - one.work) / (np.pi * abs(one.G) * amplitude**2)
-        assert 0.05 < lost * run.count**2 / 8.0 < 0.6
+        assert 0.05 < lost * run.count**2 / 8.0 < 0.8
     assert steps[0] <= found.steps <= steps[1]
 
 

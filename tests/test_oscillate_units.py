@@ -8,6 +8,7 @@ from samples import network_of, physics, published
 
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.potentials import Potential
+from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.oscillation.halfcycles import SteppedOscillation
@@ -114,8 +115,34 @@ def test_starts(alpha, stress, amplitude):
     compare(*found, 1.0, 1e-4)
 
 
+@pytest.mark.parametrize("alpha", [0.4, 1.0])
+def test_disks_start_at_rest_where_linear_response_takes_one_half_an_overlap_far(alpha):
+    """Beyond that a disk may be left with one neighbour, which it rolls off however short the first steps are."""
+    make, begin = (stepped, Start.of_steps) if alpha < 0.45 else (steady, Start.of)
+    contacts = network_of(published(), law_of(alpha, False), current().comm).contacts
+
+    def start(amplitude):
+        return begin(make(alpha, False), published().n, point_of(alpha, 0.3, amplitude, False, False))
+
+    far = np.abs(start(1e-6).displacement).max() / 1e-6 / contacts.overlap.mean()
+    moving, resting = (start(share / far) for share in (0.48, 0.52))
+    assert np.abs(moving.displacement).max() > 0.45 * contacts.overlap.mean() and moving.velocity.any()
+    assert (
+        not resting.displacement.any() and not resting.velocity.any() and resting.gamma == resting.rate == 0.0
+    )
+
+
+@pytest.mark.parametrize("scaled", [False, True])
+def test_a_packing_that_comes_apart_is_told_alike(scaled):
+    """Of so large a stress that contacts are left which hold nothing: the strain jumps, in steps however short."""
+    law, disks = law_of(1.0, scaled), packing(scaled)
+    start = Start.of(steady(1.0, scaled), disks.n, Point(0.01 / law.law.tau1, 1e-3, True))
+    with pytest.raises(ConvergenceError, match=r"^energy is lost in the shortest step of a cycle"):
+        shake(disks, law.law, start, 16, None)
+
+
 @pytest.mark.parametrize(
-    ("alpha", "X", "stress", "amplitude", "steps"), [(1.0, 1e-2, True, 1e-4, 16), (0.5, 0.3, False, 2e-3, 8)]
+    ("alpha", "X", "stress", "amplitude", "steps"), [(1.0, 1e-2, True, 5e-4, 16), (0.5, 0.3, False, 2e-3, 8)]
 )
 def test_moving_contacts(alpha, X, stress, amplitude, steps):
     """Also where steps are cut, and as often."""

@@ -33,7 +33,9 @@ MOST_CYCLES = 60
 START_STEPS = 16  # of the cycle that is the start; linear damping comes out exactly whatever they are
 LOST = 8.0  # over the cubed number of steps: energy by which one may be off, in units of π|G*|γ₁² of the cell
 PERIOD = 2.0 * np.pi
-FAR = 0.1  # mean diameters: where linear response takes a disk farther, nothing is like it, and disks start at rest
+# mean overlaps: where linear response takes a disk farther, contacts are others than it has, and disks start at rest;
+# else those that are pressed against one neighbour alone would roll off it at once, by steps however short
+FAR = 0.5
 FLOWING = 1.0  # a strain at which disks have left their neighbours for others
 
 
@@ -91,13 +93,12 @@ class Start:
             field[network.particles] = now[:-1].reshape(network.n, -1)
             parts.append((field, float(now[-1]) / oscillation.contacts.length))
         (displacement, gamma), (velocity, rate) = parts
-        if np.abs(displacement[:, :2]).max() > FAR * oscillation.rho0:
-            return cls._at_rest(oscillation, n, point)
         strain = point.amplitude * network.k / abs(found.G) if point.stress_controlled else point.amplitude
         if not point.stress_controlled:
             gamma = 0.0  # but for rounding
         speed = found.speed / point.omega
-        return cls(point, displacement[:, :2], velocity, gamma, rate, strain, abs(found.G), speed)
+        start = cls(point, displacement[:, :2], velocity, gamma, rate, strain, abs(found.G), speed)
+        return start._near(network)
 
     @classmethod
     def of_steps(cls, oscillation: SteppedOscillation, n: int, point: Point) -> "Start":
@@ -106,9 +107,15 @@ class Start:
         displacement, velocity = np.zeros((n, 2)), np.zeros((n, oscillation.law.dofs))
         displacement[particles], velocity[particles] = found.start.places, found.velocity
         scales = found.strain, abs(found.G), found.speed
-        if np.abs(displacement).max() > FAR * oscillation.rho0:
-            return cls(point, 0.0 * displacement, 0.0 * velocity, 0.0, 0.0, *scales)
-        return cls(point, displacement, velocity, found.start.gamma, found.rate, *scales)
+        start = cls(point, displacement, velocity, found.start.gamma, found.rate, *scales)
+        return start._near(oscillation.network)
+
+    def _near(self, network) -> "Start":
+        """This one or, where it takes a disk far, one at rest."""
+        if float(np.abs(self.displacement).max()) <= FAR * float(network.contacts.overlap.mean()):
+            return self
+        rest = 0.0 * self.displacement, 0.0 * self.velocity
+        return replace(self, displacement=rest[0], velocity=rest[1], gamma=0.0, rate=0.0)
 
     @classmethod
     def _at_rest(cls, oscillation, n, point):

@@ -230,6 +230,8 @@ class Stages:
             self.iterations += 1
             left = np.abs(seen.left).max()
             noise = NOISE * springs.unit + TOLERANCE * np.abs(seen.f).max(initial=0.0)
+            # velocities of what moves far in a short stage are rounded as places are
+            noise += ROUNDED * np.abs(tangents).max(initial=0.0) * np.abs(q).max() / self.h
             if fresh and WORN * size < left <= noise:
                 break
             if not left <= WORN * size:
@@ -237,9 +239,10 @@ class Stages:
             if not springs.serves(seen.state):
                 return None
         else:
+            remedy = "more --steps" + (" or, if the packing flows, less --stress" if free else "")
             raise ConvergenceError(
-                f"forces of a time step are not balanced after {ITERATIONS} of Newton's steps, {size:.1e} of k d is "
-                f"left: give more --steps{' or, if the packing flows, less --stress' if free else ''}"
+                f"forces of a time step are not balanced after {ITERATIONS} of Newton's steps, "
+                f"{size / springs.unit:.1e} of k d is left: give {remedy}"
             )
         power, unbalanced = float(np.sum(seen.f * seen.z)), float(np.sum(np.abs(seen.left * q))) / self.h
         instant = Instant(seen.state.gamma, seen.rate, seen.virial / springs.area, power, unbalanced, seen.z)

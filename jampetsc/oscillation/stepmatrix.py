@@ -12,7 +12,9 @@ from jampetsc.oscillation.dashpots import Dashpots, gathered, motion_rows
 from jampetsc.packing.hessian import Bonds
 from jampetsc.solvers.local import NewtonSolver
 
-HELD = 1e-10  # of k: least μ on the diagonal, for what nothing holds; it changes steps, not where they end
+# of k or, in a short step, of what is stiffest: least μ on the diagonal, for what nothing holds, which rounding would
+# move far; it changes steps, not where they end
+HELD = 1e-10
 RAISED = 3.0
 
 
@@ -51,8 +53,7 @@ class StepMatrix:
 
     def __init__(self, prefix: str, unit: float, length: float):
         self._solver = NewtonSolver(prefix, "the matrix of a time step", proves=False)
-        self._held, self._length = HELD * unit, length
-        self._mu = self._held
+        self._unit, self._length, self._mu = unit, length, 0.0
         self.factorisations = 0
 
     def list(self, pairs: PairList, radii, dofs: int):
@@ -73,7 +74,8 @@ class StepMatrix:
         viscous, mixed, alone = dashpots.squares(damping)
         blocks[dashpots.touching] += viscous
         loose = self._loose(bonds)
-        self._mu = max(self._mu / RAISED, self._held)
+        held = HELD * max(self._unit, float(np.abs(viscous).max(initial=0.0)))
+        self._mu = max(self._mu / RAISED, held)
         self._border = None
         while True:
             self.factorisations += 1
@@ -88,7 +90,7 @@ class StepMatrix:
                 corner = np.sum(springs * sheared[:, :2] ** 2) + np.sum(alone)
                 self._response = self._solver.solve(self._border)
                 self._schur = corner / self._length**2 + self._mu - self._border @ self._response
-                if self._schur > self._held:
+                if self._schur > held:
                     return
             self._mu *= RAISED**2
 
