@@ -1,6 +1,7 @@
 """Damaged files: what jampetsc wrote is refused in one line where a byte of it changed, and nothing crashes."""
 
 import hashlib
+import io
 import os
 import random
 import shutil
@@ -17,7 +18,7 @@ from test_result_file import assert_holds, parts, written
 from jampetsc.contacts.disks import Disks
 from jampetsc.errors import InputError
 from jampetsc.storage import trial
-from jampetsc.storage.checksums import BLOCK, LINE, Damaged, Verified, seal, seal_of
+from jampetsc.storage.checksums import BLOCK, LINE, Damaged, Verified, _check_end, seal, seal_of
 from jampetsc.storage.merge import merge
 from jampetsc.storage.packing_file import read_packing, write_packing
 from jampetsc.storage.reader import load
@@ -356,6 +357,19 @@ def test_a_file_that_was_cut_is_refused_before_libhdf5_sees_it(sound, tmp_path):
     (tmp_path / "s.h5").write_bytes(content[: end - 100])
     with pytest.raises(Damaged, match="truncated: 100 bytes of its HDF5 are missing"):
         Verified(open(tmp_path / "s.h5", "rb"))
+
+
+@pytest.mark.parametrize("at, value", [(None, None), (3, b"X"), (8, b"\0"), (8, b"\4"), (9, b"\4")])
+def test_headers_of_another_kind_tell_no_end(sound, at, value):
+    """No signature, an older or newer version, other sizes of addresses: what stands there is no end."""
+    header = (sound / "packing" / "s.h5").read_bytes()[:48]
+    if at is None:
+        with pytest.raises(Damaged, match="truncated"):
+            _check_end(io.BytesIO(header), 48)
+        header = header[:47]
+    else:
+        header = header[:at] + value + header[at + 1 :]
+    _check_end(io.BytesIO(header), 48)
 
 
 def test_sizes_are_checked_before_they_are_allocated(tmp_path):

@@ -34,7 +34,14 @@ def short(monkeypatch):
 def test_the_file(tmp_path, capsys):
     out, last = tmp_path / "flow.h5", tmp_path / "last.h5"
     assert flow(*SMALL, "--snapshots", 4, "--out", out, "--last", last) == 0
-    text = capsys.readouterr().out
+    text, told = capsys.readouterr()
+    lines = told.splitlines()
+    assert (
+        len(lines) == 50
+        and lines[-1].startswith("[50/50] strain 0.6, sigma ")
+        and lines[-1].endswith(", 0 s left")
+    )
+    assert "transient" in lines[0] and "sigma" in lines[-1]
     result = jampetsc.load(out)
     strain, facts = result["strain"], result.attributes
     assert strain[-1] == pytest.approx(0.6, rel=0.02) and (np.diff(strain) > 0).all()

@@ -348,6 +348,10 @@ def test_frequencies_that_get_a_marker():
     assert sum(row < 2 for row in moduli._marker_rows(uneven, 0)) == 2
 
 
+def test_one_colour_is_dark():
+    assert style.colours(1) == style.colours(3)[:1] == [style.sequential()(0.0)]
+
+
 def test_many_pressures_are_told_by_a_bar():
     """Up to seven in the legend, eight by the colours of a bar from the lowest to the highest."""
     for count, barred in ((7, False), (8, True)):

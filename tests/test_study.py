@@ -130,12 +130,15 @@ def only_on(ranks):
 
 
 @pytest.mark.scalar("real")
-def test_large_tasks_are_done_by_all_ranks_together(session, shared_path, monkeypatch):
+def test_large_tasks_are_done_by_all_ranks_together(session, shared_path, monkeypatch, capsys):
+    """And what came out is told once."""
     only_on("several")
     text = SMALL.replace("1:2", "1:1") + '[sweep]\nomega = "1"\nfields = "1"\n[correlate]\n'
     apart = study(shared_path / "apart", text)
     monkeypatch.setattr(study_run, "LARGE", 15)
+    capsys.readouterr()
     together = study(shared_path / "together", text)
+    assert capsys.readouterr().out.count("together") == (session.rank == 0)
     require_same(apart, together)
     ranks = [result.attributes["ranks"] for result in together.where(command="quasistatic").results()]
     assert ranks == [session.size]

@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 from argparse import ArgumentParser
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import launch
@@ -859,6 +859,7 @@ def test_a_table_reads_back(tmp_path):
     Table(ROWS, ["packing: p.h5"]).write(tmp_path / "t.csv")
     text = (tmp_path / "t.csv").read_text()
     assert text.startswith("# packing: p.h5\n") and all(f"# {name}: " in text for name in MEANINGS)
+    assert set(MEANINGS) | {"failed"} == {field.name for field in fields(Row)}
     read = rows_of(tmp_path / "t.csv")
     assert float(read["accuracy", "--accuracy 0.01"]["error_loss"]) == 3e-2
     assert read["method", "direct, iterative.opts"]["seconds"] == ""

@@ -77,8 +77,9 @@ def stress_on_walls(shear: Shear) -> tuple[float, float]:
     i, j, r0, sigma = shear.pairs.arrays
     lower = (i < shear.held) & (j >= shear.held)
     upper = (i >= shear.held) & (j < shear.held)
-    height = r0[1] + shear.offsets[j, 1] - shear.offsets[i, 1]
-    above = (lower & (height > 0)) | (upper & (height < 0))  # the disk that moves is above the row
+    above = (lower & (r0[1] > 0)) | (
+        upper & (r0[1] < 0)
+    )  # the disk that moves is above the row, and stays there
     motion = shear.velocities_now(), shear.rate, shear.weights
     rolling = None
     if shear.model.law.couples_rotations:
