@@ -338,6 +338,21 @@ def test_steps_that_are_too_long_are_refused(monkeypatch):
         shaken(1.0, 1.0, 16, cycles=3)
 
 
+@pytest.mark.parametrize("rotations", [False, True])
+@pytest.mark.parametrize("step", [1e-6, 1e-10])
+def test_short_steps_do_not_carry_all_disks_away(step, rotations):
+    """Nothing holds them together: of forces that are rounded they would go as far as disks move towards each other."""
+    law = physics(rotations=rotations).law
+    motion = MovingContacts(published(), law, step, 1e-3, "osc_factor_")
+    motion.displace(1e-4 * np.random.default_rng(1).normal(size=(16, 2)), np.zeros((16, law.dofs)), 0.0, 0.0)
+    before = motion.offsets
+    motion.advance((0.0, 0.0), (0.0, 0.0))
+    moved = motion.offsets - before
+    assert np.abs(moved.mean(axis=0)).max() < 1e-3 * np.abs(moved - moved.mean(axis=0)).max()
+    assert motion.factorisations == 1
+    motion.destroy()
+
+
 def test_energy_that_the_shortest_steps_lose_is_told(monkeypatch):
     monkeypatch.setattr(steps, "FINEST", 2)
     run, _ = run_of(1.0, 1e-3, 16)
