@@ -27,7 +27,7 @@ from jampetsc import cli
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.contacts.disks import Disks
 from jampetsc.errors import ConvergenceError, InputError
-from jampetsc.response import direct_sweep, rational_sweep
+from jampetsc.response import direct_sweep, rational, rational_sweep
 from jampetsc.response.job import Job
 from jampetsc.storage.checkpoint import Checkpoint
 from jampetsc.storage.packing_file import write_packing
@@ -227,6 +227,16 @@ def test_fields_and_their_bounds(session, name):
             if error > 1e-9:
                 ratios.append(bound / error)
     assert np.median(ratios) < 10.0
+
+
+@pytest.mark.parametrize("parallel", ["shifts", "matrix"])
+def test_a_job_shares_among_ranks_what_it_is_asked_to(session, shared_path, monkeypatch, parallel):
+    asked, make = [], rational.make_factors
+    monkeypatch.setattr(rational, "make_factors", lambda pencil, how: asked.append(how) or make(pencil, how))
+    packing, out = put(shared_path / "p.h5", published(), session.comm), shared_path / "s.h5"
+    how = {"parallel": parallel, "comm": session.comm}
+    rational_sweep.run(Job.read(packing, physics(), [1e-2], [], "rational", 1e-4, out, **how))
+    assert asked == [parallel]
 
 
 def test_files_hold_the_spectrum_and_fields(session, shared_path):
