@@ -15,6 +15,7 @@ from jampetsc import cli
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.network import build_network
 from jampetsc.response import modes as modes_module
 from jampetsc.response.elastic import ElasticResponse
@@ -195,6 +196,21 @@ def test_modes_that_are_not_found_well_are_refused(session, monkeypatch):
             lowest_modes(build_network(SAMPLES["polydisperse"](), session.comm), 5)
     finally:
         options.delValue("eps_tol")
+
+
+@pytest.mark.most_ranks(2)
+def test_residuals_are_those_of_the_modes(session):
+    """|Kφ − λφ| of dense vectors that are none: also of the second after the first."""
+    wanted, dense_vectors, exact = spectrum("published")
+    pencil = assemble(build_network(published(), session.comm), physics("stokes").law)
+    rows = unknowns(pencil.network, 2, exact.disks)
+    first, last = pencil.K.getOwnershipRange()
+    vectors = dense_vectors[:, :3].T + 0.1 * np.random.default_rng(2).normal(size=(3, len(dense_vectors)))
+    found = eigen._residuals(pencil.K, wanted[:3], vectors[:, rows][:, first:last])
+    K = exact.K[:-1, :-1].astype(float)
+    left = K @ vectors.T - wanted[:3] * vectors.T
+    np.testing.assert_allclose(found, np.linalg.norm(left[rows], axis=0), rtol=1e-10)
+    pencil.destroy()
 
 
 def test_how_exact_and_how_different_modes_must_be(session, monkeypatch):

@@ -196,6 +196,23 @@ def test_pieces_that_follow_the_shear_are_named(session):
         pass
 
 
+@pytest.mark.most_ranks(1)
+@pytest.mark.parametrize(("rounding", "told"), [(1e-5, "by rounding"), (1e-9, None)])
+def test_rounding_at_one_frequency_is_enough_to_refuse(session, rounding, told):
+    """At once, as nothing makes it less; what a bound has left over otherwise may still become less."""
+    with Sweep(published(), physics(), [1e-3, 1.0], 1e-6, session.comm) as found:
+        sweep = found.sweep
+        assert sweep._certified == 1
+        given = np.full((2, 2), 1e-9) * sweep.certificate.parts
+        given[1, 1] = rounding * sweep.certificate.parts[1, 1]
+        sweep.certificate = replace(sweep.certificate, error=0.1 * np.abs(found.G), rounding=given)
+        if told:
+            with pytest.raises(ConvergenceError, match=told):
+                sweep._is_met()
+        else:
+            assert not sweep._is_met()
+
+
 def test_too_much_accuracy_is_refused(session):
     with (
         pytest.raises(

@@ -359,6 +359,28 @@ def test_how_ranks_are_used(monkeypatch, ranks, unknowns, asked, kind):
 
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(2)
+def test_ranks_side_by_side_find_several_vectors_alone(session):
+    """Orthonormal in B; what is not new ends them."""
+    pencil = pencil_of(session, physics(rotations=False))
+    side = factors.SideBySide(pencil)
+    side.factorise([1e-3, 1e-1])
+    source = np.random.default_rng(4).normal(size=side.rows.sum())
+    for factor in side.mine.values():
+        chain = np.array(side._chain(factor, source, 3))
+        x, image = (side.whole.B.createVecRight() for _ in range(2))
+        for vector, expected in zip(chain, np.eye(3), strict=True):
+            x.setArray(vector)
+            side.whole.B.mult(x, image)
+            np.testing.assert_allclose(chain @ image.getArray(), expected, atol=1e-8)
+        assert side._chain(factor, 0.0 * source, 3) == []
+        x.destroy()
+        image.destroy()
+    side.destroy()
+    pencil.destroy()
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
 def test_shifts_go_to_ranks_in_turn(session):
     pencil = pencil_of(session, physics())
     side = factors.SideBySide(pencil)
