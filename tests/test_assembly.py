@@ -10,7 +10,7 @@ from samples import LAWS, SAMPLES, laws_of, network_of, physics, reference
 from jampetsc.mechanics.assembly import ROW, assemble
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.session import current
-from jampetsc.solvers.matrices import largest_entry
+from jampetsc.solvers.matrices import diagonal_of, largest_entry, set_diagonal
 
 EPSILON = np.finfo(float).eps
 pytestmark = pytest.mark.scalar("real", "complex")
@@ -127,3 +127,18 @@ def test_weights_are_off_by_what_an_overlap_is_off(session, sample):
     assert np.all(off <= EPSILON * (size + 4.0 * np.abs(before)))
     more = np.any(off[:, 1] > 4.0 * EPSILON * np.abs(before[:, 1]))  # than its own last digit
     assert any(session.comm.allgather(more))
+
+
+def test_rows_of_any_rank_take_a_diagonal(session):
+    """The first and the last of each, and none."""
+    matrix = session.PETSc.Mat().createAIJ((9, 9), nnz=1, comm=session.comm)
+    matrix.assemble()
+    matrix.shift(1.0)
+    first, last = matrix.getOwnershipRange()
+    ends = session.comm.allgather((first, last - 1))
+    for rows, value in ((np.array([], int), 5.0), (np.unique(ends), 3.0)):
+        set_diagonal(matrix, rows, value)
+        wanted = np.ones(9)
+        wanted[rows] = value
+        np.testing.assert_array_equal(diagonal_of(matrix), wanted[first:last])
+    matrix.destroy()

@@ -22,6 +22,7 @@ from jampetsc.mechanics.network import Network
 from jampetsc.response.balance import relax
 from jampetsc.session import current
 from jampetsc.solvers.cholesky import NotPositiveDefinite
+from jampetsc.solvers.matrices import set_diagonal
 from jampetsc.solvers.shifted import ShiftedFactor
 
 
@@ -92,7 +93,7 @@ class Viscosity:
         rows = PETSc.IS().createStride(last - first, 3 * first + 2, 3, comm=self.network.comm)
         block = self.pencil.B.createSubMatrix(rows, rows)
         held = self.pencil.pins[self.pencil.pins % 3 == 2] // 3
-        _hold(block, held, self.law.sliding * self.network.damping(self.law))
+        set_diagonal(block, held, self.law.sliding * self.network.damping(self.law))
         factor = self._factor(block)
         work = block.createVecRight()
 
@@ -118,7 +119,7 @@ class Viscosity:
         if not self.law.damps_contacts:  # disks that follow the affine flow dissipate nothing but η_F
             return c.drag_gg / self.network.area
         block = self.pencil.B.copy()
-        _hold(block, self.pencil.pins, self.network.damping(self.law))
+        set_diagonal(block, self.pencil.pins, self.network.damping(self.law))
         factor = self._factor(block)
         relaxed = relax(c, c.w_B, factor.solve, c.g, "flow of least dissipation")
         factor.destroy()
@@ -137,12 +138,3 @@ class Viscosity:
         """Free the matrices."""
         self.compatibility.destroy()
         self.pencil.destroy()
-
-
-def _hold(matrix, pins, value):
-    """Put `value` on the diagonal of pinned unknowns, whose rows and columns are zero otherwise."""
-    first, last = matrix.getOwnershipRange()
-    diagonal = matrix.getDiagonal()
-    diagonal.getArray()[pins[(pins >= first) & (pins < last)] - first] = value
-    matrix.setDiagonal(diagonal)
-    diagonal.destroy()

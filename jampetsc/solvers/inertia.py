@@ -16,6 +16,7 @@ import numpy as np
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.session import current
 from jampetsc.solvers import mumps
+from jampetsc.solvers.matrices import set_diagonal
 from jampetsc.solvers.proof import doubt
 
 SHIFT = 1e-12
@@ -55,11 +56,7 @@ def count_eigenvalues(matrix, what: str, pins=(), shift: float = SHIFT) -> Inert
     values = np.abs(diagonal.getArray())
     diagonal.setArray(1.0 / np.sqrt(np.where(values > 0, values, 1.0)))
     scaled.diagonalScale(diagonal, diagonal)
-    first, last = scaled.getOwnershipRange()
-    scaled.getDiagonal(diagonal)
-    values = diagonal.getArray()
-    values[pins[(pins >= first) & (pins < last)] - first] = 1.0
-    scaled.setDiagonal(diagonal)
+    set_diagonal(scaled, pins, 1.0)
 
     ksp = mumps.make_ksp(matrix.getComm(), PREFIX)
     try:

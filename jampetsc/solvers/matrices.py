@@ -31,6 +31,15 @@ def diagonal_of(matrix):
     return values
 
 
+def set_diagonal(matrix, rows, value: float) -> None:
+    """Put `value` on the diagonal of these rows, global numbers (m,) that all ranks give. Collective."""
+    first, last = matrix.getOwnershipRange()
+    diagonal = matrix.getDiagonal()
+    diagonal.getArray()[rows[(rows >= first) & (rows < last)] - first] = value
+    matrix.setDiagonal(diagonal)
+    diagonal.destroy()
+
+
 def largest_entry(matrix) -> float:
     """Largest diagonal entry of a matrix of squares, in modulus the largest of all. Collective."""
     local = float(np.abs(diagonal_of(matrix)).max(initial=0.0))
