@@ -105,31 +105,46 @@ def test_cycles_at_once(stress):
     [(0.4, False, 0.9), (0.5, True, 1e-6), (0.5, True, 0.5), (0.5, False, 0.9)],
 )
 def test_starts(alpha, stress, amplitude):
-    """Also where linear response takes disks too far, so that they start at rest."""
+    """Also where contacts open, so that disks start at rest."""
     found = []
     for scaled in (False, True):
         make, start = (stepped, Start.of_steps) if alpha < 0.45 else (steady, Start.of)
         point = point_of(alpha, 0.3, amplitude, stress, scaled, 1.0)
-        found.append(start(make(alpha, scaled), published().n, point))
+        found.append(start(make(alpha, scaled), published().n, point).near(packing(scaled)))
     assert np.any(found[0].displacement) == (amplitude < 0.1)
     compare(*found, 1.0, 1e-4)
 
 
+@pytest.mark.parametrize("stress", [True, False])
 @pytest.mark.parametrize("alpha", [0.4, 1.0])
-def test_disks_start_at_rest_where_linear_response_takes_one_half_an_overlap_far(alpha):
-    """Beyond that a disk may be left with one neighbour, which it rolls off however short the first steps are."""
+def test_disks_start_at_rest_where_contacts_would_be_others(alpha, stress):
+    """Else a disk may be left with one neighbour, which it rolls off however short the first steps are."""
     make, begin = (stepped, Start.of_steps) if alpha < 0.45 else (steady, Start.of)
-    contacts = network_of(published(), law_of(alpha, False), current().comm).contacts
+    disks = published()
+
+    def touching(start, share=1.0):
+        """Distances of all pairs, of those nearest images, less than the sum of their radii."""
+        x = disks.positions + share * start.displacement
+        F = np.array([[1.0, share * start.gamma], [0.0, 1.0]])
+        r = x[None] - x[:, None]
+        r -= np.rint(r @ np.linalg.inv(disks.cell)) @ disks.cell
+        return np.hypot(*np.moveaxis(r @ F.T, -1, 0)) < disks.radii + disks.radii[:, None]
 
     def start(amplitude):
-        return begin(make(alpha, False), published().n, point_of(alpha, 0.3, amplitude, False, False))
+        return begin(make(alpha, False), disks.n, point_of(alpha, 0.3, amplitude, stress, False))
 
-    far = np.abs(start(1e-6).displacement).max() / 1e-6 / contacts.overlap.mean()
-    moving, resting = (start(share / far) for share in (0.48, 0.52))
-    assert np.abs(moving.displacement).max() > 0.45 * contacts.overlap.mean() and moving.velocity.any()
+    low, high = 1e-7, 1.0
+    for _ in range(14):
+        middle = np.sqrt(low * high)
+        low, high = (middle, high) if start(middle).near(disks).displacement.any() else (low, middle)
+    moving, resting = start(low), start(high).near(disks)
+    at_rest = touching(moving, 0.0)
+    assert moving.near(disks) is moving and np.array_equal(touching(moving), at_rest)
+    assert 1e-6 < low and not np.array_equal(touching(moving, high / low), at_rest)
     assert (
         not resting.displacement.any() and not resting.velocity.any() and resting.gamma == resting.rate == 0.0
     )
+    assert (resting.strain, resting.modulus) == (start(high).strain, start(high).modulus)
 
 
 @pytest.mark.parametrize("scaled", [False, True])

@@ -17,6 +17,8 @@ import numpy as np
 
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import Law
+from jampetsc.contacts.pairs import deformed
+from jampetsc.contacts.state import find_contacts
 from jampetsc.errors import ConvergenceError
 from jampetsc.oscillation.answer import Answer, Sine
 from jampetsc.oscillation.cycle import Cycle
@@ -33,9 +35,6 @@ MOST_CYCLES = 60
 START_STEPS = 16  # of the cycle that is the start; linear damping comes out exactly whatever they are
 LOST = 8.0  # over the cubed number of steps: energy by which one may be off, in units of π|G*|γ₁² of the cell
 PERIOD = 2.0 * np.pi
-# mean overlaps: where linear response takes a disk farther, contacts are others than it has, and disks start at rest;
-# else those that are pressed against one neighbour alone would roll off it at once, by steps however short
-FAR = 0.5
 FLOWING = 1.0  # a strain at which disks have left their neighbours for others
 
 
@@ -97,8 +96,7 @@ class Start:
         if not point.stress_controlled:
             gamma = 0.0  # but for rounding
         speed = found.speed / point.omega
-        start = cls(point, displacement[:, :2], velocity, gamma, rate, strain, abs(found.G), speed)
-        return start._near(network)
+        return cls(point, displacement[:, :2], velocity, gamma, rate, strain, abs(found.G), speed)
 
     @classmethod
     def of_steps(cls, oscillation: SteppedOscillation, n: int, point: Point) -> "Start":
@@ -107,15 +105,7 @@ class Start:
         displacement, velocity = np.zeros((n, 2)), np.zeros((n, oscillation.law.dofs))
         displacement[particles], velocity[particles] = found.start.places, found.velocity
         scales = found.strain, abs(found.G), found.speed
-        start = cls(point, displacement, velocity, found.start.gamma, found.rate, *scales)
-        return start._near(oscillation.network)
-
-    def _near(self, network) -> "Start":
-        """This one or, where it takes a disk far, one at rest."""
-        if float(np.abs(self.displacement).max()) <= FAR * float(network.contacts.overlap.mean()):
-            return self
-        rest = 0.0 * self.displacement, 0.0 * self.velocity
-        return replace(self, displacement=rest[0], velocity=rest[1], gamma=0.0, rate=0.0)
+        return cls(point, displacement, velocity, found.start.gamma, found.rate, *scales)
 
     @classmethod
     def _at_rest(cls, oscillation, n, point):
@@ -124,6 +114,22 @@ class Start:
         scales = strain, oscillation.network.k, speed / point.omega
         return cls(point, velocity[:, :2], velocity, 0.0, 0.0, *scales)
 
+    def near(self, disks: Disks) -> "Start":
+        """This one or, where contacts of these disks open or close, one at rest.
+
+        Fixed contacts pull where they are gone, and do not push where others are new: a disk that is left with one
+        neighbour, as a rattler is by what runs into it, would roll off that at once, by steps however short.
+        """
+        moved = deformed(disks, self.displacement, 0.0, self.gamma)
+        if np.array_equal(*(_pairs(find_contacts(one), disks.n) for one in (disks, moved))):
+            return self
+        rest = 0.0 * self.displacement, 0.0 * self.velocity
+        return replace(self, displacement=rest[0], velocity=rest[1], gamma=0.0, rate=0.0)
+
+
+def _pairs(contacts, n):
+    return np.sort(contacts.i.astype(np.int64) * n + contacts.j)
+
 
 def shake(disks: Disks, law: Law, start: Start, steps: int, cycles: int | None) -> Repeated:
     """G* of the oscillation that `start` begins: so many cycles, or None: as many as it takes until they repeat.
@@ -131,6 +137,7 @@ def shake(disks: Disks, law: Law, start: Start, steps: int, cycles: int | None) 
     Raises ConvergenceError where a step is too long, where the packing flows, or where cycles do not repeat within
     MOST_CYCLES.
     """
+    start = start.near(disks)
     half = Run(disks, law, start, steps // 2)
     whole = None
     try:
