@@ -78,8 +78,10 @@ class Steps:
         off = max(abs(fed - motion.gained) - motion.rounding, 0.0)
         if off > allowed:
             if last:
+                free = self._imposed(ends[-1]).free
                 raise ConvergenceError(
-                    f"energy is lost in the shortest step of a cycle, {off:.1e}: give more --steps"
+                    f"energy is lost in the shortest step of a cycle, {off / allowed:.1e} times what one may, as where "
+                    f"nothing holds the packing: give {'less --stress' if free else 'more --steps'}"
                 )
             motion.undo()
         return off
