@@ -77,9 +77,8 @@ def stress_on_walls(shear: Shear) -> tuple[float, float]:
     i, j, r0, sigma = shear.pairs.arrays
     lower = (i < shear.held) & (j >= shear.held)
     upper = (i >= shear.held) & (j < shear.held)
-    above = (lower & (r0[1] > 0)) | (
-        upper & (r0[1] < 0)
-    )  # the disk that moves is above the row, and stays there
+    # the disk that moves is above the row, and stays there
+    above = (lower & (r0[1] > 0)) | (upper & (r0[1] < 0))
     motion = shear.velocities_now(), shear.rate, shear.weights
     rolling = None
     if shear.model.law.couples_rotations:
