@@ -348,6 +348,22 @@ def test_frequencies_that_get_a_marker():
     assert sum(row < 2 for row in moduli._marker_rows(uneven, 0)) == 2
 
 
+@pytest.mark.parametrize(("above", "sign"), [(True, 1.0), (False, -1.0)])
+def test_a_guide_stays_clear_of_all_lines_where_it_is_drawn(above, sign):
+    """Of y = x², and of a line at ten or a tenth of it: by 0.12 decades at least."""
+    x = np.geomspace(1.0, 1e3, 31)
+    drawn = [(x, x**2), (x, 10.0**sign * x**2)]
+    with style.figure(4, 3) as fig:
+        ax = fig.add_subplot()
+        logaxes.set_log_axes(ax, drawn)
+        logaxes.draw_guide(ax, x, x**2, 2.0, "x", drawn, above)
+        ((u, v, *_),) = lines(ax)
+        low, high = ax.get_ylim()
+    gap = sign * np.log10(v / u**2) - 1.0
+    assert gap.min() == pytest.approx(gap.max()) and 0.12 - 1e-9 <= gap.min() < 0.3
+    assert low < v.min() and v.max() < high and u.min() >= 1.0 and u.max() <= 1e3
+
+
 def test_one_colour_is_dark():
     assert style.colours(1) == style.colours(3)[:1] == [style.sequential()(0.0)]
 

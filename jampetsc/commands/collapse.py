@@ -35,7 +35,6 @@ def add_parser(subparsers) -> None:
         help="critical exponents from rates or sizes",
         description=DESCRIPTION,
         epilog=EPILOG,
-        allow_abbrev=False,
     )
     parser.add_argument(
         "files",

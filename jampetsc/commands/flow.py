@@ -23,7 +23,6 @@ def add_parser(subparsers) -> None:
         help="steady shear at a rate: stress, pressure, energy balance",
         description="Shear soft disks steadily under Lees–Edwards conditions (Vågberg's six models, or a damping law).",
         epilog=EPILOG,
-        allow_abbrev=False,
     )
     parser.add_argument(
         "start", nargs="?", metavar="START", help="a packing to start from, or a flow file that goes on"

@@ -8,7 +8,6 @@ def add_parser(subparsers) -> None:
         help="turn a published packing (jamBashbulk text, jax-md netCDF4) into a packing file",
         description="Turn a published packing into a packing file: jamBashbulk text (U = ½ δ², k = 1) or "
         "jax-md netCDF4 (U = ½ (1 − r/σ)²). Pressure and energy must agree with those stored in FILE.",
-        allow_abbrev=False,
     )
     parser.add_argument("file", metavar="FILE", help="file of the other program; its kind is found out")
     parser.add_argument("--out", metavar="FILE", required=True, help="packing file to write")

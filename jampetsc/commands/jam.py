@@ -37,7 +37,6 @@ def add_parser(subparsers) -> None:
         help="the fraction of packings that jam, and their pressures",
         description="Quench many samples at each packing fraction: jammed or not, energy, pressure.",
         epilog=EPILOG,
-        allow_abbrev=False,
     )
     parser.add_argument("--n", type=int, required=True, metavar="N", help="number of disks")
     parser.add_argument(

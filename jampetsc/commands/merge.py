@@ -9,7 +9,6 @@ def add_parser(subparsers) -> None:
         "merge",
         help="make one plain file of a result written by many ranks",
         description="Make one plain file of a result that many ranks wrote, in place unless --out is given.",
-        allow_abbrev=False,
     )
     parser.add_argument("file", metavar="FILE", help="result of sweep, quasistatic, modes, …")
     parser.add_argument("--out", metavar="FILE", help="write there and leave FILE and its parts as they are")

@@ -27,7 +27,6 @@ def add_parser(subparsers) -> None:
         help="make a packing, or an ensemble",
         description="Make packings of soft disks: minima of enthalpy at given p, of energy at given φ.",
         epilog=EPILOG,
-        allow_abbrev=False,
     )
     what = parser.add_argument_group("what")
     what.add_argument("--n", type=int, metavar="N", help="number of disks")

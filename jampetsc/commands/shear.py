@@ -19,7 +19,6 @@ def add_parser(subparsers) -> None:
         help="quasistatic shear: affine step, minimise, repeat",
         description="Shear soft disks in small affine steps, each followed to the minimum of the energy (Vågberg 4.7).",
         epilog=EPILOG,
-        allow_abbrev=False,
     )
     parser.add_argument("start", nargs="?", metavar="START", help="a packing to start from")
     parser.add_argument(
