@@ -229,10 +229,7 @@ class Stages:
             predicted = before.f + np.einsum("cab,cb->ca", tangents, seen.z - before.z)
             self.iterations += 1
             left = np.abs(seen.left).max()
-            noise = NOISE * springs.unit + TOLERANCE * np.abs(seen.f).max(initial=0.0)
-            # velocities of what moves far in a short stage are rounded as places are
-            noise += ROUNDED * np.abs(tangents).max(initial=0.0) * np.abs(q).max() / self.h
-            if fresh and WORN * size < left <= noise:
+            if fresh and WORN * size < left <= self._noise(seen, tangents, q):
                 break
             if not left <= WORN * size:
                 self._fresh = False
@@ -247,6 +244,11 @@ class Stages:
         power, unbalanced = float(np.sum(seen.f * seen.z)), float(np.sum(np.abs(seen.left * q))) / self.h
         instant = Instant(seen.state.gamma, seen.rate, seen.virial / springs.area, power, unbalanced, seen.z)
         return seen.state.places, q[:-1].reshape(springs.n, -1) / self.h, instant
+
+    def _noise(self, seen, tangents, q):
+        """Forces that may be rounding; velocities of what moves far in a short stage are rounded as places are."""
+        moved = ROUNDED * np.abs(tangents).max(initial=0.0) * np.abs(q).max() / self.h
+        return NOISE * self.springs.unit + TOLERANCE * np.abs(seen.f).max(initial=0.0) + moved
 
     def _dashpots(self, problem, q, last):
         """Of contacts here, or where the last velocities lead: where a disk has slid off, it goes on otherwise."""
