@@ -359,17 +359,22 @@ def test_a_file_that_was_cut_is_refused_before_libhdf5_sees_it(sound, tmp_path):
         Verified(open(tmp_path / "s.h5", "rb"))
 
 
-@pytest.mark.parametrize("at, value", [(None, None), (3, b"X"), (8, b"\0"), (8, b"\4"), (9, b"\4")])
-def test_headers_of_another_kind_tell_no_end(sound, at, value):
-    """No signature, an older or newer version, other sizes of addresses: what stands there is no end."""
+@pytest.mark.parametrize(
+    "edit",
+    [
+        lambda header: header[:47],
+        lambda header: b"X" + header[1:],
+        lambda header: header[:8] + b"\0" + header[9:],
+        lambda header: header[:8] + b"\4" + header[9:],
+        lambda header: header[:9] + b"\4" + header[10:],
+    ],
+)
+def test_headers_of_another_kind_tell_no_end(sound, edit):
+    """Too short, without a signature, an older or newer version, other sizes of addresses."""
     header = (sound / "packing" / "s.h5").read_bytes()[:48]
-    if at is None:
-        with pytest.raises(Damaged, match="truncated"):
-            _check_end(io.BytesIO(header), 48)
-        header = header[:47]
-    else:
-        header = header[:at] + value + header[at + 1 :]
-    _check_end(io.BytesIO(header), 48)
+    with pytest.raises(Damaged, match="truncated"):
+        _check_end(io.BytesIO(header), 48)
+    _check_end(io.BytesIO(edit(header)), 48)
 
 
 def test_sizes_are_checked_before_they_are_allocated(tmp_path):

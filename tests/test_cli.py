@@ -317,11 +317,15 @@ def test_one_that_no_launcher_has_started_keeps_its_environment(monkeypatch):
     assert "PMIX_RANK" in os.environ
 
 
+def under_mpirun(folder, *line):
+    """The CompletedProcess of this command line on two ranks in `folder`."""
+    settings = {"env": launch.environment(), "cwd": folder, "capture_output": True, "text": True}
+    return subprocess.run([*launch.mpirun(2), *line], timeout=60, **settings)
+
+
 def made_under_mpirun(folder, *line):
     """Names of the files in `folder` after two ranks have run this command line there."""
-    environment = launch.environment()
-    pipes = {"capture_output": True, "text": True}
-    done = subprocess.run([*launch.mpirun(2), *line], timeout=60, env=environment, cwd=folder, **pipes)
+    done = under_mpirun(folder, *line)
     assert done.returncode == 0, done.stderr
     return sorted(os.listdir(folder))
 
@@ -343,9 +347,8 @@ def test_ranks_with_the_same_words_in_folders_of_their_own_do_them_in_each(tmp_p
 def test_ranks_with_requests_of_their_own_say_what_failed_in_each(tmp_path):
     """All of them, though mpirun ends the job when the first has left."""
     farm = ["sh", "-c", 'exec "$@" none$OMPI_COMM_WORLD_RANK.h5', "farm"]
-    line = [*launch.mpirun(2), *farm, launch.sys.executable, "-m", "jampetsc", "info"]
-    settings = {"env": launch.environment(), "cwd": tmp_path, "capture_output": True, "text": True}
-    errors = subprocess.run(line, timeout=60, **settings).stderr.replace("\0", "").splitlines()
+    done = under_mpirun(tmp_path, *farm, launch.sys.executable, "-m", "jampetsc", "info")
+    errors = done.stderr.replace("\0", "").splitlines()
     told = sorted(text for text in errors if text.startswith("jampetsc: "))
     assert told == [f"jampetsc: error: none{rank}.h5: no such file" for rank in "01"]
 

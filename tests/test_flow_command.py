@@ -41,7 +41,7 @@ def test_the_file(tmp_path, capsys):
         and lines[-1].startswith("[50/50] strain 0.6, sigma ")
         and lines[-1].endswith(", 0 s left")
     )
-    assert "transient" in lines[0] and "sigma" in lines[-1]
+    assert "transient" in lines[0]
     result = jampetsc.load(out)
     strain, facts = result["strain"], result.attributes
     assert strain[-1] == pytest.approx(0.6, rel=0.02) and (np.diff(strain) > 0).all()

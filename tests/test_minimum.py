@@ -5,7 +5,7 @@ from dataclasses import replace
 import h5py
 import numpy as np
 import pytest
-from samples import lattice, polydisperse, published
+from samples import lattice, polydisperse, published, put
 
 from jampetsc.contacts.disks import GRID, Disks
 from jampetsc.contacts.laws import Physics, damping_law
@@ -133,10 +133,8 @@ def test_modes_count_anew_what_was_forged(session, shared_path):
 
     path, other, out = (shared_path / name for name in ("p.h5", "q.h5", "m.h5"))
     proof = with_proof(published()).record
-    if session.rank == 0:
-        write_packing(path, lattice().with_record(**proof))
-        write_packing(other, polydisperse()[0].with_record(**proof))
-    session.comm.Barrier()
+    put(path, lattice().with_record(**proof), session.comm)
+    put(other, polydisperse()[0].with_record(**proof), session.comm)
     with pytest.raises(InputError, match="K has 14 negative modes"):
         modes_file.run(path, out, True, 3)
     for prestress in (True, False):

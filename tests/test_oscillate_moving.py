@@ -313,8 +313,8 @@ def test_a_number_of_cycles_is_kept():
 
 def test_what_cycles_still_change_is_in_the_error():
     """Also where the halves of the steps happen to agree: so fast that no cycle is like the one before."""
-    found = shaken(10.0, 3e-2, 8, cycles=3, rotations=False)
-    assert 0.05 * abs(found.G) < found.change < found.error
+    found = shaken(10.0, 5e-2, 8, cycles=3, rotations=False)
+    assert 0.1 * abs(found.G) < found.change < found.error
 
 
 def test_a_stress_that_shears_for_good_is_refused():
@@ -533,7 +533,7 @@ def test_newtons_method_takes_few_steps_and_factors():
 
 
 @pytest.mark.parametrize(
-    ("strain", "stress", "steps"), [(5e-2, False, (25, 27)), (1e-4, True, (27, 33))]
+    ("strain", "stress", "steps"), [(3e-2, False, (25, 27)), (1e-4, True, (27, 33))]
 )  # steps of both runs: 24 if none is cut
 def test_a_cycle_loses_little_energy(runs, strain, stress, steps):
     """A step is cut where it loses more than 8 n⁻³ of π|G*|γ², so a cycle of n loses less than 8 n⁻²: about half."""
@@ -542,7 +542,7 @@ def test_a_cycle_loses_little_energy(runs, strain, stress, steps):
         one = run.seen[0]
         amplitude = strain / abs(one.G) if stress else strain
         lost = abs(one.spent - one.work) / (np.pi * abs(one.G) * amplitude**2)
-        assert 0.05 < lost * run.count**2 / 8.0 < 0.8
+        assert 0.05 < lost * run.count**2 / 8.0 < 0.6
     assert steps[0] <= found.steps <= steps[1]
 
 

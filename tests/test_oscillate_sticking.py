@@ -232,7 +232,7 @@ def test_half_cycles_are_mixed():
 def test_steps_in_time_begin_as_the_cycle_does(alpha, stress, off):
     """Where what is imposed grows through zero: moves, velocities and sizes are those of the cycle at once."""
     law, n = physics(exponent=alpha, rotations=False), published().n
-    point = Point(frequency(alpha, 0.1, 3e-5), 3e-5, stress)
+    point = Point(frequency(alpha, 0.1, 1e-4), 1e-4, stress)
     pencil = assemble(network_of(published(), law, current().comm), law.law)
     compatibility = build_compatibility(pencil)
     whole = SteadyOscillation(compatibility, RHO0, 64)

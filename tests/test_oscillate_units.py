@@ -160,7 +160,7 @@ def test_a_packing_that_comes_apart_is_told_alike(scaled):
 
 
 @pytest.mark.parametrize(
-    ("alpha", "X", "stress", "amplitude", "steps"), [(1.0, 1e-2, True, 5e-4, 16), (0.5, 0.3, False, 2e-3, 8)]
+    ("alpha", "X", "stress", "amplitude", "steps"), [(1.0, 1e-2, True, 1e-4, 16), (0.5, 0.3, False, 2e-3, 8)]
 )
 def test_moving_contacts(alpha, X, stress, amplitude, steps):
     """Also where steps are cut, and as often."""

@@ -245,28 +245,6 @@ def test_how_far_a_field_from_outside_may_be_off(session, off, sound):
         item.destroy()
 
 
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
-def test_an_energy_between_shifts_is_below_their_chord_and_what_each_of_them_tells():
-    """Of diagonal K and B; never below the energy itself, which is convex."""
-    rng = np.random.default_rng(3)
-    k, b, v = rng.random(40) * 10.0 ** rng.uniform(-3, 0, 40), 0.1 + rng.random(40), rng.normal(size=40)
-
-    def energy(w):
-        return np.sum(v**2 / (k + np.multiply.outer(w, b)), axis=-1)
-
-    shifts = np.array([1e-3, 2e-2, 1.0])
-    top = float((k / b).max())
-    omega = np.geomspace(1e-5, 1e2, 60)
-    bound = energy_between(top, dict(zip(shifts, energy(shifts), strict=True)), omega)
-    assert np.all(bound >= energy(omega) * (1.0 - 1e-12))
-    each = energy(shifts)[:, None] * transfer(top, shifts[:, None], omega)
-    inside = (omega > 1e-3) & (omega < 1.0)
-    chord = np.where(inside, np.interp(omega, shifts, energy(shifts)), np.inf)
-    np.testing.assert_allclose(bound, np.minimum(each.min(axis=0), chord), rtol=1e-13)
-    assert 0 < np.sum(bound == chord) < np.sum(inside)
-
-
 def test_a_factor_serves_for_shifts_close_by():
     """Within a ratio of 1.5 either way; the first one that does."""
     assert closest([1.0, 10.0], 1.49) == closest([1.0, 10.0], 0.67) == 1.0
@@ -406,9 +384,10 @@ def test_energies_are_carried_from_shift_to_frequency():
     assert transfer(4.0, 1.0, 3.0) == (4.0 + 1.0) / (4.0 + 3.0)
     assert transfer(4.0, 3.0, 1.0) == 3.0
     assert transfer(4.0, 3.0, 3.0) == transfer(np.inf, 3.0, 3.0) == transfer(np.inf, 1.0, 3.0) == 1.0
-    omega = np.array([0.5, 1.0, 2.0, 3.0, 6.0])
+    omega = np.array([0.5, 1.0, 1.5, 2.0, 2.9, 3.0, 6.0])
     found = energy_between(np.inf, {3.0: 1.0, 1.0: 2.0}, omega)
-    np.testing.assert_allclose(found, [4.0, 2.0, 1.5, 1.0, 1.0])  # the chord lies above a convex function
+    # the chord lies above a convex function; near 3 that shift alone tells more
+    np.testing.assert_allclose(found, [4.0, 2.0, 1.75, 1.5, 3.0 / 2.9, 1.0, 1.0])
 
 
 @pytest.mark.scalar("real")
