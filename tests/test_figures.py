@@ -150,4 +150,4 @@ def test_a_figure_is_made_and_its_claims_are_looked_at(tmp_path):
     done = subprocess.run([sys.executable, program, tmp_path], **settings)
     assert done.returncode == 0, done.stderr
     rows = [line for line in done.stdout.splitlines()[2:]]
-    assert len(rows) == 10 and all(row.count(" | ") == 5 and "`bt-fig5`" in row for row in rows)
+    assert len(rows) == 10 and all(row.count(" | ") == 6 and "`bt-fig5`" in row for row in rows)
