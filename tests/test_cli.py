@@ -13,6 +13,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import launch
+import numpy as np
 import pytest
 from samples import polydisperse, published
 
@@ -20,6 +21,7 @@ import jampetsc
 from jampetsc import cli, commands, launcher, stopping, streams
 from jampetsc.errors import ConvergenceError, InputError, JampetscError
 from jampetsc.storage.packing_file import write_packing
+from jampetsc.storage.result_file import ResultWriter
 
 
 def probe(*words, ranks=0):
@@ -318,6 +320,29 @@ def test_one_that_no_launcher_has_started_keeps_its_environment(monkeypatch):
     monkeypatch.setenv("PMIX_RANK", "1")
     launcher.forget_if_inherited()
     assert "PMIX_RANK" in os.environ
+
+
+SETTINGS = {  # of other programs -> what `jampetsc plot s.h5 --out s.png` says
+    "MPLBACKEND=nonsense": "error: MPLBACKEND=nonsense: matplotlib knows no backend of this name: unset it",
+    "NUMBA_DISABLE_JIT=1": "error: NUMBA_DISABLE_JIT=1: loops over contacts have to be compiled: unset it",
+    "PYTHONWARNINGS=error": None,
+}
+
+
+@pytest.mark.parametrize("setting", SETTINGS)
+def test_settings_of_other_programs_are_one_line_or_nothing(setting, tmp_path):
+    with ResultWriter(tmp_path / "s.h5", "jampetsc-sweep") as writer:
+        for name in ("omega", "G", "error_bound"):
+            writer.dataset(name, np.array([1.0, 2.0]))
+        writer.attributes(law="contact", beta=1.0)
+    name, _, value = setting.partition("=")
+    line = [sys.executable, "-m", "jampetsc", "plot", "s.h5", "--out", "s.png"]
+    settings = {"env": launch.environment() | {name: value}, "cwd": tmp_path}
+    done = subprocess.run(line, capture_output=True, text=True, timeout=60, **settings)
+    if SETTINGS[setting] is None:
+        assert done.returncode == 0 and (tmp_path / "s.png").exists() and "Traceback" not in done.stderr
+    else:
+        assert (done.returncode, done.stderr) == (2, f"jampetsc: {SETTINGS[setting]}\n")
 
 
 def processes_of(mark):

@@ -178,6 +178,24 @@ def test_what_takes_the_place_of_a_file_is_looked_at_once_more(tmp_path, monkeyp
     assert handles() == before
 
 
+@pytest.mark.parametrize(
+    "line",
+    [
+        "pack --radii loop --phi 0.9 --out o.h5",
+        "flow --radii loop --phi 0.9 --seed 1 --model RD0 --rate 0.1 --strain 1 --out o.h5",
+        "import loop --out o.h5",
+        "info loop",
+        "study loop --out folder",
+    ],
+)
+def test_links_that_lead_to_each_other_are_no_file(line, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    os.symlink("pool", "loop")
+    os.symlink("loop", "pool")
+    with pytest.raises(InputError, match=r"^loop: cannot be read.*Too many levels of symbolic links"):
+        cli.dispatch(line.split())
+
+
 def test_no_child_has_the_files_of_its_parent(tmp_path):
     (tmp_path / "file").touch()
     with open_regular(tmp_path / "file") as file:
