@@ -532,6 +532,7 @@ def tasks(text):
     ("text", "message"),
     [
         ("[pack", "s.toml: is not TOML: "),
+        ("a = " + 5000 * "[" + 5000 * "]", "s.toml: brackets within brackets, too deep"),
         ("", "s.toml: no table: a study needs"),
         ("[swep]\n", "s.toml: swep: no table of a study has this name; did you mean sweep?"),
         ("pack = 3\n", "s.toml: pack = 3: must be a table: write [pack]"),

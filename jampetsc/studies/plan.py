@@ -95,6 +95,8 @@ def _tables(path, content):
         content = tomllib.loads(content.decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: is not TOML: {error}") from None
+    except RecursionError:
+        raise InputError(f"{path}: brackets within brackets, too deep for any table: remove them") from None
     found = {}
     for command, value in content.items():
         if command not in KINDS:
