@@ -685,7 +685,7 @@ def tasks(text):
     ],
 )
 def test_what_cannot_be_run_is_refused_with_file_table_and_key(text, message):
-    if text.startswith(("[sweep]\nbeta", '[sweep]\nlaw = "stokes"', "[[modes]]")):
+    if text.startswith(("[sweep]\nbeta", '[sweep]\nlaw = "stok', "[[modes]]")):
         text = "[pack]\nn = 16\npressure = 1e-2\n" + text
     with pytest.raises(InputError) as refusal:
         tasks(text)

@@ -27,7 +27,7 @@ from jampetsc.studies.journal import Journal, records_of
 from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.lock import Lock
 from jampetsc.studies.numbers import numbers_of
-from jampetsc.studies.options import choices_of, words_of
+from jampetsc.studies.options import choices_of, values_of, words_of
 from jampetsc.studies.plan import plan, read
 from jampetsc.studies.table import rows_of, table_text
 from jampetsc.studies.tasks import Runner, row_of
@@ -166,6 +166,14 @@ def test_what_stays_out_of_a_table():
         ('[sweep]\nno-prestress = "yes"\n', "no-prestress = 'yes': is a switch: write true or false"),
         ('[pack]\nseeds = "1-3"\n', r"\[pack\]: --seeds 1-3: must be FIRST:LAST"),
         ("[modes]\nseeds = 3\n", "seeds: no such option"),
+        (
+            '[pack]\nn = [16, 32]\nphi = [0.9, 0.95]\nseeds = "1:1000000"\n',
+            r"\[pack\]: 4000000 tasks: at most 100000 in one study",
+        ),
+        (
+            PACK.replace("1:2", "1:300") + f"[sweep]\nbeta = {[0.1] * 1000}\n",
+            r"\[sweep\]: 300000 tasks with the 300 before them: at most 100000",
+        ),
         ("pack = []\n", r"pack = \[\]: must be a table: write \[pack\]"),
         ("pack = [1]\n", r"pack = \[1\]: must be a table"),
         ("[swap]\n", "swap: no table of a study has this name; (did you mean|there are)"),
@@ -248,8 +256,9 @@ def test_words_of_a_switch():
 
 
 def test_the_arguments_for_real_files():
-    (one,) = choices_of(parsers()["modes"], {"count": 3}, "s", True)
-    (many,) = choices_of(parsers()["correlate"], {}, "s", True)
+    modes = values_of(parsers()["modes"], {"count": 3}, "s")
+    (one,) = choices_of(parsers()["modes"], modes, "s", True)
+    (many,) = choices_of(parsers()["correlate"], [], "s", True)
     for choice, files in ((one, "a.h5"), (many, ["a.h5", "b.h5"])):
         positional = next(
             a for a in parsers()["modes" if choice is one else "correlate"]._actions if not a.option_strings
