@@ -79,6 +79,7 @@ def run(args, petsc_argv) -> int:
 
     from jampetsc import session
     from jampetsc.collective import by_rank_0
+    from jampetsc.flows.record import remove_checkpoint
     from jampetsc.storage.outputs import check_output
 
     began = time.perf_counter()
@@ -92,6 +93,7 @@ def run(args, petsc_argv) -> int:
     rehearse(local.rehearse)
     record = _samples(args, tasks, protocol, comm, local.NewtonSolver())
     by_rank_0(comm, lambda: _write(args, record, protocol, running, time.perf_counter() - began))
+    by_rank_0(comm, lambda: remove_checkpoint(args.out))
     if running.rank == 0:
         print(_summary(args, record))
     return 0
@@ -170,7 +172,7 @@ def _samples(args, tasks, protocol, comm, solver):
     from jampetsc.collective import by_rank_0
     from jampetsc.contacts.potentials import Potential
     from jampetsc.flows.jamming import samples
-    from jampetsc.flows.record import Record, remove_checkpoint, resumed, write_checkpoint
+    from jampetsc.flows.record import Record, resumed, write_checkpoint
     from jampetsc.packing.sizes import radii_of
     from jampetsc.progress import Progress
 
@@ -202,7 +204,6 @@ def _samples(args, tasks, protocol, comm, solver):
             done += len(batch)
             by_rank_0(comm, lambda: write_checkpoint(args.out, record, {"samples": len(record)}, settings))
             progress.step(f"{len(record)} of {len(tasks) * protocol.rows} samples, phi = {batch[-1][0]:.6g}")
-    by_rank_0(comm, lambda: remove_checkpoint(args.out))
     return record
 
 

@@ -12,15 +12,17 @@ beta = [1.0, 1e-3]
 import difflib
 import hashlib
 import json
+import math
 import tomllib
 from dataclasses import dataclass
 
 from jampetsc.errors import InputError
 from jampetsc.storage.regular import open_regular
 from jampetsc.studies.kinds import KINDS, NOTHING, PACKING, SEEDS, START, SWEEP
-from jampetsc.studies.options import Choice, choices_of, label_of
+from jampetsc.studies.options import Choice, choices_of, label_of, values_of
 
 SEED = "seed"
+MANY = 100_000  # tasks of one study
 HASH = 8  # hexadecimal digits in the name of a file
 
 
@@ -69,7 +71,7 @@ def plan(path, content: bytes, parsers: dict) -> list[Task]:
     path      names STUDY.toml in messages; content: what it holds
     parsers   command -> its argparse parser, for all KINDS
 
-    Raises InputError naming file, table and key.
+    Raises InputError naming file, table and key; for too many tasks before any is made.
     """
     tables = _tables(path, content)
     tasks = {}  # name -> Task: what is asked for twice is done once
@@ -77,8 +79,13 @@ def plan(path, content: bytes, parsers: dict) -> list[Task]:
     for command, kind in KINDS.items():
         for where, table in tables.get(command, []):
             begins = kind.on is not NOTHING and not (kind.on is START and "n" in table)
-            for choice in choices_of(parsers[command], table, where, begins):
-                starts = _starts(kind, found, where) if begins else [()]
+            lists = values_of(parsers[command], table, where)
+            starts = _starts(kind, found, where) if begins else [()]
+            count = len(starts) * math.prod(len(values) for _, values in lists)
+            if len(tasks) + count > MANY:
+                before = f" with the {len(tasks)} before them" if tasks else ""
+                raise InputError(f"{where}: {count} tasks{before}: at most {MANY} in one study")
+            for choice in choices_of(parsers[command], lists, where, begins):
                 for inputs in starts:
                     task = _task(command, choice, inputs)
                     if task.name not in tasks:
