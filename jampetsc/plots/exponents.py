@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from jampetsc.analysis.scaling import BORDER, critical_exponents, local_slope, low_frequency_limit
-from jampetsc.analysis.statistics import bootstrap
+from jampetsc.analysis.statistics import bootstrap, log_median
 from jampetsc.errors import InputError
 from jampetsc.plots.curves import group_curves
 from jampetsc.plots.floppy import BARE, groups_of, value_of
@@ -135,15 +135,11 @@ def _pressures(groups, size):
 def local_exponents_of(levels, samples):
     """(middles, d ln X/d ln p, errors), (m − 1,) each, between neighbouring levels (m,); X: medians of m samples.
 
-    Errors are those of the medians; nan where a median is not positive, or has no error.
+    Errors are those of the medians, nan for single values; nan where a median is not positive.
     """
-    medians, errors = np.transpose([bootstrap(sample, "median") for sample in samples])
-    with np.errstate(invalid="ignore", divide="ignore"):
-        logs = np.log(np.where(medians > 0, medians, np.nan))
-        relative = errors / medians
+    known = [
+        log_median(one) if len(one) > 1 else (np.log(max(one[0], 0.0) or np.nan), np.nan) for one in samples
+    ]
+    logs, errors = np.transpose(known)
     steps = np.diff(np.log(levels))
-    return (
-        np.sqrt(levels[1:] * levels[:-1]),
-        np.diff(logs) / steps,
-        np.hypot(relative[1:], relative[:-1]) / steps,
-    )
+    return np.sqrt(levels[1:] * levels[:-1]), np.diff(logs) / steps, np.hypot(errors[1:], errors[:-1]) / steps
