@@ -73,24 +73,6 @@ def _collapse(args, items):
     return f"{text}; they differ by {100 * spread:.2g} % (rms) below omega tau1 = 0.1"
 
 
-@picture("exponents", "sweep", "quasistatic")
-def _exponents(args, items):
-    from jampetsc.plots.curves import curve_of
-    from jampetsc.plots.exponents import plot_exponents, plot_pressure_exponents
-
-    if items[0].format.endswith("sweep"):
-        plot_exponents([curve_of(item) for item in items], args.out)
-        return f"local exponents of G* against omega of {count(items)}"
-    plot_pressure_exponents(items, args.out)
-    return f"local exponents of G0, eta0 and omega* against p of {count(items, 'file', 'files')}{_unstable(items)}"
-
-
-def _unstable(items):
-    """How many of the files have G₀ < 0 under pre-stress, in words."""
-    negative = sum(item.attributes["G0"] < 0 for item in items if item.attributes["prestress"])
-    return f"; G0 < 0 in {negative} of them, which count like the others" if negative else ""
-
-
 @picture("fields", "sweep", options=("omega", "packing"), single=True)
 def _fields(args, items):
     from jampetsc.plots.fields import plot_fields
@@ -172,6 +154,24 @@ def _viscosities(args, items):
 
     plot_viscosities(items, args.out)
     return f"eta0 and eta_inf against beta of {count(items, 'file', 'files')}"
+
+
+@picture("exponents", "sweep", "quasistatic")
+def _exponents(args, items):
+    from jampetsc.plots.curves import curve_of
+    from jampetsc.plots.exponents import plot_exponents, plot_pressure_exponents
+
+    if items[0].format.endswith("sweep"):
+        plot_exponents([curve_of(item) for item in items], args.out)
+        return f"local exponents of G* against omega of {count(items)}"
+    plot_pressure_exponents(items, args.out)
+    return f"local exponents of G0, eta0 and omega* against p of {count(items, 'file', 'files')}{_unstable(items)}"
+
+
+def _unstable(items):
+    """How many of the files have G₀ < 0 under pre-stress, in words."""
+    negative = sum(item.attributes["G0"] < 0 for item in items if item.attributes["prestress"])
+    return f"; G0 < 0 in {negative} of them, which count like the others" if negative else ""
 
 
 @picture("finite-size", "quasistatic", options=("size_power",))
