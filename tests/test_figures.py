@@ -12,6 +12,7 @@ import pytest
 from jampetsc import cli, commands
 from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.plan import plan
+from jampetsc.words.frequencies import parse_omega
 from jampetsc.words.pictures import PICTURES
 
 FIGURES = launch.ROOT / "run" / "figures"
@@ -68,6 +69,103 @@ def test_a_figure_asks_for_what_there_is(parsers, name):
             assert not args.where or {word.split("=")[0] for word in args.where.split(",")} <= columns
 
 
+def asked(parsers, name):
+    """(tasks of the study of a figure at the paper's size, {name of a picture: its parsed words})."""
+    studies, pictures = shown(name, "--paper")
+    kinds = {kind: parsers[kind] for kind in KINDS}
+    (tasks,) = (plan(part, study.encode(), kinds) for part, study in studies.items())
+    plots = [parsers["plot"].parse_args(words[1:]) for words in pictures]
+    return tasks, {os.path.basename(args.out).removesuffix(".png"): args for args in plots}
+
+
+def by_pressure(tasks, command, **options):
+    """{(N, p): tasks} of a command with these options, over which the seeds are the same."""
+    found = {}
+    for task in tasks:
+        args = vars(task.choice.args)
+        if task.command == command and all(args[name] == value for name, value in options.items()):
+            packing = task.columns if task.command == "pack" else task.inputs[0].columns
+            found.setdefault((packing["n"], packing["pressure"]), []).append(task)
+    return found
+
+
+def decades(first, last):
+    """10^first, …, 10^last as they are written."""
+    return [float(f"1e{n}") for n in range(first, last + 1)]
+
+
+PAPER, DECADES = 32768, [1e-5, 1e-4, 1e-3, 1e-2]  # N and pressures of BT figures 3, 4 and 6
+AT_ALL = {(PAPER, p) for p in DECADES}
+
+
+@pytest.mark.parametrize("name", ["bt-fig3", "bt-fig4", "bt-fig6", "bt-fig8"])
+def test_packings_of_moduli_are_quenched_at_a_pressure_in_a_cell_of_fixed_shape(parsers, name):
+    tasks, _ = asked(parsers, name)
+    packs = by_pressure(tasks, "pack")
+    assert all(task.choice.args.stabilise == "volume" for some in packs.values() for task in some)
+    assert min(map(len, packs.values())) >= 10
+    assert set(packs) == AT_ALL or name == "bt-fig8"
+    for task in tasks:  # G* from below the lowest crossover, ω ~ p, to the viscous end
+        if task.command == "sweep":
+            omega = parse_omega(task.choice.args.omega)
+            assert omega.min() <= 1e-3 * min(DECADES) and omega.max() >= 1e3 and 71 <= len(omega) <= 141
+
+
+def test_bt_figure_3_is_balanced_damping_at_four_pressures_and_its_collapse(parsers):
+    tasks, pictures = asked(parsers, "bt-fig3")
+    for prestress in (True, False):
+        assert set(by_pressure(tasks, "sweep", law="contact", beta=None, prestress=prestress)) == AT_ALL
+    assert set(by_pressure(tasks, "quasistatic", law="contact", beta=None, prestress=True)) == AT_ALL
+    assert (pictures["3a"].kind, pictures["3a"].where) == ("moduli", "prestress=1")
+    b = pictures["3b"]
+    assert (b.kind, b.mu, vars(b)["lambda"], b.where) == ("collapse", 0.5, 1.0, "prestress=1")
+    assert {pictures[name].kind for name in ("3c", "3c-no-prestress", "3d")} == {"exponents"}
+
+
+def test_bt_figure_4_is_no_sliding_at_four_pressures_and_seven_decades_of_it_at_one(parsers):
+    tasks, pictures = asked(parsers, "bt-fig4")
+    for prestress in (True, False):
+        assert set(by_pressure(tasks, "sweep", beta=0.0, prestress=prestress)) == AT_ALL
+        betas = [b for b in decades(-6, 1) if by_pressure(tasks, "sweep", beta=b, prestress=prestress)]
+        assert len(betas) == 8
+        for beta in betas:
+            assert set(by_pressure(tasks, "sweep", beta=beta, prestress=prestress)) == {(PAPER, 1e-4)}
+    (betas,) = {task.choice.args.betas for task in tasks if task.command == "quasistatic"}
+    assert min(map(float, betas.split(","))) < 1e-6 and max(map(float, betas.split(","))) > 10
+    for name, on in (("4a", 1), ("4a-no-prestress", 0)):
+        a = pictures[name]
+        assert (a.kind, a.mu, vars(a)["lambda"], a.where) == ("collapse", 0.5, 0.0, f"beta=0,prestress={on}")
+    assert pictures["4b"].kind == "moduli" and "pressure=1e-4" in pictures["4b"].where
+    inset = pictures["4b-inset"]
+    assert (inset.kind, inset.where) == ("viscosities", "pressure=1e-4")
+
+
+def test_bt_figure_6_is_drag_in_a_fluid_at_four_pressures_and_ten_decades_of_it_at_one(parsers):
+    tasks, pictures = asked(parsers, "bt-fig6")
+    assert all(task.choice.args.law == "stokes" for task in tasks if task.command != "pack")
+    assert set(by_pressure(tasks, "sweep", eta_f=1.0, prestress=True)) == AT_ALL
+    for eta_f in decades(-5, 5):
+        assert (PAPER, 1e-4) in by_pressure(tasks, "sweep", eta_f=eta_f, prestress=True)
+    assert set(by_pressure(tasks, "quasistatic", eta_f=1.0)) == AT_ALL
+    a, b = pictures["6a"], pictures["6b"]
+    assert (a.kind, a.mu, vars(a)["lambda"], a.where) == ("collapse", 0.5, 1.0, "eta_f=1,prestress=1")
+    assert (b.kind, b.where) == ("moduli", "command=sweep,pressure=1e-4,prestress=1")
+
+
+def test_bt_figure_8_is_the_viscosity_of_many_sizes_under_both_laws(parsers):
+    tasks, pictures = asked(parsers, "bt-fig8")
+    for law, own in (("contact", {"beta": None}), ("stokes", {"eta_f": 1.0})):
+        slow = by_pressure(tasks, "quasistatic", law=law, prestress=True, **own)
+        x = [p * n**2 for n, p in slow]
+        assert min(x) < 1e-2 and max(x) > 1e4 and max(n for n, _ in slow) == PAPER
+        for decade in range(0, 7):  # where at least three sizes can be compared
+            inside = {n for n, p in slow if 0.1 <= p * n**2 / 10.0**decade <= 10}
+            assert len(inside) >= (3 if decade < 6 else 2), decade
+    for name, law, power in (("8a", "contact", 1.0), ("8b", "stokes", 1.09)):
+        one = pictures[name]
+        assert (one.kind, one.where, one.size_power) == ("finite-size", f"law={law}", power)
+
+
 def test_sizes_of_a_figure_come_from_its_mode_or_the_environment():
     for words, sizes, n in (([], {}, 4096), (["--paper"], {}, 32768), (["--paper"], {"N": "16"}, 16)):
         (study,) = shown("bt-fig3", *words, **sizes)[0].values()
@@ -94,6 +192,7 @@ TINY = {
 WHOLE = "bt-fig5"  # is run by its script
 LESS = {  # a figure of which something has to be smaller, or must not be
     **{"paper1": {"STRAIN": "0.1"}, "paper2": {"N": "16,20,24"}, "paper3": {"STRAIN": "0.1"}},
+    "bt-fig8": {"SMALL": "16,20", "MIDDLE": "24", "LARGE": "28", "MANY": "1:2", "SOME": "1:2", "FEW": "1:2"},
     **{"paper4": {"RATES": "0.1,0.05"}, "paper5": {"RATES": "0.1,0.05"}},
     **{
         "softening": {"STRAINS": "0.01,1", "STEPS": "16", "CYCLES": "3"},

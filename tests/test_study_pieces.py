@@ -74,6 +74,19 @@ def test_only_what_suits_is_read():
         tasks(PACK + '[sweep]\nmethod = "direct"\n[spectrum]\n')
 
 
+def test_a_table_may_choose_what_it_begins_with():
+    text = PACK.replace("1e-2", '[1e-2, 1e-3, "1e-4"]') + '[[sweep]]\nfields = "1"\nomega = "1"\n'
+    found = of(
+        tasks(text + "[[sweep]]\nbeta = [0, 2]\nwhere = {pressure = [1e-4, 1e-3], seed = 2}\n"), "sweep"
+    )
+    chosen = [(t.columns["pressure"], t.columns["seed"]) for t in found if "beta" in t.columns]
+    assert len(found) == 6 + 4 and chosen == [(1e-3, 2), (1e-4, 2)] * 2
+    (mean,) = of(tasks(text + "[correlate]\nwhere = {pressure = 1e-3}\n"), "correlate")
+    assert mean.columns["pressure"] == 1e-3 and len(mean.inputs) == 2
+    with pytest.raises(InputError, match=r"\[modes\]: where: there is nothing with pressure = 0.1"):
+        tasks(text + "[modes]\nwhere = {pressure = 0.1}\n")
+
+
 def test_a_flow_begins_with_disks_of_its_own_or_with_packings():
     words = 'model = "RD0"\nrate = 1e-2\nstrain = 0.1\n'
     (alone,) = tasks(f"[flow]\nn = 16\nphi = 0.8\n{words}")
@@ -174,6 +187,8 @@ def test_what_stays_out_of_a_table():
             PACK.replace("1:2", "1:300") + f"[sweep]\nbeta = {[0.1] * 1000}\n",
             r"\[sweep\]: 300000 tasks with the 300 before them: at most 100000",
         ),
+        ("[pack]\nwhere = {n = 16}\n", "where: no such option"),
+        (f"{PACK}[modes]\nwhere = 3\n", r"where = 3: write where = \{pressure = 1e-4\}"),
         ("pack = []\n", r"pack = \[\]: must be a table: write \[pack\]"),
         ("pack = [1]\n", r"pack = \[1\]: must be a table"),
         ("[swap]\n", "swap: no table of a study has this name; (did you mean|there are)"),

@@ -71,7 +71,7 @@ def choices_of(parser, lists: list, where: str, begins: bool) -> list[Choice]:
         dests = [action.dest for action in actions]
         parsed = {dest: value for dest, value in vars(args).items() if dest in dests}
         changed = {dest: value for dest, value in parsed.items() if value != parser.get_default(dest)}
-        found.append(Choice(tuple(words), {d: _number(v) for d, v in parsed.items()}, changed, args))
+        found.append(Choice(tuple(words), {d: number_of(v) for d, v in parsed.items()}, changed, args))
     return found
 
 
@@ -118,12 +118,12 @@ def words_of(action, value):
     option = action.option_strings[0]
     if action.nargs == 0:
         return [option] if value else []
-    value = _number(value)
+    value = number_of(value)
     text = repr(value) if isinstance(value, float) else str(value)
     return [f"{option}={text}"] if text.startswith("-") else [option, text]
 
 
-def _number(value):
+def number_of(value):
     """A number where a string is one, anything else as it is."""
     if isinstance(value, str):
         for kind in (int, float):

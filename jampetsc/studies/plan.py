@@ -6,6 +6,7 @@ pressure = [1e-2, 1e-3]
 seeds = "1:20"
 [[sweep]]
 beta = [1.0, 1e-3]
+where = {pressure = 1e-2} only on these packings
 [quasistatic]
 """
 
@@ -19,9 +20,10 @@ from dataclasses import dataclass
 from jampetsc.errors import InputError
 from jampetsc.storage.regular import open_regular
 from jampetsc.studies.kinds import KINDS, NOTHING, PACKING, SEEDS, START, SWEEP
-from jampetsc.studies.options import Choice, choices_of, label_of, values_of
+from jampetsc.studies.options import Choice, choices_of, label_of, number_of, values_of
 
 SEED = "seed"
+WHERE = "where"  # key of a table: of what it begins with, those that were asked for with these values
 MANY = 100_000  # tasks of one study
 HASH = 8  # hexadecimal digits in the name of a file
 
@@ -79,8 +81,9 @@ def plan(path, content: bytes, parsers: dict) -> list[Task]:
     for command, kind in KINDS.items():
         for where, table in tables.get(command, []):
             begins = kind.on is not NOTHING and not (kind.on is START and "n" in table)
+            wanted = table.pop(WHERE, {}) if begins else {}
             lists = values_of(parsers[command], table, where)
-            starts = _starts(kind, found, where) if begins else [()]
+            starts = _chosen(_starts(kind, found, where), wanted, where) if begins else [()]
             count = len(starts) * math.prod(len(values) for _, values in lists)
             if len(tasks) + count > MANY:
                 before = f" with the {len(tasks)} before them" if tasks else ""
@@ -141,9 +144,27 @@ def _starts(kind, found, where):
     return [tuple(group) for group in groups.values()]
 
 
+def _chosen(starts, wanted, where):
+    """Those of `_starts` whose columns have these values, any one of a list. Raises InputError where none has."""
+    if not isinstance(wanted, dict):
+        raise InputError(f"{where}: {WHERE} = {wanted!r}: write {WHERE} = {{pressure = 1e-4}}")
+    for name, value in wanted.items():
+        values = [number_of(one) for one in (value if isinstance(value, list) else [value])]
+        found = [inputs for inputs in starts if _shared(inputs).get(name) in values]
+        if not found:
+            raise InputError(f"{where}: {WHERE}: there is nothing with {name} = {value}")
+        starts = found
+    return starts
+
+
+def _shared(inputs):
+    """What all of these tasks were asked for alike: seeds differ where a task takes all of them."""
+    shared = inputs[0].columns if inputs else {}
+    return {k: v for k, v in shared.items() if all(task.columns.get(k) == v for task in inputs)}
+
+
 def _task(command, choice, inputs):
-    shared = inputs[0].columns if inputs else {}  # seeds differ where a task takes all of them
-    shared = {k: v for k, v in shared.items() if all(task.columns.get(k) == v for task in inputs)}
+    shared = _shared(inputs)
     of = [task.name for task in inputs]
     if KINDS[command].on is SEEDS:  # other seeds: the same task, done anew
         shared.pop(SEED, None)
