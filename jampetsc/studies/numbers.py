@@ -8,7 +8,7 @@ from jampetsc.errors import InputError
 from jampetsc.speed_accuracy.compare import CRITICAL_START
 from jampetsc.storage.reader import load
 
-WORDS = ("law", "model", "method", "packing")  # texts that a row tells
+WORDS = ("law", "model", "method", "packing", "phase")  # texts that a row tells
 NOT = ("ranks", "wall_seconds", "negative_modes", "requested_n", "requested_pressure", "requested_phi")
 _ENOUGH = 5  # frequencies in the critical window
 

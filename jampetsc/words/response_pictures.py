@@ -105,32 +105,50 @@ def _correlation(args, items):
     from jampetsc.plots.correlation import correlation_curve, plot_comparison, plot_correlation
     from jampetsc.words.frequencies import parse_omega
 
-    curves = [correlation_curve(item) for item in items]
+    curves = _of_one_phase(items, [correlation_curve(item) for item in items])
     wanted = None if args.omega is None else parse_omega(args.omega)
-    if wanted is not None and len(wanted) > 1:
-        raise InputError(f"--omega {args.omega}: correlations are compared at one frequency")
-    if len(curves) == 1 and wanted is None:
-        plot_correlation(curves[0], args.out)
-        return f"correlation at {len(curves[0].omega)} frequencies"
-    omega = curves[0].omega.min() if wanted is None else wanted[0]
+    if len(curves) == 1 and (wanted is None or len(wanted) > 1):
+        curve = curves[0] if wanted is None else curves[0].at(curves[0].rows(wanted))
+        plot_correlation(curve, args.out)
+        return f"correlation at {len(curve.omega)} frequencies, in phase with the {curve.phase}"
+    omega = [curves[0].omega.min()] if wanted is None else wanted
     plot_comparison(curves, omega, args.out)
-    return f"correlation in {count(items, 'file', 'files')} at omega tau1 = {omega:g}"
+    told = ", ".join(f"{w:g}" for w in omega)
+    return f"correlation in {count(items, 'file', 'files')} at omega tau1 = {told}, in phase with the {curves[0].phase}"
+
+
+def _of_one_phase(items, curves):
+    """The curves, their roots comparable. Raises InputError where real parts are in phase with different things."""
+    for item, curve in zip(items, curves, strict=True):
+        if curve.phase != curves[0].phase:
+            raise InputError(
+                f"{item.path}: in phase with the {curve.phase}, {curves[0].name} with the {curves[0].phase}: "
+                "choose one (of a study with --where phase=stress)"
+            )
+    return curves
 
 
 @picture("length", "correlation", options=("log_exponent",))
 def _length(args, items):
-    from jampetsc.analysis.correlations import LOG_EXPONENT, length_spread
+    from jampetsc.analysis.correlations import LOG_EXPONENT, length_spread, medium_collapse, stokes_collapse
     from jampetsc.plots.correlation import correlation_curve, plot_lengths
 
-    curves = [correlation_curve(item) for item in items]
+    curves = _of_one_phase(items, [correlation_curve(item) for item in items])
     exponent = within(args, "log_exponent", -10, 10, LOG_EXPONENT)
     plot_lengths(curves, args.out, exponent)
-    text = f"correlation lengths of {count(items, 'file', 'files')}"
+    text = f"correlation lengths of {count(items, 'file', 'files')}, in phase with the {curves[0].phase}"
     try:
-        spread = length_spread([(c.omega, c.G, c.pressure, c.size) for c in curves], exponent)
+        printed = [(c.omega, c.G, c.size, c.pressure, exponent) for c in curves]
+        text += (
+            f"; l (-ln p)^{exponent:g} differs by {100 * length_spread(printed, stokes_collapse):.2g} % (rms)"
+        )
+        text += " at equal omega/p^(1/2)"
+        if all(c.modulus is not None for c in curves):
+            medium = length_spread([(c.omega, c.G, c.size, c.modulus) for c in curves], medium_collapse)
+            text += f", l by {100 * medium:.2g} % at equal |G*|/omega"
     except InputError:  # one file, or files that share no scaled frequency
-        return text
-    return f"{text}; l (-ln p)^{exponent:g} differs by {100 * spread:.2g} % (rms) at equal omega/p^(1/2)"
+        pass
+    return text
 
 
 @picture("medians", "quasistatic")
