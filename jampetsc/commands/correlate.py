@@ -3,7 +3,7 @@
 import math
 
 from jampetsc.errors import InputError
-from jampetsc.storage.fields import PHASES
+from jampetsc.words.picture import PHASES
 
 FORMAT = "jampetsc-correlation"
 LANES = "0.5,0.25,1"

@@ -109,7 +109,9 @@ def place_legend(fig, ax, title, handles, lines):
         legend = ax.legend(loc=corner, **settings)
         if not _covers(ax, legend, lines):
             return legend
-    settings |= {"loc": "lower left", "bbox_to_anchor": (0, 1.01), "borderaxespad": 0, "borderpad": 0}
+    lettered = ax.get_title(loc="left") != ""  # above the letter of a panel, which is 9 points high
+    base = 1.01 + lettered * 14 / 72 * fig.dpi / ax.get_window_extent().height
+    settings |= {"loc": "lower left", "bbox_to_anchor": (0, base), "borderaxespad": 0, "borderpad": 0}
     room = fig.bbox.x1 - ax.get_window_extent().x0
     for columns in (4, 3, 2, 1):
         legend = ax.legend(ncol=columns, columnspacing=1.2, **settings)

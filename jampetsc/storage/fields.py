@@ -8,10 +8,6 @@ from jampetsc.contacts.disks import Disks
 from jampetsc.errors import InputError
 from jampetsc.storage.packing_file import read_identified
 
-PHASES = (
-    "stress",
-    "strain",
-)  # what a field is in phase with; files hold fields per strain, BT's are per stress
 _HUGE = 1e100  # displacements per unit strain that no packing has
 _SAME = 0.01  # a frequency asked for may differ from the stored one by this fraction: 0.0316 means 10^-1.5
 
@@ -58,7 +54,10 @@ def phase_factor(result, omega, phase):
     """
     if phase == "strain":
         return 1.0
-    G = result.modulus(omega)
+    try:
+        G = result.modulus(omega)
+    except InputError as error:
+        raise InputError(f"{error}; without G* there is no phase of the stress: use --phase strain") from None
     if not abs(G) > 0:  # nan too
         raise InputError(
             f"{result.path}: has no modulus at omega = {omega:g}, so no phase of the stress: use --phase strain"

@@ -1,7 +1,7 @@
 """Pictures of packings and of their linear response: moduli, fields, spectra, correlations, floppy motion, modes."""
 
 from jampetsc.errors import InputError
-from jampetsc.words.picture import Picture, count, entering, within
+from jampetsc.words.picture import PHASES, Picture, count, entering, within
 
 PICTURES: dict[str, Picture] = {}
 picture = entering(PICTURES)
@@ -66,10 +66,13 @@ def _collapse(args, items):
     return f"{text}; they differ by {100 * spread:.2g} % (rms) below omega tau1 = 0.1"
 
 
-@picture("fields", "sweep", options=("omega", "packing"), single=True)
+@picture("fields", "sweep", options=("omega", "packing", "phase", "total"), single=True)
 def _fields(args, items):
+    import numpy as np
+
     from jampetsc.plots.fields import plot_fields
-    from jampetsc.storage.fields import chosen_frequencies, field_at, packing_of, particle_rows
+    from jampetsc.plots.periodic import wrap
+    from jampetsc.storage.fields import chosen_frequencies, field_at, packing_of, particle_rows, phase_factor
     from jampetsc.words.frequencies import parse_omega
 
     (sweep,) = items
@@ -78,10 +81,21 @@ def _fields(args, items):
     disks = packing_of(sweep, args.packing)
     particles = particle_rows(sweep, disks)
     omega = fields.omega[rows] * float(sweep.attributes.get("tau1", 1.0))
-    displacement, rotation = zip(*(field_at(sweep, row) for row in rows), strict=True)
-    rotation = None if fields.rotation is None else rotation
-    plot_fields(disks, omega, displacement, rotation, particles, args.out)
-    return f"displacement fields at omega tau1 = {', '.join(f'{w:g}' for w in omega)}"
+    phase = args.phase or PHASES[0]
+    affine = np.zeros((len(particles), 2))
+    if args.total:  # u_x = γ y, y from the middle of the cell
+        affine[:, 0] = wrap(disks.positions, disks.cell)[particles, 1] - 0.5 * disks.cell[1, 1]
+    turns = [phase_factor(sweep, fields.omega[row], phase) for row in rows]
+    found = [field_at(sweep, row) for row in rows]
+    displacement = [turn * (affine + field) for turn, (field, _) in zip(turns, found, strict=True)]
+    rotation = None
+    if fields.rotation is not None:
+        rotation = [turn * spin for turn, (_, spin) in zip(turns, found, strict=True)]
+    symbol = "u" if args.total else r"\tilde u"
+    plot_fields(disks, omega, displacement, rotation, particles, args.out, phase, symbol)
+    kind = "total" if args.total else "non-affine"
+    told = ", ".join(f"{w:g}" for w in omega)
+    return f"{kind} displacement fields at omega tau1 = {told}, in phase with the {phase}"
 
 
 @picture("packing", "packing", single=True)
