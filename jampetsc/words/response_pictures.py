@@ -173,6 +173,14 @@ def _medians(args, items):
     return f"medians of floppy motion in {count(items, 'file', 'files')}"
 
 
+@picture("exponents", "quasistatic")
+def _exponents(args, items):
+    from jampetsc.plots.floppy import plot_exponents
+
+    plot_exponents(items, args.out)
+    return f"local exponents of the medians of floppy motion in {count(items, 'file', 'files')}"
+
+
 @picture("viscosities", "quasistatic")
 def _viscosities(args, items):
     from jampetsc.plots.floppy import plot_viscosities
@@ -202,6 +210,14 @@ def _modes(args, items):
 
     plot_modes(items, args.out)
     return f"modes of {count(items, 'packing', 'packings')}"
+
+
+@picture("lowest-modes", "modes")
+def _lowest_modes(args, items):
+    from jampetsc.plots.lowmodes import plot_lowest
+
+    plot_lowest(items, args.out)
+    return f"what the lowest modes carry of slow shear, of {count(items, 'packing', 'packings')}"
 
 
 @picture("mode", "modes", options=("packing", "mode"), single=True)
