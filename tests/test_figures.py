@@ -196,6 +196,7 @@ LESS = {  # a figure of which something has to be smaller, or must not be
     **{"paper4": {"RATES": "0.1,0.05"}, "paper5": {"RATES": "0.1,0.05"}},
     **{
         "softening": {"STRAINS": "0.01,1", "STEPS": "16", "CYCLES": "3"},
+        "bt-modes": {"MODES": "10"},
         "bt-nonlinear": {"STRESSES": "1e-5", "POINTS": "3", "PRESSURES": "1e-2"},
     },
 }
