@@ -13,7 +13,7 @@ from jampetsc.contacts.state import measure
 from jampetsc.errors import InputError
 from jampetsc.plots.flowcurves import _ratio, flow_curves, local_exponents, plot_against_phi, plot_flow_curves
 from jampetsc.plots.packing import touching
-from jampetsc.plots.shearing import kind_of, labels_of, lanes_of, last_snapshot, plot_lanes, plot_series
+from jampetsc.plots.shearing import kind_of, labels_of, lanes_of, plot_lanes, plot_series, snapshot
 from jampetsc.plots.units import flow_units
 from jampetsc.storage.reader import Attributes
 from jampetsc.storage.result_file import ResultWriter
@@ -180,7 +180,7 @@ def test_curves_average_seeds(runs):
 
 def test_the_last_snapshot_is_the_last_state(runs):
     result = jampetsc.load(runs[0])
-    disks = last_snapshot(result)
+    disks = snapshot(result)
     contacts, number, alone = touching(disks)
     assert len(contacts) * 2 / disks.n == result["coordination"][-1] == number.mean()
     assert np.array_equal(np.flatnonzero(~alone), np.unique(np.r_[contacts.i, contacts.j]))

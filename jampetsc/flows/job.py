@@ -146,7 +146,7 @@ def execute(job: Job, last=None, together=None) -> Means:
 
 def _write(job, record, shear, facts, last):
     state = shear.state() | {"radii": job.disks.radii}
-    write_record(job.out, record, state, job.settings, facts)
+    write_record(job.out, record, state, job.settings, facts, held=job.held)
     remove_checkpoint(job.out)
     if last is not None:
         write_packing(last, shear.disks.with_record(protocol=f"steady shear, {job.model}, rate {job.rate:g}"))
