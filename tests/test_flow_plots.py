@@ -174,7 +174,11 @@ def test_curves_average_seeds(runs):
     assert np.allclose(rates, [1e-2, 3e-2])
     assert np.allclose(pressure, [np.mean(means[:2]), means[2]])
     assert error[0] >= abs(means[0] - means[1]) / 2 * (1 - 1e-12)
-    middle, exponent = local_exponents(np.array([1e-3, 1e-2, 1e-1]), np.array([1.0, 10.0, 1000.0]))
+    values = np.array([1.0, 10.0, 1000.0])
+    middle, exponent, error = local_exponents(
+        np.array([1e-3, 1e-2, 1e-1]), values, values * [0.03, 0.04, 0.0]
+    )
+    assert error == pytest.approx(np.array([0.05, 0.04]) / np.log(10))
     assert np.allclose(exponent, [1, 2]) and np.allclose(middle, 10 ** np.array([-2.5, -1.5]))
 
 

@@ -54,6 +54,14 @@ def _snapshot(args, items):
     return f"contacts of {', '.join(shown)}"
 
 
+@picture("regimes", "flow")
+def _regimes(args, items):
+    from jampetsc.plots.regimes import plot_regimes
+
+    plot_regimes(items, args.out)
+    return f"exponents and clusters of {count(items, 'run', 'runs')} against Q"
+
+
 @picture("order", "flow")
 def _order(args, items):
     from jampetsc.plots.order import plot_order
