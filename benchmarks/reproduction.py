@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from claims import flow, jamming, moduli, motion  # noqa: F401  they enter their claims
+from claims import exponents, flow, jamming, moduli, motion  # noqa: F401  they enter their claims
 from claims.shared import CLAIMS, WITHIN
 
 import jampetsc

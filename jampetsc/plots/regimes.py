@@ -8,7 +8,7 @@ import numpy as np
 from jampetsc.errors import InputError
 from jampetsc.plots.flowcurves import flow_curves, local_exponents
 from jampetsc.plots.shearing import kind_of
-from jampetsc.plots.style import GREY, MARKERS, PAGE, colours, figure, letter_panels, number, save
+from jampetsc.plots.style import GREY, MARKERS, PAGE, colours, figure, letter_panels, save
 
 HEIGHT = 2.1  # inches of one row of panels
 
@@ -65,13 +65,8 @@ def plot_regimes(results, path) -> None:
                 share.plot(quality, cluster, **style)
             slope.set_title(model, loc="right", pad=3)
             share.set(xlabel="$Q$", xscale="log", ylim=(0, 1.05))
-        low, high = (
-            min(float(rows[n].min()) for some in maps.values() for rows in some.values()) for n in (4, 5)
-        )
         axes[0, 0].set_ylabel(r"$d\ln\sigma/d\ln\dot\gamma$")
         axes[1, 0].set_ylabel("largest cluster$/N$")
-        told = rf"$\dot\gamma={number(low)},\ {number(high)}$"
-        axes[0, 0].text(0.04, 0.94, told, color=GREY, va="top", transform=axes[0, 0].transAxes)
         handles, names = [], []
         for ax in axes[1]:
             for handle, name in zip(*ax.get_legend_handles_labels(), strict=True):
