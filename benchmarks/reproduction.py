@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from claims import flow, jamming, moduli, motion  # noqa: F401  they enter their claims
+from claims import exponents, flow, jamming, moduli, motion  # noqa: F401  they enter their claims
 from claims.shared import CLAIMS, WITHIN
 from keep import KEPT
 

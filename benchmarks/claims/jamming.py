@@ -1,24 +1,9 @@
-"""Jamming and its exponents: V figure 5.1, papers I, II and III."""
+"""Jamming and its exponents: papers I, II and III."""
 
 import numpy as np
 
 from claims.shared import Row, claim, fitted
 from jampetsc.analysis.jamming import memory
-
-
-@claim("vagberg-fig5.1")
-def exponents(table):
-    wanted = [
-        ("phi_J", 0.8433, ""),
-        ("y", 1.1, ""),
-        ("znu", 3.5, "N = 1024 and γ̇ from 1e-4 on: corrections to scaling"),
-    ]
-    yield from fitted(table, "pressure", wanted, "collapse of p, RD0")
-    wanted = [
-        ("phi_J", 0.8433, ""),
-        ("y", 1.1, "V: σ has larger corrections than p; not the exponent of small γ̇"),
-    ]
-    yield from fitted(table, "shear-stress", wanted, "collapse of σ, RD0")
 
 
 @claim("paper2")

@@ -47,7 +47,12 @@ def add_parser(subparsers) -> None:
     run_.add_argument(
         "--discard", type=float, metavar="S", help="strain before the means (default 1, at most half)"
     )
-    run_.add_argument("--snapshots", type=int, metavar="K", help="states to keep, evenly after --discard")
+    run_.add_argument(
+        "--snapshots",
+        type=int,
+        metavar="K",
+        help="states to keep, evenly after --discard (0: also the start)",
+    )
     run_.add_argument("--step", type=float, metavar="DT", help="time step (default: what suits the model)")
     run_.add_argument(
         "--tolerance", type=float, metavar="T", help="of the velocities of contact damping (default 1e-4)"

@@ -62,6 +62,9 @@ class Shear:
         self.spins, self.spin_rates = np.zeros(n), np.zeros(n)
         self.seen = np.zeros(len(compiled.TALLY))
         self._list(disks.folded())
+        if held and model.mass:  # at rest when the walls begin to slide
+            middle = 0.5 * disks.cell[1, 1]
+            self.velocities[held:, 0] = rate * (middle - self.reference.positions[held:, 1])
         self.started = False
 
     def _list(self, disks):
