@@ -97,6 +97,8 @@ def test_bad_words(session, shared_path):
         (("--protocol", "shear", "--sweeps", "3"), "--sweeps 3: belongs to --protocol compress"),
         (("--protocol", "compress", "--temperature", "0"), "--temperature 0: must lie in"),
         (("--protocol", "compress", "--cooling-rate", "-1"), "--cooling-rate -1: must lie in"),
+        (("--protocol", "compress", "--step", "1e-3"), "--step 0.001: give a --strain of that or more"),
+        (("--protocol", "compress", "--strain", "1e-4"), "--step 0.001: give a --strain of that or more"),
         (("--protocol", "shear", "--every", "1e-4"), "must be a --step of 0.001 or more"),
         (("--protocol", "shear", "--strain", "1"), "no sample before it"),
         (("--protocol", "shear", "--seeds", "1:20000"), "2000000 samples: at most"),

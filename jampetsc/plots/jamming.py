@@ -74,7 +74,12 @@ def _protocol(result):
     """Protocol of the samples, with the rate of cooling where there is one."""
     a = result.attributes
     name = str(a.get("protocol", RUN if result.format == "jampetsc-shear" else "random"))
-    return f"{name}, $R={number(float(a['cooling_rate']))}$" if "cooling_rate" in a else name
+    parts = [name]
+    if "cooling_rate" in a:
+        parts.append(f"$R={number(float(a['cooling_rate']))}$")
+        if float(a.get("strain", 0.0)) > 0:
+            parts.append(rf"sheared by {float(a['strain']):g}")
+    return ", ".join(parts + ["separated"] * bool(a.get("separated", False)))
 
 
 def _word(attributes, name):
