@@ -4,6 +4,7 @@ import os
 import shlex
 import subprocess
 import sys
+import tarfile
 
 import launch
 import pytest
@@ -72,7 +73,7 @@ def test_sizes_of_a_figure_come_from_its_mode_or_the_environment():
         (study,) = shown("bt-fig3", *words, **sizes)[0].values()
         assert f"n = {n}\n" in study
     done = subprocess.run([FIGURES / "bt-fig3", "--papers"], capture_output=True, text=True)
-    assert done.returncode == 2 and "--papers: there are --quick, --paper and --show" in done.stderr
+    assert done.returncode == 2 and "--papers: there are --quick, --paper, --kept and --show" in done.stderr
 
 
 def as_python(words):
@@ -151,3 +152,15 @@ def test_a_figure_is_made_and_its_claims_are_looked_at(tmp_path):
     assert done.returncode == 0, done.stderr
     rows = [line for line in done.stdout.splitlines()[2:]]
     assert len(rows) == 10 and all(row.count(" | ") == 6 and "`bt-fig5`" in row for row in rows)
+    keeping = (
+        f"import pathlib, keep; keep.keep(pathlib.Path({str(folder)!r}), pathlib.Path({str(tmp_path)!r}))"
+    )
+    subprocess.run([sys.executable, "-c", keeping], cwd=program.parent, check=True)
+    with tarfile.open(tmp_path / f"{WHOLE}.tar.xz") as archive:
+        archive.extractall(tmp_path / f"{WHOLE}-kept")
+    kept = subprocess.run([sys.executable, program, tmp_path, "kept"], **settings)
+    assert kept.stdout == done.stdout
+    assert (
+        not list(tmp_path.glob(f"{WHOLE}-kept/pack-*"))
+        and os.path.getsize(tmp_path / f"{WHOLE}.tar.xz") < 1e5
+    )
