@@ -176,6 +176,27 @@ def test_a_seed_decides_how_disks_move_while_they_are_hot(session):
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+def test_sizes_that_are_separated_are_mixed_by_shear(session):
+    """The start is as dense on both sides; what is searched for φ_J is the state at the end of the shear."""
+    radii = radii_of("bidisperse", 24)
+    start = jamming.random_start(radii, 0.84, 1, POTENTIAL, separated=True)
+    large = start.radii > start.radii.mean()
+    x = start.positions[:, 0] / start.cell[0, 0]
+    edge = np.sum(start.radii[large] ** 2) / np.sum(start.radii**2)
+    assert x[large].max() <= edge <= x[~large].min() and start.phi == pytest.approx(0.84)
+    mixed = jamming.random_start(radii, 0.84, 1, POTENTIAL)
+    assert np.array_equal(np.sort(start.positions[:, 1]), np.sort(mixed.positions[:, 1]))
+    cold = {"temperature": 1e-6, "cooling_rate": 2.0, "sweeps": 0, "separated": True}
+    before, after = (
+        rows(jamming.Protocol("compress", **cold, **more), 0.84)[0]
+        for more in ({}, {"step": 0.02, "strain": 2.0})
+    )
+    assert before["segregation"] > 0.3 > 0.15 > after["segregation"]
+    assert after["phi_J"] == pytest.approx(before["phi_J"], abs=0.03) and after["phi_J"] != before["phi_J"]
+
+
+@pytest.mark.scalar("real")
 def test_files_of_other_protocols(session, shared_path, capsys):
     result = run(shared_path / "c.h5", "--protocol", "compress", "--seeds", "3:4", "--cooling-rate", "0.5")
     assert result.attributes["protocol"] == "compress" and result.attributes["cooling_rate"] == 0.5
@@ -185,10 +206,14 @@ def test_files_of_other_protocols(session, shared_path, capsys):
         assert "phi_J 0.8" in capsys.readouterr().out
     if session.size > 1:
         return
+    assert "separated" not in result.attributes
     result = run(
-        shared_path / "s.h5", *"--protocol shear --seeds 3:4 --strain 0.3 --discard 0.1 --step 0.02".split()
+        shared_path / "s.h5",
+        *"--separated --protocol shear --seeds 3:4 --strain 0.3 --discard 0.1 --step 0.02".split(),
     )
-    assert len(result["strain"]) == 4 * 10 and set(result["seed"]) == {3, 4}
+    assert (
+        len(result["strain"]) == 4 * 10 and set(result["seed"]) == {3, 4} and result.attributes["separated"]
+    )
     assert np.array_equal(result["phi"], np.repeat([0.82, 0.86], 20))
 
 
