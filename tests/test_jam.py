@@ -2,6 +2,7 @@
 
 import shutil
 
+import independent
 import launch
 import numpy as np
 import pytest
@@ -194,6 +195,33 @@ def test_sizes_that_are_separated_are_mixed_by_shear(session):
     )
     assert before["segregation"] > 0.3 > 0.15 > after["segregation"]
     assert after["phi_J"] == pytest.approx(before["phi_J"], abs=0.03) and after["phi_J"] != before["phi_J"]
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+@pytest.mark.parametrize("kind", ["harmonic", "hertzian"])
+def test_an_independent_program_finds_the_same_states(session, kind):
+    """Quench, shear and search for φ_J, from the same minimum, by forces over all pairs and scipy."""
+    from jampetsc.solvers import local
+
+    solver, law = local.NewtonSolver(), Potential(kind, "inverse-square-diameter")
+    radii = radii_of("bidisperse", 16)
+    start = jamming.settle(jamming.random_start(radii * (0.5 / radii.min()), 0.88, 1, law), 1e-4)
+    known, disks, jammed = jamming._quenched(start, solver, 1e-8)
+    assert jammed
+    alpha, side = law.alpha, disks.cell[0, 0]
+    _, *row = independent.quenched(disks.positions, disks.radii, side, 0.0, alpha)
+    assert row == [pytest.approx(known[name], rel=1e-7) for name in ("energy", "pressure")]
+    slow, found = jamming.SlowShear(disks, 5e-3, solver, 1e-8), []
+    for _ in range(10):
+        slow.advance()
+        found.append((slow.found.energy / 16, slow.found.pressure))
+    _, *rows = independent.sheared(disks.positions, disks.radii, side, 5e-3, 10, alpha)
+    assert np.allclose(np.transpose(rows), found, rtol=1e-5) and np.ptp(rows[1]) > 0.01 * rows[1][0]
+    phi_J, _ = jamming.jamming_density(disks, True, solver, 1e-8)
+    solver.destroy()
+    width = 3e-4  # of the bracket there
+    assert abs(independent.jamming_density(disks.positions, disks.radii, side, alpha, width) - phi_J) < width
 
 
 @pytest.mark.scalar("real")
