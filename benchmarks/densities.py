@@ -18,6 +18,7 @@ from jampetsc.analysis.jamming import jamming_step
 from jampetsc.flows.slowly import ENERGY_CUT
 from jampetsc.plots import style
 from jampetsc.plots.jamming import samples_of
+from jampetsc.plots.logaxes import set_ticks
 
 MIXED, SEPARATED = "mixed", "separated"
 DECADES = np.arange(-44.0, 0.5, 1.0)  # of U/N in the picture
@@ -147,72 +148,123 @@ def print_tables(table):
 
 
 def draw(table, path):
-    """(a) φ_J by cooling rate; (b) f(φ); (c) widths against N; (d) histogram of ln U/N."""
+    """φ_J by rate, its distributions, f(φ), ⟨p⟩ from two starts, widths against N, and a histogram of ln U/N."""
     cold, jammed = densities(table), steps(table)
-    with style.figure(style.PAGE, 5.4, layout="constrained") as figure:
-        axes = figure.subplots(2, 2)
-        _draw_cooled(axes[0, 0], cold)
-        _draw_steps(axes[0, 1], jammed)
-        _draw_widths(axes[1, 0], cold, jammed)
-        _draw_energies(axes[1, 1], energies(table))
-        style.letter_panels(axes.ravel())
+    least = min((one.n for one in cold), default=0)
+    small = [one for one in cold if one.n == least]
+    with style.figure(style.PAGE, 7.8, layout="constrained") as figure:
+        axes = figure.subplots(3, 2).ravel()
+        _draw_rates(axes[0], small)
+        _draw_distributions(axes[1], small)
+        _draw_steps(axes[2], jammed)
+        _draw_starts(axes[3], jammed)
+        _draw_widths(axes[4], cold, jammed)
+        _draw_energies(axes[5], energies(table))
+        style.letter_panels(axes)
         style.save(figure, path)
 
 
-def _draw_cooled(ax, cold):
-    least = min((one.n for one in cold), default=0)
+def _look(one):
+    """Colour, line and marker by the start, and by whether it was sheared."""
+    fill = {} if one.strain else {"mfc": "white"}
+    dark, light = style.colours(2)
+    return {"color": dark if one.start == MIXED else light, "marker": "s" if one.strain else "o", **fill}
+
+
+def _told(one):
+    return one.start + (f", then sheared by {one.strain:g}" if one.strain else "")
+
+
+def _draw_rates(ax, cold):
     groups = {}
     for one in cold:
-        if one.n == least:
-            groups.setdefault((one.start, one.strain), []).append(one)
-    for (start, strain), colour, marker in zip(
-        groups, style.colours(len(groups)), style.MARKERS, strict=False
-    ):
-        some = groups[start, strain]
-        rates, (middle, error) = [one.rate for one in some], np.transpose([one.mean for one in some])
-        wide = [one.width[0] for one in some]
-        label = start + (f", then sheared by {strain:g}" if strain else "")
-        ax.errorbar(rates, middle, error, fmt=f"-{marker}", color=colour, capsize=1.5, label=label)
-        ax.errorbar(rates, middle, wide, fmt="none", ecolor=colour, elinewidth=0.4, alpha=0.6)
-    ax.set(xscale="log", xlabel="decrease of ln $T$ per sweep", ylabel=r"$\phi_J$")
-    ax.legend(title=f"$N={least}$; thin: width")
+        groups.setdefault((one.start, one.strain), []).append(one)
+    for some in groups.values():
+        middle, error = np.transpose([one.mean for one in some])
+        ax.errorbar(
+            [one.rate for one in some], middle, error, capsize=1.5, label=_told(some[0]), **_look(some[0])
+        )
+    ax.set(xscale="log", xlabel=r"decrease of $\ln T$ per sweep", ylabel=r"$\langle\phi_J\rangle$")
+    if cold:
+        ax.legend(title=f"$N={cold[0].n}$")
+
+
+def _draw_distributions(ax, cold):
+    """The share of samples with less φ_J: those cooled most slowly, and those that were sheared."""
+    chosen = {(one.start, one.strain): one for one in reversed(cold)}
+    for one in chosen.values():
+        values, look = np.sort(one.phi_J), _look(one)
+        share = (np.arange(len(values)) + 0.5) / max(len(values), 1)
+        line = "-" if one.strain else "--"
+        ax.plot(values, share, ls=line, color=look["color"], label=f"{_told(one)} ({one.rate:g})")
+    ax.set(xlabel=r"$\phi_J$", ylabel=r"share with less $\phi_J$", ylim=(-0.04, 1.04))
+    ax.legend(title="cooled at (rate)", fontsize=7)
 
 
 def _draw_steps(ax, jammed):
-    for one, colour, marker in zip(jammed, style.colours(len(jammed)), style.MARKERS, strict=False):
+    sizes = sorted({one.n for one in jammed})
+    for one in jammed:
         value = np.array([share.value for share in one.shares])
         bars = [value - [s.low for s in one.shares], [s.high for s in one.shares] - value]
         label = f"{one.name}, $N={one.n}$" + (", separated" if one.start == SEPARATED else "")
-        look = {"ls": "--" if one.name == "RAND" else "-", "marker": marker, "color": colour}
+        look = {
+            "color": style.colours(len(sizes))[sizes.index(one.n)],
+            "marker": "s" if one.name == "RAND" else "o",
+            "ls": "--" if one.name == "RAND" else ":" if one.start == SEPARATED else "-",
+            **({"mfc": "white"} if one.start == SEPARATED else {}),
+        }
         ax.errorbar(one.phi, value, bars, capsize=1.5, elinewidth=0.6, label=label, **look)
     ax.set(xlabel=r"$\phi$", ylabel=r"$f(\phi)$", ylim=(-0.04, 1.04))
     ax.legend(fontsize=6)
 
 
+def _draw_starts(ax, jammed):
+    """⟨p⟩ along shear from separated over that from mixed sizes, at every φ."""
+    sheared = {(one.n, one.start): one for one in jammed if one.name == "QS"}
+    sizes = sorted({n for n, _ in sheared if (n, MIXED) in sheared and (n, SEPARATED) in sheared})
+    for n, colour, marker in zip(sizes, style.colours(len(sizes)), style.MARKERS, strict=False):
+        phi, value, error = ratios(sheared[n, SEPARATED], sheared[n, MIXED])
+        ax.errorbar(phi, value, error, color=colour, marker=marker, capsize=1.5, label=f"$N={n}$")
+    ax.axhline(1.0, color=style.GREY, lw=0.6, ls=":")
+    ax.set(xlabel=r"$\phi$", ylabel=r"$\langle p\rangle$, separated over mixed", ylim=(0.0, 2.0))
+    if sizes:
+        ax.legend(title="QS")
+
+
+def ratios(one, other):
+    """(φ, ⟨p⟩ of one ensemble over that of another, its standard error), where both are jammed at times."""
+    phi, mine, theirs = np.intersect1d(one.phi, other.phi, return_indices=True)
+    (p, dp), (q, dq) = one.pressure[mine].T, other.pressure[theirs].T
+    known = (p > 0) & (q > 0) & (dp > 0) & (dq > 0)
+    value = p[known] / q[known]
+    return phi[known], value, value * np.hypot(dp[known] / p[known], dq[known] / q[known])
+
+
 def _draw_widths(ax, cold, jammed):
     lines = {}
     for one in cold:
-        if not one.strain and one.start == MIXED:
+        if one.start == MIXED and not one.strain:
             lines.setdefault(f"cooled at {one.rate:g}", []).append((one.n, *one.width))
     for one in jammed:
         if one.start == MIXED:
-            fit = one.fit
-            lines.setdefault(one.name, []).append((one.n, fit[1], fit[3]))
-    for (label, points), colour, marker in zip(
-        lines.items(), style.colours(len(lines)), style.MARKERS, strict=False
+            lines.setdefault(one.name, []).append((one.n, *one.fit[1::2]))
+    points = {label: [point for point in some if np.isfinite(point).all()] for label, some in lines.items()}
+    points = {label: some for label, some in points.items() if some}
+    for (label, some), colour, marker in zip(
+        points.items(), style.colours(len(points)), style.MARKERS, strict=False
     ):
-        n, width, error = np.transpose(
-            [point for point in points if np.isfinite(point[1])] or [(np.nan,) * 3]
-        )
-        ax.errorbar(n, width, error, fmt=f"-{marker}", color=colour, capsize=1.5, label=label)
+        n, width, error = np.transpose(some)
+        ax.errorbar(n, width, error, color=colour, marker=marker, capsize=1.5, label=label)
     ax.set(xscale="log", yscale="log", xlabel="$N$", ylabel=r"width of the distribution of $\phi_J$")
-    ax.legend()
+    if points:
+        set_ticks(ax.xaxis, *np.log10(ax.get_xlim()))
+        ax.legend()
 
 
 def _draw_energies(ax, energy):
     ax.hist(np.log10(np.maximum(energy, 10.0 ** DECADES[0])), DECADES, color=style.colours(1)[0])
     ax.axvline(np.log10(ENERGY_CUT), color=style.GREY, lw=0.8, ls=":")
-    ax.set(yscale="log", xlabel=r"$\log_{10}\,U/(N k_e)$, least bin: and below", ylabel="states")
+    ax.set(yscale="log", xlabel=r"$\log_{10}\,U/(N k_e)$; lowest bin: and below", ylabel="states")
 
 
 def main():

@@ -1,7 +1,7 @@
 """Jamming and its exponents: V figure 5.1, papers I, II and III."""
 
 import numpy as np
-from densities import MIXED, SEPARATED, densities, energies, mean, of_protocol, steps
+from densities import MIXED, SEPARATED, densities, energies, mean, of_protocol, ratios, steps
 from pressures import pressures
 
 import jampetsc
@@ -77,28 +77,32 @@ def cooling(table):
         what = "cooled: φ_J of a liquid of separated sizes less that of a mixed one"
         yield Row(what, None, change, error, note, size, verdict(abs(change), error))
     starts = {one.start: one for one in after}
-    if len(starts) == 2:
-        strain = starts[MIXED].strain
-        change, error = apart(starts[SEPARATED].mean, starts[MIXED].mean)
-        size = f"N = {least}, {len(starts[MIXED].phi_J)} samples, strain {strain:g}"
-        what = "the same after shear: φ_J from separated less that from mixed sizes"
-        yield Row(
-            what,
-            None,
-            change,
-            error,
-            "V: sheared states have no memory of their start",
-            size,
-            same(change, error, CLOSE_PHI),
-        )
-        for name, some in (("before", before), ("after", after)):
-            one = next(one for one in some if one.start == SEPARATED and one.rate == after[0].rate)
-            what = f"segregation of a liquid of separated sizes, {name} shear"
-            note = "assortativity of neighbours: 0 mixed; V: shear mixes sizes"
-            yield Row(what, None, *mean(one.segregation), note, size)
-    for one in (one for one in cold if one.start == MIXED and not one.strain):
-        what = f"cooled at {one.rate:g}, N = {one.n}: width of φ_J"
-        yield Row(what, None, *one.width, "standard deviation of samples", f"{len(one.phi_J)} samples")
+    if len(starts) == 2 and len(before) > 1:
+        yield from mixing(before, starts, size)
+    for one in (one for one in cold if one.rate == (after or cold)[0].rate):
+        what = f"cooled at {one.rate:g}, N = {one.n}, sizes {one.start}{f', sheared by {one.strain:g}' * bool(one.strain)}"
+        yield Row(f"{what}: width of φ_J", None, *one.width, "", f"{len(one.phi_J)} samples")
+
+
+def mixing(before, starts, size):
+    """What shear leaves of the start: φ_J and segregation."""
+    means = sorted(one.mean for one in before)
+    broad, broad_error = apart(means[-1], means[0])
+    sheared = f"N = {starts[MIXED].n}, {len(starts[MIXED].phi_J)} samples, strain {starts[MIXED].strain:g}"
+    change, error = apart(starts[SEPARATED].mean, starts[MIXED].mean)
+    narrower = verdict(broad - abs(change), np.hypot(broad_error, error))
+    what = "cooled: range of ⟨φ_J⟩ over rates and liquids"
+    yield Row(
+        what, None, broad, broad_error, "V: broad when cooled, narrow when sheared (next row)", size, narrower
+    )
+    what = "the same after shear: ⟨φ_J⟩ from separated less that from mixed sizes"
+    note = "V: sheared states have no memory of their start"
+    yield Row(what, None, change, error, note, sheared, same(change, error, CLOSE_PHI))
+    cooled = next(one for one in before if one.start == SEPARATED and one.rate == starts[SEPARATED].rate)
+    for one, when in ((cooled, "before"), (starts[SEPARATED], "after")):
+        note = "assortativity of neighbours, 0 mixed; V: shear mixes sizes"
+        what = f"segregation of a liquid of separated sizes, {when} shear"
+        yield Row(what, None, *mean(one.segregation), note, sheared)
 
 
 def shearing(table):
@@ -182,14 +186,10 @@ def text(value, error):
 
 def ratio(one, other):
     """⟨p⟩ of one ensemble over that of another, the weighted mean over the φ that both have, and its error."""
-    _, mine, theirs = np.intersect1d(one.phi, other.phi, return_indices=True)
-    (p, dp), (q, dq) = one.pressure[mine].T, other.pressure[theirs].T
-    known = (p > 0) & (q > 0) & (dp > 0) & (dq > 0)
-    if not known.any():
+    _, value, error = ratios(one, other)
+    if not len(value):
         return np.nan, np.nan
-    value = p[known] / q[known]
-    weight = 1.0 / ((dp[known] / p[known]) ** 2 + (dq[known] / q[known]) ** 2)
-    return float(np.average(value, weights=weight)), float(weight.sum() ** -0.5)
+    return float(np.average(value, weights=error**-2.0)), float(np.sum(error**-2.0) ** -0.5)
 
 
 @claim("paper2")
