@@ -6,6 +6,7 @@ from pressures import pressures
 
 import jampetsc
 from claims.shared import WITHIN, Row, claim, fitted
+from jampetsc.analysis.collapse import BOUNDS
 from jampetsc.flows.slowly import ENERGY_CUT
 
 
@@ -32,6 +33,13 @@ COMPARED = (  # (ensemble, potential), less another, what for
 )
 CLOSE_PHI, CLOSE_P, CLOSE_Y = 1e-3, 0.05, 0.1  # errors that are small enough to say that two numbers agree
 ENSEMBLES = {"random": "RAND", "shear": "QS"}
+NAMES = {"nu": "ν", "y": "y"}
+SAID = {
+    ("nu", "RAND"): "V: well above an earlier value, 0.71(8) of O'Hern et al.; ",
+    ("nu", "QS"): "V: well above an earlier value, 0.71(8) of O'Hern et al.; ",
+    ("y", "RAND"): "one packing under compression has 1; ",
+    ("y", "QS"): "V: y > 1 under shear; ",
+}
 OHERN = 0.71, 0.08  # ν of O'Hern et al., PRE 68, 011306 (2003), an earlier value than V's, who prints none
 
 
@@ -80,8 +88,9 @@ def cooling(table):
     if len(starts) == 2 and len(before) > 1:
         yield from mixing(before, starts, size)
     for one in (one for one in cold if one.rate == (after or cold)[0].rate):
-        what = f"cooled at {one.rate:g}, N = {one.n}, sizes {one.start}{f', sheared by {one.strain:g}' * bool(one.strain)}"
-        yield Row(f"{what}: width of φ_J", None, *one.width, "", f"{len(one.phi_J)} samples")
+        sheared = f", sheared by {one.strain:g}" if one.strain else ""
+        what = f"cooled at {one.rate:g}, N = {one.n}, sizes {one.start}{sheared}: width of φ_J"
+        yield Row(what, None, *one.width, "standard deviation of samples", f"{len(one.phi_J)} samples")
 
 
 def mixing(before, starts, size):
@@ -115,7 +124,12 @@ def shearing(table):
         size = f"N = {one.n}, {one.shares[0].samples} states a φ"
         yield Row(f"{one.name}, N = {one.n}: φ where f = ½", None, middle, errors[0], "", size)
         yield Row(
-            f"{one.name}, N = {one.n}: width of φ_J", None, width, errors[1], "of the step of f(φ)", size
+            f"{one.name}, N = {one.n}: width of φ_J",
+            None,
+            width,
+            errors[1],
+            "of the step of f(φ): states at fixed φ",
+            size,
         )
     starts = {(one.n, one.start): one for one in found if one.name == "QS"}
     for n in sorted({n for n, start in starts if start == SEPARATED}):
@@ -194,36 +208,38 @@ def ratio(one, other):
 
 @claim("paper2")
 def finite_size(table):
-    for with_corrections in (False, True):
+    for corrections in (False, True):
         found = {}
         for ensemble, name in ENSEMBLES.items():
             for observable, symbol, exponent in (("", "f", "nu"), ("-pressure", "⟨p⟩", "y")):
-                path = table.path / f"{ensemble}{observable}{'-corrected' * with_corrections}.h5"
+                path = table.path / f"{ensemble}{observable}{'-corrected' * corrections}.h5"
                 if not path.exists():  # a fit that did not converge, or that is under way
                     continue
                 result = jampetsc.load(path)
                 a, n = result.attributes, result["N"]
-                form = "with" if with_corrections else "without"
+                form = "with" if corrections else "without"
                 what = f"{symbol}(φ, N), {name}, {form} corrections to scaling"
                 size = f"N = {n.min():g} … {n.max():g}, χ²/dof {a['chi2'] / a['dof']:.2f}"
+                yield Row(
+                    f"{what}: φ_J", None, a["phi_J"], a["phi_J_error"], drift_of(result, "phi_J", 4), size
+                )
                 value, error = a[exponent], a[f"{exponent}_error"]
-                found[ensemble, exponent] = value, error
-                yield Row(f"{what}: φ_J", None, a["phi_J"], a["phi_J_error"], "", size)
-                if exponent == "nu":
-                    decided = verdict(value, np.hypot(error, OHERN[1]), OHERN[0]) if with_corrections else ""
-                    note = "V: well above an earlier value, 0.71(8) of O'Hern et al. (2003)"
-                    yield Row(f"{what}: ν", None, value, error, note, size, decided)
-                else:
-                    note = (
-                        "one packing under compression has 1"
-                        if ensemble == "random"
-                        else "V: y > 1 under shear"
+                note = f"{SAID[exponent, name]}{drift_of(result, exponent, 2)}"
+                decided = ""
+                if corrections and BOUNDS["omega"][0] * 1.01 < a["omega"] < BOUNDS["omega"][1] * 0.99:
+                    found[name, exponent] = value, error
+                    least, its_error = OHERN if exponent == "nu" else (1.0, 0.0)
+                    decided = (
+                        ""
+                        if (name, exponent) == ("RAND", "y")
+                        else verdict(value, np.hypot(error, its_error), least)
                     )
-                    decided = verdict(value, error, 1.0) if ensemble == "shear" else ""
-                    yield Row(f"{what}: y", None, value, error, note, size, decided)
-        for exponent, symbol in (("nu", "ν"), ("y", "y")):
-            if with_corrections and {("shear", exponent), ("random", exponent)} <= found.keys():
-                change, error = apart(found["shear", exponent], found["random", exponent])
+                elif corrections:
+                    decided, note = "open", f"{note}; ω at the end of its range: more data are needed"
+                yield Row(f"{what}: {NAMES[exponent]}", None, value, error, note, size, decided)
+        for exponent, symbol in NAMES.items():
+            if {("QS", exponent), ("RAND", exponent)} <= found.keys():
+                change, error = apart(found["QS", exponent], found["RAND", exponent])
                 note = "V: exponents differ between sheared and compressed ensembles"
                 yield Row(
                     f"{symbol} of QS less that of RAND",
@@ -234,6 +250,22 @@ def finite_size(table):
                     "",
                     verdict(abs(change), error),
                 )
+
+
+def drift_of(result, name, digits):
+    """The values of a parameter where the smallest N are left out, in words."""
+    column = str(result.attributes["fitted"]).split(",").index(name)
+    parts = [
+        f"N ≥ {cut:.0f}: {value:.{digits}f} ± {error:.{digits}f}"
+        for cut, value, error in zip(
+            result["drift/cut"],
+            result["drift/parameters"][:, column],
+            result["drift/errors"][:, column],
+            strict=True,
+        )
+        if cut > 1.01 * result["N"].min()
+    ]
+    return ", ".join(parts)
 
 
 @claim("paper3")
