@@ -120,12 +120,14 @@ def _draw_guide(ax, power):
 
 def _draw_cuts(ax, one, look):
     end = one.end
+    ax.set(xlabel=r"cut$/\langle p\rangle$; open: limit", ylabel="$y$", xlim=(-0.03, 0.55))
+    if not np.isfinite(end.limit):
+        return
     ax.errorbar(
         end.cuts / one.values.mean(), end.y, end.error, capsize=1.5, ls="none", elinewidth=0.6, **look
     )
     limit = {"color": look["color"], "marker": look["marker"], "mfc": "white"}
     ax.errorbar([0.0], [end.limit], [end.limit_error], capsize=1.5, ls="none", elinewidth=0.6, **limit)
-    ax.set(xlabel=r"cut$/\langle p\rangle$; open: limit", ylabel="$y$", xlim=(-0.03, 0.55))
 
 
 def main():

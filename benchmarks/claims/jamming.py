@@ -151,16 +151,12 @@ def shearing(table):
         )
     taken = sorted({one.attributes["step"] for one in of_protocol(table, "shear")})
     if len(taken) == 2:
-        fine, coarse = (
-            next(one for one in steps(table, step) if one.name == "QS" and one.start == MIXED and one.n == 64)
-            for step in taken
-        )
-        change, error = ratio(fine, coarse)
+        fine = next(one for one in steps(table, taken[0]) if one.name == "QS")
+        change, error = ratio(fine, starts[fine.n, fine.start])
         what = f"QS: ⟨p⟩ with Δγ = {taken[0]:.2g} over that with {taken[1]:.2g}"
-        size = f"N = 64, {fine.shares[0].samples} states"
-        yield Row(
-            what, None, change, error, "V: small Δγ does not matter", size, same(change - 1.0, error, CLOSE_P)
-        )
+        size = f"N = {fine.n}, {fine.shares[0].samples} states"
+        decided = same(change - 1.0, error, CLOSE_P)
+        yield Row(what, None, change, error, "V: small Δγ does not matter", size, decided)
 
 
 def cut_of_energy(table):
