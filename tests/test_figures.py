@@ -5,6 +5,7 @@ import shlex
 import subprocess
 import sys
 import tarfile
+import tomllib
 
 import launch
 import pytest
@@ -174,6 +175,53 @@ def test_sizes_of_a_figure_come_from_its_mode_or_the_environment():
     assert done.returncode == 2 and "--papers: there are --quick, --paper, --kept and --show" in done.stderr
 
 
+JAMMING = {  # of each figure, what Vågberg's papers I to III do: {(protocol, option): values that the study has}
+    "paper1": {
+        ("compress", "cooling-rate"): {1e-1, 1e-2, 1e-3},
+        ("compress", "separated"): {False, True},
+        ("compress", "strain"): {None, 3},
+        ("shear", "separated"): {False, True, None},
+        ("shear", "step"): {2e-3, 6.667e-4},
+        ("random", "potential"): {None},
+    },
+    "paper2": {
+        ("random", "n"): {32, 64, 128, 256},
+        ("shear", "n"): {32, 64, 128},
+        ("shear", "step"): {2e-3},
+        ("shear", "phi"): {0.82, 0.83, 0.835, 0.84, 0.845, 0.85, 0.855},
+    },
+    "paper3": {
+        (protocol, option): values
+        for protocol in ("random", "shear")
+        for option, values in (("phi", {0.84}), ("potential", {"harmonic", "hertzian"}), ("n", {64}))
+    },
+}
+AT_THEIR_SIZE = {
+    "paper1": {("compress", "cooling-rate"): {1e-1, 1e-2, 1e-3, 1e-4}},
+    "paper2": {(protocol, "n"): {32, 64, 128, 256, 512, 1024} for protocol in ("random", "shear")},
+    "paper3": {(protocol, "n"): {64, 256} for protocol in ("random", "shear")},
+}
+
+
+@pytest.mark.parametrize("name", JAMMING)
+def test_studies_of_jamming_are_those_of_the_papers(name):
+    for words, wanted in (([], JAMMING), (["--paper"], AT_THEIR_SIZE)):
+        (study,) = shown(name, *words)[0].values()
+        tables = tomllib.loads(study)["jam"]
+        for (protocol, option), values in wanted[name].items():
+            mine = [table.get(option) for table in tables if table["protocol"] == protocol]
+            assert {one for some in mine for one in (some if isinstance(some, list) else [some])} == values
+
+
+def test_corrections_to_scaling_are_fitted_beside_what_goes_without(parsers):
+    fits = [
+        parsers["collapse"].parse_args(words[1:]) for words in shown("paper2")[1] if words[0] == "collapse"
+    ]
+    asked = {(fit.where, fit.observable, fit.corrections) for fit in fits}
+    assert len(asked) == len(fits) == 8 and all(fit.finite_size for fit in fits)
+    assert {fit.fit for fit in fits if fit.corrections} == {"phi_J,y=0,nu,omega", "phi_J,y,nu,omega"}
+
+
 def as_python(words):
     """A program's command line, for `launch.run_lines`."""
     argv = [str(launch.ROOT / words[0]), *words[1:]]
@@ -191,8 +239,22 @@ TINY = {
 }
 WHOLE = "bt-fig5"  # is run by its script
 LESS = {  # a figure of which something has to be smaller, or must not be
-    **{"paper1": {"STRAIN": "0.1"}, "paper2": {"N": "16,20,24"}, "paper3": {"STRAIN": "0.1"}},
     "bt-fig8": {"SMALL": "16,20", "MIDDLE": "24", "LARGE": "28", "MANY": "1:2", "SOME": "1:2", "FEW": "1:2"},
+    "paper1": {
+        **{"LIQUID": "16", "LARGE": "20", "SEVERAL": "1:2", "MIXED": "1:2", "MIXING": "0.02", "THIRD": "1:1"},
+        **{"PHI": "0.84,0.86", "RUNS": "1:1", "STRAIN": "0.1", "DISCARD": "0.04", "FIRST": "0.06"},
+    },
+    "paper2": {
+        **{"SMALL": "16", "MIDDLE": "20,24", "SOME": "1:3", "WIDE": "0.8,0.82,0.84,0.86,0.88"},
+        **{
+            "NARROW": "0.82,0.84,0.86,0.88",
+            "SLOW": "20",
+            "STRAIN": "0.1",
+            "LITTLE": "0.1",
+            "DISCARD": "0.04",
+        },
+    },
+    "paper3": {"STRAIN": "0.1", "DISCARD": "0.04", "RUNS": "1:1"},
     **{"paper4": {"RATES": "0.1,0.05"}, "paper5": {"RATES": "0.1,0.05"}},
     **{
         "softening": {"STRAINS": "0.01,1", "STEPS": "16", "CYCLES": "3"},
