@@ -5,10 +5,9 @@ from densities import MIXED, SEPARATED, densities, energies, mean, of_protocol, 
 from pressures import pressures
 
 import jampetsc
-from claims.shared import WITHIN, Row, claim, fitted
+from claims.shared import WITHIN, Row, claim
 from jampetsc.analysis.collapse import BOUNDS
 from jampetsc.flows.slowly import ENERGY_CUT
-
 
 HALF = "½ = difference of α − 1"
 COMPARED = (  # (ensemble, potential), less another, what for

@@ -120,7 +120,8 @@ def plot_exponents(results, path) -> None:
             for size, marker in zip(sizes, _cycle(len(sizes)), strict=True):
                 levels = np.array([level for n, level in groups if n == size])
                 logs = [
-                    np.log([value_of(results[row], name) for row in groups[size, level]]) for level in levels
+                    np.log([value_of(results[row], f"{name}_median") for row in groups[size, level]])
+                    for level in levels
                 ]
                 mean, error = np.transpose([bootstrap(some) for some in logs])
                 x, step = np.sqrt(levels[1:] * levels[:-1]), np.diff(np.log(levels))
