@@ -12,7 +12,7 @@ DESCRIPTION = """\
 Correlation C(delta) of the displacements u_y along x in narrow lanes (BT Fig. 7), real and imaginary part, of
 the fields that sweeps hold (jampetsc sweep --fields), and the length l at its first root. Several sweeps of
 one kind (law, pressure, number of disks) are averaged. Of flow files with snapshots: the correlation g_y(x) of
-transverse velocities along the flow (Vågberg, eq. 4.23) of pairs closer than a lane in y, and its minimum."""
+transverse velocities along the flow (Vågberg, eq. 4.23) of pairs in the lane around one of them, and its minimum."""
 EPILOG = """\
 Each packing is looked for beside its sweep. Errors come from resampling the packings, or strips of
 lanes where there are fewer than five packings; those are lower bounds.
@@ -20,7 +20,7 @@ lanes where there are fewer than five packings; those are lower bounds.
 examples:
   jampetsc correlate sweep.h5 --out correlation.h5
   jampetsc correlate stokes-s*.h5 --lane 0.5,1 --out stokes.h5
-  jampetsc correlate rd0-s1.h5 rd0-s2.h5 --out g.h5              of flow files, with --lane 0.5 --bin 1
+  jampetsc correlate rd0-s1.h5 rd0-s2.h5 --out g.h5              of flow files, with --lane 1 --bin 1
   jampetsc plot stokes.h5 --out correlation.png
   jampetsc plot p1e-2.h5 p1e-3.h5 p1e-4.h5 --kind length --out length.png"""
 
@@ -43,10 +43,11 @@ def add_parser(subparsers) -> None:
     parser.add_argument(
         "--lane",
         metavar="w1,w2,…",
-        help=f"widths of a lane in mean diameters, the first for the summary (default {LANES}); "
-        "flow: its one width in the file's unit of length (default 0.5)",
+        help=f"widths of a lane in mean diameters, the first for the summary (default {LANES}; flow: one, default 1)",
     )
-    parser.add_argument("--bin", type=float, metavar="B", help="flow: width of a bin of x (default 1)")
+    parser.add_argument(
+        "--bin", type=float, metavar="B", help="flow: width of a bin of x in mean diameters (default 1)"
+    )
     parser.add_argument("--omega", metavar="w1,w2,…", help="fields at these frequencies (default: all)")
     parser.add_argument("--packing", metavar="FILE", help="packing of a single sweep, if it is not beside it")
     parser.set_defaults(run=run, check=check)
@@ -139,7 +140,8 @@ def _velocities(args, began):
     for path, result in zip(args.files, results, strict=True):
         if getattr(result, "format", "") != "jampetsc-flow":
             raise InputError(f"{path}: is not a flow file as {args.files[0]} is: average one kind")
-    found = lanes.correlate_lanes(results, widths[0], args.bin or lanes.BIN)
+    bin_ = args.bin or lanes.BIN
+    found = lanes.correlate_lanes(results, widths[0], bin_)
     place, depth = found.minimum
     with ResultWriter(args.out, lanes.FORMAT) as writer:
         for name, values in (
@@ -152,15 +154,17 @@ def _velocities(args, began):
         shared = {name: results[0].attributes.get(name) for name in ("model", "rate", "mass", "units")}
         writer.attributes(
             **derived_from(results, time.perf_counter() - began) | shared,
-            lane=widths[0],
-            bin=args.bin or lanes.BIN,
+            lane_width=widths[0] * found.diameter,
+            bin_width=bin_ * found.diameter,
+            mean_diameter=found.diameter,
             snapshots=found.snapshots,
             mean_square=found.mean_square,
             minimum=depth,
             minimum_at=place,
         )
     print(
-        f"{args.out}: g_y of {found.snapshots} snapshots, |y| < {widths[0]:g}: least {depth:.3g} at x = {place:.3g}, "
+        f"{args.out}: g_y of {found.snapshots} snapshots, lanes of {widths[0]:g} d: least {depth:.3g} at x = "
+        f"{place / found.diameter:.3g} d, "
         f"<u_y^2>/rate^2 = {found.mean_square:.3g}"
     )
     return 0
