@@ -162,7 +162,7 @@ def _facts(job, means, seconds, petsc):
     common = provenance(
         versions=session.versions(),
         scalar_type=petsc and petsc.scalar_type,
-        petsc_options=petsc and " ".join(petsc.petsc_argv),
+        petsc_options=petsc and petsc.options_told(),
         ranks=petsc.size if petsc else 1,
         packing=(None, None),
         law=law,
