@@ -21,8 +21,8 @@ ROUGH = {  # command -> seconds whatever N is, seconds of a unit at N = 1024, it
     "spectrum": (0.03, 0.0, 0.0),
     "correlate": (0.05, 0.04, 0.0),
 }
-DIRECT = 0.2  # of one frequency of --method direct, in units of a rational sweep
-NONLINEAR = 8  # oscillations that are not linear, in units of those that are
+DIRECT = 0.33  # of one frequency of --method direct, in units of a rational sweep
+NONLINEAR, MOVING = 8, 16  # oscillations with a power law, or contacts that open, in units of linear ones
 SOLVED = 10  # time steps that solve for velocities, in units of those that do not
 _KEYS = (("command", "n", "pressure"), ("command", "n"))
 
@@ -81,9 +81,9 @@ def _units(task):
         case "modes":
             return task.columns["n"] if args.all else args.count or 1
         case "oscillate":
-            linear = args.alpha == 1.0 and args.contacts == "fixed"
+            kind = MOVING if args.contacts == "moving" else NONLINEAR if args.alpha != 1.0 else 1
             amplitudes = str(args.stress or args.strain).count(",") + 1
-            return amplitudes * len(parse_omega(args.omega)) * (1 if linear else NONLINEAR)
+            return amplitudes * len(parse_omega(args.omega)) * kind
         case "flow":
             step = args.step or min(0.2, 5e-3 / args.rate)
             return args.strain / (args.rate * step) * (SOLVED if args.model in ("CD0", None) else 1)
@@ -91,8 +91,8 @@ def _units(task):
             return args.strain / args.step
         case "jam":
             samples, protocol = args.check(args)
-            steps = protocol.strain / protocol.step / 10 if protocol.name == "shear" else 0
-            return len(samples) * (1 + steps + 20 * (protocol.name == "compress"))
+            steps = protocol.strain / protocol.step / 30 if protocol.name == "shear" else 0
+            return len(samples) * (1 + steps + 40 * (protocol.name == "compress"))
         case "correlate":
             return len(task.inputs)
     return 1
