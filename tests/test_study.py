@@ -493,7 +493,7 @@ CHANGES = {  # what happens to a file -> of which command, what is made again, w
 
 
 @pytest.mark.scalar("real")
-@pytest.mark.most_ranks(2)
+@pytest.mark.most_ranks(1)
 def test_what_is_not_what_was_made_is_made_again_and_said(session, shared_path, capsys):
     """A packing comes out as it was, to the last bit, so that what was computed from it stays."""
     folder = shared_path / "study"

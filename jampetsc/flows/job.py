@@ -15,7 +15,15 @@ from jampetsc.contacts.state import find_contacts
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.flows.means import Means
 from jampetsc.flows.models import Model, Scheme, scheme_for
-from jampetsc.flows.record import FORMAT, Record, check_space, read_record, remove_checkpoint, write_record
+from jampetsc.flows.record import (
+    FORMAT,
+    Record,
+    check_space,
+    read_record,
+    remove_checkpoint,
+    write_checkpoint,
+    write_record,
+)
 from jampetsc.flows.run import Plan, check_balance
 from jampetsc.flows.run import run as shear_until
 from jampetsc.flows.shearing import Shear
@@ -145,6 +153,9 @@ def execute(job: Job, last=None, together=None) -> Means:
 
 
 def _write(job, record, shear, facts, last):
+    write_checkpoint(
+        job.out, record, shear.state(), job.settings
+    )  # in case one of the files cannot be written
     state = shear.state() | {"radii": job.disks.radii}
     if last is not None:
         write_packing(last, shear.disks.with_record(protocol=f"steady shear, {job.model}, rate {job.rate:g}"))
