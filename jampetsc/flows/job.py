@@ -140,7 +140,8 @@ def execute(job: Job, last=None, together=None) -> Means:
     if job.before is not None:
         record, state = job.before
         shear.restore(state)
-    record = shear_until(shear, job.plan, job.out, job.settings, record)
+    settings = job.settings  # of where it begins: `before` grows
+    record = shear_until(shear, job.plan, job.out, settings, record)
     means = check_balance(record, job.plan.discard, shear)
     if means is None or means.pressure.mean < UNTOUCHED * job.rate * shear.unit:
         raise ConvergenceError(
@@ -148,14 +149,13 @@ def execute(job: Job, last=None, together=None) -> Means:
             "choose a larger --phi, or a longer --strain"
         )
     facts = _facts(job, means, time.perf_counter() - began, together and session.current())
+    # in case one of the files cannot be written
+    by_rank_0(comm, lambda: write_checkpoint(job.out, record, shear.state(), settings))
     by_rank_0(comm, lambda: _write(job, record, shear, facts, last))
     return means
 
 
 def _write(job, record, shear, facts, last):
-    write_checkpoint(
-        job.out, record, shear.state(), job.settings
-    )  # in case one of the files cannot be written
     state = shear.state() | {"radii": job.disks.radii}
     if last is not None:
         write_packing(last, shear.disks.with_record(protocol=f"steady shear, {job.model}, rate {job.rate:g}"))
