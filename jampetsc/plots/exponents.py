@@ -109,7 +109,7 @@ def plot_pressure_exponents(results, path) -> None:
                     ]
                     middle, slope, error = local_exponents_of(levels, samples)
                     look = {"color": shade, "marker": marker, "markerfacecolor": face, "linestyle": dash}
-                    ax.errorbar(middle, slope, error, markeredgewidth=0.7, elinewidth=0.7, **look)
+                    draw_points(ax, middle, slope, error, **look)
             ax.set(xlabel="$p/k$", ylabel=rf"$d\,\ln {symbol}\,/\,d\,\ln p$", xscale="log")
             ax.set_ylim(limit - 0.5, limit + 0.5)
             low, high = np.log10([min(level for _, level in groups), max(level for _, level in groups)])
@@ -126,6 +126,13 @@ def plot_pressure_exponents(results, path) -> None:
         axes[-1].legend(handles=handles)
         letter_panels(axes)
         save(fig, path)
+
+
+def draw_points(ax, x, y, error, **look):
+    """Points (m,) with bars where they have an error; those that are no numbers are left out."""
+    known = np.isfinite(y)
+    bars = error[known] if np.isfinite(error[known]).all() else None
+    ax.errorbar(x[known], y[known], bars, markeredgewidth=0.7, elinewidth=0.7, **look)
 
 
 def _pressures(groups, size):
