@@ -191,7 +191,8 @@ TINY = {
 WHOLE = "bt-fig5"  # is run by its script
 LESS = {  # a figure of which something has to be smaller, or must not be
     **{"paper1": {"STRAIN": "0.1"}, "paper2": {"N": "16,20,24"}, "paper3": {"STRAIN": "0.1"}},
-    "bt-fig8": {"SMALL": "16,20", "MIDDLE": "24", "LARGE": "28", "MANY": "1:2", "SOME": "1:2", "FEW": "1:2"},
+    "bt-fig8": dict.fromkeys(("SMALL", "MIDDLE", "LARGE"), "16")
+    | dict.fromkeys(("MANY", "SOME", "FEW"), "1:1"),
     **{"paper4": {"RATES": "0.1,0.05"}, "paper5": {"RATES": "0.1,0.05"}},
     **{
         "softening": {"STRAINS": "0.01,1", "STEPS": "16", "CYCLES": "3"},
