@@ -60,7 +60,7 @@ def measure(files, modes):
             finally:
                 viscosity.destroy()
             by_name = found.distributions()
-            share = lowest_modes(network, modes).share_nonaffine.sum() if modes else np.nan
+            share = lowest_modes(network, modes).carried.share["nonaffine"].sum() if modes else np.nan
             rows.append(
                 (float(p), seed, prestress, *(by_name[name].median for name in NAMES),
                  by_name["normal"].mean / by_name["normal"].rms, found.G0, share)

@@ -21,6 +21,8 @@ from jampetsc.analysis.correlations import (
     length_spread,
     stokes_collapse,
 )
+from jampetsc.analysis.medium import dragged, solid, stokes
+from jampetsc.analysis.medium import first_root as first_root_of
 from jampetsc.commands.correlate import _open
 from jampetsc.contacts.disks import Disks
 from jampetsc.errors import InputError
@@ -222,12 +224,13 @@ def test_spread_of_collapsed_lengths():
     def lengths(p):
         x = omega / np.sqrt(p)
         free = 3.0 * x**-0.3 * (-np.log(p)) ** 0.65
-        return omega, np.clip(free, 1.0, 25.0) * (1 + 2j), p, 100.0
+        return omega, np.clip(free, 1.0, 25.0) * (1 + 2j), 100.0, p
 
     files = [lengths(p) for p in (1e-4, 1e-3, 1e-2)]
-    assert length_spread(files, -0.65) < 1e-2 < 0.1 < length_spread(files, 0.65)
+    collapsed, other = ([(*file, exponent) for file in files] for exponent in (-0.65, 0.65))
+    assert length_spread(collapsed, stokes_collapse) < 1e-2 < 0.1 < length_spread(other, stokes_collapse)
     with pytest.raises(InputError, match="no two sweeps overlap"):
-        length_spread(files[:1])
+        length_spread(collapsed[:1], stokes_collapse)
 
 
 @pytest.mark.parametrize("width", [0.0, -1.0, 61.0, float("nan")])
@@ -253,7 +256,17 @@ OMEGA = np.array([1e-4, 1e-2])
 
 
 def write_sweep(
-    folder, name, seed=0, n=400, omega=OMEGA, lengths=(1, 2), pressure=1e-3, unit=1.0, wide=1.0, **attributes
+    folder,
+    name,
+    seed=0,
+    n=400,
+    omega=OMEGA,
+    lengths=(1, 2),
+    pressure=1e-3,
+    unit=1.0,
+    wide=1.0,
+    G=1.0 + 0j,
+    **attributes,
 ):
     """A packing of small disks at random and a sweep with waves of L/m as fields, beside each other."""
     side = wide * unit * np.sqrt(n)
@@ -267,7 +280,7 @@ def write_sweep(
     file, sha256 = packing_identity(packing)
     path = folder / f"{name}.h5"
     with ResultWriter(path, "jampetsc-sweep") as writer:
-        for key, values in (("omega", omega), ("G", np.ones(len(omega), complex)), ("error_bound", omega)):
+        for key, values in (("omega", omega), ("G", np.ones(len(omega)) * G), ("error_bound", omega)):
             writer.dataset(key, values)
         writer.dataset("fields/omega", omega)
         writer.dataset("fields/displacement", fields)
@@ -305,6 +318,7 @@ def test_a_file_of_correlations(tmp_path, capsys):
     assert (found["length_error"] > 0).all() and (found["length_error"] < 1).all()
     said = capsys.readouterr().out
     assert "6 packings, L = 20 d, lanes of 1 d" in said and "lanes of 0.5 d: C differs by" in said
+    assert "pairs, in phase with the stress\n" in said
 
 
 def test_packings_differ_in_size_and_their_mean_is_told(tmp_path):
@@ -420,7 +434,10 @@ def test_the_collapse_of_lengths_is_told_in_numbers(tmp_path, capsys):
         run(write_sweep(tmp_path, f"s{name}", pressure=pressure), "--out", tmp_path / f"{name}.h5")
     files = [str(tmp_path / "a.h5"), str(tmp_path / "b.h5")]
     cli.dispatch(["plot", *files, "--log-exponent", "-0.5", "--out", str(tmp_path / "p.png")])
-    assert "correlation lengths of 2 files; l (-ln p)^-0.5 differs by" in capsys.readouterr().out
+    assert (
+        "correlation lengths of 2 files, in phase with the stress; l (-ln p)^-0.5 differs by"
+        in capsys.readouterr().out
+    )
     with pytest.raises(InputError, match="--log-exponent 11: must lie between -10 and 10"):
         cli.dispatch(["plot", *files, "--log-exponent", "11", "--out", str(tmp_path / "p.png")])
     with pytest.raises(
@@ -484,7 +501,7 @@ def test_lengths_near_a_disk_or_the_cell_are_left_out_of_the_spread(odd, counts)
     length = np.array([6.0, 5.0, 4.0]) * (1 + 1j)
     other = length.copy()
     other[2] = odd * (1 + 1j)
-    spread = length_spread([(omega, length, 1e-3, 100.0), (omega, other, 1e-3, 100.0)])
+    spread = length_spread([(omega, one, 100.0, 1e-3) for one in (length, other)], stokes_collapse)
     assert (spread > 1e-9) == counts
 
 
@@ -528,27 +545,36 @@ def test_two_units_have_an_error_one_has_none():
     assert drawn(2) == drawn(2)
 
 
-def sums_of(folder, name, cells, width, fields):
-    """Lane sums of a sweep of `write_sweep`, of real and imaginary part of the fields with these numbers in turn."""
+def sums_of(folder, name, cells, width, fields, phase):
+    """Lane sums of a sweep of `write_sweep`, of real and imaginary part of u/γ, or of u/σ = (u/γ)/G*, in turn."""
     sweep, disks = load(folder / f"{name}.h5"), load(folder / f"packing-{name}.h5")
-    transverse = [sweep["fields/displacement"][number][:, 1] for number in fields]
+    turns = np.conj(sweep["G"]) / np.abs(sweep["G"]) if phase == "stress" else np.ones(len(sweep["G"]))
+    transverse = [turns[number] * sweep["fields/displacement"][number][:, 1] for number in fields]
     parts = np.array([part for field in transverse for part in (field.real, field.imag)])
     return lane_sums(disks.positions, disks.cell, parts, width, cells)
 
 
-def test_every_array_of_a_file_of_correlations(tmp_path, capsys):
+@pytest.mark.parametrize("phase", ["stress", "strain"])
+def test_every_array_of_a_file_of_correlations(tmp_path, capsys, phase):
     """Of two sweeps whose fields are not in order, in cells of other sizes: grid and edges are those of the first."""
     omega = np.array([1e-2, 1e-4, 1.0])
-    paths = [write_sweep(tmp_path, f"s{k}", k, n=144, omega=omega, lengths=(1, 2, 3), unit=2.0, wide=wide, pressure=p)
-             for k, (wide, p) in enumerate(((1.0, 1e-3), (1.04, 1.005e-3)))]  # fmt: skip
-    assert run(*paths, "--lane", "1,0.5", "--out", tmp_path / "c.h5") == 0
+    shared = {"n": 144, "omega": omega, "lengths": (1, 2, 3), "unit": 2.0}
+    G = np.exp([0.2j, 1j, 1.5j])
+    paths = [
+        write_sweep(tmp_path, f"s{k}", k, wide=wide, pressure=p, G=(k + 1) * G, **shared)
+        for k, (wide, p) in enumerate(((1.0, 1e-3), (1.04, 1.005e-3)))
+    ]
+    chosen = ["--phase", phase] if phase == "strain" else []
+    assert run(*paths, "--lane", "1,0.5", "--out", tmp_path / "c.h5", *chosen) == 0
     found = load(tmp_path / "c.h5")
     cells = grid_cells(24.0, 2.0)
     assert cells != grid_cells(1.04 * 24, 2.0)
     length, order = 24 * 1.02, (1, 0, 2)
     np.testing.assert_array_equal(found["omega"], [1e-4, 1e-2, 1.0])
+    np.testing.assert_allclose(found["G"], 1.5 * G[[1, 0, 2]])
+    assert found.attributes["phase"] == phase
     for lane, width in enumerate((2.0, 1.0)):
-        sums = [sums_of(tmp_path, f"s{k}", cells, width, order) for k in (0, 1)]
+        sums = [sums_of(tmp_path, f"s{k}", cells, width, order, phase) for k in (0, 1)]
         exact = correlate(sums)
         assert found["lane_width"][lane] == sums[0].width
         np.testing.assert_array_equal(found["delta"][lane], length * exact.separation)
@@ -557,14 +583,16 @@ def test_every_array_of_a_file_of_correlations(tmp_path, capsys):
             ("length_error", exact.root_error, length), ("minimum", exact.minimum, length),
             ("minimum_error", exact.minimum_error, length),
         ):  # fmt: skip
-            np.testing.assert_array_equal(found[name][lane], (unit * values).reshape(3, 2, *values.shape[1:]))
+            expected = (unit * values).reshape(3, 2, *values.shape[1:])
+            np.testing.assert_allclose(found[name][lane], expected, rtol=1e-12, atol=1e-14)
         assert found.attributes["pairs"][lane] == exact.pairs
     a = found.attributes
     assert (a["packings"], a["mean_diameter"], a["L"]) == (2, 2.0, pytest.approx(length))
     assert a["pressure"] == pytest.approx(1.0025e-3) and a["sources"] == "s0.h5 s1.h5"
     said = capsys.readouterr().out.splitlines()
     assert said[0].endswith(
-        f"2 packings, L = {length / 2:.4g} d, lanes of 1 d, {found.attributes['pairs'][0]} pairs"
+        f"2 packings, L = {length / 2:.4g} d, lanes of 1 d, {found.attributes['pairs'][0]} pairs, "
+        f"in phase with the {phase}"
     )
     assert said[1].startswith(f"  omega 0.0001: l/d Re {found['length'][0, 0, 0] / 2:.3g} ± ")
 
@@ -602,7 +630,16 @@ def test_what_belongs_to_flow_files_and_what_to_sweeps(tmp_path, monkeypatch):
 
 
 def correlation_file(
-    path, tau1=1.0, k=1.0, d=2.0, omega=(1e-3, 1e-2), lanes=2, pressure=1e-3, low=-0.7, **more
+    path,
+    tau1=1.0,
+    k=1.0,
+    d=2.0,
+    omega=(1e-3, 1e-2),
+    lanes=2,
+    pressure=1e-3,
+    low=-0.7,
+    G=None,
+    **more,
 ):
     """A file of correlations of known content, lengths in units of which a disk is d = 2; two lanes, four bins."""
     rng = np.random.default_rng(7)
@@ -614,6 +651,8 @@ def correlation_file(
         "delta": d * np.tile([0.0, 1.0, 2.0, 3.0], (lanes, 1)), "C": C, "C_error": 0.1 * np.abs(C),
         "length": d * rng.uniform(1.0, 3.0, shape), "length_error": d * rng.uniform(0.1, 0.3, shape),
     }  # fmt: skip
+    if G is not None:
+        values["G"] = G
     with ResultWriter(path, "jampetsc-correlation") as writer:
         for name, array in values.items():
             writer.dataset(name, array)
@@ -648,7 +687,7 @@ def test_files_are_compared_at_their_own_row_of_a_frequency(tmp_path):
     other = correlation_curve(
         correlation_file(tmp_path / "b.h5", omega=(1e-4, 1e-3, 1e-2), particle_count=256)
     )
-    fig = figure_of(plot_comparison, [first, other], 1e-2)
+    fig = figure_of(plot_comparison, [first, other], [1e-2])
     for number, ax in enumerate(fig.axes[:4]):
         part, scale = number % 2, 1.0 if number < 2 else 1 / 8
         drawn = lines(ax, 4)
@@ -659,17 +698,86 @@ def test_files_are_compared_at_their_own_row_of_a_frequency(tmp_path):
                 band[1:], [y - curve.errors[0, row, part], y + curve.errors[0, row, part]]
             )
         assert ax.get_xlabel() == (r"$\delta/d$" if number < 2 else r"$\delta/L$")
-        assert ax.get_ylabel() == rf"$C(\delta)$ of {('Re', 'Im')[part]} $u_y$"
+        assert ax.get_ylabel() == rf"$C(\delta)$ of {('Re', 'Im')[part]} $u_y/\gamma$"
         assert ax.get_ylim() == pytest.approx((-0.75, 1.05)) and ax.get_xlim()[0] == 0.0
     legend = fig.axes[1].get_legend()
     assert [text.get_text() for text in legend.get_texts()] == ["$N=64$", "$N=256$", "standard error"]
     assert legend.get_title().get_text() == r"$\omega\tau_1=10^{-2}$"
 
 
+def test_of_several_files_at_several_frequencies_colours_tell_these_and_dashes_the_files(tmp_path):
+    curves = [correlation_curve(correlation_file(tmp_path / f"{n}.h5", particle_count=n)) for n in (64, 256)]
+    fig = figure_of(plot_comparison, curves, [1e-3, 1e-2])
+    drawn = [line for line in fig.axes[3].get_lines() if len(line.get_xdata()) == 4]
+    for line, (curve, row) in zip(drawn, [(c, row) for c in curves for row in (0, 1)], strict=True):
+        np.testing.assert_allclose(line.get_ydata(), curve.C[0, row, 1])
+    assert len({line.get_color() for line in drawn}) == len({line.get_linestyle() for line in drawn}) == 2
+    assert drawn[0].get_color() == drawn[2].get_color() != drawn[1].get_color()
+    told = [text.get_text() for text in fig.axes[1].get_legend().get_texts()]
+    assert told == [r"$\omega\tau_1=10^{-3}$", r"$\omega\tau_1=10^{-2}$", "$N=64$", "$N=256$"]
+
+
+def test_lengths_against_that_of_a_medium(tmp_path):
+    """√(|G* − iωη_F|/ω), in units of d, k and τ₁."""
+    file = correlation_file(
+        tmp_path / "a.h5", tau1=4.0, k=3.0, eta_f=2.0, G=np.array([0.3 + 0.6j, 3.0 + 1.5j])
+    )
+    curve = correlation_curve(file)
+    np.testing.assert_allclose(curve.modulus, [0.1 + 0.198j, 1.0 + 0.48j])
+    x, y = bars(figure_of(plot_lengths, [curve]).axes[2])[0][:2]
+    np.testing.assert_allclose(x, np.sqrt(np.abs(curve.modulus) / [1e-3, 1e-2]))
+    np.testing.assert_allclose(y, curve.G.real)
+    assert len(figure_of(plot_lengths, [replace(curve, modulus=None)]).axes) == 2
+
+
+def test_a_sweep_without_a_modulus_has_no_phase_of_the_stress(tmp_path):
+    path = write_sweep(tmp_path, "s", n=16, G=np.array([np.nan, 1.0]))
+    with pytest.raises(InputError, match=r"s\.h5: has no modulus at omega = 0\.0001, .*use --phase strain"):
+        run(path, "--out", tmp_path / "c.h5")
+
+
+# The medium
+
+
+def test_roots_of_a_medium_stirred_by_random_stresses():
+    """At low frequency −ln 2 sin(πδ) falls to zero at 1/6, and lanes of a square cell move that a little; a field of
+    1/k³ is nearly the longest wave. At finite frequency the length is √(|G*|/nω), with a number of order one.
+    """
+    assert first_root_of(solid) == pytest.approx(0.169, abs=5e-4)
+    assert first_root_of(dragged) == pytest.approx(0.246, abs=5e-4)
+    for part, slow in ((np.real, solid), (np.imag, dragged)):
+        assert first_root_of(stokes(part, length=100.0)) == pytest.approx(first_root_of(slow), abs=1e-4)
+    for angle, phase, wanted in (
+        (0.0, "strain", (0.62, 1.82)), (np.pi / 4, "strain", (0.60, 1.85)), (np.pi / 4, "stress", (0.43, 0.84))
+    ):  # fmt: skip
+        roots = [first_root_of(stokes(part, angle, phase, 0.04)) / 0.04 for part in (np.real, np.imag)]
+        np.testing.assert_allclose(roots, wanted, rtol=0.02)
+
+
+def test_lanes_of_a_random_medium_have_its_roots():
+    """Fields drawn with the spectrum of `medium`, on disks, correlated as those of packings are."""
+    m, n = (a.ravel() for a in np.meshgrid(np.arange(-20, 21), np.arange(1, 21)))
+    k = 2 * np.pi * np.column_stack((m, n)) / SIDE
+    for factor, wanted, within in ((solid, 0.169, 0.02), (dragged, 0.246, 0.02)):
+        size = factor(np.hypot(*k.T)) * k[:, 0] / np.hypot(*k.T)
+        sums = []
+        for seed in range(8):
+            points, rng = scattered(1500, SQUARE, seed), np.random.default_rng(seed)
+            waves = np.exp(1j * points @ k.T) @ (size * (rng.normal(size=(2, len(m))).T @ [1, 1j]))
+            alone = np.arange(1, 21)  # the waves along x, of n = 0
+            q = 2 * np.pi * alone / SIDE
+            waves += np.exp(1j * np.outer(points[:, 0], q)) @ (
+                factor(q) * (rng.normal(size=(20, 2)) @ [1, 1j])
+            )
+            sums.append(lane_sums(points, SQUARE, waves.real[None], 0.5, grid_cells(SIDE, 1.0)))
+        found = correlate(sums)
+        assert found.root[0] == pytest.approx(wanted, abs=within + 2 * found.root_error[0])
+
+
 def test_errors_that_nobody_knows_have_no_entry(tmp_path):
     curve = correlation_curve(correlation_file(tmp_path / "a.h5", low=-0.1))
     bare = replace(curve, errors=np.full_like(curve.errors, np.nan))
-    fig = figure_of(plot_comparison, [bare], 1e-2)
+    fig = figure_of(plot_comparison, [bare], [1e-2])
     assert "standard error" not in [text.get_text() for text in fig.axes[1].get_legend().get_texts()]
     assert all(np.allclose(low, high) for ax in fig.axes for _, low, high in bands(ax))
     assert fig.axes[0].get_ylim() == pytest.approx((-0.5, 1.05))
@@ -715,14 +823,21 @@ def test_several_correlations_are_compared_at_the_lowest_frequency_or_the_one_as
         for n, p in enumerate((1e-3, 1e-2))
     ]
     said, (name, curves, omega, _) = said_of("correlation", files, monkeypatch)
-    assert (name, len(curves), omega) == ("plot_comparison", 2, 1e-3)
-    assert said == "correlation in 2 files at omega tau1 = 0.001"
+    assert (name, len(curves), omega) == ("plot_comparison", 2, [1e-3])
+    assert said == "correlation in 2 files at omega tau1 = 0.001, in phase with the strain"
     said, (name, curves, omega, _) = said_of("correlation", files[:1], monkeypatch, omega="0.1")
-    assert (name, len(curves), omega) == ("plot_comparison", 1, 0.1) and "in 1 file at" in said
+    assert (name, len(curves), omega) == ("plot_comparison", 1, [0.1]) and "in 1 file at" in said
     said, (name, *_) = said_of("correlation", files[:1], monkeypatch)
-    assert (name, said) == ("plot_correlation", "correlation at 3 frequencies")
-    with pytest.raises(InputError, match=r"--omega 0\.1,0\.01: correlations are compared at one frequency"):
-        said_of("correlation", files, monkeypatch, omega="0.1,0.01")
+    assert (name, said) == ("plot_correlation", "correlation at 3 frequencies, in phase with the strain")
+    said, (name, curve, _) = said_of("correlation", files[:1], monkeypatch, omega="0.1,0.001")
+    assert name == "plot_correlation" and curve.omega.tolist() == [1e-3, 1e-1]
+    assert curve.C.tolist() == correlation_curve(files[0]).C[:, [1, 2]].tolist()
+    said, (name, *_, omega, _) = said_of("correlation", files, monkeypatch, omega="0.1,0.01")
+    assert (name, list(omega)) == ("plot_comparison", [1e-2, 1e-1]) and "omega tau1 = 0.01, 0.1" in said
+    other = correlation_file(tmp_path / "other.h5", omega=(1e-2, 1e-3, 1e-1), phase="stress")
+    for kind in ("correlation", "length"):
+        with pytest.raises(InputError, match=r"other\.h5: in phase with the stress, 0\.h5 with the strain"):
+            said_of(kind, [files[0], other], monkeypatch)
 
 
 def test_the_spread_of_lengths_is_told_of_those_within_the_cell(tmp_path, monkeypatch):
@@ -732,12 +847,14 @@ def test_the_spread_of_lengths_is_told_of_those_within_the_cell(tmp_path, monkey
     ]
     curves = [correlation_curve(file) for file in files]
     said, (name, *_, exponent) = said_of("length", files, monkeypatch, log_exponent=0.3)
-    spread = length_spread([(c.omega, c.G, c.pressure, c.size) for c in curves], 0.3)
-    assert (name, exponent) == ("plot_lengths", 0.3)
-    assert (
-        said
-        == f"correlation lengths of 2 files; l (-ln p)^0.3 differs by {100 * spread:.2g} % (rms) at equal omega/p^(1/2)"
+    spread, whole = (
+        length_spread([(c.omega, c.G, size(c), c.pressure, 0.3) for c in curves], stokes_collapse)
+        for size in (lambda c: c.size, lambda c: 1e9)
     )
-    assert spread != length_spread([(c.omega, c.G, c.pressure, 1e9) for c in curves], 0.3)
+    assert (name, exponent) == ("plot_lengths", 0.3) and spread != whole
+    assert said == (
+        "correlation lengths of 2 files, in phase with the strain; l (-ln p)^0.3 differs by "
+        f"{100 * spread:.2g} % (rms) at equal omega/p^(1/2)"
+    )
     said, (*_, exponent) = said_of("length", files[:1], monkeypatch)
-    assert said == "correlation lengths of 1 file" and exponent == 0.65
+    assert said == "correlation lengths of 1 file, in phase with the strain" and exponent == 0.65

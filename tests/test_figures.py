@@ -4,6 +4,8 @@ import os
 import shlex
 import subprocess
 import sys
+import tarfile
+import tomllib
 
 import launch
 import pytest
@@ -170,7 +172,54 @@ def test_sizes_of_a_figure_come_from_its_mode_or_the_environment():
         (study,) = shown("bt-fig3", *words, **sizes)[0].values()
         assert f"n = {n}\n" in study
     done = subprocess.run([FIGURES / "bt-fig3", "--papers"], capture_output=True, text=True)
-    assert done.returncode == 2 and "--papers: there are --quick, --paper and --show" in done.stderr
+    assert done.returncode == 2 and "--papers: there are --quick, --paper, --kept and --show" in done.stderr
+
+
+JAMMING = {  # of each figure, what Vågberg's papers I to III do: {(protocol, option): values that the study has}
+    "paper1": {
+        ("compress", "cooling-rate"): {1e-1, 1e-2, 1e-3},
+        ("compress", "separated"): {False, True},
+        ("compress", "strain"): {None, 3},
+        ("shear", "separated"): {False, True, None},
+        ("shear", "step"): {2e-3, 6.667e-4},
+        ("random", "potential"): {None},
+    },
+    "paper2": {
+        ("random", "n"): {32, 64, 128, 256},
+        ("shear", "n"): {32, 64, 128},
+        ("shear", "step"): {2e-3},
+        ("shear", "phi"): {0.82, 0.83, 0.835, 0.84, 0.845, 0.85, 0.855},
+    },
+    "paper3": {
+        (protocol, option): values
+        for protocol in ("random", "shear")
+        for option, values in (("phi", {0.84}), ("potential", {"harmonic", "hertzian"}), ("n", {64}))
+    },
+}
+AT_THEIR_SIZE = {
+    "paper1": {("compress", "cooling-rate"): {1e-1, 1e-2, 1e-3, 1e-4}},
+    "paper2": {(protocol, "n"): {32, 64, 128, 256, 512, 1024} for protocol in ("random", "shear")},
+    "paper3": {(protocol, "n"): {64, 256} for protocol in ("random", "shear")},
+}
+
+
+@pytest.mark.parametrize("name", JAMMING)
+def test_studies_of_jamming_are_those_of_the_papers(name):
+    for words, wanted in (([], JAMMING), (["--paper"], AT_THEIR_SIZE)):
+        (study,) = shown(name, *words)[0].values()
+        tables = tomllib.loads(study)["jam"]
+        for (protocol, option), values in wanted[name].items():
+            mine = [table.get(option) for table in tables if table["protocol"] == protocol]
+            assert {one for some in mine for one in (some if isinstance(some, list) else [some])} == values
+
+
+def test_corrections_to_scaling_are_fitted_beside_what_goes_without(parsers):
+    fits = [
+        parsers["collapse"].parse_args(words[1:]) for words in shown("paper2")[1] if words[0] == "collapse"
+    ]
+    asked = {(fit.where, fit.observable, fit.corrections) for fit in fits}
+    assert len(asked) == len(fits) == 8 and all(fit.finite_size for fit in fits)
+    assert {fit.fit for fit in fits if fit.corrections} == {"phi_J,y=0,nu,omega", "phi_J,y,nu,omega"}
 
 
 def as_python(words):
@@ -190,12 +239,27 @@ TINY = {
 }
 WHOLE = "bt-fig5"  # is run by its script
 LESS = {  # a figure of which something has to be smaller, or must not be
-    **{"paper1": {"STRAIN": "0.1"}, "paper2": {"N": "16,20,24"}, "paper3": {"STRAIN": "0.1"}},
     "bt-fig8": dict.fromkeys(("SMALL", "MIDDLE", "LARGE"), "16")
     | dict.fromkeys(("MANY", "SOME", "FEW"), "1:1"),
+    "paper1": {
+        **{"LIQUID": "16", "LARGE": "20", "SEVERAL": "1:2", "MIXED": "1:2", "MIXING": "0.02", "THIRD": "1:1"},
+        **{"PHI": "0.84,0.86", "RUNS": "1:1", "STRAIN": "0.1", "DISCARD": "0.04", "FIRST": "0.06"},
+    },
+    "paper2": {
+        **{"SMALL": "16", "MIDDLE": "20,24", "SOME": "1:3", "WIDE": "0.8,0.82,0.84,0.86,0.88"},
+        **{
+            "NARROW": "0.82,0.84,0.86,0.88",
+            "SLOW": "20",
+            "STRAIN": "0.1",
+            "LITTLE": "0.1",
+            "DISCARD": "0.04",
+        },
+    },
+    "paper3": {"STRAIN": "0.1", "DISCARD": "0.04", "RUNS": "1:1"},
     **{"paper4": {"RATES": "0.1,0.05"}, "paper5": {"RATES": "0.1,0.05"}},
     **{
         "softening": {"STRAINS": "0.01,1", "STEPS": "16", "CYCLES": "3"},
+        "bt-modes": {"MODES": "10"},
         "bt-nonlinear": {"STRESSES": "1e-5", "POINTS": "3", "PRESSURES": "1e-2"},
     },
 }
@@ -251,3 +315,15 @@ def test_a_figure_is_made_and_its_claims_are_looked_at(tmp_path):
     assert done.returncode == 0, done.stderr
     rows = [line for line in done.stdout.splitlines()[2:]]
     assert len(rows) == 10 and all(row.count(" | ") == 6 and "`bt-fig5`" in row for row in rows)
+    keeping = (
+        f"import pathlib, keep; keep.keep(pathlib.Path({str(folder)!r}), pathlib.Path({str(tmp_path)!r}))"
+    )
+    subprocess.run([sys.executable, "-c", keeping], cwd=program.parent, check=True)
+    with tarfile.open(tmp_path / f"{WHOLE}.tar.xz") as archive:
+        archive.extractall(tmp_path / f"{WHOLE}-kept")
+    kept = subprocess.run([sys.executable, program, tmp_path, "kept"], **settings)
+    assert kept.stdout == done.stdout
+    assert (
+        not list(tmp_path.glob(f"{WHOLE}-kept/pack-*"))
+        and os.path.getsize(tmp_path / f"{WHOLE}.tar.xz") < 1e5
+    )

@@ -18,6 +18,7 @@ from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.network import build_network
 from jampetsc.response import modes as modes_module
+from jampetsc.response.carried import LOWEST
 from jampetsc.response.elastic import ElasticResponse
 from jampetsc.response.modes import _require_different, lowest_modes
 from jampetsc.solvers import eigen
@@ -64,11 +65,10 @@ def check(modes, wanted, vectors, exact):
 )
 @pytest.mark.parametrize("prestress", [True, False])
 def test_against_dense(session, sample, count, prestress):
-    """Few modes come from Lanczos, SLEPc's on several ranks, many from LAPACK; every quantity from its definition."""
+    """Few modes come from SLEPc, many from LAPACK; every quantity from its definition."""
     wanted, vectors, exact = spectrum(sample, prestress)
     modes = lowest_modes(build_network(SAMPLES[sample](), session.comm, prestress), count)
-    few = "lanczos" if session.size == 1 else "krylovschur"
-    assert modes.method == ("lapack" if 2 * (count + 2) >= len(wanted) else few)
+    assert modes.method == ("lapack" if 2 * (count + 2) >= len(wanted) else "krylovschur")
     check(modes, wanted, vectors, exact)
     assert modes.complete == (count == len(wanted))
     assert count == len(wanted) or wanted[count - 1] < modes.inertia_shift < wanted[count]
@@ -85,6 +85,38 @@ def test_against_dense(session, sample, count, prestress):
         assert modes.floppiness[row] == pytest.approx(np.sqrt(transverse / normal), rel=1e-8)
         assert modes.participation[row] == pytest.approx(1 / (len(sizes) * np.sum(sizes**2)), rel=1e-8)
         assert abs(modes.shear_force[row]) == pytest.approx(abs(force), rel=1e-7, abs=1e-10)
+    check_carried(modes, vectors, wanted, exact)
+
+
+def check_carried(modes, vectors, wanted, exact):
+    """Shares are projections on the response that a dense solve gives; medians are those of sums of dense modes."""
+    whole = exact.quasistatic()[0].astype(float)
+    n, t = (exact.r / exact.distance[:, None]).astype(float), np.empty((len(exact.r), 2))
+    t[:, 0], t[:, 1] = -n[:, 1], n[:, 0]
+    imposed = exact.r[:, 1].astype(float)
+
+    def motions(u):
+        move = u.reshape(-1, 2)[exact.j] - u.reshape(-1, 2)[exact.i]
+        return np.sum(n * move, axis=1), np.sum(t * move, axis=1)
+
+    parts = -(exact.K[:-1, -1].astype(float) @ vectors / wanted) * vectors
+    counts = [count for count in LOWEST if count <= len(modes.eigenvalues)]
+    np.testing.assert_array_equal(modes.carried.count, counts)
+    for name, axis in (("normal", 0), ("transverse", 1)):
+        target, along = motions(whole)[axis], (n, t)[axis][:, 0] * imposed
+        share = [motions(part)[axis] @ target / (target @ target) for part in parts.T]
+        m = len(modes.eigenvalues)
+        np.testing.assert_allclose(modes.carried.share[name], share[:m], rtol=1e-6, atol=1e-8)
+        assert sum(share) == pytest.approx(1.0, abs=1e-7)
+        assert modes.carried.whole[name] == pytest.approx(np.median(np.abs(target + along)), rel=1e-7)
+        for count, found in zip(counts, modes.carried.median[name], strict=True):
+            alone = motions(parts[:, :count].sum(axis=1))[axis]
+            assert found == pytest.approx(np.median(np.abs(alone)), rel=1e-6)
+    for count, found in zip(counts, modes.carried.median["nonaffine"], strict=True):
+        alone = np.hypot(*parts[:, :count].sum(axis=1).reshape(-1, 2).T)
+        assert found == pytest.approx(np.median(alone), rel=1e-6)
+    if not modes.network.prestress and np.ptp(modes.network.contacts.stiffness) == 0:
+        np.testing.assert_allclose(modes.carried.share["normal"], modes.carried.share["modulus"], rtol=1e-7)
 
 
 @pytest.mark.parametrize("sample", ["published", "polydisperse", "isostatic"])
@@ -93,8 +125,8 @@ def test_all_modes_carry_the_whole_response(session, sample):
     network = build_network(SAMPLES[sample](), session.comm)
     modes = lowest_modes(network)
     assert modes.complete and len(modes.eigenvalues) == 2 * network.n - 2
-    assert modes.share_modulus.sum() == pytest.approx(1.0, abs=1e-9)
-    assert modes.share_nonaffine.sum() == pytest.approx(1.0, abs=1e-8)
+    for name, share in modes.carried.share.items():
+        assert share.sum() == pytest.approx(1.0, abs=1e-9 if name == "modulus" else 1e-8)
     field = -np.tensordot(modes.shear_force / modes.eigenvalues, modes.vectors, axes=1)
     exact, _ = reference(sample, str(physics("stokes"))).quasistatic()
     rows = unknowns(network, 1, reference(sample, str(physics("stokes"))).disks)
@@ -163,7 +195,7 @@ def test_planted_floppy_mode(session):
     assert abs(modes.eigenvalues[0]) < 1e-13 and modes.eigenvalues[1] > 1e-6
     assert modes.normal[0] < 1e-20 and modes.transverse[0] > 1e-3
     assert modes.floppiness[0] > 1e8 and modes.floppiness[1] < 1e3
-    assert modes.share_modulus is None
+    assert modes.carried is None
     assert abs(modes.shear_force[0]) < 1e-10
     with pytest.raises(InputError, match="K has 1 floppy mode besides its translations"):
         ElasticResponse(floppy)
@@ -259,7 +291,7 @@ def test_none_below_is_said_and_one_is_found(session):
 def test_an_affine_response_has_no_shares(session):
     """In a crystal a shear moves every disk with the cell: there is nothing to share."""
     modes = lowest_modes(build_network(crystal(), session.comm), 4)
-    assert modes.share_modulus is None and modes.share_nonaffine is None
+    assert modes.carried is None
     assert np.abs(modes.shear_force).max() < 1e-12
 
 

@@ -53,7 +53,7 @@ def modes(folder):
 
 PICTURES = [  # (function, what it draws, (x, y, scales) of the panels: linear or log)
     (correlation.plot_correlation, lambda folder: lengths(folder)[0],
-     [(r"$\delta/L$", rf"$C(\delta)$ of {part} $u_y$", "--") for part in ("Re", "Im")]),
+     [(r"$\delta/L$", rf"$C(\delta)$ of {part} $u_y/\gamma$", "--") for part in ("Re", "Im")]),
     (correlation.plot_lengths, lengths,
      [(r"$\omega\tau_1$", "$l/L$", "ll"),
       (r"$\omega\tau_1\,/\,(p/k)^{1/2}$", r"$(l/d)\,[-\ln(p/k)]^{0.65}$", "ll")]),

@@ -147,10 +147,10 @@ def test_a_length_is_scaled_with_its_pressure():
 @pytest.mark.parametrize(("off", "there"), [(1.009, True), (1.011, False)])
 def test_files_are_compared_at_a_frequency_that_they_have(off, there):
     if there:
-        assert figure_of(plot_comparison, [lengths()], 1e-2 * off).axes
+        assert figure_of(plot_comparison, [lengths()], [1e-2 * off]).axes
     else:
         with pytest.raises(InputError, match=r"c\.h5: no correlation at omega = 0.01011: it has 0.001, 0.01"):
-            plot_comparison([lengths()], 1e-2 * off, "x.png")
+            plot_comparison([lengths()], [1e-2 * off], "x.png")
 
 
 # How many fit

@@ -116,8 +116,10 @@ def test_the_kind_follows_from_files_and_options(sweeps, packing, with_fields, t
 def test_frequencies_of_fields_are_told_in_units_of_tau1(packing, tmp_path, capsys):
     fields = (np.array([0.5]), np.ones((1, 16, 2), complex), None, np.arange(16))
     path = write_sweep(tmp_path / "slow.h5", packing=packing, fields=fields, tau1=4.0)
-    plot(path, "--kind", "fields", "--out", tmp_path / "x.svg")
-    assert "fields at omega tau1 = 2\n" in capsys.readouterr().out
+    plot(path, "--kind", "fields", "--phase", "strain", "--out", tmp_path / "x.svg")
+    assert "fields at omega tau1 = 2, in phase with the strain\n" in capsys.readouterr().out
+    with pytest.raises(InputError, match=r"0\.5 is not one of .*no phase of the stress: use --phase strain"):
+        plot(path, "--kind", "fields", "--out", tmp_path / "x.svg")
 
 
 def test_width_is_one_column_of_print(sweeps, tmp_path):
@@ -401,6 +403,31 @@ def test_arrows_are_the_field_in_phase_and_out_of_phase_times_what_is_told():
             assert np.abs(arrows - factor * one).max(axis=1).min() < 1e-9
 
 
+def test_fields_at_peak_and_at_zero_stress_with_their_affine_part(tmp_path, packing, monkeypatch):
+    """Re and −Im of (y x̂ + ũ/γ)/G*, but for |G*|; y from the middle of the cell; rotations turn alike."""
+    disks, rng = samples.published(), np.random.default_rng(3)
+    u = 0.01 * (rng.normal(size=(1, 16, 2)) + 2j * rng.normal(size=(1, 16, 2)))
+    fields = (OMEGA[24:25], u, u[..., 0], np.arange(16))
+    path = write_sweep(tmp_path / "s.h5", packing=packing, fields=fields)
+    turn = np.exp(-1j * np.angle(modulus(OMEGA, 1e-3)[24]))
+    total = u[0].copy()
+    total[:, 0] += periodic.wrap(disks.positions, disks.cell)[:, 1] - disks.cell[1, 1] / 2
+    drawn = []
+    monkeypatch.setattr("jampetsc.plots.fields.plot_fields", lambda *given: drawn.append(given))
+    plot(path, "--total", "--out", tmp_path / "x.png")
+    _, _, (field,), (spin,), *_, phase, symbol = drawn[0]
+    np.testing.assert_allclose(field, turn * total)
+    np.testing.assert_allclose(spin, turn * u[0, :, 0])
+    assert (phase, symbol) == ("stress", "u")
+    fig = figure_of(plot_fields, disks, OMEGA[24:25], [field], None, np.arange(16), phase="stress")
+    for ax, name, part in zip(fig.axes, ("peak", "zero"), (field.real, -field.imag), strict=True):
+        assert f"at {name} stress" in ax.get_title()
+        arrows = np.column_stack((ax.collections[1].U, ax.collections[1].V))
+        longest = part[np.hypot(*part.T).argmax()]
+        ratio = np.hypot(*arrows.T).max() / np.hypot(*longest)
+        assert np.abs(arrows - ratio * longest).max(axis=1).min() < 1e-9 * np.abs(arrows).max()
+
+
 def test_arrows_spread_evenly_when_there_are_too_many_disks():
     rng = np.random.default_rng(9)
     cell = np.array([[120.0, 0.0], [30.0, 60.0]])
@@ -472,9 +499,9 @@ def test_too_many_frequencies_for_one_picture(tmp_path, packing):
     omega = np.geomspace(1e-3, 1, 6)
     fields = (omega, np.ones((6, 16, 2), complex), None, np.arange(16))
     path = write_sweep(tmp_path / "many.h5", packing=packing, fields=fields)
-    plot(path, "--kind", "fields", "--out", tmp_path / "x.png")  # four of them
+    plot(path, "--kind", "fields", "--phase", "strain", "--out", tmp_path / "x.png")  # four of them
     with pytest.raises(InputError, match="6 frequencies: one picture holds 5"):
-        plot(path, "--omega", "1e-3:1:6", "--out", tmp_path / "x.png")
+        plot(path, "--omega", "1e-3:1:6", "--phase", "strain", "--out", tmp_path / "x.png")
 
 
 @pytest.mark.parametrize(

@@ -52,7 +52,7 @@ def test_facts_of_a_packing(session):
 def test_modes(session, path):
     put(path, isostatic(), session.comm)
     out = path.parent / "m.h5"
-    found = modes_file.run(path, out, True, 5)
+    found = modes_file.run(path, out, True, 10)
     session.comm.barrier()
     file = load(out)
     names = {
@@ -61,15 +61,13 @@ def test_modes(session, path):
         "normal": "normal",
         "transverse": "transverse",
     }
-    names |= {
-        "participation_ratio": "participation",
-        "shear_force": "shear_force",
-        "share/nonaffine": "share_nonaffine",
-    }
+    names |= {"participation_ratio": "participation", "shear_force": "shear_force"}
     compare(file, {name: getattr(found, field) for name, field in names.items()})
-    compare(
-        file, {"share/modulus": found.share_modulus, "cumulative/nonaffine": np.cumsum(found.share_nonaffine)}
-    )
+    carried = found.carried
+    for name, share in carried.share.items():
+        compare(file, {f"share/{name}": share, f"cumulative/{name}": np.cumsum(share)})
+    compare(file, {"lowest/count": [10], **{f"lowest/{k}_median": v for k, v in carried.median.items()}})
+    assert {name: file.attributes[f"{name}_median"] for name in carried.whole} == carried.whole
     compare(
         file,
         {
@@ -79,7 +77,7 @@ def test_modes(session, path):
     )
     np.testing.assert_array_equal(file["particles"], whole(session.comm, found.network.particles))
     told = {
-        "inertia_count": 5,
+        "inertia_count": 10,
         "inertia_shift": found.inertia_shift,
         "complete": False,
         "method": found.method,

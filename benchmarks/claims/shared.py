@@ -120,4 +120,4 @@ def fitted(table, name, wanted, of):
     for parameter, theirs, note in wanted:
         symbol = {"phi_J": "φ_J", "znu": "zν", "nu": "ν"}.get(parameter, parameter)
         what = f"{of}: {symbol} (χ²/dof {result['chi2'] / result['dof']:.2f})"
-        yield what, theirs, result[parameter], result[f"{parameter}_error"], note
+        yield Row(what, theirs, result[parameter], result[f"{parameter}_error"], note)

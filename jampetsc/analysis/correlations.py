@@ -3,8 +3,8 @@
     C(δ) = ⟨u_y(x) u_y(x + δ)⟩ / ⟨u_y²⟩ ,
 
 averaged over pairs of disks in the same lane, a strip along x of given width. u_y has no affine part under
-u_x = γ y, so C is that of the non-affine motion. Real and imaginary part of a field, in phase with the strain
-and with its rate, are correlated each with itself. In a periodic cell a lane closes on itself after
+u_x = γ y, so C is that of the non-affine motion. Real and imaginary part of a field, in phase with the stress (or the
+strain) and with its rate, are correlated each with itself. In a periodic cell a lane closes on itself after
 L = |a₁|, so C is even about δ = L/2.
 
 Disks are put on a grid finer than the bins of δ, and pairs are counted by Fourier transforms lane by lane:
@@ -224,18 +224,28 @@ def stokes_collapse(omega, length, pressure, exponent=LOG_EXPONENT):
     return np.asarray(omega) / np.sqrt(pressure), np.asarray(length) * (-np.log(pressure)) ** exponent
 
 
-def length_spread(lengths, exponent=LOG_EXPONENT) -> float:
-    """How far from one curve collapsed lengths are: rms of the standard deviation of ln l between files.
+def medium_collapse(omega, length, G):
+    """(√(|G*|/ω), l): the length under Stokes drag against that of an elastic medium, see `analysis.medium`.
 
-    `lengths` is a sequence of (omega, l/d (F,) complex for Re and Im, pressure, L/d). Lengths near the size
-    of a disk or of the cell are left out. Raises InputError if nothing overlaps.
+    G (F,) complex in k is that of the solid alone, without iωη_F; ω in 1/τ₁.
+    """
+    return np.sqrt(np.abs(G) / omega), np.asarray(length)
+
+
+def length_spread(lengths, collapse) -> float:
+    """How far from one curve collapsed lengths are: rms of the standard deviation of ln y between files.
+
+    lengths    sequence of (omega, l/d (F,) complex for Re and Im, L/d, …)
+    collapse   (omega, l/d, …) -> (x, y) with the rest of each entry, such as `stokes_collapse`
+
+    Lengths near the size of a disk or of the cell are left out. Raises InputError if nothing overlaps.
     """
     scaled = []
-    for omega, length, pressure, size in lengths:
+    for omega, length, size, *more in lengths:
         parts = [
             np.where((part > SHORTEST) & (part < LONGEST * size), part, 0.0)
             for part in (length.real, length.imag)
         ]
-        x, y = stokes_collapse(omega, parts[0] + 1j * parts[1], pressure, exponent)
+        x, y = collapse(omega, parts[0] + 1j * parts[1], *more)
         scaled.append((x, y, 1.0))
     return collapse_spread(scaled, end=np.inf)

@@ -3,6 +3,7 @@
 import math
 
 from jampetsc.errors import InputError
+from jampetsc.words.picture import PHASES
 
 FORMAT = "jampetsc-correlation"
 LANES = "0.5,0.25,1"
@@ -10,9 +11,10 @@ SAME_PRESSURE = 0.01  # sweeps are averaged if their pressures differ by no more
 
 DESCRIPTION = """\
 Correlation C(delta) of the displacements u_y along x in narrow lanes (BT Fig. 7), real and imaginary part, of
-the fields that sweeps hold (jampetsc sweep --fields), and the length l at its first root. Several sweeps of
-one kind (law, pressure, number of disks) are averaged. Of flow files with snapshots: the correlation g_y(x) of
-transverse velocities along the flow (Vågberg, eq. 4.23) of pairs closer than a lane in y, and its minimum."""
+the fields that sweeps hold (jampetsc sweep --fields), and the length l at its first root: by default in the phase
+of the stress, which is what BT impose. Several sweeps of one kind (law, pressure, number of disks) are averaged.
+Of flow files with snapshots: the correlation g_y(x) of transverse velocities along the flow (Vågberg, eq. 4.23)
+of pairs closer than a lane in y, and its minimum."""
 EPILOG = """\
 Each packing is looked for beside its sweep. Errors come from resampling the packings, or strips of
 lanes where there are fewer than five packings; those are lower bounds.
@@ -46,6 +48,11 @@ def add_parser(subparsers) -> None:
         help=f"widths of a lane in mean diameters, the first for the summary (default {LANES}); "
         "flow: its one width in the file's unit of length (default 0.5)",
     )
+    parser.add_argument(
+        "--phase",
+        choices=PHASES,
+        help="sweeps: real parts are in phase with the stress (default, as BT have it) or with the strain",
+    )
     parser.add_argument("--bin", type=float, metavar="B", help="flow: width of a bin of x (default 1)")
     parser.add_argument("--omega", metavar="w1,w2,…", help="fields at these frequencies (default: all)")
     parser.add_argument("--packing", metavar="FILE", help="packing of a single sweep, if it is not beside it")
@@ -68,12 +75,13 @@ def run(args, petsc_argv) -> int:
     import numpy as np
 
     from jampetsc.analysis.correlations import correlate, grid_cells, lane_sums
-    from jampetsc.storage.fields import chosen_frequencies, field_at, packing_of, particle_rows
+    from jampetsc.storage.fields import chosen_frequencies, field_at, packing_of, particle_rows, phase_factor
     from jampetsc.storage.outputs import check_output
     from jampetsc.words.files import refuse_repeated
 
     began = time.perf_counter()
     lanes, wanted = check(args)
+    phase = args.phase or PHASES[0]
     refuse_repeated(args.files)
     if _is_flow(args.files[0]):
         return _velocities(args, began)
@@ -85,7 +93,7 @@ def run(args, petsc_argv) -> int:
         raise InputError(
             f"--packing {args.packing}: one packing for {len(sweeps)} sweeps: correlate them one by one"
         )
-    frequencies, sums, cells, scales = [], [[] for _ in lanes], None, []
+    frequencies, sums, cells, scales, moduli = [], [[] for _ in lanes], None, [], []
     for sweep in sweeps:
         fields = sweep.fields
         rows = chosen_frequencies(sweep, fields.omega[np.argsort(fields.omega)] if wanted is None else wanted)
@@ -95,7 +103,11 @@ def run(args, petsc_argv) -> int:
         diameter = 2.0 * float(disks.radii.mean())
         scales.append((disks.cell[0, 0], diameter))
         cells = cells or grid_cells(disks.cell[0, 0], diameter)
-        transverse = np.array([field_at(sweep, row)[0][:, 1] for row in rows])
+        turns = [phase_factor(sweep, omega, phase) for omega in frequencies[-1]]
+        transverse = np.array(
+            [turn * field_at(sweep, row)[0][:, 1] for turn, row in zip(turns, rows, strict=True)]
+        )
+        moduli.append(sweep.modulus(frequencies[-1]))
         parts = np.stack((transverse.real, transverse.imag), axis=1).reshape(2 * len(rows), -1)
         for width, found in zip(lanes, sums, strict=True):
             try:
@@ -107,8 +119,9 @@ def run(args, petsc_argv) -> int:
     _require_same_frequencies(sweeps, frequencies)
     results = [correlate(found) for found in sums]
     omega, (length, diameter) = frequencies[0], np.mean(scales, axis=0)
-    _write(args.out, sweeps, omega, [found[0].width for found in sums], results, length, diameter, began)
-    print(_summary(args.out, sweeps, omega, lanes, results, length / diameter))
+    widths, G = [found[0].width for found in sums], np.mean(moduli, axis=0)
+    _write(args.out, sweeps, omega, phase, G, widths, results, length, diameter, began)
+    print(_summary(args.out, sweeps, omega, phase, lanes, results, length / diameter))
     return 0
 
 
@@ -128,7 +141,7 @@ def _velocities(args, began):
     from jampetsc.storage.reader import load
     from jampetsc.storage.result_file import ResultWriter
 
-    for name in ("omega", "packing"):
+    for name in ("omega", "packing", "phase"):
         if getattr(args, name) is not None:
             raise InputError(f"--{name}: belongs to sweeps, not to {args.files[0]}; leave it out")
     check_output(args.out, lanes.FORMAT, args.files)
@@ -158,6 +171,8 @@ def _velocities(args, began):
             mean_square=found.mean_square,
             minimum=depth,
             minimum_at=place,
+            minimum_error=found.minimum_errors[1],
+            minimum_at_error=found.minimum_errors[0],
         )
     print(
         f"{args.out}: g_y of {found.snapshots} snapshots, |y| < {widths[0]:g}: least {depth:.3g} at x = {place:.3g}, "
@@ -221,7 +236,7 @@ def _require_same_frequencies(sweeps, frequencies):
             )
 
 
-def _write(out, sweeps, omega, widths, results, length, diameter, began):
+def _write(out, sweeps, omega, phase, G, widths, results, length, diameter, began):
     import time
 
     import numpy as np
@@ -237,6 +252,7 @@ def _write(out, sweeps, omega, widths, results, length, diameter, began):
     with ResultWriter(out, FORMAT) as writer:
         for name, values in {
             "omega": omega,
+            "G": G,
             "lane_width": np.array(widths),
             "delta": length * np.array([result.separation for result in results]),
             "C": parts("values"),
@@ -249,6 +265,7 @@ def _write(out, sweeps, omega, widths, results, length, diameter, began):
             writer.dataset(name, values)
         writer.attributes(
             **derived_from(sweeps, time.perf_counter() - began) | _mean_pressure(sweeps),
+            phase=phase,
             packings=len(sweeps),
             L=length,
             mean_diameter=diameter,
@@ -261,13 +278,14 @@ def _mean_pressure(sweeps):
     return {"pressure": sum(known) / len(known)} if known else {}
 
 
-def _summary(out, sweeps, omega, lanes, results, size):
+def _summary(out, sweeps, omega, phase, lanes, results, size):
     """Lengths in diameters of the first lane width, and how far the others are from it."""
     from jampetsc.words.picture import count
 
     first = results[0]
     packings = count(sweeps, "packing", "packings")
-    lines = [f"{out}: {packings}, L = {size:.4g} d, lanes of {lanes[0]:g} d, {first.pairs} pairs"]
+    cells = f"L = {size:.4g} d, lanes of {lanes[0]:g} d, {first.pairs} pairs"
+    lines = [f"{out}: {packings}, {cells}, in phase with the {phase}"]
     for n, w in enumerate(omega):
         parts = [
             f"{name} {_with_error(size * first.root[2 * n + part], size * first.root_error[2 * n + part])}"

@@ -89,13 +89,12 @@ def summary(out, modes) -> str:
         f"{modes.residuals.max():.1e}",
         f"  floppiness (rms Δu⊥ / Δu∥) {modes.floppiness[0]:.3g} to {modes.floppiness[-1]:.3g}",
     ]
-    if modes.share_modulus is None:
+    if modes.carried is None:
         lines.append(
             "  the response to shear is affine, or not unique because of zero modes: no shares of it"
         )
     else:
-        lines.append(
-            f"  together {100 * modes.share_nonaffine.sum():.3g} % of |u_na|², "
-            f"{100 * modes.share_modulus.sum():.3g} % of G_affine − G0"
-        )
+        names = {"nonaffine": "|u_na|²", "transverse": "Δu⊥²", "normal": "Δu∥²", "modulus": "G_affine − G0"}
+        parts = [f"{100 * modes.carried.share[key].sum():.3g} % of {name}" for key, name in names.items()]
+        lines.append(f"  together {', '.join(parts)}")
     return "\n".join(lines)

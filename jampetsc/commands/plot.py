@@ -1,6 +1,7 @@
 """`jampetsc plot`: pictures of sweeps, packings and displacement fields. Needs neither PETSc nor MPI."""
 
 from jampetsc.errors import InputError
+from jampetsc.words.picture import PHASES
 from jampetsc.words.pictures import PICTURES, choose, of_studies, open_files
 
 DESCRIPTION = """\
@@ -15,7 +16,7 @@ examples:
   jampetsc plot p1e-2.h5 p1e-3.h5 p1e-4.h5 --out moduli.png      G', G'' of three sweeps
   jampetsc plot p1e-2.h5 p1e-3.h5 p1e-4.h5 --kind collapse --out collapse.pdf
   jampetsc plot packing.h5 --out packing.svg
-  jampetsc plot sweep.h5 --kind fields --omega 1e-6,1e-3,1 --out fields.png
+  jampetsc plot sweep.h5 --kind fields --omega 1e-6,1e-3,1 --out fields.png      --total with the affine part
   jampetsc plot correlation.h5 --out correlation.png             C(delta) at all its frequencies
   jampetsc plot stokes.h5 contact.h5 --omega 1e-3 --out compared.png
   jampetsc plot p1e-2.h5 p1e-3.h5 --kind length --out length.png  of correlations
@@ -79,6 +80,18 @@ def add_parser(subparsers):
     )
     parser.add_argument(
         "--packing", metavar="FILE", help="fields, response, mode: the packing, if it is not beside the file"
+    )
+    parser.add_argument(
+        "--phase",
+        choices=PHASES,
+        help="fields: when the stress is at its peak and when it is zero (default, as BT Fig. 1), or in phase with the "
+        "strain and with its rate",
+    )
+    parser.add_argument(
+        "--total",
+        action="store_true",
+        default=None,
+        help="fields: with the affine part, about the middle of the cell",
     )
     parser.add_argument("--mode", metavar="i,j,…", help="draw these modes, counted from 1, on the packing")
     parser.set_defaults(run=run)

@@ -1,4 +1,4 @@
-"""Displacement fields ũ(ω) of sheared packings as arrows (BT Fig. 1), rotations as colour."""
+"""Displacement fields u(ω) of sheared packings as arrows (BT Fig. 1), rotations as colour."""
 
 import matplotlib
 import numpy as np
@@ -12,17 +12,26 @@ from jampetsc.plots.style import COLUMN, PAGE, figure, number, power_or_number, 
 
 ARROWS = 1600  # at most so many in a panel, evenly spread
 COLUMNS = 5  # frequencies in one picture
+INSTANTS = {  # phase -> (what of a complex field, its name), in two rows
+    "strain": ((np.real, "Re ${}$"), (np.imag, "Im ${}$")),
+    "stress": ((np.real, "${}$ at peak stress"), (lambda u: -np.imag(u), "${}$ at zero stress")),
+}
 _REACH = 1.6  # length of a long arrow (90th percentile), in distances between arrows
 _STEPS = (1, 1.5, 2, 3, 5, 7)  # factors between arrows and displacements, times powers of ten
 _RANGE = 2.0  # rotations are coloured up to so many times their rms
 _SMALL = 7.5  # points
 
 
-def plot_fields(disks, omega, displacement, rotation, particles, path) -> None:
-    """Re ũ, in phase with the strain, and Im ũ, with its rate: side by side for one ω, in two rows for more.
+def plot_fields(
+    disks, omega, displacement, rotation, particles, path, phase="strain", symbol=r"\tilde u"
+) -> None:
+    """A field at two instants of its cycle, side by side for one ω, in two rows for more.
 
-    omega (F,) in 1/τ₁; displacement (F, n, 2) complex, non-affine, per unit strain; rotation (F, n) complex
-    or None; particles (n,) rows of `disks`. Below each panel stands how many times the field its arrows are.
+    omega (F,) in 1/τ₁; displacement (F, n, 2) complex, per strain amplitude, in the phase of the strain or stress;
+    rotation (F, n) complex or None; particles (n,) rows of `disks`; symbol: of the displacement, in TeX.
+    phase "strain": Re and Im, in phase with the strain and with its rate; "stress": Re and −Im, when the stress is at
+    its peak and a quarter of a period later, when it is zero (BT). Below each panel stands how many times the field its
+    arrows are.
     Raises InputError for more frequencies than fit.
     """
     if len(omega) > COLUMNS:
@@ -31,13 +40,16 @@ def plot_fields(disks, omega, displacement, rotation, particles, path) -> None:
     with figure(page.width, page.height) as fig:
         picture = _Picture(disks, particles, page.points_per_length)
         for f, w in enumerate(omega):
-            for part, (take, name) in enumerate(((np.real, "Re"), (np.imag, "Im"))):
+            for part, (take, name) in enumerate(INSTANTS[phase]):
                 ax = fig.add_axes(page.box(f, part))
                 words = picture.draw(
-                    ax, take(displacement[f]), None if rotation is None else take(rotation[f])
+                    ax,
+                    take(displacement[f]),
+                    None if rotation is None else take(rotation[f]),
+                    rf"{symbol}/\gamma",
                 )
                 page.annotate(
-                    ax, f, part, rf"{name} $\tilde u$", rf"$\omega\tau_1={power_or_number(w)}$", words
+                    ax, f, part, name.format(symbol), rf"$\omega\tau_1={power_or_number(w)}$", words
                 )
         if rotation is not None:
             bar = fig.colorbar(

@@ -109,7 +109,9 @@ def place_legend(fig, ax, title, handles, lines):
         legend = ax.legend(loc=corner, **settings)
         if not _covers(ax, legend, lines):
             return legend
-    settings |= {"loc": "lower left", "bbox_to_anchor": (0, 1.01), "borderaxespad": 0, "borderpad": 0}
+    letter = 14 / 72 if ax.get_title(loc="left") else 0.0  # inches that the letter of a panel takes
+    base = 1.01 + letter * fig.dpi / ax.get_window_extent().height
+    settings |= {"loc": "lower left", "bbox_to_anchor": (0, base), "borderaxespad": 0, "borderpad": 0}
     room = fig.bbox.x1 - ax.get_window_extent().x0
     for columns in (4, 3, 2, 1):
         legend = ax.legend(ncol=columns, columnspacing=1.2, **settings)
@@ -118,7 +120,7 @@ def place_legend(fig, ax, title, handles, lines):
         if box.width <= room:
             break
     height = fig.get_figheight()
-    fig.set_figheight(height + box.height / fig.dpi)
+    fig.set_figheight(height + letter + box.height / fig.dpi)
     fig.get_layout_engine().set(rect=(0, 0, 1, height / fig.get_figheight()))
     return legend
 

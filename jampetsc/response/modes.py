@@ -1,11 +1,7 @@
-"""Low modes of K: how floppy they are, how much of the response to shear they carry, and proof that none was
-missed.
+"""Low modes of K: how floppy they are, what they carry of the response to shear, and proof that none was missed.
 
 A mode φ of eigenvalue λ moves the contacts by a∥, a⊥ (BT eq. 4): λ = Σ_c [k a∥² − (f/r) a⊥²] with |φ| = 1.
-Floppy modes slide, a⊥ ≫ a∥. With F = k_γ·φ, the force of a unit shear on the mode, the non-affine response is
-the sum over modes
-
-    ũ = −Σ (F/λ) φ ,     (G_affine − G₀) V = Σ F²/λ .
+Floppy modes slide, a⊥ ≫ a∥. What they carry of the response to shear is in `carried`.
 
 The count is certified by Sylvester's law: as many eigenvalues below μ, just above the last mode, as LDLᵀ of K
 − μ has negative pivots.
@@ -18,11 +14,10 @@ import numpy as np
 from jampetsc.contacts.laws import UNDAMPED
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.mechanics.assembly import Pencil, assemble
-from jampetsc.mechanics.compatibility import Compatibility, build_compatibility
+from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.mechanics.minimum import require_minimum
 from jampetsc.mechanics.network import Network
-from jampetsc.response.elastic import ElasticResponse
-from jampetsc.response.job import split_field
+from jampetsc.response.carried import Carried, carried_by
 from jampetsc.solvers.eigen import Eigenpairs, lowest
 from jampetsc.solvers.inertia import SHIFT, count_below
 
@@ -32,7 +27,6 @@ RESIDUAL = (
     1e-9  # largest ‖Kφ − λφ‖ accepted, in units of the stiffness; |Δλ| is below its square over the gap
 )
 ALIKE = 1e-6  # largest product of two modes, or defect of a length: far more of them, alike, could pass for several
-AFFINE = 1e-12  # a non-affine part of the modulus this small, relative to the affine one, is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +41,7 @@ class Modes:
     transverse: np.ndarray  # (m,) mean over contacts of a⊥²
     participation: np.ndarray  # (m,) (Σ|φ_i|²)²/(n Σ|φ_i|⁴), 1 if all disks move alike
     shear_force: np.ndarray  # (m,) F = k_γ·φ per unit strain
-    share_nonaffine: np.ndarray | None  # (m,) of Σ|ũ_i|²; None if not unique, or affine
-    share_modulus: np.ndarray | None  # (m,) of G_affine − G₀
+    carried: Carried | None  # of the response to shear; None if that is not unique, or affine
     inertia_count: int  # eigenvalues below `inertia_shift`, translations left out, by inertia: equals m
     inertia_shift: float  # μ, in k
     complete: bool  # these are all modes of K
@@ -151,25 +144,12 @@ def _together(pairs, more):
 
 def _with_quotients(pairs, compatibility):
     """The same pairs with λ = Σ w a², summed contact by contact: small eigenvalues keep their digits."""
-    values = np.array(
-        [compatibility.w_K @ _motions(compatibility, vector).ravel() ** 2 for vector in pairs.vectors]
-    )
+    values = np.array([compatibility.w_K @ compatibility.motions(vector) ** 2 for vector in pairs.vectors])
     values = compatibility.pencil.network.sum(values)
     order = np.argsort(values, kind="stable")
     return Eigenpairs(
         values[order], pairs.vectors[order], pairs.residuals[order], pairs.method, pairs.iterations
     )
-
-
-def _motions(compatibility: Compatibility, x):
-    """a∥ and a⊥ of the contacts without imposed strain, (contacts_local, 2)."""
-    field, a = compatibility.C.createVecs()
-    field.setArray(x)
-    compatibility.C.mult(field, a)
-    motions = a.getArray().reshape(-1, 2).copy()
-    field.destroy()
-    a.destroy()
-    return motions
 
 
 def _cut(values, count, there, stiffness):
@@ -192,33 +172,16 @@ def _describe(pencil: Pencil, compatibility, pairs, m, shift):
     push = pencil.k_gamma.getArray()
     for row, vector in enumerate(vectors):
         squares = np.sum(vector.reshape(-1, 2) ** 2, axis=1)
-        sums[row] = *np.sum(_motions(compatibility, vector) ** 2, axis=0), np.sum(squares**2), push @ vector
+        motions = compatibility.motions(vector).reshape(-1, 2)
+        sums[row] = *np.sum(motions**2, axis=0), np.sum(squares**2), push @ vector
     sums = network.sum(sums)
     contacts, force = network.contact_count, sums[:, 3]
-    shares = _shares(network, values, force)
+    fields = vectors.reshape(m, -1, 2)
     return Modes(
-        network, values, vectors.reshape(m, -1, 2), pairs.residuals[:m],
+        network, values, fields, pairs.residuals[:m],
         normal=sums[:, 0] / contacts, transverse=sums[:, 1] / contacts,
         participation=1.0 / (network.n * sums[:, 2]),
-        shear_force=force, share_nonaffine=shares[0], share_modulus=shares[1],
+        shear_force=force, carried=carried_by(compatibility, values, fields, force),
         inertia_count=m, inertia_shift=shift, complete=m == pencil.unknowns - 2 * len(pencil.pieces.roots),
         method=pairs.method, iterations=pairs.iterations,
     )  # fmt: skip
-
-
-def _shares(network, values, force):
-    """What each mode carries of Σ|ũ|² and of G_affine − G₀.
-
-    (None, None) where zero modes leave ũ undetermined, and where the response is affine, as in a crystal.
-    """
-    if values[0] <= SHIFT:
-        return None, None
-    elastic = ElasticResponse(network)
-    shear = elastic.shear()
-    field, _ = split_field(elastic.pencil, shear.x)
-    square = network.sum(float(np.sum(field**2)))
-    affine = elastic.pencil.k_gg
-    elastic.destroy()
-    if affine - shear.value <= AFFINE * abs(affine):
-        return None, None
-    return (force / values) ** 2 / square, force**2 / values / (affine - shear.value)

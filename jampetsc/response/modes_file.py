@@ -49,10 +49,13 @@ def _write(writer, modes):
         "floppiness": modes.floppiness,
         "shear_force": modes.shear_force,
     }
-    if modes.share_modulus is not None:
-        shares = {"nonaffine": modes.share_nonaffine, "modulus": modes.share_modulus}
-        per_mode |= {f"share/{name}": share for name, share in shares.items()}
-        per_mode |= {f"cumulative/{name}": np.cumsum(share) for name, share in shares.items()}
+    carried = modes.carried
+    if carried is not None:
+        per_mode |= {f"share/{name}": share for name, share in carried.share.items()}
+        per_mode |= {f"cumulative/{name}": np.cumsum(share) for name, share in carried.share.items()}
+        per_mode |= {"lowest/count": carried.count}
+        per_mode |= {f"lowest/{name}_median": found for name, found in carried.median.items()}
+        writer.attributes(**{f"{name}_median": found for name, found in carried.whole.items()})
     for name, values in per_mode.items():
         writer.dataset(name, values)
     writer.attributes(

@@ -21,6 +21,7 @@ CHOICES = (
     *LAW_PARAMETERS,
     "model",
     "method",
+    "phase",
     "omega",
     "rate",
     "mass",

@@ -1,4 +1,4 @@
-"""What belongs to the displacement fields of a sweep: its packing, the disks of the rows, the frequencies."""
+"""What belongs to the displacement fields of a sweep: its packing, the disks of the rows, frequencies, their phase."""
 
 from pathlib import Path
 
@@ -44,6 +44,25 @@ def field_at(result, row):
                 "numbers or beyond all measure: run the sweep again"
             )
     return tuple(arrays)
+
+
+def phase_factor(result, omega, phase):
+    """e^{−i arg G*(ω)}, which turns what a sweep's file holds per strain into the phase of the stress; 1 for "strain".
+
+    u*/δσ = (u*/γ*)/G* (BT impose the stress, eq. 13): Re u* then is the motion when the stress is at its peak, −Im u*
+    a quarter of a period later, when it is zero. Raises InputError where the sweep has no modulus at ω.
+    """
+    if phase == "strain":
+        return 1.0
+    try:
+        G = result.modulus(omega)
+    except InputError as error:
+        raise InputError(f"{error}; without G* there is no phase of the stress: use --phase strain") from None
+    if not abs(G) > 0:  # nan too
+        raise InputError(
+            f"{result.path}: has no modulus at omega = {omega:g}, so no phase of the stress: use --phase strain"
+        )
+    return np.conj(G) / abs(G)
 
 
 def particle_rows(result, disks):

@@ -8,7 +8,7 @@ from jampetsc.errors import InputError
 from jampetsc.speed_accuracy.compare import CRITICAL_START
 from jampetsc.storage.reader import load
 
-WORDS = ("law", "model", "method", "packing")  # texts that a row tells
+WORDS = ("law", "model", "method", "packing", "phase")  # texts that a row tells
 NOT = ("ranks", "wall_seconds", "negative_modes", "requested_n", "requested_pressure", "requested_phi")
 _ENOUGH = 5  # frequencies in the critical window
 
@@ -57,11 +57,19 @@ def _sweep(result):
 
 
 def _modes(result):
-    return {
+    """Of the first mode; of the lowest 10, 50 and 200 together their floppiness and what they carry of the response."""
+    found = {
         "lowest_eigenvalue": float(result["eigenvalues"][0]),
         "lowest_participation": float(result["participation_ratio"][0]),
         "lowest_floppiness": float(result["floppiness"][0]),
     }
+    for place, count in enumerate(result["lowest/count"] if "lowest/count" in result else ()):
+        slides, stretches = (result[name][:count].sum() for name in ("transverse", "normal"))
+        found[f"floppiness_{count}"] = float(np.sqrt(slides / stretches))
+        for name in ("nonaffine", "normal", "transverse"):
+            found[f"share_{name}_{count}"] = float(result[f"cumulative/{name}"][count - 1])
+            found[f"{name}_median_{count}"] = float(result[f"lowest/{name}_median"][place])
+    return found
 
 
 def _correlation(result):

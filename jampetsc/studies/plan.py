@@ -13,16 +13,18 @@ where = {pressure = 1e-2} only on these packings
 import difflib
 import hashlib
 import json
+import math
 import tomllib
 from dataclasses import dataclass
 
 from jampetsc.errors import InputError
 from jampetsc.storage.regular import open_regular
 from jampetsc.studies.kinds import KINDS, NOTHING, PACKING, SEEDS, START, SWEEP
-from jampetsc.studies.options import Choice, choices_of, label_of, number_of
+from jampetsc.studies.options import Choice, choices_of, label_of, number_of, values_of
 
 SEED = "seed"
 WHERE = "where"  # key of a table: of what it begins with, those that were asked for with these values
+MANY = 100_000  # tasks of one study
 HASH = 8  # hexadecimal digits in the name of a file
 
 
@@ -71,7 +73,7 @@ def plan(path, content: bytes, parsers: dict) -> list[Task]:
     path      names STUDY.toml in messages; content: what it holds
     parsers   command -> its argparse parser, for all KINDS
 
-    Raises InputError naming file, table and key.
+    Raises InputError naming file, table and key; for too many tasks before any is made.
     """
     tables = _tables(path, content)
     tasks = {}  # name -> Task: what is asked for twice is done once
@@ -80,8 +82,13 @@ def plan(path, content: bytes, parsers: dict) -> list[Task]:
         for where, table in tables.get(command, []):
             begins = kind.on is not NOTHING and not (kind.on is START and "n" in table)
             wanted = table.pop(WHERE, {}) if begins else {}
-            for choice in choices_of(parsers[command], table, where, begins):
-                starts = _chosen(_starts(kind, found, where), wanted, where) if begins else [()]
+            lists = values_of(parsers[command], table, where)
+            starts = _chosen(_starts(kind, found, where), wanted, where) if begins else [()]
+            count = len(starts) * math.prod(len(values) for _, values in lists)
+            if len(tasks) + count > MANY:
+                before = f" with the {len(tasks)} before them" if tasks else ""
+                raise InputError(f"{where}: {count} tasks{before}: at most {MANY} in one study")
+            for choice in choices_of(parsers[command], lists, where, begins):
                 for inputs in starts:
                     task = _task(command, choice, inputs)
                     if task.name not in tasks:
@@ -98,6 +105,8 @@ def _tables(path, content):
         content = tomllib.loads(content.decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: is not TOML: {error}") from None
+    except RecursionError:
+        raise InputError(f"{path}: brackets within brackets, too deep for any table: remove them") from None
     found = {}
     for command, value in content.items():
         if command not in KINDS:

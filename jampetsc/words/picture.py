@@ -5,6 +5,9 @@ from dataclasses import dataclass
 
 from jampetsc.errors import InputError
 
+# what a field is in phase with, the default first; files hold fields per strain
+PHASES = ("stress", "strain")
+
 
 @dataclass(frozen=True)
 class Picture:

@@ -1,7 +1,7 @@
 """Pictures of packings and of their linear response: moduli, fields, spectra, correlations, floppy motion, modes."""
 
 from jampetsc.errors import InputError
-from jampetsc.words.picture import Picture, count, entering, within
+from jampetsc.words.picture import PHASES, Picture, count, entering, within
 
 PICTURES: dict[str, Picture] = {}
 picture = entering(PICTURES)
@@ -73,10 +73,13 @@ def _collapse(args, items):
     return f"{text}; they differ by {100 * spread:.2g} % (rms) below omega tau1 = 0.1"
 
 
-@picture("fields", "sweep", options=("omega", "packing"), single=True)
+@picture("fields", "sweep", options=("omega", "packing", "phase", "total"), single=True)
 def _fields(args, items):
+    import numpy as np
+
     from jampetsc.plots.fields import plot_fields
-    from jampetsc.storage.fields import chosen_frequencies, field_at, packing_of, particle_rows
+    from jampetsc.plots.periodic import wrap
+    from jampetsc.storage.fields import chosen_frequencies, field_at, packing_of, particle_rows, phase_factor
     from jampetsc.words.frequencies import parse_omega
 
     (sweep,) = items
@@ -85,10 +88,21 @@ def _fields(args, items):
     disks = packing_of(sweep, args.packing)
     particles = particle_rows(sweep, disks)
     omega = fields.omega[rows] * float(sweep.attributes.get("tau1", 1.0))
-    displacement, rotation = zip(*(field_at(sweep, row) for row in rows), strict=True)
-    rotation = None if fields.rotation is None else rotation
-    plot_fields(disks, omega, displacement, rotation, particles, args.out)
-    return f"displacement fields at omega tau1 = {', '.join(f'{w:g}' for w in omega)}"
+    phase = args.phase or PHASES[0]
+    affine = np.zeros((len(particles), 2))
+    if args.total:  # u_x = γ y, y from the middle of the cell
+        affine[:, 0] = wrap(disks.positions, disks.cell)[particles, 1] - 0.5 * disks.cell[1, 1]
+    turns = [phase_factor(sweep, fields.omega[row], phase) for row in rows]
+    found = [field_at(sweep, row) for row in rows]
+    displacement = [turn * (affine + field) for turn, (field, _) in zip(turns, found, strict=True)]
+    rotation = None
+    if fields.rotation is not None:
+        rotation = [turn * spin for turn, (_, spin) in zip(turns, found, strict=True)]
+    symbol = "u" if args.total else r"\tilde u"
+    plot_fields(disks, omega, displacement, rotation, particles, args.out, phase, symbol)
+    kind = "total" if args.total else "non-affine"
+    told = ", ".join(f"{w:g}" for w in omega)
+    return f"{kind} displacement fields at omega tau1 = {told}, in phase with the {phase}"
 
 
 @picture("packing", "packing", single=True)
@@ -112,32 +126,50 @@ def _correlation(args, items):
     from jampetsc.plots.correlation import correlation_curve, plot_comparison, plot_correlation
     from jampetsc.words.frequencies import parse_omega
 
-    curves = [correlation_curve(item) for item in items]
+    curves = _of_one_phase(items, [correlation_curve(item) for item in items])
     wanted = None if args.omega is None else parse_omega(args.omega)
-    if wanted is not None and len(wanted) > 1:
-        raise InputError(f"--omega {args.omega}: correlations are compared at one frequency")
-    if len(curves) == 1 and wanted is None:
-        plot_correlation(curves[0], args.out)
-        return f"correlation at {len(curves[0].omega)} frequencies"
-    omega = curves[0].omega.min() if wanted is None else wanted[0]
+    if len(curves) == 1 and (wanted is None or len(wanted) > 1):
+        curve = curves[0] if wanted is None else curves[0].at(curves[0].rows(wanted))
+        plot_correlation(curve, args.out)
+        return f"correlation at {len(curve.omega)} frequencies, in phase with the {curve.phase}"
+    omega = [curves[0].omega.min()] if wanted is None else wanted
     plot_comparison(curves, omega, args.out)
-    return f"correlation in {count(items, 'file', 'files')} at omega tau1 = {omega:g}"
+    told = ", ".join(f"{w:g}" for w in omega)
+    return f"correlation in {count(items, 'file', 'files')} at omega tau1 = {told}, in phase with the {curves[0].phase}"
+
+
+def _of_one_phase(items, curves):
+    """The curves, their roots comparable. Raises InputError where real parts are in phase with different things."""
+    for item, curve in zip(items, curves, strict=True):
+        if curve.phase != curves[0].phase:
+            raise InputError(
+                f"{item.path}: in phase with the {curve.phase}, {curves[0].name} with the {curves[0].phase}: "
+                "choose one (of a study with --where phase=stress)"
+            )
+    return curves
 
 
 @picture("length", "correlation", options=("log_exponent",))
 def _length(args, items):
-    from jampetsc.analysis.correlations import LOG_EXPONENT, length_spread
+    from jampetsc.analysis.correlations import LOG_EXPONENT, length_spread, medium_collapse, stokes_collapse
     from jampetsc.plots.correlation import correlation_curve, plot_lengths
 
-    curves = [correlation_curve(item) for item in items]
+    curves = _of_one_phase(items, [correlation_curve(item) for item in items])
     exponent = within(args, "log_exponent", -10, 10, LOG_EXPONENT)
     plot_lengths(curves, args.out, exponent)
-    text = f"correlation lengths of {count(items, 'file', 'files')}"
+    text = f"correlation lengths of {count(items, 'file', 'files')}, in phase with the {curves[0].phase}"
     try:
-        spread = length_spread([(c.omega, c.G, c.pressure, c.size) for c in curves], exponent)
+        printed = [(c.omega, c.G, c.size, c.pressure, exponent) for c in curves]
+        text += (
+            f"; l (-ln p)^{exponent:g} differs by {100 * length_spread(printed, stokes_collapse):.2g} % (rms)"
+        )
+        text += " at equal omega/p^(1/2)"
+        if all(c.modulus is not None for c in curves):
+            medium = length_spread([(c.omega, c.G, c.size, c.modulus) for c in curves], medium_collapse)
+            text += f", l by {100 * medium:.2g} % at equal |G*|/omega"
     except InputError:  # one file, or files that share no scaled frequency
-        return text
-    return f"{text}; l (-ln p)^{exponent:g} differs by {100 * spread:.2g} % (rms) at equal omega/p^(1/2)"
+        pass
+    return text
 
 
 @picture("medians", "quasistatic")
@@ -146,6 +178,14 @@ def _medians(args, items):
 
     plot_medians(items, args.out)
     return f"medians of floppy motion in {count(items, 'file', 'files')}"
+
+
+@picture("median-exponents", "quasistatic")
+def _exponents(args, items):
+    from jampetsc.plots.floppy import plot_exponents
+
+    plot_exponents(items, args.out)
+    return f"local exponents of the medians of floppy motion in {count(items, 'file', 'files')}"
 
 
 @picture("viscosities", "quasistatic")
@@ -204,6 +244,14 @@ def _modes(args, items):
 
     plot_modes(items, args.out)
     return f"modes of {count(items, 'packing', 'packings')}"
+
+
+@picture("lowest-modes", "modes")
+def _lowest_modes(args, items):
+    from jampetsc.plots.lowmodes import plot_lowest
+
+    plot_lowest(items, args.out)
+    return f"what the lowest modes carry of slow shear, of {count(items, 'packing', 'packings')}"
 
 
 @picture("mode", "modes", options=("packing", "mode"), single=True)
