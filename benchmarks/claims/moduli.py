@@ -47,7 +47,8 @@ def window_means(curves, low, of):
     found = []
     for curve in curves:
         inside = (curve.omega >= low * (1 - 1e-9)) & (curve.omega <= WINDOW[1] * (1 + 1e-9))
-        found.append(np.mean(of(curve.omega, curve.G)[inside]))
+        with np.errstate(divide="ignore", invalid="ignore"):  # beyond it digits of the difference may be lost
+            found.append(np.mean(of(curve.omega, curve.G)[inside]))
     return np.array(found)
 
 
