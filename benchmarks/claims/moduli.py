@@ -253,11 +253,11 @@ def finite_size(table):
 
 
 def viscosities(rows, prefix, subtracted):
-    """[(N, p, η₀ of its packings)] at p ≤ 1e-3, where there are several, less η_F where subtracted."""
+    """[(N, p, η₀ of its packings)] at p ≤ 1e-3, where there are three or more, less η_F where subtracted."""
     found = []
     for key, part in rows.groups(["n", "pressure"]):
         values = part[f"{prefix}eta0"] - (part[f"{prefix}eta0_fluid"] if subtracted else 0.0)
-        if key["pressure"] <= NEAR and part.rows > 1:
+        if key["pressure"] <= NEAR and part.rows > 2:
             found.append((key["n"], key["pressure"], values))
     return found
 

@@ -142,10 +142,11 @@ def _pressures(groups, size):
 def local_exponents_of(levels, samples):
     """(middles, d ln X/d ln p, errors), (m − 1,) each, between neighbouring levels (m,); X: medians of m samples.
 
-    Errors are those of the medians, nan for single values; nan where a median is not positive.
+    Errors are those of the medians, nan for fewer than three values; nan where a median is not positive.
     """
     known = [
-        log_median(one) if len(one) > 1 else (np.log(max(one[0], 0.0) or np.nan), np.nan) for one in samples
+        log_median(one) if len(one) > 2 else (np.log(max(np.median(one), 0.0) or np.nan), np.nan)
+        for one in samples
     ]
     logs, errors = np.transpose(known)
     steps = np.diff(np.log(levels))
