@@ -116,10 +116,11 @@ def test_bt_figure_3_is_balanced_damping_at_four_pressures_and_its_collapse(pars
     tasks, pictures = asked(parsers, "bt-fig3")
     for prestress in (True, False):
         assert set(by_pressure(tasks, "sweep", law="contact", beta=None, prestress=prestress)) == AT_ALL
+    assert set(by_pressure(tasks, "sweep", law="contact", beta=None, rotations=False)) == AT_ALL
     assert set(by_pressure(tasks, "quasistatic", law="contact", beta=None, prestress=True)) == AT_ALL
-    assert (pictures["3a"].kind, pictures["3a"].where) == ("moduli", "prestress=1")
+    assert (pictures["3a"].kind, pictures["3a"].where) == ("moduli", "rotations=1,prestress=1")
     b = pictures["3b"]
-    assert (b.kind, b.mu, vars(b)["lambda"], b.where) == ("collapse", 0.5, 1.0, "prestress=1")
+    assert (b.kind, b.mu, vars(b)["lambda"], b.where) == ("collapse", 0.5, 1.0, "rotations=1,prestress=1")
     assert {pictures[name].kind for name in ("3c", "3c-no-prestress", "3d")} == {"exponents"}
 
 
