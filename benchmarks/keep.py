@@ -22,7 +22,8 @@ from jampetsc.storage.hdf5 import OutputFile, attributes, open_file, set_attribu
 
 KEPT = Path(__file__).resolve().parents[1] / "docs" / "kept"
 LEFT_OUT = re.compile(
-    r"(state|snapshots/(positions|velocities|cell)|fields/|reduced|modes$|contacts|nonaffine|particles|radii)"
+    r"(no_prestress/)?(state|snapshots/(positions|velocities|cell)|fields/|reduced|modes$|contacts|nonaffine|rotation|"
+    r"particles|radii)"
 )
 MOST = 100_000  # numbers of a dataset
 ROWS = 100  # of the series of a flow

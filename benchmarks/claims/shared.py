@@ -65,7 +65,7 @@ def near_jamming(rows, column):
     """
     found = []
     for key, part in rows.groups(["n", "pressure"]):
-        if key["pressure"] <= NEAR and key["pressure"] * key["n"] ** 2 > LARGE and part.rows > 1:
+        if key["pressure"] <= NEAR and key["pressure"] * key["n"] ** 2 > LARGE and part.rows > 2:
             found.append((np.log(key["pressure"]), *log_median(part[column])))
     if len(found) < 2 or not np.isfinite(found).all():
         return None

@@ -127,11 +127,13 @@ def critical_exponents(omega, G, G0):
     omega (M,) increasing, G (M,) complex, G0 the limit of G* at ω → 0, each in any unit. Between the two crossovers the
     spring G₀ is still felt in G', not in the difference of the squares, which is a power law on either side of ω* if
     G*² = G₀² + iAω, as BT's collapse has it within some per cent. Below ω* it says nothing: there the difference is
-    2iG₀η₀ω, and both are ½ whatever Δ is (docs/physics.md). Take frequencies above ω* = G₀/η₀.
+    2iG₀η₀ω, and both are ½ whatever Δ is (docs/physics.md). Take frequencies above ω* = G₀/η₀; nan or infinite where
+    the digits of G do not tell it from G0.
     """
     omega, G = np.asarray(omega, float), np.asarray(G, complex)
     difference = (G - G0) * (G + G0)
-    return 0.5 * local_slope(omega, np.abs(difference)), np.angle(difference) / np.pi
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return 0.5 * local_slope(omega, np.abs(difference)), np.angle(difference) / np.pi
 
 
 def upper_border(omega, G) -> float:

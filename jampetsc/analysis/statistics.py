@@ -32,7 +32,7 @@ def interval(values, statistic: str = "median") -> tuple:
 
 
 def log_median(values) -> tuple[float, float]:
-    """(ln of the median, half of its 68 % interval) of values (n,) with n > 1, which may have a long tail.
+    """(ln of the median, half of its 68 % interval) of values (n,) with n > 2, which may have a long tail.
 
     Where the interval reaches below zero its half width over the median is the error; nan for a median ≤ 0.
     """

@@ -47,7 +47,7 @@ def _average(curves, statistic):
     G = np.array([curve.G for curve in curves])
     samples = np.stack((G.real, G.imag), axis=1)
     middle, error = bootstrap(samples, statistic)
-    if statistic == "median" and len(curves) > 1:  # whose errors are not alike on both sides
+    if statistic == "median" and len(curves) > 2:  # whose errors are not alike on both sides
         error = np.abs(np.array(interval(samples)) - middle).swapaxes(0, 1)
     name = first.name if len(curves) == 1 else f"{len(curves)} sweeps"
     return replace(first, name=name, G=middle[0] + 1j * middle[1], bounds=error)

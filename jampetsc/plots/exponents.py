@@ -109,7 +109,7 @@ def plot_pressure_exponents(results, path) -> None:
                     ]
                     middle, slope, error = local_exponents_of(levels, samples)
                     look = {"color": shade, "marker": marker, "markerfacecolor": face, "linestyle": dash}
-                    ax.errorbar(middle, slope, error, markeredgewidth=0.7, elinewidth=0.7, **look)
+                    draw_points(ax, middle, slope, error, **look)
             ax.set(xlabel="$p/k$", ylabel=rf"$d\,\ln {symbol}\,/\,d\,\ln p$", xscale="log")
             ax.set_ylim(limit - 0.5, limit + 0.5)
             low, high = np.log10([min(level for _, level in groups), max(level for _, level in groups)])
@@ -128,6 +128,13 @@ def plot_pressure_exponents(results, path) -> None:
         save(fig, path)
 
 
+def draw_points(ax, x, y, error, **look):
+    """Points (m,) with bars where they have an error; those that are no numbers are left out."""
+    known = np.isfinite(y)
+    bars = error[known] if np.isfinite(error[known]).all() else None
+    ax.errorbar(x[known], y[known], bars, markeredgewidth=0.7, elinewidth=0.7, **look)
+
+
 def _pressures(groups, size):
     return sum(n == size for n, _ in groups)
 
@@ -135,10 +142,11 @@ def _pressures(groups, size):
 def local_exponents_of(levels, samples):
     """(middles, d ln X/d ln p, errors), (m − 1,) each, between neighbouring levels (m,); X: medians of m samples.
 
-    Errors are those of the medians, nan for single values; nan where a median is not positive.
+    Errors are those of the medians, nan for fewer than three values; nan where a median is not positive.
     """
     known = [
-        log_median(one) if len(one) > 1 else (np.log(max(one[0], 0.0) or np.nan), np.nan) for one in samples
+        log_median(one) if len(one) > 2 else (np.log(max(np.median(one), 0.0) or np.nan), np.nan)
+        for one in samples
     ]
     logs, errors = np.transpose(known)
     steps = np.diff(np.log(levels))

@@ -7,6 +7,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter
 from jampetsc.analysis.finite_size import FEWEST, logarithm_of_size
 from jampetsc.analysis.statistics import bootstrap
 from jampetsc.errors import InputError
+from jampetsc.plots.exponents import draw_points
 from jampetsc.plots.floppy import BARE, draw_intervals, groups_of, value_of
 from jampetsc.plots.logaxes import set_log_axes
 from jampetsc.plots.style import (
@@ -138,7 +139,7 @@ def _draw_sizes(ax, results, groups, symbol):
         n = np.array([size for size, p in points if p == level])
         y, error = np.transpose([scaled_by_pressure(results, groups[size, level]) for size in n])
         label = f"${power_or_number(level)}$"
-        ax.errorbar(n, y, error, color=shade, marker=marker, linestyle="none", elinewidth=0.7, label=label)
+        draw_points(ax, n, y, error, color=shade, marker=marker, linestyle="none", label=label)
         known = np.isfinite(error) & (error > 0)
         if known.sum() >= FEWEST:
             line = logarithm_of_size(n[known], y[known], error[known])

@@ -145,8 +145,8 @@ def plan(bench: Bench, groups, options_files) -> tuple[list[Choice], list[str]]:
 def simpler(physics: Physics) -> list[tuple[str, Physics]]:
     """Other physics for the same packing: rotations and pre-stress the other way, the other damping laws.
 
-    Stokes drag with η_F → 0 is the stand-in for contact damping at β = 1: the same exponents, another
-    microscopic picture (BT sec. 5).
+    Stokes drag is without BT's η_F, which adds iωη_F to G* and changes nothing else. Its exponents are those of contact
+    damping at β = 1 (BT) but for a logarithm (docs/physics.md), which slopes over a window do not tell from another.
     """
     law, prestress = physics.law, physics.prestress
     others = []
