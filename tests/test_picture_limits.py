@@ -502,7 +502,7 @@ def test_studies_with_packings_unstable_to_shear_say_in_how_many(monkeypatch):
     assert words.endswith("; G' < 0 somewhere in 2 of them, which count like the others")
     assert response_pictures._averaged(SimpleNamespace(average=False), some) == (some, "", "")
     *_, words = response_pictures._averaged(SimpleNamespace(average=True), some[1:2])
-    assert words == ", arithmetic means over packings with bootstrap errors"
+    assert words == ", arithmetic means over packings with errors"
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 import numpy as np
 
 from claims.shared import Row, claim, rates_of, slope_with_error
-from jampetsc.analysis.statistics import bootstrap
+from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.plots.flowcurves import local_exponents
 
 
@@ -78,10 +78,10 @@ def stand_in(table):
         for model in ("CD", "CD0", "RD0"):
             rows = at.where(model=model, rate=rate)
             means[model] = (
-                bootstrap(rows["shear_stress_mean"])[0],
+                mean_with_error(rows["shear_stress_mean"])[0],
                 np.max(
                     [
-                        bootstrap(rows["shear_stress_mean"])[1],
+                        mean_with_error(rows["shear_stress_mean"])[1],
                         np.sqrt(np.mean(rows["shear_stress_error"] ** 2) / rows.rows),
                     ]
                 ),

@@ -3,7 +3,7 @@
 import numpy as np
 
 from claims.shared import CRITICAL, Row, claim, exponent
-from jampetsc.analysis.statistics import bootstrap
+from jampetsc.analysis.statistics import mean_with_error
 
 
 @claim("bt-fig3")
@@ -21,7 +21,7 @@ def moduli(table):
         )
     lowest = sweeps.where(pressure=1e-5)
     for part, name in (("storage", "G′"), ("loss", "G″")):
-        value, error = bootstrap(lowest[f"exponent_{part}"])
+        value, error = mean_with_error(lowest[f"exponent_{part}"])
         yield Row(
             f"β = 1: {name} ~ ω^Δ between p and 1, p = 1e-5",
             0.5,
@@ -54,7 +54,7 @@ def drag(table):
         yield Row(
             f"Stokes: {name} ~ ω^Δ between p and 1, p = 1e-5",
             0.5,
-            *bootstrap(lowest[f"exponent_{part}"]),
+            *mean_with_error(lowest[f"exponent_{part}"]),
             (
                 "G′ has G₀ added to its power law"
                 if part == "storage"
@@ -68,4 +68,6 @@ def prestress(table):
     for p in (1e-2, 1e-4):
         rows = table.where(command="sweep", law="contact", pressure=p)
         both = [rows.where(prestress=on)["G0"] for on in (1, 0)]
-        yield Row(f"G₀ with over without pre-stress, p = {p:g}", None, *bootstrap(both[0] / both[1]), "")
+        yield Row(
+            f"G₀ with over without pre-stress, p = {p:g}", None, *mean_with_error(both[0] / both[1]), ""
+        )

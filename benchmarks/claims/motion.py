@@ -4,7 +4,7 @@ import numpy as np
 
 from claims.shared import CRITICAL, Row, claim, exponent
 from jampetsc.analysis.correlations import length_spread
-from jampetsc.analysis.statistics import bootstrap
+from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.plots.correlation import correlation_curve
 
 
@@ -43,7 +43,7 @@ def lengths(table):
     yield Row(
         "Stokes: l/L as ω → 0 (Re u_y)",
         0.25,
-        *bootstrap(slowest),
+        *mean_with_error(slowest),
         "mean over three pressures of four packings each; Im u_y gives more, see the picture",
     )
     contact = [c.G.real[c.omega < 1e-1] / c.size for c in curves("contact")]

@@ -6,7 +6,7 @@ import numpy as np
 
 import jampetsc
 from jampetsc.analysis.scaling import fit_power_law
-from jampetsc.analysis.statistics import bootstrap
+from jampetsc.analysis.statistics import mean_with_error
 
 RESAMPLES = 500
 WITHIN = 2.0  # standard errors
@@ -53,7 +53,7 @@ def rates_of(rows, name):
     rates = np.array([key["rate"] for key, _ in groups])
     values = np.array([part[f"{name}_mean"].mean() for _, part in groups])
     own = [np.sqrt(np.mean(part[f"{name}_error"] ** 2) / part.rows) for _, part in groups]
-    scatter = [bootstrap(part[f"{name}_mean"])[1] if part.rows > 1 else 0.0 for _, part in groups]
+    scatter = [mean_with_error(part[f"{name}_mean"])[1] if part.rows > 1 else 0.0 for _, part in groups]
     return rates, values, np.maximum(own, scatter)
 
 

@@ -1,19 +1,19 @@
-"""Sweeps of an ensemble as one curve: the mean of G* over packings at each frequency, with its standard error."""
+"""Sweeps of an ensemble as one curve: the mean of G* over packings at each frequency, with its error."""
 
 from dataclasses import replace
 
 import numpy as np
 
-from jampetsc.analysis.statistics import bootstrap
+from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.plots.curves import Curve
 
-BAND = "mean ± standard error"
+BAND = "mean, 68 % interval"
 _SAME = 1e-9  # frequencies closer than this, relatively, are one
 
 
 def average_curves(curves) -> list[Curve]:
-    """One curve for those that differ in the packing alone; `bounds` are bootstrap errors, nan for a single packing.
+    """One curve for those that differ in the packing alone; `bounds` are Student's 68 % intervals, nan for a single one.
 
     The mean is the arithmetic one: G' < 0 of a packing unstable to shear counts like any other value.
     Raises InputError for sweeps of one packing, and for frequencies that differ, among those of one curve.
@@ -42,6 +42,6 @@ def _average(curves):
         if packing is not None:
             seen[packing] = curve.name
     G = np.array([curve.G for curve in curves])
-    mean, error = bootstrap(np.stack((G.real, G.imag), axis=1))
+    mean, error = mean_with_error(np.stack((G.real, G.imag), axis=1))
     name = first.name if len(curves) == 1 else f"{len(curves)} sweeps"
     return replace(first, name=name, G=mean[0] + 1j * mean[1], bounds=error)

@@ -46,7 +46,7 @@ def _averaged(args, curves):
     averages = average_curves(curves)
     negative = sum(bool((curve.G.real < 0).any()) for curve in curves)
     below = f"; G' < 0 somewhere in {negative} of them, which count like the others" if negative else ""
-    return averages, BAND, f", arithmetic means over packings with bootstrap errors{below}"
+    return averages, BAND, f", arithmetic means over packings with errors{below}"
 
 
 @picture("collapse", "sweep", options=("mu", "lambda"))

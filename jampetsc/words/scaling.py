@@ -8,6 +8,7 @@ import numpy as np
 from jampetsc.analysis.averages import Average, mean_of_runs
 from jampetsc.analysis.collapse import BOUNDS, PARAMETERS, Form, Points
 from jampetsc.analysis.jamming import share_of
+from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.words.files import files_named
 
@@ -154,9 +155,7 @@ def _mean(runs, observable):
         return share.value, 0.5 * (share.high - share.low)
     if single:
         values = np.concatenate(runs)
-        return float(values.mean()), float(values.std(ddof=1) / np.sqrt(len(values))) if len(
-            values
-        ) > 1 else 0.0
+        return tuple(float(part) for part in mean_with_error(values))
     averages = [Average.of(run) for run in runs]
     return mean_of_runs([one.mean for one in averages], [one.error for one in averages])
 
