@@ -498,7 +498,7 @@ def test_studies_with_packings_unstable_to_shear_say_in_how_many(monkeypatch):
         for n, a in enumerate((-1.0, 1.0, -2.0, 0.0))
     ]
     (mean,), band, words = response_pictures._averaged(SimpleNamespace(average=True), some)
-    assert mean.G[0] == pytest.approx(-0.5 + 1j) and band == "mean ± standard error"
+    assert mean.G[0] == pytest.approx(-0.5 + 1j) and band == "mean, 68 % interval"
     assert words.endswith("; G' < 0 somewhere in 2 of them, which count like the others")
     assert response_pictures._averaged(SimpleNamespace(average=False), some) == (some, "", "")
     *_, words = response_pictures._averaged(SimpleNamespace(average=True), some[1:2])

@@ -10,6 +10,9 @@ Whether a series is long enough is asked of two estimates that err for different
 and T (1 − ρ)/(1 + ρ) of the first autocorrelation alone (Bayley & Hammersley, J. R. Stat. Soc. Suppl. 8, 184 (1946)),
 freed of its bias (1 + 3ρ)/T (Kendall, Biometrika 41, 403 (1954)): by τ alone those series pass that underestimate it.
 
+Both take a series for one of a single memory. A slow part beside a fast one, or a drift, shows in the means of its
+tenths, where they scatter by more than that error allows.
+
 pyerrors has this estimator, but brings autograd, matplotlib and seconds of start-up for the thirty lines here; those of
 emcee and pymbar correct no bias.
 """
@@ -23,7 +26,8 @@ from jampetsc.analysis.statistics import half_width, mean_with_error
 
 STRETCH = 2.0  # S: correlations are taken to decay over Sτ
 FEW = 20.0  # independent samples below which an error is rough
-DRIFT = 4.0  # standard errors by which the halves of a series may differ
+BLOCKS = 10  # of a series, whose means are compared
+SCATTER = 2.4  # times the variance that the error allows: by chance one long series in a hundred has more
 
 
 @dataclass(frozen=True)
@@ -34,7 +38,7 @@ class Average:
     error: float  # half of the 68 % interval; nan for a single value
     time: float  # integrated autocorrelation time τ, in values, at least ½
     samples: float  # that would say as much if they were independent
-    drifts: bool  # its halves differ by more than their errors allow
+    drifts: bool  # its tenths scatter by more than the error allows, which is then what they scatter by
 
     def __str__(self):
         return f"{self.mean:.5g} ± {self.error:.2g}"
@@ -54,13 +58,17 @@ class Average:
         gamma = _covariance(x)
         time, variance, window = _correlation(gamma, count)
         plain = math.sqrt(2.0 * time * variance / count)
-        halves = x[: count // 2].mean() - x[(count + 1) // 2 :].mean()
+        scatter = 0.0
+        if count >= 2 * BLOCKS:
+            scatter = float(mean_with_error(x[: count - count % BLOCKS].reshape(BLOCKS, -1).mean(1))[1])
+        drifts = (scatter / half_width(BLOCKS - 1)) ** 2 > SCATTER * plain**2
+        error = plain * half_width(max(1.0, 0.5 * count / (2 * window + 1)))
         return cls(
             float(x.mean()),
-            plain * half_width(max(1.0, 0.5 * count / (2 * window + 1))),
+            max(error, scatter) if drifts else error,
             time,
             max(1.0, min(0.5 * count / time, _independent(gamma[1] / gamma[0], count))),
-            bool(abs(halves) > DRIFT * 2.0 * plain),
+            bool(drifts),
         )
 
 
@@ -80,7 +88,9 @@ def _correlation(gamma, count):
     decay = STRETCH / np.log((2.0 * above + 1.0) / (2.0 * above - 1.0))
     closed = np.exp(-t / decay) < decay / np.sqrt(t * count)
     window = int(t[np.argmax(closed)] if closed.any() else t[-1])
-    total = gamma[0] * max(1.0, 2.0 * times[window - 1]) / (1.0 - min((2 * window + 1) / count, 0.9))
+    if times[window - 1] <= 0.5:  # no memory, or one that makes means better, which is not relied on
+        return 0.5, float(gamma[0]) * count / (count - 1), 0
+    total = 2.0 * gamma[0] * times[window - 1] / (1.0 - min((2 * window + 1) / count, 0.9))
     variance = gamma[0] + total / count
     return max(0.5, float(0.5 * total / variance)), float(variance), window
 

@@ -23,7 +23,8 @@ class Share:
     value: float
     low: float
     high: float
-    samples: float  # independent ones that say as much
+    samples: int
+    independent: float  # samples that say as much if they know nothing of each other
 
 
 def independent_share(jammed) -> Share:
@@ -32,7 +33,7 @@ def independent_share(jammed) -> Share:
     value = float(np.mean(jammed))
     middle = (value + 0.5 / count) / (1.0 + 1.0 / count)
     half = np.sqrt(value * (1.0 - value) / count + 0.25 / count**2) / (1.0 + 1.0 / count)
-    return Share(value, float(min(middle - half, value)), float(max(middle + half, value)), count)
+    return Share(value, float(min(middle - half, value)), float(max(middle + half, value)), count, count)
 
 
 def correlated_share(runs) -> Share:
@@ -50,6 +51,7 @@ def correlated_share(runs) -> Share:
         value,
         max(0.0, min(value - error, least.low)),
         min(1.0, max(value + error, least.high)),
+        int(sum(len(run) for run in runs)),
         samples,
     )
 

@@ -42,7 +42,7 @@ def median_interval(values) -> tuple:
     """(low, high) that hold the true median of samples (n, …) in 68 % of cases: (…), nan for n < 3.
 
     Between order statistics, which hold it by chances that need no distribution (Hettmansperger & Sheather, Stat.
-    Probab. Lett. 4, 75 (1986)): where the tail is long it does not matter.
+    Probab. Lett. 4, 75 (1986)): from six samples on long tails do not matter.
     """
     ordered = np.sort(np.asarray(values, float), axis=0)
     n = len(ordered)

@@ -257,7 +257,7 @@ def _summary(args, record):
         mean = f", p of the jammed {pressure[hard].mean():.4g}" if hard.any() else ""
         error = 0.5 * (share.high - share.low)
         lines.append(
-            f"  phi = {value:.6g}: jammed {share.value:.3f} ± {error:.2g} (as of {share.samples:.0f} independent "
+            f"  phi = {value:.6g}: jammed {share.value:.3f} ± {error:.2g} (as of {share.independent:.0f} independent "
             f"samples){mean}{_told(record, phi == value)}"
         )
     lost = int(np.count_nonzero(~np.isfinite(jammed)))

@@ -64,7 +64,8 @@ class Means:
         found = short(self.strain, self.spacing, self.shear_stress, self.pressure)
         if self.shear_stress.drifts or self.pressure.drifts:
             found.append(
-                "the two halves of the run differ by more than their errors: not steady yet; --discard more"
+                "the tenths of the run differ by more than its fast fluctuations explain: slow changes, or not steady yet; "
+                "--discard more"
             )
         return found
 

@@ -13,7 +13,7 @@ _SAME = 1e-9  # frequencies closer than this, relatively, are one
 
 
 def average_curves(curves) -> list[Curve]:
-    """One curve for those that differ in the packing alone; `bounds` are Student's 68 % intervals, nan for a single one.
+    """One curve for those that differ in the packing alone; `bounds`: its error, nan for one packing.
 
     The mean is the arithmetic one: G' < 0 of a packing unstable to shear counts like any other value.
     Raises InputError for sweeps of one packing, and for frequencies that differ, among those of one curve.
