@@ -10,7 +10,7 @@ import argparse
 
 import numpy as np
 
-from jampetsc.analysis.averages import Average, mean_of_runs
+from jampetsc.analysis.averages import Average, mean_of_averages
 from jampetsc.analysis.jamming import share_of
 from jampetsc.analysis.statistics import mean_with_error, median_interval, median_with_error
 
@@ -19,7 +19,7 @@ SEED = 20
 
 
 def autoregressive(rng, tau, count, series=SERIES):
-    """(series, T) of mean 0, variance 1 and ρ(t) = a^t, of the integrated autocorrelation time τ = ½ (1 + a)/(1 − a)."""
+    """(series, T) of mean 0, variance 1 and ρ(t) = a^t, with τ = ½ (1 + a)/(1 − a)."""
     a = (np.asarray(tau, float) - 0.5) / (np.asarray(tau, float) + 0.5)
     x = rng.standard_normal((series, count))
     for t in range(1, count):
@@ -30,7 +30,7 @@ def autoregressive(rng, tau, count, series=SERIES):
 def kinds(rng):
     """(words, T, τ, series, true mean): one memory, two, shares, skewed values, an oscillation."""
     single = [(1000, 10), (1000, 50), (100, 10), (50, 10), (2000, 10), (600, 10), (400, 10), (1000, 25)]
-    for count, tau in single + [(200, 3), (100, 3), (100, 1)]:
+    for count, tau in [*single, (200, 3), (100, 3), (100, 1)]:
         yield "one memory", count, tau, autoregressive(rng, tau, count), 0.0
     for count in (25, 50, 100, 1000):
         yield "none", count, 0.5, autoregressive(rng, 0.5, count), 0.0
@@ -52,7 +52,8 @@ def sokal(x):
     d = x - x.mean()
     gamma = np.fft.irfft(np.abs(np.fft.rfft(d, 2 * len(x))) ** 2)[: len(x)]
     times = np.cumsum(gamma / gamma[0]) - 0.5
-    return np.sqrt(2.0 * times[np.argmax(np.arange(len(x)) >= 5.0 * times)] * np.var(x) / len(x))
+    time = times[np.argmax(np.arange(len(x)) >= 5.0 * times)]
+    return np.sqrt(2.0 * max(0.5, time) * np.var(x) / len(x))
 
 
 def held(off, chosen=...):
@@ -79,34 +80,33 @@ def means():
 
 
 def shares():
-    """Shares of ones: independent samples, and runs that switch by chance, each with its interval of one error."""
+    """Shares of ones, drawn evenly from a range: independent samples, and runs that switch by chance."""
     rng = np.random.default_rng(SEED)
     print("| share | runs × rows | τ | within the interval / twice it | worth |")
     print("|---|---|---|---|---|")
-    for share, runs, count, tau in (
-        *((p, n, 1, 0.5) for p in (0.5, 0.9, 0.98) for n in (10, 40, 160)),
-        *(
-            (p, r, t, tau)
-            for p in (0.5, 0.9)
-            for r, t, tau in ((1, 1000, 10), (3, 300, 10), (1, 200, 20), (5, 200, 2))
-        ),
-    ):
-        one = np.sqrt(share * (1 - share))
-        stay = (tau - 0.5) / (tau + 0.5)  # of a chain of two states, ρ(t) = stay^t
-        x = np.empty((SERIES, runs, count))
-        x[..., 0] = rng.random((SERIES, runs)) < share
-        for t in range(1, count):
-            fresh = rng.random((SERIES, runs)) >= stay
-            x[..., t] = np.where(fresh, rng.random((SERIES, runs)) < share, x[..., t - 1])
-        found = [share_of(list(sample)) for sample in x]
-        off = [
-            (share - s.value) / (s.high - s.value)
-            if share > s.value
-            else (s.value - share) / (s.value - s.low or one)
-            for s in found
-        ]
-        worth = np.median([s.independent for s in found])
-        print(f"| {share:g} | {runs} × {count} | {tau:g} | {held(np.array(off) - 1e-12)} | {worth:.0f} |")
+    sizes = [
+        (10, 1, 0.5),
+        (40, 1, 0.5),
+        (160, 1, 0.5),
+        (1, 1000, 10),
+        (3, 300, 10),
+        (5, 200, 2),
+        (1, 200, 20),
+    ]
+    for least, most in ((0.3, 0.7), (0.8, 0.98)):
+        for runs, count, tau in sizes:
+            share = rng.uniform(least, most, SERIES)
+            stay = (tau - 0.5) / (tau + 0.5)  # of a chain of two states, ρ(t) = stay^t
+            x = rng.random((SERIES, runs, count)) < share[:, None, None]
+            for t in range(1, count):
+                x[..., t] = np.where(rng.random((SERIES, runs)) < stay, x[..., t - 1], x[..., t])
+            found = [share_of(list(sample.astype(float))) for sample in x]
+            off = [
+                (true - s.value) / (s.high - s.value if true > s.value else s.low - s.value)
+                for true, s in zip(share, found, strict=True)
+            ]
+            worth = np.median([s.independent for s in found])
+            print(f"| {least:g} to {most:g} | {runs} × {count} | {tau:g} | {held(off)} | {worth:.0f} |")
 
 
 def runs():
@@ -123,7 +123,7 @@ def runs():
             off, alone = [], []
             for sample in x:
                 parts = [Average.of(run) for run in sample]
-                mean, error = mean_of_runs([one.mean for one in parts], [one.error for one in parts])
+                mean, error = mean_of_averages(parts)
                 off.append(abs(mean) / error)
                 alone.append(abs(mean) / np.sqrt(np.mean([one.error**2 for one in parts]) / count))
             print(f"| {count} | {spread:g} | {held(off)} | {held(alone)} |")

@@ -8,7 +8,7 @@ from drawn import bars, figure_of, lines
 
 from jampetsc import cli
 from jampetsc.analysis import collapse, jamming
-from jampetsc.analysis.averages import Average, mean_of_runs
+from jampetsc.analysis.averages import Average, mean_of_averages
 from jampetsc.analysis.collapse import Form, Points, bootstrap_fits, drift, fit_collapse, scaled
 from jampetsc.errors import InputError
 from jampetsc.plots.scaling import plot_scaling
@@ -479,7 +479,7 @@ def test_what_one_seed_gives_in_a_row_is_one_run(tmp_path):
         writer.attributes(particle_count=64, potential="harmonic")
     data = read_points([load(tmp_path / "s.h5")], "pressure", True)
     runs = [Average.of(run) for run in pressure]
-    value, error = mean_of_runs([run.mean for run in runs], [run.error for run in runs])
+    value, error = mean_of_averages(runs)
     assert data.runs.tolist() == [2] and (data.points.value, data.points.error) == (
         value,
         pytest.approx(error),

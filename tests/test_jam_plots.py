@@ -75,8 +75,8 @@ def test_states_of_a_run_remember():
 
 
 def test_runs_that_differ_by_more_than_they_say():
-    assert mean_of_runs([1.0, 3.0], [0.1, 0.1]) == (2.0, half_width(1))
-    value, error = mean_of_runs([1.0, 1.0], [0.3, 0.3])
+    assert mean_of_runs([1.0, 3.0], [0.1, 0.1], [np.inf] * 2) == (2.0, half_width(1))
+    value, error = mean_of_runs([1.0, 1.0], [0.3, 0.3], [np.inf] * 2)
     assert value == 1.0 and error == pytest.approx(0.3 / np.sqrt(2))
 
 

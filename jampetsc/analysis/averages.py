@@ -3,8 +3,8 @@
 The Γ-method of Wolff (Comput. Phys. Commun. 156, 143 (2004); erratum 176, 383 (2007)): the mean of T values has the
 variance C/T, where C = Γ(0) + 2 Σ_1^W Γ(t) is 2τ Γ(0), τ the integrated autocorrelation time. The window W is where
 what is left out, e^(−W/(Sτ)), falls below the noise of the sum; C is freed of the bias of deviations from the series'
-own mean by the factor 1/(1 − (2W + 1)/T). C is known as from T/(2W + 1) squares; half as many count, as the window was
-chosen on the same series, and Student's factor for them widens the error.
+own mean by the factor 1/(1 − (2W + 1)/T). C averages over T/(2W + 1) independent squares, W about 4τ and chosen on the
+same series: MEMORY samples count as one, and Student's factor for so many degrees of freedom widens the error.
 
 Whether a series is long enough is asked of two estimates that err for different reasons, the lower one counts: T/(2τ),
 and T (1 − ρ)/(1 + ρ) of the first autocorrelation alone (Bayley & Hammersley, J. R. Stat. Soc. Suppl. 8, 184 (1946)),
@@ -26,6 +26,7 @@ from jampetsc.analysis.statistics import half_width, mean_with_error
 
 STRETCH = 2.0  # S: correlations are taken to decay over Sτ
 FEW = 20.0  # independent samples below which an error is rough
+MEMORY = 6.0  # independent samples that tell one degree of freedom of the variance: benchmarks/coverage.py
 BLOCKS = 10  # of a series, whose means are compared
 SCATTER = 2.4  # times the variance that the error allows: by chance one long series in a hundred has more
 
@@ -56,18 +57,19 @@ class Average:
         if count < 2 or np.ptp(x) == 0.0:
             return cls(float(x.mean()), 0.0 if count > 1 else math.nan, 0.5, 1.0, False)
         gamma = _covariance(x)
-        time, variance, window = _correlation(gamma, count)
+        time, variance = _correlation(gamma, count)
         plain = math.sqrt(2.0 * time * variance / count)
         scatter = 0.0
         if count >= 2 * BLOCKS:
             scatter = float(mean_with_error(x[: count - count % BLOCKS].reshape(BLOCKS, -1).mean(1))[1])
         drifts = (scatter / half_width(BLOCKS - 1)) ** 2 > SCATTER * plain**2
-        error = plain * half_width(max(1.0, 0.5 * count / (2 * window + 1)))
+        samples = max(1.0, min(0.5 * count / time, _independent(gamma[1] / gamma[0], count)))
+        error = plain * _widening(samples)
         return cls(
             float(x.mean()),
             max(error, scatter) if drifts else error,
             time,
-            max(1.0, min(0.5 * count / time, _independent(gamma[1] / gamma[0], count))),
+            samples,
             bool(drifts),
         )
 
@@ -81,7 +83,7 @@ def _covariance(x):
 
 
 def _correlation(gamma, count):
-    """(τ, variance of the values, W), both free of the bias of a mean from the same `count` values."""
+    """(τ, variance of the values), both free of the bias of a mean from the same `count` values."""
     times = np.cumsum(gamma / gamma[0])[1:] - 0.5
     t = np.arange(1, len(gamma))
     above = np.maximum(times, 0.5 + 1e-9)
@@ -89,10 +91,10 @@ def _correlation(gamma, count):
     closed = np.exp(-t / decay) < decay / np.sqrt(t * count)
     window = int(t[np.argmax(closed)] if closed.any() else t[-1])
     if times[window - 1] <= 0.5:  # no memory, or one that makes means better, which is not relied on
-        return 0.5, float(gamma[0]) * count / (count - 1), 0
+        return 0.5, float(gamma[0]) * count / (count - 1)
     total = 2.0 * gamma[0] * times[window - 1] / (1.0 - min((2 * window + 1) / count, 0.9))
     variance = gamma[0] + total / count
-    return max(0.5, float(0.5 * total / variance)), float(variance), window
+    return max(0.5, float(0.5 * total / variance)), float(variance)
 
 
 def _independent(rho, count):
@@ -101,13 +103,27 @@ def _independent(rho, count):
     return count * (1.0 - rho) / (1.0 + rho)
 
 
-def mean_of_runs(means, errors) -> tuple[float, float]:
+def _widening(samples):
+    """Student's factor for a variance known from a series worth so many samples."""
+    return half_width(max(1.0, samples / MEMORY))
+
+
+def mean_of_runs(means, errors, samples) -> tuple[float, float]:
     """(mean, error) over runs (R,): the larger of the scatter of their means and what they say of their errors.
 
-    The scatter is widened by Student's factor for R − 1 degrees of freedom. nan for one run that has no error.
+    means, errors, samples   as `Average` has them; samples inf where a file of old does not tell
+
+    Each is widened by Student's factor: the scatter for R − 1 degrees of freedom, the errors for those of all runs
+    together. nan for one run that has no error.
     """
-    means, errors = np.asarray(means, float), np.asarray(errors, float)
-    known = errors[np.isfinite(errors)]
-    own = np.sqrt(np.mean(known**2) / len(means)) if len(known) else np.nan
+    means, errors, samples = (np.asarray(values, float) for values in (means, errors, samples))
+    known = np.isfinite(errors)
+    plain = errors[known] / [_widening(count) for count in samples[known]]
+    own = np.sqrt(np.mean(plain**2) / len(means)) * _widening(samples[known].sum()) if known.any() else np.nan
     mean, scatter = mean_with_error(means)
     return float(mean), float(np.fmax(own, scatter))
+
+
+def mean_of_averages(averages) -> tuple[float, float]:
+    """`mean_of_runs` of a list of Average."""
+    return mean_of_runs(*zip(*((one.mean, one.error, one.samples) for one in averages), strict=True))

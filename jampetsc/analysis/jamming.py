@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.analysis.averages import Average, mean_of_runs
+from jampetsc.analysis.averages import Average, mean_of_averages
 
 FEWEST = 10  # samples that make a density
 BINS = (5, 30)  # of a density, at least and at most: √samples between them
@@ -43,7 +43,7 @@ def correlated_share(runs) -> Share:
     many as the runs are worth.
     """
     averages = [Average.of(run) for run in runs]
-    value, error = mean_of_runs([one.mean for one in averages], [one.error for one in averages])
+    value, error = mean_of_averages(averages)
     samples = sum(one.samples for one in averages)  # a series of ones alone is one: it may be one long memory
     known = math.ceil(samples)
     least = independent_share(np.r_[np.ones(round(value * known)), np.zeros(known - round(value * known))])

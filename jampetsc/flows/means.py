@@ -64,7 +64,7 @@ class Means:
         found = short(self.strain, self.spacing, self.shear_stress, self.pressure)
         if self.shear_stress.drifts or self.pressure.drifts:
             found.append(
-                "the tenths of the run differ by more than its fast fluctuations explain: slow changes, or not steady yet; "
+                "the tenths of the run differ by more than its fluctuations explain: slow changes, or not steady yet; "
                 "--discard more"
             )
         return found

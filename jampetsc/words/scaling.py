@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.analysis.averages import Average, mean_of_runs
+from jampetsc.analysis.averages import Average, mean_of_averages, mean_of_runs
 from jampetsc.analysis.collapse import BOUNDS, PARAMETERS, Form, Points
 from jampetsc.analysis.jamming import share_of
 from jampetsc.analysis.statistics import mean_with_error
@@ -136,7 +136,8 @@ def _rows(result, observable, finite_size):
         return [(float(a["phi"]), scale, origin, _of_jammed(result, observable)[after])]
     if observable == "jammed":
         raise InputError(f"{result.path}: --observable jammed goes with --finite-size")
-    return [(float(a["phi"]), scale, origin, (a[f"{observable}_mean"], a[f"{observable}_error"]))]
+    samples = a.get(f"{observable}_samples", math.inf)  # files of before do not tell
+    return [(float(a["phi"]), scale, origin, (a[f"{observable}_mean"], a[f"{observable}_error"], samples))]
 
 
 def _of_jammed(result, observable):
@@ -157,7 +158,7 @@ def _mean(runs, observable):
         values = np.concatenate(runs)
         return tuple(float(part) for part in mean_with_error(values))
     averages = [Average.of(run) for run in runs]
-    return mean_of_runs([one.mean for one in averages], [one.error for one in averages])
+    return mean_of_averages(averages)
 
 
 def files_of(paths, finite_size, where=None) -> list[str]:
