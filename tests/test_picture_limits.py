@@ -499,10 +499,12 @@ def test_studies_with_packings_unstable_to_shear_say_in_how_many(monkeypatch):
     ]
     (mean,), band, words = response_pictures._averaged(SimpleNamespace(average=True), some)
     assert mean.G[0] == pytest.approx(-0.5 + 1j) and band == "mean, 68 % interval"
-    assert words.endswith("; G' < 0 somewhere in 2 of them, which count like the others")
+    assert (
+        "; G' < 0 somewhere in 2 of them, which count like the others; 4 packings only: rough errors" in words
+    )
     assert response_pictures._averaged(SimpleNamespace(average=False), some) == (some, "", "")
     *_, words = response_pictures._averaged(SimpleNamespace(average=True), some[1:2])
-    assert words == ", arithmetic means over packings with errors"
+    assert words == ", arithmetic means over packings with errors; 1 packing only: no error"
 
 
 @pytest.mark.parametrize(

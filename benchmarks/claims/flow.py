@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from claims.shared import Row, claim, rates_of, slope_with_error
-from jampetsc.analysis.statistics import mean_with_error
+from claims.shared import Row, claim, mean_over_seeds, rates_of, slope_with_error
 from jampetsc.plots.flowcurves import local_exponents
 
 
@@ -77,15 +76,7 @@ def stand_in(table):
         means = {}
         for model in ("CD", "CD0", "RD0"):
             rows = at.where(model=model, rate=rate)
-            means[model] = (
-                mean_with_error(rows["shear_stress_mean"])[0],
-                np.max(
-                    [
-                        mean_with_error(rows["shear_stress_mean"])[1],
-                        np.sqrt(np.mean(rows["shear_stress_error"] ** 2) / rows.rows),
-                    ]
-                ),
-            )
+            means[model] = mean_over_seeds(rows, "shear_stress")
         for one, theirs, note in (("CD", 1.0, "Q = 1"), ("RD0", None, "")):
             a, b = means[one], means["CD0"]
             yield Row(

@@ -25,6 +25,14 @@ def of_few(count: int) -> float:
     return math.sqrt(count / (count - 1)) * half_width(count - 1) if count > 1 else math.nan
 
 
+def few_words(count: int, what: str) -> str:
+    """What to say of errors of so many samples; "" where twice an error holds as much as one expects."""
+    if count >= FEW:
+        return ""
+    rough = "no error" if count < 2 else "rough errors: twice the error holds less than 92 % of cases"
+    return f"; {count} {what}{'s' * (count != 1)} only: {rough}"
+
+
 def mean_with_error(values) -> tuple:
     """(mean, error) of independent samples (n, …) along the first axis: (…), error nan for n = 1.
 

@@ -1,5 +1,7 @@
 """Pictures of packings and of their linear response: moduli, fields, spectra, correlations, floppy motion, modes."""
 
+from collections import Counter
+
 from jampetsc.errors import InputError
 from jampetsc.words.picture import Picture, count, entering, within
 
@@ -41,12 +43,18 @@ def _averaged(args, curves):
     """(curves, what their bands are, words): the means of an ensemble where a study is drawn."""
     if not args.average:
         return curves, "", ""
+    from jampetsc.analysis.statistics import few_words
     from jampetsc.plots.averages import BAND, average_curves
 
     averages = average_curves(curves)
+    fewest = min(Counter(str(curve.description) for curve in curves).values())
     negative = sum(bool((curve.G.real < 0).any()) for curve in curves)
     below = f"; G' < 0 somewhere in {negative} of them, which count like the others" if negative else ""
-    return averages, BAND, f", arithmetic means over packings with errors{below}"
+    return (
+        averages,
+        BAND,
+        f", arithmetic means over packings with errors{below}{few_words(fewest, 'packing')}",
+    )
 
 
 @picture("collapse", "sweep", options=("mu", "lambda"))
