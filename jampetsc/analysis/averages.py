@@ -7,8 +7,9 @@ own mean by the factor 1/(1 − (2W + 1)/T). C averages over T/(2W + 1) independ
 same series: MEMORY samples count as one, and Student's factor for so many degrees of freedom widens the error.
 
 Whether a series is long enough is asked of two estimates that err for different reasons, the lower one counts: T/(2τ),
-and T (1 − ρ)/(1 + ρ) of the first autocorrelation alone (Bayley & Hammersley, J. R. Stat. Soc. Suppl. 8, 184 (1946)),
-freed of its bias (1 + 3ρ)/T (Kendall, Biometrika 41, 403 (1954)): by τ alone those series pass that underestimate it.
+and T (1 − a)/(1 + a) of the exponential a^t through the last ρ(t) ≥ 1/e (Bayley & Hammersley, J. R. Stat. Soc. Suppl. 8,
+184 (1946)), ρ freed of its bias for such a series (Marriott & Pope, Biometrika 41, 390 (1954)): by τ alone those series
+pass that underestimate it.
 
 Both take a series for one of a single memory. A slow part beside a fast one, or a drift, shows in the means of its
 tenths, where they scatter by more than that error allows.
@@ -63,7 +64,7 @@ class Average:
         if count >= 2 * BLOCKS:
             scatter = float(mean_with_error(x[: count - count % BLOCKS].reshape(BLOCKS, -1).mean(1))[1])
         drifts = (scatter / half_width(BLOCKS - 1)) ** 2 > SCATTER * plain**2
-        samples = max(1.0, min(0.5 * count / time, _independent(gamma[1] / gamma[0], count)))
+        samples = max(1.0, min(0.5 * count / time, _independent(gamma / gamma[0], count)))
         error = plain * _widening(samples)
         return cls(
             float(x.mean()),
@@ -98,9 +99,13 @@ def _correlation(gamma, count):
 
 
 def _independent(rho, count):
-    """Independent samples that `count` values of first autocorrelation ρ are worth, were that all they remember."""
-    rho = min(max(rho + (1.0 + 3.0 * rho) / count, 0.0), 1.0)
-    return count * (1.0 - rho) / (1.0 + rho)
+    """Independent samples that `count` values of autocorrelation ρ (T/2,) are worth, were it an exponential."""
+    below = rho < 1.0 / math.e
+    lag = max(1, (int(np.argmax(below)) if below.any() else len(rho)) - 1)
+    known = min(max(float(rho[lag]), 0.0), 1.0 - 1.0 / count)
+    times = (1.0 + known ** (1.0 / lag)) / (1.0 - known ** (1.0 / lag))
+    known = min(known + (times * (1.0 - known) + 2.0 * lag * known) / count, 1.0)
+    return count * (1.0 - known ** (1.0 / lag)) / (1.0 + known ** (1.0 / lag))
 
 
 def _widening(samples):
