@@ -6,10 +6,9 @@ what is left out, e^(−W/(Sτ)), falls below the noise of the sum; C is freed o
 own mean by the factor 1/(1 − (2W + 1)/T). C averages over T/(2W + 1) independent squares, W about 4τ and chosen on the
 same series: MEMORY samples count as one, and Student's factor for so many degrees of freedom widens the error.
 
-Whether a series is long enough is asked of two estimates that err for different reasons, the lower one counts: T/(2τ),
+Whether a series is long enough is asked of two estimates that err for different reasons; the lower one counts: T/(2τ)
 and T (1 − a)/(1 + a) of the exponential a^t through the last ρ(t) ≥ 1/e (Bayley & Hammersley, J. R. Stat. Soc. Suppl. 8,
-184 (1946)), ρ freed of its bias for such a series (Marriott & Pope, Biometrika 41, 390 (1954)): by τ alone those series
-pass that underestimate it.
+184 (1946)), freed of its bias (Marriott & Pope, Biometrika 41, 390 (1954)): by τ alone those pass that underestimate it.
 
 Both take a series for one of a single memory. A slow part beside a fast one, or a drift, shows in the means of its
 tenths, where they scatter by more than that error allows.
@@ -102,7 +101,9 @@ def _independent(rho, count):
     """Independent samples that `count` values of autocorrelation ρ (T/2,) are worth, were it an exponential."""
     below = rho < 1.0 / math.e
     lag = max(1, (int(np.argmax(below)) if below.any() else len(rho)) - 1)
-    known = min(max(float(rho[lag]), 0.0), 1.0 - 1.0 / count)
+    if rho[lag] <= 0.0:
+        return float(count)
+    known = min(float(rho[lag]), 1.0 - 1.0 / count)
     times = (1.0 + known ** (1.0 / lag)) / (1.0 - known ** (1.0 / lag))
     known = min(known + (times * (1.0 - known) + 2.0 * lag * known) / count, 1.0)
     return count * (1.0 - known ** (1.0 / lag)) / (1.0 + known ** (1.0 / lag))
