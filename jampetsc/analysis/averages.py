@@ -7,8 +7,9 @@ own mean by the factor 1/(1 − (2W + 1)/T). C averages over T/(2W + 1) independ
 same series: MEMORY samples count as one, and Student's factor for so many degrees of freedom widens the error.
 
 Whether a series is long enough is asked of two estimates that err for different reasons; the lower one counts: T/(2τ)
-and T (1 − a)/(1 + a) of the exponential a^t through the last ρ(t) ≥ 1/e (Bayley & Hammersley, J. R. Stat. Soc. Suppl. 8,
-184 (1946)), freed of its bias (Marriott & Pope, Biometrika 41, 390 (1954)): by τ alone those pass that underestimate it.
+and T (1 − a)/(1 + a) of the exponential a^t through the last ρ(t) ≥ 1/e (Bayley & Hammersley, J. R. Stat. Soc. Suppl.
+8, 184 (1946)), freed of its bias (Marriott & Pope, Biometrika 41, 390 (1954)). By τ alone those pass that
+underestimate it.
 
 Both take a series for one of a single memory. A slow part beside a fast one, or a drift, shows in the means of its
 tenths, where they scatter by more than that error allows.
