@@ -20,6 +20,7 @@ import numpy as np
 
 import jampetsc
 from jampetsc import cli
+from jampetsc.analysis.averages import mean_of_runs
 
 STRAINS = {1e-2: 40, 1e-3: 20, 1e-4: 6}
 QUANTITIES = ("shear_stress", "pressure", "coordination")
@@ -84,7 +85,7 @@ def wanted(points):
 
 
 def measured(model, n, phi, rate, seed, folder):
-    """((mean, error) of each quantity, energy balance) of one run."""
+    """((mean, error, samples) of each quantity, energy balance) of one run."""
     out = folder / f"{model}-{n}-{phi}-{rate}-{seed}.h5"
     mass = ["--mass", "1"] if not model.endswith("0") else []
     strain = STRAINS.get(rate, 40)
@@ -100,7 +101,7 @@ def measured(model, n, phi, rate, seed, folder):
     if status:
         sys.exit("jampetsc flow failed")
     facts = jampetsc.load(out).attributes
-    found = [(facts[f"{name}_mean"], facts[f"{name}_error"]) for name in names]
+    found = [tuple(facts[f"{name}_{part}"] for part in ("mean", "error", "samples")) for name in names]
     return found, facts.get("energy_balance", np.nan)
 
 
@@ -123,14 +124,10 @@ def main():
             for q, name in enumerate(QUASISTATIC if key[0] == "QS" else QUANTITIES):
                 if FIGURES[key][q] is None:
                     continue
-                means, errors = np.array([found[q] for found, _ in runs]).T
-                scatter = np.std(means, ddof=1) / np.sqrt(len(means)) if len(means) > 1 else 0.0
-                error = max(scatter, float(np.sqrt(np.mean(errors**2) / len(means))))
+                mean, error = mean_of_runs(*np.array([found[q] for found, _ in runs]).T)
                 figure, its = FIGURES[key][q]
-                z = (means.mean() - figure) / np.hypot(error, its)
-                parts.append(
-                    f"{name}: {means.mean():.4g} ± {error:.1g} | {figure:.4g} ± {its:.1g} ({z:+.1f})"
-                )
+                z = (mean - figure) / np.hypot(error, its)
+                parts.append(f"{name}: {mean:.4g} ± {error:.1g} | {figure:.4g} ± {its:.1g} ({z:+.1f})")
             if key[0] != "QS":
                 parts.append("balance " + ", ".join(f"{b:.3f}" for _, b in runs))
             print(f"{key[0]:5} {key[1]:5} {key[2]:7} {key[3]:6g}  {'; '.join(parts)}", flush=True)

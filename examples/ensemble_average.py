@@ -11,7 +11,7 @@ import numpy as np
 
 import jampetsc
 from jampetsc.analysis.scaling import fit_power_law
-from jampetsc.analysis.statistics import bootstrap
+from jampetsc.analysis.statistics import mean_with_error
 
 n = int(sys.argv[1]) if len(sys.argv) > 1 else 256
 packings = int(sys.argv[2]) if len(sys.argv) > 2 else 8
@@ -24,7 +24,7 @@ for pressure in pressures:
         slow = jampetsc.quasistatic(packing, beta=1.0)
         moduli.append(slow.attributes["G0"])
         viscosities.append(slow.attributes["eta0"])
-    (G0, G0_error), (eta0, eta0_error) = bootstrap(moduli), bootstrap(viscosities)
+    (G0, G0_error), (eta0, eta0_error) = mean_with_error(moduli), mean_with_error(viscosities)
     means.append((G0, eta0))
     print(
         f"p = {pressure:.0e}: G0 = {G0:.3g} ± {G0_error:.1g} k, eta0 = {eta0:.3g} ± {eta0_error:.1g} k tau1"

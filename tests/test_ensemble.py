@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jampetsc
-from jampetsc.analysis.statistics import bootstrap
+from jampetsc.analysis.statistics import mean_with_error, median_interval, median_with_error
 from jampetsc.errors import InputError
 from jampetsc.storage.ensemble import CHOICES, load_ensemble
 from jampetsc.studies.table import table_text
@@ -49,8 +49,8 @@ def test_averages_keep_what_is_negative_and_report_it(folder):
     np.testing.assert_allclose(mean["G0"], [1.5e-3, 1.5e-2])
     assert mean.count["G0"].tolist() == [3, 3] and mean.below_zero["G0"].tolist() == [1, 1]
     np.testing.assert_allclose(table.median(by=["law", "pressure"])["G0"], [1e-3, 1e-2])
-    expected = np.std(list(MODULI.values()), ddof=1) / np.sqrt(3)
-    np.testing.assert_allclose(mean.error["G0"], [1e-3 * expected, 1e-2 * expected], rtol=0.1)
+    expected = 1.321 * np.std(list(MODULI.values()), ddof=1) / np.sqrt(3)  # t of two degrees of freedom
+    np.testing.assert_allclose(mean.error["G0"], [1e-3 * expected, 1e-2 * expected], rtol=1e-3)
     assert "seed" not in list(mean) and {"pressure", "G0", "eta0"} <= set(mean)
 
 
@@ -151,17 +151,33 @@ def test_what_is_no_table_is_refused(tmp_path):
 )
 def test_errors_of_known_distributions(statistic, draw, value, error):
     samples = getattr(np.random.default_rng(1), f"standard_{draw}")((400, 20))
-    found, errors = bootstrap(samples, statistic)
+    found, errors = {"mean": mean_with_error, "median": median_with_error}[statistic](samples)
     assert np.mean(errors) == pytest.approx(error, rel=0.1)
-    assert np.mean(((found - value) / errors) ** 2) == pytest.approx(1.0, abs=0.8)  # χ² of 20 is 1 ± 0.32
+    assert np.mean(((found - value) / errors) ** 2) == pytest.approx(1.0, abs=0.9)  # χ² of 20 is 1 ± 0.32
 
 
-def test_errors_of_few_samples():
-    two = np.random.default_rng(2).standard_normal((2, 1000))
-    assert np.mean(bootstrap(two)[1] ** 2) == pytest.approx(0.5, rel=0.1), (
-        "unbiased, though resamples lie closer"
-    )
-    assert np.isnan(bootstrap([1.0])[1]) and bootstrap([2.0, 2.0]) == (2.0, 0.0)
+@pytest.mark.parametrize("n", [2, 3, 4, 5, 8])
+@pytest.mark.parametrize("draw", ["normal", "exponential"])
+def test_errors_of_few_samples_cover(n, draw):
+    """Student's mean of normal samples in 68 % of cases; the median's interval whatever the distribution."""
+    samples = getattr(np.random.default_rng(n), f"standard_{draw}")((n, 4000))
+    normal = draw == "normal"
+    mean, error = mean_with_error(samples)
+    off = abs(mean - (not normal)) / error
+    assert np.mean(off < 1) == pytest.approx(0.683, abs=0.025 if normal else 0.09)
+    assert not normal or np.mean(off < 2) > (0.9 if n > 5 else 0.81)
+    true = 0.0 if normal else np.log(2)
+    if n > 2:
+        low, high = median_interval(samples)
+        assert np.mean((low < true) & (true < high)) == pytest.approx(0.683, abs=0.04)
+    value, error = median_with_error(samples)
+    assert 0.62 < np.mean(abs(value - true) < error) < 0.78
+
+
+def test_errors_of_hardly_any_samples():
+    assert np.isnan(mean_with_error([1.0])[1]) and np.isnan(median_with_error([1.0])[1])
+    assert mean_with_error([2.0, 2.0]) == median_with_error([2.0, 2.0]) == (2.0, 0.0)
+    assert np.isnan(median_interval([1.0, 2.0])).all()
 
 
 def test_errors_and_counts_have_the_columns_of_the_means(folder):

@@ -7,7 +7,7 @@ import pytest
 from test_plots import write_sweep
 
 from jampetsc import cli
-from jampetsc.analysis.statistics import bootstrap, interval
+from jampetsc.analysis.statistics import half_width, mean_with_error, median_interval
 from jampetsc.errors import InputError
 from jampetsc.plots.averages import average_curves
 from jampetsc.plots.curves import curve_of, group_curves
@@ -43,9 +43,9 @@ def test_curves_are_arithmetic_means_with_their_errors(folder):
     assert [curve.pressure for curve in averages] == [1e-2, 1e-3]
     for curve in averages:
         np.testing.assert_allclose(curve.G, 1.5 * curve.pressure + 3j * OMEGA, rtol=1e-14)
-        expected = np.sqrt(2.5 / 5)  # standard error of 0, 1, 2, 3, 4
-        np.testing.assert_allclose(curve.bounds[0], expected * curve.pressure, rtol=0.1)
-        np.testing.assert_allclose(curve.bounds[1], expected * OMEGA, rtol=0.1)
+        expected = half_width(4) * np.sqrt(2.5 / 5)  # standard error of 0, 1, 2, 3, 4
+        np.testing.assert_allclose(curve.bounds[0], expected * curve.pressure, rtol=1e-9)
+        np.testing.assert_allclose(curve.bounds[1], expected * OMEGA, rtol=1e-9)
 
 
 def test_a_median_has_the_interval_of_a_median(folder):
@@ -56,7 +56,7 @@ def test_a_median_has_the_interval_of_a_median(folder):
     ]
     (median,) = average_curves(some, "median")
     np.testing.assert_allclose(median.G, 2 + 1j * OMEGA)
-    low, high = interval(np.array([0.0, 1, 2, 3, 90]))
+    low, high = median_interval(np.array([0.0, 1, 2, 3, 90]))
     np.testing.assert_allclose(
         median.bounds[0], [np.full(len(OMEGA), 2 - low), np.full(len(OMEGA), high - 2)]
     )
@@ -88,7 +88,7 @@ def test_what_has_no_mean_is_refused(folder):
 def test_pictures_of_a_study(folder, capsys, kind):
     assert cli.main(["plot", str(folder), *kind, "--out", str(folder / "x.png")]) == 0
     said = capsys.readouterr().out
-    assert "10 sweeps" in said and "arithmetic means over packings with bootstrap errors" in said
+    assert "10 sweeps" in said and "arithmetic means over packings with errors" in said
     assert "G' < 0 somewhere in 2 of them" in said
     assert (folder / "x.png").stat().st_size > 5000
 
@@ -139,13 +139,11 @@ def test_some_rows_of_a_study_are_chosen_by_their_values(folder, capsys):
 
 
 def test_intervals_of_long_tails_stay_among_the_samples():
-    values = np.array([1.0, 1.1, 1.2, 1.3, 1e6])
-    low, high = interval(values)
-    assert 1.0 <= low < np.median(values) < high < 2.0 < bootstrap(values, "median")[1]
+    values = np.array([1.0, 1.1, 1.2, 1.3, 1.4, 1e6])  # of five or less the interval takes the extremes in
+    low, high = median_interval(values)
+    assert 1.0 <= low < np.median(values) < high < 2.0 < mean_with_error(values)[1]
 
 
 def test_an_interval_is_one_standard_error_to_either_side():
-    values = np.random.default_rng(2).normal(size=400)
-    low, high = interval(values, "mean")
-    assert 0.5 * (high - low) == pytest.approx(np.std(values) / 20, rel=0.06)
-    assert interval(values, "mean") == (low, high)  # the same samples, the same draws
+    low, high = median_interval(np.random.default_rng(2).normal(size=(401, 50)))
+    assert np.mean(0.5 * (high - low)) == pytest.approx(np.sqrt(np.pi / 2 / 401), rel=0.06)

@@ -9,7 +9,7 @@ from matplotlib.image import imread
 from samples import published
 
 from jampetsc import cli
-from jampetsc.analysis.statistics import interval
+from jampetsc.analysis.statistics import median_interval
 from jampetsc.errors import InputError
 from jampetsc.plots import style
 from jampetsc.plots.floppy import groups_of, plot_medians, plot_viscosities
@@ -256,7 +256,7 @@ def test_lines_run_through_medians_and_small_points_are_files():
         np.testing.assert_allclose(points[2 * number][0], np.repeat(p, 3))
     assert len(points) == 6
     found = bands(ax)
-    low, high = interval(np.array([1.0, 1.5, 20.0]))
+    low, high = median_interval(np.array([1.0, 1.5, 20.0]))
     np.testing.assert_allclose(found[0][1:], [low * p, high * p])
     told = [text.get_text() for text in ax.get_legend().get_texts()]
     assert told[3:] == ["no pre-stress", "pre-stress", r"$p^{\pm 1/4}$", "single files", "68 % interval"]
@@ -290,7 +290,9 @@ def test_viscosities_are_medians_over_files_in_units_of_k_and_tau1():
     (low, high) = lines(ax, 2)
     np.testing.assert_allclose(low[:2], [[0.01, 0.1], [0.3, 3.0]])
     np.testing.assert_allclose(high[:2], [[0.01, 0.1], [0.15, 1.5]])
-    limits = np.transpose([interval(np.array([0.1, 0.3, 5.0])), interval(np.array([1.0, 3.0, 50.0]))])
+    limits = np.transpose(
+        [median_interval(np.array([0.1, 0.3, 5.0])), median_interval(np.array([1.0, 3.0, 50.0]))]
+    )
     np.testing.assert_allclose(bands(ax)[0][1:], limits)
     legend = ax.get_legend()
     assert [text.get_text() for text in legend.get_texts()] == [

@@ -12,7 +12,7 @@ from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.flows import record as records
 from jampetsc.flows import run as running
 from jampetsc.flows.lanes import LaneCorrelation, correlate_lanes
-from jampetsc.flows.means import FEW, Means
+from jampetsc.flows.means import ROWS, Means
 from jampetsc.flows.record import (
     ON_WALLS,
     SERIES,
@@ -67,8 +67,8 @@ def test_work_is_dissipated_or_kept():
 
 
 def test_a_few_rows_are_not_looked_at_for_balance():
-    assert means(recorded(FEW - 1, 1.2)).mismatch == 0.0
-    assert means(recorded(FEW, 1.2)).mismatch == pytest.approx(-1 / 6)
+    assert means(recorded(ROWS - 1, 1.2)).mismatch == 0.0
+    assert means(recorded(ROWS, 1.2)).mismatch == pytest.approx(-1 / 6)
 
 
 def test_what_dissipates_nothing_is_balanced_by_nothing():

@@ -520,10 +520,14 @@ def test_studies_with_packings_unstable_to_shear_say_in_how_many(monkeypatch):
     asked = SimpleNamespace(average=True, statistic=None)
     (mean,), band, words = response_pictures._averaged(asked, some)
     assert mean.G[0] == pytest.approx(-0.5 + 1j)
-    assert band == "mean ± standard error\n$G$\u2032 < 0 in 2 of 4"
-    assert words.endswith("; G' < 0 somewhere in 2 of them, which count like the others")
+    assert band == "mean, 68 % interval\n$G$\u2032 < 0 in 2 of 4"
+    assert (
+        "; G' < 0 somewhere in 2 of them, which count like the others; 4 packings only: rough errors" in words
+    )
     *_, band, words = response_pictures._averaged(asked, some[1:2])
-    assert words == ", arithmetic means over packings with bootstrap errors" and "\n" not in band
+    assert (
+        words == ", arithmetic means over packings with errors; 1 packing only: no error" and "\n" not in band
+    )
     (median,), band, words = response_pictures._averaged(
         SimpleNamespace(average=True, statistic="median"), some
     )

@@ -164,7 +164,7 @@ def test_means_do_not_depend_on_the_step(session, tmp_path):
     for name in ("shear_stress", "pressure"):
         error = np.hypot(whole[f"{name}_error"], fine[f"{name}_error"])
         assert abs(whole[f"{name}_mean"] - fine[f"{name}_mean"]) < 4 * error
-        assert error < 0.25 * whole[f"{name}_mean"]
+        assert error < 0.5 * whole[f"{name}_mean"]
 
 
 def test_disks_below_jamming_have_no_energy(session, tmp_path):

@@ -5,7 +5,7 @@ import numpy as np
 from claims.shared import LARGE, NEAR, Row, by_decades, claim, line_through, near_jamming, size_of, verdict
 from jampetsc.analysis.finite_size import FEWEST, logarithm_of_size, size_scaling
 from jampetsc.analysis.scaling import collapse_spread, critical_exponents, local_slope, upper_border
-from jampetsc.analysis.statistics import bootstrap, log_median
+from jampetsc.analysis.statistics import log_median, mean_with_error
 from jampetsc.plots.curves import curve_of
 
 BOTH = (("no_prestress_", "without pre-stress"), ("", "with pre-stress"))
@@ -83,7 +83,9 @@ def regimes(sweeps, law, where, fluid=0.0, why=""):
         ("G″/G′, tan(πΔ/2)", lambda omega, G: G.imag / G.real, 1.0),
     )
     for name, of, theirs in cases:
-        means = [(p, *bootstrap(window_means(curves, WINDOW[0] * p, without(of)))) for p, curves in groups]
+        means = [
+            (p, *mean_with_error(window_means(curves, WINDOW[0] * p, without(of)))) for p, curves in groups
+        ]
         p, value, error = means[0]
         told = ", ".join(
             f"{mean:.3f}({0 if error != error else round(1000 * error):d})" for _, mean, error in means
@@ -106,7 +108,9 @@ def balanced(table):
         mine = sweeps.where(prestress=on, rotations=1)
         yield from regimes(mine, "β = 1", where, why=CORRECTION)
         groups = curves_of(mine)
-        borders = [(p, *bootstrap([upper_border(c.omega, c.G) for c in curves])) for p, curves in groups]
+        borders = [
+            (p, *mean_with_error([upper_border(c.omega, c.G) for c in curves])) for p, curves in groups
+        ]
         told = ", ".join(f"{value:.2f} at {p:g}" for p, value, _ in borders)
         what = f"β = 1, {where}: upper border, where d ln G″/d ln ω passes ¾, in 1/τ₁, p = {borders[0][0]:g}"
         note = f"BT: ω ~ 1 at every p; {told}: it tends to a constant"
@@ -138,7 +142,7 @@ def without_rotations(sweeps):
             inside = (curve.omega >= WINDOW[0] * p) & (curve.omega <= WINDOW[1])
             ratio = np.abs(curve.G / curve_of(result).G)
             ratios.append((np.mean(ratio[inside]), np.ptp(ratio[inside]), ratio[-1]))
-        (value, change, fast), (error, *_) = bootstrap(ratios)
+        (value, change, fast), (error, *_) = mean_with_error(ratios)
         note = f"changes by {change:.2f} within; {fast:.2f} at the highest ω; BT: the form of G* stays"
         what = f"β = 1: |G*| without over with rotations, {WINDOW[0]:g} p … {WINDOW[1]:g}, p = {p:g}"
         yield Row(what, None, value, error, note, size_of(still), "yes" if change < 0.2 * value else "no")
@@ -181,10 +185,10 @@ def sliding(table):
     what = "without pre-stress: η₀/τ₁ = G₀ + βkΣ(Δu⊥ᶜ)²/(Vγ²), largest relative difference"
     yield Row(what, 0.0, max(off), None, note, size, "yes" if max(off) < TINY else "no")
     note = "G₀ is the same for all β, and η₀ = G₀(1 + β/β*): −1 for β ≫ β*"
-    yield Row("without pre-stress: ω* = G₀/η₀ ~ β^x, β = 1 … 100", -1.0, *bootstrap(slopes), note, size,
+    yield Row("without pre-stress: ω* = G₀/η₀ ~ β^x, β = 1 … 100", -1.0, *mean_with_error(slopes), note, size,
               "yes" if abs(np.mean(slopes) + 1) < 0.02 else "no")  # fmt: skip
     lowest = slow["pressure"] == slow["pressure"].min()
-    yield Row("η_∞ ~ β^x, β = 1e-2 … 1e-1, lowest p", None, *bootstrap(np.array(rises)[lowest]),
+    yield Row("η_∞ ~ β^x, β = 1e-2 … 1e-1, lowest p", None, *mean_with_error(np.array(rises)[lowest]),
               "½ for p ≪ β ≪ 1 follows from F(κ) ~ √κ", size)  # fmt: skip
     yield from windows_of_beta(sweeps)
 
@@ -325,7 +329,9 @@ def growth_with_size(rows, name):
     points = viscosities(rows, "no_prestress_", subtracted)
     for level in sorted({p for _, p, _ in points}):
         scaled = [
-            (n, *bootstrap(np.sqrt(p) * values)) for n, p, values in points if p == level and p * n**2 > 30
+            (n, *mean_with_error(np.sqrt(p) * values))
+            for n, p, values in points
+            if p == level and p * n**2 > 30
         ]
         if len(scaled) < FEWEST:
             continue

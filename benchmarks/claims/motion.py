@@ -11,7 +11,7 @@ from jampetsc.analysis.correlations import (
     stokes_collapse,
 )
 from jampetsc.analysis.medium import dragged, first_root, solid, stokes
-from jampetsc.analysis.statistics import bootstrap
+from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.plots.correlation import correlation_curve
 
 LARGE = 1e3  # pN² above which a packing is large (BT Fig. 8)
@@ -39,7 +39,7 @@ def fitted(p, values, corrected):
     """(exponent, standard error) of ln y = ln A + x ln p [+ B p^½], fitted to each packing, mean over packings."""
     columns = [np.ones_like(p), np.log(p)] + [np.sqrt(p)] * corrected
     solution = np.linalg.lstsq(np.column_stack(columns), np.log(values).T, rcond=None)[0]
-    return bootstrap(solution[1])
+    return mean_with_error(solution[1])
 
 
 def exponents(rows, column, claim, claimed, note="", printed=True):
@@ -78,8 +78,12 @@ def instants(table):
     for omega, values in sorted(found.items()):
         sizes, ratios = np.transpose(values)
         size = f"N = {table.where(command='sweep')['n'].max()}, {len(values)} packings"
-        yield Row(f"ω = {omega:.0e}: non-affine motion per strain, in d", None, *bootstrap(sizes), note, size)
-        yield Row(f"ω = {omega:.0e}: ũ at zero over ũ at peak stress", None, *bootstrap(ratios), "", size)
+        yield Row(
+            f"ω = {omega:.0e}: non-affine motion per strain, in d", None, *mean_with_error(sizes), note, size
+        )
+        yield Row(
+            f"ω = {omega:.0e}: ũ at zero over ũ at peak stress", None, *mean_with_error(ratios), "", size
+        )
 
 
 @claim("bt-fig5")
@@ -118,7 +122,7 @@ def _mean_normal(slow):
     yield Row(
         f"mean |Δu∥| ~ p^x at the lowest pressures, p = {p[0]:.0e} … {p[1]:.0e} (BT: levels off)",
         None,
-        *bootstrap(local[:, 0]),
+        *mean_with_error(local[:, 0]),
         "no plateau: k Σ(Δu∥)² = G₀Vγ² exactly, here to "
         f"{defect:.0e}, so the mean ≤ rms ~ p^¼ cannot level off while G₀ falls",
         size,
@@ -126,7 +130,9 @@ def _mean_normal(slow):
     )
     ratio = (mean / rms).mean(axis=0)
     told = "from low to high p: " + ", ".join(f"{one:.2f}" for one in ratio)
-    yield Row("mean |Δu∥| over its rms at the lowest p", None, *bootstrap((mean / rms)[:, 0]), told, size)
+    yield Row(
+        "mean |Δu∥| over its rms at the lowest p", None, *mean_with_error((mean / rms)[:, 0]), told, size
+    )
 
 
 @claim("bt-fig7")
@@ -162,7 +168,7 @@ def _over_size(pairs, part, chosen=lambda omega: omega == omega.min()):
         values.append(np.nanmean(part(curve.G[at])) / curve.size)
         errors.append(np.nanmean(curve.bounds[int(part is np.imag), at]) / curve.size)
     own = np.sqrt(np.nanmean(np.square(errors)) / len(values))
-    return float(np.mean(values)), float(np.fmax(own, bootstrap(values)[1]))
+    return float(np.mean(values)), float(np.fmax(own, mean_with_error(values)[1]))
 
 
 def _plateaus(large, size):
@@ -284,7 +290,7 @@ def _phases(large, size):
                 continue
             angle = np.pi / 5
             expected = first_root(stokes(part, angle, phase, 0.04)) / 0.04
-            value, error = bootstrap(np.array(values))
+            value, error = mean_with_error(np.array(values))
             yield Row(
                 f"Stokes, arg G* > π/6: l/√(|G*|/nω), {name} u_y, phase of the {phase}",
                 None,
@@ -334,7 +340,7 @@ def lowest(table):
                 told = "from low to high p: " + ", ".join(f"{one:.3f}" for one in share.mean(axis=0))
                 size = f"N = {rows['n'].max()}, {len(share)} packings"
                 what = f"share of {symbol} that the lowest {count} modes carry, p = {p[0]:.0e}"
-                yield Row(what, None, *bootstrap(share[:, 0]), told, size)
+                yield Row(what, None, *mean_with_error(share[:, 0]), told, size)
     for name, (symbol, _) in QUANTITIES.items() if counts else ():
         p, alone = paired(rows, f"{name}_median_{counts[-1]}")
         _, whole = paired(rows, f"{name}_median")
@@ -343,7 +349,7 @@ def lowest(table):
             told = "from low to high p: " + ", ".join(f"{one:.2f}" for one in ratio.mean(axis=0))
             what = f"median {symbol} by the lowest {counts[-1]} modes alone over that of the whole, p = {p[0]:.0e}"
             size = f"N = {rows['n'].max()}, {len(alone)} packings"
-            yield Row(what, None, *bootstrap(ratio[:, 0]), told, size)
+            yield Row(what, None, *mean_with_error(ratio[:, 0]), told, size)
     yield from _floppy_band(rows)
 
 

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 import jampetsc
+from jampetsc.analysis.averages import mean_of_runs
 from jampetsc.analysis.scaling import fit_power_law
-from jampetsc.analysis.statistics import bootstrap, log_median
+from jampetsc.analysis.statistics import log_median
 
 RESAMPLES = 500
 WITHIN = 2.0  # standard errors
@@ -99,10 +100,13 @@ def rates_of(rows, name):
     """(rates, means, errors) of σ or p of flows, over seeds."""
     groups = rows.groups(["rate"])
     rates = np.array([key["rate"] for key, _ in groups])
-    values = np.array([part[f"{name}_mean"].mean() for _, part in groups])
-    own = [np.sqrt(np.mean(part[f"{name}_error"] ** 2) / part.rows) for _, part in groups]
-    scatter = [bootstrap(part[f"{name}_mean"])[1] if part.rows > 1 else 0.0 for _, part in groups]
-    return rates, values, np.maximum(own, scatter)
+    return rates, *np.array([mean_over_seeds(part, name) for _, part in groups]).T
+
+
+def mean_over_seeds(rows, name):
+    """(mean, error) of σ or p of flows of one kind."""
+    samples = rows[f"{name}_samples"] if f"{name}_samples" in rows else np.full(rows.rows, np.inf)
+    return mean_of_runs(rows[f"{name}_mean"], rows[f"{name}_error"], samples)
 
 
 def slope_with_error(rates, values, errors):

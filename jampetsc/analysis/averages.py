@@ -1,8 +1,21 @@
-"""Means of correlated series with errors that know the correlation.
+"""Means of correlated series with errors that know the correlation, and how little of it a short series tells.
 
-The variance of a mean of T values x_t is 2 τ var(x)/T with the integrated autocorrelation time
-τ = ½ + Σ_t ρ(t). The sum is cut at the first window W ≥ WINDOW τ(W) (Sokal 1997; Madras & Sokal, J. Stat. Phys. 50,
-109 (1988)): later terms are noise. A series much shorter than that cannot say what its correlation is.
+The Γ-method of Wolff (Comput. Phys. Commun. 156, 143 (2004); erratum 176, 383 (2007)): the mean of T values has the
+variance C/T, where C = Γ(0) + 2 Σ_1^W Γ(t) is 2τ Γ(0), τ the integrated autocorrelation time. The window W is where
+what is left out, e^(−W/(Sτ)), falls below the noise of the sum; C is freed of the bias of deviations from the series'
+own mean by the factor 1/(1 − (2W + 1)/T). C averages over T/(2W + 1) independent squares, W about 4τ and chosen on the
+same series: MEMORY samples count as one, and Student's factor for so many degrees of freedom widens the error.
+
+Whether a series is long enough is asked of two estimates that err for different reasons; the lower one counts: T/(2τ)
+and T (1 − a)/(1 + a) of the exponential a^t through the last ρ(t) ≥ 1/e (Bayley & Hammersley, J. R. Stat. Soc. Suppl.
+8, 184 (1946)), freed of its bias (Marriott & Pope, Biometrika 41, 390 (1954)). By τ alone those pass that
+underestimate it.
+
+Both take a series for one of a single memory. A slow part beside a fast one, or a drift, shows in the means of its
+tenths, where they scatter by more than that error allows.
+
+pyerrors has this estimator, but brings autograd, matplotlib and seconds of start-up for the thirty lines here; those of
+emcee and pymbar correct no bias.
 """
 
 import math
@@ -10,9 +23,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-WINDOW = 6.0
-ENOUGH = 25.0  # correlation times that a series must be long
-DRIFT = 4.0  # standard errors by which the halves of a series may differ
+from jampetsc.analysis.statistics import half_width, mean_with_error
+
+STRETCH = 2.0  # S: correlations are taken to decay over Sτ
+FEW = 20.0  # independent samples below which an error is rough
+MEMORY = 6.0  # independent samples that tell one degree of freedom of the variance: benchmarks/coverage.py
+BLOCKS = 10  # of a series, whose means are compared
+SCATTER = 2.4  # times the variance that the error allows: by chance one long series in a hundred has more
 
 
 @dataclass(frozen=True)
@@ -20,46 +37,100 @@ class Average:
     """Mean of a series and what is known of its error."""
 
     mean: float
-    error: float  # one standard error
-    time: float  # integrated autocorrelation time τ, in values
-    enough: bool  # the series is ENOUGH of them long
-    drifts: bool  # its halves differ by more than their errors allow
+    error: float  # half of the 68 % interval; nan for a single value
+    time: float  # integrated autocorrelation time τ, in values, at least ½
+    samples: float  # that would say as much if they were independent
+    drifts: bool  # its tenths scatter by more than the error allows, which is then what they scatter by
+
+    def __str__(self):
+        return f"{self.mean:.5g} ± {self.error:.2g}"
+
+    @property
+    def enough(self) -> bool:
+        """Whether the error is to be trusted; where not, it is widened all the same."""
+        return self.samples >= FEW
 
     @classmethod
     def of(cls, values) -> "Average":
-        """Average of a series (T,), T ≥ 1; a constant or a single value has no error."""
+        """Average of a series (T,), T ≥ 1. A constant one has no error and counts as one sample."""
         x = np.asarray(values, float)
         count = len(x)
         if count < 2 or np.ptp(x) == 0.0:
-            return cls(float(x.mean()), 0.0, 0.5, False, False)
-        time = correlation_time(x)
-        variance = float(np.var(x)) / (1.0 - min(2.0 * time / count, 0.9))  # the mean was taken from the data
-        halves = x[: count // 2].mean() - x[(count + 1) // 2 :].mean()
-        apart = abs(halves) > DRIFT * math.sqrt(8.0 * time * variance / count)
+            return cls(float(x.mean()), 0.0 if count > 1 else math.nan, 0.5, 1.0, False)
+        gamma = _covariance(x)
+        time, variance = _correlation(gamma, count)
+        plain = math.sqrt(2.0 * time * variance / count)
+        scatter = 0.0
+        if count >= 2 * BLOCKS:
+            scatter = float(mean_with_error(x[: count - count % BLOCKS].reshape(BLOCKS, -1).mean(1))[1])
+        drifts = (scatter / half_width(BLOCKS - 1)) ** 2 > SCATTER * plain**2
+        samples = max(1.0, min(0.5 * count / time, _independent(gamma / gamma[0], count)))
+        error = plain * _widening(samples)
         return cls(
             float(x.mean()),
-            math.sqrt(2.0 * time * variance / count),
+            max(error, scatter) if drifts else error,
             time,
-            count >= ENOUGH * time,
-            bool(apart),
+            samples,
+            bool(drifts),
         )
 
 
-def correlation_time(values) -> float:
-    """τ = ½ + Σ ρ(t) of a series (T,) that is not constant, in units of its spacing, at least ½."""
-    x = np.asarray(values, float) - np.mean(values)
+def _covariance(x):
+    """Γ(t) of a series (T,) for t < T/2, two values at least."""
     count = len(x)
-    transform = np.fft.rfft(x, 2 * count)
-    rho = np.fft.irfft(np.abs(transform) ** 2)[:count]
-    times = np.cumsum(rho / rho[0]) - 0.5
-    # the last window closes whatever the series, as deviations from the mean add up to nothing: τ(T − 1) = 0
-    cut = int(np.argmax(np.arange(count) >= WINDOW * times))
-    return max(0.5, float(times[cut]))
+    most = max(2, count // 2)
+    transform = np.fft.rfft(x - x.mean(), 2 * count)
+    return np.fft.irfft(np.abs(transform) ** 2)[:most] / (count - np.arange(most))
 
 
-def mean_of_runs(means, errors) -> tuple[float, float]:
-    """(mean, error) over runs (R,): the larger of the scatter of their means and what they say of their errors."""
-    means, errors = np.asarray(means, float), np.asarray(errors, float)
-    own = np.sqrt(np.mean(errors**2) / len(means))
-    scatter = np.std(means, ddof=1) / np.sqrt(len(means)) if len(means) > 1 else 0.0
-    return float(means.mean()), float(max(own, scatter))
+def _correlation(gamma, count):
+    """(τ, variance of the values), both free of the bias of a mean from the same `count` values."""
+    times = np.cumsum(gamma / gamma[0])[1:] - 0.5
+    t = np.arange(1, len(gamma))
+    above = np.maximum(times, 0.5 + 1e-9)
+    decay = STRETCH / np.log((2.0 * above + 1.0) / (2.0 * above - 1.0))
+    closed = np.exp(-t / decay) < decay / np.sqrt(t * count)
+    window = int(t[np.argmax(closed)] if closed.any() else t[-1])
+    if times[window - 1] <= 0.5:  # no memory, or one that makes means better, which is not relied on
+        return 0.5, float(gamma[0]) * count / (count - 1)
+    total = 2.0 * gamma[0] * times[window - 1] / (1.0 - min((2 * window + 1) / count, 0.9))
+    variance = gamma[0] + total / count
+    return max(0.5, float(0.5 * total / variance)), float(variance)
+
+
+def _independent(rho, count):
+    """Independent samples that `count` values of autocorrelation ρ (T/2,) are worth, were it an exponential."""
+    below = rho < 1.0 / math.e
+    lag = max(1, (int(np.argmax(below)) if below.any() else len(rho)) - 1)
+    if rho[lag] <= 0.0:
+        return float(count)
+    known = min(float(rho[lag]), 1.0 - 1.0 / count)
+    times = (1.0 + known ** (1.0 / lag)) / (1.0 - known ** (1.0 / lag))
+    known = min(known + (times * (1.0 - known) + 2.0 * lag * known) / count, 1.0)
+    return count * (1.0 - known ** (1.0 / lag)) / (1.0 + known ** (1.0 / lag))
+
+
+def _widening(samples):
+    """Student's factor for a variance known from a series worth so many samples."""
+    return half_width(max(1.0, samples / MEMORY))
+
+
+def mean_of_runs(means, errors, samples) -> tuple[float, float]:
+    """(mean, error) over runs (R,): the larger of the scatter of their means and what they say of their errors.
+
+    means, errors, samples   as `Average` has them; samples inf where a file of old does not tell
+
+    Each is widened by Student's factor: the scatter for R − 1 degrees of freedom, the errors for those of all runs
+    together. nan for one run that has no error.
+    """
+    means, errors, samples = (np.asarray(values, float) for values in (means, errors, samples))
+    known = np.isfinite(errors)
+    plain = errors[known] / [_widening(count) for count in samples[known]]
+    own = np.sqrt(np.mean(plain**2) / len(means)) * _widening(samples[known].sum()) if known.any() else np.nan
+    mean, scatter = mean_with_error(means)
+    return float(mean), float(np.fmax(own, scatter))
+
+
+def mean_of_averages(averages) -> tuple[float, float]:
+    """`mean_of_runs` of a list of Average."""
+    return mean_of_runs(*zip(*((one.mean, one.error, one.samples) for one in averages), strict=True))

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.analysis.scaling import collapse_spread
+from jampetsc.analysis.statistics import of_few
 from jampetsc.errors import InputError
 
 BLOCKS = 8  # strips of one packing, for the error
@@ -135,7 +136,7 @@ def correlate(packings, seed: int = 0) -> Correlation:
         return np.hstack((values, [_places(separation, c) for c in values]))
 
     values, (root, minimum) = _parts(found(np.arange(count)))
-    errors, (root_error, minimum_error) = _parts(_scatter(_resampled(found, count, seed)))
+    errors, (root_error, minimum_error) = _parts(of_few(count) * _scatter(_resampled(found, count, seed)))
     return Correlation(
         separation=separation,
         values=values,

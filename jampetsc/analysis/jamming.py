@@ -5,11 +5,12 @@ Samples that know nothing of each other give a binomial share, with Wilson's int
 share is a mean over a series, with an error from its autocorrelation and from the scatter of runs.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.analysis.averages import Average, mean_of_runs
+from jampetsc.analysis.averages import Average, mean_of_averages
 
 FEWEST = 10  # samples that make a density
 BINS = (5, 30)  # of a density, at least and at most: √samples between them
@@ -26,6 +27,7 @@ class Share:
     low: float
     high: float
     samples: int
+    independent: float  # samples that say as much if they know nothing of each other
 
 
 def independent_share(jammed) -> Share:
@@ -34,28 +36,26 @@ def independent_share(jammed) -> Share:
     value = float(np.mean(jammed))
     middle = (value + 0.5 / count) / (1.0 + 1.0 / count)
     half = np.sqrt(value * (1.0 - value) / count + 0.25 / count**2) / (1.0 + 1.0 / count)
-    return Share(value, float(min(middle - half, value)), float(max(middle + half, value)), count)
+    return Share(value, float(min(middle - half, value)), float(max(middle + half, value)), count, count)
 
 
 def correlated_share(runs) -> Share:
     """Share of ones in several series [(T,), …] of runs, one standard error to either side.
 
     The error is the larger of the scatter of runs and their own errors; not less than that of independent samples as
-    many as there are correlation times.
+    many as the runs are worth.
     """
     averages = [Average.of(run) for run in runs]
-    value, error = mean_of_runs([one.mean for one in averages], [one.error for one in averages])
-    lengths = np.array([len(run) for run in runs])
-    times = np.array([one.time for one in averages])
-    # a series of ones alone has no correlation time: it may be one long memory
-    alone = np.array([np.ptp(run) == 0 for run in runs])
-    known = int(np.where(alone, 1, np.ceil(lengths / (2.0 * times))).sum())
+    value, error = mean_of_averages(averages)
+    samples = sum(one.samples for one in averages)  # a series of ones alone is one: it may be one long memory
+    known = math.ceil(samples)
     least = independent_share(np.r_[np.ones(round(value * known)), np.zeros(known - round(value * known))])
     return Share(
         value,
         max(0.0, min(value - error, least.low)),
         min(1.0, max(value + error, least.high)),
-        int(lengths.sum()),
+        int(sum(len(run) for run in runs)),
+        samples,
     )
 
 

@@ -271,7 +271,8 @@ def _summary(args, record):
         mean = f", p of the jammed {pressure[hard].mean():.4g}" if hard.any() else ""
         error = 0.5 * (share.high - share.low)
         lines.append(
-            f"  phi = {value:.6g}: jammed {share.value:.3f} ± {error:.2g}{mean}{_told(record, phi == value)}"
+            f"  phi = {value:.6g}: jammed {share.value:.3f} ± {error:.2g} (as of {share.independent:.0f} independent "
+            f"samples){mean}{_told(record, phi == value)}"
         )
     lost = int(np.count_nonzero(~np.isfinite(jammed)))
     return "\n".join(lines + ([f"  {lost} samples reached no minimum: nan in the file"] if lost else []))
@@ -281,11 +282,13 @@ def _told(record, rows):
     """φ_J and segregation of these rows, where samples have them."""
     import numpy as np
 
+    from jampetsc.analysis.statistics import mean_with_error
+
     parts = []
     for name in ("phi_J", "segregation"):
         values = record.series(name)[rows] if name in record.columns else np.zeros(0)
         values = values[np.isfinite(values)]
         if len(values) > 1:
-            error = values.std(ddof=1) / np.sqrt(len(values))
-            parts.append(f", {name} {values.mean():.5g} ± {error:.2g}")
+            mean, error = mean_with_error(values)
+            parts.append(f", {name} {mean:.5g} ± {error:.2g}")
     return "".join(parts)

@@ -13,7 +13,7 @@ from jampetsc.contacts.laws import Law
 from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import find_contacts
 from jampetsc.errors import ConvergenceError, InputError
-from jampetsc.flows.means import Means
+from jampetsc.flows.means import Means, worth
 from jampetsc.flows.models import Model, Scheme, scheme_for
 from jampetsc.flows.record import (
     FORMAT,
@@ -203,20 +203,17 @@ def _facts(job, means, seconds, petsc):
 def summary(job: Job, means: Means) -> str:
     """What a user wants to read."""
 
-    def told(average):
-        return f"{average.mean:.5g} ± {average.error:.2g}"
-
     walls = f" between walls of {job.held} disks" if job.held else ""
     lines = [
         f"{job.out}: {job.model}{walls}, phi = {job.phi:.6g}, rate {job.rate:g}, {job.scheme.method} with steps of "
         f"{job.scheme.step:.3g}; means over strain {means.strain:.4g}",
-        f"  sigma = {told(means.shear_stress)} (elastic {means.parts[0]:.4g}, viscous {means.parts[1]:.4g}, kinetic "
-        f"{means.parts[2]:.4g}), p = {told(means.pressure)}, sigma/p = "
+        f"  sigma = {means.shear_stress} (elastic {means.parts[0]:.4g}, viscous {means.parts[1]:.4g}, kinetic "
+        f"{means.parts[2]:.4g}), p = {means.pressure}, sigma/p = "
         f"{means.shear_stress.mean / means.pressure.mean:.4g}",
-        f"  Z = {told(means.coordination)}, energy balance {means.energy_balance:.4f}, correlation strain "
-        f"{means.correlation_strain:.2g}",
+        f"  Z = {means.coordination}, energy balance {means.energy_balance:.4f}, correlation strain "
+        f"{means.correlation_strain:.2g}, {worth(means.shear_stress, means.pressure)}",
     ]
     if means.walls:
-        stress, pressure = (told(average) for average in means.walls.values())
+        stress, pressure = means.walls.values()
         lines.append(f"  on the walls: sigma = {stress}, p = {pressure}")
     return "\n".join(lines + [f"  note: {line}" for line in means.warnings()])

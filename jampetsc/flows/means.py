@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.analysis.averages import Average
+from jampetsc.analysis.averages import FEW, Average
 from jampetsc.flows.record import ON_WALLS
 
 UNBALANCED = 0.05  # of the dissipation, by which work may miss it
-FEW = 20  # rows from which on the balance is looked at
+ROWS = 20  # from which on the balance is looked at
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Means:
             spacing * int(kept.sum()),
             spacing,
             float(work.sum() / spent.sum()) if spent.any() else np.nan,
-            excess / total if len(work) >= FEW and total > 0 else 0.0,
+            excess / total if len(work) >= ROWS and total > 0 else 0.0,
         )
 
     @property
@@ -63,30 +63,50 @@ class Means:
 
     def warnings(self) -> list[str]:
         """What a reader of the means must know, in lines."""
-        found = []
-        if not self.shear_stress.enough:
-            found.append(
-                f"strain {self.strain:.3g} after --discard is short for a correlation strain of about "
-                f"{self.correlation_strain:.2g}: the errors are rough; a longer --strain helps"
-            )
+        found = short(self.strain, self.spacing, self.shear_stress, self.pressure)
         if self.shear_stress.drifts or self.pressure.drifts:
             found.append(
-                "the two halves of the run differ by more than their errors: not steady yet; --discard more"
+                "the tenths of the run differ by more than its fluctuations explain: slow changes, or not steady yet; "
+                "--discard more"
             )
         return found
 
     def facts(self) -> dict:
         """Attributes of the file."""
         return {
-            "shear_stress_mean": self.shear_stress.mean,
-            "shear_stress_error": self.shear_stress.error,
-            "pressure_mean": self.pressure.mean,
-            "pressure_error": self.pressure.error,
-            "coordination_mean": self.coordination.mean,
-            "coordination_error": self.coordination.error,
+            **facts_of(
+                shear_stress=self.shear_stress,
+                pressure=self.pressure,
+                coordination=self.coordination,
+                **self.walls,
+            ),
             "largest_cluster_mean": self.largest_cluster,
-            **{f"{name}_mean": average.mean for name, average in self.walls.items()},
-            **{f"{name}_error": average.error for name, average in self.walls.items()},
             "correlation_strain": self.correlation_strain,
             "energy_balance": self.energy_balance,
         }
+
+
+def facts_of(**averages) -> dict:
+    """Attributes of averages by name: mean, error, and the independent samples that it is worth."""
+    return {
+        f"{name}_{part}": getattr(one, part)
+        for name, one in averages.items()
+        for part in ("mean", "error", "samples")
+    }
+
+
+def worth(shear_stress, pressure) -> str:
+    """How much the means of stress and pressure rest on."""
+    return f"worth {shear_stress.samples:.0f} and {pressure.samples:.0f} independent values of sigma and p"
+
+
+def short(strain, spacing, *averages) -> list[str]:
+    """What to say of means over this strain, rows `spacing` apart, where one of them has FEW samples."""
+    least = min(averages, key=lambda one: one.samples)
+    if least.enough:
+        return []
+    return [
+        f"strain {strain:.3g} after --discard is short for a correlation strain of about {spacing * least.time:.2g}: "
+        f"worth {least.samples:.0f} independent values, fewer than {FEW:.0f}, so errors are widened and still rough; "
+        "a longer --strain helps"
+    ]

@@ -6,6 +6,7 @@ import numpy as np
 
 from jampetsc import session
 from jampetsc.analysis.averages import Average
+from jampetsc.flows.means import facts_of, short, worth
 from jampetsc.flows.record import Record, remove_checkpoint, resumed, write_checkpoint, write_record
 from jampetsc.flows.run import INTERVAL, LINES
 from jampetsc.flows.slowly import ENERGY_CUT, SHARE, SlowShear
@@ -57,7 +58,7 @@ def run(args, disks, origin, solver) -> str:
         )
     write_record(args.out, record, minimum, settings, facts, FORMAT)
     remove_checkpoint(args.out)
-    return _summary(args, disks, averages, record)
+    return _summary(args, disks, averages, record, discard)
 
 
 def _averages(record, discard):
@@ -86,18 +87,18 @@ def _facts(args, disks, origin, averages, discard, slow, seconds):
         "energy_cut": ENERGY_CUT,
         "plastic_share": SHARE,
         "newton_steps": slow.effort.newton_steps,
-        **{f"{name}_mean": average.mean for name, average in averages.items()},
-        **{f"{name}_error": average.error for name, average in averages.items()},
+        **facts_of(**averages),
     }  # fmt: skip
 
 
-def _summary(args, disks, averages, record):
-    def told(name):
-        return f"{averages[name].mean:.4g} ± {averages[name].error:.2g}"
-
+def _summary(args, disks, averages, record, discard):
+    stress, pressure = averages["shear_stress"], averages["pressure"]
+    notes = short(args.strain - discard, args.step, stress, pressure)
     cost, events = record.series("evaluations").mean(), int(record.series("plastic").sum())
     return (
         f"{args.out}: phi = {disks.phi:.6g}, {len(record)} steps of {args.step:g}, {cost:.0f} force evaluations each, "
         f"{events} plastic event{'s' * (events != 1)}\n"
-        f"  sigma = {told('shear_stress')}, p = {told('pressure')}, jammed {told('jammed')}, Z = {told('coordination')}"
+        f"  sigma = {stress}, p = {pressure}, jammed {averages['jammed']}, "
+        f"Z = {averages['coordination']}; {worth(stress, pressure)}"
+        + "".join(f"\n  note: {line}" for line in notes)
     )

@@ -4,16 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from jampetsc.analysis.statistics import bootstrap, interval
+from jampetsc.analysis.statistics import mean_with_error, median_interval, median_with_error
 from jampetsc.errors import InputError
 from jampetsc.plots.curves import Curve
 
-BANDS = {"mean": "mean ± standard error", "median": "median, 68 % interval"}  # what `bounds` are
+STATISTICS = {"mean": mean_with_error, "median": median_with_error}
+BANDS = {name: f"{name}, 68 % interval" for name in STATISTICS}  # what `bounds` are
 _SAME = 1e-9  # frequencies closer than this, relatively, are one
 
 
 def average_curves(curves, statistic="mean") -> list[Curve]:
-    """One curve for those that differ in the packing alone; `bounds` by resampling the packings, nan for a single one.
+    """One curve for those that differ in the packing alone; `bounds`: its error, nan for one packing.
 
     statistic   "mean", the arithmetic one, or "median", of G' and of G''
 
@@ -46,8 +47,8 @@ def _average(curves, statistic):
             seen[packing] = curve.name
     G = np.array([curve.G for curve in curves])
     samples = np.stack((G.real, G.imag), axis=1)
-    middle, error = bootstrap(samples, statistic)
+    middle, error = STATISTICS[statistic](samples)
     if statistic == "median" and len(curves) > 2:  # whose errors are not alike on both sides
-        error = np.abs(np.array(interval(samples)) - middle).swapaxes(0, 1)
+        error = np.abs(np.array(median_interval(samples)) - middle).swapaxes(0, 1)
     name = first.name if len(curves) == 1 else f"{len(curves)} sweeps"
     return replace(first, name=name, G=middle[0] + 1j * middle[1], bounds=error)

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from jampetsc.analysis.scaling import BORDER, critical_exponents, local_slope, low_frequency_limit
-from jampetsc.analysis.statistics import bootstrap, log_median
+from jampetsc.analysis.statistics import log_median, mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.plots.curves import group_curves
 from jampetsc.plots.floppy import BARE, groups_of, value_of
@@ -26,7 +26,7 @@ def plot_exponents(curves, path) -> None:
 
     Panels: ½ d ln|G*² − G₀²|/d ln ω and arg(G*² − G₀²)/π, both above ω* only; G''/G', 1 in the critical regime;
     d ln G''/d ln ω, which passes ¾ where that ends. Means over the packings of a group, each with its own G₀, and
-    bootstrap errors as bands. Raises InputError for a sweep that does not begin in the quasistatic limit.
+    errors as bands. Raises InputError for a sweep that does not begin in the quasistatic limit.
     """
     title, groups = group_curves(curves)
     labels = (
@@ -41,7 +41,7 @@ def plot_exponents(curves, path) -> None:
             omega, samples, above = exponent_samples(group.curves)
             for ax, values, limited in zip(axes.flat, samples, (True, True, True, False), strict=True):
                 shown = above if limited else slice(None)
-                mean, error = bootstrap(values[:, shown])
+                mean, error = mean_with_error(values[:, shown])
                 ax.plot(omega[shown], mean, color=group.colour)
                 ax.fill_between(
                     omega[shown], mean - error, mean + error, color=group.colour, alpha=0.25, linewidth=0

@@ -5,7 +5,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter
 
 from jampetsc.analysis.finite_size import FEWEST, logarithm_of_size
-from jampetsc.analysis.statistics import bootstrap
+from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.plots.exponents import draw_points
 from jampetsc.plots.floppy import BARE, draw_intervals, groups_of, value_of
@@ -129,7 +129,7 @@ def scaled_by_pressure(results, rows) -> tuple[float, float]:
     scaled = [
         np.sqrt(units_of(results[r]).pressure) * viscosity_of(results[r], subtracted=True) for r in rows
     ]
-    return tuple(float(value) for value in bootstrap(scaled))
+    return tuple(float(value) for value in mean_with_error(scaled))
 
 
 def _draw_sizes(ax, results, groups, symbol):

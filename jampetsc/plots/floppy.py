@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from jampetsc.analysis.statistics import bootstrap, interval
+from jampetsc.analysis.statistics import mean_with_error, median_interval
 from jampetsc.contacts.laws import having
 from jampetsc.errors import InputError
 from jampetsc.plots.logaxes import place_legend, set_log_axes, set_ticks
@@ -123,7 +123,7 @@ def plot_exponents(results, path) -> None:
                     np.log([value_of(results[row], f"{name}_median") for row in groups[size, level]])
                     for level in levels
                 ]
-                mean, error = np.transpose([bootstrap(some) for some in logs])
+                mean, error = np.transpose([mean_with_error(some) for some in logs])
                 x, step = np.sqrt(levels[1:] * levels[:-1]), np.diff(np.log(levels))
                 y, spread = np.diff(mean) / step, np.hypot(error[1:], error[:-1]) / step
                 ax.errorbar(x, y, np.nan_to_num(spread), color=shade, marker=marker, elinewidth=0.6)
@@ -144,11 +144,11 @@ def plot_exponents(results, path) -> None:
 
 
 def draw_intervals(ax, x, samples, shade) -> list:
-    """Where medians of samples drawn anew lie, a band over x (M,) for M samples; its legend entry, if it is drawn."""
+    """Where the medians of M samples lie, a band over x (M,); its legend entry, if each has the three that it takes."""
     known = [sample[np.isfinite(sample)] for sample in samples]
-    if not all(len(sample) > 1 for sample in known):
+    if not all(len(sample) > 2 for sample in known):
         return []
-    low, high = np.transpose([interval(sample) for sample in known])
+    low, high = np.transpose([median_interval(sample) for sample in known])
     ax.fill_between(x, low, high, color=shade, alpha=0.25, linewidth=0)
     return [Patch(facecolor="0.2", alpha=0.25, label="68 % interval")]
 

@@ -42,9 +42,13 @@ def flow_curves(results, over="rate") -> dict:
         x, found[kind] = np.array(sorted(runs)), {}
         for name in QUANTITIES:
             parts = (
-                [[float(a[f"{name}_{part}"]) for a in runs[one]] for part in ("mean", "error")] for one in x
+                [
+                    [float(a.get(f"{name}_{part}", np.inf)) for a in runs[one]]
+                    for part in ("mean", "error", "samples")
+                ]
+                for one in x
             )
-            values, errors = np.array([mean_of_runs(*pair) for pair in parts]).T
+            values, errors = np.array([mean_of_runs(*three) for three in parts]).T
             unit = 1.0 if name == "coordination" else units.k
             found[kind][name] = x * (units.tau1 if over == "rate" else 1.0), values / unit, errors / unit
     return found

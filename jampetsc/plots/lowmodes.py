@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.lines import Line2D
 
-from jampetsc.analysis.statistics import bootstrap
+from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.plots.floppy import QUANTITIES, groups_of
 from jampetsc.plots.logaxes import place_legend, set_log_axes, set_ticks
@@ -14,7 +14,7 @@ _DASHES = ("-", (0, (4, 1.6)), (0, (1, 1.2)))
 
 
 def plot_lowest(results, path) -> None:
-    """Means over the files of one pressure, with bootstrap errors, against p/k:
+    """Means over the files of one pressure, with errors, against p/k:
 
     (a) floppiness, rms Δu⊥ over rms Δu∥, of the lowest 10, 50 and 200 modes together, with slope −½ (λ ~ p);
     (b) what they carry of Σ|u_na|², Σ(Δu⊥)² and Σ(Δu∥)², affine parts left out;
@@ -39,7 +39,7 @@ def plot_lowest(results, path) -> None:
     def averages(value, log=True):
         """(mean, error) at each pressure of a number per file; of its logarithm, brought back, if `log`."""
         found = [[value(results[row]) for row in rows] for rows in groups.values()]
-        means, errors = np.transpose([bootstrap(np.log(some) if log else some) for some in found])
+        means, errors = np.transpose([mean_with_error(np.log(some) if log else some) for some in found])
         errors = np.nan_to_num(errors)
         return (np.exp(means), np.exp(means) * errors) if log else (means, errors)
 

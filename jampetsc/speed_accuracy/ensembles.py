@@ -1,12 +1,10 @@
 """One big packing against many small ones: the mean of G* at a given pressure, at equal numbers of disks."""
 
-from dataclasses import fields
-
 import numpy as np
 
+from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.speed_accuracy import processes
 from jampetsc.speed_accuracy.choices import PHYSICS_ACCURACY, Bench, deviation
-from jampetsc.speed_accuracy.compare import Exponents
 from jampetsc.speed_accuracy.table import Row
 from jampetsc.storage.packing_file import read_packing
 from jampetsc.words.law import words_of
@@ -80,14 +78,13 @@ def _statistics(reference, curves) -> dict:
     # at ω → 0 the mean of G' can vanish: small packings with pre-stress need not be stable to shear
     seen = curves if reference.inside is None else curves[:, reference.inside]
     for name, part in (("storage", seen.real), ("loss", seen.imag)):
-        standard = part.std(axis=0, ddof=1) / np.sqrt(len(curves))
-        found[f"stderr_{name}"] = float(np.max(standard / np.abs(part.mean(axis=0))))
+        middle, error = mean_with_error(part)
+        found[f"stderr_{name}"] = float(np.max(error / np.abs(middle)))
     slopes = [slope for G in curves if (slope := reference.exponents(G)) is not None]
     if len(slopes) < 2:
         return found
-    spread = {f.name: np.std([getattr(s, f.name) for s in slopes], ddof=1) for f in fields(Exponents)}
     for name in ("storage", "loss"):
-        found[f"exponent_{name}_error"] = float(spread[name] / np.sqrt(len(slopes)))
+        found[f"exponent_{name}_error"] = float(mean_with_error([getattr(s, name) for s in slopes])[1])
     return found
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jampetsc.analysis.statistics import bootstrap
+from jampetsc.analysis.statistics import mean_with_error, median_with_error
 from jampetsc.errors import InputError
 from jampetsc.storage.provenance import LAW_PARAMETERS
 from jampetsc.storage.regular import open_regular
@@ -89,7 +89,7 @@ class Ensemble(Mapping):
         return [load(self.path / name) for name in self["file"][done]]
 
     def mean(self, by=()) -> "Averages":
-        """Means over the rows that agree in the columns `by`, a name or several, with bootstrap errors."""
+        """Means over the rows that agree in the columns `by`, a name or several, with errors."""
         return Averages(self, by, "mean")
 
     def median(self, by=()) -> "Averages":
@@ -112,7 +112,7 @@ class Ensemble(Mapping):
 class Averages(Mapping):
     """Averages over groups of rows: column -> (groups,) array, for the columns `by` the value of each group.
 
-    error        column -> (groups,) standard errors, see `analysis.statistics.bootstrap`; nan for a single row
+    error        column -> (groups,) halves of 68 % intervals, see `analysis.statistics`; nan for a single row
     count        column -> (groups,) numbers of rows averaged
     below_zero   column -> (groups,) how many of these are negative, such as G₀ of packings unstable to shear: they
                  count like all others
@@ -153,7 +153,7 @@ class Averages(Mapping):
         values = column[known]
         if not len(values):
             return np.nan, np.nan, 0, 0
-        value, error = bootstrap(values, self.statistic)
+        value, error = {"mean": mean_with_error, "median": median_with_error}[self.statistic](values)
         return float(value), float(error), len(values), int(np.count_nonzero(values < 0))
 
     def __iter__(self):

@@ -3,6 +3,7 @@
 import numpy as np
 
 from jampetsc.analysis.scaling import CRITICAL_END, fit_power_law, low_frequency_limit
+from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.contacts.disks import Disks
 from jampetsc.errors import InputError
 from jampetsc.speed_accuracy.compare import CRITICAL_START
@@ -92,7 +93,7 @@ def _jam(result):
         if len(values):
             found[column] = float(values.mean())
             if name != "jammed" and len(values) > 1:
-                found[f"{column}_error"] = float(values.std(ddof=1) / np.sqrt(len(values)))
+                found[f"{column}_error"] = float(mean_with_error(values)[1])
     return found
 
 

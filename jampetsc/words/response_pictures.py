@@ -1,5 +1,7 @@
 """Pictures of packings and of their linear response: moduli, fields, spectra, correlations, floppy motion, modes."""
 
+from collections import Counter
+
 from jampetsc.errors import InputError
 from jampetsc.words.picture import PHASES, Picture, count, entering, within
 
@@ -45,15 +47,17 @@ def _averaged(args, curves):
         )
     if not args.average:
         return curves, "", ""
-    statistic = args.statistic or "mean"
+    from jampetsc.analysis.statistics import few_words
     from jampetsc.plots.averages import BANDS, average_curves
 
+    statistic = args.statistic or "mean"
     averages = average_curves(curves, statistic)
+    fewest = min(Counter(str(curve.description) for curve in curves).values())
     negative = sum(bool((curve.G.real < 0).any()) for curve in curves)
     below = f"; G' < 0 somewhere in {negative} of them, which count like the others" if negative else ""
     words = {"mean": "arithmetic means", "median": "medians"}[statistic]
     band = BANDS[statistic] + (f"\n$G$\u2032 < 0 in {negative} of {len(curves)}" if negative else "")
-    return averages, band, f", {words} over packings with bootstrap errors{below}"
+    return averages, band, f", {words} over packings with errors{below}{few_words(fewest, 'packing')}"
 
 
 @picture("collapse", "sweep", options=("mu", "lambda", "statistic"))

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.analysis.averages import Average, mean_of_runs
+from jampetsc.analysis.averages import Average, mean_of_averages, mean_of_runs
 from jampetsc.analysis.collapse import BOUNDS, PARAMETERS, Form, Points
 from jampetsc.analysis.jamming import share_of
+from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.words.files import files_named
 
@@ -137,7 +138,8 @@ def _rows(result, observable, finite_size):
         return [(float(a["phi"]), scale, origin, _of_jammed(result, observable)[after])]
     if observable == "jammed":
         raise InputError(f"{result.path}: --observable jammed goes with --finite-size")
-    return [(float(a["phi"]), scale, origin, (a[f"{observable}_mean"], a[f"{observable}_error"]))]
+    samples = a.get(f"{observable}_samples", math.inf)  # files of before do not tell
+    return [(float(a["phi"]), scale, origin, (a[f"{observable}_mean"], a[f"{observable}_error"], samples))]
 
 
 def _of_jammed(result, observable):
@@ -156,11 +158,9 @@ def _mean(runs, observable):
         return share.value, 0.5 * (share.high - share.low)
     if single:
         values = np.concatenate(runs)
-        return float(values.mean()), float(values.std(ddof=1) / np.sqrt(len(values))) if len(
-            values
-        ) > 1 else 0.0
+        return tuple(float(part) for part in mean_with_error(values))
     averages = [Average.of(run) for run in runs]
-    return mean_of_runs([one.mean for one in averages], [one.error for one in averages])
+    return mean_of_averages(averages)
 
 
 def files_of(paths, finite_size, where=None) -> list[str]:
