@@ -21,7 +21,7 @@ HIGHER = (2, 4)  # what is added to the degree: even and odd terms alike
 UNEVEN = 1.5  # a longer side in units of the shorter one, from which one error for both is not enough
 _ACCURACY = 0.02  # of an end, in its distance from the best
 _BETTER = 0.01  # by which another χ² is below the least so far
-_STRETCH = 3.0  # of a step outwards, at most
+_STRETCH, _STEPS = 3.0, 20  # of a step outwards, at most; of the range that is searched, at least
 
 
 @dataclass(frozen=True)
@@ -48,6 +48,11 @@ class Estimate:
         """Whether one side is UNEVEN times as long as the other."""
         sides = sorted((self.value - self.low, self.high - self.value))
         return sides[1] > UNEVEN * sides[0]
+
+    @property
+    def left_to_degree(self) -> bool:
+        """Whether more of the error is due to the degree than to the data."""
+        return 2 * self.shift**2 > self.error**2
 
 
 class _BetterFit(Exception):
@@ -140,23 +145,28 @@ def _end(points, fit, least, name, side):
     def rise(value):
         """√(χ² − least) − SIGMAS with the parameter held."""
         if value not in known:
-            near = known[min(known, key=lambda other: abs(other - value))]
-            held = replace(fit.form, held={**fit.form.held, name: value})
-            start = carried(points, near, held, _along_profile(points, near, name, value))
+            inner = max(
+                (other for other in known if abs(other - best) < abs(value - best)),
+                key=lambda v: abs(v - best),
+            )
+            near, held = known[inner], replace(fit.form, held={**fit.form.held, name: value})
+            begun = {**near.parameters, name: value}, _along_profile(points, near, name, value)
+            start = min((carried(points, near, held, one) for one in begun), key=lambda one: one.chi2)
             found = replace(best_from(points, held, start, ROUGH), form=fit.form)
             if found.chi2 < least - _BETTER:
                 raise _BetterFit(found)
             known[value] = found
         return math.sqrt(max(0.0, known[value].chi2 - least)) - SIGMAS
 
-    step = SIGMAS * _linear_errors(points, fit)[fit.form.free.index(name)]
+    longest = abs(np.subtract(*ranges(points)[name])) / _STEPS
+    step = min(longest, SIGMAS * _linear_errors(points, fit)[fit.form.free.index(name)])
     inner, outer, above = best, best, rise(best)
     while above < 0:
         if outer == limit:
             return sign * math.inf
         inner, outer = outer, sign * min(sign * limit, sign * outer + step)
         above = rise(outer)
-        step *= min(_STRETCH, SIGMAS / max(SIGMAS + above, SIGMAS / _STRETCH))
+        step = min(longest, step * min(_STRETCH, SIGMAS / max(SIGMAS + above, SIGMAS / _STRETCH)))
     return float(brentq(rise, inner, outer, xtol=_ACCURACY * abs(outer - best)))
 
 

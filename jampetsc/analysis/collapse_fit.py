@@ -107,7 +107,10 @@ def carried(points: Points, fit: Fit, form: Form, parameters: dict) -> Fit:
             form.terms, fit.terms(points), (y, y + parameters.get("omega", 0.0)), strict=True
         )
     ]
-    return Fit(form, parameters, basis, tuple(coefficients), fit.sign, np.inf, 0)
+    start = Fit(form, parameters, basis, tuple(coefficients), fit.sign, np.inf, 0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        misfit = np.sum(((start.model(points) - points.value) / points.error) ** 2)
+    return replace(start, chi2=float(np.nan_to_num(misfit, nan=np.inf)))
 
 
 def best_from(points: Points, form: Form, start: Fit, search=EXACT) -> Fit:

@@ -219,7 +219,7 @@ def notes_of(points: Points, fit, found, finite_size) -> list[str]:
             notes.append(
                 f"{word} has uneven errors: take its ends of 2 sigma, {one.low:.5g} to {one.high:.5g}"
             )
-        if one.decided and 2 * one.shift > one.error:
+        if one.left_to_degree:
             notes.append(
                 f"{word} changes by {one.shift:.2g} with the degree, which is in its error: try a higher --degree"
             )
