@@ -56,13 +56,13 @@ def apart(points, form, expected):
 @pytest.mark.parametrize("form", [Form({}, degree=3), Form({}, degree=3, spline=True)])
 def test_planted_exponents_are_found_again(form):
     misses = []
-    for seed in range(6):
+    for seed in range(4):
         points = planted(seed)
         fit, off = apart(points, form, PLANTED)
         assert fit.dof == len(points) - form.unknowns and fit.probability > 1e-3
         misses += off
     assert 0.5 < np.sqrt(np.mean(np.square(misses))) < 1.6
-    assert np.abs(misses).max() < 3.5  # of 18
+    assert np.abs(misses).max() < 3.5  # of 12
 
 
 def test_sizes_scale_as_rates_do():
@@ -650,20 +650,19 @@ def test_ends_of_two_sigma_are_where_chi2_has_risen_by_four():
         assert one.error == pytest.approx(np.hypot(error, one.shift), rel=0.4)
 
 
-@pytest.mark.parametrize("noise", [0.05, 0.2])
-def test_errors_cover_what_was_planted(noise):
-    """Ends of 2σ hold 95 % of what was planted; benchmarks/coverage.py has many more sets."""
+def test_errors_cover_what_was_planted():
+    """Ends of 2σ hold 95 % of what was planted, at 20 % noise too; benchmarks/coverage.py has many more sets."""
     inside, form = [], Form({}, degree=3)
-    for seed in range(8):
-        _, found = estimate(planted(seed, noise), form)
+    for seed in range(6):
+        _, found = estimate(planted(seed, 0.2), form)
         inside += [one.low <= PLANTED[name] <= one.high for name, one in found.items()]
-    assert sum(inside) >= 21  # of 24
+    assert sum(inside) >= 15  # of 18
 
 
 def test_what_a_polynomial_cannot_say_is_in_the_errors():
     """ln f₀ = 2.5 arctan 4x: χ² does not tell that degree 5 makes zν too large, fits of higher degrees do."""
     alone, told, form = [], [], Form({}, degree=5)
-    for seed in range(1000, 1008):
+    for seed in range(1000, 1006):
         points = planted(seed, 0.02, function=lambda x: 2.5 * np.arctan(4 * x))
         fit, found = estimate(points, form)
         one, off = found["kappa"], fit.parameters["kappa"] - PLANTED["kappa"]
@@ -676,7 +675,7 @@ def test_what_a_polynomial_cannot_say_is_in_the_errors():
 
 
 def test_what_the_data_do_not_tell_has_no_number():
-    """Of three rates within a factor of two, 20 % each: the best φ_J is at the end of its range; a limit, and a note."""
+    """Three rates within a factor of two, 20 % noise: the best φ_J is at the end of its range; a limit, and a note."""
     points, form = planted(1, 0.2, scales=np.array([1e-6, 1.5e-6, 2e-6])), Form({}, degree=3)
     fit, found = estimate(points, form)
     for name, one in found.items():
