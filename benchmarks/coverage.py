@@ -19,6 +19,7 @@ from jampetsc.words.scaling import UNLIKELY
 PHIS = (0.835, 0.838, 0.84, 0.842, 0.8433, 0.845, 0.848, 0.85)
 RATES = np.geomspace(1e-6, 1e-3, 6)
 OMEGA = 0.3
+FEWEST = 10  # sets without a note that a share is taken of
 LAWS = {  # ln f₀ and zν; the first is in the class that is fitted
     "cubic": (lambda x: 0.5 + 6 * x - 8 * x**2 + 4 * x**3, 3.5),
     "arctan": (lambda x: 2.5 * np.arctan(4 * x), 3.5),
@@ -61,15 +62,10 @@ def collapse():
                 rows = np.array([facts(fit, found, phi, name, truth[name]) for fit, found, phi in fits])
                 plain, held = rows[:, 3] == 1, rows[:, 2].mean()
                 off, claimed = rows[plain, 0], rows[plain, 1]
-                z = np.abs(off / claimed)
-                numbers = [
-                    plain.mean(),
-                    *(np.mean(z < k) for k in (1, 2)),
-                    z.max(),
-                    np.median(claimed) / off.std(),
-                ]
-                if plain.sum() < 10:
-                    numbers[1:] = [np.nan] * 4
+                numbers = [plain.mean(), *[np.nan] * 4]
+                if plain.sum() >= FEWEST:
+                    z = np.abs(off / claimed)
+                    numbers[1:] = np.mean(z < 1), np.mean(z < 2), z.max(), np.median(claimed) / off.std()
                 shown = " | ".join(f"{number:.2f}" for number in [*numbers, held])
                 print(f"| {title} | {noise:.1%} | {name} | {shown} |", flush=True)
 
