@@ -74,6 +74,6 @@ def fitted(table, name, wanted, of):
         what = f"{of}: {symbol} (χ²/dof {result['chi2'] / result['dof']:.2f})"
         error = result[f"{parameter}_error"]
         if np.isfinite(error):
-            yield what, theirs, result[parameter], error, note
+            yield Row(what, theirs, result[parameter], error, note)
         else:
-            yield what, theirs, result[parameter], None, "the data do not tell it", "", "open"
+            yield Row(what, theirs, result[parameter], None, "the data do not tell it", decided="open")
