@@ -1,6 +1,6 @@
 """How often errors hold what they say: shares of estimates within one error and within two of the true value.
 
-    coverage.py [means shares runs studies]
+    coverage.py [means shares runs studies collapse]
 
 One error is to hold 68 % of cases and two 95 %. Every table draws its series and samples anew from a fixed seed; the
 tables of docs/measured.md are this program's output.
@@ -9,6 +9,7 @@ tables of docs/measured.md are this program's output.
 import argparse
 
 import numpy as np
+from planted import collapse
 
 from jampetsc.analysis.averages import Average, mean_of_averages
 from jampetsc.analysis.jamming import share_of
@@ -153,7 +154,7 @@ def studies():
             )
 
 
-TABLES = {table.__name__: table for table in (means, shares, runs, studies)}
+TABLES = {table.__name__: table for table in (means, shares, runs, studies, collapse)}
 
 
 def main():

@@ -8,6 +8,7 @@ from samples import published
 
 from jampetsc import cli
 from jampetsc.analysis import jamming
+from jampetsc.analysis.collapse_errors import Estimate
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.commands import collapse, correlate, jam, modes, oscillate, pack, quasistatic, study, sweep
 from jampetsc.contacts.laws import Physics, damping_law
@@ -352,46 +353,32 @@ def fit_of(**parameters):
     )
 
 
-def collapse_lines(fit, finite_size=False):
-    """Two cuts after all of the points, of scales that are rates or 1/L."""
-    args = SimpleNamespace(out="c.h5", observable="pressure", finite_size=finite_size)
-    drawn = np.array([[0.84, 1.0, 3.0], [0.85, 1.2, 4.0], [0.86, 1.4, 5.0]])
-    scales = (0.5, 0.125) if finite_size else (1e-2, 1e-3)
-    cuts = [(scale, fit_of(y=0.5 + n), np.array([1e-3, 0.1, 0.2])) for n, scale in enumerate(scales)]
-    cuts[1][1].chi2 = 10.0
-    return collapse._summary(args, range(7), fit, drawn, cuts).split("\n")
+def found_with(*errors):
+    values = fit_of().parameters.items()
+    return {
+        name: Estimate(value, value - 2 * e, value + 2 * e, 0.0)
+        for (name, value), e in zip(values, errors, strict=True)
+    }
 
 
-def test_a_collapse_tells_its_parameters_and_those_of_every_cut():
-    lines = collapse_lines(fit_of())
-    assert lines == [
-        "c.h5: pressure at 7 points, phi_J = 0.8433 ± 0.01, y = 1.1 ± 0.2, znu = 3.5 ± 1",
-        "  chi2/dof = 1.5 with 20 degrees of freedom, probability 0.5",
-        "  rates <= 0.001: phi_J = 0.8433 ± 0.001, y = 1.5 ± 0.1, znu = 3.5 ± 0.2, chi2/dof = 0.5",
-    ]
-    lines = collapse_lines(fit_of(), finite_size=True)
-    assert (
-        lines[2].startswith("  N >= 64: phi_J = ") and "nu = 3.5 ± 0.2" in lines[2] and "znu" not in lines[2]
-    )
-
-
-@pytest.mark.parametrize(("probability", "told"), [(0.0101, False), (0.0099, True)])
-def test_a_form_that_does_not_describe_the_data(probability, told):
-    fit = fit_of()
-    fit.probability = probability
-    assert (
-        "  note: the form does not describe the data within their errors: cut, or --corrections"
-        in collapse_lines(fit)
-    ) == told
-
-
-@pytest.mark.parametrize(
-    ("parameters", "told"),
-    [({"kappa": 19.9991}, ["znu"]), ({"kappa": 19.998}, []), ({"y": -1.9991}, ["y"]), ({"phi_J": 0.2}, [])],
-)
-def test_a_parameter_at_the_end_of_its_range_is_not_told_by_the_data(parameters, told):
-    notes = [line for line in collapse_lines(fit_of(**parameters)) if "end of its range" in line]
-    assert notes == [f"  note: {name} is at the end of its range: the data do not tell it" for name in told]
+def test_a_collapse_tells_its_parameters_those_of_every_cut_and_notes():
+    for finite_size, scales in ((False, (1e-2, 1e-3)), (True, (0.5, 0.125))):
+        args = SimpleNamespace(out="c.h5", observable="pressure", finite_size=finite_size)
+        cut = fit_of(y=1.5)
+        cut.chi2 = 10.0
+        cuts = [
+            (scales[0], fit_of(), found_with(0.01, 0.2, 1.0)),
+            (scales[1], cut, found_with(1e-3, 0.1, np.inf)),
+        ]
+        lines = collapse._summary(args, range(7), cuts, ["one", "two"]).split("\n")
+        nu, what = ("nu", "N >= 64") if finite_size else ("znu", "rates <= 0.001")
+        assert lines == [
+            f"c.h5: pressure at 7 points, phi_J = 0.8433 ± 0.01, y = 1.1 ± 0.2, {nu} = 3.5 ± 1",
+            "  chi2/dof = 1.5 with 20 degrees of freedom, probability 0.5",
+            f"  {what}: phi_J = 0.8433 ± 0.001, y = 1.5 ± 0.1, {nu} undecided, chi2/dof = 0.5",
+            "  note: one",
+            "  note: two",
+        ]
 
 
 def test_lanes_of_other_widths_are_compared_with_errors_of_both():

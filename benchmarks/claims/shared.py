@@ -124,4 +124,8 @@ def fitted(table, name, wanted, of):
     for parameter, theirs, note in wanted:
         symbol = {"phi_J": "φ_J", "znu": "zν", "nu": "ν"}.get(parameter, parameter)
         what = f"{of}: {symbol} (χ²/dof {result['chi2'] / result['dof']:.2f})"
-        yield Row(what, theirs, result[parameter], result[f"{parameter}_error"], note)
+        error = result[f"{parameter}_error"]
+        if np.isfinite(error):
+            yield Row(what, theirs, result[parameter], error, note)
+        else:
+            yield Row(what, theirs, result[parameter], None, "the data do not tell it", decided="open")

@@ -15,7 +15,8 @@ and with --finite-size, of jam and shear files at several N and phi, L = sqrt(N)
   O = L^(-y/nu) [f0(x) + L^(-omega) f1(x)],          x = (phi - phi_J) L^(1/nu)
 
 f0 and |f1| are exponentials of polynomials or splines; f1 is there with --corrections. Weighted least squares;
-errors from fits to data drawn anew; the same fit with the largest rates, or smallest N, left out one by one."""
+errors from the profile of chi^2 and from fits of higher degrees; the same fit with the largest rates, or smallest N,
+left out one by one."""
 EPILOG = """\
 The name omega stands for omega/z with rates. A small probability of chi^2 says that the form is wrong, or the
 errors are.
@@ -97,7 +98,7 @@ def run(args, petsc_argv) -> int:
     """Read, fit, write and say what was found."""
     import time
 
-    from jampetsc.analysis import collapse
+    from jampetsc.analysis.collapse_errors import drift
     from jampetsc.storage.outputs import check_output
     from jampetsc.storage.reader import load
     from jampetsc.words import scaling
@@ -116,15 +117,15 @@ def run(args, petsc_argv) -> int:
     if not used.any():
         raise InputError(f"{files[0]}: no points are left by --cut and --range")
     points = points[used]
-    fit = collapse.fit_collapse(points, form)
-    drawn = collapse.bootstrap_fits(points, fit)
-    cuts = collapse.drift(points, form)
-    _write(args, results, (points, data.size[used], data.runs[used]), fit, drawn, cuts, began)
-    print(_summary(args, points, fit, drawn, cuts))
+    cuts = drift(points, form)
+    _, fit, found = cuts[0]
+    notes = scaling.notes_of(points, fit, found, args.finite_size)
+    _write(args, results, (points, data.size[used], data.runs[used]), cuts, notes, began)
+    print(_summary(args, points, cuts, notes))
     return 0
 
 
-def _write(args, results, data, fit, drawn, cuts, began):
+def _write(args, results, data, cuts, notes, began):
     import time
 
     import numpy as np
@@ -133,14 +134,12 @@ def _write(args, results, data, fit, drawn, cuts, began):
     from jampetsc.storage.result_file import ResultWriter
     from jampetsc.words.scaling import names_of
 
-    points, size, runs = data
+    (points, size, runs), (_, fit, found) = data, cuts[0]
     words = {name: word for word, name in names_of(args.finite_size).items()}
     x = fit.x(points)
     leading, correction = fit.terms(points)
     along = np.linspace(x.min(), x.max(), 200)
     first, second = fit.functions(along)
-    free = [words[name] for name in fit.form.free]
-    errors = dict(zip(free, drawn.std(axis=0, ddof=1), strict=True))
     shared = ("model", "mass", "sizes", "potential", "stiffness", "protocol", "units", "tau1")
     with ResultWriter(args.out, FORMAT) as writer:
         for name, values in {
@@ -156,10 +155,9 @@ def _write(args, results, data, fit, drawn, cuts, began):
             "curve/x": along,
             "curve/f0": first,
             "curve/f1": second,
-            "bootstrap": drawn,
             "drift/cut": np.array([_shown(cut, args.finite_size) for cut, _, _ in cuts]),
             "drift/parameters": np.array([[one.parameters[n] for n in fit.form.free] for _, one, _ in cuts]),
-            "drift/errors": np.array([error for _, _, error in cuts]),
+            "drift/errors": np.array([[some[n].error for n in fit.form.free] for _, _, some in cuts]),
             "drift/chi2_per_dof": np.array([one.chi2 / one.dof for _, one, _ in cuts]),
         }.items():
             writer.dataset(name, values)
@@ -168,14 +166,19 @@ def _write(args, results, data, fit, drawn, cuts, began):
             | {name: results[0].attributes.get(name) for name in shared},
             observable=args.observable,
             scaling="size" if args.finite_size else "rate",
-            fitted=",".join(free),
+            fitted=",".join(words[name] for name in fit.form.free),
             functions=f"{'spline' if args.spline else 'polynomial'}, degree {args.degree}",
             corrections=args.corrections,
             chi2=fit.chi2,
             dof=fit.dof,
             probability=fit.probability,
             **{words[name]: value for name, value in fit.parameters.items()},
-            **{f"{name}_error": error for name, error in errors.items()},
+            **{
+                f"{words[name]}_{what}": getattr(one, what)
+                for name, one in found.items()
+                for what in ("error", "low", "high", "shift")
+            },
+            notes="; ".join(notes),
         )
 
 
@@ -184,27 +187,18 @@ def _shown(scale, finite_size):
     return scale**-2 if finite_size else scale
 
 
-def _summary(args, points, fit, drawn, cuts):
-    from jampetsc.analysis.collapse import BOUNDS
-    from jampetsc.words.scaling import names_of, text_of
+def _summary(args, points, cuts, notes):
+    from jampetsc.words.scaling import text_of
 
-    errors = dict(zip(fit.form.free, drawn.std(axis=0, ddof=1), strict=True))
-    words = {name: word for word, name in names_of(args.finite_size).items()}
+    (_, fit, found), *others = cuts
     lines = [
-        f"{args.out}: {args.observable} at {len(points)} points, {text_of(fit.parameters, errors, args.finite_size)}",
+        f"{args.out}: {args.observable} at {len(points)} points, {text_of(fit.parameters, found, args.finite_size)}",
         f"  chi2/dof = {fit.chi2 / fit.dof:.3g} with {fit.dof} degrees of freedom, probability {fit.probability:.2g}",
     ]
     what = "N >=" if args.finite_size else "rates <="
-    for cut, one, error in cuts[1:]:
-        some = dict(zip(fit.form.free, error, strict=True))
+    for cut, one, some in others:
         lines.append(
             f"  {what} {_shown(cut, args.finite_size):.4g}: {text_of(one.parameters, some, args.finite_size)}, "
             f"chi2/dof = {one.chi2 / one.dof:.3g}"
         )
-    if fit.probability < 0.01:
-        lines.append("  note: the form does not describe the data within their errors: cut, or --corrections")
-    ends = [
-        n for n in fit.form.free if n in BOUNDS and min(abs(fit.parameters[n] - b) for b in BOUNDS[n]) < 1e-3
-    ]
-    lines += [f"  note: {words[name]} is at the end of its range: the data do not tell it" for name in ends]
-    return "\n".join(lines)
+    return "\n".join(lines + [f"  note: {note}" for note in notes])

@@ -51,10 +51,13 @@ def plot_scaling(result, path) -> None:
         drifts = [fig.add_subplot(grid[2, column]) for column in range(len(names))]
         for column, (ax, name) in enumerate(zip(drifts, names, strict=True)):
             y, bars = result["drift/parameters"][:, column], result["drift/errors"][:, column]
-            ax.errorbar(
-                result["drift/cut"], y, bars, color="0.1", marker="o", ms=3, capsize=1.5, elinewidth=0.6
-            )
-            best, own = float(a[name]), float(a[f"{name}_error"])
+            known = np.isfinite(bars)
+            look = {"color": "0.1", "marker": "o", "ms": 3}
+            cut = result["drift/cut"]
+            ax.errorbar(cut[known], y[known], bars[known], capsize=1.5, elinewidth=0.6, **look)
+            ax.plot(cut[~known], y[~known], ls="none", mfc="white", **look)  # the data do not tell it
+            best, own = float(a[name]), float(np.nan_to_num(a[f"{name}_error"]))
+            bars = np.nan_to_num(bars)
             ax.axhspan(best - own, best + own, color="0.85", lw=0)
             ax.set(xscale="log", xlabel="smallest $N$" if sized else r"largest $\dot\gamma$")
             ends = np.log10(result["drift/cut"].min()) - 0.1, np.log10(result["drift/cut"].max()) + 0.1

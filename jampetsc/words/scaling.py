@@ -7,6 +7,8 @@ import numpy as np
 
 from jampetsc.analysis.averages import Average, mean_of_averages, mean_of_runs
 from jampetsc.analysis.collapse import BOUNDS, PARAMETERS, Form, Points
+from jampetsc.analysis.collapse_errors import degrees_above
+from jampetsc.analysis.collapse_fit import ranges
 from jampetsc.analysis.jamming import share_of
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError
@@ -18,6 +20,7 @@ ALIKE = (
     "model", "mass", "sizes", "potential", "stiffness", "protocol", "cooling_rate", "separated", "units", "k", "tau1"
 )  # fmt: skip
 SAME_PHI = 6  # decimals
+UNLIKELY = 0.01  # probability of χ² below which the form is wrong, or the errors are
 
 
 def names_of(finite_size: bool) -> dict:
@@ -178,13 +181,50 @@ def files_of(paths, finite_size, where=None) -> list[str]:
     return files_named(paths, where, chosen)[0]
 
 
-def text_of(parameters, errors, finite_size) -> str:
-    """phi_J = 0.8433(2), … of {parameter: value} and {parameter: error}; held ones have no error."""
+def text_of(parameters, found, finite_size) -> str:
+    """phi_J = 0.8433 ± 0.0002, znu > 2.7, … of {parameter: value} and {parameter: Estimate}; held ones have none."""
     words = {name: word for word, name in names_of(finite_size).items()}
     shown = [name for name in PARAMETERS if name in parameters]
-    parts = []
-    for name in shown:
-        error = errors.get(name)
-        told = f"{parameters[name]:.6g} held" if error is None else f"{parameters[name]:.5g} ± {error:.2g}"
-        parts.append(f"{words[name]} = {told}")
-    return ", ".join(parts)
+    return ", ".join(f"{words[name]} {_told(parameters[name], found.get(name))}" for name in shown)
+
+
+def _told(value, one):
+    if one is None:
+        return f"= {value:.6g} held"
+    if one.decided and one.uneven:
+        return f"= {value:.5g} (2 sigma: {one.low:.5g} to {one.high:.5g})"
+    if one.decided:
+        return f"= {value:.5g} ± {one.error:.2g}"
+    if math.isfinite(one.low):
+        return f"> {one.low:.5g}"
+    return f"< {one.high:.5g}" if math.isfinite(one.high) else "undecided"
+
+
+def notes_of(points: Points, fit, found, finite_size) -> list[str]:
+    """What is to be known before a number of a fit is used."""
+    words = {name: word for word, name in names_of(finite_size).items()}
+    lowest, highest = points.phi.min(), points.phi.max()
+    degrees = degrees_above(points, fit.form)
+    notes = []
+    if fit.probability < UNLIKELY:
+        notes.append("the form does not describe the data within their errors: cut, or --corrections")
+    if "phi_J" in found and not lowest < fit.parameters["phi_J"] < highest:
+        notes.append(f"phi_J = {fit.parameters['phi_J']:.5g} is outside the data, {lowest:g} to {highest:g}")
+    for name, one in found.items():
+        word = words[name]
+        if not one.decided:
+            low, high = ranges(points)[name]
+            notes.append(
+                f"the data do not tell {word}: 2 sigma reach an end of its range, {low:.5g} to {high:.5g}"
+            )
+        elif one.uneven:
+            notes.append(
+                f"{word} has uneven errors: take its ends of 2 sigma, {one.low:.5g} to {one.high:.5g}"
+            )
+        if one.left_to_degree:
+            notes.append(
+                f"{word} changes by {one.shift:.2g} with the degree, which is in its error: try a higher --degree"
+            )
+    if not degrees:
+        notes.append("too few points for a higher degree: what it would change is not in the errors")
+    return notes

@@ -1,0 +1,181 @@
+"""How well data tell the parameters of a collapse.
+
+The ends of 2σ of a parameter are where the least χ² with it held is 4 above the least of all (profile of χ²; James,
+Statistical Methods in Experimental Physics, ch. 9). They need no form of the errors, follow a curved valley, and where
+there is none the data do not decide. What the functions of a degree cannot say no χ² knows: it is estimated by what a
+parameter changes by in fits of higher degrees, as far as that is more than the noise of the terms that these add.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import brentq
+
+from jampetsc.analysis.collapse import Fit, Form, Points
+from jampetsc.analysis.collapse_fit import ROUGH, best_from, carried, minima, ranges
+from jampetsc.errors import InputError
+
+SIGMAS = 2.0  # of the ends: there χ² is the square of it above the least
+HIGHER = (2, 4)  # what is added to the degree: even and odd terms alike
+UNEVEN = 1.5  # a longer side in units of the shorter one, from which one error for both is not enough
+_ACCURACY = 0.02  # of an end, in its distance from the best
+_BETTER = 0.01  # by which another χ² is below the least so far
+_STRETCH, _STEPS = 3.0, 20  # of a step outwards, at most; of the range that is searched, at least
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter, the ends of 2σ (infinite where the data set none), and the part of 1σ that is due to the degree."""
+
+    value: float
+    low: float
+    high: float
+    shift: float
+
+    @property
+    def decided(self) -> bool:
+        """Whether the data set both ends."""
+        return math.isfinite(self.high - self.low)
+
+    @property
+    def error(self) -> float:
+        """One standard error, nan where an end is missing."""
+        return (self.high - self.low) / (2 * SIGMAS) if self.decided else math.nan
+
+    @property
+    def uneven(self) -> bool:
+        """Whether one side is UNEVEN times as long as the other."""
+        sides = sorted((self.value - self.low, self.high - self.value))
+        return sides[1] > UNEVEN * sides[0]
+
+    @property
+    def left_to_degree(self) -> bool:
+        """Whether more of the error is due to the degree than to the data."""
+        return 2 * self.shift**2 > self.error**2
+
+
+class _BetterFit(Exception):
+    """A search came below the least χ² known so far."""
+
+
+def estimate(points: Points, form: Form) -> tuple[Fit, dict]:
+    """(the best fit, {name: Estimate} of the free parameters). Raises InputError as `minima` does."""
+    fits, ends = minima(points, form), None
+    while ends is None:
+        try:
+            ends = _ends(points, fits)
+        except _BetterFit as found:
+            fits.insert(0, best_from(points, form, found.args[0]))
+    return fits[0], {
+        name: _widened(fits[0].parameters[name], ends[name], shift, ranges(points)[name])
+        for name, shift in _shifts(points, fits[0]).items()
+    }
+
+
+def _widened(best, ends, shift, limits):
+    """The Estimate with the part of the degree added; an end outside the range that was searched is none."""
+    down, up = (math.hypot(end - best, SIGMAS * shift) for end in ends)
+    low = best - down if best - down > limits[0] else -math.inf
+    return Estimate(best, low, best + up if best + up < limits[1] else math.inf, shift)
+
+
+def _ends(points, fits):
+    """{name: (low, high)} about the first fit, and about others that are less than SIGMAS² above it in χ²."""
+    least, ends = fits[0].chi2, {}
+    for fit in fits:
+        inside = ends and all(low <= fit.parameters[name] <= high for name, (low, high) in ends.items())
+        if fit.chi2 >= least + SIGMAS**2 or (inside and fit.sign == fits[0].sign):
+            continue
+        for name in fit.form.free:
+            low, high = (_end(points, fit, least, name, side) for side in (0, 1))
+            known = ends.get(name, (low, high))
+            ends[name] = min(low, known[0]), max(high, known[1])
+    return ends
+
+
+def drift(points: Points, form: Form) -> list:
+    """[(cut, fit, estimates), …] of `estimate` for the points with scale ≤ cut, from all to as few as can be fitted.
+
+    Where corrections to scaling are left out, parameters can be trusted that no longer change with the cut. Raises
+    InputError if all points are too few.
+    """
+    found = []
+    for cut in np.unique(points.scale)[::-1]:
+        try:
+            found.append((float(cut), *estimate(points[points.scale <= cut], form)))
+        except InputError:  # too few are left
+            if not found:
+                raise
+            break
+    return found
+
+
+def degrees_above(points: Points, form: Form) -> list[int]:
+    """The higher degrees for which there are enough points."""
+    higher = (replace(form, degree=form.degree + more) for more in HIGHER)
+    return [one.degree for one in higher if one.unknowns < len(points)]
+
+
+def _shifts(points, fit):
+    """{name: the largest change at a higher degree, less the noise that its terms add}."""
+    names = fit.form.free
+    own, largest = _linear_errors(points, fit), np.zeros(len(names))
+    for degree in degrees_above(points, fit.form):
+        form = replace(fit.form, degree=degree)
+        higher = best_from(points, form, carried(points, fit, form, fit.parameters), ROUGH)
+        change = np.array([higher.parameters[name] - fit.parameters[name] for name in names])
+        noise = np.maximum(_linear_errors(points, higher) ** 2 - own**2, 0.0)
+        largest = np.maximum(largest, np.sqrt(np.maximum(change**2 - noise, 0.0)))
+    return dict(zip(names, map(float, largest), strict=True))
+
+
+def _linear_errors(points, fit):
+    """(P,) standard errors of the free parameters, were the model linear in all that is fitted."""
+    slopes = fit.slopes(points) / points.error[:, None]
+    units = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
+    return (np.linalg.norm(np.linalg.pinv(slopes / units), axis=1) / units)[: len(fit.form.free)]
+
+
+def _end(points, fit, least, name, side):
+    """Where the profile of χ² is SIGMAS² above the least, below or above the best (side 0, 1); ∓∞ if nowhere."""
+    best, sign, limit = fit.parameters[name], (-1.0, 1.0)[side], ranges(points)[name][side]
+    known = {best: fit}
+
+    def rise(value):
+        """√(χ² − least) − SIGMAS with the parameter held."""
+        if value not in known:
+            inner = max(
+                (other for other in known if abs(other - best) < abs(value - best)),
+                key=lambda v: abs(v - best),
+            )
+            near, held = known[inner], replace(fit.form, held={**fit.form.held, name: value})
+            begun = {**near.parameters, name: value}, _along_profile(points, near, name, value)
+            start = min((carried(points, near, held, one) for one in begun), key=lambda one: one.chi2)
+            found = replace(best_from(points, held, start, ROUGH), form=fit.form)
+            if found.chi2 < least - _BETTER:
+                raise _BetterFit(found)
+            known[value] = found
+        return math.sqrt(max(0.0, known[value].chi2 - least)) - SIGMAS
+
+    longest = abs(np.subtract(*ranges(points)[name])) / _STEPS
+    step = min(longest, SIGMAS * _linear_errors(points, fit)[fit.form.free.index(name)])
+    inner, outer, above = best, best, rise(best)
+    while above < 0:
+        if outer == limit:
+            return sign * math.inf
+        inner, outer = outer, sign * min(sign * limit, sign * outer + step)
+        above = rise(outer)
+        step = min(longest, step * min(_STRETCH, SIGMAS / max(SIGMAS + above, SIGMAS / _STRETCH)))
+    return float(brentq(rise, inner, outer, xtol=_ACCURACY * abs(outer - best)))
+
+
+def _along_profile(points, fit, name, value):
+    """The parameters where one of them is moved and the others follow, to first order."""
+    slopes, at = fit.slopes(points) / points.error[:, None], fit.form.free.index(name)
+    own, others = slopes[:, at] * (fit.parameters[name] - value), np.delete(slopes, at, axis=1)
+    moved = {**fit.parameters, name: value}
+    names = [other for other in fit.form.free if other != name]
+    for other, change in zip(names, np.linalg.lstsq(others, own, rcond=None)[0], strict=False):
+        moved[other] = float(np.clip(moved[other] + change, *ranges(points)[other]))
+    return moved

@@ -1,0 +1,145 @@
+"""The best fit of a scaling form: weighted least squares, begun at every minimum of a grid of φ_J and κ."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from jampetsc.analysis.collapse import BOUNDS, Basis, Fit, Form, Points, scaled
+from jampetsc.errors import InputError
+
+EXACT, ROUGH = (1e-9, 300), (1e-5, 100)  # (change of χ² that ends a search, steps)
+_KAPPAS, _PHIS = np.geomspace(0.7, 8.0, 12), 15  # where the search for a minimum begins
+_MINIMA = 4  # of that grid, from which the search goes on
+_OMEGAS, _SHARE = (0.1, 0.25, 0.6, 1.5), 0.3  # … for corrections, and for f₁ in units of f₀
+
+
+def ranges(points: Points) -> dict:
+    """{parameter: (lowest, highest)} that is searched: φ_J as far beyond the data as they span."""
+    spread = np.ptp(points.phi)
+    return {**BOUNDS, "phi_J": (points.phi.min() - spread, points.phi.max() + spread)}
+
+
+def fit_collapse(points: Points, form: Form) -> Fit:
+    """The parameters with the least χ². Raises InputError for data that cannot tell them."""
+    return minima(points, form)[0]
+
+
+def minima(points: Points, form: Form) -> list[Fit]:
+    """Fits that the search ends at, the least χ² first; with corrections one for each sign of f₁. Raises InputError."""
+    points.check()
+    if len(points) <= form.unknowns:
+        raise InputError(
+            f"{len(points)} points for {form.unknowns} unknowns: give more points, or a lower --degree"
+        )
+    positive = int(np.count_nonzero(points.value > 0))
+    if positive <= form.plain.unknowns:
+        raise InputError(
+            f"{positive} values above zero for {form.plain.unknowns} unknowns: give denser disks"
+        )
+    plain = _sorted(best_from(points, form.plain, start) for start in _starts(points, form.plain))
+    if not form.corrections:
+        return plain
+    omegas = [form.held["omega"]] if "omega" in form.held else _OMEGAS
+    forms = [replace(form, held={**form.held, "omega": omega}) for omega in omegas]
+    begun = (
+        best_from(points, one, _corrected(plain[0], one, sign), ROUGH) for one in forms for sign in (1, -1)
+    )
+    return _sorted(best_from(points, form, fit) for fit in begun)
+
+
+def _sorted(fits) -> list[Fit]:
+    return sorted(fits, key=lambda fit: fit.chi2)
+
+
+def _starts(points, form) -> list[Fit]:
+    """The deepest minima on a grid of φ_J and κ without corrections, where ln O is linear in what else there is."""
+    phis = (
+        [form.held["phi_J"]]
+        if "phi_J" in form.held
+        else np.quantile(points.phi, np.linspace(0.1, 0.9, _PHIS))
+    )
+    kappas = [form.held["kappa"]] if "kappa" in form.held else _KAPPAS
+    known = points[points.value > 0]
+    grid = [[_linear(known, form, float(phi_J), float(kappa)) for kappa in kappas] for phi_J in phis]
+    chi2 = np.pad([[fit.chi2 for fit in row] for row in grid], 1, constant_values=np.inf)
+    around = np.lib.stride_tricks.sliding_window_view(chi2, (3, 3)).min(axis=(2, 3))
+    minima = [grid[row][column] for row, column in np.argwhere(chi2[1:-1, 1:-1] <= around)]
+    return sorted(minima, key=lambda fit: fit.chi2)[:_MINIMA]
+
+
+def _linear(known, form, phi_J, kappa) -> Fit:
+    """Least squares of ln O at one φ_J and κ: what remains is linear."""
+    weight, log_b = known.value / known.error, np.log(known.scale)
+    x = scaled(known, phi_J, kappa)
+    basis = Basis.of(x, form)
+    columns, rest = basis(x)[0], np.log(known.value)
+    if "y" in form.held:
+        rest = rest - form.held["y"] / kappa * log_b
+    else:
+        columns = np.column_stack((columns, log_b))
+    solved = np.linalg.lstsq(columns * weight[:, None], rest * weight, rcond=None)[0]
+    chi2 = float(np.sum((weight * (columns @ solved - rest)) ** 2))
+    y = form.held["y"] if "y" in form.held else float(np.clip(solved[-1] * kappa, *BOUNDS["y"]))
+    parameters = {"phi_J": phi_J, "y": y, "kappa": kappa}
+    return Fit(form, parameters, basis, (solved[: form.terms[0]], np.zeros(0)), 1.0, chi2, 0)
+
+
+def _corrected(plain: Fit, form, sign) -> Fit:
+    """Where the search with corrections begins: a part of the plain fit's f₀ scales otherwise."""
+    second = plain.coefficients[0][: form.terms[1]].copy()
+    second[0] += np.log(_SHARE)
+    parameters = {**plain.parameters, "omega": form.held["omega"]}
+    return Fit(form, parameters, plain.basis, (plain.coefficients[0], second), float(sign), np.inf, 0)
+
+
+def carried(points: Points, fit: Fit, form: Form, parameters: dict) -> Fit:
+    """Where the search for another form or other parameters begins: with functions that say much what a fit says."""
+    x, log_b = scaled(points, parameters["phi_J"], parameters["kappa"]), np.log(points.scale)
+    basis, y = Basis.of(x, form), parameters["y"] / parameters["kappa"]
+    values, weight = basis(x)[0], fit.model(points) / points.error
+    coefficients = [
+        np.linalg.lstsq(
+            values[:, :terms] * weight[:, None], (np.log(np.abs(part)) - power * log_b) * weight, rcond=None
+        )[0]
+        if terms
+        else np.zeros(0)
+        for terms, part, power in zip(
+            form.terms, fit.terms(points), (y, y + parameters.get("omega", 0.0)), strict=True
+        )
+    ]
+    start = Fit(form, parameters, basis, tuple(coefficients), fit.sign, np.inf, 0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        misfit = np.sum(((start.model(points) - points.value) / points.error) ** 2)
+    return replace(start, chi2=float(np.nan_to_num(misfit, nan=np.inf)))
+
+
+def best_from(points: Points, form: Form, start: Fit, search=EXACT) -> Fit:
+    """Least squares from a fit that is near, in the basis of that fit."""
+    from scipy.optimize import least_squares
+
+    names, (first, _) = form.free, form.terms
+    limits, unlimited = ranges(points), np.full(sum(form.terms), np.inf)
+    low, high = (
+        np.r_[[limits[name][side] for name in names], sign * unlimited] for side, sign in ((0, -1), (1, 1))
+    )
+
+    def fit_at(vector, chi2=np.inf):
+        values = {**start.parameters, **dict(zip(names, map(float, vector[: len(names)]), strict=True))}
+        rest = vector[len(names) :]
+        dof = len(points) - form.unknowns
+        return Fit(form, values, start.basis, (rest[:first], rest[first:]), start.sign, chi2, dof)
+
+    def residuals(vector):
+        return (fit_at(vector).model(points) - points.value) / points.error
+
+    def jacobian(vector):
+        return fit_at(vector).slopes(points) / points.error[:, None]
+
+    change, steps = search
+    begin = np.r_[[start.parameters[name] for name in names], *start.coefficients]
+    inner = np.clip(begin, low + 1e-9, high - 1e-9)
+    with np.errstate(over="ignore", invalid="ignore"):  # of steps that are too long, which are taken back
+        solved = least_squares(
+            residuals, inner, jacobian, (low, high), x_scale="jac", max_nfev=steps, ftol=change, xtol=change
+        )
+    return fit_at(solved.x, float(2.0 * solved.cost))
