@@ -1,18 +1,21 @@
 """The claims of the two works beside what the figures' runs give: prints the table of docs/reproduction.md.
 
-    for figure in run/figures/*; do $figure; done
-    .venv/bin/python benchmarks/reproduction.py [figures]
+    .venv/bin/python benchmarks/reproduction.py                   # from docs/kept, what was found at the papers' sizes
+    .venv/bin/python benchmarks/reproduction.py figures quick     # from what run/figures/NAME left, or paper
 
 A row is the claim, its number, ours with one standard error (bootstrap over packings or seeds, or the file's own from
 the autocorrelation), its size, whether it is decided, and the command. What has not been run is left out.
 """
 
 import sys
+import tarfile
+import tempfile
 from pathlib import Path
 
 import numpy as np
-from claims import flow, jamming, moduli, motion  # noqa: F401  they enter their claims
+from claims import exponents, flow, jamming, moduli, motion  # noqa: F401  they enter their claims
 from claims.shared import CLAIMS, WITHIN
+from keep import KEPT
 
 import jampetsc
 
@@ -32,13 +35,13 @@ def decided(row):
     return "yes" if abs(row.ours - row.theirs) <= WITHIN * row.error else "no"
 
 
-def main():
-    folder = Path(sys.argv[1] if len(sys.argv) > 1 else "figures")
+def print_table(folder, mode):
+    """Print the rows of the figures whose studies lie in folder/NAME-mode."""
     print("| claim | theirs | ours | size | decided | command | |\n|---|---|---|---|---|---|---|")
     for figure, rows in CLAIMS:
-        if not (folder / f"{figure}-quick" / "table.csv").exists():
+        if not (folder / f"{figure}-{mode}" / "table.csv").exists():
             continue
-        for row in rows(jampetsc.load(folder / f"{figure}-quick")):
+        for row in rows(jampetsc.load(folder / f"{figure}-{mode}")):
             said = "" if row.theirs is None else f"{row.theirs:.4g}"
             cells = [
                 row.claim,
@@ -50,6 +53,17 @@ def main():
                 row.note,
             ]
             print("| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |")
+
+
+def main():
+    if len(sys.argv) > 1:
+        print_table(Path(sys.argv[1]), sys.argv[2] if len(sys.argv) > 2 else "quick")
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        for archive in KEPT.glob("*.tar.xz"):
+            with tarfile.open(archive) as kept:
+                kept.extractall(Path(folder) / archive.name.replace(".tar.xz", "-kept"))
+        print_table(Path(folder), "kept")
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ import os
 import re
 import sys
 import time
+import warnings
 
 from jampetsc import launcher, session, stopping, streams
 from jampetsc.commands import COMMANDS
@@ -31,6 +32,8 @@ def main(argv=None):
     """Run `jampetsc argv` and return the exit status. Errors are printed once, by one rank."""
     for variable in THREAD_VARIABLES:
         os.environ.setdefault(variable, "1")
+    if sys.warnoptions:  # PYTHONWARNINGS=error would end a run by what a library is to mend, not its user
+        warnings.filters[:] = [one for one in warnings.filters if one[0] != "error"]
     streams.prepare()
     stopping.stop_on_sigterm()
     launcher.forget_if_inherited()

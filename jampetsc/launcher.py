@@ -8,6 +8,7 @@ Slurm's srun is left out on purpose: `srun bash -c 'jampetsc plot $SLURM_PROCID.
 would make each wait for all others. What needs no MPI is done by every task of srun.
 """
 
+import contextlib
 import os
 import re
 from pathlib import Path
@@ -17,6 +18,7 @@ INHERITED = (
     *("OMPI_COMM_", "OMPI_UNIVERSE_", "OMPI_APP_CTX_", "OMPI_MCA_ess", "OMPI_MCA_orte_", "OMPI_MCA_pmix"),
     *("PMIX_", "PRTE_", "PMI_", "MPI_LOCAL"),
 )
+ISOLATED = "OMPI_MCA_ess_singleton_isolated"
 DAEMONS = re.compile(r"mpirun|mpiexec|orte|prte|hydra|slurmstepd")  # they start ranks
 
 
@@ -30,6 +32,24 @@ def several() -> bool:
 def without_launcher(environment) -> dict:
     """The environment for a process that is no rank of the mpirun above it, if there is one."""
     return {name: value for name, value in environment.items() if not name.startswith(INHERITED)}
+
+
+@contextlib.contextmanager
+def without_daemon():
+    """While MPI starts: a process that nothing launched tells Open MPI 4 that it stays alone.
+
+    It would else start a daemon, orted, for ranks to be spawned later, and that outlives a kill of its process. Open
+    MPI 5 and MPICH start theirs when ranks are spawned, and know no such variable. One that the user has set stays,
+    and a process of mpirun, or of srun with PMI, is no such one.
+    """
+    if any(name.startswith(INHERITED) for name in os.environ):
+        yield
+        return
+    os.environ[ISOLATED] = "1"
+    try:
+        yield
+    finally:
+        del os.environ[ISOLATED]  # children decide for themselves
 
 
 def forget_if_inherited() -> None:

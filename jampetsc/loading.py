@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 from jampetsc.errors import InputError
+from jampetsc.launcher import without_daemon
 
 
 def check_words(petsc_argv):
@@ -37,7 +38,9 @@ def load(petsc_argv):
     """
     try:
         import petsc4py
-        from mpi4py import MPI
+
+        with without_daemon():
+            from mpi4py import MPI
 
         petsc4py.init(["jampetsc", *petsc_argv], comm=MPI.COMM_WORLD)
         from petsc4py import PETSc

@@ -18,7 +18,6 @@ def environment():
     clean = without_launcher(os.environ)
     paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
     clean |= {"OMP_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(paths)}
-    clean |= {"OMPI_MCA_ess_singleton_isolated": "1"}  # no daemon for every process without mpirun
     if os.geteuid() == 0:
         clean |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
     return clean

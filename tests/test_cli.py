@@ -1,22 +1,27 @@
 """The command line: what goes to whom, one line for every error, and no rank left waiting."""
 
 import argparse
+import contextlib
 import errno
 import os
 import signal
 import subprocess
 import sys
+import time
 from importlib.metadata import version
+from pathlib import Path
 from types import SimpleNamespace
 
 import launch
+import numpy as np
 import pytest
-from samples import polydisperse
+from samples import polydisperse, published
 
 import jampetsc
 from jampetsc import cli, commands, launcher, stopping, streams
 from jampetsc.errors import ConvergenceError, InputError, JampetscError
 from jampetsc.storage.packing_file import write_packing
+from jampetsc.storage.result_file import ResultWriter
 
 
 def probe(*words, ranks=0):
@@ -315,6 +320,80 @@ def test_one_that_no_launcher_has_started_keeps_its_environment(monkeypatch):
     monkeypatch.setenv("PMIX_RANK", "1")
     launcher.forget_if_inherited()
     assert "PMIX_RANK" in os.environ
+
+
+SETTINGS = {  # of other programs -> what `jampetsc plot s.h5 --out s.png` says
+    "MPLBACKEND=nonsense": "error: MPLBACKEND=nonsense: matplotlib knows no backend of this name: unset it",
+    "NUMBA_DISABLE_JIT=1": "error: NUMBA_DISABLE_JIT=1: loops over contacts have to be compiled: unset it",
+    "PYTHONWARNINGS=error": None,
+}
+
+
+@pytest.mark.parametrize("setting", SETTINGS)
+def test_settings_of_other_programs_are_one_line_or_nothing(setting, tmp_path):
+    with ResultWriter(tmp_path / "s.h5", "jampetsc-sweep") as writer:
+        for name in ("omega", "G", "error_bound"):
+            writer.dataset(name, np.array([1.0, 2.0]))
+        writer.attributes(law="contact", beta=1.0)
+    name, _, value = setting.partition("=")
+    line = [sys.executable, "-m", "jampetsc", "plot", "s.h5", "--out", "s.png"]
+    settings = {"env": launch.environment() | {name: value}, "cwd": tmp_path}
+    done = subprocess.run(line, capture_output=True, text=True, timeout=60, **settings)
+    if SETTINGS[setting] is None:
+        assert done.returncode == 0 and (tmp_path / "s.png").exists() and "Traceback" not in done.stderr
+    else:
+        assert (done.returncode, done.stderr) == (2, f"jampetsc: {SETTINGS[setting]}\n")
+
+
+def processes_of(mark):
+    """Those that have this word in the environment they were started with."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            if mark.encode() in (folder / "environ").read_bytes():
+                found.append((folder / "comm").read_text().strip())
+    return found
+
+
+def until(fulfilled):
+    """Waits for it, a minute at most; whether it came about."""
+    deadline = time.monotonic() + 60
+    while not (done := fulfilled()) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    return done
+
+
+def test_nothing_is_left_of_a_killed_command(tmp_path):
+    """No daemon of MPI outlives it, and its own second process, which waits for SIGTERM, goes with it."""
+    write_packing(tmp_path / "p.h5", published())
+    mark = f"JAMPETSC_TEST={tmp_path}"
+    words = ("sweep", "p.h5", "--out", "s.h5", "--method", "direct", "--omega", "1e-6:1:100000")
+    line = [sys.executable, "-m", "jampetsc", *words]
+    environment = launch.environment() | {"JAMPETSC_TEST": str(tmp_path)}
+    running = subprocess.Popen(line, cwd=tmp_path, env=environment, stderr=subprocess.DEVNULL)
+    try:
+        assert until(lambda: (tmp_path / "s.h5.resume").exists() or running.poll() is not None)
+        assert running.poll() is None and len(processes_of(mark)) == 2
+    finally:
+        running.kill()
+        running.wait()
+    assert until(lambda: not processes_of(mark)), processes_of(mark)
+    assert not (tmp_path / "s.h5").exists()
+
+
+def test_a_lone_process_says_so_while_mpi_starts(monkeypatch):
+    for name in launcher.without_launcher(os.environ).keys() ^ os.environ.keys():
+        monkeypatch.delenv(name)
+    with launcher.without_daemon():
+        assert os.environ[launcher.ISOLATED] == "1"
+    assert launcher.ISOLATED not in os.environ  # an mpirun that this process starts is not told
+    for name in (launcher.ISOLATED, "OMPI_COMM_WORLD_SIZE", "PMIX_RANK", "PMI_RANK"):
+        with monkeypatch.context() as changes:
+            changes.setenv(name, "0")  # by the user, mpirun, srun
+            before = dict(os.environ)
+            with launcher.without_daemon():
+                assert os.environ == before
+            assert os.environ == before
 
 
 def under_mpirun(folder, *line):

@@ -180,7 +180,12 @@ def square(n=4, side=4.0):
             {"cell": np.diag([4.0, np.nextafter(1.0, 0)])},
             r"with a disk of diameter 1: a disk would touch its own",
         ),
-        ({"cell": np.array([[1.2, 0.0], [1.2, 1.2]])}, r"cell of height 0.848528 with a disk"),
+        (
+            {"cell": np.array([[0.9, 0.0], [1.2, 1.2]])},
+            r"cell that repeats at a distance of 0.9 with a disk of diameter 1: a disk would",
+        ),
+        ({"cell": np.array([[8.0, 0.0], [4.01, 0.4]])}, r"a distance of 0.800"),  # a1 − 2 a2
+        ({"cell": np.array([[4.0, 0.0], [-(2.0**29), 4.0]])}, r"cell beyond 2\^28"),
     ],
     ids=lambda value: value if isinstance(value, str) else next(iter(value)),
 )
@@ -192,7 +197,10 @@ def test_what_is_no_packing_is_refused(change, says):
 
 def test_what_is_just_a_packing_is_one():
     """A disk as wide as its cell meets its image in a point; coordinates up to 2²⁸ keep their digits."""
-    assert Disks.from_positions(**square() | {"cell": np.diag([4.0, 1.0])}).heights[1] == 1.0
+    assert Disks.from_positions(**square() | {"cell": np.diag([4.0, 1.0])}).period == 1.0
+    for turns in (0, 1, -9, 1000):  # the same lattice
+        cell = np.array([[1.0, 0.0], [0.5 + turns, 0.9]])
+        assert Disks.from_positions(**square() | {"cell": cell}).period == pytest.approx(1.0, rel=1e-12)
     far = square() | {"cell": np.diag([2.0**28, 4.0])}
     far["positions"] = far["positions"] + [2.0**28 - 3, 0]
     assert Disks.from_positions(**far).positions[3, 0] == 2.0**28

@@ -1,5 +1,7 @@
 """Pictures of a study: means over its packings, and which of its files a kind of picture shows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from test_plots import write_sweep
@@ -44,6 +46,21 @@ def test_curves_are_arithmetic_means_with_their_errors(folder):
         expected = np.sqrt(2.5 / 5)  # standard error of 0, 1, 2, 3, 4
         np.testing.assert_allclose(curve.bounds[0], expected * curve.pressure, rtol=0.1)
         np.testing.assert_allclose(curve.bounds[1], expected * OMEGA, rtol=0.1)
+
+
+def test_a_median_has_the_interval_of_a_median(folder):
+    """0, 1, 2, 3 and 90: the last moves the mean, not the median, and the interval is not alike on both sides."""
+    found = curves(folder)[:5]
+    some = [
+        replace(one, G=value + 1j * one.omega) for one, value in zip(found, (0, 1, 2, 3, 90), strict=True)
+    ]
+    (median,) = average_curves(some, "median")
+    np.testing.assert_allclose(median.G, 2 + 1j * OMEGA)
+    low, high = interval(np.array([0.0, 1, 2, 3, 90]))
+    np.testing.assert_allclose(
+        median.bounds[0], [np.full(len(OMEGA), 2 - low), np.full(len(OMEGA), high - 2)]
+    )
+    assert np.isnan(average_curves(some[:1], "median")[0].bounds).all()
 
 
 def test_sizes_are_not_averaged(folder):

@@ -4,6 +4,7 @@ import os
 import shlex
 import subprocess
 import sys
+import tarfile
 import tomllib
 
 import launch
@@ -75,7 +76,7 @@ def test_a_figure_asks_for_what_there_is(parsers, name):
             assert not args.where or {word.split("=")[0] for word in args.where.split(",")} <= columns
 
 
-def asked(name, *words):
+def tables_of(name, *words):
     """(the tables of a figure's study, with lists instead of single tables, words of its pictures)."""
     studies, pictures = shown(name, *words)
     (study,) = studies.values()
@@ -98,22 +99,22 @@ def test_figures_of_motion_are_those_of_the_paper(words):
         ("bt-fig7", decades),
         ("bt-modes", decades),
     ):
-        tables, _ = asked(name, *words)
+        tables, _ = tables_of(name, *words)
         (pack,) = tables["pack"]
         assert set(pack) == {"n", "pressure", "seeds"} and pack["pressure"] == pressures
         sizes = pack["n"] if isinstance(pack["n"], list) else [pack["n"]]
         first, last = map(int, pack["seeds"].split(":"))
         assert not words or (max(sizes) == 32768 and last - first + 1 >= 10)
-    tables, pictures = asked("bt-fig1", *words)
+    tables, pictures = tables_of("bt-fig1", *words)
     (sweep,) = tables["sweep"]
     assert sweep == {
         "omega": "1e-10:1e4:141",
         "fields": "1e-10,1e-3,1e4",
     }  # β = 1 with rotations and pre-stress
     assert picture_of(pictures, "moduli") and picture_of(pictures, "fields", "--total", "stress")
-    tables, pictures = asked("bt-fig5", *words)
+    tables, pictures = tables_of("bt-fig5", *words)
     assert tables["quasistatic"] == [{}] and picture_of(pictures, "medians")
-    tables, pictures = asked("bt-fig7", *words)
+    tables, pictures = tables_of("bt-fig7", *words)
     contact, stokes = tables["sweep"]
     assert "law" not in contact and contact["omega"] == contact["fields"] == "1e-9,1e-3,1e3"  # twelve decades
     assert (stokes["law"], stokes["eta-f"]) == ("stokes", 0) and stokes["omega"] == stokes["fields"]
@@ -130,13 +131,105 @@ def test_figures_of_motion_are_those_of_the_paper(words):
         False,
         True,
     ]  # as printed is the default
-    tables, pictures = asked("bt-modes", *words)
+    tables, pictures = tables_of("bt-modes", *words)
     assert tables["modes"] == [{"count": 200, "no-prestress": True}] and picture_of(pictures, "lowest-modes")
 
 
-def test_the_modes_of_the_figure_are_found_by_slepc():
-    script = (FIGURES / "bt-modes").read_text()
-    assert 'study "" -modes_eps_type krylovschur <<END' in script
+def asked(parsers, name):
+    """(tasks of the study of a figure at the paper's size, {name of a picture: its parsed words})."""
+    studies, pictures = shown(name, "--paper")
+    kinds = {kind: parsers[kind] for kind in KINDS}
+    (tasks,) = (plan(part, study.encode(), kinds) for part, study in studies.items())
+    plots = [parsers["plot"].parse_args(words[1:]) for words in pictures]
+    return tasks, {os.path.basename(args.out).removesuffix(".png"): args for args in plots}
+
+
+def by_pressure(tasks, command, **options):
+    """{(N, p): tasks} of a command with these options, over which the seeds are the same."""
+    found = {}
+    for task in tasks:
+        args = vars(task.choice.args)
+        if task.command == command and all(args[name] == value for name, value in options.items()):
+            packing = task.columns if task.command == "pack" else task.inputs[0].columns
+            found.setdefault((packing["n"], packing["pressure"]), []).append(task)
+    return found
+
+
+def decades(first, last):
+    """10^first, …, 10^last as they are written."""
+    return [float(f"1e{n}") for n in range(first, last + 1)]
+
+
+PAPER, DECADES = 32768, [1e-5, 1e-4, 1e-3, 1e-2]  # N and pressures of BT figures 3, 4 and 6
+AT_ALL = {(PAPER, p) for p in DECADES}
+
+
+@pytest.mark.parametrize("name", ["bt-fig3", "bt-fig4", "bt-fig6", "bt-fig8"])
+def test_packings_of_moduli_are_quenched_at_a_pressure_in_a_cell_of_fixed_shape(parsers, name):
+    tasks, _ = asked(parsers, name)
+    packs = by_pressure(tasks, "pack")
+    assert all(task.choice.args.stabilise == "volume" for some in packs.values() for task in some)
+    assert min(map(len, packs.values())) >= 10
+    assert set(packs) == AT_ALL or name == "bt-fig8"
+    for task in tasks:  # G* from below the lowest crossover, ω ~ p, to the viscous end
+        if task.command == "sweep":
+            omega = parse_omega(task.choice.args.omega)
+            assert omega.min() <= 1e-3 * min(DECADES) and omega.max() >= 1e3 and 71 <= len(omega) <= 141
+
+
+def test_bt_figure_3_is_balanced_damping_at_four_pressures_and_its_collapse(parsers):
+    tasks, pictures = asked(parsers, "bt-fig3")
+    for prestress in (True, False):
+        assert set(by_pressure(tasks, "sweep", law="contact", beta=None, prestress=prestress)) == AT_ALL
+    assert set(by_pressure(tasks, "quasistatic", law="contact", beta=None, prestress=True)) == AT_ALL
+    assert (pictures["3a"].kind, pictures["3a"].where) == ("moduli", "prestress=1")
+    b = pictures["3b"]
+    assert (b.kind, b.mu, vars(b)["lambda"], b.where) == ("collapse", 0.5, 1.0, "prestress=1")
+    assert {pictures[name].kind for name in ("3c", "3c-no-prestress", "3d")} == {"exponents"}
+
+
+def test_bt_figure_4_is_no_sliding_at_four_pressures_and_seven_decades_of_it_at_one(parsers):
+    tasks, pictures = asked(parsers, "bt-fig4")
+    for prestress in (True, False):
+        assert set(by_pressure(tasks, "sweep", beta=0.0, prestress=prestress)) == AT_ALL
+        betas = [b for b in decades(-6, 1) if by_pressure(tasks, "sweep", beta=b, prestress=prestress)]
+        assert len(betas) == 8
+        for beta in betas:
+            assert set(by_pressure(tasks, "sweep", beta=beta, prestress=prestress)) == {(PAPER, 1e-4)}
+    (betas,) = {task.choice.args.betas for task in tasks if task.command == "quasistatic"}
+    assert min(map(float, betas.split(","))) < 1e-6 and max(map(float, betas.split(","))) > 10
+    for name, on in (("4a", 1), ("4a-no-prestress", 0)):
+        a = pictures[name]
+        assert (a.kind, a.mu, vars(a)["lambda"], a.where) == ("collapse", 0.5, 0.0, f"beta=0,prestress={on}")
+    assert pictures["4b"].kind == "moduli" and "pressure=1e-4" in pictures["4b"].where
+    inset = pictures["4b-inset"]
+    assert (inset.kind, inset.where) == ("viscosities", "pressure=1e-4")
+
+
+def test_bt_figure_6_is_drag_in_a_fluid_at_four_pressures_and_ten_decades_of_it_at_one(parsers):
+    tasks, pictures = asked(parsers, "bt-fig6")
+    assert all(task.choice.args.law == "stokes" for task in tasks if task.command != "pack")
+    assert set(by_pressure(tasks, "sweep", eta_f=1.0, prestress=True)) == AT_ALL
+    for eta_f in decades(-5, 5):
+        assert (PAPER, 1e-4) in by_pressure(tasks, "sweep", eta_f=eta_f, prestress=True)
+    assert set(by_pressure(tasks, "quasistatic", eta_f=1.0)) == AT_ALL
+    a, b = pictures["6a"], pictures["6b"]
+    assert (a.kind, a.mu, vars(a)["lambda"], a.where) == ("collapse", 0.5, 1.0, "eta_f=1,prestress=1")
+    assert (b.kind, b.where) == ("moduli", "command=sweep,pressure=1e-4,prestress=1")
+
+
+def test_bt_figure_8_is_the_viscosity_of_many_sizes_under_both_laws(parsers):
+    tasks, pictures = asked(parsers, "bt-fig8")
+    for law, own in (("contact", {"beta": None}), ("stokes", {"eta_f": 1.0})):
+        slow = by_pressure(tasks, "quasistatic", law=law, prestress=True, **own)
+        x = [p * n**2 for n, p in slow]
+        assert min(x) < 1e-2 and max(x) > 1e4 and max(n for n, _ in slow) == PAPER
+        for decade in range(0, 7):  # where at least three sizes can be compared
+            inside = {n for n, p in slow if 0.1 <= p * n**2 / 10.0**decade <= 10}
+            assert len(inside) >= (3 if decade < 6 else 2), decade
+    for name, law, power in (("8a", "contact", 1.0), ("8b", "stokes", 1.09)):
+        one = pictures[name]
+        assert (one.kind, one.where, one.size_power) == ("finite-size", f"law={law}", power)
 
 
 def test_sizes_of_a_figure_come_from_its_mode_or_the_environment():
@@ -144,7 +237,54 @@ def test_sizes_of_a_figure_come_from_its_mode_or_the_environment():
         (study,) = shown("bt-fig3", *words, **sizes)[0].values()
         assert f"n = {n}\n" in study
     done = subprocess.run([FIGURES / "bt-fig3", "--papers"], capture_output=True, text=True)
-    assert done.returncode == 2 and "--papers: there are --quick, --paper and --show" in done.stderr
+    assert done.returncode == 2 and "--papers: there are --quick, --paper, --kept and --show" in done.stderr
+
+
+JAMMING = {  # of each figure, what Vågberg's papers I to III do: {(protocol, option): values that the study has}
+    "paper1": {
+        ("compress", "cooling-rate"): {1e-1, 1e-2, 1e-3},
+        ("compress", "separated"): {False, True},
+        ("compress", "strain"): {None, 3},
+        ("shear", "separated"): {False, True, None},
+        ("shear", "step"): {2e-3, 6.667e-4},
+        ("random", "potential"): {None},
+    },
+    "paper2": {
+        ("random", "n"): {32, 64, 128, 256},
+        ("shear", "n"): {32, 64, 128},
+        ("shear", "step"): {2e-3},
+        ("shear", "phi"): {0.82, 0.83, 0.835, 0.84, 0.845, 0.85, 0.855},
+    },
+    "paper3": {
+        (protocol, option): values
+        for protocol in ("random", "shear")
+        for option, values in (("phi", {0.84}), ("potential", {"harmonic", "hertzian"}), ("n", {64}))
+    },
+}
+AT_THEIR_SIZE = {
+    "paper1": {("compress", "cooling-rate"): {1e-1, 1e-2, 1e-3, 1e-4}},
+    "paper2": {(protocol, "n"): {32, 64, 128, 256, 512, 1024} for protocol in ("random", "shear")},
+    "paper3": {(protocol, "n"): {64, 256} for protocol in ("random", "shear")},
+}
+
+
+@pytest.mark.parametrize("name", JAMMING)
+def test_studies_of_jamming_are_those_of_the_papers(name):
+    for words, wanted in (([], JAMMING), (["--paper"], AT_THEIR_SIZE)):
+        (study,) = shown(name, *words)[0].values()
+        tables = tomllib.loads(study)["jam"]
+        for (protocol, option), values in wanted[name].items():
+            mine = [table.get(option) for table in tables if table["protocol"] == protocol]
+            assert {one for some in mine for one in (some if isinstance(some, list) else [some])} == values
+
+
+def test_corrections_to_scaling_are_fitted_beside_what_goes_without(parsers):
+    fits = [
+        parsers["collapse"].parse_args(words[1:]) for words in shown("paper2")[1] if words[0] == "collapse"
+    ]
+    asked = {(fit.where, fit.observable, fit.corrections) for fit in fits}
+    assert len(asked) == len(fits) == 8 and all(fit.finite_size for fit in fits)
+    assert {fit.fit for fit in fits if fit.corrections} == {"phi_J,y=0,nu,omega", "phi_J,y,nu,omega"}
 
 
 def as_python(words):
@@ -164,7 +304,22 @@ TINY = {
 }
 WHOLE = "bt-fig5"  # is run by its script
 LESS = {  # a figure of which something has to be smaller, or must not be
-    **{"paper1": {"STRAIN": "0.1"}, "paper2": {"N": "16,20,24"}, "paper3": {"STRAIN": "0.1"}},
+    "bt-fig8": {"SMALL": "16,20", "MIDDLE": "24", "LARGE": "28", "MANY": "1:2", "SOME": "1:2", "FEW": "1:2"},
+    "paper1": {
+        **{"LIQUID": "16", "LARGE": "20", "SEVERAL": "1:2", "MIXED": "1:2", "MIXING": "0.02", "THIRD": "1:1"},
+        **{"PHI": "0.84,0.86", "RUNS": "1:1", "STRAIN": "0.1", "DISCARD": "0.04", "FIRST": "0.06"},
+    },
+    "paper2": {
+        **{"SMALL": "16", "MIDDLE": "20,24", "SOME": "1:3", "WIDE": "0.8,0.82,0.84,0.86,0.88"},
+        **{
+            "NARROW": "0.82,0.84,0.86,0.88",
+            "SLOW": "20",
+            "STRAIN": "0.1",
+            "LITTLE": "0.1",
+            "DISCARD": "0.04",
+        },
+    },
+    "paper3": {"STRAIN": "0.1", "DISCARD": "0.04", "RUNS": "1:1"},
     **{"paper4": {"RATES": "0.1,0.05"}, "paper5": {"RATES": "0.1,0.05"}},
     **{
         "softening": {"STRAINS": "0.01,1", "STEPS": "16", "CYCLES": "3"},
@@ -228,4 +383,16 @@ def test_a_figure_is_made_and_its_claims_are_looked_at(tmp_path):
     done = subprocess.run([sys.executable, program, tmp_path], **settings)
     assert done.returncode == 0, done.stderr
     rows = [line for line in done.stdout.splitlines()[2:]]
-    assert len(rows) == 21 and all(row.count(" | ") == 6 and "`bt-fig5`" in row for row in rows)
+    assert len(rows) == 15 and all(row.count(" | ") == 6 and "`bt-fig5`" in row for row in rows)
+    keeping = (
+        f"import pathlib, keep; keep.keep(pathlib.Path({str(folder)!r}), pathlib.Path({str(tmp_path)!r}))"
+    )
+    subprocess.run([sys.executable, "-c", keeping], cwd=program.parent, check=True)
+    with tarfile.open(tmp_path / f"{WHOLE}.tar.xz") as archive:
+        archive.extractall(tmp_path / f"{WHOLE}-kept")
+    kept = subprocess.run([sys.executable, program, tmp_path, "kept"], **settings)
+    assert kept.stdout == done.stdout
+    assert (
+        not list(tmp_path.glob(f"{WHOLE}-kept/pack-*"))
+        and os.path.getsize(tmp_path / f"{WHOLE}.tar.xz") < 1e5
+    )

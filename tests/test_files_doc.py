@@ -46,7 +46,7 @@ flow made.h5 --model RD --mass 1 --rate 1e-2 --strain 0.5 --discard 0.1 --snapsh
 correlate flow.h5 --out velocities.h5
 shear --n 16 --phi 0.9 --step 1e-2 --strain 0.05 --out shear.h5
 jam --n 16 --phi 0.9 --seeds 1:1 --protocol shear --strain 0.1 --discard 0.05 --step 0.01 --out jam.h5
-jam --n 16 --phi 0.9 --seeds 1:1 --protocol compress --cooling-rate 1 --sweeps 1 --out cooled.h5
+jam --n 16 --phi 0.9 --seeds 1:1 --protocol compress --separated --cooling-rate 1 --sweeps 1 --out cooled.h5
 jam --n 24 --phi 0.9,0.92,0.94 --seeds 1:3 --out jam24.h5
 jam --n 32 --phi 0.9,0.92,0.94 --seeds 1:3 --out jam32.h5
 jam --n 16 --phi 0.9,0.92,0.94 --seeds 3:5 --out jam16.h5

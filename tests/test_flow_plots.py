@@ -13,7 +13,7 @@ from jampetsc.contacts.state import measure
 from jampetsc.errors import InputError
 from jampetsc.plots.flowcurves import _ratio, flow_curves, local_exponents, plot_against_phi, plot_flow_curves
 from jampetsc.plots.packing import touching
-from jampetsc.plots.shearing import kind_of, labels_of, lanes_of, last_snapshot, plot_lanes, plot_series
+from jampetsc.plots.shearing import kind_of, labels_of, lanes_of, plot_lanes, plot_series, snapshot
 from jampetsc.plots.units import flow_units
 from jampetsc.storage.reader import Attributes
 from jampetsc.storage.result_file import ResultWriter
@@ -174,13 +174,17 @@ def test_curves_average_seeds(runs):
     assert np.allclose(rates, [1e-2, 3e-2])
     assert np.allclose(pressure, [np.mean(means[:2]), means[2]])
     assert error[0] >= abs(means[0] - means[1]) / 2 * (1 - 1e-12)
-    middle, exponent = local_exponents(np.array([1e-3, 1e-2, 1e-1]), np.array([1.0, 10.0, 1000.0]))
+    values = np.array([1.0, 10.0, 1000.0])
+    middle, exponent, error = local_exponents(
+        np.array([1e-3, 1e-2, 1e-1]), values, values * [0.03, 0.04, 0.0]
+    )
+    assert error == pytest.approx(np.array([0.05, 0.04]) / np.log(10))
     assert np.allclose(exponent, [1, 2]) and np.allclose(middle, 10 ** np.array([-2.5, -1.5]))
 
 
 def test_the_last_snapshot_is_the_last_state(runs):
     result = jampetsc.load(runs[0])
-    disks = last_snapshot(result)
+    disks = snapshot(result)
     contacts, number, alone = touching(disks)
     assert len(contacts) * 2 / disks.n == result["coordination"][-1] == number.mean()
     assert np.array_equal(np.flatnonzero(~alone), np.unique(np.r_[contacts.i, contacts.j]))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sheared
-from sheared import ROWS, crowd
+from sheared import OVERDAMPED, ROWS, crowd, forces
 
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import Law
@@ -180,6 +180,32 @@ def test_a_list_is_stale_by_the_shear_after_a_step(name, method):
     run._list(run.reference)
     assert run._run(9) == (2 if method == "heun" else 3, compiled.STALE)
     assert not run.offsets.any() and run.seen[TALLY.index("steps")] == (2 if method == "heun" else 3)
+
+
+SCHEMES = [
+    *((name, method, 0.0) for name in OVERDAMPED for method in ("euler", "heun")),
+    *((name, "verlet", mass) for name, (_, mass) in ROWS.items() if mass),
+    *((name, "backward Euler", 0.02) for name in ("RD", "CD", "both")),
+]
+
+
+@pytest.mark.parametrize(("name", "method", "mass"), SCHEMES)
+def test_a_snapshot_is_of_one_instant(name, method, mass):
+    """Its positions and velocities dissipate what the step that begins there notes, while the flow starts too."""
+    law = ROWS[name][0]
+    run = Shear(crowd(24, phi=0.9), Model(law, mass), 0.1, Scheme(0.05, method, 1e-12))
+    for steps in (1, 5, 20):
+        run.advance(steps)
+        disks, u, spins = run.disks, run.velocities_now(), run.spins + 0.025 * run.spin_rates
+        *_, virial, spent = forces(disks, law, run.rate, u, spins)
+        background = law.eta_f * law.tau1 * disks.area * run.rate
+        run.seen[:] = 0.0
+        run.advance(1)
+        noted = dict(zip(TALLY, run.seen, strict=True))
+        drag = law.drag * law.tau1 * np.sum(u**2)
+        assert noted["dissipation"] == pytest.approx(spent + drag + background * run.rate, rel=1e-9)
+        assert noted["viscous_xy"] == pytest.approx(virial - background, rel=1e-9, abs=1e-12)
+        assert noted["kinetic"] == pytest.approx(mass * np.sum(u**2), rel=1e-9)
 
 
 @pytest.mark.parametrize(("name", "method"), [("RD0", "heun"), ("CD0", "euler"), ("rolling", "verlet")])

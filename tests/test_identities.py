@@ -84,6 +84,27 @@ def test_proportional_damping_is_kelvin_voigt(session, sample):
 
 
 @pytest.mark.scalar("complex", "real")
+@pytest.mark.parametrize("sample", ["published", "isostatic"])
+def test_all_sliding_is_one_curve(session, sample):
+    """No pre-stress, one stiffness: G*_β = (1 + iωτ₁) F(κ), κ = iωβτ₁/(1 + iωτ₁), as K + iωB = (1 + iωτ₁)(∥ + κ⊥ᶜ).
+
+    κ of β = 1 and a real ω is had at β = ½ and another, complex ω: that of dense matrices has the same F.
+    """
+    omega = np.array([1e-3, 0.3])
+    balanced, weak = (physics(beta=beta, prestress=False) for beta in (1.0, 0.5))
+    F = moduli(SAMPLES[sample](), balanced, omega) / (1 + 1j * omega)
+    kappa = 1j * omega / (1 + 1j * omega)
+    s = kappa / (0.5 - kappa)  # iω of β = ½
+    exact = Reference(SAMPLES[sample](), weak)
+    border = exact.K[:-1, -1], exact.B[:-1, -1]
+    for one, at in zip(F, s, strict=True):
+        K, B, k, b = (np.asarray(part, float) for part in (exact.K[:-1, :-1], exact.B[:-1, :-1], *border))
+        x = np.linalg.lstsq(K + at * B, -(k + at * b), rcond=1e-12)[0]
+        stiffness = float(exact.K[-1, -1]) + at * float(exact.B[-1, -1]) + (k + at * b) @ x
+        assert stiffness / float(exact.area) / (1 + at) == pytest.approx(one, rel=1e-8)
+
+
+@pytest.mark.scalar("complex", "real")
 @pytest.mark.parametrize("sample", MINIMA)
 def test_stokes_at_high_frequency_is_affine(session, sample):
     """G* → G_affine + iω η_F (identity 5); the next term of G'' is |k_γ|²/(ω V kτ₁)."""

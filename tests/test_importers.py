@@ -112,7 +112,7 @@ EDITS = {
     "empty": (lambda text: "", "neither jamBashbulk text nor jax-md netCDF4"),
     "cell": (
         lambda text: text.replace("9.5393607291793076335 ,", "1.5 ,"),
-        "cell of height .*use more disks",
+        "cell that repeats at .*use more disks",
     ),
 }
 

@@ -2,6 +2,7 @@
 
 import shutil
 
+import independent
 import launch
 import numpy as np
 import pytest
@@ -97,6 +98,8 @@ def test_bad_words(session, shared_path):
         (("--protocol", "shear", "--sweeps", "3"), "--sweeps 3: belongs to --protocol compress"),
         (("--protocol", "compress", "--temperature", "0"), "--temperature 0: must lie in"),
         (("--protocol", "compress", "--cooling-rate", "-1"), "--cooling-rate -1: must lie in"),
+        (("--protocol", "compress", "--step", "1e-3"), "--step 0.001: give a --strain of that or more"),
+        (("--protocol", "compress", "--strain", "1e-4"), "--step 0.001: give a --strain of that or more"),
         (("--protocol", "shear", "--every", "1e-4"), "must be a --step of 0.001 or more"),
         (("--protocol", "shear", "--strain", "1"), "no sample before it"),
         (("--protocol", "shear", "--seeds", "1:20000"), "2000000 samples: at most"),
@@ -174,6 +177,54 @@ def test_a_seed_decides_how_disks_move_while_they_are_hot(session):
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+def test_sizes_that_are_separated_are_mixed_by_shear(session):
+    """The start is as dense on both sides; what is searched for φ_J is the state at the end of the shear."""
+    radii = radii_of("bidisperse", 24)
+    start = jamming.random_start(radii, 0.84, 1, POTENTIAL, separated=True)
+    large = start.radii > start.radii.mean()
+    x = start.positions[:, 0] / start.cell[0, 0]
+    edge = np.sum(start.radii[large] ** 2) / np.sum(start.radii**2)
+    assert x[large].max() <= edge <= x[~large].min() and start.phi == pytest.approx(0.84)
+    mixed = jamming.random_start(radii, 0.84, 1, POTENTIAL)
+    assert np.array_equal(np.sort(start.positions[:, 1]), np.sort(mixed.positions[:, 1]))
+    cold = {"temperature": 1e-6, "cooling_rate": 2.0, "sweeps": 0, "separated": True}
+    before, after = (
+        rows(jamming.Protocol("compress", **cold, **more), 0.84)[0]
+        for more in ({}, {"step": 0.02, "strain": 2.0})
+    )
+    assert before["segregation"] > 0.3 > 0.15 > after["segregation"]
+    assert after["phi_J"] == pytest.approx(before["phi_J"], abs=0.03) and after["phi_J"] != before["phi_J"]
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+@pytest.mark.parametrize("kind", ["harmonic", "hertzian"])
+def test_an_independent_program_finds_the_same_states(session, kind):
+    """Quench, shear and search for φ_J, from the same minimum, by forces over all pairs and scipy."""
+    from jampetsc.solvers import local
+
+    solver, law = local.NewtonSolver(), Potential(kind, "inverse-square-diameter")
+    radii = radii_of("bidisperse", 16)
+    start = jamming.settle(jamming.random_start(radii * (0.5 / radii.min()), 0.88, 1, law), 1e-4)
+    known, disks, jammed = jamming._quenched(start, solver, 1e-8)
+    assert jammed
+    alpha, side = law.alpha, disks.cell[0, 0]
+    _, *row = independent.quenched(disks.positions, disks.radii, side, 0.0, alpha)
+    assert row == [pytest.approx(known[name], rel=1e-7) for name in ("energy", "pressure")]
+    slow, found = jamming.SlowShear(disks, 5e-3, solver, 1e-8), []
+    for _ in range(10):
+        slow.advance()
+        found.append((slow.found.energy / 16, slow.found.pressure))
+    _, *rows = independent.sheared(disks.positions, disks.radii, side, 5e-3, 10, alpha)
+    assert np.allclose(np.transpose(rows), found, rtol=1e-5) and np.ptp(rows[1]) > 0.01 * rows[1][0]
+    phi_J, _ = jamming.jamming_density(disks, True, solver, 1e-8)
+    solver.destroy()
+    width = 3e-4  # of the bracket there
+    assert abs(independent.jamming_density(disks.positions, disks.radii, side, alpha, width) - phi_J) < width
+
+
+@pytest.mark.scalar("real")
 def test_files_of_other_protocols(session, shared_path, capsys):
     result = run(shared_path / "c.h5", "--protocol", "compress", "--seeds", "3:4", "--cooling-rate", "0.5")
     assert result.attributes["protocol"] == "compress" and result.attributes["cooling_rate"] == 0.5
@@ -183,10 +234,14 @@ def test_files_of_other_protocols(session, shared_path, capsys):
         assert "phi_J 0.8" in capsys.readouterr().out
     if session.size > 1:
         return
+    assert "separated" not in result.attributes
     result = run(
-        shared_path / "s.h5", *"--protocol shear --seeds 3:4 --strain 0.3 --discard 0.1 --step 0.02".split()
+        shared_path / "s.h5",
+        *"--separated --protocol shear --seeds 3:4 --strain 0.3 --discard 0.1 --step 0.02".split(),
     )
-    assert len(result["strain"]) == 4 * 10 and set(result["seed"]) == {3, 4}
+    assert (
+        len(result["strain"]) == 4 * 10 and set(result["seed"]) == {3, 4} and result.attributes["separated"]
+    )
     assert np.array_equal(result["phi"], np.repeat([0.82, 0.86], 20))
 
 

@@ -11,7 +11,15 @@ from samples import isostatic
 
 from jampetsc import cli
 from jampetsc.analysis.averages import mean_of_runs
-from jampetsc.analysis.jamming import correlated_share, density, independent_share, memory
+from jampetsc.analysis.jamming import (
+    CUTS,
+    correlated_share,
+    density,
+    independent_share,
+    jamming_step,
+    low_end,
+    memory,
+)
 from jampetsc.errors import InputError
 from jampetsc.plots import jamming
 from jampetsc.plots.jamming import Samples, plot_fraction, plot_jamming_densities, plot_pressures, samples_of
@@ -89,6 +97,49 @@ def test_densities():
     assert np.allclose(density(values, 0.0, 4.0)[2], 2 * error)
 
 
+@pytest.mark.parametrize(("y", "alpha"), [(1.0, 2.0), (1.5, 2.5), (1.1, 2.0)])
+def test_the_lower_end_of_a_density_has_a_known_exponent(y, alpha):
+    """p = Δφ^y of smoothly distributed Δφ: any one cut is too high, the limit is not, and its error covers it."""
+    rng = np.random.default_rng(3)
+    found = [low_end(rng.exponential(1.0, 4000) ** y, alpha) for _ in range(150)]
+    limit, error = np.transpose([(one.limit, one.limit_error) for one in found])
+    assert np.mean(limit) == pytest.approx(y, abs=3 * np.std(limit) / np.sqrt(150) + 0.01)
+    assert np.std(limit) == pytest.approx(np.mean(error), rel=0.2)
+    assert 0.58 < np.mean(np.abs(limit - y) < error) < 0.78
+    wide = np.mean([one.y for one in found], axis=0)
+    assert wide[0] > wide[1] > wide[2] > y and wide[0] > 1.1 * y
+    one = found[0]
+    assert one.power == (pytest.approx(1 / one.limit - 1), pytest.approx(one.limit_error / one.limit**2))
+    assert np.allclose(one.error, one.y / np.sqrt(one.counts))
+    p = rng.exponential(1.0, 4000)
+    again, once = low_end(p, alpha, memory=4.0), low_end(p, alpha)  # four that count as one
+    assert again.limit == pytest.approx(once.limit) and again.limit_error == pytest.approx(
+        2 * once.limit_error
+    )
+
+
+def test_a_pure_power_is_found_below_every_cut():
+    p = (np.arange(1, 200001) / 200000) ** 1.3  # P ~ p^(1/1.3 − 1), without any noise
+    found = low_end(p, 2.3)
+    assert np.allclose(found.y, 1.3, rtol=1e-3) and found.limit == pytest.approx(1.3, rel=2e-3)
+    assert np.allclose(found.cuts, np.mean(p) * np.array(CUTS))
+    assert np.isnan(low_end(p[:3]).limit) and np.isnan(low_end(np.zeros(0)).limit)
+
+
+def test_where_disks_begin_to_jam_and_how_steeply():
+    """φ_J with a normal distribution: f is its distribution function."""
+    rng, phi = np.random.default_rng(0), np.linspace(0.83, 0.85, 7)
+    found = [
+        jamming_step(phi, [independent_share(rng.normal(0.84, 0.004, 300) < one) for one in phi])
+        for _ in range(200)
+    ]
+    middle, width, *errors = np.transpose(found)
+    for value, true, error in ((middle, 0.84, errors[0]), (width, 0.004, errors[1])):
+        assert 0.9 < np.std((value - true) / error) < 1.1 and abs(np.mean((value - true) / error)) < 0.35
+    steep = [independent_share(np.full(100, one)) for one in (0.0, 0.0, 1.0, 1.0)]
+    assert np.isnan(jamming_step(phi[:4], steep)).all()
+
+
 def test_samples_of_one_kind_are_put_together(tmp_path):
     files = [
         write_jam(tmp_path / "a.h5"),
@@ -105,6 +156,21 @@ def test_samples_of_one_kind_are_put_together(tmp_path):
     assert np.allclose(np.sort(small.pressures(0.84)), np.sort(hard))
     with pytest.raises(InputError, match=r"seed 0 is in a\.h5 too"):
         samples_of([files[0], write_jam(tmp_path / "d.h5")])
+    sheared = {"protocol": "shear", "step": 1e-3}
+    others = {
+        "separated": write_jam(tmp_path / "e.h5", separated=True),
+        "coarse": write_jam(tmp_path / "f.h5", **sheared),
+        "fine": write_jam(tmp_path / "g.h5", **sheared | {"step": 1e-4}),
+        "both": write_jam(tmp_path / "h.h5", protocol="compress", cooling_rate=1e-2, step=1e-3, strain=4.0),
+    }
+    kinds = [one.kind for one in samples_of([files[0], *others.values()])]
+    assert sorted(jamming._labels(kinds)) == [
+        "compress, $R=10^{-2}$, sheared by 4",
+        "random",
+        "random, separated",
+        r"shear, $\Delta\gamma=10^{-3}$",
+        r"shear, $\Delta\gamma=10^{-4}$",
+    ]
 
 
 def test_jamming_densities_by_rate_of_cooling(tmp_path):

@@ -167,6 +167,8 @@ def test_snapshots_are_spread_over_what_is_kept():
     assert plan.snapshot_rows(4) == {6, 8, 10}
     assert replace(plan, snapshots=6).snapshot_rows(4) == {5, 6, 7, 8, 9, 10}
     assert replace(plan, snapshots=1).snapshot_rows(4) == {10}
+    assert plan.snapshot_rows(0) == {0, 5, 10}  # where nothing is discarded the start is one of them
+    assert replace(plan, snapshots=1).snapshot_rows(0) == {10}
 
 
 def test_a_row_is_what_a_run_has_seen():

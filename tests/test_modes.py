@@ -65,11 +65,10 @@ def check(modes, wanted, vectors, exact):
 )
 @pytest.mark.parametrize("prestress", [True, False])
 def test_against_dense(session, sample, count, prestress):
-    """Few modes come from Lanczos, SLEPc's on several ranks, many from LAPACK; every quantity from its definition."""
+    """Few modes come from SLEPc, many from LAPACK; every quantity from its definition."""
     wanted, vectors, exact = spectrum(sample, prestress)
     modes = lowest_modes(build_network(SAMPLES[sample](), session.comm, prestress), count)
-    few = "lanczos" if session.size == 1 else "krylovschur"
-    assert modes.method == ("lapack" if 2 * (count + 2) >= len(wanted) else few)
+    assert modes.method == ("lapack" if 2 * (count + 2) >= len(wanted) else "krylovschur")
     check(modes, wanted, vectors, exact)
     assert modes.complete == (count == len(wanted))
     assert count == len(wanted) or wanted[count - 1] < modes.inertia_shift < wanted[count]

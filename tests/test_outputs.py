@@ -1,6 +1,7 @@
 """What `--out` may be: no command destroys an input, a file of another kind, or what is no regular file."""
 
 import os
+import re
 import socket
 import stat
 from pathlib import Path
@@ -9,8 +10,9 @@ import numpy as np
 import pytest
 from samples import JAMBASHBULK, published, put
 
+import jampetsc
 from jampetsc import cli
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, JampetscError
 from jampetsc.storage.merge import merge
 from jampetsc.storage.outputs import PICTURE, TABLE, check_output
 from jampetsc.storage.packing_file import write_packing
@@ -174,6 +176,67 @@ def test_samples_replace_no_other_file(session, shared_path):
         InputError, match="is there already and is a jampetsc-packing file, not a jampetsc-jam"
     ):
         cli.dispatch(line)
+
+
+LAST = {  # words of a command that keeps what it has computed -> what it writes last
+    "jam --n 16 --phi 0.9 --seeds 1:2 --out new.h5": "new.h5",
+    "flow p.h5 --model RD0 --rate 1e-2 --strain 0.02 --out new.h5": "new.h5",
+    "flow f.h5 --strain 0.01 --last new.h5": "new.h5",
+    "shear p.h5 --step 1e-3 --strain 2e-3 --out new.h5": "new.h5",
+    "shear p.h5 --step 1e-3 --strain 2e-3 --out q.h5 --last new.h5": "new.h5",
+    "sweep p.h5 --omega 1e-2,1 --fields 1 --out new.h5": "new.h5",
+    "sweep p.h5 --omega 1e-2,1 --fields 1 --method direct --out new.h5": "new.h5",
+    "oscillate p.h5 --omega 1 --strain 1e-6 --steps 16 --out new.h5": "new.h5",
+    "pack --n 16 --pressure 1e-2 --seeds 1:3 --out new{seed}.h5": "new3.h5",
+    "study study.toml --out study": "study/table.csv",
+}
+
+
+def ranks_of(words):
+    """On how many ranks a command shows something: a flow by drag and quasistatic shear are of one."""
+    return pytest.param(words, marks=pytest.mark.most_ranks(1 if words.startswith(("flow", "shear")) else 2))
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("words", map(ranks_of, LAST))
+def test_what_is_computed_outlives_a_last_write_that_fails(session, shared_path, capsys, monkeypatch, words):
+    """Only what could not be written is done by the same command later; a flow goes on once, not twice."""
+    last = LAST[words]
+    monkeypatch.chdir(shared_path)
+    put("p.h5", published(), session.comm)
+    if session.rank == 0:
+        Path("study.toml").write_text("[pack]\nn = 16\npressure = 1e-2\n[quasistatic]\n")
+    if "f.h5" in words:
+        cli.dispatch("flow p.h5 --model RD0 --rate 1e-2 --strain 0.02 --out f.h5".split())
+    session.comm.Barrier()
+    replace = os.replace
+
+    def replace_or_not(source, target):
+        if os.fspath(target) == last:
+            os.mkdir(last)
+        replace(source, target)
+
+    monkeypatch.setattr(os, "replace", replace_or_not)
+    with pytest.raises(JampetscError, match="cannot be written"):
+        cli.dispatch(words.split())
+    monkeypatch.setattr(os, "replace", replace)
+    session.comm.Barrier()
+    if session.rank == 0:
+        os.rmdir(last)
+    session.comm.Barrier()
+    kept = {path: path.stat().st_mtime_ns for path in Path().glob("**/*.h5")}
+    capsys.readouterr()
+    session.comm.Barrier()
+    assert cli.dispatch(words.split()) == 0
+    assert not re.search(r"^\[\d+/\d+\]", capsys.readouterr().err, re.MULTILINE), (
+        "steps that were done before"
+    )
+    session.comm.Barrier()
+    assert Path(last).is_file() and not list(Path().glob("**/*.resume*"))
+    if "f.h5" in words:
+        assert jampetsc.load("f.h5")["strain"][-1] == pytest.approx(0.03, rel=0.05)
+    else:
+        assert kept.items() <= {path: path.stat().st_mtime_ns for path in Path().glob("**/*.h5")}.items()
 
 
 def test_what_writes_asks_again(inputs):

@@ -97,7 +97,7 @@ DEFECTS = {
     "nan cell low": (change("cell_low", (0, 0), np.nan), r"cell_low .*must be finite"),
     "negative radius": (change("radii", 3, -0.5), r"radii\[3\] = -0.5: must be positive"),
     "flat cell": (change("cell", (1, 1), 0.0), r"cell .*Lx, Ly > 0"),
-    "small cell": (change("cell", (0, 0), 1.0), r"cell of height .*use more disks"),
+    "small cell": (change("cell", (0, 0), 1.0), r"cell that repeats at .*use more disks"),
     "rows missing": (lambda h5: put(h5, "radii", np.ones(59)), r"positions \(60, 2\), radii \(59,\)"),
     "no radii": (lambda h5: h5.__delitem__("radii"), r"dataset radii is missing"),
     "group": (lambda h5: (h5.__delitem__("cell"), h5.create_group("cell")), r"dataset cell is missing"),

@@ -274,16 +274,25 @@ def test_how_close_to_its_slope_data_are(slope, drawn):
     assert (logaxes._regime(x, x**slope, 0.5) is not None) == drawn
 
 
-def test_moduli_are_guided_where_they_are_critical_and_where_viscous():
+def test_moduli_are_guided_where_they_are_viscous():
+    """As in BT Fig. 3a; their collapse is also where it is critical, but not where the frequency stays (BT Fig. 4a)."""
     omega = np.geomspace(1e-4, 1.0, 41)
-    for G, guides in (
-        ((1 + 1j) * omega**0.5, [r"$\omega^{1/2}$"]),
-        (1 + 1j * omega, [r"$\omega$"]),
-        (1 + 1j * omega**0.75, []),
+    for G, guides, scaled in (
+        ((1 + 1j) * omega**0.5, [], ["$x^{1/2}$"]),
+        (1 + 1j * omega, [r"$\omega$"], ["$x$"]),
+        (1 + 1j * omega**0.75, [], []),
     ):
-        (ax,) = figure_of(plot_moduli, [curve(omega=omega, G=G)]).axes
-        assert [text.get_text() for text in ax.texts] == guides
-    (ax,) = figure_of(plot_moduli, [curve(omega=omega, G=(1 + 1j) * omega**0.5)], parts=(LOSS,)).axes
+        one = [curve(omega=omega, G=G)]
+        as_it_is = [r"$\omega$"] if guides else []
+        cases = (
+            (plot_moduli, {}, guides),
+            (plot_collapse, {}, scaled),
+            (plot_collapse, {"lam": 0}, as_it_is),
+        )
+        for plot, settings, wanted in cases:
+            (ax,) = figure_of(plot, one, **settings).axes
+            assert [text.get_text() for text in ax.texts] == wanted
+    (ax,) = figure_of(plot_moduli, [curve(omega=omega, G=1 + 1j * omega)], parts=(LOSS,)).axes
     assert not ax.texts  # of one modulus there is room for none
 
 
@@ -414,11 +423,22 @@ def test_a_collapse_is_guided_by_the_ratio_of_its_exponents():
     assert ax.get_xlabel() == r"$\omega\tau_1\,/\,(p/k)^{2}$" and "(p/k)^{1/2}" in ax.get_ylabel()
 
 
+def test_a_collapse_may_leave_the_frequency_and_then_all_of_it():
+    some = [curve(omega=np.array([0.1, 1.0, 10.0]), pressure=p) for p in (1e-4, 1e-2)]
+    (ax,) = figure_of(plot_collapse, some, lam=0.0).axes
+    assert ax.get_xlabel() == r"$\omega\tau_1$" and "(p/k)^{1/2}" in ax.get_ylabel()
+    assert all(line[0].tolist() == [0.1, 1.0, 10.0] for line in lines(ax, 3))
+
+
 def test_bands_of_a_collapse_are_scaled_as_its_values():
     one = replace(curve(pressure=1e-2), bounds=np.array([[0.1, 0.2, 0.3], [1e-3, 2e-3, 3e-3]]))
     (ax,) = figure_of(plot_collapse, [one], band="what they are").axes
     for (_, low, high), part, bound in zip(bands(ax), (one.G.real, one.G.imag), one.bounds, strict=True):
         np.testing.assert_allclose((low, high), [(part - bound) / 0.1, (part + bound) / 0.1])
+    skewed = replace(one, bounds=np.stack((0.5 * one.bounds, one.bounds), axis=1))  # another below than above
+    (ax,) = figure_of(plot_collapse, [skewed], band="what they are").axes
+    for (_, low, high), part, bound in zip(bands(ax), (one.G.real, one.G.imag), one.bounds, strict=True):
+        np.testing.assert_allclose((low, high), [(part - 0.5 * bound) / 0.1, (part + bound) / 0.1])
     assert [text.get_text() for text in ax.get_legend().get_texts()][-1] == "what they are"
 
 
@@ -497,12 +517,21 @@ def test_studies_with_packings_unstable_to_shear_say_in_how_many(monkeypatch):
         curve(f"{n}.h5", G=np.array([a, 1.0, 1.0]) + 1j, packing_sha256=str(n))
         for n, a in enumerate((-1.0, 1.0, -2.0, 0.0))
     ]
-    (mean,), band, words = response_pictures._averaged(SimpleNamespace(average=True), some)
-    assert mean.G[0] == pytest.approx(-0.5 + 1j) and band == "mean ± standard error"
+    asked = SimpleNamespace(average=True, statistic=None)
+    (mean,), band, words = response_pictures._averaged(asked, some)
+    assert mean.G[0] == pytest.approx(-0.5 + 1j)
+    assert band == "mean ± standard error\n$G$\u2032 < 0 in 2 of 4"
     assert words.endswith("; G' < 0 somewhere in 2 of them, which count like the others")
-    assert response_pictures._averaged(SimpleNamespace(average=False), some) == (some, "", "")
-    *_, words = response_pictures._averaged(SimpleNamespace(average=True), some[1:2])
-    assert words == ", arithmetic means over packings with bootstrap errors"
+    *_, band, words = response_pictures._averaged(asked, some[1:2])
+    assert words == ", arithmetic means over packings with bootstrap errors" and "\n" not in band
+    (median,), band, words = response_pictures._averaged(
+        SimpleNamespace(average=True, statistic="median"), some
+    )
+    assert median.G[0] == pytest.approx(-0.5 + 1j) and band.startswith("median, 68 % interval")
+    assert words.startswith(", medians over packings")
+    assert response_pictures._averaged(SimpleNamespace(average=False, statistic=None), some) == (some, "", "")
+    with pytest.raises(InputError, match="--statistic median: is taken over the packings of a study"):
+        response_pictures._averaged(SimpleNamespace(average=False, statistic="median"), some)
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import hashlib
 import io
 import os
 import resource
+import shutil
 import signal
 import stat
 import sys
@@ -17,9 +18,10 @@ from types import SimpleNamespace
 import h5py
 import numpy as np
 import pytest
-from samples import published
+from samples import JAXMD, published
 
 import jampetsc
+from jampetsc import cli
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.storage import fields, regular, trial
 from jampetsc.storage.hdf5 import (
@@ -50,6 +52,97 @@ def untried(tmp_path, monkeypatch):
 
 def handles():
     return len(os.listdir("/proc/self/fd"))
+
+
+# What lies in another file
+
+
+def through_link(h5, name):
+    h5[name] = h5py.ExternalLink("other.h5", name)
+
+
+def through_two_links(h5, name):
+    h5["other"] = h5py.ExternalLink("other.h5", "/")
+    h5[name] = h5py.SoftLink(f"/other/{name}")
+
+
+def round_in_circles(h5, name):
+    h5[name] = h5py.SoftLink(f"/{name}")
+
+
+def in_raw_bytes(h5, name):
+    values = np.arange(3.0)
+    values.tofile("values.bin")
+    h5.create_dataset(name, data=values, external=[("values.bin", 0, values.nbytes)])
+
+
+ELSEWHERE = [through_link, through_two_links, round_in_circles, in_raw_bytes]
+READERS = {  # what reads -> (file, one of its datasets)
+    "read_packing": ("p.h5", "radii"),
+    "info p.h5": ("p.h5", "cell"),
+    "flow p.h5 --rate 0.1 --strain 1 --out o.h5": ("p.h5", "positions"),
+    "pack --from p.h5 --phi 0.9 --out o.h5": ("p.h5", "positions_low"),
+    "import jaxmd.nc --out o.h5": ("jaxmd.nc", "rad"),
+    "load": ("s.h5", "G"),
+    "merge s.h5 --out o.h5": ("s.h5", "error_bound"),
+    "plot s.h5 --out o.png": ("s.h5", "omega"),
+    "spectrum s.h5 --out o.h5": ("s.h5", "reduced/rates"),
+    "correlate f.h5 --out o.h5": ("f.h5", "snapshots/cell"),
+    "flow f.h5 --strain 1 --out o.h5": ("f.h5", "state/radii"),
+    "merge joint.h5 --out o.h5": ("joint.parts/0123456789ab-rank-0000.h5", "rows"),
+}
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A folder of a packing, a sweep, a flow, a joint file and a packing of another program."""
+    folder = tmp_path_factory.mktemp("whole")
+    write_packing(folder / "p.h5", published())
+    shutil.copy(JAXMD, folder / "jaxmd.nc")
+    with ResultWriter(folder / "s.h5", "jampetsc-sweep") as writer:
+        for name in ("omega", "G", "error_bound", "reduced/rates"):
+            writer.dataset(name, np.arange(1.0, 4.0))
+    with ResultWriter(folder / "f.h5", "jampetsc-flow") as writer:
+        for name in ("strain", "snapshots/cell", "state/radii"):
+            writer.dataset(name, np.arange(1.0, 4.0))
+    part = folder / READERS["merge joint.h5 --out o.h5"][0]
+    part.parent.mkdir()
+    with h5py.File(part, "w") as h5:
+        h5["rows"] = np.arange(3.0)
+        h5.attrs.update(run_id="0123456789ab", rank=0)
+    layout = h5py.VirtualLayout((3,), float)
+    layout[:] = h5py.VirtualSource(str(part.relative_to(folder)), "rows", (3,))
+    with h5py.File(folder / "joint.h5", "w") as h5:
+        h5.attrs.update(format="jampetsc-quasistatic", run_id="0123456789ab")
+        h5.create_virtual_dataset("rows", layout)
+        h5["part_files/names"] = [str(part.relative_to(folder))]
+    return folder
+
+
+@pytest.mark.parametrize("put", ELSEWHERE, ids=lambda put: put.__name__)
+@pytest.mark.parametrize("reader", READERS)
+def test_what_lies_in_a_file_that_no_hash_covers_is_not_read(
+    reader, put, whole, tmp_path, monkeypatch, untried
+):
+    """The bytes there could change, and what was computed from them would name a hash that stays."""
+    shutil.copytree(whole, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    path, name = READERS[reader]
+    shutil.copy(path, "other.h5")
+    with h5py.File(path, "r+") as h5:
+        del h5[name]
+        put(h5, name)
+    if reader.startswith("merge joint"):
+        with h5py.File("joint.h5", "r+") as h5:
+            h5["part_files/sizes"] = [os.stat(path).st_size]
+    with pytest.raises(
+        InputError, match=rf"{path}: .*(is a link|values in another file).*copy it into this file"
+    ):
+        if reader in ("load", "read_packing"):
+            {"load": jampetsc.load, "read_packing": read_packing}[reader](path)
+        else:
+            cli.dispatch(reader.split())
+    assert not os.path.exists("o.h5")
 
 
 # What is no regular file
@@ -83,6 +176,24 @@ def test_what_takes_the_place_of_a_file_is_looked_at_once_more(tmp_path, monkeyp
     with pytest.raises(InputError, match="pipe: is a pipe: give a regular file"):
         open_regular(tmp_path / "pipe")
     assert handles() == before
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "pack --radii loop --phi 0.9 --out o.h5",
+        "flow --radii loop --phi 0.9 --seed 1 --model RD0 --rate 0.1 --strain 1 --out o.h5",
+        "import loop --out o.h5",
+        "info loop",
+        "study loop --out folder",
+    ],
+)
+def test_links_that_lead_to_each_other_are_no_file(line, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    os.symlink("pool", "loop")
+    os.symlink("loop", "pool")
+    with pytest.raises(InputError, match=r"^loop: cannot be read.*Too many levels of symbolic links"):
+        cli.dispatch(line.split())
 
 
 def test_no_child_has_the_files_of_its_parent(tmp_path):

@@ -6,11 +6,13 @@ import pytest
 from jampetsc.analysis.scaling import (
     collapse,
     collapse_spread,
+    critical_exponents,
     crossovers,
     fit_power_law,
     high_frequency_limit,
     local_slope,
     low_frequency_limit,
+    upper_border,
 )
 from jampetsc.errors import InputError
 
@@ -145,6 +147,29 @@ def test_power_law_fits_inside_its_window_only():
 def test_local_slope_of_a_power_law_on_any_grid():
     x = np.sort(np.random.default_rng(5).uniform(1, 9, 20))
     np.testing.assert_allclose(local_slope(x, 3 * x**-0.5), -0.5, rtol=1e-9)
+
+
+def test_critical_exponents_of_known_moduli():
+    """(iω)^Δ has Δ in both; G*² = G₀² + iAω has ½ at every ω; Kelvin and Voigt's solid goes from ½ to 1 at ω*."""
+    omega = np.geomspace(1e-6, 1e6, 241)
+    for G, G0, wanted in (((1j * omega) ** 0.3, 0.0, 0.3), (np.sqrt(4.0 + 3j * omega), 2.0, 0.5)):
+        for found in critical_exponents(omega, G, G0):
+            np.testing.assert_allclose(found, wanted, rtol=1e-6)
+    slope, phase = critical_exponents(omega, 2.0 + 4j * omega, 2.0)  # difference 16iω − 16ω²
+    np.testing.assert_allclose(
+        slope, 0.5 + 0.5 * omega**2 / (1 + omega**2), atol=1e-3
+    )  # of ½ ln |ω√(1 + ω²)|
+    np.testing.assert_allclose(phase, 0.5 + np.arctan(omega) / np.pi, rtol=1e-9)
+
+
+def test_the_upper_border_is_where_the_slope_of_the_loss_is_three_quarters():
+    """G'' = ω^½ + cω has slope ¾ at ω = 1/c²; a spring and a dashpot have no border; the last of several counts."""
+    omega = np.geomspace(1e-8, 1e4, 121)
+    assert upper_border(omega, 1j * (omega**0.5 + 2.0 * omega)) == pytest.approx(0.25, rel=2e-3)
+    assert np.isnan(upper_border(omega, 1 + 1j * omega))
+    u = np.linspace(-10, 10, 401)
+    several = np.exp(0.75 * u + 0.25 * np.cos(u))  # whose slope, ¾ − ¼ sin u, rises through ¾ at ±π and ±3π
+    assert upper_border(np.exp(u), 1j * several) == pytest.approx(np.exp(3 * np.pi), rel=1e-3)
 
 
 @pytest.mark.parametrize(("change", "reached"), [(0.029, True), (0.031, False)])

@@ -114,6 +114,17 @@ def test_one_door_to_petsc():
     assert not wrong, wrong
 
 
+def test_one_door_to_hdf5():
+    """What is read has been looked at by `storage.hdf5`; `storage.trial` is the process that looks first."""
+    opening = {
+        name(path)
+        for path in MODULES
+        for node in nodes(path)
+        if isinstance(node, ast.Call) and ast.unparse(node.func) in ("h5py.File", "File")
+    }
+    assert opening == {"storage.hdf5", "storage.trial"}
+
+
 def test_no_module_knows_a_law_by_its_name():
     """A law is a row of FAMILIES: what depends on it follows from its weights and options."""
     wrong = [

@@ -454,6 +454,134 @@ def test_what_a_kill_left_is_taken_over_and_tidied(session, shared_path):
     assert not list(folder.glob("*.resume*"))
 
 
+CHAIN = '[pack]\nn = 16\npressure = 1e-2\n[sweep]\nomega = "1e-2,1"\n[spectrum]\n'
+
+
+def times(folder):
+    """When each result was written."""
+    return {path.name: path.stat().st_mtime_ns for path in folder.glob("*.h5")}
+
+
+def truncated(path):
+    os.truncate(path, path.stat().st_size - 200)
+
+
+def with_another_byte(path):
+    """As a disk may change it: the line of checksums is the one that was written."""
+    content = bytearray(path.read_bytes())
+    content[3000] ^= 1
+    path.write_bytes(content)
+
+
+def replaced(path):
+    write_packing(path, samples.published("hertzian").with_record(n=24))
+
+
+CHANGES = {  # what happens to a file -> of which command, what is made again, whether one run more finds it out
+    "another packing": (replaced, "pack", {"pack"}, False),
+    "a packing cut off": (truncated, "pack", {"pack"}, False),
+    "a sweep that is gone": (os.remove, "sweep", {"sweep", "spectrum"}, False),
+    "a sweep cut off": (truncated, "sweep", {"sweep", "spectrum"}, False),
+    "a byte of a sweep": (with_another_byte, "sweep", {"sweep", "spectrum"}, True),
+}
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_what_is_not_what_was_made_is_made_again_and_said(session, shared_path, capsys):
+    """A packing comes out as it was, to the last bit, so that what was computed from it stays."""
+    folder = shared_path / "study"
+    first = study(folder, CHAIN)
+    for how, (change, command, again, later) in CHANGES.items():
+        before = times(folder)
+        name = first.where(command=command)["file"][0]
+        session.comm.Barrier()
+        if session.rank == 0:
+            change(folder / name)
+            if later:  # found out where something reads it
+                (folder / first.where(command="spectrum")["file"][0]).unlink()
+        session.comm.Barrier()
+        capsys.readouterr()
+        if later:
+            study(folder, CHAIN, status=3)
+        table = study(folder, CHAIN)
+        told = capsys.readouterr().err
+        assert set(table["state"]) == {"done"} and table.rows == first.rows, how
+        made = {name.split("-")[0] for name, time in times(folder).items() if time != before[name]}
+        assert made == again, how
+        if session.rank == 0:
+            (line,) = [line for line in told.splitlines() if line.startswith("made again") and name in line]
+            assert line == f"{study_run.told_of([name])}", how
+        require_same(first, table)
+    assert sorted(path.name.split("-")[0] for path in folder.glob("*.replaced")) == ["pack", "sweep"]
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+def test_a_study_of_an_older_program_goes_on_and_has_hashes_then(session, shared_path):
+    """By what its files say of one another; a packing is told by the numbers of its row."""
+    folder, journal = shared_path / "study", shared_path / "study" / "journal" / "rank-0000"
+    study(folder, CHAIN)
+    before, kept = times(folder), records_of(folder)
+
+    def forget():
+        journal.unlink()
+        for record in kept.values():
+            Journal(folder, 0).append({name: value for name, value in record.items() if name != "files"})
+
+    forget()
+    study(folder, CHAIN)
+    assert times(folder) == before
+    assert {name: record["files"] for name, record in records_of(folder).items()} == {
+        name: record["files"] for name, record in kept.items()
+    }
+    forget()
+    pack, sweep = (f"{next(name for name in kept if name.startswith(one))}.h5" for one in ("pack", "sweep"))
+    replaced(folder / pack)
+    table = study(folder, CHAIN)
+    assert set(table["state"]) == {"done"}
+    again = {name for name, time in times(folder).items() if time != before[name]}
+    assert {pack, sweep} < again and {name.split("-")[0] for name in again - {pack, sweep}} == {"spectrum"}
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+def test_rows_that_are_asked_for_no_more_go_with_their_files(session, shared_path):
+    folder, less = shared_path / "study", CHAIN[: CHAIN.index("[sweep]")]
+    assert study(folder, CHAIN).rows == study(folder, less).rows == 3
+    truncated(folder / study(folder, less).where(command="sweep")["file"][0])
+    assert study(folder, less)["command"].tolist() == ["pack"]
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+def test_a_clock_that_was_set_back_makes_no_record_an_old_one(session, shared_path, monkeypatch):
+    folder = shared_path / "study"
+    sweep = study(folder, CHAIN).where(command="sweep")["file"][0]
+    (folder / sweep).unlink()
+    clock = SimpleNamespace(time=lambda: 1.0, perf_counter=perf_counter)
+    monkeypatch.setattr(study_tasks, "time", clock)
+    study(folder, CHAIN)
+    before = times(folder)
+    study(folder, CHAIN)
+    assert times(folder) == before
+
+
+@pytest.mark.parametrize("name", ["table.csv", "study.toml"])
+def test_what_no_study_has_made_is_not_replaced(tmp_path, name):
+    folder, path = tmp_path / "study", tmp_path / "asked.toml"
+    folder.mkdir()
+    path.write_text(SMALL)
+    (folder / name).write_text(SMALL)
+    for more in ([], ["--dry-run"]):
+        with pytest.raises(InputError, match=f"study/{name}: is there already and is of no study"):
+            cli.dispatch(["study", str(path), "--out", str(folder), *more])
+    assert [one.name for one in folder.iterdir()] == [name] and (folder / name).read_text() == SMALL
+    study_run.check_folder(folder, folder / name)  # a study may lie in its folder
+    (folder / "journal").mkdir()
+    study_run.check_folder(folder, path)
+
+
 def test_a_torn_line_of_the_journal_does_not_count(tmp_path):
     Journal(tmp_path, 0).append({"task": "a", "time": 1})
     with open(tmp_path / "journal" / "rank-0000", "a") as file:
@@ -532,6 +660,7 @@ def tasks(text):
     ("text", "message"),
     [
         ("[pack", "s.toml: is not TOML: "),
+        ("a = " + 5000 * "[" + 5000 * "]", "s.toml: brackets within brackets, too deep"),
         ("", "s.toml: no table: a study needs"),
         ("[swep]\n", "s.toml: swep: no table of a study has this name; did you mean sweep?"),
         ("pack = 3\n", "s.toml: pack = 3: must be a table: write [pack]"),
@@ -557,7 +686,7 @@ def tasks(text):
     ],
 )
 def test_what_cannot_be_run_is_refused_with_file_table_and_key(text, message):
-    if text.startswith(("[sweep]\nbeta", '[sweep]\nlaw = "stokes"', "[[modes]]")):
+    if text.startswith(("[sweep]\nbeta", '[sweep]\nlaw = "stok', "[[modes]]")):
         text = "[pack]\nn = 16\npressure = 1e-2\n" + text
     with pytest.raises(InputError) as refusal:
         tasks(text)

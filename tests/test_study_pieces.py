@@ -15,7 +15,8 @@ from samples import published
 
 from jampetsc import cli, commands
 from jampetsc.errors import InputError, JampetscError
-from jampetsc.storage.packing_file import write_packing
+from jampetsc.storage import checksums
+from jampetsc.storage.packing_file import packing_identity, write_packing
 from jampetsc.storage.provenance import command_line
 from jampetsc.storage.result_file import ResultWriter
 from jampetsc.studies import lock as locks
@@ -26,7 +27,7 @@ from jampetsc.studies.journal import Journal, records_of
 from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.lock import Lock
 from jampetsc.studies.numbers import numbers_of
-from jampetsc.studies.options import choices_of, words_of
+from jampetsc.studies.options import choices_of, values_of, words_of
 from jampetsc.studies.plan import plan, read
 from jampetsc.studies.table import rows_of, table_text
 from jampetsc.studies.tasks import Runner, row_of
@@ -71,6 +72,19 @@ def test_only_what_suits_is_read():
     assert [task.inputs[0].columns["method"] for task in of(found, "spectrum")] == ["rational"] * 2
     with pytest.raises(InputError, match=r"needs sweeps with method rational: add a table \[sweep\]"):
         tasks(PACK + '[sweep]\nmethod = "direct"\n[spectrum]\n')
+
+
+def test_a_table_may_choose_what_it_begins_with():
+    text = PACK.replace("1e-2", '[1e-2, 1e-3, "1e-4"]') + '[[sweep]]\nfields = "1"\nomega = "1"\n'
+    found = of(
+        tasks(text + "[[sweep]]\nbeta = [0, 2]\nwhere = {pressure = [1e-4, 1e-3], seed = 2}\n"), "sweep"
+    )
+    chosen = [(t.columns["pressure"], t.columns["seed"]) for t in found if "beta" in t.columns]
+    assert len(found) == 6 + 4 and chosen == [(1e-3, 2), (1e-4, 2)] * 2
+    (mean,) = of(tasks(text + "[correlate]\nwhere = {pressure = 1e-3}\n"), "correlate")
+    assert mean.columns["pressure"] == 1e-3 and len(mean.inputs) == 2
+    with pytest.raises(InputError, match=r"\[modes\]: where: there is nothing with pressure = 0.1"):
+        tasks(text + "[modes]\nwhere = {pressure = 0.1}\n")
 
 
 def test_a_flow_begins_with_disks_of_its_own_or_with_packings():
@@ -165,6 +179,16 @@ def test_what_stays_out_of_a_table():
         ('[sweep]\nno-prestress = "yes"\n', "no-prestress = 'yes': is a switch: write true or false"),
         ('[pack]\nseeds = "1-3"\n', r"\[pack\]: --seeds 1-3: must be FIRST:LAST"),
         ("[modes]\nseeds = 3\n", "seeds: no such option"),
+        (
+            '[pack]\nn = [16, 32]\nphi = [0.9, 0.95]\nseeds = "1:1000000"\n',
+            r"\[pack\]: 4000000 tasks: at most 100000 in one study",
+        ),
+        (
+            PACK.replace("1:2", "1:300") + f"[sweep]\nbeta = {[0.1] * 1000}\n",
+            r"\[sweep\]: 300000 tasks with the 300 before them: at most 100000",
+        ),
+        ("[pack]\nwhere = {n = 16}\n", "where: no such option"),
+        (f"{PACK}[modes]\nwhere = 3\n", r"where = 3: write where = \{pressure = 1e-4\}"),
         ("pack = []\n", r"pack = \[\]: must be a table: write \[pack\]"),
         ("pack = [1]\n", r"pack = \[1\]: must be a table"),
         ("[swap]\n", "swap: no table of a study has this name; (did you mean|there are)"),
@@ -247,8 +271,9 @@ def test_words_of_a_switch():
 
 
 def test_the_arguments_for_real_files():
-    (one,) = choices_of(parsers()["modes"], {"count": 3}, "s", True)
-    (many,) = choices_of(parsers()["correlate"], {}, "s", True)
+    modes = values_of(parsers()["modes"], {"count": 3}, "s")
+    (one,) = choices_of(parsers()["modes"], modes, "s", True)
+    (many,) = choices_of(parsers()["correlate"], [], "s", True)
     for choice, files in ((one, "a.h5"), (many, ["a.h5", "b.h5"])):
         positional = next(
             a for a in parsers()["modes" if choice is one else "correlate"]._actions if not a.option_strings
@@ -582,7 +607,7 @@ def test_a_study_needs_a_folder(tmp_path):
         (tmp_path / "file" / "study", r"cannot be written \(Not a directory\)"),
     ):
         with pytest.raises(InputError, match=message):
-            study_run._open(path, Lock(path))
+            study_run._open(path, tmp_path / "study.toml", Lock(path))
 
 
 # What became of tasks
@@ -644,32 +669,44 @@ def test_columns_of_the_table_are_in_one_order():
 @pytest.fixture
 def runner(tmp_path):
     """A runner in a folder where every file of a small study is there and recorded."""
-    text = PACK + '[sweep]\nomega = "1"\nfields = "1"\n[correlate]\n'
-    found = tasks(text)
-    records = {
-        task.name: {"task": task.name, "state": "done", "inputs": [one.name for one in task.inputs]}
-        for task in found
-    }
+    found = tasks(PACK + '[sweep]\nomega = "1"\nfields = "1"\n[correlate]\n')
+    made = Runner(tmp_path, parsers(), {})
     for task in found:
-        (tmp_path / task.file).touch()
-    return Runner(tmp_path, parsers(), records), found
+        (tmp_path / task.file).write_text(task.name)
+        names = [one.name for one in task.inputs]
+        record = {"task": task.name, "state": "done", "inputs": names, "time": 1.0, "row": {}}
+        made.records[task.name] = record | {"files": made._files([*names, task.name])}
+    return made, found
 
 
-def test_what_is_finished(runner):
+def test_what_is_left(runner):
     runner, found = runner
-    assert all(map(runner.finished, found))
     pack, sweep_, mean = (of(found, name)[0] for name in ("pack", "sweep", "correlate"))
-    (runner.folder / sweep_.file).unlink()  # a file that was removed is made again
-    assert not runner.finished(sweep_)
+
+    def left():
+        return runner.left(found)[:2]
+
+    assert left() == ([], [])
+    other = (runner.folder / sweep_.file).read_bytes()
+    (runner.folder / sweep_.file).write_text("another")
+    assert left() == ([sweep_.name, mean.name], [sweep_.file])
+    (runner.folder / sweep_.file).unlink()
+    assert left() == ([sweep_.name, mean.name], [sweep_.file])
+    (runner.folder / sweep_.file).write_bytes(other)
+    (runner.folder / pack.file).write_text("24 disks")
+    assert left() == ([pack.name, sweep_.name, mean.name], [pack.file])
+    assert not runner.stands(runner.records[sweep_.name]) and runner.stands(runner.records[mean.name])
+    (runner.folder / pack.file).write_text(pack.name)
+    assert left() == ([], []) and runner.stands(runner.records[sweep_.name])
     runner.records[pack.name]["state"] = "failed"
-    assert not runner.finished(pack)
+    assert left() == ([pack.name, sweep_.name, mean.name], [])
     del runner.records[pack.name]
-    assert not runner.finished(pack)
-    assert runner.finished(mean)
+    assert left() == ([pack.name, sweep_.name, mean.name], [])
+    runner, found = runner, [mean]
     runner.records[mean.name]["inputs"] = runner.records[mean.name]["inputs"][:1]
-    assert not runner.finished(mean)  # one seed more
+    assert left() == ([mean.name], [])  # one seed more
     runner.records[mean.name]["inputs"] = ["another", "one"]
-    assert not runner.finished(mean)  # as many seeds, but others
+    assert left() == ([mean.name], [])  # as many seeds, but others
 
 
 def test_a_task_without_its_inputs_fails_by_their_names(runner):
@@ -684,10 +721,11 @@ def test_a_task_without_its_inputs_fails_by_their_names(runner):
 def test_the_file_of_all_seeds_is_kept_while_they_are_the_same(runner):
     runner, found = runner
     mean = of(found, "correlate")[0]
-    assert runner.run(mean, list(mean.inputs)) is runner.records[mean.name]
-    fewer = runner._unchanged(mean, [mean.inputs[0].name])
+    record, identity = runner.records[mean.name], lambda name: checksums.identity_of(runner.folder / name)
+    assert study_tasks._current(record, reversed(mean.inputs), identity)
+    assert not study_tasks._current(record, mean.inputs[:1], identity)
     (runner.folder / mean.file).unlink()
-    assert not fewer and not runner._unchanged(mean, [one.name for one in mean.inputs])
+    assert not study_tasks._current(record, mean.inputs, identity)
 
 
 def test_a_row_says_what_was_asked_for_before_what_was_found():
@@ -707,18 +745,25 @@ def test_a_row_says_what_was_asked_for_before_what_was_found():
         )
 
 
-def test_a_file_is_taken_over_only_from_the_same_command_line(tmp_path):
-    words = ["jampetsc", "modes", "p.h5", "--out", "m.h5"]
-    path = result(tmp_path / "m.h5", "modes", {"argv": command_line(words)}.items(), eigenvalues=[1.0])
-    assert study_tasks._made_by(words, path)
-    assert not study_tasks._made_by([*words, "--count", "3"], path)
-    assert not study_tasks._made_by(words, tmp_path / "none.h5")
-    assert not study_tasks._made_by(words, result(tmp_path / "n.h5", "modes"))
-    write_packing(tmp_path / "p.h5", published())
-    assert not study_tasks._made_by(words, tmp_path / "p.h5")
-    (tmp_path / "m.h5.resume.d").mkdir()
-    (tmp_path / "m.h5.resume.d" / "x").touch()
-    (tmp_path / "m.h5.resume").touch()
+def test_a_file_is_taken_over_only_from_the_same_command_line_and_packing(tmp_path):
+    task = of(tasks(PACK + "[modes]\n"), "modes")[0]
+    (there,), path = task.inputs, tmp_path / task.file
+    write_packing(tmp_path / there.file, published())
+    digest = packing_identity(tmp_path / there.file)[1]
+    runner = Runner(tmp_path, parsers(), {})
+
+    def is_there(words, of=digest):
+        attributes = {"argv": command_line(task.words), "packing_sha256": of}
+        result(path, "modes", attributes.items(), eigenvalues=[1.0])
+        return runner._is_there(task, words, [there])
+
+    assert not runner._is_there(task, task.words, [there])
+    assert is_there(task.words)
+    assert not is_there([*task.words, "--count", "3"]) and not is_there(task.words, "another")
+    assert not runner._is_there(there, there.words, [])  # a packing, at which `pack` looks
+    (tmp_path / f"{task.file}.resume.d").mkdir()
+    (tmp_path / f"{task.file}.resume.d" / "x").touch()
+    (tmp_path / f"{task.file}.resume").touch()
     (tmp_path / "other.h5.resume").touch()
-    assert study_tasks._tidied(path)
-    assert sorted(one.name for one in tmp_path.iterdir()) == ["m.h5", "n.h5", "other.h5.resume", "p.h5"]
+    assert is_there(task.words)
+    assert {one.name for one in tmp_path.iterdir()} == {task.file, there.file, "other.h5.resume"}

@@ -6,11 +6,14 @@ import numpy as np
 
 import jampetsc
 from jampetsc.analysis.scaling import fit_power_law
-from jampetsc.analysis.statistics import bootstrap
+from jampetsc.analysis.statistics import bootstrap, log_median
 
 RESAMPLES = 500
 WITHIN = 2.0  # standard errors
 CRITICAL = [1e-3, 1e-4, 1e-5]  # pressures near jamming at which N = 4096 is large: N²p > 100
+NEAR, LARGE = 1e-3, 1e3  # p up to which, pN² from which, a packing counts as near jamming and large
+ENOUGH = 0.1  # error, as a share of the number claimed, above which agreement is no yes
+POINT = ("n", "pressure", "law", "beta", "eta_f", "prestress")  # what packings of one point have in common
 CLAIMS = []  # (figure, function)
 
 
@@ -47,6 +50,51 @@ def exponent(rows, column, by="pressure"):
     return fit_power_law(x, np.array([np.mean(y) for _, y in groups])).exponent, np.std(found)
 
 
+def size_of(rows):
+    """N and the number of packings a point, in words."""
+    n = sorted({int(value) for value in rows["n"]})
+    counts = sorted({part.rows for _, part in rows.groups([name for name in POINT if name in rows])})
+    few = f"{counts[0]}" if counts[0] == counts[-1] else f"{counts[0]} to {counts[-1]}"
+    return f"N = {', '.join(map(str, n))}; {few} packings"
+
+
+def near_jamming(rows, column):
+    """(exponent of the median of a column in p, its error) at p ≤ 1e-3 and pN² > 1e3, weighted; None without two such.
+
+    The error is the larger of that of the medians, from resampling the packings, and the scatter about a straight line.
+    """
+    found = []
+    for key, part in rows.groups(["n", "pressure"]):
+        if key["pressure"] <= NEAR and key["pressure"] * key["n"] ** 2 > LARGE and part.rows > 1:
+            found.append((np.log(key["pressure"]), *log_median(part[column])))
+    if len(found) < 2 or not np.isfinite(found).all():
+        return None
+    return line_through(*np.transpose(found))
+
+
+def line_through(x, y, error):
+    """(slope, its error) of a straight line, from the errors of the points or, if that is more, from their scatter."""
+    coefficients, covariance = np.polyfit(x, y, 1, w=1 / error, cov="unscaled")
+    scatter = np.sum(((y - np.polyval(coefficients, x)) / error) ** 2) / max(len(x) - 2, 1)
+    return coefficients[0], np.sqrt(covariance[0, 0] * max(1.0, scatter))
+
+
+def by_decades(rows, column):
+    """Exponents of the median between neighbouring pressures, from the highest, in words: how a limit is approached."""
+    groups = rows.groups(["pressure"])
+    p = np.array([key["pressure"] for key, _ in groups])
+    with np.errstate(invalid="ignore"):
+        medians = np.log([np.median(part[column]) for _, part in groups])
+    slopes = np.diff(medians) / np.diff(np.log(p))
+    told = ", ".join(f"{slope:.2f}" for slope in slopes[::-1])
+    return f"between pressures from {p[-1]:g} to {p[0]:g}: {told}"
+
+
+def verdict(theirs, ours, error):
+    """ "open" where the two agree, but only by an error of more than ENOUGH of theirs; else "": the errors decide."""
+    return "open" if abs(ours - theirs) <= WITHIN * error and error > ENOUGH * abs(theirs) else ""
+
+
 def rates_of(rows, name):
     """(rates, means, errors) of σ or p of flows, over seeds."""
     groups = rows.groups(["rate"])
@@ -72,4 +120,4 @@ def fitted(table, name, wanted, of):
     for parameter, theirs, note in wanted:
         symbol = {"phi_J": "φ_J", "znu": "zν", "nu": "ν"}.get(parameter, parameter)
         what = f"{of}: {symbol} (χ²/dof {result['chi2'] / result['dof']:.2f})"
-        yield what, theirs, result[parameter], result[f"{parameter}_error"], note
+        yield Row(what, theirs, result[parameter], result[f"{parameter}_error"], note)

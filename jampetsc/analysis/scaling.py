@@ -13,6 +13,7 @@ from jampetsc.errors import InputError
 
 MU, LAMBDA = 0.5, 1.0  # critical exponents of BT
 CRITICAL_END = 0.1  # ωτ₁ above which the affine branch near ωτ₁ = 1 is felt
+BORDER = 0.75  # slope of G'' half-way between the critical and the viscous one
 SETTLED = 0.03  # extrapolating may move a limit by this fraction; on the critical branch it is 0.1 and more
 _ENOUGH = 3  # points of a fit that leave something to estimate its error from
 
@@ -118,6 +119,33 @@ def collapse_spread(sweeps, mu=MU, lam=LAMBDA, end=CRITICAL_END) -> float:
 def local_slope(omega, values):
     """d ln y/d ln ω by centred differences, (M,), of positive values on increasing frequencies."""
     return np.gradient(np.log(values), np.log(omega))
+
+
+def critical_exponents(omega, G, G0):
+    """(½ d ln|G*² − G₀²|/d ln ω, arg(G*² − G₀²)/π), (M,) each: both are Δ where G* ~ (iω)^Δ.
+
+    omega (M,) increasing, G (M,) complex, G0 the limit of G* at ω → 0, each in any unit. Between the two crossovers the
+    spring G₀ is still felt in G', not in the difference of the squares, which is a power law on either side of ω* if
+    G*² = G₀² + iAω, as BT's collapse has it within some per cent. Below ω* it says nothing: there the difference is
+    2iG₀η₀ω, and both are ½ whatever Δ is (docs/physics.md). Take frequencies above ω* = G₀/η₀.
+    """
+    omega, G = np.asarray(omega, float), np.asarray(G, complex)
+    difference = (G - G0) * (G + G0)
+    return 0.5 * local_slope(omega, np.abs(difference)), np.angle(difference) / np.pi
+
+
+def upper_border(omega, G) -> float:
+    """ω at which d ln G''/d ln ω rises through ¾ for the last time: from the critical ½ to the viscous 1.
+
+    omega (M,) increasing, G (M,) complex; nan where it does not.
+    """
+    slope = local_slope(omega, np.asarray(G).imag) - BORDER
+    rises = np.flatnonzero((slope[:-1] < 0) & (slope[1:] >= 0))
+    if not len(rises):
+        return np.nan
+    last = rises[-1]
+    share = slope[last] / (slope[last] - slope[last + 1])
+    return float(np.exp(np.interp(share, (0, 1), np.log(omega[last : last + 2]))))
 
 
 def fit_power_law(x, y, window=(0.0, np.inf)) -> PowerLaw:

@@ -31,6 +31,18 @@ def interval(values, statistic: str = "median") -> tuple:
     return tuple(_resampled(np.asarray(values, float), statistic).confidence_interval)
 
 
+def log_median(values) -> tuple[float, float]:
+    """(ln of the median, half of its 68 % interval) of values (n,) with n > 1, which may have a long tail.
+
+    Where the interval reaches below zero its half width over the median is the error; nan for a median ≤ 0.
+    """
+    median, (low, high) = np.median(values), interval(values)
+    if not median > 0:
+        return np.nan, np.nan
+    error = 0.5 * np.log(high / low) if low > 0 else 0.5 * (high - low) / median
+    return float(np.log(median)), float(error)
+
+
 def _resampled(values, statistic):
     from scipy.stats import bootstrap as resample  # takes half a second to import
 

@@ -171,6 +171,8 @@ def _velocities(args, began):
             mean_square=found.mean_square,
             minimum=depth,
             minimum_at=place,
+            minimum_error=found.minimum_errors[1],
+            minimum_at_error=found.minimum_errors[0],
         )
     print(
         f"{args.out}: g_y of {found.snapshots} snapshots, |y| < {widths[0]:g}: least {depth:.3g} at x = {place:.3g}, "

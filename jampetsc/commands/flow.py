@@ -29,7 +29,9 @@ def add_parser(subparsers) -> None:
     )
     parser.add_argument("--rate", type=float, metavar="R", help="shear rate γ̇")
     parser.add_argument("--strain", type=float, required=True, metavar="S", help="how far to shear")
-    parser.add_argument("--out", metavar="FILE", help="result file; a flow file that goes on keeps its own")
+    parser.add_argument(
+        "--out", metavar="FILE", help="result file (default for a flow file that goes on: itself)"
+    )
     add_disks(parser).add_argument(
         "--walls", action="store_true", default=None, help="between sliding rough walls, rows of disks"
     )
@@ -45,7 +47,12 @@ def add_parser(subparsers) -> None:
     run_.add_argument(
         "--discard", type=float, metavar="S", help="strain before the means (default 1, at most half)"
     )
-    run_.add_argument("--snapshots", type=int, metavar="K", help="states to keep, evenly after --discard")
+    run_.add_argument(
+        "--snapshots",
+        type=int,
+        metavar="K",
+        help="states to keep, evenly after --discard (0: also the start)",
+    )
     run_.add_argument("--step", type=float, metavar="DT", help="time step (default: what suits the model)")
     run_.add_argument(
         "--tolerance", type=float, metavar="T", help="of the velocities of contact damping (default 1e-4)"
@@ -88,11 +95,12 @@ def run(args, petsc_argv) -> int:
     if args.start is not None and by_rank_0(comm, lambda: jobs.is_flow(args.start)):
         _refuse_settled(args)
         job = by_rank_0(comm, lambda: jobs.continued(args.start, args.strain, args.out))
-        inputs = [args.start] if args.out else []
+        inputs = [args.start]
     else:
         inputs = [*filter(None, (args.start, args.radii))]
         job = _fresh(args, jobs, comm, inputs)
-    by_rank_0(comm, lambda: check_output(job.out, jobs.FORMAT, inputs))
+    in_the_way = [] if job.before else inputs  # a flow file may go on in its own place
+    by_rank_0(comm, lambda: check_output(job.out, jobs.FORMAT, in_the_way))
     if args.last is not None:
         by_rank_0(comm, lambda: check_output(args.last, "jampetsc-packing", inputs, [job.out]))
     means = jobs.execute(job, args.last, _together(job, running))

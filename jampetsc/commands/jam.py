@@ -10,7 +10,7 @@ ROUND = {"random": 20, "shear": 1, "compress": 2}  # seeds of a rank between two
 DEFAULTS = {  # options of a protocol, and their values unless given
     "random": {},
     "shear": {"step": 1e-3, "strain": 2.0, "discard": 1.0, "every": 0.02},
-    "compress": {"temperature": 1e-3, "cooling_rate": 1e-2, "sweeps": 200},
+    "compress": {"temperature": 1e-3, "cooling_rate": 1e-2, "sweeps": 200, "step": None, "strain": None},
 }
 LIMITS = {
     "step": (1e-8, 0.1), "strain": (1e-8, 1e4), "discard": (0.0, 1e4), "every": (1e-8, 1e4),
@@ -23,8 +23,8 @@ EPILOG = """examples
   jampetsc jam --n 64 --phi 0.84 --seeds 1:40 --protocol compress --cooling-rate 1e-3 --out slow64.h5
 
 random: uniformly random disks, quenched. shear: minima along quasistatic shear of such disks, every --every of
-strain. compress: a liquid at --temperature, cooled, quenched, then compressed or decompressed to the phi_J of that
-sample; how far large and small disks have separated is told, too.
+strain. compress: a liquid at --temperature, cooled, quenched, sheared where --strain is given, then compressed or
+decompressed to the phi_J of that sample; how far large and small disks have separated is told, too.
 
 A run that was killed goes on when the same command is given again. Options of the Newton steps have the prefix
 -newton_."""
@@ -57,9 +57,17 @@ def add_parser(subparsers) -> None:
     parser.add_argument(
         "--protocol", choices=DEFAULTS, default="random", help="how samples are made (default random)"
     )
+    parser.add_argument(
+        "--separated",
+        action="store_true",
+        help="large disks start on one side of the cell, small on the other",
+    )
+    sheared = parser.add_argument_group("protocols shear and compress")
+    sheared.add_argument("--step", type=float, metavar="DG", help="strain of one step (default 1e-3)")
+    sheared.add_argument(
+        "--strain", type=float, metavar="S", help="how far each seed is sheared (default 2; compress: not)"
+    )
     shear = parser.add_argument_group("protocol shear")
-    shear.add_argument("--step", type=float, metavar="DG", help="strain of one step (default 1e-3)")
-    shear.add_argument("--strain", type=float, metavar="S", help="how far each seed is sheared (default 2)")
     shear.add_argument(
         "--discard", type=float, metavar="S", help="strain before the first sample (default 1)"
     )
@@ -79,6 +87,7 @@ def run(args, petsc_argv) -> int:
 
     from jampetsc import session
     from jampetsc.collective import by_rank_0
+    from jampetsc.flows.record import remove_checkpoint
     from jampetsc.storage.outputs import check_output
 
     began = time.perf_counter()
@@ -92,6 +101,7 @@ def run(args, petsc_argv) -> int:
     rehearse(local.rehearse)
     record = _samples(args, tasks, protocol, comm, local.NewtonSolver())
     by_rank_0(comm, lambda: _write(args, record, protocol, running, time.perf_counter() - began))
+    by_rank_0(comm, lambda: remove_checkpoint(args.out))
     if running.rank == 0:
         print(_summary(args, record))
     return 0
@@ -130,7 +140,7 @@ def _protocol(args):
     for other, options in DEFAULTS.items():
         for name in options:
             value, word = getattr(args, name), f"--{name.replace('_', '-')}"
-            if value is not None and other != args.protocol:
+            if value is not None and name not in DEFAULTS[args.protocol]:
                 raise InputError(
                     f"{word} {value:g}: belongs to --protocol {other}, not {args.protocol}; leave it out"
                 )
@@ -139,7 +149,12 @@ def _protocol(args):
                 raise InputError(f"{word} {value:g}: must lie in [{low:g}, {high:g}]")
     given = {name: getattr(args, name) for name in DEFAULTS[args.protocol]}
     defaults = DEFAULTS[args.protocol]
-    protocol = Protocol(args.protocol, **{n: defaults[n] if v is None else v for n, v in given.items()})
+    given = {name: defaults[name] if value is None else value for name, value in given.items()}
+    if args.protocol == "compress" and (args.step or args.strain):
+        given["step"] = given["step"] or DEFAULTS["shear"]["step"]
+        if not given["strain"] or given["strain"] < given["step"]:
+            raise InputError(f"--step {given['step']:g}: give a --strain of that or more, too")
+    protocol = Protocol(args.protocol, **given, separated=args.separated)
     if protocol.name == "shear":
         if not protocol.step <= protocol.every * (1 + 1e-9):
             raise InputError(f"--every {protocol.every:g}: must be a --step of {protocol.step:g} or more")
@@ -170,7 +185,7 @@ def _samples(args, tasks, protocol, comm, solver):
     from jampetsc.collective import by_rank_0
     from jampetsc.contacts.potentials import Potential
     from jampetsc.flows.jamming import samples
-    from jampetsc.flows.record import Record, remove_checkpoint, resumed, write_checkpoint
+    from jampetsc.flows.record import Record, resumed, write_checkpoint
     from jampetsc.packing.sizes import radii_of
     from jampetsc.progress import Progress
 
@@ -202,7 +217,6 @@ def _samples(args, tasks, protocol, comm, solver):
             done += len(batch)
             by_rank_0(comm, lambda: write_checkpoint(args.out, record, {"samples": len(record)}, settings))
             progress.step(f"{len(record)} of {len(tasks) * protocol.rows} samples, phi = {batch[-1][0]:.6g}")
-    by_rank_0(comm, lambda: remove_checkpoint(args.out))
     return record
 
 
@@ -228,7 +242,7 @@ def _write(args, record, protocol, running, seconds):
             ),
             particle_count=args.n,
             protocol=protocol.name,
-            **{name: value for name, value in vars(protocol).items() if value is not None and name != "name"},
+            **protocol.facts,
             sizes=args.sizes,
             potential=args.potential,
             stiffness="inverse-square-diameter",

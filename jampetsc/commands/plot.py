@@ -21,6 +21,8 @@ examples:
   jampetsc plot stokes.h5 contact.h5 --omega 1e-3 --out compared.png
   jampetsc plot p1e-2.h5 p1e-3.h5 --kind length --out length.png  of correlations
   jampetsc plot q-p*.h5 --kind medians --out medians.png         of quasistatic files
+  jampetsc plot q-n*.h5 --kind finite-size --out sizes.png       eta0/N against pN^2
+  jampetsc plot ensemble --kind exponents --out exponents.png    local exponents of G* and their limits
   jampetsc plot ensemble --kind collapse --out collapse.png      means over the packings of a study
   jampetsc plot ensemble --where law=stokes --out stokes.png     of those under Stokes drag
   jampetsc plot rd0-*.h5 --out flow.png                          flow curves of runs at several rates
@@ -50,9 +52,20 @@ def add_parser(subparsers):
         metavar="COLUMN=VALUE,…",
         help="of the folder of a study: the files whose rows in its table have these values",
     )
+    parser.add_argument(
+        "--statistic",
+        choices=("mean", "median"),
+        help="moduli, storage, loss, collapse of a study: what is drawn of its packings (default mean)",
+    )
     parser.add_argument("--mu", type=float, metavar="MU", help="collapse: moduli over p^MU (default 0.5)")
     parser.add_argument(
-        "--lambda", type=float, metavar="LAMBDA", help="collapse: frequency over p^LAMBDA (default 1)"
+        "--lambda",
+        type=float,
+        metavar="LAMBDA",
+        help="collapse: frequency over p^LAMBDA (default 1; 0 leaves it)",
+    )
+    parser.add_argument(
+        "--size-power", type=float, metavar="A", help="finite-size: eta0 over N^A against pN^2 (default 1)"
     )
     parser.add_argument(
         "--log-exponent",

@@ -42,11 +42,13 @@ def run(args, petsc_argv) -> int:
     from jampetsc.commands import parsers_of
     from jampetsc.studies.kinds import KINDS
     from jampetsc.studies.plan import plan, read
+    from jampetsc.studies.run import check_folder
 
     began = time.perf_counter()
     parsers = parsers_of(args.family, KINDS)
     folder = Path(args.out)
     if args.dry_run:
+        check_folder(folder, args.study)
         print(_outlook(plan(args.study, read(args.study), parsers), folder, parsers))
         return 0
 
@@ -63,7 +65,7 @@ def run(args, petsc_argv) -> int:
     )  # of one rank for all: it may be edited meanwhile
     tasks = plan(args.study, content, parsers)
     rehearse(local.rehearse, shifted.rehearse, inertia.rehearse, eigen.rehearse)
-    rows = study.run(tasks, folder, parsers, content, running)
+    rows = study.run(tasks, folder, parsers, args.study, content, running)
     failures = [row for row in rows if row["state"] != "done"]
     if running.rank == 0:
         print(_summary(folder / TABLE, rows, failures, study.elapsed(began)))
@@ -89,16 +91,20 @@ def _outlook(tasks, folder, parsers) -> str:
     """The tasks, which of them are done, and what the others may cost."""
     from jampetsc.studies.costs import Costs, in_words
     from jampetsc.studies.journal import records_of
+    from jampetsc.studies.run import told_of
     from jampetsc.studies.tasks import Runner
 
     records = records_of(folder)
-    runner, costs = Runner(folder, parsers, records), Costs(records.values())
-    left = [task for task in tasks if not runner.finished(task)]
-    names = {task.name for task in left}
+    costs = Costs(records.values())
+    names, changed, _ = Runner(folder, parsers, records).left(tasks)
+    names = set(names)
+    left = [task for task in tasks if task.name in names]
     lines = [f"{'to do' if task.name in names else 'done '}  {' '.join(task.words)}" for task in tasks]
     for command in dict.fromkeys(task.command for task in tasks):
         mine = [task for task in left if task.command == command]
         lines.append(f"{command}: {len(mine)} to do, about {in_words(costs.total(mine))} on one rank")
+    if changed:
+        lines.append(told_of(changed))
     lines.append(f"{len(left)} of {len(tasks)} tasks to do, about {in_words(_sum(costs, left))} on one rank")
     return "\n".join(lines)
 

@@ -84,7 +84,7 @@ class Disks:
             raise InputError(f"radii[{row}] = {radii[row]}: must be positive")
         if cell[0, 1] != 0 or cell[0, 0] <= 0 or cell[1, 1] <= 0:
             raise InputError(f"cell {cell.tolist()}: need rows (Lx, 0) and (γ Ly, Ly) with Lx, Ly > 0")
-        if np.abs(positions).max() > 2.0**28 or cell.max() > 2.0**28:
+        if np.abs(positions).max() > 2.0**28 or np.abs(cell).max() > 2.0**28:
             raise InputError(
                 "positions or cell beyond 2^28 in units of length: scale them to disks of size about one"
             )
@@ -95,11 +95,10 @@ class Disks:
             potential or Potential(),
             dict(record or {}),
         )
-        smallest = float(np.min(disks.heights))
-        if 2 * radii.max() > smallest:
+        if 2 * radii.max() > disks.period:
             raise InputError(
-                f"cell of height {smallest:.6g} with a disk of diameter {2 * radii.max():.6g}: a disk would "
-                "touch its own image; use more disks"
+                f"cell that repeats at a distance of {disks.period:.6g} with a disk of diameter "
+                f"{2 * radii.max():.6g}: a disk would touch its own image; use more disks"
             )
         return disks
 
@@ -125,10 +124,15 @@ class Disks:
         return float(cell[0, 0] * cell[1, 1])
 
     @property
-    def heights(self):
-        """Distances between opposite faces of the cell, (2,)."""
-        cell = self.cell
-        return self.area / np.array([np.hypot(*cell[1]), np.hypot(*cell[0])])
+    def period(self) -> float:
+        """Distance between a disk and its nearest image: the shortest vector of the lattice, whatever pair spans it.
+
+        Lagrange's reduction: the shorter vector is taken from the longer one as often as that makes it shorter.
+        """
+        short, long = sorted(self.cell, key=lambda vector: vector @ vector)
+        while turns := np.round(short @ long / (short @ short)):
+            short, long = sorted((short, long - turns * short), key=lambda vector: vector @ vector)
+        return float(np.hypot(*short))
 
     @property
     def phi(self) -> float:

@@ -135,6 +135,12 @@ def _pairs(positions, radii, cell, skin, shape, margin, first, last, half):
     return i, j, image
 
 
+def _upright(cell):
+    """(rows a1 and a2 − m a1, m) with the least tilt: of all cells of this lattice the widest one for a grid."""
+    turns = round(cell[1, 0] / cell[0, 0])
+    return np.array([cell[0], cell[1] - turns * cell[0]]), turns
+
+
 def neighbour_pairs(positions, radii, cell, skin=0.0, rows=None):
     """All pairs closer than ρ_i + ρ_j + skin, as (i, j, image): j lies at x_j − x_i + image · cell from i.
 
@@ -144,6 +150,7 @@ def neighbour_pairs(positions, radii, cell, skin=0.0, rows=None):
     neighbour (`Disks` sees to it that cells are wide enough).
     """
     cutoff = 2.0 * float(radii.max()) + skin
+    cell, turns = _upright(cell)
     (length, _), (tilt, height) = cell.tolist()
     # At most about one particle per cell: a dilute cell would only cost memory.
     limit = math.isqrt(len(radii)) + 1
@@ -151,7 +158,9 @@ def neighbour_pairs(positions, radii, cell, skin=0.0, rows=None):
     shape = tuple(min(max(int(h / cutoff), 1), limit) for h in heights)
     margin = tuple(math.ceil(cutoff * s / h) for s, h in zip(shape, heights, strict=True))
     first, last = rows or (0, len(radii))
-    return _pairs(positions, radii, cell, skin, shape, margin, first, last, rows is None)
+    i, j, image = _pairs(positions, radii, cell, skin, shape, margin, first, last, rows is None)
+    image[:, 0] -= turns * image[:, 1]
+    return i, j, image
 
 
 @numba.njit(cache=True, fastmath=False)
@@ -182,7 +191,7 @@ def spatial_order(positions, cell):
     the same on every rank.
     """
     bits = 16
-    fractional = positions @ np.linalg.inv(cell)
+    fractional = positions @ np.linalg.inv(_upright(cell)[0])
     fractional -= np.floor(fractional)
     grid = (fractional * 2**bits).astype(np.int64)
     return np.argsort(_hilbert(grid[:, 0], grid[:, 1], bits), kind="stable")

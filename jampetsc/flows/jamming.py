@@ -4,8 +4,8 @@ random    uniformly random disks: Vågberg's RAND ensemble (thesis sec. 4.7, aft
           (2003))
 shear     the minima along quasistatic shear of such a start (thesis sec. 4.7)
 compress  a thermal liquid, cooled slowly, quenched, and brought to the φ_J of that sample by changes of its cell
-          (Vågberg et al., PRE 83, 030303 (2011), who find that φ_J depends on how it was cooled; their rates and
-          schedule are not told)
+          (Vågberg et al., PRE 83, 031307 (2011), who find that φ_J depends on how it was cooled; their rates and
+          schedule are not told); it may be sheared between quench and search, which shows what shear leaves of that
 """
 
 from dataclasses import dataclass
@@ -37,13 +37,14 @@ class Protocol:
     """How samples are made; what belongs to other protocols is None."""
 
     name: str = "random"
-    step: float | None = None  # shear: Δγ,
-    strain: float | None = None  # how far,
-    discard: float | None = None  # before the first sample,
+    step: float | None = None  # shear, compress: Δγ,
+    strain: float | None = None  # how far; of compress between quench and search
+    discard: float | None = None  # shear: before the first sample,
     every: float | None = None  # and from one sample to the next
     temperature: float | None = None  # compress: T of the liquid in k_e,
     cooling_rate: float | None = None  # by how much ln T falls per sweep,
     sweeps: int | None = None  # and sweeps before that
+    separated: bool = False  # whether large disks start on one side of the cell, see `random_start`
 
     @property
     def rows(self) -> int:
@@ -51,6 +52,14 @@ class Protocol:
         if self.name != "shear":
             return 1
         return int(np.floor((self.strain - self.discard) / self.every + 1e-9))
+
+    @property
+    def facts(self) -> dict:
+        """What it has beside its name."""
+        known = {
+            name: value for name, value in vars(self).items() if value is not None and value is not False
+        }
+        return {name: value for name, value in known.items() if name != "name"}
 
     @property
     def columns(self) -> tuple:
@@ -66,7 +75,7 @@ def samples(
 
     The seed decides where the disks start, and how they move while they are hot.
     """
-    start = random_start(radii, phi, seed, potential)
+    start = random_start(radii, phi, seed, potential, protocol.separated)
     known = {"phi": phi, "seed": seed}
     if protocol.name == "shear":
         found = _sheared(protocol, settle(start, SETTLED), solver, tolerance)
@@ -109,12 +118,25 @@ def _sheared(protocol, start, solver, tolerance):
     return rows + [{}] * (protocol.rows - len(rows))
 
 
+def _sheared_on(protocol, start, solver, tolerance):
+    """As `_quenched`: the minimum after quasistatic shear by `protocol.strain`."""
+    try:
+        slow = SlowShear(start, protocol.step, solver, tolerance)
+        for _ in range(round(protocol.strain / protocol.step)):
+            slow.advance()
+    except ConvergenceError:
+        return {}, None, False
+    return _known(slow.found, start.n), slow.disks, slow.found.jammed
+
+
 def _annealed(protocol, start, seed, solver, tolerance):
     """The sample that a cooled liquid is quenched to, its φ_J, and how far its sizes have separated."""
     generator = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, _OTHER])))
     heat = protocol.temperature * start.potential.k
     cold = annealed(settle(start, SETTLED), heat, protocol.cooling_rate, protocol.sweeps, generator)
     known, disks, jammed = _quenched(cold, solver, tolerance)
+    if disks is not None and protocol.strain:
+        known, disks, jammed = _sheared_on(protocol, disks, solver, tolerance)
     if disks is None:
         return {}
     return known | {

@@ -146,10 +146,12 @@ def execute(job: Job, last=None, together=None) -> Means:
 
 def _write(job, record, shear, facts, last):
     state = shear.state() | {"radii": job.disks.radii}
-    write_record(job.out, record, state, job.settings, facts)
-    remove_checkpoint(job.out)
     if last is not None:
         write_packing(last, shear.disks.with_record(protocol=f"steady shear, {job.model}, rate {job.rate:g}"))
+    write_record(
+        job.out, record, state, job.settings, facts, held=job.held
+    )  # a file that goes on in place is replaced last
+    remove_checkpoint(job.out)
 
 
 def _facts(job, means, seconds, petsc):

@@ -11,6 +11,7 @@ from jampetsc.errors import InputError
 FORMAT = "jampetsc-velocity-correlation"
 ALIKE = ("model", "rate", "particle_count", "mass")  # what files that are averaged have in common
 SAME_PHI = 1e-6
+BLOCKS, DRAWS = 10, 200
 LANE, BIN = 0.5, 1.0  # half-width in y and width in x, in the files' unit of length, unless told otherwise
 
 
@@ -24,6 +25,7 @@ class LaneCorrelation:
     pairs: np.ndarray  # (D,)
     mean_square: float  # ⟨u_y²⟩/γ̇²
     snapshots: int
+    minimum_errors: tuple = (np.nan, np.nan)  # standard errors of `minimum`, where there are snapshots enough
 
     @property
     def centres(self):
@@ -33,14 +35,32 @@ class LaneCorrelation:
     @property
     def minimum(self) -> tuple[float, float]:
         """(x, g_y) where it is least; x of the vertex of the parabola through three bins, where there are three."""
-        known = np.flatnonzero(np.isfinite(self.values))
-        at = known[np.argmin(self.values[known])]
-        x, g = self.centres, self.values
-        if 0 < at < len(x) - 1 and np.isfinite(g[at - 1 : at + 2]).all():
-            bend = g[at - 1] - 2 * g[at] + g[at + 1]
-            if bend > 0:
-                return float(x[at] + 0.5 * (g[at - 1] - g[at + 1]) / bend * (x[at + 1] - x[at])), float(g[at])
-        return float(x[at]), float(g[at])
+        return _minimum(self.centres, self.values)
+
+
+def _minimum(x, g):
+    known = np.flatnonzero(np.isfinite(g))
+    at = known[np.argmin(g[known])]
+    if 0 < at < len(x) - 1 and np.isfinite(g[at - 1 : at + 2]).all():
+        bend = g[at - 1] - 2 * g[at] + g[at + 1]
+        if bend > 0:
+            return float(x[at] + 0.5 * (g[at - 1] - g[at + 1]) / bend * (x[at + 1] - x[at])), float(g[at])
+    return float(x[at]), float(g[at])
+
+
+def _minimum_errors(x, products, pairs, squares):
+    """Standard errors of (x, g_y) of the minimum, from BLOCKS of snapshots in a row, drawn anew."""
+    if len(squares) < 2 * BLOCKS:
+        return np.nan, np.nan
+    parts = [np.array_split(array, BLOCKS) for array in (products, pairs, squares)]
+    products, pairs = (np.array([block.sum(0) for block in part]) for part in parts[:2])
+    squares = np.array([block.mean() for block in parts[2]])
+    found = []
+    for draw in np.random.default_rng(0).integers(BLOCKS, size=(DRAWS, BLOCKS)):
+        with np.errstate(invalid="ignore"):
+            g = products[draw].sum(0) / pairs[draw].sum(0) / squares[draw].mean()
+        found.append(_minimum(x, g))
+    return tuple(float(error) for error in np.std(found, axis=0, ddof=1))
 
 
 def correlate_lanes(results, lane: float, width: float) -> LaneCorrelation:
@@ -87,4 +107,5 @@ def correlate_lanes(results, lane: float, width: float) -> LaneCorrelation:
     shares = products / np.where(counts > 0, counts / len(pairs), 1.0) / square
     errors = np.array([Average.of(column).error for column in shares.T])
     rate = float(first.attributes["rate"])
-    return LaneCorrelation(edges, values, errors, counts, square / rate**2, len(pairs))
+    least = _minimum_errors(0.5 * (edges[:-1] + edges[1:]), products, pairs, np.array(squares))
+    return LaneCorrelation(edges, values, errors, counts, square / rate**2, len(pairs), least)

@@ -18,6 +18,7 @@ class Means:
     shear_stress: Average
     pressure: Average
     coordination: Average
+    largest_cluster: float  # disks in the largest cluster of those that touch
     walls: dict  # name -> Average of what is looked up on walls, where there are any
     parts: np.ndarray  # (3,) elastic, viscous and kinetic shear stress
     strain: float  # that the means are over
@@ -46,6 +47,7 @@ class Means:
             Average.of(stress.sum(1)),
             Average.of(pressure.sum(1)),
             Average.of(record.series("coordination")[kept]),
+            float(record.series("largest_cluster")[kept].mean()),
             {name: Average.of(record.series(name)[kept]) for name in ON_WALLS if name in record.columns},
             stress.mean(0),
             spacing * int(kept.sum()),
@@ -82,6 +84,7 @@ class Means:
             "pressure_error": self.pressure.error,
             "coordination_mean": self.coordination.mean,
             "coordination_error": self.coordination.error,
+            "largest_cluster_mean": self.largest_cluster,
             **{f"{name}_mean": average.mean for name, average in self.walls.items()},
             **{f"{name}_error": average.error for name, average in self.walls.items()},
             "correlation_strain": self.correlation_strain,

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from jampetsc.analysis.order import bond_order
 from jampetsc.errors import InputError
 from jampetsc.storage.atomic import follow
 from jampetsc.storage.hdf5 import (
@@ -32,6 +33,8 @@ SERIES = {
 }  # fmt: skip
 SNAPSHOTS = ("strain", "positions", "velocities", "cell")
 ON_WALLS = {"wall_shear_stress": 0, "wall_pressure": 0}  # of a run between walls, looked up
+LAYERS = 20  # of equal height between walls
+BETWEEN_WALLS = ON_WALLS | {"velocity_profile": LAYERS}
 
 
 class Record:
@@ -68,20 +71,36 @@ class Record:
             found |= {f"snapshots/{name}": np.array(kept) for name, kept in self.snapshots.items()}
         return found
 
+    def order(self, held=0) -> dict:
+        """⟨|ψ₆|⟩ and |⟨ψ₆⟩| of every snapshot, (S,) each, of all disks but the first `held` (see `analysis.order`)."""
+        kept = zip(self.snapshots["positions"], self.snapshots["cell"], strict=True)
+        psi = [bond_order(positions, cell)[held:] for positions, cell in kept]
+        if not psi:
+            return {}
+        return {
+            "snapshots/psi6_local": np.abs(psi).mean(1),
+            "snapshots/psi6_global": np.abs(np.mean(psi, axis=1)),
+        }
+
     @classmethod
     def of(cls, h5, columns=None) -> "Record":
         """The record in an open file."""
-        record = cls(columns or SERIES | {name: size for name, size in ON_WALLS.items() if name in h5})
+        record = cls(columns or SERIES | {name: size for name, size in BETWEEN_WALLS.items() if name in h5})
         record.rows = {name: list(values(h5[name])) for name in record.columns}
         if "snapshots" in h5:
             record.snapshots = {name: list(values(h5[f"snapshots/{name}"])) for name in SNAPSHOTS}
         return record
 
 
-def write_record(path, record: Record, state: dict, settings: dict, facts: dict, format=FORMAT) -> None:
-    """The finished file: series, snapshots, state, settings and `facts`, its attributes. Raises as ResultWriter."""
+def write_record(
+    path, record: Record, state: dict, settings: dict, facts: dict, format=FORMAT, held=0
+) -> None:
+    """The finished file: series, snapshots, their order, state, settings and `facts`, its attributes.
+
+    The first `held` disks are those of walls. Raises as ResultWriter.
+    """
     with ResultWriter(path, format) as writer:
-        for name, array in record.datasets().items():
+        for name, array in (record.datasets() | record.order(held)).items():
             writer.dataset(name, array)
         for name, value in state.items():
             writer.dataset(f"state/{name}", value)

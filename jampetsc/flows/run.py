@@ -8,10 +8,10 @@ import numpy as np
 from jampetsc.collective import by_rank_0
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.flows.means import UNBALANCED, Means
-from jampetsc.flows.record import ON_WALLS, SERIES, Record, resumed, write_checkpoint
+from jampetsc.flows.record import BETWEEN_WALLS, SERIES, Record, resumed, write_checkpoint
 from jampetsc.flows.shearing import Shear
 from jampetsc.flows.steps import TALLY
-from jampetsc.flows.walls import stress_on_walls
+from jampetsc.flows.walls import seen_between_walls
 from jampetsc.progress import Progress
 
 ROW = 1e-2  # strain between rows: several per correlation strain (0.05 to 0.4)
@@ -58,15 +58,16 @@ class Plan:
         return int(self.discard / (self.steps * strain_step) + 1e-9)
 
     def snapshot_rows(self, first_kept):
-        """Rows after which a snapshot is taken: evenly over those kept, the last one included."""
-        return set(np.round(np.linspace(self.rows, first_kept, self.snapshots, endpoint=False)).astype(int))
+        """Rows after which a snapshot is taken: evenly over those kept, the last included; 0: the start."""
+        start = not first_kept and self.snapshots > 1
+        return set(np.round(np.linspace(self.rows, first_kept, self.snapshots, endpoint=start)).astype(int))
 
 
 def run(shear: Shear, plan: Plan, out, settings: dict, record=None) -> Record:
     """Shear until the plan's last row, from a checkpoint beside `out` where there is one of these settings.
 
-    A kill loses at most INTERVAL seconds. Raises ConvergenceError where the time step is too long: a disk jumps,
-    or the energy balance is off by more than 5 % in the mean.
+    A kill loses at most INTERVAL seconds, a result that cannot be written nothing. Raises ConvergenceError where the
+    time step is too long: a disk jumps, or the energy balance is off by more than 5 % in the mean.
     """
     comm = shear.together and shear.together.comm
     rank = comm.rank if comm else 0
@@ -74,7 +75,7 @@ def run(shear: Shear, plan: Plan, out, settings: dict, record=None) -> Record:
     if kept is not None:
         record, state = kept
         shear.restore(state)
-    record = record or Record(SERIES | (ON_WALLS if shear.held else {}))
+    record = record or Record(SERIES | (BETWEEN_WALLS if shear.held else {}))
     first, began = len(record), time.monotonic()
     photographed = (
         plan.snapshot_rows(plan.first_kept(shear.rate * shear.scheme.step)) if plan.snapshots else ()
@@ -83,12 +84,14 @@ def run(shear: Shear, plan: Plan, out, settings: dict, record=None) -> Record:
     with Progress(LINES, "flow", rank, said) as progress:
         if kept is not None:
             progress.note(f"{out}: goes on from strain {shear.strain:.6g}")
+        if not len(record) and 0 in photographed:
+            record.snapshot(shear.strain, shear.disks, shear.velocities_now())
         while len(record) < plan.rows:
             _row(shear, plan.steps, record)
             if len(record) in photographed:
                 record.snapshot(shear.strain, shear.disks, shear.velocities_now())
-            late = time.monotonic() - saved > INTERVAL
-            if comm.bcast(late) if comm else late:
+            due = time.monotonic() - saved > INTERVAL or len(record) == plan.rows
+            if comm.bcast(due) if comm else due:
                 by_rank_0(comm, lambda: write_checkpoint(out, record, shear.state(), settings))
                 saved = time.monotonic()
             if len(record) * LINES // plan.rows > said:
@@ -108,7 +111,7 @@ def _row(shear, steps, record):
         left -= BATCH
     seen = dict(zip(TALLY, shear.seen / shear.seen[TALLY.index("steps")], strict=True))
     area, look = shear.reference.area, shear.look()
-    walls = zip(ON_WALLS, stress_on_walls(shear), strict=True) if shear.held else ()
+    walls = seen_between_walls(shear) if shear.held else {}
     record.add(
         strain=shear.strain,
         time=shear.strain / shear.rate,
@@ -120,7 +123,7 @@ def _row(shear, steps, record):
         clusters=look.clusters,
         largest_cluster=look.largest_cluster,
         deepest_overlap=look.deepest,
-        **dict(walls),
+        **walls,
     )
 
 

@@ -62,6 +62,9 @@ class Shear:
         self.spins, self.spin_rates = np.zeros(n), np.zeros(n)
         self.seen = np.zeros(len(compiled.TALLY))
         self._list(disks.folded())
+        if held and model.mass:  # at rest when the walls begin to slide
+            middle = 0.5 * disks.cell[1, 1]
+            self.velocities[held:, 0] = rate * (middle - self.reference.positions[held:, 1])
         self.started = False
 
     def _list(self, disks):
@@ -170,12 +173,16 @@ class Shear:
         return Survey(contacts / (n - held), number, largest, deepest_overlap(*place))
 
     def velocities_now(self) -> np.ndarray:
-        """Non-affine velocities (N, 2) at the positions as they are now."""
-        if self.model.mass:  # half a step on where there are accelerations, which velocity Verlet alone keeps
+        """Non-affine velocities (N, 2) at the positions as they are now: those that the next step begins with.
+
+        With them it takes its stresses and what is dissipated. By backward Euler they are the solution for that step:
+        those of the last one belong to the contacts that there were before it.
+        """
+        if self.scheme.method == "verlet":  # half a step on
             return self.velocities + 0.5 * self.scheme.step * self.accelerations
         u, forces = self.velocities.copy(), np.empty_like(self.offsets)
         place = (self.pairs.arrays, self.offsets, self.shear, self._law, self.weights, self.physics)
-        if self.model.law.damps_contacts:
+        if self.model.law.damps_contacts or self.model.mass:
             balance = self.together.balance if self.together else compiled.balance
             balance(*place, self.scheme.step, u, forces, self.scheme.tolerance)
             return u

@@ -41,7 +41,7 @@ def run(args, disks, origin, solver) -> str:
         while len(record) < steps:
             step = slow.advance()
             record.add(strain=slow.strain, **vars(slow.found), **vars(step))
-            if time.monotonic() - saved > INTERVAL:
+            if time.monotonic() - saved > INTERVAL or len(record) == steps:
                 write_checkpoint(args.out, record, slow.state(), settings)
                 saved = time.monotonic()
             if len(record) * LINES // steps > said:
@@ -51,12 +51,12 @@ def run(args, disks, origin, solver) -> str:
     facts = _facts(args, disks, origin, averages, discard, slow, time.perf_counter() - began)
     names = ("base", "offset", "radii", "cell_base", "cell_offset")
     minimum = {name: getattr(slow.disks, name) for name in names}
-    write_record(args.out, record, minimum, settings, facts, FORMAT)
-    remove_checkpoint(args.out)
     if args.last is not None:
         write_packing(
             args.last, slow.disks.with_record(protocol=f"quasistatic shear, steps of {args.step:g}")
         )
+    write_record(args.out, record, minimum, settings, facts, FORMAT)
+    remove_checkpoint(args.out)
     return _summary(args, disks, averages, record)
 
 

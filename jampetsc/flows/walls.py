@@ -3,7 +3,8 @@
 The cell stays that of Lees and Edwards, periodic in x, of height H. The disks of the lower row go with the affine
 flow, u = 0, and so do their images, which are the upper row: each row is rigid, and one slides past the other by
 γ̇H. Disks of the walls come first in all arrays (`held` of them). What is between the rows never touches through
-them. With y from the middle between the rows and F the force of the contacts on a disk, the stress on the walls is
+them. Disks with a mass are at rest, v = 0 in the frame of the middle, when the rows begin to slide. With y from the
+middle between the rows and F the force of the contacts on a disk, the stress on the walls is
 
     σ_w = ½ (F_lower − F_upper)/L_x = σ + (1/V) Σ y F_x    over the disks that move,
 
@@ -20,6 +21,7 @@ from jampetsc.contacts.neighbours import spatial_order
 from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import InputError
 from jampetsc.flows.models import MODELS, Model, Scheme
+from jampetsc.flows.record import LAYERS
 from jampetsc.flows.shearing import Shear
 
 GAP = 0.05  # between the disks of a row, in units of their diameters: they never touch
@@ -72,14 +74,38 @@ def between_walls(radii, phi: float, seed: int, potential: Potential) -> tuple[D
     return rest.disks, number
 
 
-def stress_on_walls(shear: Shear) -> tuple[float, float]:
-    """(σ_xy, pressure) that the disks between the walls exert on them now, mean of both."""
+def seen_between_walls(shear: Shear) -> dict:
+    """What a row has of walls: the stress on them, and the velocity profile between them, now."""
+    u = shear.velocities_now()
+    stress, pressure = stress_on_walls(shear, u)
+    return {
+        "wall_shear_stress": stress,
+        "wall_pressure": pressure,
+        "velocity_profile": velocity_profile(shear, u),
+    }
+
+
+def velocity_profile(shear: Shear, u) -> np.ndarray:
+    """Mean v_x in LAYERS of equal height between the rows, in units of γ̇H, for non-affine velocities u (N, 2).
+
+    −½ at the lower row and ½ at the upper one; nan in a layer without disks.
+    """
+    height = shear.reference.cell[1, 1]
+    y = np.mod(shear.disks.positions[shear.held :, 1], height) / height
+    v = u[shear.held :, 0] / (shear.rate * height) + y - 0.5
+    layer = np.minimum((LAYERS * y).astype(int), LAYERS - 1)
+    with np.errstate(invalid="ignore"):
+        return np.bincount(layer, v, LAYERS) / np.bincount(layer, minlength=LAYERS)
+
+
+def stress_on_walls(shear: Shear, u) -> tuple[float, float]:
+    """(σ_xy, pressure) that disks of non-affine velocities u (N, 2) exert on the walls, mean of both."""
     i, j, r0, sigma = shear.pairs.arrays
     lower = (i < shear.held) & (j >= shear.held)
     upper = (i >= shear.held) & (j < shear.held)
     # the disk that moves is above the row, and stays there
     above = (lower & (r0[1] > 0)) | (upper & (r0[1] < 0))
-    motion = shear.velocities_now(), shear.rate, shear.weights
+    motion = u, shear.rate, shear.weights
     rolling = None
     if shear.model.law.couples_rotations:
         rolling = shear.spins, shear.reference.radii, np.empty(len(shear.spins))

@@ -40,14 +40,20 @@ def start_phi(pressure: float) -> float:
     return 0.85 + 3.5 * pressure
 
 
-def random_start(radii, phi: float, seed: int, potential: Potential) -> Disks:
+def random_start(radii, phi: float, seed: int, potential: Potential, separated: bool = False) -> Disks:
     """Disks at uniformly random places in a square cell of packing fraction `phi`, in spatial order.
 
+    separated: those above the mean radius at x < s L_x, the others beyond, s such that both sides have this `phi`.
     The generator is PCG64 seeded by SeedSequence(seed): the same packing on every machine and every rank.
     """
     radii = np.asarray(radii, float)
     side = np.sqrt(np.pi * np.sum(radii**2) / phi)
-    positions = side * _generator(seed).random((len(radii), 2))
+    places = _generator(seed).random((len(radii), 2))
+    if separated:
+        large = radii > radii.mean()
+        share = np.sum(radii[large] ** 2) / np.sum(radii**2)
+        places[:, 0] = np.where(large, share * places[:, 0], share + (1.0 - share) * places[:, 0])
+    positions = side * places
     cell = np.diag([side, side])
     order = spatial_order(positions, cell)
     return Disks.from_positions(positions[order], radii[order], cell, potential)

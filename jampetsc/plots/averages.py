@@ -1,30 +1,33 @@
-"""Sweeps of an ensemble as one curve: the mean of G* over packings at each frequency, with its standard error."""
+"""Sweeps of an ensemble as one curve: the mean or median of G* over packings at each frequency, with its error."""
 
 from dataclasses import replace
 
 import numpy as np
 
-from jampetsc.analysis.statistics import bootstrap
+from jampetsc.analysis.statistics import bootstrap, interval
 from jampetsc.errors import InputError
 from jampetsc.plots.curves import Curve
 
-BAND = "mean ± standard error"
+BANDS = {"mean": "mean ± standard error", "median": "median, 68 % interval"}  # what `bounds` are
 _SAME = 1e-9  # frequencies closer than this, relatively, are one
 
 
-def average_curves(curves) -> list[Curve]:
-    """One curve for those that differ in the packing alone; `bounds` are bootstrap errors, nan for a single packing.
+def average_curves(curves, statistic="mean") -> list[Curve]:
+    """One curve for those that differ in the packing alone; `bounds` by resampling the packings, nan for a single one.
 
-    The mean is the arithmetic one: G' < 0 of a packing unstable to shear counts like any other value.
+    statistic   "mean", the arithmetic one, or "median", of G' and of G''
+
+    G' < 0 of a packing unstable to shear counts like any other value. One that is nearly unstable has a G'' at low ω
+    that makes up all of a mean: the median knows it only as one of many.
     Raises InputError for sweeps of one packing, and for frequencies that differ, among those of one curve.
     """
     groups = {}
     for curve in curves:
         groups.setdefault(str(curve.description), []).append(curve)
-    return [_average(group) for group in groups.values()]
+    return [_average(group, statistic) for group in groups.values()]
 
 
-def _average(curves):
+def _average(curves, statistic):
     first = curves[0]
     seen = {}
     for curve in curves:
@@ -42,6 +45,9 @@ def _average(curves):
         if packing is not None:
             seen[packing] = curve.name
     G = np.array([curve.G for curve in curves])
-    mean, error = bootstrap(np.stack((G.real, G.imag), axis=1))
+    samples = np.stack((G.real, G.imag), axis=1)
+    middle, error = bootstrap(samples, statistic)
+    if statistic == "median" and len(curves) > 1:  # whose errors are not alike on both sides
+        error = np.abs(np.array(interval(samples)) - middle).swapaxes(0, 1)
     name = first.name if len(curves) == 1 else f"{len(curves)} sweeps"
-    return replace(first, name=name, G=mean[0] + 1j * mean[1], bounds=error)
+    return replace(first, name=name, G=middle[0] + 1j * middle[1], bounds=error)

@@ -31,7 +31,7 @@ class Curve:
     name: str  # of the file
     omega: np.ndarray  # (M,) ωτ₁
     G: np.ndarray  # (M,) G*/k
-    bounds: np.ndarray  # (2, M) on |ΔG'|/k and |ΔG''|/k
+    bounds: np.ndarray  # (2, M) on |ΔG'|/k and |ΔG''|/k, or (2, 2, M) below and above
     pressure: float | None  # p/k
     attributes: dict
 

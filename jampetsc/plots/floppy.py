@@ -64,14 +64,16 @@ def plot_medians(results, path) -> None:
                 guide = None
                 for prefix, face, dash in ((f"{BARE}_", shade, "-"), ("", "white", _DASHES)):
                     samples = [
-                        np.array([_value(results[row], prefix, name) for row in groups[size, level]])
+                        np.array(
+                            [value_of(results[row], f"{name}_median", prefix) for row in groups[size, level]]
+                        )
                         for level in levels
                     ]
                     if not np.isfinite(np.concatenate(samples)).any():
                         continue
                     medians = np.array([np.nanmedian(some) for some in samples])
                     ax.plot(levels, medians, linestyle=dash, markerfacecolor=face, **look)
-                    band = _draw_intervals(ax, levels, samples, shade) or band
+                    band = draw_intervals(ax, levels, samples, shade) or band
                     if max(map(len, samples)) > 1:
                         p, y = np.repeat(levels, [len(some) for some in samples]), np.concatenate(samples)
                         ax.plot(p, y, ".", color=shade, markersize=2, markeredgewidth=0)
@@ -118,7 +120,7 @@ def plot_exponents(results, path) -> None:
             for size, marker in zip(sizes, _cycle(len(sizes)), strict=True):
                 levels = np.array([level for n, level in groups if n == size])
                 logs = [
-                    np.log([_value(results[row], f"{BARE}_", name) for row in groups[size, level]])
+                    np.log([value_of(results[row], f"{name}_median") for row in groups[size, level]])
                     for level in levels
                 ]
                 mean, error = np.transpose([bootstrap(some) for some in logs])
@@ -141,7 +143,7 @@ def plot_exponents(results, path) -> None:
         save(fig, path)
 
 
-def _draw_intervals(ax, x, samples, shade) -> list:
+def draw_intervals(ax, x, samples, shade) -> list:
     """Where medians of samples drawn anew lie, a band over x (M,) for M samples; its legend entry, if it is drawn."""
     known = [sample[np.isfinite(sample)] for sample in samples]
     if not all(len(sample) > 1 for sample in known):
@@ -151,12 +153,12 @@ def _draw_intervals(ax, x, samples, shade) -> list:
     return [Patch(facecolor="0.2", alpha=0.25, label="68 % interval")]
 
 
-def _value(result, prefix, name):
-    """The median without pre-stress (prefix) or with it; nan where the file has none."""
+def value_of(result, name, prefix=f"{BARE}_"):
+    """An attribute without pre-stress (this prefix) or with it (""); nan where the file has none."""
     attributes = result.attributes
     if not attributes.get("prestress", True):  # such a run has only the one, under the plain names
-        return attributes[f"{name}_median"] if prefix else np.nan
-    return attributes[f"{prefix}{name}_median"]
+        return attributes[name] if prefix else np.nan
+    return attributes[f"{prefix}{name}"]
 
 
 def plot_viscosities(results, path) -> None:
@@ -185,7 +187,7 @@ def plot_viscosities(results, path) -> None:
             for column, face, dash in ((0, shade, "-"), (1, "white", _DASHES)):
                 ax.plot(betas, medians[:, column], linestyle=dash, markerfacecolor=face, **look)
                 samples = [points[points[:, 0] == beta, 1 + column] for beta in betas]
-                band = _draw_intervals(ax, betas, samples, shade) or band
+                band = draw_intervals(ax, betas, samples, shade) or band
                 lines.append((betas, medians[:, column]))
             label = f"${power_or_number(level)}$" + (f", $N={size}$" if several else "")
             handles.append(Line2D([], [], label=label, **look))

@@ -50,9 +50,11 @@ def flow_curves(results, over="rate") -> dict:
     return found
 
 
-def local_exponents(rates, values):
-    """(middles, d ln O/d ln γ̇) between neighbouring rates, (R − 1,) each: 1 is Newtonian, 2 Bagnoldian."""
-    return np.sqrt(rates[1:] * rates[:-1]), np.diff(np.log(values)) / np.diff(np.log(rates))
+def local_exponents(rates, values, errors):
+    """(middles, d ln O/d ln γ̇, errors) between neighbouring rates, (R − 1,) each: 1 is Newtonian, 2 Bagnoldian."""
+    steps, relative = np.diff(np.log(rates)), errors / values
+    exponents = np.diff(np.log(values)) / steps
+    return np.sqrt(rates[1:] * rates[:-1]), exponents, np.hypot(relative[1:], relative[:-1]) / np.abs(steps)
 
 
 def _ratio(one, other):
@@ -73,7 +75,7 @@ def plot_flow_curves(results, path) -> None:
     units = flow_units(results)
     with figure(PAGE, 2 * HEIGHT, layout="constrained") as fig:
         axes = fig.subplots(2, 3)
-        lines = ([], [], [], [])
+        lines, exponents = ([], [], [], []), []
         looks = zip(labels_of(list(curves)), colours(len(curves)), MARKERS * len(curves), strict=False)
         for curve, (label, colour, marker) in zip(curves.values(), looks, strict=True):
             style = {"color": colour, "marker": marker}
@@ -90,8 +92,8 @@ def plot_flow_curves(results, path) -> None:
                 kept.append((rates, y))
             axes[1, 0].errorbar(rates, *viscosities[1], markerfacecolor="white", ls=(0, (4, 1.6)), **bars)
             lines[3].append((rates, viscosities[1][0]))
-            for (y, _), face in ((stress, colour), (pressure, "white")):
-                axes[1, 1].plot(*local_exponents(rates, y), markerfacecolor=face, **style)
+            for both, face in ((stress, colour), (pressure, "white")):
+                exponents.append((style | {"markerfacecolor": face}, *local_exponents(rates, *both)))
         texts = [units.label(r"\sigma", "stress"), units.label("p", "stress"), r"$\sigma/p$"]
         texts += [units.label(r"\sigma/\dot\gamma,\ p/\dot\gamma", "viscosity")]
         for ax, kept, text in zip(axes.flat, lines, texts, strict=False):
@@ -108,7 +110,7 @@ def plot_flow_curves(results, path) -> None:
             set_ticks(ax.xaxis, *np.log10(ax.get_xlim()))
         axes[1, 1].set_ylabel(r"$d\ln\sigma/d\ln\dot\gamma,\ d\ln p/d\ln\dot\gamma$")
         axes[1, 2].set_ylabel("$Z$")
-        _mark_regimes(axes[1, 1])
+        _draw_exponents(axes[1, 1], exponents)
         note = {"color": GREY, "va": "bottom", "transform": axes[1, 0].transAxes}
         axes[1, 0].text(0.03, 0.02, r"filled: $\sigma$, hollow: $p$", **note)
         axes[0, 0].legend()
@@ -116,9 +118,14 @@ def plot_flow_curves(results, path) -> None:
         save(fig, path)
 
 
-def _mark_regimes(ax):
-    """Lines at the exponents that have a name, where they are in sight."""
+def _draw_exponents(ax, curves):
+    """Local exponents with errors, in limits of the values, and lines at those that have a name and are in sight."""
+    for style, x, y, _ in curves:
+        ax.plot(x, y, **style)
     low, high = ax.get_ylim()
+    for style, *curve in curves:
+        ax.errorbar(*curve, fmt="none", ecolor=style["color"], elinewidth=0.6)
+    ax.set_ylim(low, high)
     for value, regime in ((1, "Newtonian"), (2, "Bagnoldian")):
         if low < value < high:
             ax.axhline(value, color=GREY, lw=0.6, ls=":")

@@ -19,7 +19,7 @@ RUN = "shear"  # the protocol of files of quasistatic shear
 
 @dataclass(eq=False)
 class Samples:
-    """Samples of one kind (protocol, N, sizes, potential): at each φ the runs they come in.
+    """Samples of one kind (protocol, N, sizes, potential, step of shear): at each φ the runs they come in.
 
     A run is a series of minima under shear, or a single sample; {φ: [(jammed (T,), pressure (T,)), …]}
     """
@@ -47,7 +47,8 @@ def samples_of(results) -> list[Samples]:
     found, seen = {}, {}
     for result in results:
         a = result.attributes
-        kind = _protocol(result), int(a["particle_count"]), _word(a, "sizes"), _word(a, "potential")
+        words = _word(a, "sizes"), _word(a, "potential"), _step(result)
+        kind = _protocol(result), int(a["particle_count"]), *words
         here = found.setdefault(kind, Samples(kind))
         for phi, seed, jammed, pressure in _runs(result):
             known = np.isfinite(jammed)
@@ -74,7 +75,18 @@ def _protocol(result):
     """Protocol of the samples, with the rate of cooling where there is one."""
     a = result.attributes
     name = str(a.get("protocol", RUN if result.format == "jampetsc-shear" else "random"))
-    return f"{name}, $R={number(float(a['cooling_rate']))}$" if "cooling_rate" in a else name
+    parts = [name]
+    if "cooling_rate" in a:
+        parts.append(f"$R={number(float(a['cooling_rate']))}$")
+        if float(a.get("strain", 0.0)) > 0:
+            parts.append(rf"sheared by {float(a['strain']):g}")
+    return ", ".join(parts + ["separated"] * bool(a.get("separated", False)))
+
+
+def _step(result):
+    """Δγ where every sample is a step of shear, or so many."""
+    sheared = str(result.attributes.get("protocol", RUN)) == RUN and "step" in result.attributes
+    return rf"$\Delta\gamma={number(float(result.attributes['step']))}$" if sheared else ""
 
 
 def _word(attributes, name):
@@ -99,12 +111,12 @@ def _runs(result):
 
 def _labels(kinds):
     """A legend's words for each kind: the parts that differ, N at least."""
-    varied = [len({kind[part] for kind in kinds}) > 1 for part in range(4)]
+    varied = [len(set(part) - {""}) > 1 for part in zip(*kinds, strict=True)]
     varied[1] = varied[1] or not any(varied)
     found = []
-    for protocol, n, sizes, potential in kinds:
-        parts = (f"$N={n}$", protocol, sizes, potential)
-        shown = (varied[1], varied[0], varied[2], varied[3])
+    for protocol, n, *words in kinds:
+        parts = f"$N={n}$", protocol, *words
+        shown = varied[1], varied[0], *varied[2:]
         found.append(", ".join(part for part, differs in zip(parts, shown, strict=True) if differs and part))
     return found
 

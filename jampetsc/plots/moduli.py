@@ -28,28 +28,31 @@ def plot_moduli(curves, path, band="", parts=BOTH) -> None:
     parts   (STORAGE,) or (LOSS,) for one of the two
     """
     y = ",  ".join(f"{part}$/k$" for part in parts)
-    _plot(curves, path, r"$\omega\tau_1$", y, 0.5, r"\omega", band, parts)
+    _plot(curves, path, r"$\omega\tau_1$", y, None, r"\omega", band, parts)
 
 
 def plot_collapse(curves, path, mu=MU, lam=LAMBDA, band="") -> None:
     """G'/p^μ and G''/p^μ against ω/p^λ, for ωτ₁ ≤ 1 where criticality ends; p in units of k. band as above.
 
+    λ = 0 leaves the frequency as it is, and all of it, as where sliding costs nothing (BT Fig. 4a).
+
     Raises InputError if a sweep's pressure is unknown or not positive, or it has no frequency up to 1/τ₁.
     """
-    x = rf"$\omega\tau_1\,/\,{power_text('(p/k)', lam)}$"
+    x = rf"$\omega\tau_1\,/\,{power_text('(p/k)', lam)}$" if lam else r"$\omega\tau_1$"
     y = rf"{STORAGE}, {LOSS}  $[\,k\,{power_text('(p/k)', mu)}\,]$"
-    _plot([_scaled(curve, mu, lam) for curve in curves], path, x, y, mu / lam, "x", band)
+    critical, symbol = (mu / lam, "x") if lam else (None, r"\omega")
+    _plot([_scaled(curve, mu, lam) for curve in curves], path, x, y, critical, symbol, band)
 
 
 def _scaled(curve, mu, lam):
     require_pressure(curve)
-    low = curve.omega <= 1.0
+    low = curve.omega <= (1.0 if lam else np.inf)
     if not low.any():
         raise InputError(
             f"{curve.name}: lowest frequency {curve.omega[0]:g}: critical scaling needs some up to 1/τ₁"
         )
     x, g = collapse(curve.omega[low], curve.G[low], curve.pressure, mu, lam)
-    return replace(curve, omega=x, G=g, bounds=curve.bounds[:, low] / curve.pressure**mu)
+    return replace(curve, omega=x, G=g, bounds=curve.bounds[..., low] / curve.pressure**mu)
 
 
 def require_pressure(curve) -> None:
@@ -62,7 +65,8 @@ def require_pressure(curve) -> None:
         raise InputError(f"{curve.name}: pressure {curve.pressure:g}: must be positive to scale with it")
 
 
-def _plot(curves, path, x_label, y_label, exponent, symbol, band, parts=BOTH):
+def _plot(curves, path, x_label, y_label, critical, symbol, band, parts=BOTH):
+    """critical: exponent of the regime between the crossovers, if it gets a guide as the viscous one does."""
     with figure(COLUMN, HEIGHT, layout="constrained") as fig:
         ax = fig.add_subplot(xlabel=x_label, ylabel=y_label)
         title, groups = group_curves(curves)
@@ -78,10 +82,11 @@ def _plot(curves, path, x_label, y_label, exponent, symbol, band, parts=BOTH):
             what = f"{STORAGE} < 0 (not shown) in {negative} of {len(curves)} sweeps"
             ax.text(0.02, 0.98, what, transform=ax.transAxes, va="top", fontsize=7.5)
         # Low pressure has the longest critical branch, high pressure the longest viscous one.
-        critical, viscous = groups[0].curves[0], groups[-1].curves[0]
+        lowest, highest = groups[0].curves[0], groups[-1].curves[0]
+        if parts == BOTH and critical:
+            draw_guide(ax, lowest.omega, lowest.G.imag, critical, symbol, lines, above=True)
         if parts == BOTH:
-            draw_guide(ax, critical.omega, critical.G.imag, exponent, symbol, lines, above=True)
-            draw_guide(ax, viscous.omega, viscous.G.imag, 1.0, symbol, lines, above=False)
+            draw_guide(ax, highest.omega, highest.G.imag, 1.0, symbol, lines, above=False)
         if len(groups) > _LEGEND_ROWS and title:
             _pressure_bar(fig, ax, groups)
             title, groups = "", []
@@ -112,9 +117,10 @@ def _draw(ax, group, curve, number, shown_parts):
             linewidth=1.1 if solitary else 0.7,
             alpha=1.0 if solitary else 0.8,
         )
-        lower = np.maximum(values - bound, 1e-12 * np.nanmin(shown))  # to the edge of the picture
+        below, above = np.broadcast_to(bound, (2, len(values)))
+        lower = np.maximum(values - below, 1e-12 * np.nanmin(shown))  # to the edge of the picture
         ax.fill_between(
-            curve.omega, lower, values + bound, where=positive, color=group.colour, alpha=0.25, linewidth=0
+            curve.omega, lower, values + above, where=positive, color=group.colour, alpha=0.25, linewidth=0
         )
         lines.append((curve.omega[positive], values[positive]))
     return lines

@@ -94,8 +94,8 @@ def plot_lanes(results, path) -> None:
         save(fig, path)
 
 
-def last_snapshot(result) -> Disks:
-    """The last snapshot of a flow file as a packing; its record has the number of disks of `walls`, if there are any.
+def snapshot(result, row=-1) -> Disks:
+    """A snapshot of a flow file as a packing; its record has the number of disks of `walls`, if there are any.
 
     Raises InputError where the file holds none.
     """
@@ -103,6 +103,6 @@ def last_snapshot(result) -> Disks:
         raise InputError(f"{result.path}: holds no snapshots: run `jampetsc flow` with --snapshots")
     a = result.attributes
     potential = Potential(str(a["potential"]), str(a["stiffness"]), float(a["k"]))
-    positions, cell = (result.stored(f"snapshots/{name}")[-1] for name in ("positions", "cell"))
+    positions, cell = (result.stored(f"snapshots/{name}")[row] for name in ("positions", "cell"))
     record = {"walls": int(a["walls"])} if "walls" in a else {}
     return Disks.from_positions(positions, result["state/radii"], cell, potential, record=record)

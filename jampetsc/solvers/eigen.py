@@ -1,7 +1,8 @@
-"""Lowest eigenpairs of K with nothing pinned: shift-invert Lanczos, or LAPACK for a large part of the spectrum.
+"""Lowest eigenpairs of K with nothing pinned: SLEPc's shift-invert Krylov–Schur, or LAPACK for a large part of the
+spectrum.
 
-On one rank Lanczos is our own (`lanczos`), with the factor of `blocks`. On more, for very many disks, and wherever an
-option of the user begins with `modes_`, it is SLEPc's.
+On one rank K − σ is factorised by `blocks`. On more, for very many disks, and wherever an option of the user begins
+with `modes_st_`, it is left to CHOLMOD or MUMPS.
 
 The shift σ < 0 lies just below the spectrum, so K − σ is positive definite; translations of connected pieces
 are known and deflated. (With σ = 0 SLEPc would attach them to K as its null space.)
@@ -18,7 +19,6 @@ from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.session import current
 from jampetsc.solvers.blocks import Blocks
 from jampetsc.solvers.cholesky import fits_cholmod
-from jampetsc.solvers.lanczos import lowest_eigenpairs
 
 PREFIX = "modes_"
 # −σ in units of the contact stiffness: of the order of the softest modes. Nearer to zero, a mode of no energy
@@ -26,7 +26,10 @@ PREFIX = "modes_"
 SHIFT = 1e-7
 SPARE = 2  # eigenpairs more than asked for: the first one tells where the last one asked for ends
 BLOCKS = 30_000  # unknowns from which dense blocks pay in the triangular solves of CHOLMOD
-MANY = 250_000  # unknowns from which dense blocks pay in the factor as well: SLEPc takes over
+MANY = 250_000  # unknowns from which dense blocks pay in the factor as well
+VECTORS = (
+    2.5  # kept for each eigenpair: about as many as are needed, so that SLEPc restarts once or not at all
+)
 DENSE = 8192  # unknowns up to which LAPACK finds all eigenpairs
 
 
@@ -68,8 +71,7 @@ def lowest(pencil, count: int, stiffness: float, known=None) -> Eigenpairs:
         raise InputError(f"{count} modes: K has {there} besides its translations; ask for no more")
     if 2 * (count + SPARE) < there or known is not None:
         deflated = moves if known is None else np.vstack((moves, known))
-        find = _krylov if _left_to_slepc(pencil.K) else _lanczos
-        return find(pencil, deflated, count + SPARE, stiffness)
+        return _krylov(pencil, deflated, count + SPARE, stiffness)
     if pencil.unknowns > DENSE:
         raise InputError(
             f"{count} of {there} modes: so large a part of the spectrum is found up to {DENSE // 2} disks; "
@@ -78,23 +80,35 @@ def lowest(pencil, count: int, stiffness: float, known=None) -> Eigenpairs:
     return _dense(pencil, moves, min(count + SPARE, there), stiffness)
 
 
-def _left_to_slepc(matrix) -> bool:
-    """Whether the matrix is spread over ranks or large, or options of the user say how to find its modes."""
-    return matrix.getComm().size > 1 or matrix.getSize()[0] > MANY or current().has_options(PREFIX)
+class _BlockFactor:
+    """(K − σ)⁻¹ of a matrix that one rank has whole, as a preconditioner that PETSc calls."""
+
+    def __init__(self, matrix, shift):
+        self._solve = Blocks(matrix).factorise(shift)
+        if self._solve is None:
+            raise ConvergenceError("K − σ is not positive definite, σ just below zero: K has negative modes")
+
+    def apply(self, pc, b, x):
+        """x = (K − σ)⁻¹ b."""
+        x.setArray(self._solve(b.getArray(readonly=True)))
 
 
-def _lanczos(pencil, deflated, count, stiffness):
-    solve = Blocks(pencil.K).factorise(SHIFT * stiffness)
-    if solve is None:
-        raise ConvergenceError("K − σ is not positive definite, σ just below zero: K has negative modes")
-    values, vectors = lowest_eigenpairs(solve, deflated, count, -SHIFT * stiffness)
-    return Eigenpairs(values, vectors, _residuals(pencil.K, values, vectors), "lanczos", 1)
+def _suits_blocks(matrix) -> bool:
+    """Whether one rank has the matrix whole, it is not too large, and no option of the user says how to factorise."""
+    whole = matrix.getComm().size == 1 and matrix.getSize()[0] <= MANY
+    return whole and not current().has_options(PREFIX + "st_")
 
 
 def _krylov(pencil, moves, count, stiffness):
     SLEPc = current().SLEPc
     deflated = [_vector(pencil, move) for move in moves]
     eps = _solver(pencil.K, count, stiffness)
+    if _suits_blocks(pencil.K):
+        st = eps.getST()
+        st.setMatMode(SLEPc.ST.MatMode.SHELL)  # K − σ is not needed as a matrix
+        pc = st.getKSP().getPC()
+        pc.setType("python")
+        pc.setPythonContext(_BlockFactor(pencil.K, SHIFT * stiffness))
     eps.setDeflationSpace(deflated)
     try:
         eps.solve()
@@ -143,7 +157,7 @@ def _solver(matrix, count, stiffness):
     eps.setOptionsPrefix(PREFIX)
     eps.setOperators(matrix)
     eps.setProblemType(SLEPc.EPS.ProblemType.HEP)
-    eps.setDimensions(count)
+    eps.setDimensions(count, min(int(VECTORS * count) + 1, matrix.getSize()[0]))
     eps.setTarget(-SHIFT * stiffness)
     eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
     eps.setFromOptions()

@@ -20,6 +20,9 @@ import io
 import os
 from collections import OrderedDict
 
+from jampetsc.errors import InputError
+from jampetsc.storage.regular import open_regular
+
 BLOCK = 1 << 18  # bytes hashed at a time; 10 GB have 1.3 MB of hashes
 LINE = 128
 _MAGIC = b"jampetsc-checksums 1 "
@@ -49,6 +52,26 @@ def seal_of(file) -> str | None:
     """The hash in the line of checksums of an open file, None where there is no such line."""
     found = _parse(file)
     return found and found[2]
+
+
+def identity_of(path, every_byte: bool = False) -> str | None:
+    """What a file is known by: the hash in its line of checksums, which stands for all that was written, or the
+    sha256 of a file without that line. None where it is missing, cannot be read, or is not what its checksums say.
+
+    Looks at the end of a sealed file alone, unless `every_byte` is to be compared with its checksums.
+    """
+    try:
+        with open_regular(path) as file:
+            digest = seal_of(file)
+            if digest is None:
+                file.seek(0)
+                return hashlib.file_digest(file, "sha256").hexdigest()
+            content = Verified(file)  # looks at the length
+            while every_byte and content.read(BLOCK):
+                pass
+            return digest
+    except (OSError, InputError):
+        return None
 
 
 class Verified(io.RawIOBase):

@@ -104,19 +104,48 @@ def open_file(path) -> h5py.File:
         return from_stream(open_regular(path))
 
 
+class Elsewhere(OSError):
+    """Some of what an HDF5 file shows lies in another file, which no hash of this one covers."""
+
+
 def from_stream(file) -> h5py.File:
     """The HDF5 in a binary file, which it keeps open, to read only what its checksums confirm.
 
-    Raises Damaged, or OSError where it is no HDF5; a file without checksums has its trial first.
+    Raises Damaged, Elsewhere, or OSError where it is no HDF5; a file without checksums has its trial first.
     """
     try:
         verified = Verified(file)
         if not verified.sealed and _begins(file) and (failure := failure_of(file)):
             raise Damaged(failure)
-        return h5py.File(verified, "r")
+        h5 = h5py.File(verified, "r")
+        _require_all_inside(h5)
+        return h5
     except BaseException:
         file.close()
         raise
+
+
+def _require_all_inside(h5):
+    """Raise Elsewhere for a link that is more than a name, or a dataset with its values in another file.
+
+    Links inside the file are refused with those out of it: they may lead on to one. Of virtual datasets, which lie in
+    part files, `values` and `parts.PartList.read` see to it.
+    """
+
+    def look(name, link):
+        if link.type != h5py.h5l.TYPE_HARD:
+            return f"{name.decode(errors='replace')} is a link"
+        item = h5py.h5o.open(h5.id, name)
+        if isinstance(item, h5py.h5d.DatasetID) and item.get_create_plist().get_external_count():
+            return f"dataset {name.decode(errors='replace')} has its values in another file"
+        return None
+
+    try:
+        found = h5.id.links.visit(look, info=True)
+    except (*_DAMAGE, SystemError) as error:  # SystemError: of an error inside `look`
+        raise Damaged(" ".join(str(error.__cause__ or error).split())) from None
+    if found:
+        raise Elsewhere(found)
 
 
 def _begins(file) -> bool:
@@ -158,6 +187,8 @@ def opening(path):
 def _explain(error) -> str:
     if isinstance(error, Damaged):
         return f"damaged ({error}): copy or make it again"
+    if isinstance(error, Elsewhere):
+        return f"{error}, and what lies elsewhere may change unseen: copy it into this file"
     if "truncated file" in str(error):
         return "truncated: it was not written or copied completely; copy or make it again"
     if "signature not found" in str(error):

@@ -28,12 +28,12 @@ def check_output(out, kind, inputs=(), beside=()) -> None:
     if kind.startswith("jampetsc-") and Path(out).suffix.lower() in _NOT_HDF5:
         raise InputError(f"--out {out}: would be an HDF5 file by that name: give it the ending .h5")
     for other in beside:
-        if _same(out, other) or os.path.realpath(out) == os.path.realpath(other):
+        if is_same(out, other) or os.path.realpath(out) == os.path.realpath(other):
             raise InputError(
                 f"{out}: is another file that this run writes: choose another name for one of them"
             )
     for source in inputs:
-        if _same(out, source):
+        if is_same(out, source):
             alias = "" if str(out) == str(source) else f" {source}"
             raise InputError(f"{out}: is the input{alias}, which would be lost: choose another --out")
     check_writable(out)
@@ -50,7 +50,8 @@ def check_replaced(out, kind) -> None:
         )
 
 
-def _same(one, other):
+def is_same(one, other) -> bool:
+    """Whether two paths, both of which lead to a file, lead to the same one."""
     try:
         return os.path.samefile(one, other)
     except OSError:

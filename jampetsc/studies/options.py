@@ -35,13 +35,10 @@ def positional_of(parser):
     return next((action for action in parser._actions if not action.option_strings), None)
 
 
-def choices_of(parser, table: dict, where: str, begins: bool) -> list[Choice]:
-    """Every combination of the values in a table, in order, the last key running fastest.
+def values_of(parser, table: dict, where: str) -> list:
+    """[(option of the command, its values)] of a table; `where` names file and table in messages.
 
-    parser   of the command; begins: whether a file is given to its positional argument
-    where    names file and table in messages
-
-    Raises InputError for a key, type or value that the command refuses.
+    Raises InputError for a key that the command does not have, or a value of the wrong type.
     """
     options = {option[2:]: action for action in parser._actions for option in action.option_strings}
     lists = []
@@ -49,20 +46,32 @@ def choices_of(parser, table: dict, where: str, begins: bool) -> list[Choice]:
         if key in OWN or (key not in options and not (key == "seeds" and "seed" in options)):
             raise InputError(f"{where}: {_unknown(key, options)}")
         lists.append(_values(options, key, value, where))
+    return lists
+
+
+def choices_of(parser, lists: list, where: str, begins: bool) -> list[Choice]:
+    """Every combination of what `values_of` has found, in order, the last key running fastest.
+
+    parser   of the command; begins: whether a file is given to its positional argument
+
+    Raises InputError for a value that the command refuses.
+    """
     positional = positional_of(parser)
     stand_in = [STAND_IN] if positional is not None and begins else []
     found = []
-    for chosen in itertools.product(*lists):
+    actions = [action for action, _ in lists]
+    for values in itertools.product(*(values for _, values in lists)):
+        chosen = list(zip(actions, values, strict=True))
         words = [word for action, value in chosen for word in words_of(action, value)]
         try:
             args = parser.parse_args([*stand_in, "--out", STAND_IN, *words])
             args.check(args)
         except InputError as error:
             raise InputError(f"{where}: {error}") from None
-        dests = [action.dest for action, _ in chosen]
+        dests = [action.dest for action in actions]
         parsed = {dest: value for dest, value in vars(args).items() if dest in dests}
         changed = {dest: value for dest, value in parsed.items() if value != parser.get_default(dest)}
-        found.append(Choice(tuple(words), {d: _number(v) for d, v in parsed.items()}, changed, args))
+        found.append(Choice(tuple(words), {d: number_of(v) for d, v in parsed.items()}, changed, args))
     return found
 
 
@@ -74,28 +83,28 @@ def _unknown(key, options):
 
 
 def _values(options, key, value, where):
-    """[(action, value)] of one key. Raises InputError."""
+    """(action, its values) for one key. Raises InputError."""
     if key == "seeds" and "seed" in options:  # one task per seed, not one run of the command for all
         key, value = "seed", _seeds(value, where)
-    action, values = options[key], value if isinstance(value, list) else [value]
+    action, values = options[key], value if isinstance(value, list | range) else [value]
     if not values:
         raise InputError(f"{where}: {key} = []: give at least one value")
-    for one in values:
+    for one in () if isinstance(values, range) else values:
         if action.nargs == 0 and not isinstance(one, bool):
             raise InputError(f"{where}: {key} = {one!r}: is a switch: write true or false")
         if action.nargs != 0 and (isinstance(one, bool) or not isinstance(one, int | float | str)):
             raise InputError(
                 f"{where}: {key} = {_toml(one)}: must be a number or a string, or a list of such"
             )
-    return [(action, one) for one in values]
+    return action, values
 
 
 def _seeds(value, where):
-    """The seeds of "first:last"; a list or one number as it is."""
+    """The seeds of "first:last", a range; a list or one number as it is."""
     if not isinstance(value, str):
         return value
     try:
-        return list(seeds_of(value))
+        return seeds_of(value)
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
 
@@ -109,12 +118,12 @@ def words_of(action, value):
     option = action.option_strings[0]
     if action.nargs == 0:
         return [option] if value else []
-    value = _number(value)
+    value = number_of(value)
     text = repr(value) if isinstance(value, float) else str(value)
     return [f"{option}={text}"] if text.startswith("-") else [option, text]
 
 
-def _number(value):
+def number_of(value):
     """A number where a string is one, anything else as it is."""
     if isinstance(value, str):
         for kind in (int, float):

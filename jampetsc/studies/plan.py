@@ -6,21 +6,25 @@ pressure = [1e-2, 1e-3]
 seeds = "1:20"
 [[sweep]]
 beta = [1.0, 1e-3]
+where = {pressure = 1e-2} only on these packings
 [quasistatic]
 """
 
 import difflib
 import hashlib
 import json
+import math
 import tomllib
 from dataclasses import dataclass
 
 from jampetsc.errors import InputError
 from jampetsc.storage.regular import open_regular
 from jampetsc.studies.kinds import KINDS, NOTHING, PACKING, SEEDS, START, SWEEP
-from jampetsc.studies.options import Choice, choices_of, label_of
+from jampetsc.studies.options import Choice, choices_of, label_of, number_of, values_of
 
 SEED = "seed"
+WHERE = "where"  # key of a table: of what it begins with, those that were asked for with these values
+MANY = 100_000  # tasks of one study
 HASH = 8  # hexadecimal digits in the name of a file
 
 
@@ -69,7 +73,7 @@ def plan(path, content: bytes, parsers: dict) -> list[Task]:
     path      names STUDY.toml in messages; content: what it holds
     parsers   command -> its argparse parser, for all KINDS
 
-    Raises InputError naming file, table and key.
+    Raises InputError naming file, table and key; for too many tasks before any is made.
     """
     tables = _tables(path, content)
     tasks = {}  # name -> Task: what is asked for twice is done once
@@ -77,8 +81,14 @@ def plan(path, content: bytes, parsers: dict) -> list[Task]:
     for command, kind in KINDS.items():
         for where, table in tables.get(command, []):
             begins = kind.on is not NOTHING and not (kind.on is START and "n" in table)
-            for choice in choices_of(parsers[command], table, where, begins):
-                starts = _starts(kind, found, where) if begins else [()]
+            wanted = table.pop(WHERE, {}) if begins else {}
+            lists = values_of(parsers[command], table, where)
+            starts = _chosen(_starts(kind, found, where), wanted, where) if begins else [()]
+            count = len(starts) * math.prod(len(values) for _, values in lists)
+            if len(tasks) + count > MANY:
+                before = f" with the {len(tasks)} before them" if tasks else ""
+                raise InputError(f"{where}: {count} tasks{before}: at most {MANY} in one study")
+            for choice in choices_of(parsers[command], lists, where, begins):
                 for inputs in starts:
                     task = _task(command, choice, inputs)
                     if task.name not in tasks:
@@ -95,6 +105,8 @@ def _tables(path, content):
         content = tomllib.loads(content.decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: is not TOML: {error}") from None
+    except RecursionError:
+        raise InputError(f"{path}: brackets within brackets, too deep for any table: remove them") from None
     found = {}
     for command, value in content.items():
         if command not in KINDS:
@@ -132,9 +144,27 @@ def _starts(kind, found, where):
     return [tuple(group) for group in groups.values()]
 
 
+def _chosen(starts, wanted, where):
+    """Those of `_starts` whose columns have these values, any one of a list. Raises InputError where none has."""
+    if not isinstance(wanted, dict):
+        raise InputError(f"{where}: {WHERE} = {wanted!r}: write {WHERE} = {{pressure = 1e-4}}")
+    for name, value in wanted.items():
+        values = [number_of(one) for one in (value if isinstance(value, list) else [value])]
+        found = [inputs for inputs in starts if _shared(inputs).get(name) in values]
+        if not found:
+            raise InputError(f"{where}: {WHERE}: there is nothing with {name} = {value}")
+        starts = found
+    return starts
+
+
+def _shared(inputs):
+    """What all of these tasks were asked for alike: seeds differ where a task takes all of them."""
+    shared = inputs[0].columns if inputs else {}
+    return {k: v for k, v in shared.items() if all(task.columns.get(k) == v for task in inputs)}
+
+
 def _task(command, choice, inputs):
-    shared = inputs[0].columns if inputs else {}  # seeds differ where a task takes all of them
-    shared = {k: v for k, v in shared.items() if all(task.columns.get(k) == v for task in inputs)}
+    shared = _shared(inputs)
     of = [task.name for task in inputs]
     if KINDS[command].on is SEEDS:  # other seeds: the same task, done anew
         shared.pop(SEED, None)

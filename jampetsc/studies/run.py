@@ -9,8 +9,10 @@ from jampetsc.errors import InputError
 from jampetsc.progress import Progress
 from jampetsc.storage.atomic import write_error, write_whole
 from jampetsc.storage.ensemble import TABLE
+from jampetsc.storage.outputs import is_same
 from jampetsc.studies.board import BROKEN, DONE, Board
 from jampetsc.studies.costs import Costs, in_words
+from jampetsc.studies.journal import NAME as JOURNAL
 from jampetsc.studies.journal import Journal, records_of
 from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.lock import Lock
@@ -18,28 +20,46 @@ from jampetsc.studies.table import rows_of, table_text
 from jampetsc.studies.tasks import Runner
 
 COPY = "study.toml"
+MANY = 10  # files that a line names
 LARGE = 50_000  # disks from which all ranks work on one task together
 REFRESH = 60.0  # seconds after which the table is written again while the study runs
 BYTES = 30_000  # per disk, of a sweep on one rank
 
 
-def run(tasks, folder, parsers, source: bytes, session) -> list[dict]:
+def run(tasks, folder, parsers, path, source: bytes, session) -> list[dict]:
     """Do what is left of a study and write its table; the rows. Collective.
 
-    source   what STUDY.toml holds, kept beside the table
+    path, source   STUDY.toml, and what it held when the tasks were read: kept beside the table
 
-    Raises InputError where another study runs in the folder. A task that fails is a row of the table.
+    Raises InputError where another study runs in the folder, or where its files would be lost. A task that fails is a
+    row of the table.
     """
     folder, comm = Path(folder), session.comm
     lock = Lock(folder)
-    by_rank_0(comm, lambda: _open(folder, lock))
+    by_rank_0(comm, lambda: _open(folder, path, lock))
     try:
-        records = by_rank_0(comm, lambda: records_of(folder))
-        runner, journal = Runner(folder, parsers, records, own_cores(comm)), Journal(folder, comm.rank)
-        left = by_rank_0(comm, lambda: [not runner.finished(task) for task in tasks])
-        left = [task for task, open_ in zip(tasks, left, strict=True) if open_]
-        work = _Work(session, runner, journal, left, lambda: _write_table(folder, tasks, records_of(folder)))
+        runner, journal = Runner(folder, parsers, {}, own_cores(comm)), Journal(folder, comm.rank)
+
+        def look():
+            runner.records = records_of(folder)
+            return runner.left(tasks), runner.records
+
+        (left, changed, adopted), records = by_rank_0(comm, look)
+        runner.records = records
+        void = {name: records.get(name) for name in left}
+        left = [task for task in tasks if task.name in void]
+
+        def refresh():
+            now = records_of(folder).items()
+            _write_table(folder, tasks, {name: one for name, one in now if one != void.get(name)}, runner)
+
+        work = _Work(session, runner, journal, left, refresh)
         with work.progress:
+            if changed:
+                work.progress.note(told_of(changed))
+            with agreed(comm):
+                for record in adopted if comm.rank == 0 else ():
+                    journal.append(record)
             for together, some in _phases(left, session):
                 (work.together if together else work.apart)(some)
         new = comm.gather(work.made)
@@ -47,27 +67,53 @@ def run(tasks, folder, parsers, source: bytes, session) -> list[dict]:
         with agreed(comm):
             if comm.rank == 0:
                 records |= {record["task"]: record for made in new for record in made}
-                rows = _write_table(folder, tasks, records)
-                write_whole(folder / COPY, source)
+                rows = _write_table(folder, tasks, records, runner)
+                if not is_same(path, folder / COPY):  # it may have been edited meanwhile
+                    write_whole(folder / COPY, source)
         return comm.bcast(rows)
     finally:
         lock.release()
 
 
-def _write_table(folder, tasks, records):
-    """Write the table of what is done; its rows."""
-    rows = rows_of(tasks, records)
+def told_of(changed) -> str:
+    """The line about files that are not what the study made."""
+    more = f" and {len(changed) - MANY} more" if len(changed) > MANY else ""
+    return (
+        f"made again, with all that was computed from it, because it is missing or not what this study made: "
+        f"{', '.join(changed[:MANY])}{more}"
+    )
+
+
+def _write_table(folder, tasks, records, runner):
+    """Write the table of what is done; its rows. What is asked for no more stays while its files are what they were."""
+    asked = {task.name for task in tasks}
+    rows = rows_of(tasks, {name: one for name, one in records.items() if name in asked or runner.stands(one)})
     write_whole(folder / TABLE, table_text(rows).encode())
     return rows
 
 
-def _open(folder, lock):
+def check_folder(folder, path) -> None:
+    """Raise InputError where a study would replace a table or a STUDY.toml that no study has put in the folder.
+
+    path   STUDY.toml of this study, which may be the one that lies there
+    """
+    for name in (TABLE, COPY):
+        held = folder / name
+        if held.exists() and not (folder / JOURNAL).is_dir() and not is_same(path, held):
+            raise InputError(
+                f"{held}: is there already and is of no study that ran in this folder: choose another --out, or move it"
+            )
+
+
+def _open(folder, path, lock):
+    check_folder(folder, path)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        for made in (folder, folder / JOURNAL):  # which tells that table.csv and study.toml are a study's
+            made.mkdir(parents=True, exist_ok=True)
     except FileExistsError:
-        raise InputError(f"{folder}: is no folder: choose another --out") from None
+        raise InputError(f"{made}: is no folder: choose another --out") from None
     except OSError as error:
-        raise write_error(folder, error) from None
+        raise write_error(made, error) from None
     lock.take()
 
 

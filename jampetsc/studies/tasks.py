@@ -1,8 +1,10 @@
 """One task of a study: the command's own work, with what it says kept back, and a record of what became of it."""
 
 import contextlib
+import functools
 import glob
 import io
+import math
 import os
 import shutil
 import time
@@ -10,11 +12,16 @@ import time
 from jampetsc import session
 from jampetsc.collective import by_rank_0
 from jampetsc.errors import InputError, JampetscError
-from jampetsc.storage.provenance import command_line, recorded_as
+from jampetsc.storage.checksums import identity_of
+from jampetsc.storage.packing_file import packing_identity
+from jampetsc.storage.parts import parts_of
+from jampetsc.storage.provenance import command_line, derived_from, recorded_as
 from jampetsc.storage.reader import load
-from jampetsc.studies.kinds import KINDS, SEEDS
 from jampetsc.studies.numbers import numbers_of
 from jampetsc.studies.options import positional_of
+
+LATER = 1e-3  # seconds between two records of a task, at least
+ASIDE = ".replaced"  # behind the name of a file that was put in the place of one that the study made
 
 
 class Runner:
@@ -26,16 +33,52 @@ class Runner:
     def __init__(self, folder, parsers, records: dict, cores: int = 1):
         self.folder, self.parsers, self.records, self.cores = folder, parsers, records, cores
 
-    def finished(self, task) -> bool:
-        """Whether there is nothing to do for a task, as far as can be told before what it reads is done."""
-        record = self.records.get(task.name)
-        return (
-            record is not None
-            and record["state"] == "done"
-            and os.path.exists(self.folder / task.file)
-            and set(record["inputs"]) <= {one.name for one in task.inputs}
-            and (KINDS[task.command].on is not SEEDS or len(record["inputs"]) == len(task.inputs))
-        )
+    def left(self, tasks):
+        """What there is to do before any task is done: three lists.
+
+        Names of tasks that are left: all that is not done, or whose files are not what they were, and what reads these.
+        What a task reads may be the same when it is made anew: `run` looks once more. Then files that are not what was
+        made, and records of an older program that were given the hashes that it did not keep.
+        """
+        left, changed, adopted = {}, [], []
+        failed = [task for task in tasks if self.records.get(task.name, {}).get("state") == "failed"]
+        suspects = {one.file for task in failed for one in task.inputs}  # may be what it failed by
+        identity = functools.cache(lambda name: identity_of(self.folder / name, every_byte=name in suspects))
+        for task in tasks:
+            record = self.records.get(task.name)
+            if _done(record) and "files" not in record and (found := self._adopted(task, record)):
+                self.records[task.name] = record = found
+                adopted.append(record)
+            if _done(record) and record.get("files", {}).get(task.file, "") != identity(task.file):
+                changed.append(task.file)
+            current = _current(record, task.inputs, identity)
+            if not current or any(one.name in left for one in task.inputs):
+                left[task.name] = None
+        return list(left), changed, adopted
+
+    def _adopted(self, task, record):
+        """A record without hashes, as older programs made them, with those of now; None if it is not of these files."""
+        path = self.folder / task.file
+        try:
+            if task.command == "pack":
+                row, before = row_of(task, numbers_of(path)), record["row"]
+                same = all(_same(row[name], before[name]) for name in row.keys() & before.keys())
+            else:
+                same = _made_from(load(path), task, [self.folder / f"{name}.h5" for name in record["inputs"]])
+            files = self._files([*record["inputs"], task.name])
+            return record | {"files": files, "time": record["time"] + LATER} if same else None
+        except (InputError, AttributeError):
+            return None
+
+    def _files(self, names):
+        """{file: identity} of what these tasks have left, the parts of the last one's file included."""
+        files = [f"{name}.h5" for name in names]
+        parts = names and parts_of(self.folder / files[-1])
+        return {name: identity_of(self.folder / name) for name in [*files, *(parts.sizes if parts else ())]}
+
+    def stands(self, record) -> bool:
+        """Whether the files that a record tells of are still what they were, as far as it knows."""
+        return all(identity_of(self.folder / name) == one for name, one in record.get("files", {}).items())
 
     def run(self, task, there, together=False) -> dict:
         """Do a task with those of its inputs that are `there`; its record.
@@ -44,13 +87,20 @@ class Runner:
                    raised but interrupts.
         """
         began = time.perf_counter()
-        record = {"task": task.name, "inputs": [one.name for one in there], "time": time.time(), "row": {}}
+        known, names = self.records.get(task.name), [one.name for one in there]
+        when = max(time.time(), known["time"] + LATER if known else 0.0)  # also if a clock was set back
+        record = {"task": task.name, "inputs": names, "time": when, "row": {}}
         try:
             if not there and task.inputs:
                 raise InputError(f"{task.inputs[0].file} failed")
-            if self._unchanged(task, record["inputs"]):
-                return self.records[task.name]
+            comm = session.current().comm
+            if by_rank_0(
+                comm, lambda: _current(known, there, lambda name: identity_of(self.folder / name, True))
+            ):
+                return known
+            record["files"] = by_rank_0(comm, lambda: self._files(names))  # before they are read
             self._work(task, there)
+            record["files"] |= by_rank_0(comm, lambda: self._files([task.name]))
             found = numbers_of(self.folder / task.file)
             state, why = "done", ""
         except JampetscError as error:
@@ -64,17 +114,11 @@ class Runner:
         why = " ".join(why.replace(f"{self.folder}{os.sep}", "").split()).removeprefix(f"{task.file}: ")
         return record | {"state": state, "why": why, "seconds": seconds, "row": row_of(task, found)}
 
-    def _unchanged(self, task, inputs):
-        """Whether the files of all seeds are those that there were when their file was made."""
-        record = self.records.get(task.name)
-        several = KINDS[task.command].on is SEEDS and record and record["state"] == "done"
-        return several and record["inputs"] == inputs and os.path.exists(self.folder / task.file)
-
     def _work(self, task, there):
         """Make the file, unless a run that was killed has made it just before it could say so."""
         out = self.folder / task.file
         words = task.line([one.file for one in there], task.file)
-        if by_rank_0(session.current().comm, lambda: _made_by(words, out) and _tidied(out)):
+        if by_rank_0(session.current().comm, lambda: self._is_there(task, words, there)):
             return
         positional = positional_of(self.parsers[task.command])
         args = task.choice.arguments(positional, [str(self.folder / one.file) for one in there], str(out))
@@ -86,6 +130,25 @@ class Runner:
         if status:
             raise JampetscError(f"{task.command} ended with status {status}: {heard.getvalue().strip()}")
 
+    def _is_there(self, task, words, there) -> bool:
+        """Whether the file is the result of this command line on these files; a packing is left to `pack`, which looks
+        for itself. What the study has made and somebody has changed makes way, under another name.
+        """
+        path, known = self.folder / task.file, self.records.get(task.name)
+        if _done(known) and identity_of(path, every_byte=True) != known.get("files", {}).get(task.file):
+            with contextlib.suppress(FileNotFoundError):
+                os.replace(path, f"{path}{ASIDE}")
+        try:
+            found = load(path)
+            return (
+                task.command != "pack"
+                and found.attributes["argv"] == command_line(words)
+                and _made_from(found, task, [self.folder / one.file for one in there])
+                and _tidied(path)
+            )
+        except (InputError, AttributeError):
+            return False
+
 
 def row_of(task, found) -> dict:
     """The row of a task: what it is, what it was asked for, and the numbers that were found."""
@@ -94,16 +157,37 @@ def row_of(task, found) -> dict:
     return {"command": task.command, "file": task.file} | {**found, **packing, **asked}
 
 
+def _done(record) -> bool:
+    return record is not None and record["state"] == "done"
+
+
+def _current(record, inputs, identity) -> bool:
+    """Whether a record tells of a file made from these tasks' files, all of them being what they were."""
+    return (
+        _done(record)
+        and {one.name for one in inputs} == set(record["inputs"])
+        and "files" in record
+        and all(identity(name) == one for name, one in record["files"].items())
+    )
+
+
+def _same(one, other) -> bool:
+    """Whether two cells of a row are the same, numbers but for rounding."""
+    return one == other or (isinstance(one, float) and math.isclose(one, other, rel_tol=1e-9))
+
+
+def _made_from(result, task, paths) -> bool:
+    """Whether a result was made from the files at `paths` as they are now, by what it says of them."""
+    if not paths:
+        return True
+    if task.inputs[0].command == "pack":
+        return result.attributes["packing_sha256"] == packing_identity(paths[0])[1]
+    runs = derived_from([load(path) for path in paths], 0.0)["source_runs"]
+    return result.attributes["source_runs"] == runs
+
+
 def _tidied(path):
     """Remove the checkpoint that a run leaves when it is killed with its file just made; True."""
     for left in path.parent.glob(f"{glob.escape(path.name)}.resume*"):
         shutil.rmtree(left) if left.is_dir() else left.unlink()
     return True
-
-
-def _made_by(words, path):
-    """Whether a file is the result of this command line; a packing is left to `pack`, which looks for itself."""
-    try:
-        return load(path).attributes["argv"] == command_line(words)
-    except (InputError, AttributeError, KeyError):
-        return False

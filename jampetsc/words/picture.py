@@ -39,8 +39,8 @@ def count(items, one="sweep", many="sweeps") -> str:
 
 
 def within(args, option, low, high, default):
-    """The value of an option. Raises InputError unless it lies between low and high."""
+    """The value of an option. Raises InputError unless it lies from low to high."""
     value = vars(args)[option]
-    if value is not None and not low < value < high:
+    if value is not None and not low <= value <= high:
         raise InputError(f"--{option.replace('_', '-')} {value:g}: must lie between {low} and {high}")
     return default if value is None else value

@@ -7,7 +7,7 @@ PICTURES: dict[str, Picture] = {}
 picture = entering(PICTURES)
 
 
-@picture("moduli", "sweep")
+@picture("moduli", "sweep", options=("statistic",))
 def _moduli(args, items):
     from jampetsc.plots.curves import curve_of
     from jampetsc.plots.moduli import plot_moduli
@@ -17,12 +17,12 @@ def _moduli(args, items):
     return f"G' and G'' of {count(items)}{text}"
 
 
-@picture("storage", "sweep")
+@picture("storage", "sweep", options=("statistic",))
 def _storage(args, items):
     return _one_modulus(args, items, "STORAGE", "G'")
 
 
-@picture("loss", "sweep")
+@picture("loss", "sweep", options=("statistic",))
 def _loss(args, items):
     return _one_modulus(args, items, "LOSS", "G''")
 
@@ -38,18 +38,25 @@ def _one_modulus(args, items, part, words):
 
 
 def _averaged(args, curves):
-    """(curves, what their bands are, words): the means of an ensemble where a study is drawn."""
+    """(curves, what their bands are, words): the means or medians of an ensemble where a study is drawn."""
+    if not args.average and args.statistic:
+        raise InputError(
+            f"--statistic {args.statistic}: is taken over the packings of a study: give its folder"
+        )
     if not args.average:
         return curves, "", ""
-    from jampetsc.plots.averages import BAND, average_curves
+    statistic = args.statistic or "mean"
+    from jampetsc.plots.averages import BANDS, average_curves
 
-    averages = average_curves(curves)
+    averages = average_curves(curves, statistic)
     negative = sum(bool((curve.G.real < 0).any()) for curve in curves)
     below = f"; G' < 0 somewhere in {negative} of them, which count like the others" if negative else ""
-    return averages, BAND, f", arithmetic means over packings with bootstrap errors{below}"
+    words = {"mean": "arithmetic means", "median": "medians"}[statistic]
+    band = BANDS[statistic] + (f"\n$G$\u2032 < 0 in {negative} of {len(curves)}" if negative else "")
+    return averages, band, f", {words} over packings with bootstrap errors{below}"
 
 
-@picture("collapse", "sweep", options=("mu", "lambda"))
+@picture("collapse", "sweep", options=("mu", "lambda", "statistic"))
 def _collapse(args, items):
     from jampetsc.analysis.scaling import LAMBDA, MU, collapse_spread
     from jampetsc.plots.curves import curve_of
@@ -173,7 +180,7 @@ def _medians(args, items):
     return f"medians of floppy motion in {count(items, 'file', 'files')}"
 
 
-@picture("exponents", "quasistatic")
+@picture("median-exponents", "quasistatic")
 def _exponents(args, items):
     from jampetsc.plots.floppy import plot_exponents
 
@@ -187,6 +194,33 @@ def _viscosities(args, items):
 
     plot_viscosities(items, args.out)
     return f"eta0 and eta_inf against beta of {count(items, 'file', 'files')}"
+
+
+@picture("exponents", "sweep", "quasistatic")
+def _exponents(args, items):
+    from jampetsc.plots.curves import curve_of
+    from jampetsc.plots.exponents import plot_exponents, plot_pressure_exponents
+
+    if items[0].format.endswith("sweep"):
+        plot_exponents([curve_of(item) for item in items], args.out)
+        return f"local exponents of G* against omega of {count(items)}"
+    plot_pressure_exponents(items, args.out)
+    return f"local exponents of G0, eta0 and omega* against p of {count(items, 'file', 'files')}{_unstable(items)}"
+
+
+def _unstable(items):
+    """How many of the files have G₀ < 0 under pre-stress, in words."""
+    negative = sum(item.attributes["G0"] < 0 for item in items if item.attributes["prestress"])
+    return f"; G0 < 0 in {negative} of them, which count like the others" if negative else ""
+
+
+@picture("finite-size", "quasistatic", options=("size_power",))
+def _finite_size(args, items):
+    from jampetsc.plots.finite_size import POWER, plot_finite_size
+
+    power = within(args, "size_power", 0, 10, POWER)
+    plot_finite_size(items, args.out, power)
+    return f"eta0/N^{power:g} against pN^2 of {count(items, 'file', 'files')}{_unstable(items)}"
 
 
 @picture("response", "quasistatic", options=("packing",), single=True)

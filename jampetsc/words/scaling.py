@@ -13,7 +13,9 @@ from jampetsc.words.files import files_named
 
 OBSERVABLES = ("pressure", "shear_stress", "jammed")
 FORMATS = {False: ("jampetsc-flow",), True: ("jampetsc-jam", "jampetsc-shear")}  # by rate, by size
-ALIKE = ("model", "mass", "sizes", "potential", "stiffness", "protocol", "cooling_rate", "units", "k", "tau1")
+ALIKE = (
+    "model", "mass", "sizes", "potential", "stiffness", "protocol", "cooling_rate", "separated", "units", "k", "tau1"
+)  # fmt: skip
 SAME_PHI = 6  # decimals
 
 

@@ -38,16 +38,44 @@ def _phi(args, items):
 @picture("snapshot", "flow")
 def _snapshot(args, items):
     from jampetsc.plots.packing import plot_flowing
-    from jampetsc.plots.shearing import kind_of, labels_of, last_snapshot
+    from jampetsc.plots.shearing import kind_of, labels_of, snapshot
 
     titles = labels_of([kind_of(item) for item in items]) if len(items) > 1 else [""]
-    panels = [(title, last_snapshot(item)) for title, item in zip(titles, items, strict=True)]
+    panels, shown = [], []
+    for title, item in zip(titles, items, strict=True):
+        snapshot(item)  # there is one
+        strain = item["snapshots/strain"]
+        rows = (0, -1) if strain[0] == 0 else (-1,)  # the start, where it was kept, beside the end
+        for row in rows:
+            disks, at = snapshot(item, row), rf"$\gamma={strain[row]:.4g}$" if len(rows) > 1 else ""
+            panels.append((", ".join(filter(None, (title, at))), disks))
+            shown.append(f"{disks.n - disks.record.get('walls', 0)} disks at strain {strain[row]:.4g}")
     plot_flowing(panels, args.out)
-    shown = [
-        f"{disks.n - disks.record.get('walls', 0)} disks at strain {item['snapshots/strain'][-1]:.4g}"
-        for (_, disks), item in zip(panels, items, strict=True)
-    ]
     return f"contacts of {', '.join(shown)}"
+
+
+@picture("regimes", "flow")
+def _regimes(args, items):
+    from jampetsc.plots.regimes import plot_regimes
+
+    plot_regimes(items, args.out)
+    return f"exponents and clusters of {count(items, 'run', 'runs')} against Q"
+
+
+@picture("order", "flow")
+def _order(args, items):
+    from jampetsc.plots.order import plot_order
+
+    plot_order(items, args.out)
+    return f"six-fold order of {count(items, 'run', 'runs')} over the strain"
+
+
+@picture("profile", "flow")
+def _profile(args, items):
+    from jampetsc.plots.profiles import plot_profiles
+
+    plot_profiles(items, args.out)
+    return f"velocity between walls of {count(items, 'run', 'runs')} in windows of strain"
 
 
 @picture("minimum", "shear", single=True)
@@ -65,10 +93,10 @@ def _velocities(args, items):
     import numpy as np
 
     from jampetsc.plots.fields import plot_panels
-    from jampetsc.plots.shearing import last_snapshot
+    from jampetsc.plots.shearing import snapshot
 
     (result,) = items
-    disks = last_snapshot(result)
+    disks = snapshot(result)
     field = result["snapshots/velocities"][-1] / float(result.attributes["rate"])
     strain = result["snapshots/strain"][-1]
     plot_panels(disks, [(rf"$\gamma={strain:.4g}$", field)], np.arange(disks.n), args.out, r"u/\dot\gamma")

@@ -1,0 +1,84 @@
+"""Keeps what a figure's study found, without its packings and states: docs/kept/NAME.tar.xz, a few hundred kB.
+
+    .venv/bin/python benchmarks/keep.py figures/bt-fig3-paper [figures/bt-fig5-paper …]
+
+The archive holds the folder of the study with its table and its results, these without what `run/figures/NAME --kept`
+and benchmarks/reproduction.py do not need: packings, displacements, states to go on from. Numbers are kept to single
+precision, the series of steady flows as means over a hundredth of the run. Every result still names the commit and
+the command line that made it.
+"""
+
+import io
+import re
+import sys
+import tarfile
+import tempfile
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from jampetsc.storage.hdf5 import OutputFile, attributes, open_file, set_attributes, store
+
+KEPT = Path(__file__).resolve().parents[1] / "docs" / "kept"
+LEFT_OUT = re.compile(
+    r"(state|snapshots/(positions|velocities|cell)|fields/|reduced|modes$|contacts|nonaffine|particles|radii)"
+)
+MOST = 100_000  # numbers of a dataset
+ROWS = 100  # of the series of a flow
+EXACT = ("omega", "phi")  # what results are compared or chosen by
+TEXTS = ("table.csv", "study.toml", "asked.toml")
+
+
+def slim(source: Path, target: Path) -> None:
+    """A result at `source` without what takes room, in a file of its own at `target`."""
+    with open_file(source) as h5, OutputFile(target) as kept:
+        facts = attributes(h5)
+        set_attributes(kept, facts)
+        rows = len(h5["strain"]) if facts["format"] == "jampetsc-flow" else 0
+
+        def copy(name, item):
+            if isinstance(item, h5py.Dataset) and not LEFT_OUT.match(name) and item.size <= MOST:
+                values = item[()]
+                if rows > ROWS and values.shape[:1] == (rows,):
+                    values = np.array([part.mean(0) for part in np.array_split(values, ROWS)])
+                store(kept, name, values if name in EXACT else single(values))
+
+        h5.visititems(copy)
+
+
+def single(values):
+    """Floating-point numbers in single precision, others as they are."""
+    return values.astype({"f": np.float32, "c": np.complex64}.get(values.dtype.kind, values.dtype))
+
+
+def keep(folder: Path, to: Path = KEPT) -> Path:
+    """Write the archive of a figure's folder; its path."""
+    target = to / f"{re.sub('-(quick|paper)$', '', folder.name)}.tar.xz"
+    to.mkdir(parents=True, exist_ok=True)
+    with tarfile.open(target, "w:xz", preset=9) as archive, tempfile.TemporaryDirectory() as scratch:
+        for path in sorted(folder.rglob("*")):
+            if path.name in TEXTS:
+                add(archive, path.relative_to(folder), path.read_bytes())
+            elif path.suffix == ".h5" and not path.name.startswith("pack-"):
+                small = Path(scratch) / "small.h5"
+                slim(path, small)
+                add(archive, path.relative_to(folder), small.read_bytes())
+    return target
+
+
+def add(archive, name, content) -> None:
+    """A file of the archive that carries no trace of the machine."""
+    entry = tarfile.TarInfo(str(name))
+    entry.size = len(content)
+    archive.addfile(entry, io.BytesIO(content))
+
+
+def main():
+    for name in sys.argv[1:]:
+        target = keep(Path(name).resolve())
+        print(f"{target}: {target.stat().st_size / 1e3:.0f} kB")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,145 @@
+"""How P(p) of jammed states goes as p → 0: the table and the picture of run/figures/paper3.
+
+    .venv/bin/python benchmarks/pressures.py figures/paper3-quick --picture x.png
+
+y of P(p) ~ p^(1/y − 1) below cuts at ½, ¼ and ⅛ of ⟨p⟩, and its limit: `jampetsc.analysis.jamming.low_end`.
+"""
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import jampetsc
+from jampetsc.analysis.jamming import CUTS, LowEnd, low_end, memory
+from jampetsc.contacts.potentials import EXPONENTS
+from jampetsc.plots import style
+from jampetsc.plots.jamming import samples_of
+
+NAMES = {"random": "RAND", "shear": "QS"}
+BINS = 4  # per decade of p,
+SHOWN = 4  # with as many independent states at least
+
+
+@dataclass(frozen=True)
+class Pressures:
+    """Jammed states at one φ."""
+
+    name: str  # RAND or QS
+    potential: str
+    n: int
+    phi: float
+    values: np.ndarray  # p of the jammed, (S,)
+    memory: float  # of them count as one
+    end: LowEnd
+
+    @property
+    def independent(self) -> float:
+        """Independent states below the smallest cut."""
+        return self.end.counts[-1] / self.memory
+
+
+def pressures(table) -> list[Pressures]:
+    """Of every potential, N, φ and protocol."""
+    groups = {}
+    for one in table.where(command="jam").results():
+        a = one.attributes
+        key = int(a["particle_count"]), str(a["potential"]), str(a["protocol"])
+        groups.setdefault(key, []).append(one)
+    found = []
+    for (n, potential, protocol), results in sorted(groups.items()):
+        (samples,) = samples_of(results)
+        for phi, runs in sorted(samples.runs.items()):
+            values = samples.pressures(phi)
+            edge = CUTS[0] * np.mean(values) if len(values) else 0.0
+            remembered = memory([((jammed == 1) & (p < edge)).astype(float) for jammed, p in runs])
+            end = low_end(values, EXPONENTS[potential], remembered)
+            found.append(Pressures(NAMES[protocol], potential, n, phi, values, remembered, end))
+    return found
+
+
+def print_table(found):
+    """y at every cut and in the limit."""
+    print(
+        "| states | potential | N | φ | jammed | count as one | y below ⟨p⟩/2 | ⟨p⟩/4 | ⟨p⟩/8 | limit | 1/y − 1 |"
+    )
+    print("|---|---|---|---|---|---|---|---|---|---|---|")
+    for one in found:
+        end = one.end
+        cuts = [f"{y:.3f} ± {error:.3f}" for y, error in zip(end.y, end.error, strict=True)]
+        limit = f"{end.limit:.3f} ± {end.limit_error:.3f}", "{:.3f} ± {:.3f}".format(*end.power)
+        which = f"{one.name} | {one.potential} | {one.n} | {one.phi:g} | {len(one.values)} | {one.memory:.1f}"
+        print(f"| {which} | {' | '.join([*cuts, *limit])} |")
+
+
+def draw(found, path):
+    """(a), (b) P(p) of harmonic and of Hertzian disks, both logarithmic; (c) y against the cut, with its limit at 0."""
+    kinds = {(one.name, one.n): None for one in found}
+    looks = dict(zip(kinds, zip(style.colours(len(kinds)), style.MARKERS, strict=False), strict=False))
+    with style.figure(style.PAGE, 5.4, layout="constrained") as figure:
+        axes = figure.subplots(2, 2).ravel()
+        for ax, low, potential in zip(axes, axes[2:], EXPONENTS, strict=False):
+            for one in (one for one in found if one.potential == potential and len(one.values)):
+                colour, marker = looks[one.name, one.n]
+                label = f"{one.name}, $N={one.n}$"
+                _draw_density(ax, one, {"color": colour, "marker": marker, "label": label})
+                _draw_cuts(low, one, {"color": colour, "marker": marker, "label": label})
+            y = EXPONENTS[potential] - 1.0
+            _draw_guide(ax, round(1.0 / y - 1.0, 12))
+            low.axhline(y, color=style.GREY, lw=0.6, ls=":", label=r"$\alpha-1$")
+            low.legend()
+            ax.set_title(potential, pad=3)
+        style.letter_panels(axes)
+        style.save(figure, path)
+
+
+def _draw_density(ax, one, look):
+    """P(p)⟨p⟩ against p/⟨p⟩ in bins of the same width in ln p, errors of counting."""
+    x = one.values / one.values.mean()
+    edges = 10.0 ** (
+        np.arange(np.floor(np.log10(x.min()) * BINS), np.ceil(np.log10(x.max()) * BINS) + 1) / BINS
+    )
+    counts = np.histogram(x, edges)[0]
+    some = counts >= SHOWN * one.memory
+    unit = (len(x) * np.diff(edges))[some]
+    middle = np.sqrt(edges[1:] * edges[:-1])[some]
+    bars = np.sqrt(one.memory * counts[some]) / unit
+    ax.errorbar(middle, counts[some] / unit, bars, ls="none", capsize=1, elinewidth=0.5, **look)
+    ax.set(xscale="log", yscale="log", xlabel=r"$p/\langle p\rangle$", ylabel=r"$P(p)\,\langle p\rangle$")
+    ax.set_ylim(3e-2, 30.0)
+    ax.legend()
+
+
+def _draw_guide(ax, power):
+    x = np.array([1e-3, 0.3])
+    ax.plot(x, 0.12 * (x / x[-1]) ** power, color=style.GREY, lw=0.8, ls="--")
+    text = f"${style.power_text('p', power)}$" if power else "flat"
+    ax.annotate(text, (x[-1], 0.08), color=style.GREY, ha="right", va="top")
+
+
+def _draw_cuts(ax, one, look):
+    end = one.end
+    ax.set(xlabel=r"cut$/\langle p\rangle$; open: limit", ylabel="$y$", xlim=(-0.03, 0.55))
+    if not np.isfinite(end.limit):
+        return
+    ax.errorbar(
+        end.cuts / one.values.mean(), end.y, end.error, capsize=1.5, ls="none", elinewidth=0.6, **look
+    )
+    limit = {"color": look["color"], "marker": look["marker"], "mfc": "white"}
+    ax.errorbar([0.0], [end.limit], [end.limit_error], capsize=1.5, ls="none", elinewidth=0.6, **limit)
+
+
+def main():
+    words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    words.add_argument("folder", type=Path)
+    words.add_argument("--picture", type=Path, help="draw P(p) and y against the cut")
+    args = words.parse_args()
+    found = pressures(jampetsc.load(args.folder))
+    print_table(found)
+    if args.picture:
+        draw(found, args.picture)
+
+
+if __name__ == "__main__":
+    main()

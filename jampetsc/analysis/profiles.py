@@ -1,0 +1,55 @@
+"""Velocity profiles of flow between walls: means over windows of strain, and how far from linear they are.
+
+A flow file has v_x/(γ̇H) in layers of equal height between the walls, row by row of its series (`flows.walls`); −½
+and ½ are the walls, and y/H − ½ is the linear profile.
+"""
+
+import numpy as np
+
+from jampetsc.analysis.averages import Average
+from jampetsc.errors import InputError
+
+MIDDLE = 0.6  # of the height: layers beside the walls may slip
+
+
+def heights(layers: int) -> np.ndarray:
+    """y/H − ½ of the middles of so many layers, (layers,)."""
+    return (np.arange(layers) + 0.5) / layers - 0.5
+
+
+def mean_profile(results, low: float, high: float):
+    """(mean v_x/(γ̇H) (B,), standard error (B,)) of loaded flow files over rows with low < strain ≤ high.
+
+    Errors are from the scatter of files, of a single file from its own autocorrelation. Raises InputError for files
+    without profiles, and where one has no row there.
+    """
+    means, errors = [], []
+    for result in results:
+        if "velocity_profile" not in result:
+            raise InputError(f"{result.path}: holds no velocity profiles: run `jampetsc flow` with --walls")
+        strain = result["strain"]
+        rows = result["velocity_profile"][(strain > low * (1 + 1e-9)) & (strain <= high * (1 + 1e-9))]
+        if not len(rows):
+            raise InputError(f"{result.path}: has no row between strain {low:g} and {high:g}")
+        columns = [column[np.isfinite(column)] for column in rows.T]  # a layer may be empty at times
+        found = [Average.of(column) if len(column) else None for column in columns]
+        means.append([one.mean if one else np.nan for one in found])
+        errors.append([one.error if one else np.nan for one in found])
+    if len(means) == 1:
+        return np.array(means[0]), np.array(errors[0])
+    return np.mean(means, axis=0), np.std(means, axis=0, ddof=1) / np.sqrt(len(means))
+
+
+def shear_of(profile) -> np.ndarray:
+    """Local shear rate in units of γ̇ in each of the B layers, (B,): differences to both neighbours, walls at ±½."""
+    layers = len(profile)
+    y = np.concatenate([[-0.5], heights(layers), [0.5]])
+    v = np.concatenate([[-0.5], profile, [0.5]])
+    return (v[2:] - v[:-2]) / (y[2:] - y[:-2])
+
+
+def middle_share(profile) -> float:
+    """Shear rate in the middle of the cell (MIDDLE of its height) in units of γ̇: 1 where v_x is linear."""
+    y = heights(len(profile))
+    inner = np.abs(y) < 0.5 * MIDDLE
+    return float(np.polyfit(y[inner], profile[inner], 1)[0])

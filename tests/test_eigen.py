@@ -1,0 +1,110 @@
+"""What `modes` asks of SLEPc and LAPACK, and the factor of K − σ that one rank solves with."""
+
+import numpy as np
+import pytest
+from samples import SAMPLES, physics
+
+from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.mechanics.assembly import assemble
+from jampetsc.mechanics.network import build_network
+from jampetsc.response.modes import lowest_modes
+from jampetsc.solvers import blocks, eigen
+
+alone = pytest.mark.most_ranks(1)
+real = pytest.mark.scalar("real")
+
+
+@real
+@alone
+@pytest.mark.parametrize("ordering", ["amd", "qmd"])
+def test_factor_solves_with_the_matrix_shifted(session, ordering, monkeypatch):
+    """Also by a PETSc without SuiteSparse; a shift into the spectrum is noticed."""
+    monkeypatch.setattr(blocks, "suitesparse", lambda: ordering == "amd")
+    pencil = assemble(
+        build_network(SAMPLES["polydisperse"](), session.comm), physics("stokes").law, pinned=False
+    )
+    K = pencil.K.convert("dense").getDenseArray().copy()
+    made = blocks.Blocks(pencil.K)
+    pencil.destroy()
+    n = len(K) // 2
+    np.testing.assert_array_equal(np.sort(made.order), np.arange(n))
+    b = np.random.default_rng(0).standard_normal(2 * n)
+    np.testing.assert_allclose((K + 1e-3 * np.eye(2 * n)) @ made.factorise(1e-3)(b), b, rtol=0, atol=1e-11)
+    lowest = np.linalg.eigvalsh(K)[2]
+    assert made.factorise(-0.5 * lowest) is None
+
+
+@real
+@alone
+def test_blocks_and_libraries_factorise_alike(session, monkeypatch):
+    """Blocks where one rank has a matrix that is not too large and no option says otherwise."""
+    network = build_network(SAMPLES["polydisperse"](), session.comm)
+    pencil = assemble(network, physics("stokes").law, pinned=False)
+    assert eigen._suits_blocks(pencil.K)
+    ours = lowest_modes(network, 9).eigenvalues
+    assert eigen._suits_blocks(pencil.K)
+    monkeypatch.setattr(eigen, "MANY", 2 * network.n - 1)
+    assert not eigen._suits_blocks(pencil.K)
+    np.testing.assert_allclose(lowest_modes(network, 9).eigenvalues, ours, rtol=1e-11)
+    monkeypatch.undo()
+    options = session.PETSc.Options()
+    options.setValue("modes_st_ksp_rtol", "1e-13")
+    try:
+        assert not eigen._suits_blocks(pencil.K)
+        np.testing.assert_allclose(lowest_modes(network, 9).eigenvalues, ours, rtol=1e-11)
+    finally:
+        options.delValue("modes_st_ksp_rtol")
+    pencil.destroy()
+
+
+@real
+@alone
+def test_modes_that_slepc_does_not_find_are_told(session, monkeypatch):
+    monkeypatch.setattr(eigen, "PREFIX", "short_modes_")  # whose defaults have not been set yet
+    options = session.PETSc.Options("short_modes_eps_")
+    options["max_it"], options["ncv"] = 1, 18
+    try:
+        with pytest.raises(ConvergenceError, match=r"SLEPc found \d+ of \d+ modes in 1 restarts"):
+            lowest_modes(build_network(SAMPLES["polydisperse"](), session.comm), 9)
+    finally:
+        for name in ("max_it", "ncv"):
+            options.delValue(name)
+
+
+@real
+@alone
+def test_a_matrix_with_negative_modes_is_refused(session):
+    with pytest.raises(ConvergenceError, match="K has negative modes"):
+        lowest_modes(build_network(SAMPLES["gears"](), session.comm), 1, proved=True)
+
+
+@real
+@alone
+def test_a_large_part_of_a_large_spectrum_is_refused(session, monkeypatch):
+    """Up to DENSE unknowns LAPACK finds it."""
+    network = build_network(SAMPLES["published"](), session.comm)
+    monkeypatch.setattr(eigen, "DENSE", 2 * network.n)
+    assert lowest_modes(network, 20).method == "lapack"
+    monkeypatch.setattr(eigen, "DENSE", 2 * network.n - 1)
+    with pytest.raises(
+        InputError, match=r"20 of 30 modes: so large a part of the spectrum is found up to 15 disks"
+    ):
+        lowest_modes(network, 20)
+    assert lowest_modes(network, 2).method == "krylovschur"
+
+
+@real
+@alone
+def test_more_modes_than_there_are(session):
+    network = build_network(SAMPLES["published"](), session.comm)
+    assert len(lowest_modes(network, 30).eigenvalues) == 30
+    with pytest.raises(InputError, match="31 modes: K has 30 besides its translations; ask for no more"):
+        lowest_modes(network, 31)
+
+
+@real
+@alone
+def test_without_slepc_it_is_said(session, monkeypatch):
+    monkeypatch.setattr(session, "SLEPc", None)
+    with pytest.raises(InputError, match="slepc4py is missing: install it for the PETSc in use"):
+        lowest_modes(build_network(SAMPLES["published"](), session.comm), 2)

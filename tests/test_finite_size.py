@@ -1,0 +1,192 @@
+"""Finite-size scaling of η₀: fits to data of a known law, and pictures of them and of local exponents."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from drawn import bars, figure_of, lines, require_inside
+
+from jampetsc.analysis.finite_size import logarithm_of_size, size_scaling
+from jampetsc.analysis.statistics import interval, log_median
+from jampetsc.errors import InputError
+from jampetsc.plots.curves import Curve
+from jampetsc.plots.exponents import plot_exponents, plot_pressure_exponents
+from jampetsc.plots.finite_size import plot_finite_size
+
+pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
+SIZES, PRESSURES = np.array([64, 256, 1024]), np.array([1e-6, 1e-5, 1e-4, 1e-3])
+UNIT = 2.0 * 0.5  # of viscosities in the files below: k = 2, τ₁ = ½
+
+
+# Fits
+
+
+def test_the_power_of_size_and_its_error():
+    """ln η₀ = a ln N + a cubic in ln pN² is fitted exactly; with noise a is off as its error says."""
+    n, p = (grid.ravel() for grid in np.meshgrid(SIZES, PRESSURES))
+    x = np.log(p * n**2)
+    eta0 = n**1.09 * np.exp(0.1 - 0.2 * x - 0.01 * x**2 + 1e-3 * x**3)
+    fit = size_scaling(n, p, eta0, 0.05 * eta0)
+    assert fit.power == pytest.approx(1.09, abs=1e-9) and fit.chi2 < 1e-12 and fit.dof == 12 - 7
+    draw, off = np.random.default_rng(1), []
+    for _ in range(200):
+        noisy = eta0 * np.exp(0.05 * draw.standard_normal(12))
+        off.append(size_scaling(n, p, noisy, 0.05 * eta0).power - 1.09)
+    assert np.std(off) == pytest.approx(fit.error, rel=0.15)
+    scattered = size_scaling(n, p, noisy, 1e-4 * eta0)  # errors that are far too small are made larger
+    assert scattered.error == pytest.approx(fit.error, rel=0.8)
+
+
+def test_a_logarithm_of_size_and_its_error_by_hand():
+    """Equal errors s: that of the slope is s/√Σ(ln N − mean)²; a = 1 + B/(A + B ln N)."""
+    line = logarithm_of_size(SIZES, 0.1 + 0.04 * np.log(SIZES), np.full(3, 0.01))
+    assert (line.constant, line.slope) == (pytest.approx(0.1), pytest.approx(0.04))
+    assert line.slope_error == pytest.approx(0.01 / np.sqrt(2 * np.log(4.0) ** 2)) and line.dof == 1
+    assert line.power(256) == pytest.approx(1 + 0.04 / (0.1 + 0.04 * np.log(256)))
+
+
+def test_what_cannot_be_fitted():
+    with pytest.raises(InputError, match="value -1: must be positive"):
+        size_scaling(SIZES, PRESSURES[:3], [-1.0, 1.0, 1.0], np.ones(3))
+    with pytest.raises(InputError, match="3 points: at least 8 are needed; more sizes or pressures"):
+        size_scaling(SIZES, PRESSURES[:3], np.ones(3), np.ones(3))
+    with pytest.raises(InputError, match="2 points: at least 3 are needed"):
+        logarithm_of_size(SIZES[:2], np.ones(2), np.ones(2))
+
+
+def test_the_logarithm_of_a_median_has_half_the_interval_as_its_error():
+    values = np.array([1.0, 2.0, 3.0, 4.0, 400.0])
+    low, high = interval(values)
+    assert log_median(values) == pytest.approx((np.log(3.0), 0.5 * np.log(high / low)))
+    below = np.array([-5.0, -1.0, 2.0, 3.0, 4.0])
+    low, high = interval(below)
+    assert low < 0 and log_median(below) == pytest.approx((np.log(2.0), 0.5 * (high - low) / 2.0))
+    assert np.isnan(log_median(-values)).all()
+
+
+# Pictures
+
+
+def file(n, p, eta0, law="contact", fluid=0.0, stressed=2.0, G0=1.0):
+    """A quasistatic file of a packing: η₀ in kτ₁ without pre-stress, `stressed` times as much with it."""
+    attributes = {
+        "k": 2.0,
+        "tau1": 0.5,
+        "pressure": 2.0 * p,
+        "particle_count": int(n),
+        "law": law,
+        "prestress": True,
+    }
+    attributes |= {"eta0": stressed * eta0 * UNIT, "no_prestress_eta0": eta0 * UNIT, "G0": G0}
+    attributes |= {"no_prestress_G0": G0, "omega_star": 1.0, "no_prestress_omega_star": 1.0}
+    if law == "stokes":
+        attributes |= {"eta0_fluid": fluid * UNIT}
+    return SimpleNamespace(path=Path("q.h5"), attributes=attributes)
+
+
+def files(of, **settings):
+    """Three packings of each N and p, η₀ = of(N, p) and 10 % less and more."""
+    return [file(n, p, c * of(n, p), **settings) for n in SIZES for p in PRESSURES for c in (0.9, 1.0, 1.1)]
+
+
+def test_viscosities_of_all_sizes_are_one_curve_of_the_pressure_times_n_squared():
+    fig = figure_of(plot_finite_size, files(lambda n, p: n / np.sqrt(1 + p * n**2)))
+    require_inside(fig)
+    collapsed, by_size = fig.axes
+    assert (collapsed.get_xlabel(), collapsed.get_ylabel()) == ("$N^2p/k$", r"$\eta_0\,/\,N$ $[k\tau_1]$")
+    assert by_size.get_ylabel() == r"$(p/k)^{1/2}\,\eta_0$ $[k\tau_1]$" and by_size.get_xlabel() == "$N$"
+    drawn = lines(collapsed, len(PRESSURES))
+    assert len(drawn) == 2 * len(SIZES)
+    for number, (x, y, dash, face) in enumerate(drawn):
+        stressed = number % 2 == 1  # open and dashed, as BT's text has it
+        np.testing.assert_allclose(x, PRESSURES * SIZES[number // 2] ** 2, rtol=1e-9)
+        np.testing.assert_allclose(y, (2.0 if stressed else 1.0) / np.sqrt(1 + x), rtol=1e-9)
+        assert (dash == "-") != stressed and (face == "white") == stressed
+    (guide,) = lines(collapsed, 2)
+    assert np.diff(np.log(guide[1])) / np.diff(np.log(guide[0])) == pytest.approx(-0.5)
+    assert guide[1][-1] == pytest.approx(guide[0][-1] ** -0.5, rel=0.01)  # where all that is large lies
+    for x, y, low, high in bars(by_size):
+        np.testing.assert_allclose(y, 1.0, rtol=0.02)
+        np.testing.assert_allclose([low, high], 0.1 / np.sqrt(3.0) * np.ones((2, len(x))), rtol=0.1)
+    assert [text.get_text() for text in collapsed.get_legend().get_texts()][-1] == "slope $-1/2$"
+
+
+def test_the_fluid_is_in_one_panel_and_out_of_the_next():
+    def drag(n, p):
+        return p**-0.5 * (0.1 + 0.04 * np.log(n))
+
+    with_fluid = files(lambda n, p: drag(n, p) + 3.0, law="stokes", fluid=3.0)
+    for one in with_fluid:  # 10 % more or less of the drag, not of the fluid
+        one.attributes["no_prestress_eta0"] = 3.0 + (one.attributes["no_prestress_eta0"] - 3.0)
+    fig = figure_of(plot_finite_size, with_fluid, power=1.09)
+    assert [ax.get_ylabel() for ax in fig.axes] == [
+        r"$\eta_0\,/\,N^{1.09}$ $[k\tau_1]$",
+        r"$(\eta_0-\eta_F)\,/\,N^{1.09}$ $[k\tau_1]$",
+        r"$(p/k)^{1/2}\,(\eta_0-\eta_F)$ $[k\tau_1]$",
+    ]
+    (whole, *_), (less, *_) = (lines(ax, len(PRESSURES)) for ax in fig.axes[:2])
+    np.testing.assert_allclose((whole[1] - less[1]) * SIZES[0] ** 1.09, 3.0, rtol=1e-9)
+    np.testing.assert_allclose(less[1] * SIZES[0] ** 1.09, drag(SIZES[0], PRESSURES), rtol=1e-9)
+    with pytest.raises(
+        InputError, match=r"q\.h5: law contact, q\.h5 has stokes: finite-size pictures show one"
+    ):
+        plot_finite_size([*with_fluid, file(64, 1e-3, 1.0)], "x.png")
+
+
+def test_a_line_in_the_logarithm_of_size_where_there_are_three():
+    p = 1e-3
+    some = [
+        file(n, p, p**-0.5 * (0.1 + 0.04 * np.log(n)) * c, law="stokes", fluid=0.0)
+        for n in (256, 1024, 4096)
+        for c in (0.99, 1.01)
+    ]
+    (x, y, *_), (_, line, *_) = (found for found in lines(figure_of(plot_finite_size, some).axes[-1], 3))
+    np.testing.assert_allclose(y, 0.1 + 0.04 * np.log(x), rtol=1e-9)
+    np.testing.assert_allclose(line, y, rtol=1e-9)
+
+
+def curve(p, G0, seed=0):
+    omega = np.geomspace(1e-8, 1e4, 121)
+    attributes = {"law": "contact", "beta": 1.0, "packing_sha256": str(seed)}
+    return Curve("s.h5", omega, np.sqrt(G0**2 + 1j * omega), np.zeros((2, 121)), p, attributes)
+
+
+def test_local_exponents_of_a_square_root_of_the_frequency():
+    """G*² = G₀² + iω: ½ in both estimators from ω* = 2G₀² on, whatever G₀ a packing has; G''/G' rises to 1."""
+    fig = figure_of(plot_exponents, [curve(1e-4, G0, seed) for seed, G0 in enumerate((0.01, 0.012))])
+    require_inside(fig)
+    assert len(fig.axes) == 4 and fig.axes[2].get_xlabel() == r"$\omega\tau_1$"
+    slope, phase, ratio, loss = (lines(ax)[0] for ax in fig.axes)
+    star = (0.01 + 0.012) / (0.5 / 0.01 + 0.5 / 0.012)
+    for x, y, *_ in (slope, phase):
+        assert star < x[0] < 1.3 * star
+        np.testing.assert_allclose(y, 0.5, atol=1e-3)
+    assert ratio[1][-1] == pytest.approx(1.0, abs=1e-6) and (np.diff(ratio[1]) > 0).all()
+    assert len(loss[0]) == 121 and loss[1][[0, -1]] == pytest.approx([1.0, 0.5], abs=1e-3)
+
+
+def test_frequencies_of_local_exponents_are_the_same():
+    one, other = curve(1e-4, 0.01), curve(1e-4, 0.01, 1)
+    other.omega[:] *= 2
+    with pytest.raises(InputError, match=r"s\.h5: other frequencies than s\.h5"):
+        plot_exponents([one, other], "x.png")
+
+
+def test_local_exponents_in_the_pressure_and_their_limits():
+    """G₀ ~ p^½, negative for one of three packings, which counts in the median; η₀ ~ p^(−½), with pre-stress p^(−¼)."""
+    some = []
+    for p in PRESSURES:
+        for c in (-0.5, 1.0, 2.0):
+            one = file(64, p, p**-0.5, stressed=p**0.25, G0=c * p**0.5)
+            some.append(one)
+    fig = figure_of(plot_pressure_exponents, some)
+    require_inside(fig)
+    assert [ax.get_lines()[0].get_ydata()[0] for ax in fig.axes] == [0.5, -0.5, 1.0]
+    for ax, wanted in zip(fig.axes, ((0.5, 0.5), (-0.5, -0.25), (0.0, 0.0)), strict=True):
+        for (x, y, low, high), slope in zip(bars(ax), wanted, strict=True):
+            np.testing.assert_allclose(x, np.sqrt(PRESSURES[1:] * PRESSURES[:-1]))
+            np.testing.assert_allclose(y, slope, atol=1e-9)
+            assert (low == high).all() or np.allclose(low, high)
+    with pytest.raises(InputError, match=r"q\.h5: one pressure: local exponents need files at several"):
+        plot_pressure_exponents(some[:3], "x.png")

@@ -1,0 +1,39 @@
+"""ψ₆ of a triangular lattice, of rows that slid past each other, of random points; and in flow files."""
+
+import numpy as np
+import pytest
+
+from jampetsc.analysis.order import bond_order
+
+
+def lattice(rows, columns, slid=0.0):
+    """Places and cell of a triangular lattice of rows along x; every row slid that far beyond the one below."""
+    up = np.sqrt(0.75)
+    row, column = np.divmod(np.arange(rows * columns), columns)
+    x = np.column_stack((column + (0.5 + slid) * row, up * row))
+    return x, np.array([[columns, 0.0], [(0.5 + slid) * rows, up * rows]])
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.2])
+def test_a_triangular_lattice_is_perfectly_ordered(turn):
+    x, cell = lattice(6, 5)
+    matrix = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    shifts = np.random.default_rng(0).integers(-2, 3, (30, 2)) @ cell  # images do not matter
+    psi = bond_order((x + shifts) @ matrix, cell @ matrix)
+    np.testing.assert_allclose(psi, np.exp(6j * turn), atol=1e-9)
+
+
+def test_a_lattice_that_slid_is_less_ordered_and_whole_periods_do_not_matter():
+    slid = bond_order(*lattice(6, 6, 0.3))
+    assert np.ptp(np.abs(slid)) < 1e-9 and 0.3 < np.abs(slid[0]) < 0.9
+    np.testing.assert_allclose(bond_order(*lattice(6, 6, 1.0)), 1.0, atol=1e-9)
+
+
+def test_random_points_have_no_common_direction():
+    psi = bond_order(np.random.default_rng(2).random((900, 2)) * [40.0, 25.0], np.diag([40.0, 25.0]))
+    assert 0.3 < np.abs(psi).mean() < 0.5 and np.abs(psi.mean()) < 3 / np.sqrt(900)
+
+
+def test_few_disks_are_neighbours_of_their_own_images():
+    np.testing.assert_allclose(bond_order(*lattice(1, 1)), [1.0], atol=1e-9)
+    np.testing.assert_allclose(bond_order(*lattice(2, 1)), [1.0, 1.0], atol=1e-9)
