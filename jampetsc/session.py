@@ -130,6 +130,10 @@ class Session:
         """All PETSc options in force, {name: value}, without their dash."""
         return self.PETSc.Options().getAll()
 
+    def options_told(self) -> str:
+        """Those as words of a command line, for the record of a run: given by the user, or defaults set by then."""
+        return " ".join(f"-{name} {value or ''}".strip() for name, value in self.options().items())
+
     def set_defaults(self, defaults):
         """Set those of {"freq_ksp_type": "preonly", …} that no options file and no command line gives.
 

@@ -5,6 +5,8 @@ import os
 import re
 import resource
 import socket
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -35,6 +37,39 @@ def saved(out, count, key=KEY, with_fields=False, ordered=False):
     for index in range(count):
         checkpoint.save(index, record(index), fields(index, 0) if with_fields else None)
     return checkpoint
+
+
+IN_ANOTHER_PROCESS = """
+import sys
+from jampetsc.storage.checkpoint import Checkpoint
+checkpoint = Checkpoint(sys.argv[1], sys.argv[2])
+checkpoint.save(0, {})
+print("saved", flush=True)
+sys.stdin.read()
+"""
+
+
+def test_two_processes_do_not_write_one_output(out):
+    """Whichever job they have, also where both began before there was a checkpoint; one goes on when the other ends."""
+    early = Checkpoint(out, KEY)
+    line = [sys.executable, "-c", IN_ANOTHER_PROCESS, str(out), "a"]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    with subprocess.Popen(line, env=launch.environment(), **pipes) as other:
+        assert other.stdout.readline() == "saved\n"
+        message = (
+            r"s\.h5: another run is writing it \(and s\.h5\.resume\): wait for it, or choose another --out"
+        )
+        for key in (KEY, "a"):
+            with pytest.raises(InputError, match=message):
+                Checkpoint(out, key)
+        with pytest.raises(InputError, match=message):
+            early.save(0, record(0))
+        other.kill()
+    assert Checkpoint(out, "a").done == {0: {}}
+    early.save(0, record(0))
+    assert Checkpoint(out, KEY).done == {0: record(0)}
+    early.remove()
+    assert not list(out.parent.iterdir()) and not checkpoint_module._locks
 
 
 def test_records_come_back_exactly(out):

@@ -213,10 +213,10 @@ def test_an_independent_program_finds_the_same_states(session, kind):
     _, *row = independent.quenched(disks.positions, disks.radii, side, 0.0, alpha)
     assert row == [pytest.approx(known[name], rel=1e-7) for name in ("energy", "pressure")]
     slow, found = jamming.SlowShear(disks, 5e-3, solver, 1e-8), []
-    for _ in range(10):
+    for _ in range(6):
         slow.advance()
         found.append((slow.found.energy / 16, slow.found.pressure))
-    _, *rows = independent.sheared(disks.positions, disks.radii, side, 5e-3, 10, alpha)
+    _, *rows = independent.sheared(disks.positions, disks.radii, side, 5e-3, 6, alpha)
     assert np.allclose(np.transpose(rows), found, rtol=1e-5) and np.ptp(rows[1]) > 0.01 * rows[1][0]
     phi_J, _ = jamming.jamming_density(disks, True, solver, 1e-8)
     solver.destroy()

@@ -246,13 +246,14 @@ def flow_file(path, velocity=0.1, phi=0.8, walls=False, snapshots=2, **facts):
         writer.dataset("snapshots/positions", rng.random((snapshots, 30, 2)) @ cell)
         writer.dataset("snapshots/velocities", velocity * rng.choice([-1.0, 1.0], (snapshots, 30, 2)))
         writer.dataset("snapshots/cell", np.array([cell] * snapshots))
+        writer.dataset("state/radii", np.full(30, 0.25))
         writer.attributes(**common | facts | ({"walls": 4} if walls else {}))
     return load(path)
 
 
 @pytest.mark.filterwarnings("error")
 def test_a_bin_without_pairs_has_no_value(tmp_path):
-    found = correlate_lanes([flow_file(tmp_path / "one.h5")], 0.1, 0.25)
+    found = correlate_lanes([flow_file(tmp_path / "one.h5")], 0.4, 0.5)
     empty = found.pairs == 0
     assert empty.any() and not empty.all()
     np.testing.assert_array_equal(np.isnan(found.values), empty)
@@ -261,42 +262,42 @@ def test_a_bin_without_pairs_has_no_value(tmp_path):
 
 def test_correlated_files_are_of_one_kind(tmp_path):
     one = flow_file(tmp_path / "one.h5")
-    found = correlate_lanes([one, one], 0.5, 1.0)
+    found = correlate_lanes([one, one], 2, 2)
     assert found.snapshots == 4 and found.mean_square == pytest.approx(1.0) and len(found.values) == 4
-    np.testing.assert_allclose(found.values, correlate_lanes([one], 0.5, 1.0).values)
+    np.testing.assert_allclose(found.values, correlate_lanes([one], 2, 2).values)
     for name, value in (("model", "CD0"), ("rate", 0.2), ("particle_count", 31), ("mass", 1.0)):
         other = flow_file(tmp_path / "other.h5", **{name: value})
         with pytest.raises(
             InputError, match=rf"other.h5: {name} {value}, but one.h5 has .*: average one kind"
         ):
-            correlate_lanes([one, other], 0.5, 1.0)
-    correlate_lanes([one, flow_file(tmp_path / "near.h5", phi=0.8 + 9e-7)], 0.5, 1.0)
+            correlate_lanes([one, other], 2, 2)
+    correlate_lanes([one, flow_file(tmp_path / "near.h5", phi=0.8 + 9e-7)], 2, 2)
     with pytest.raises(InputError, match=r"far.h5: another phi than one.h5"):
-        correlate_lanes([one, flow_file(tmp_path / "far.h5", phi=0.8 + 2e-6)], 0.5, 1.0)
+        correlate_lanes([one, flow_file(tmp_path / "far.h5", phi=0.8 + 2e-6)], 2, 2)
     with pytest.raises(InputError, match=r"walls.h5: a flow between walls is not homogeneous"):
-        correlate_lanes([flow_file(tmp_path / "walls.h5", walls=True)], 0.5, 1.0)
+        correlate_lanes([flow_file(tmp_path / "walls.h5", walls=True)], 2, 2)
 
 
 def test_errors_of_a_correlation_are_those_between_snapshots(tmp_path):
     """Of velocities that have none it is as far from zero as its error says; alone in its lane a disk has no pairs."""
-    found = correlate_lanes([flow_file(tmp_path / "many.h5", snapshots=60)], 1.0, 0.2)
+    found = correlate_lanes([flow_file(tmp_path / "many.h5", snapshots=60)], 4, 0.4)
     assert len(found.values) == 20 and (found.errors > 0).all()
     assert 0.6 < np.sqrt(np.mean((found.values / found.errors) ** 2)) < 1.6
-    lone = correlate_lanes([flow_file(tmp_path / "one.h5", snapshots=1)], 1e-3, 4.0)
+    lone = correlate_lanes([flow_file(tmp_path / "one.h5", snapshots=1)], 0.004, 8)
     assert lone.pairs[0] in (0, 1, 2) and np.isnan(lone.values[0]) == (lone.pairs[0] == 0)
 
 
 def test_lanes_and_bins_that_fit(tmp_path):
     one = flow_file(tmp_path / "one.h5")  # half of the cell is 4 wide and 3 high
-    assert len(correlate_lanes([one], 2.999, 4.0).values) == 1
-    assert len(correlate_lanes([one], 0.5, 0.1).values) == 40  # whole bins, for all rounding
-    assert len(correlate_lanes([one], 0.5, 1.5).values) == 2
-    for lane in (3.0, float("nan")):
-        with pytest.raises(InputError, match=r"must be less than half of the cell's height 6"):
-            correlate_lanes([one], lane, 1.0)
-    for width in (4.001, float("nan")):
-        with pytest.raises(InputError, match=r"must be at most half of the cell's width, 4"):
-            correlate_lanes([one], 0.5, width)
+    assert len(correlate_lanes([one], 11.996, 8).values) == 1
+    assert len(correlate_lanes([one], 2, 0.2).values) == 40  # whole bins, for all rounding
+    assert len(correlate_lanes([one], 2, 3).values) == 2
+    for lane in (12.0, float("nan")):
+        with pytest.raises(InputError, match=r"must be less than the cell's height, 12 mean diameters"):
+            correlate_lanes([one], lane, 2.0)
+    for width in (8.001, float("nan")):
+        with pytest.raises(InputError, match=r"must be at most half of the cell's width, 8 mean diameters"):
+            correlate_lanes([one], 2.0, width)
 
 
 @pytest.mark.parametrize(
@@ -311,5 +312,5 @@ def test_lanes_and_bins_that_fit(tmp_path):
 )
 def test_where_the_correlation_is_least(values, where, least):
     edges, count = np.arange(6.0), np.ones(5)
-    found = LaneCorrelation(edges, np.array(values), count, count, 1.0, 1)
+    found = LaneCorrelation(edges, np.array(values), count, count, 1.0, 1, 1.0)
     assert found.minimum == (pytest.approx(where), least)

@@ -244,10 +244,10 @@ def test_forces_balance_after_a_step(rotations):
     assert len(find_contacts(disks)) != len(find_contacts(published()))
     pairs = PairList.build(disks, 0.1)
     forces, torques = np.empty((disks.n, 2)), np.empty(disks.n)
-    rolling = (motion.u[:, 2].copy(), disks.radii, torques) if rotations else None
+    rolling = (motion.velocities[:, 2].copy(), disks.radii, torques) if rotations else None
     flow.residual_at(
         pairs.arrays, np.zeros((disks.n, 2)), 0.0, disks.potential.constants, law.on_contacts,
-        (0.0, 0.0, strain, 0.0, 0), motion.u[:, :2].copy(), forces, rolling,
+        (0.0, 0.0, strain, 0.0, 0), motion.velocities[:, :2].copy(), forces, rolling,
     )  # fmt: skip
     motion.destroy()
     assert np.abs(forces).max() < 2e-3 * strain

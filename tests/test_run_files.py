@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from samples import gears, isostatic, network_of, physics, published, put
 
+import jampetsc
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import InputError
@@ -47,6 +48,24 @@ def test_facts_of_a_packing(session):
     assert 0.0 < found["force_threshold"] < found["pressure"]
     for name, value in session.options().items():
         assert f"-{name} {value or ''}".strip() in found["petsc_options"]
+
+
+def test_options_of_petsc_are_all_that_are_in_force(session, path):
+    """Whatever made the file: those of the user, and defaults of the solvers that it used."""
+    session.set_defaults({"record_given": "1"})
+    files = [
+        jampetsc.jam(n=16, phi="0.9", seeds="1:2"),
+        jampetsc.sweep(put(path, isostatic(), session.comm), omega=[1.0]),
+        jampetsc.shear(n=16, phi=0.9, step=0.01, strain=0.02)  # of one rank
+        if session.size == 1
+        else jampetsc.flow(
+            n=16, phi=0.9, model="CD0", rate=0.1, strain=0.02, discard=0
+        ),  # alone it needs no PETSc
+    ]
+    session.comm.barrier()
+    for file in files:
+        assert "-record_given 1" in file.attributes["petsc_options"]
+    session.PETSc.Options().delValue("record_given")
 
 
 def test_modes(session, path):

@@ -290,7 +290,63 @@ def record(command="sweep", state="done", seconds=1.0, **row):
 
 
 def asked(command="sweep", **columns):
-    return SimpleNamespace(command=command, columns=columns)
+    return SimpleNamespace(command=command, columns=columns, choice=SimpleNamespace(args=None))
+
+
+ONE_OF_EACH = """
+[[pack]]
+n = {n}
+pressure = 1e-2
+[[pack]]
+n = {n}
+phi = 0.9
+[[sweep]]
+fields = "1"
+[[sweep]]
+method = "direct"
+[quasistatic]
+[[modes]]
+[[modes]]
+all = true
+[[oscillate]]
+omega = "1,2"
+strain = "1e-6,1e-5"
+alpha = [1.0, 0.5]
+[[flow]]
+model = ["RD0", "CD0"]
+rate = 1e-2
+strain = 0.5
+[shear]
+step = 1e-3
+strain = 0.1
+[jam]
+n = {n}
+phi = "0.83,0.86"
+seeds = "1:4"
+protocol = ["random", "shear", "compress"]
+[spectrum]
+[correlate]
+"""
+
+
+def test_before_anything_is_done_costs_follow_from_what_is_asked_for():
+    few, many = (tasks(ONE_OF_EACH.format(n=n)) for n in (64, 4096))
+    assert {task.command for task in few} == KINDS.keys()
+    for one, other in zip(few, many, strict=True):
+        small, large = Costs().of(one), Costs().of(other)
+        assert small == large if one.command in ("spectrum", "correlate") else 0 < small < large, one.name
+
+    def seconds(command, **more):
+        (task,) = [
+            task for task in few if task.command == command and more.items() <= vars(task.choice.args).items()
+            and task.columns.get("phi") != 0.9
+        ]  # fmt: skip
+        return Costs().of(task)
+
+    assert seconds("sweep", method="direct") > 2 * seconds("sweep", method="rational")
+    assert seconds("oscillate", alpha=0.5) > 2 * seconds("oscillate", alpha=1.0)
+    assert seconds("modes", all=True) > seconds("modes", all=False)
+    assert seconds("jam", protocol="shear") > seconds("jam", protocol="random")
 
 
 def test_costs_follow_from_what_is_most_alike():
@@ -309,12 +365,12 @@ def test_costs_follow_from_what_is_most_alike():
     assert costs.of(asked(n=1000, pressure=1e-2)) == pytest.approx(1000 * each)
     assert costs.of(asked("modes", n=64, pressure=1e-2)) == 500.0  # what failed does not count
     assert costs.of(asked("spectrum")) == 0.5
-    assert costs.of(asked("quasistatic", n=64)) is None
-    unknown = [asked("quasistatic", n=64)]
+    unknown = [asked("quasistatic", radii="r.txt")]
+    assert costs.of(*unknown) is None
     assert (
         costs.total([asked(n=64, pressure=1e-2), asked("modes", n=64, pressure=1e-2), *unknown]) == 3 * 251.0
     )
-    assert costs.total(unknown) is None and costs.total([]) is None
+    assert costs.total(unknown) is None and costs.total([]) == 0.0
 
 
 @pytest.mark.parametrize(

@@ -60,8 +60,8 @@ def test_the_command(tmp_path, capsys):
     assert cli.main(["correlate", *map(str, flows), "--out", str(out), "--bin", "0.5"]) == 0
     found = jampetsc.load(out)
     facts = found.attributes
-    assert facts["snapshots"] == 12 and facts["lane"] == 0.5 and facts["model"] == "CD0"
-    assert found["x"][0] == 0.25 and len(found["x"]) == len(found["g_y"])
+    assert facts["snapshots"] == 12 and facts["lane_width"] == pytest.approx(1.2) and facts["model"] == "CD0"
+    assert found["x"][0] == pytest.approx(0.3) and len(found["x"]) == len(found["g_y"])
     known = np.isfinite(found["g_y"])
     # the mean velocity is zero, so that some disks move against each other
     assert found["g_y"][known].max() > 0 > found["g_y"][known].min()
@@ -75,7 +75,7 @@ def test_the_command(tmp_path, capsys):
     assert cli.main([*words.split(), str(tmp_path / "denser.h5")]) == 0
     for more, message in [
         ([flows[0], tmp_path / "denser.h5"], "denser.h5: another phi than f1.h5"),
-        ([flows[0], "--lane", "9"], "half of the cell's height"),
+        ([flows[0], "--lane", "9"], "the cell's height, "),
         ([flows[0], "--bin", "90"], "half of the cell's width"),
         ([flows[0], "--omega", "1"], "belongs to sweeps"),
         ([plain], "holds no snapshots"),
@@ -94,11 +94,12 @@ def test_every_number_of_the_file_is_of_the_words(tmp_path, capsys):
         writer.dataset("snapshots/positions", rng.random((3, 60, 2)) @ cell)
         writer.dataset("snapshots/velocities", rng.normal(size=(3, 60, 2)))
         writer.dataset("snapshots/cell", np.tile(cell, (3, 1, 1)))
+        writer.dataset("state/radii", np.full(60, 0.25))
         writer.attributes(
             model="CD", rate=0.5, mass=2.0, units="those of the packing", phi=0.8, particle_count=60, seed=1
         )
     result = jampetsc.load(tmp_path / "f.h5")
-    for words, lane, width in (([], 0.5, 1.0), (["--lane", "1.5", "--bin", "0.75"], 1.5, 0.75)):
+    for words, lane, width in (([], 1.0, 1.0), (["--lane", "1.5", "--bin", "0.75"], 1.5, 0.75)):
         assert cli.main(["correlate", str(tmp_path / "f.h5"), *words, "--out", str(tmp_path / "g.h5")]) == 0
         exact = correlate_lanes([result], lane, width)
         found = jampetsc.load(tmp_path / "g.h5")
@@ -111,8 +112,9 @@ def test_every_number_of_the_file_is_of_the_words(tmp_path, capsys):
             np.testing.assert_array_equal(found[name], values)
         place, depth = exact.minimum
         expected = {
-            "lane": lane,
-            "bin": width,
+            "lane_width": 0.5 * lane,
+            "bin_width": 0.5 * width,
+            "mean_diameter": 0.5,
             "snapshots": 3,
             "mean_square": exact.mean_square,
             "minimum": depth,
@@ -127,7 +129,7 @@ def test_every_number_of_the_file_is_of_the_words(tmp_path, capsys):
         assert {name: found.attributes[name] for name in expected} == expected
         assert exact.mean_square == pytest.approx(np.mean(result["snapshots/velocities"][..., 1] ** 2) / 0.25)
         assert capsys.readouterr().out == (
-            f"{tmp_path}/g.h5: g_y of 3 snapshots, |y| < {lane:g}: least {depth:.3g} at x = {place:.3g}, "
+            f"{tmp_path}/g.h5: g_y of 3 snapshots, lanes of {lane:g} d: least {depth:.3g} at x = {place / 0.5:.3g} d, "
             f"<u_y^2>/rate^2 = {exact.mean_square:.3g}\n"
         )
 

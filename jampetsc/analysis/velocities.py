@@ -2,16 +2,16 @@
 
     g_y(x) = ⟨v_y(r) v_y(r + x x̂)⟩ / ⟨v_y²⟩ ,
 
-over pairs of disks closer than w in y, binned in |x|, both of the nearest image along a lane; all pairs of all
-snapshots count alike. v_y has no affine part. Σ v_y = 0 makes g_y negative somewhere, by 1/N even without
-correlations.
+over pairs of disks in the lane of width w around one of them, |y| < w/2, binned in |x|, both of the nearest image along
+a lane; all pairs of all snapshots count alike. v_y has no affine part. Σ v_y = 0 makes g_y negative somewhere, by 1/N
+even without correlations.
 """
 
 import numpy as np
 
 
-def lane_products(positions, cell, v, lane, bins):
-    """Sums over the pairs of one snapshot with |y_ij| < lane: (Σ v_i v_j (D,), pairs (D,)).
+def lane_products(positions, cell, v, reach, bins):
+    """Sums over the pairs of one snapshot with |y_ij| < reach, half the width of a lane: (Σ v_i v_j (D,), pairs (D,)).
 
     positions (N, 2) anywhere, cell (2, 2) rows (Lx, 0), (γ Ly, Ly), v (N,); bins: edges (D + 1,) of |x|, at most Lx/2.
     """
@@ -26,7 +26,7 @@ def lane_products(positions, cell, v, lane, bins):
         # the next disk up, beyond the top edge an image one cell higher
         across = np.arange(n) + shift >= n
         dy = np.roll(y, -shift) - y + height * across
-        near = dy < lane
+        near = dy < reach
         if not near.any():
             break
         dx = np.roll(x, -shift) - x + cell[1, 0] * across

@@ -14,7 +14,7 @@ Correlation C(delta) of the displacements u_y along x in narrow lanes (BT Fig. 7
 the fields that sweeps hold (jampetsc sweep --fields), and the length l at its first root: by default in the phase
 of the stress, which is what BT impose. Several sweeps of one kind (law, pressure, number of disks) are averaged.
 Of flow files with snapshots: the correlation g_y(x) of transverse velocities along the flow (Vågberg, eq. 4.23)
-of pairs closer than a lane in y, and its minimum."""
+of pairs in the lane around one of them, and its minimum."""
 EPILOG = """\
 Each packing is looked for beside its sweep. Errors come from resampling the packings, or strips of
 lanes where there are fewer than five packings; those are lower bounds.
@@ -22,7 +22,7 @@ lanes where there are fewer than five packings; those are lower bounds.
 examples:
   jampetsc correlate sweep.h5 --out correlation.h5
   jampetsc correlate stokes-s*.h5 --lane 0.5,1 --out stokes.h5
-  jampetsc correlate rd0-s1.h5 rd0-s2.h5 --out g.h5              of flow files, with --lane 0.5 --bin 1
+  jampetsc correlate rd0-s1.h5 rd0-s2.h5 --out g.h5              of flow files, with --lane 1 --bin 1
   jampetsc plot stokes.h5 --out correlation.png
   jampetsc plot p1e-2.h5 p1e-3.h5 p1e-4.h5 --kind length --out length.png"""
 
@@ -45,15 +45,16 @@ def add_parser(subparsers) -> None:
     parser.add_argument(
         "--lane",
         metavar="w1,w2,…",
-        help=f"widths of a lane in mean diameters, the first for the summary (default {LANES}); "
-        "flow: its one width in the file's unit of length (default 0.5)",
+        help=f"widths of a lane in mean diameters, the first for the summary (default {LANES}; flow: one, default 1)",
+    )
+    parser.add_argument(
+        "--bin", type=float, metavar="B", help="flow: width of a bin of x in mean diameters (default 1)"
     )
     parser.add_argument(
         "--phase",
         choices=PHASES,
         help="sweeps: real parts are in phase with the stress (default, as BT have it) or with the strain",
     )
-    parser.add_argument("--bin", type=float, metavar="B", help="flow: width of a bin of x (default 1)")
     parser.add_argument("--omega", metavar="w1,w2,…", help="fields at these frequencies (default: all)")
     parser.add_argument("--packing", metavar="FILE", help="packing of a single sweep, if it is not beside it")
     parser.set_defaults(run=run, check=check)
@@ -152,7 +153,8 @@ def _velocities(args, began):
     for path, result in zip(args.files, results, strict=True):
         if getattr(result, "format", "") != "jampetsc-flow":
             raise InputError(f"{path}: is not a flow file as {args.files[0]} is: average one kind")
-    found = lanes.correlate_lanes(results, widths[0], args.bin or lanes.BIN)
+    bin_ = args.bin or lanes.BIN
+    found = lanes.correlate_lanes(results, widths[0], bin_)
     place, depth = found.minimum
     with ResultWriter(args.out, lanes.FORMAT) as writer:
         for name, values in (
@@ -165,8 +167,9 @@ def _velocities(args, began):
         shared = {name: results[0].attributes.get(name) for name in ("model", "rate", "mass", "units")}
         writer.attributes(
             **derived_from(results, time.perf_counter() - began) | shared,
-            lane=widths[0],
-            bin=args.bin or lanes.BIN,
+            lane_width=widths[0] * found.diameter,
+            bin_width=bin_ * found.diameter,
+            mean_diameter=found.diameter,
             snapshots=found.snapshots,
             mean_square=found.mean_square,
             minimum=depth,
@@ -175,7 +178,8 @@ def _velocities(args, began):
             minimum_at_error=found.minimum_errors[0],
         )
     print(
-        f"{args.out}: g_y of {found.snapshots} snapshots, |y| < {widths[0]:g}: least {depth:.3g} at x = {place:.3g}, "
+        f"{args.out}: g_y of {found.snapshots} snapshots, lanes of {widths[0]:g} d: least {depth:.3g} at x = "
+        f"{place / found.diameter:.3g} d, "
         f"<u_y^2>/rate^2 = {found.mean_square:.3g}"
     )
     return 0

@@ -234,7 +234,7 @@ def _write(args, record, protocol, running, seconds):
             **provenance(
                 versions=session.versions(),
                 scalar_type=running.scalar_type,
-                petsc_options=" ".join(running.petsc_argv),
+                petsc_options=running.options_told(),
                 ranks=running.size,
                 packing=(None, None),
                 law={},

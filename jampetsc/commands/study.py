@@ -102,7 +102,11 @@ def _outlook(tasks, folder, parsers) -> str:
     lines = [f"{'to do' if task.name in names else 'done '}  {' '.join(task.words)}" for task in tasks]
     for command in dict.fromkeys(task.command for task in tasks):
         mine = [task for task in left if task.command == command]
-        lines.append(f"{command}: {len(mine)} to do, about {in_words(costs.total(mine))} on one rank")
+        known = any(
+            record["state"] == "done" for record in records.values() if record["row"]["command"] == command
+        )
+        guess = "" if known or not mine else ", by a rough rule until some are done"
+        lines.append(f"{command}: {len(mine)} to do, about {in_words(costs.total(mine))} on one rank{guess}")
     if changed:
         lines.append(told_of(changed))
     lines.append(f"{len(left)} of {len(tasks)} tasks to do, about {in_words(_sum(costs, left))} on one rank")

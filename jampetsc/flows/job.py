@@ -15,7 +15,15 @@ from jampetsc.contacts.state import find_contacts
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.flows.means import Means
 from jampetsc.flows.models import Model, Scheme, scheme_for
-from jampetsc.flows.record import FORMAT, Record, check_space, read_record, remove_checkpoint, write_record
+from jampetsc.flows.record import (
+    FORMAT,
+    Record,
+    check_space,
+    read_record,
+    remove_checkpoint,
+    write_checkpoint,
+    write_record,
+)
 from jampetsc.flows.run import Plan, check_balance
 from jampetsc.flows.run import run as shear_until
 from jampetsc.flows.shearing import Shear
@@ -132,7 +140,8 @@ def execute(job: Job, last=None, together=None) -> Means:
     if job.before is not None:
         record, state = job.before
         shear.restore(state)
-    record = shear_until(shear, job.plan, job.out, job.settings, record)
+    settings = job.settings  # of where it begins: `before` grows
+    record = shear_until(shear, job.plan, job.out, settings, record)
     means = check_balance(record, job.plan.discard, shear)
     if means is None or means.pressure.mean < UNTOUCHED * job.rate * shear.unit:
         raise ConvergenceError(
@@ -140,6 +149,8 @@ def execute(job: Job, last=None, together=None) -> Means:
             "choose a larger --phi, or a longer --strain"
         )
     facts = _facts(job, means, time.perf_counter() - began, together and session.current())
+    # in case one of the files cannot be written
+    by_rank_0(comm, lambda: write_checkpoint(job.out, record, shear.state(), settings))
     by_rank_0(comm, lambda: _write(job, record, shear, facts, last))
     return means
 
@@ -162,7 +173,7 @@ def _facts(job, means, seconds, petsc):
     common = provenance(
         versions=session.versions(),
         scalar_type=petsc and petsc.scalar_type,
-        petsc_options=petsc and " ".join(petsc.petsc_argv),
+        petsc_options=petsc and petsc.options_told(),
         ranks=petsc.size if petsc else 1,
         packing=(None, None),
         law=law,

@@ -12,7 +12,7 @@ FORMAT = "jampetsc-velocity-correlation"
 ALIKE = ("model", "rate", "particle_count", "mass")  # what files that are averaged have in common
 SAME_PHI = 1e-6
 BLOCKS, DRAWS = 10, 200
-LANE, BIN = 0.5, 1.0  # half-width in y and width in x, in the files' unit of length, unless told otherwise
+LANE, BIN = 1.0, 1.0  # widths of a lane in y and of a bin in x, in mean diameters, unless told otherwise
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +25,7 @@ class LaneCorrelation:
     pairs: np.ndarray  # (D,)
     mean_square: float  # ⟨u_y²⟩/γ̇²
     snapshots: int
+    diameter: float  # mean one of the disks
     minimum_errors: tuple = (np.nan, np.nan)  # standard errors of `minimum`, where there are snapshots enough
 
     @property
@@ -64,7 +65,10 @@ def _minimum_errors(x, products, pairs, squares):
 
 
 def correlate_lanes(results, lane: float, width: float) -> LaneCorrelation:
-    """g_y of the snapshots of all `results` (loaded flow files): pairs with |y| < lane, bins of `width` in |x|.
+    """g_y of the snapshots of all `results` (loaded flow files), in bins of |x|.
+
+    lane   width of the lane around each disk, whose pairs have |y| < lane/2, in mean diameters
+    width  of a bin, in mean diameters
 
     Raises InputError for files without snapshots or of different kinds, and for lanes or bins that do not fit.
     """
@@ -88,14 +92,20 @@ def correlate_lanes(results, lane: float, width: float) -> LaneCorrelation:
             raise InputError(f"{result.path}: another phi than {first.path.name}: average one kind")
         positions, velocities, cells = (result[f"snapshots/{n}"] for n in ("positions", "velocities", "cell"))
         if edges is None:
+            diameter = 2.0 * float(np.mean(first["state/radii"]))
+            reach, step = 0.5 * lane * diameter, width * diameter
             half, height = 0.5 * cells[0][0, 0], cells[0][1, 1]
-            if not lane < 0.5 * height:
-                raise InputError(f"--lane {lane:g}: must be less than half of the cell's height {height:.4g}")
-            if not width <= half:
-                raise InputError(f"--bin {width:g}: must be at most half of the cell's width, {half:.4g}")
-            edges = width * np.arange(int(half / width + 1e-9) + 1)
+            if not 2.0 * reach < height:
+                raise InputError(
+                    f"--lane {lane:g}: must be less than the cell's height, {height / diameter:.4g} mean diameters"
+                )
+            if not step <= half:
+                raise InputError(
+                    f"--bin {width:g}: must be at most half of the cell's width, {half / diameter:.4g} mean diameters"
+                )
+            edges = step * np.arange(int(half / step + 1e-9) + 1)
         for x, u, cell in zip(positions, velocities, cells, strict=True):
-            found = lane_products(x, cell, u[:, 1], lane, edges)
+            found = lane_products(x, cell, u[:, 1], reach, edges)
             products.append(found[0])
             pairs.append(found[1])
             squares.append(np.mean(u[:, 1] ** 2))
@@ -108,4 +118,4 @@ def correlate_lanes(results, lane: float, width: float) -> LaneCorrelation:
     errors = np.array([Average.of(column).error for column in shares.T])
     rate = float(first.attributes["rate"])
     least = _minimum_errors(0.5 * (edges[:-1] + edges[1:]), products, pairs, np.array(squares))
-    return LaneCorrelation(edges, values, errors, counts, square / rate**2, len(pairs), least)
+    return LaneCorrelation(edges, values, errors, counts, square / rate**2, len(pairs), diameter, least)

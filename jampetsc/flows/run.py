@@ -66,8 +66,8 @@ class Plan:
 def run(shear: Shear, plan: Plan, out, settings: dict, record=None) -> Record:
     """Shear until the plan's last row, from a checkpoint beside `out` where there is one of these settings.
 
-    A kill loses at most INTERVAL seconds, a result that cannot be written nothing. Raises ConvergenceError where the
-    time step is too long: a disk jumps, or the energy balance is off by more than 5 % in the mean.
+    A kill loses at most INTERVAL seconds. Raises ConvergenceError where the time step is too long: a disk jumps,
+    or the energy balance is off by more than 5 % in the mean.
     """
     comm = shear.together and shear.together.comm
     rank = comm.rank if comm else 0
@@ -90,8 +90,8 @@ def run(shear: Shear, plan: Plan, out, settings: dict, record=None) -> Record:
             _row(shear, plan.steps, record)
             if len(record) in photographed:
                 record.snapshot(shear.strain, shear.disks, shear.velocities_now())
-            due = time.monotonic() - saved > INTERVAL or len(record) == plan.rows
-            if comm.bcast(due) if comm else due:
+            late = time.monotonic() - saved > INTERVAL
+            if comm.bcast(late) if comm else late:
                 by_rank_0(comm, lambda: write_checkpoint(out, record, shear.state(), settings))
                 saved = time.monotonic()
             if len(record) * LINES // plan.rows > said:

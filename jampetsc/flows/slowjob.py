@@ -71,7 +71,7 @@ def _facts(args, disks, origin, averages, discard, slow, seconds):
     running, potential = session.current(), disks.potential
     return {
         **provenance(
-            versions=session.versions(), scalar_type=running.scalar_type, petsc_options=" ".join(running.petsc_argv),
+            versions=session.versions(), scalar_type=running.scalar_type, petsc_options=running.options_told(),
             ranks=1, packing=(None, None), law={}, wall_seconds=seconds,
         ),
         **origin,

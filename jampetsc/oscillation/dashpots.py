@@ -39,7 +39,10 @@ class Damping:
 
 
 class Dashpots:
-    """The contacts of some bonds; arrays (contacts, damped) for z and f."""
+    """The contacts of some bonds; arrays (contacts, damped) for z and f.
+
+    radii: in the length that turns are multiplied by
+    """
 
     def __init__(self, bonds: Bonds, radii, damping: Damping, dofs: int):
         self.touching = np.flatnonzero(bonds.overlap > 0.0)

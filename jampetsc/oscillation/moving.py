@@ -47,13 +47,16 @@ class ListedSprings:
         stiffness = float(disks.potential.scale(np.array(self.diameter))) ** -2 * float(disks.potential.k)
         self.unit = stiffness * self.largest
         self.reach = REACH * float(np.mean(find_contacts(disks).overlap))
+        # turns are looked for as those of a rim of this diameter: lengths as displacements are, whatever their unit
+        self.lengths = np.array([1.0, 1.0, self.diameter])[: law.dofs]
         self._matrix = StepMatrix(prefix, stiffness, float(np.sqrt(disks.area)))
 
     def list(self, disks: Disks, skin: float, gamma: float):
         """From now on pairs are those of these disks, which have the strain gamma."""
         self._disks, self.skin, self.listed = disks.folded(), skin, gamma
         self.pairs = PairList.build(self._disks, skin)
-        self._matrix.list(self.pairs, self._disks.radii, self.dofs)
+        self._rims = self._disks.radii / self.diameter
+        self._matrix.list(self.pairs, self._rims, self.dofs)
 
     @property
     def factorisations(self) -> int:
@@ -113,7 +116,7 @@ class ListedSprings:
 
     def dashpots(self, state) -> Dashpots:
         """Of the pairs that touch."""
-        return Dashpots(state.bonds, self._disks.radii, self.damping, self.dofs)
+        return Dashpots(state.bonds, self._rims, self.damping, self.dofs)
 
     def factorise(self, state, dashpots, damping, free):
         """See `StepMatrix`."""
@@ -141,7 +144,7 @@ class MovingContacts:
         self.springs = ListedSprings(disks, law, speed, prefix)
         self._stages = Stages(self.springs, STAGE * step, scale)
         self.gained = 0.0  # energy of springs, in the last step
-        self.u = np.zeros((disks.n, law.dofs))  # velocities, and spins
+        self.u = np.zeros((disks.n, law.dofs))  # velocities, and spins times the mean diameter
         self._skin = SKIN_START * self.springs.diameter
         self._list(disks)
 
@@ -166,10 +169,15 @@ class MovingContacts:
         return self.springs.factorisations
 
     def displace(self, displacements, velocities, gamma, rate):
-        """Begin with disks moved by (N, 2) from where they are, at velocities (N, dofs), strained and at a rate."""
+        """Begin with disks moved by (N, 2) from where they are, at velocities as below, strained and at a rate."""
         disks = self.springs.disks(self.offsets + displacements, gamma)
-        self.gamma, self.u, self.rate = gamma, velocities, rate
+        self.gamma, self.u, self.rate = gamma, velocities * self.springs.lengths, rate
         self._list(disks)
+
+    @property
+    def velocities(self):
+        """(N, dofs), with spins where the law has them."""
+        return self.u / self.springs.lengths
 
     def advance(self, gamma, rate):
         """A step in which the strain is gamma[0], gamma[1] at the ends of its stages, and its rate rate[0], rate[1].

@@ -145,7 +145,7 @@ def shake(disks: Disks, law: Law, start: Start, steps: int, cycles: int | None) 
         half.repeat(cycles)
         now = half.motion
         whole = Run(now.disks, law, start, steps, now.gamma)
-        whole.motion.displace(0.0 * now.u[:, :2], now.u, now.gamma, now.rate)
+        whole.motion.displace(0.0 * now.u[:, :2], now.velocities, now.gamma, now.rate)
         whole.repeat(cycles)
         last = whole.seen[-1]
         return Repeated(

@@ -57,7 +57,7 @@ class StepMatrix:
         self.factorisations = 0
 
     def list(self, pairs: PairList, radii, dofs: int):
-        """From now on the bonds are those of this list."""
+        """From now on the bonds are those of this list; radii in the length that turns are multiplied by."""
         self._pairs, self._n, self._dofs = pairs, len(radii), dofs
         self._rims = (radii[pairs.i], radii[pairs.j]) if dofs == 3 else None
         self._pattern = _Pattern(pairs, len(radii), dofs)

@@ -19,9 +19,7 @@ def run_record(disks: Disks, identity, law: dict, network: Network, started: flo
         **provenance(
             versions=session.versions(),
             scalar_type=running.scalar_type,
-            petsc_options=" ".join(
-                f"-{name} {value or ''}".strip() for name, value in running.options().items()
-            ),
+            petsc_options=running.options_told(),
             ranks=network.comm.size,
             packing=identity,
             law=law,

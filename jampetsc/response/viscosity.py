@@ -1,7 +1,7 @@
 """The two limits of G''/ω without any frequency: η₀ of the quasistatic flow, η_∞ of the flow that dissipates
 least.
 
-η₀ V γ² is what B costs for the quasistatic field, the disks turning such that it is least (PHYSICS: their
+η₀ V γ² is what B costs for the quasistatic field, the disks turning such that it is least (their
 torques vanish as ω → 0):
 
     η₀ = (kτ₁/V) [ Σ a∥² + β min_θ Σ (a⊥ − ρ_i θ_i − ρ_j θ_j)² ]     damping by contacts, split as in BT eq. 22

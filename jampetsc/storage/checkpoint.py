@@ -6,11 +6,14 @@ Fields lie in `<out>.resume.d`, one file per step and rank, named after the job.
 mentions them, and it names the sha256 of each: one that is lost, cut, changed or another step's does not count.
 """
 
+import errno
+import fcntl
 import glob
 import hashlib
 import io
 import json
 import sys
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +26,7 @@ from jampetsc.storage.regular import open_regular
 from jampetsc.version import VERSION
 
 _VERSION = 2
+_locks = weakref.WeakValueDictionary()  # journal -> its open file: what this process may take up anew
 _LINK = 32  # characters of the hash that a line begins with
 
 
@@ -35,7 +39,8 @@ class Checkpoint:
     ordered: each step builds on those before it, so that only an unbroken sequence 0, 1, 2, … counts and the next step
     is `next`. Otherwise steps are independent, such as frequencies solved one by one.
 
-    A journal of another job is left alone, with a line on stderr, until this job finishes a step.
+    A journal of another job is left alone, with a line on stderr, until this job finishes a step. One that another
+    process goes on with is locked: InputError, then or at the first step, so that no two write one output.
     """
 
     def __init__(self, path, key, comm=None, ordered=False):
@@ -53,8 +58,10 @@ class Checkpoint:
         self._end = 0  # on rank 0: length of the part of this job's journal that counts, in bytes
         self._link = b""  # on rank 0: hash that the last line of that part begins with
         steps = None
+        self._lock = None  # on rank 0: the journal, locked as long as this object or another one of it lives
         with agreed(comm):
             if self.rank == 0:
+                self._hold()
                 steps = self._read()
         if comm is not None:
             steps = comm.bcast(steps)
@@ -87,6 +94,28 @@ class Checkpoint:
             entry = json.loads(text, object_hook=_decode)
             steps.append((entry["index"], entry["record"], entry.get("fields"), end, link))
         return steps
+
+    def _hold(self):
+        """Lock the journal, if there is one. Raises InputError where another process has it."""
+        place = str(self.journal)
+        self._lock = _locks.get(place)
+        if self._lock is not None:
+            return
+        try:
+            file = open_regular(self.journal)
+        except OSError:  # which reading it will tell
+            return
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            if error.errno in (errno.EWOULDBLOCK, errno.EACCES):
+                file.close()
+                raise InputError(
+                    f"{self.path}: another run is writing it (and {self.journal.name}): wait for it, or choose another "
+                    "--out"
+                ) from None
+            # a file system without locks
+        self._lock = _locks[place] = file
 
     def _take(self, steps):
         """Keep of these steps what counts: all files there, and in an ordered job nothing missing before them."""
@@ -130,9 +159,12 @@ class Checkpoint:
 
     def _start(self):
         """A fresh journal, in the place of another job's."""
+        self._hold()
         self._remove_fields("*-rank-*")
         remove_abandoned(self.journal.parent, glob.escape(self.journal.name))
         write_whole(self.journal, self._header)
+        _locks.pop(str(self.journal), None)
+        self._hold()
         self._end, self._link = len(self._header), self._header[:_LINK]
 
     def _append(self, text):
@@ -190,6 +222,8 @@ class Checkpoint:
             self.journal.unlink(missing_ok=True)
             self._remove_fields(f"{self._job}-*")
             self._end = 0
+            _locks.pop(str(self.journal), None)
+        self._lock = None
 
     def _remove_fields(self, pattern):
         remove_abandoned(self.folder)

@@ -1,7 +1,29 @@
-"""What tasks cost, estimated from those that are done: the same command, N and pressure if there are any."""
+"""What tasks cost, estimated from those that are done: the same command, N and pressure if there are any.
+
+Before there are, from N, p and what is asked for: ROUGH was measured on one core with 64 to 1024 disks, and is right
+within a factor of three or so.
+"""
 
 import statistics
 
+from jampetsc.packing.protocols import start_phi
+from jampetsc.words.frequencies import parse_omega
+
+ROUGH = {  # command -> seconds whatever N is, seconds of a unit at N = 1024, its power of N
+    "pack": (0.02, 0.12, 1.5),
+    "sweep": (0.05, 0.07, 1.4),
+    "quasistatic": (0.04, 0.05, 1.3),
+    "modes": (0.04, 0.003, 1.2),
+    "oscillate": (0.05, 0.5, 1.0),
+    "flow": (0.07, 2.5e-5, 1.0),
+    "shear": (0.05, 3e-3, 0.6),
+    "jam": (0.03, 0.04, 0.5),
+    "spectrum": (0.03, 0.0, 0.0),
+    "correlate": (0.05, 0.04, 0.0),
+}
+DIRECT = 0.33  # of one frequency of --method direct, in units of a rational sweep
+NONLINEAR, MOVING = 8, 16  # oscillations with a power law, or contacts that open, in units of linear ones
+SOLVED = 10  # time steps that solve for velocities, in units of those that do not
 _KEYS = (("command", "n", "pressure"), ("command", "n"))
 
 
@@ -22,19 +44,58 @@ class Costs:
             self._seconds.setdefault((row["command"],), []).append(seconds / row["n"])
 
     def of(self, task) -> float | None:
-        """Seconds that a task will take; None if nothing like it has been done. Cost ∝ N from another N."""
+        """Seconds that a task will take, ∝ N from another N; None if nothing like it is done and N is not known."""
         row = task.columns | {"command": task.command}
         for keys in _KEYS:
             if found := self._seconds.get(tuple(row.get(key) for key in keys)):
                 return statistics.median(found)
         if row.get("n") and (found := self._seconds.get((task.command,))):
             return statistics.median(found) * row["n"]
-        return None
+        return rough(task)
 
     def total(self, tasks) -> float | None:
         """Seconds of all of them one after another; what is unknown counts as the mean of what is known."""
+        if not tasks:
+            return 0.0
         known = [seconds for task in tasks if (seconds := self.of(task)) is not None]
         return statistics.fmean(known) * len(tasks) if known else None
+
+
+def rough(task) -> float | None:
+    """Seconds of one core for a task, from what it is asked for; None where N is in a file."""
+    fixed, each, power = ROUGH[task.command]
+    count = task.columns.get("n")
+    return count and fixed + each * (count / 1024) ** power * _units(task)
+
+
+def _units(task):
+    """How many of what ROUGH has the cost of: steps, samples, modes, frequencies, files."""
+    args = task.choice.args
+    match task.command:
+        case "pack":
+            phi, pressure = task.columns.get("phi"), task.columns.get("pressure")
+            pressure = pressure or max(1e-6, (phi - start_phi(0.0)) / 3.5)
+            return (1e-3 / pressure) ** 0.2
+        case "sweep":
+            return DIRECT * len(parse_omega(args.omega)) if args.method == "direct" else 1
+        case "modes":
+            return task.columns["n"] if args.all else args.count or 1
+        case "oscillate":
+            kind = MOVING if args.contacts == "moving" else NONLINEAR if args.alpha != 1.0 else 1
+            amplitudes = str(args.stress or args.strain).count(",") + 1
+            return amplitudes * len(parse_omega(args.omega)) * kind
+        case "flow":
+            step = args.step or min(0.2, 5e-3 / args.rate)
+            return args.strain / (args.rate * step) * (SOLVED if args.model in ("CD0", None) else 1)
+        case "shear":
+            return args.strain / args.step
+        case "jam":
+            samples, protocol = args.check(args)
+            steps = protocol.strain / protocol.step / 30 if protocol.name == "shear" else 0
+            return len(samples) * (1 + steps + 40 * (protocol.name == "compress"))
+        case "correlate":
+            return len(task.inputs)
+    return 1
 
 
 def in_words(seconds: float | None) -> str:

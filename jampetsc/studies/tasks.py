@@ -49,8 +49,11 @@ class Runner:
             if _done(record) and "files" not in record and (found := self._adopted(task, record)):
                 self.records[task.name] = record = found
                 adopted.append(record)
-            if _done(record) and record.get("files", {}).get(task.file, "") != identity(task.file):
-                changed.append(task.file)
+            if _done(record):
+                read = {f"{name}.h5" for name in record["inputs"]}
+                files = record.get("files", {task.file: ""})
+                if any(identity(name) != one for name, one in files.items() if name not in read):
+                    changed.append(task.file)
             current = _current(record, task.inputs, identity)
             if not current or any(one.name in left for one in task.inputs):
                 left[task.name] = None
