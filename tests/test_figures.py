@@ -8,13 +8,19 @@ import tarfile
 import tomllib
 
 import launch
+import numpy as np
 import pytest
 
+import jampetsc
 from jampetsc import cli, commands
 from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.plan import plan
 from jampetsc.words.frequencies import parse_omega
 from jampetsc.words.pictures import PICTURES
+
+sys.path.insert(0, str(launch.ROOT / "benchmarks"))
+from claims import motion  # noqa: F401  it enters its claims
+from claims.shared import CLAIMS
 
 FIGURES = launch.ROOT / "run" / "figures"
 STUDIES = sorted(path.name for path in FIGURES.iterdir())
@@ -68,6 +74,65 @@ def test_a_figure_asks_for_what_there_is(parsers, name):
                 continue
             assert made.intersection(PICTURES[args.kind].of), args.kind
             assert not args.where or {word.split("=")[0] for word in args.where.split(",")} <= columns
+
+
+def tables_of(name, *words):
+    """(the tables of a figure's study, with lists instead of single tables, words of its pictures)."""
+    studies, pictures = shown(name, *words)
+    (study,) = studies.values()
+    tables = tomllib.loads(study)
+    return {key: table if isinstance(table, list) else [table] for key, table in tables.items()}, pictures
+
+
+def picture_of(pictures, kind, *words):
+    """Whether there is a picture of a kind made with these words."""
+    return any(kind in line and all(word in line for word in words) for line in pictures)
+
+
+@pytest.mark.parametrize("words", [[], ["--paper"]])
+def test_figures_of_motion_are_those_of_the_paper(words):
+    """Pressures, frequencies, laws, sizes and axes of BT 1, 5 and 7; packings at a pressure, the cell not relaxed."""
+    decades = ["1e-2", "1e-3", "1e-4", "1e-5"]
+    for name, pressures in (
+        ("bt-fig1", "1e-4"),
+        ("bt-fig5", decades),
+        ("bt-fig7", decades),
+        ("bt-modes", decades),
+    ):
+        tables, _ = tables_of(name, *words)
+        (pack,) = tables["pack"]
+        assert set(pack) == {"n", "pressure", "seeds"} and pack["pressure"] == pressures
+        sizes = pack["n"] if isinstance(pack["n"], list) else [pack["n"]]
+        first, last = map(int, pack["seeds"].split(":"))
+        assert not words or (max(sizes) == 32768 and last - first + 1 >= 10)
+    tables, pictures = tables_of("bt-fig1", *words)
+    (sweep,) = tables["sweep"]
+    assert sweep == {
+        "omega": "1e-10:1e4:141",
+        "fields": "1e-10,1e-3,1e4",
+    }  # β = 1 with rotations and pre-stress
+    assert picture_of(pictures, "moduli") and picture_of(pictures, "fields", "--total", "stress")
+    tables, pictures = tables_of("bt-fig5", *words)
+    assert tables["quasistatic"] == [{}] and picture_of(pictures, "medians")
+    tables, pictures = tables_of("bt-fig7", *words)
+    contact, stokes = tables["sweep"]
+    assert "law" not in contact and contact["omega"] == contact["fields"] == "1e-9,1e-3,1e3"  # twelve decades
+    assert (stokes["law"], stokes["eta-f"]) == ("stokes", 0) and stokes["omega"] == stokes["fields"]
+    omega = parse_omega(stokes["fields"])
+    assert (
+        all(np.isclose(omega, 10**power).any() for power in (-6.5, -5.5)) and len(tables["pack"][0]["n"]) == 2
+    )
+    (correlate,) = tables["correlate"]
+    assert correlate == {"lane": "0.5,0.25,0.125", "phase": ["stress", "strain"]}
+    for law in ("law=contact,phase=stress", "law=stokes,eta_f=0,phase=stress"):
+        assert any("correlation" in line and any(law in word for word in line) for line in pictures)
+    lengths = [line for line in pictures if "length" in line and any("phase=stress" in word for word in line)]
+    assert [line[-2:] == ["--log-exponent", "-0.65"] for line in lengths] == [
+        False,
+        True,
+    ]  # as printed is the default
+    tables, pictures = tables_of("bt-modes", *words)
+    assert tables["modes"] == [{"count": 200, "no-prestress": True}] and picture_of(pictures, "lowest-modes")
 
 
 def asked(parsers, name):
@@ -261,6 +326,7 @@ LESS = {  # a figure of which something has to be smaller, or must not be
     **{"paper4": {"RATES": "0.1,0.05"}, "paper5": {"RATES": "0.1,0.05"}},
     **{
         "softening": {"STRAINS": "0.01,1", "STEPS": "16", "CYCLES": "3"},
+        "bt-fig7": {"N": "64", "OMEGA": "1e-7:10:3"},  # two disks in a lane
         "bt-modes": {"MODES": "10"},
         "bt-nonlinear": {"STRESSES": "1e-5", "POINTS": "3", "PRESSURES": "1e-2"},
     },
@@ -297,6 +363,10 @@ def test_every_figure_is_made(tmp_path):
     assert all(said.count(f" | `{name}` | ") >= 2 for name in JAMMING)
     linear = "| 0.01 | 0.01 | 1 of 1 | 1.00 | 1.00 |"  # the least strain
     assert linear in said and "alpha = 0.6667" in said and "measured over self-consistent" in said
+    for figure, claims in CLAIMS:
+        if figure in ("bt-fig1", "bt-fig7", "bt-modes"):
+            rows = list(claims(jampetsc.load(tmp_path / figure)))
+            assert len(rows) >= 6 and all(np.isfinite(row.ours) and row.size for row in rows), figure
     assert len(made) > 20 and len(STUDIES) > 15
     for path in made:
         assert os.path.getsize(path) > 5000, path
@@ -321,7 +391,7 @@ def test_a_figure_is_made_and_its_claims_are_looked_at(tmp_path):
     done = subprocess.run([sys.executable, program, tmp_path], **settings)
     assert done.returncode == 0, done.stderr
     rows = [line for line in done.stdout.splitlines()[2:]]
-    assert len(rows) == 10 and all(row.count(" | ") == 6 and "`bt-fig5`" in row for row in rows)
+    assert len(rows) == 15 and all(row.count(" | ") == 6 and "`bt-fig5`" in row for row in rows)
     keeping = (
         f"import pathlib, keep; keep.keep(pathlib.Path({str(folder)!r}), pathlib.Path({str(tmp_path)!r}))"
     )

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drawn import bands, figure_of, lines
+from drawn import bands, bars, figure_of, lines
 from matplotlib.image import imread
 from samples import published
 
@@ -12,7 +12,8 @@ from jampetsc import cli
 from jampetsc.analysis.statistics import median_interval
 from jampetsc.errors import InputError
 from jampetsc.plots import style
-from jampetsc.plots.floppy import groups_of, plot_medians, plot_viscosities
+from jampetsc.plots.floppy import groups_of, plot_exponents, plot_medians, plot_viscosities
+from jampetsc.plots.lowmodes import plot_lowest
 from jampetsc.plots.vibrations import chosen_modes, density_of_states, plot_modes, plot_states
 from jampetsc.storage.packing_file import packing_identity, write_packing
 from jampetsc.storage.reader import load
@@ -335,6 +336,65 @@ def test_modes_keep_their_numbers_where_some_have_no_frequency():
     assert fig.axes[2].get_ylim() == pytest.approx((1.0, 10.0)) and not lines(fig.axes[1], 4)
     titles = [text.get_text() for text in fig.axes[0].get_legend().get_texts()]
     assert titles == [r"$2.5\times10^{-4}$"]
+
+
+def test_local_exponents_of_exact_power_laws(tmp_path):
+    """Of pairs of neighbouring pressures, at their geometric mean, N by markers; without pre-stress."""
+    files = [
+        write_quasistatic(tmp_path / f"{n}-{p}-{seed}.h5", p, n=n)
+        for n in (16, 64)
+        for p in (1e-4, 1e-3, 1e-2)
+        for seed in (0, 1)
+    ]
+    fig = figure_of(plot_exponents, [load(file) for file in files])
+    drawn = bars(fig.axes[0])
+    for (x, y, *errors), slope in zip(drawn, np.repeat([0.25, -0.25, -0.25], 2), strict=True):
+        np.testing.assert_allclose(x, 2 * 10 ** np.array([-3.5, -2.5]) / 4)  # p/k, k = 2
+        np.testing.assert_allclose(y, slope, rtol=1e-9)
+        np.testing.assert_allclose(errors, 0.0, atol=1e-9)
+    told = [text.get_text() for text in fig.axes[0].get_legend().get_texts()]
+    assert told[3:] == ["$N=16$", "$N=64$", r"$\pm 1/4$"]
+    with pytest.raises(InputError, match="one pressure has no exponent"):
+        plot_exponents([load(files[0])], "x.png")
+
+
+def write_lowest(path, pressure, count=(10, 50), n=16):
+    """Modes of known floppiness, shares and medians: all of them numbers times powers of p."""
+    m = 60
+    with ResultWriter(path, "jampetsc-modes") as writer:
+        writer.dataset("eigenvalues", np.linspace(1e-3, 1.0, m))
+        writer.dataset("transverse", np.full(m, 4.0 / pressure))
+        writer.dataset("normal", np.ones(m))
+        writer.dataset("lowest/count", np.array(count))
+        for row, name in enumerate(("normal", "transverse", "nonaffine"), 1):
+            writer.dataset(f"cumulative/{name}", row * np.arange(1, m + 1) / 1000)
+            writer.dataset(f"lowest/{name}_median", row * pressure * np.arange(1.0, len(count) + 1))
+        medians = {f"{name}_median": 5.0 * pressure for name in ("normal", "transverse", "nonaffine")}
+        writer.attributes(pressure=pressure, k=2.0, particle_count=n, **medians)
+    return load(path)
+
+
+def test_what_the_lowest_modes_carry_against_pressure(tmp_path):
+    p = np.array([1e-4, 1e-2])
+    files = [write_lowest(tmp_path / f"{x}-{seed}.h5", x) for x in p for seed in (0, 1)]
+    floppy, share, medians = figure_of(plot_lowest, files).axes[:3]
+    for x, y, *_ in bars(floppy):
+        np.testing.assert_allclose(x, p / 2)
+        np.testing.assert_allclose(y, 2 / np.sqrt(p))
+    levels = [row * count / 1000 for row in (1, 2, 3) for count in (10, 50)]
+    for (_, y, *_), level in zip(bars(share), levels, strict=True):
+        np.testing.assert_allclose(y, level)
+    for (_, y, *_), times in zip(
+        bars(medians), [5, 2, 5, 4, 5, 6], strict=True
+    ):  # whole, then by 50 modes alone
+        np.testing.assert_allclose(y, times * p)
+    for other, message in (
+        (write_lowest(tmp_path / "n.h5", 1e-3, n=64), "files of several N: choose one"),
+        (write_lowest(tmp_path / "c.h5", 1e-3, (10,)), "files with other numbers of modes"),
+        (write_lowest(tmp_path / "o.h5", 1e-3, ()), "does not tell what its modes carry of slow shear"),
+    ):
+        with pytest.raises(InputError, match=message):
+            plot_lowest([files[0], other], "x.png")
 
 
 def test_shares_of_modes_have_a_marker_here_and_there():

@@ -7,7 +7,7 @@ from matplotlib import rc_context
 from matplotlib.text import Text
 from samples import published
 from test_correlations import correlation_file
-from test_floppy_plots import modes_of, quasistatic_of
+from test_floppy_plots import modes_of, quasistatic_of, write_lowest
 from test_flow_plots import facts, series
 from test_jam_plots import slow_shear, write_jam
 from test_picture_limits import curve, run
@@ -20,6 +20,7 @@ from jampetsc.plots import (
     floppy,
     flowcurves,
     jamming,
+    lowmodes,
     moduli,
     packing,
     shearing,
@@ -62,6 +63,12 @@ PICTURES = [  # (function, what it draws, (x, y, scales) of the panels: linear o
      [(r"$\omega\tau_1\,/\,(p/k)$", rf"{STORAGE}, {LOSS}  $[\,k\,(p/k)^{{1/2}}\,]$", "ll")]),
     (floppy.plot_medians, lambda folder: [quasistatic_of([1, 1, 1], pressure=p) for p in (1e-3, 1e-2)],
      [("$p/k$", "median per unit strain", "ll")]),
+    (floppy.plot_exponents,
+     lambda folder: [quasistatic_of([1, 1, 1], bare=[2, 2, 2], pressure=p) for p in (1e-3, 1e-2)],
+     [("$p/k$", r"$d\ln\,/\,d\ln p$ of medians", "l-")]),
+    (lowmodes.plot_lowest, lambda folder: [write_lowest(folder / f"{p}.h5", p) for p in (1e-3, 1e-2)],
+     [("$p/k$", "floppiness of the lowest modes", "ll"), ("$p/k$", "share of the lowest modes", "l-"),
+      ("$p/k$", "median per unit strain", "ll")]),
     (floppy.plot_viscosities, lambda folder: [quasistatic_of([1, 1, 1])],
      [(r"$\beta$", r"$\eta_0,\ \eta_\infty\ [k\tau_1]$", "ll")]),
     (flowcurves.plot_flow_curves, lambda folder: [facts(rate=rate) for rate in (0.1, 0.2)],

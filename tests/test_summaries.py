@@ -389,14 +389,15 @@ def test_lanes_of_other_widths_are_compared_with_errors_of_both():
         )
 
     results = [result(0.5, 0.03), result(0.7, 0.04), result(np.nan, 0.1)]
-    lines = correlate._summary("c.h5", [1], np.array([1e-3]), [0.5, 1.0, 2.0], results, 20.0).split("\n")
+    lines = correlate._summary("c.h5", [1], np.array([1e-3]), "strain", [0.5, 1.0, 2.0], results, 20.0)
+    lines = lines.split("\n")
     assert lines == [
-        "c.h5: 1 packing, L = 20 d, lanes of 0.5 d, 9 pairs",
+        "c.h5: 1 packing, L = 20 d, lanes of 0.5 d, 9 pairs, in phase with the strain",
         "  omega 0.001: l/d Re 2 ± 0.2,  Im no root",
         "  lanes of 1 d: C differs by 0.2 (rms), with errors of 0.05",
         "  lanes of 2 d: C is not known",
     ]
-    assert correlate._summary("c.h5", [1, 2], np.ones(1), [0.5], results[:1], 1.0).startswith(
+    assert correlate._summary("c.h5", [1, 2], np.ones(1), "strain", [0.5], results[:1], 1.0).startswith(
         "c.h5: 2 packings, "
     )
 
