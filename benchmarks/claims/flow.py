@@ -65,7 +65,11 @@ def velocity_correlation(table):
                 size = size_of(flows.where(model=model, phi=phi, rate=rate))
                 what = f"RD0, φ = {phi:g}, γ̇ = {rate:g}: place of the minimum of g_y, in d_s"
                 yield Row(
-                    what, None, *(found or (np.nan, None)), f"g_y = {g.attributes['minimum']:.3f}", size
+                    what,
+                    None,
+                    *(found or (np.nan, None)),
+                    f"g_y = {g.attributes['minimum']:.3f}; bins of 1 d_s",
+                    size,
                 )
             size = size_of(flows.where(model=model, phi=phi))
             if model == "CD0":
