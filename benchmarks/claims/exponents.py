@@ -6,6 +6,8 @@ import jampetsc
 from claims.flow import PHI_J, extrapolated_fluidity, size_of
 from claims.shared import Row, claim, fitted, rates_of, slope_with_error
 
+POOR = 0.01  # probability of χ² below which a form is taken to miss the data
+FAR = 0.5  # share of the value at the lowest rate below which a limit γ̇ → 0 is too far to extrapolate to
 HALF = 0.5  # p^m = p₀^m + c γ̇^½ above φ_J, m = ½ zν/y: the least form with p ~ γ̇^(y/zν) at large γ̇
 
 
@@ -14,13 +16,13 @@ def scaling(table):
     flows = table.where(command="flow")
     size = size_of(flows)
     wanted = [("phi_J", 0.8433, ""), ("y", 1.1, ""), ("znu", 3.5, "without corrections to scaling, as V's")]
-    yield from sized(fitted(table, "pressure", wanted, "collapse of p, RD0"), size)
+    yield from fits(table, "pressure", wanted, "collapse of p, RD0", size)
     wanted = [
-        ("phi_J", 0.8433, "V's are of p"),
+        ("phi_J", None, "V's numbers are of p"),
         ("y", None, "V: σ has larger corrections than p"),
         ("znu", None, ""),
     ]
-    yield from sized(fitted(table, "shear-stress", wanted, "collapse of σ, RD0"), size)
+    yield from fits(table, "shear-stress", wanted, "collapse of σ, RD0", size)
     yield from beta_of_fit(table.path / "pressure.h5", size)
     yield from powers_beside_phi_J(flows, size)
     note = "the fit has zν alone; z by itself: the length of g_y (rows of vagberg-fig4.8), or several N in one fit"
@@ -30,10 +32,20 @@ def scaling(table):
         yield Row("ν, were z = 3", None, nu, None, note, size, "open")
 
 
-def sized(rows, size):
-    """The same rows with their size."""
-    for row in rows:
+def poor(path):
+    """Whether a fit's form misses the data by more than their errors: its parameters then decide nothing."""
+    return jampetsc.load(path).attributes["probability"] < POOR
+
+
+def fits(table, name, wanted, of, size):
+    """Rows of a collapse with their size; open where the form misses the data."""
+    for row in fitted(table, name, wanted, of):
         row.size = size
+        if poor(table.path / f"{name}.h5"):
+            row.decided = "open"
+            row.note += (
+                f"{'; ' if row.note else ''}the form misses the data: corrections to scaling, or lower γ̇"
+            )
         yield row
 
 
@@ -45,9 +57,8 @@ def beta_of_fit(path, size):
     names = str(fit.attributes["fitted"]).split(",")
     y, znu = (fit["bootstrap"][:, names.index(name)] for name in ("y", "znu"))
     value = fit.attributes["znu"] - fit.attributes["y"]
-    yield Row(
-        "β = zν − y from the collapse of p, RD0", 2.4, value, np.std(znu - y, ddof=1), "V: 3.5 − 1.1", size
-    )
+    what, decided = "β = zν − y from the collapse of p, RD0", "open" if poor(path) else ""
+    yield Row(what, 2.4, value, np.std(znu - y, ddof=1), "V: 3.5 − 1.1", size, decided)
 
 
 def powers_beside_phi_J(flows, size):
@@ -57,9 +68,12 @@ def powers_beside_phi_J(flows, size):
         rates, p, error = rates_of(flows.where(phi=phi), "pressure")
         if phi < PHI_J:
             inverse, _, own = extrapolated_fluidity(rates, p, error)
-            below.append((PHI_J - phi, 1 / inverse, own / inverse**2))
+            if inverse > FAR * rates[0] / p[0]:
+                below.append((PHI_J - phi, 1 / inverse, own / inverse**2))
         elif phi > PHI_J:
-            above.append((phi - PHI_J, *yield_pressure(rates, p, error)))
+            limit, own = yield_pressure(rates, p, error)
+            if limit > FAR * p[0]:
+                above.append((phi - PHI_J, limit, own))
     for points, name, theirs, sign in ((below, "φ < φ_J: p/γ̇ ~ (φ_J − φ)^(−β): β", 2.4, -1),
                                        (above, "φ > φ_J: p ~ (φ − φ_J)^y: y", 1.1, 1)):  # fmt: skip
         known = [point for point in points if 0 < 5 * point[2] < point[1]]
@@ -122,7 +136,7 @@ def same_exponents(table, flows):
     for model in ("RD0", "CD0"):
         size = size_of(flows.where(model=model))
         wanted = [(name, None, "V's numbers are those of Fig. 5.1") for name in ("phi_J", "y", "znu")]
-        yield from sized(fitted(table, f"pressure-{model}", wanted, f"collapse of p, {model}"), size)
+        yield from fits(table, f"pressure-{model}", wanted, f"collapse of p, {model}", size)
         path = table.path / f"pressure-{model}.h5"
         if path.exists():
             found[model] = jampetsc.load(path).attributes, size
