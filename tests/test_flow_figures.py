@@ -1,5 +1,7 @@
 """What the figures of steady flow ask for is what Vågberg's thesis has: N, φ, γ̇, strain, models, and what is drawn."""
 
+from itertools import pairwise
+
 import pytest
 from test_figures import shown
 
@@ -32,9 +34,9 @@ def values(flows, name, **where):
 
 def drawn(pictures):
     """({(kind, where)} of pictures that `jampetsc plot` draws, the words of every `jampetsc collapse`)."""
-    plots = [dict(zip(words, words[1:], strict=False)) for words in pictures if words[0] == "plot"]
+    plots = [dict(pairwise(words)) for words in pictures if words[0] == "plot"]
     return {(words["--kind"], words.get("--where", "")) for words in plots}, [
-        dict(zip(words, words[1:], strict=False)) for words in pictures if words[0] == "collapse"
+        dict(pairwise(words)) for words in pictures if words[0] == "collapse"
     ]
 
 
@@ -69,7 +71,8 @@ def test_figure_5_1(asked, words):
     assert PHI_J in phis and sum(phi < PHI_J for phi in phis) >= 4 and sum(phi > PHI_J for phi in phis) >= 2
     assert all(values(flows, "rate", phi=phi) == rates for phi in phis)  # both branches at every rate
     assert len(rates) >= 5 and rates[0] == (1e-5 if words else 1e-4)
-    fits = drawn(pictures)[1]
+    kinds, fits = drawn(pictures)
+    assert ("branches", "") in kinds
     assert [fit["--observable"] for fit in fits] == ["pressure", "shear_stress"]
     assert all(fit["--fit"] == "phi_J,y,znu" and "--corrections" not in fit for fit in fits)
 
