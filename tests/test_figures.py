@@ -87,7 +87,15 @@ def kind_of(words):
 
 
 TINY = {
-    **{"N": "16", "SEEDS": "1:1", "SAMPLES": "1:3", "SNAPSHOTS": "2", "PRESSURES": "1e-2,1e-3", "CUT": "1"},
+    **{
+        "N": "16",
+        "SEEDS": "1:1",
+        "SAMPLES": "1:3",
+        "SNAPSHOTS": "2",
+        "PRESSURES": "1e-2,1e-3",
+        "CUT": "1",
+        "RANGE": "0.7:0.9",
+    },
     **{
         "STRAIN": "1.2",
         "DISCARD": "0.6",
