@@ -3,7 +3,7 @@
 import numpy as np
 
 import jampetsc
-from claims.flow import PHI_J, extrapolated_fluidity, size_of
+from claims.flow import PHI_J, extrapolated_fluidity, size_of, slower
 from claims.shared import Row, claim, fitted, rates_of, slope_with_error
 
 POOR = 0.01  # probability of χ² below which a form is taken to miss the data
@@ -64,6 +64,8 @@ def beta_of_fit(path, size):
 def powers_beside_phi_J(flows, size):
     """β of p/γ̇ and y of p, both extrapolated to γ̇ → 0 at each φ, against the distance to V's φ_J."""
     below, above = [], []
+    if len(np.unique(slower(flows, 2e-3)["rate"])) < 3:
+        return
     for phi in np.unique(flows["phi"]):
         rates, p, error = rates_of(flows.where(phi=phi), "pressure")
         if phi < PHI_J:
