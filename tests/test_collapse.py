@@ -14,6 +14,7 @@ from jampetsc.analysis.collapse_errors import Estimate, drift, estimate
 from jampetsc.analysis.collapse_fit import fit_collapse
 from jampetsc.analysis.statistics import half_width, mean_with_error
 from jampetsc.errors import InputError
+from jampetsc.plots.branches import plot_branches
 from jampetsc.plots.scaling import plot_scaling
 from jampetsc.storage.reader import load
 from jampetsc.storage.result_file import ResultWriter
@@ -862,6 +863,39 @@ def test_a_fit_that_has_lost_its_way_is_out_of_sight(off, inside):
         )
         expected = rf"$({symbol} - \mathrm{{corr.}})\,\dot\gamma^{{-y/z\nu}}$"
         assert fig.axes[0].get_ylabel() == expected
+
+
+def test_two_branches_are_drawn_against_the_distance():
+    x, rate, f0 = (
+        np.array([-0.2, 0.1, -0.4, 0.3]),
+        np.array([1e-3, 1e-3, 1e-2, 1e-2]),
+        np.array([1.0, 2.0, 0.5, 3.0]),
+    )
+    unit = rate**0.5
+    result = {
+        "rate": rate,
+        "x": x,
+        "value": f0 * unit + 0.1,
+        "error": 0.2 * unit,
+        "correction": np.full(4, 0.1),
+    }
+    result |= {"curve/x": np.linspace(-0.5, 0.5, 11), "curve/f0": np.arange(1.0, 12.0)}
+    attributes = {"scaling": "rate", "observable": "pressure", "y": 1.0, "znu": 2.0, "phi_J": 0.84}
+    (ax,) = figure_of(plot_branches, Held(result, attributes)).axes
+    assert ax.get_xscale() == ax.get_yscale() == "log"
+    order = [1, 0, 3, 2]  # of each rate those above φ_J first
+    for (distance, y, down, up), n in zip(bars(ax), order, strict=True):
+        assert np.allclose([distance[0], y[0], down[0], up[0]], [abs(x[n]), f0[n], 0.2, 0.2])
+    below, above = (line.get_xydata().T for line in ax.get_lines()[:2])
+    assert np.allclose(below, [[0.5, 0.4, 0.3, 0.2, 0.1], [1, 2, 3, 4, 5]]) and np.allclose(
+        above[1], [7, 8, 9, 10, 11]
+    )
+    (title,) = [ax.get_legend().get_title().get_text()]
+    assert "hollow" in title
+    sized = Held(result, attributes | {"scaling": "size"})
+    sized.path = "f.h5"
+    with pytest.raises(InputError, match=r"f\.h5: is a collapse of sizes"):
+        plot_branches(sized, "x.png")
 
 
 class Held(dict):

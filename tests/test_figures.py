@@ -301,8 +301,25 @@ def kind_of(words):
 
 
 TINY = {
-    **{"N": "16", "SEEDS": "1:1", "SAMPLES": "1:3", "SNAPSHOTS": "2", "PRESSURES": "1e-2,1e-3", "CUT": "1"},
-    **{"STRAIN": "1.2", "RATES": "0.1,0.05,0.03", "SHEARED": "16", "COOLED": "1:2", "COOLING": "0.1"},
+    **{
+        "N": "16",
+        "SEEDS": "1:1",
+        "SAMPLES": "1:3",
+        "SNAPSHOTS": "2",
+        "PRESSURES": "1e-2,1e-3",
+        "CUT": "1",
+        "RANGE": "0.7:0.9",
+    },
+    **{
+        "STRAIN": "1.2",
+        "DISCARD": "0.6",
+        "RATES": "0.1,0.05,0.03",
+        "RUNS": "0.1,0.05,0.03:1.2",
+        "LARGE": "20",
+    },
+    **dict.fromkeys(("DRAG", "CONTACT"), "0.1,0.05,0.03:1.2"),
+    **dict.fromkeys(("MASSIVE", "LARGE_RUNS", "MASSIVE_RUNS"), "0.1,0.05:1.2"),
+    **{"SHEARED": "16", "COOLED": "1:2", "COOLING": "0.1"},
 }
 WHOLE = "bt-fig5"  # is run by its script
 LESS = {  # a figure of which something has to be smaller, or must not be
@@ -323,7 +340,9 @@ LESS = {  # a figure of which something has to be smaller, or must not be
         },
     },
     "paper3": {"STRAIN": "0.1", "DISCARD": "0.04", "RUNS": "1:1"},
-    **{"paper4": {"RATES": "0.1,0.05"}, "paper5": {"RATES": "0.1,0.05"}},
+    "paper4": {"RATES": "0.1,0.05", "SLOW": "0.03", "PHI": "0.78", "HEAVY": "1,10", "HEAVIEST": "10"},
+    "paper5": {"SEEN": "0.1:1.2", "BETWEEN": "0.05,0.03:1.2", "PHI": "0.83,0.86", "QUALITY": "1"},
+    **{name: {"RUNS": "0.1,0.05:1.2"} for name in ("vagberg-fig4.8", "vagberg-flow-curves")},
     **{
         "softening": {"STRAINS": "0.01,1", "STEPS": "16", "CYCLES": "3"},
         "bt-fig7": {"N": "64", "OMEGA": "1e-7:10:3"},  # two disks in a lane

@@ -9,10 +9,14 @@ from drawn import bands, bars, figure_of, lines
 
 import jampetsc
 from jampetsc import cli
+from jampetsc.analysis.profiles import heights, mean_profile, middle_share
 from jampetsc.contacts.state import measure
 from jampetsc.errors import InputError
 from jampetsc.plots.flowcurves import _ratio, flow_curves, local_exponents, plot_against_phi, plot_flow_curves
+from jampetsc.plots.order import plot_order
 from jampetsc.plots.packing import touching
+from jampetsc.plots.profiles import plot_profiles
+from jampetsc.plots.regimes import plot_regimes, regimes
 from jampetsc.plots.shearing import kind_of, labels_of, lanes_of, plot_lanes, plot_series, snapshot
 from jampetsc.plots.units import flow_units
 from jampetsc.storage.reader import Attributes
@@ -386,3 +390,71 @@ def test_a_snapshot_counts_the_disks_that_are_no_walls(monkeypatch):
         assert disks.record.get("walls") == walls and disks.potential.k == 2.0
         np.testing.assert_allclose(disks.positions % 9, one["snapshots/positions"][1] % 9)
     assert [title for title, _ in drawn] == ["RD between walls", "RD"]
+
+
+def test_regimes_are_exponents_and_clusters_at_the_lowest_rates():
+    """σ ~ γ̇ at Q = 1, ~ γ̇² at Q = 10; the highest rate does not count, nor do disks without mass."""
+    some = [
+        facts(
+            rate=rate, quality=q, mass=q**2, shear_stress_mean=stress, shear_stress_error=0.0,
+            largest_cluster_mean=clusters * rate,
+        )
+        for q, clusters, stresses in ((1.0, 320.0, (1.0, 2.0, 9.0)), (10.0, 32.0, (1.0, 4.0, 5.0)))
+        for rate, stress in zip((0.1, 0.2, 0.4), stresses, strict=True)
+    ]  # fmt: skip
+    some += [facts(model="RD0", mass=0.0, rate=rate, largest_cluster_mean=1.0) for rate in (0.1, 0.2)]
+    quality, exponent, _, cluster, low, high = regimes(some)["RD"][0.8]
+    assert np.allclose([quality, exponent, cluster], [[1, 10], [1, 2], [0.5, 0.05]])
+    assert np.allclose([low, high], [[0.05, 0.05], [0.1, 0.1]])  # in 1/τ₁
+    slopes, shares = figure_of(plot_regimes, some).axes
+    assert np.allclose(bars(slopes)[0][:2], [quality, exponent])
+    assert [text.get_text() for text in shares.get_legend().get_texts()] == ["$0.8$"]
+    with pytest.raises(InputError, match="regimes are of massive disks at several rates"):
+        regimes(some[-2:])
+
+
+def seen(sizes, seed, **arrays):
+    file = Rows(arrays)
+    file.path, file.attributes = (
+        Path(f"{sizes}-{seed}.h5"),
+        facts(sizes=sizes, seed=seed, discard=1.0).attributes,
+    )
+    return file
+
+
+def test_order_is_drawn_kind_by_kind_with_its_mean():
+    strain = np.array([0.0, 1.0, 2.0])
+    files = [
+        seen("monodisperse", n, **{"snapshots/strain": strain, "snapshots/psi6_local": strain / 4 + 0.1 * n,
+                                   "snapshots/psi6_global": strain / 8}) for n in (1, 2)
+    ]  # fmt: skip
+    fig = figure_of(plot_order, files)
+    for ax, mean in zip(fig.axes, (strain / 4 + 0.15, strain / 8), strict=True):
+        np.testing.assert_allclose(ax.get_lines()[-1].get_ydata(), mean)
+        assert len(ax.get_lines()) == 3
+    with pytest.raises(InputError, match=r"snapshots at other strains than monodisperse-1.h5"):
+        figure_of(
+            plot_order, [files[0], seen("monodisperse", 3, **{**files[1], "snapshots/strain": strain + 1})]
+        )
+    with pytest.raises(InputError, match="holds no six-fold order"):
+        plot_order([seen("monodisperse", 1)], "x.png")
+
+
+def test_profiles_are_means_of_windows_and_of_runs():
+    """v_x of the start and of the steady part, of two runs; layers without disks do not count."""
+    strain, y = np.array([0.05, 0.1, 0.2, 1.5, 2.0]), heights(4)
+    rows = np.array([0 * y, 0.5 * y, y, y, y])
+    rows[0, 2] = np.nan
+    files = [seen("bidisperse", n, strain=strain, velocity_profile=rows * (1 + 0.1 * n)) for n in (0, 1)]
+    v, error = mean_profile(files, 0.0, 0.1)
+    np.testing.assert_allclose(v, 1.05 * np.array([0.25, 0.25, 0.5, 0.25]) * y)
+    np.testing.assert_allclose(error, np.abs(v) / 1.05 * 0.05)
+    (ax,) = figure_of(plot_profiles, files).axes
+    np.testing.assert_allclose(ax.get_lines()[0].get_data(), [[-0.5, 0.5], [-0.5, 0.5]])
+    steady = [line for line in ax.get_lines() if len(line.get_xdata()) == 4][-1]
+    np.testing.assert_allclose(steady.get_data(), [1.05 * y, y])
+    assert middle_share(heights(20)) == pytest.approx(1.0)
+    with pytest.raises(InputError, match="holds no velocity profiles"):
+        mean_profile([seen("bidisperse", 1, strain=strain)], 0, 1)
+    with pytest.raises(InputError, match="has no row between strain 3 and 4"):
+        mean_profile(files, 3.0, 4.0)

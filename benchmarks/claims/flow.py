@@ -13,6 +13,14 @@ HARD = 2e-3  # γ̇ in units of 1/√(m/k_e) or k_e/k_d d_s², whichever is long
 NEWTONIAN = 1.0 - 1.1 / 3.5  # γ̇/p ~ γ̇^this at φ_J, with V's y/zν
 
 
+EXTRAPOLATED = 4e-3  # γ̇ below which the limit γ̇ → 0 is extrapolated from
+
+
+def slower(rows, most):
+    """The rows of flows at rates below `most`."""
+    return rows.where(rate=[rate for rate in np.unique(rows["rate"]) if rate < most])
+
+
 def size_of(rows):
     """N, seeds and strain behind the rows of a table."""
     n = ", ".join(f"{one:g}" for one in np.unique(rows["n"]))
@@ -65,7 +73,11 @@ def velocity_correlation(table):
                 size = size_of(flows.where(model=model, phi=phi, rate=rate))
                 what = f"RD0, φ = {phi:g}, γ̇ = {rate:g}: place of the minimum of g_y, in d_s"
                 yield Row(
-                    what, None, *(found or (np.nan, None)), f"g_y = {g.attributes['minimum']:.3f}", size
+                    what,
+                    None,
+                    *(found or (np.nan, None)),
+                    f"g_y = {g.attributes['minimum']:.3f}; bins of 1 d_s",
+                    size,
                 )
             size = size_of(flows.where(model=model, phi=phi))
             if model == "CD0":
@@ -108,7 +120,9 @@ def _divergence(growth):
 def flow_curves(table):
     at = table.where(command="flow", model="RD0", phi=PHI_J)
     for n in np.unique(at["n"]):
-        slow = at.where(n=n, rate=[rate for rate in np.unique(at["rate"]) if rate < 2e-3])
+        slow = slower(at.where(n=n), 2e-3)
+        if len(np.unique(slow["rate"])) < 2:
+            continue
         lowest = slow["rate"].min()
         for name, symbol, theirs, note in (
             ("pressure", "p", round(1.1 / 3.5, 3), "V's y/zν"),
@@ -122,7 +136,9 @@ def flow_curves(table):
             yield Row(what, theirs, *slope, f"{note}; local exponents from low γ̇ up: {told}", size_of(slow))
     yield from newtonian(table.where(command="flow", model="RD0", phi=0.80))
     collisions = table.where(command="flow", model="CDn")
-    slow = collisions.where(rate=[rate for rate in np.unique(collisions["rate"]) if rate < 2e-3])
+    slow = slower(collisions, 2e-3)
+    if len(np.unique(slow["rate"])) < 2:
+        return
     for name, symbol in (("shear_stress", "σ"), ("pressure", "p")):
         slope = slope_with_error(*rates_of(slow, name))
         what = f"CDn, Q = 1, φ = 0.78: {symbol} ~ γ̇^x, γ̇ = 1e-4 to 1e-3 (Bagnoldian)"
@@ -133,6 +149,8 @@ def flow_curves(table):
 
 def newtonian(rows):
     """The slope at the lowest rates, and 1/η_p extrapolated, which is positive where the flow is Newtonian."""
+    if len(np.unique(slower(rows, EXTRAPOLATED)["rate"])) < 3:
+        return
     rates, p, error = rates_of(rows, "pressure")
     _, local, spread = local_exponents(rates, p, error)
     fluidity = extrapolated_fluidity(rates, p, error)
@@ -157,7 +175,7 @@ def extrapolated_fluidity(rates, p, error):
 
     The least form that has both limits: p = η_p γ̇ for γ̇ → 0 and p ~ γ̇^(y/zν) where γ̇ is large for the distance to φ_J.
     """
-    used = rates < 4e-3
+    used = rates < EXTRAPOLATED
     rates, p, error = rates[used], p[used], error[used]
     weights = p**2 / (rates * error)
     (slope, inverse), covariance = np.polyfit(rates**NEWTONIAN, rates / p, 1, w=weights, cov="unscaled")
@@ -208,7 +226,7 @@ def kinds_of_flow(table):
                 theirs = 2.0 if model == "CDn" and fast * max(q, 1) < HARD else None
                 what = f"{model}, φ = 0.78, Q = {q:g}: σ ~ γ̇^x, γ̇ = {slow:g} to {fast:g}"
                 yield Row(what, theirs, x, error, f"{100 * cluster:.0f} % of the disks in one cluster", size)
-    x, error, cluster = np.array([state[3:] for state in states]).T
+    x, error, cluster = np.array([state[3:] for state in states]).reshape(-1, 3).T
     found = {}
     for value, name in ((1, "Newtonian"), (2, "Bagnoldian")):
         near = (np.abs(x - value) < 0.15) & (error < 0.1)

@@ -40,14 +40,6 @@ def mean_profile(results, low: float, high: float):
     return np.mean(means, axis=0), np.std(means, axis=0, ddof=1) / np.sqrt(len(means))
 
 
-def shear_of(profile) -> np.ndarray:
-    """Local shear rate in units of γ̇ in each of the B layers, (B,): differences to both neighbours, walls at ±½."""
-    layers = len(profile)
-    y = np.concatenate([[-0.5], heights(layers), [0.5]])
-    v = np.concatenate([[-0.5], profile, [0.5]])
-    return (v[2:] - v[:-2]) / (y[2:] - y[:-2])
-
-
 def middle_share(profile) -> float:
     """Shear rate in the middle of the cell (MIDDLE of its height) in units of γ̇: 1 where v_x is linear."""
     y = heights(len(profile))

@@ -117,7 +117,7 @@ def plot_flow_curves(results, path) -> None:
         _draw_exponents(axes[1, 1], exponents)
         note = {"color": GREY, "va": "bottom", "transform": axes[1, 0].transAxes}
         axes[1, 0].text(0.03, 0.02, r"filled: $\sigma$, hollow: $p$", **note)
-        axes[0, 0].legend()
+        axes[0, 0].legend(fontsize=7, handlelength=1.2, labelspacing=0.2)
         letter_panels(axes.flat)
         save(fig, path)
 

@@ -7,7 +7,7 @@ from jampetsc.plots.style import GREY, MARKERS, PAGE, colours, figure, letter_pa
 
 HEIGHTS = (3.0, 1.4, 1.9)  # inches of collapse, residuals and drift
 REACH = 6.0  # from the best value in sight, in typical changes or errors: beyond, a fit has lost its way
-_SYMBOLS = {"pressure": "p", "shear_stress": r"\sigma", "jammed": "f"}
+SYMBOLS = {"pressure": "p", "shear_stress": r"\sigma", "jammed": "f"}
 _NAMES = {"phi_J": r"\phi_J", "y": "y", "znu": r"z\nu", "nu": r"\nu", "omega": r"\omega"}
 
 
@@ -36,7 +36,7 @@ def plot_scaling(result, path) -> None:
             label = f"${1 / scale**2:.0f}$" if sized else f"${number(scale)}$"
             top.errorbar(x, left[here], error[here] / unit[here], elinewidth=0.6, label=label, **look)
             middle.plot(x, residuals[here], **look)
-        symbol = _SYMBOLS[str(a["observable"])]
+        symbol = SYMBOLS[str(a["observable"])]
         power = r"L^{y/\nu}" if sized else r"\dot\gamma^{-y/z\nu}"
         minus = rf"({symbol} - \mathrm{{corr.}})" if a["corrections"] else symbol
         top.set(ylabel=rf"${minus}\,{power}$")

@@ -142,3 +142,12 @@ def _scaling(args, items):
     (result,) = items
     plot_scaling(result, args.out)
     return f"collapse of the {result.attributes['observable']} at {len(result['phi'])} points"
+
+
+@picture("branches", "collapse", single=True)
+def _branches(args, items):
+    from jampetsc.plots.branches import plot_branches
+
+    (result,) = items
+    plot_branches(result, args.out)
+    return f"two branches of the {result.attributes['observable']} at {len(result['phi'])} points"
