@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import jampetsc
-from jampetsc.analysis.averages import Average, mean_of_runs
+from jampetsc.analysis.averages import Average, mean_of_averages
 from jampetsc.analysis.jamming import jamming_step
 from jampetsc.flows.slowly import ENERGY_CUT
 from jampetsc.plots import style
@@ -118,7 +118,7 @@ def mean_pressure(runs):
     if all(len(one) == 1 for one in series):
         return mean(np.concatenate(series))
     averages = [Average.of(one) for one in series]
-    return mean_of_runs([one.mean for one in averages], [one.error for one in averages])
+    return mean_of_averages(averages)
 
 
 def energies(table):

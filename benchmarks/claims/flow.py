@@ -3,8 +3,8 @@
 import numpy as np
 
 from claims.shared import Row, claim, rates_of, slope_with_error
-from jampetsc.analysis.averages import mean_of_runs
 from jampetsc.analysis.profiles import heights, mean_profile, middle_share
+from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.plots.flowcurves import local_exponents
 from jampetsc.plots.regimes import regimes
 
@@ -37,7 +37,7 @@ def order(table):
         rows = table.where(command="flow", sizes=sizes)
         runs = [(run["snapshots/strain"], run["snapshots/psi6_global"]) for run in rows.results()]
         late = [psi[strain > 0.5 * strain[-1]] for strain, psi in runs]
-        mean, error = mean_of_runs([psi.mean() for psi in late], [0.0] * len(late))
+        mean, error = mean_with_error([psi.mean() for psi in late])
         start = np.mean([psi[0] for _, psi in runs])
         found[sizes] = mean, error, start, late, size_of(rows)
     least = min(psi.min() for psi in found["monodisperse"][3])
@@ -191,7 +191,7 @@ def walls(table):
             runs, size = some.results(), size_of(some)
             start = [middle_share(mean_profile([run], 0, 0.1)[0]) for run in runs]
             steady = runs[0].attributes["discard"], runs[0]["strain"][-1]
-            share, error = mean_of_runs(start, [0.0] * len(start))
+            share, error = mean_with_error(start)
             banded = share + 2 * error < 0.5
             decided = "yes" if banded == (model == "CD") else "no"
             what = f"{model}, γ̇ = {rate:g}: {says}: shear rate in the middle over γ̇, strain up to 0.1"
@@ -202,7 +202,7 @@ def walls(table):
             inner = np.abs(y) < 0.4
             line = np.polynomial.Polynomial.fit(y[inner], v[inner], 1)
             off = np.sqrt(np.mean(((v - line(y))[inner]) ** 2))
-            share, error = mean_of_runs(shares, [0.0] * len(shares))
+            share, error = mean_with_error(shares)
             typical = np.sqrt(np.mean(errors[inner] ** 2))
             note = f"rms distance from a straight line {off:.4f} of γ̇H, errors {typical:.4f}; walls slip by the rest"
             what = f"{model}, γ̇ = {rate:g}: linear in the steady state: shear rate in the middle over γ̇"
