@@ -8,7 +8,7 @@ import pytest
 from drawn import bars, figure_of, lines, require_inside
 
 from jampetsc.analysis.finite_size import logarithm_of_size, size_scaling
-from jampetsc.analysis.statistics import interval, log_median
+from jampetsc.analysis.statistics import half_width, log_median, median_interval
 from jampetsc.errors import InputError
 from jampetsc.plots.curves import Curve
 from jampetsc.plots.exponents import plot_exponents, plot_pressure_exponents
@@ -57,10 +57,10 @@ def test_what_cannot_be_fitted():
 
 def test_the_logarithm_of_a_median_has_half_the_interval_as_its_error():
     values = np.array([1.0, 2.0, 3.0, 4.0, 400.0])
-    low, high = interval(values)
+    low, high = median_interval(values)
     assert log_median(values) == pytest.approx((np.log(3.0), 0.5 * np.log(high / low)))
     below = np.array([-5.0, -1.0, 2.0, 3.0, 4.0])
-    low, high = interval(below)
+    low, high = median_interval(below)
     assert low < 0 and log_median(below) == pytest.approx((np.log(2.0), 0.5 * (high - low) / 2.0))
     assert np.isnan(log_median(-values)).all()
 
@@ -80,6 +80,8 @@ def file(n, p, eta0, law="contact", fluid=0.0, stressed=2.0, G0=1.0):
     }
     attributes |= {"eta0": stressed * eta0 * UNIT, "no_prestress_eta0": eta0 * UNIT, "G0": G0}
     attributes |= {"no_prestress_G0": G0, "omega_star": 1.0, "no_prestress_omega_star": 1.0}
+    for name, exponent in (("normal", 0.25), ("transverse", -0.25), ("nonaffine", -0.25)):
+        attributes |= {f"{bare}{name}_median": p**exponent for bare in ("", "no_prestress_")}
     if law == "stokes":
         attributes |= {"eta0_fluid": fluid * UNIT}
     return SimpleNamespace(path=Path("q.h5"), attributes=attributes)
@@ -108,7 +110,9 @@ def test_viscosities_of_all_sizes_are_one_curve_of_the_pressure_times_n_squared(
     assert guide[1][-1] == pytest.approx(guide[0][-1] ** -0.5, rel=0.01)  # where all that is large lies
     for x, y, low, high in bars(by_size):
         np.testing.assert_allclose(y, 1.0, rtol=0.02)
-        np.testing.assert_allclose([low, high], 0.1 / np.sqrt(3.0) * np.ones((2, len(x))), rtol=0.1)
+        np.testing.assert_allclose(
+            [low, high], half_width(2) * 0.1 / np.sqrt(3.0) * np.ones((2, len(x))), rtol=0.1
+        )
     assert [text.get_text() for text in collapsed.get_legend().get_texts()][-1] == "slope $-1/2$"
 
 
@@ -182,8 +186,9 @@ def test_local_exponents_in_the_pressure_and_their_limits():
             some.append(one)
     fig = figure_of(plot_pressure_exponents, some)
     require_inside(fig)
-    assert [ax.get_lines()[0].get_ydata()[0] for ax in fig.axes] == [0.5, -0.5, 1.0]
-    for ax, wanted in zip(fig.axes, ((0.5, 0.5), (-0.5, -0.25), (0.0, 0.0)), strict=True):
+    assert [ax.get_lines()[0].get_ydata()[0] for ax in fig.axes] == [0.5, -0.5, 1.0, 0.25, -0.25, -0.25]
+    medians = [(quarter, quarter) for quarter in (0.25, -0.25, -0.25)]
+    for ax, wanted in zip(fig.axes, ((0.5, 0.5), (-0.5, -0.25), (0.0, 0.0), *medians), strict=True):
         for (x, y, low, high), slope in zip(bars(ax), wanted, strict=True):
             np.testing.assert_allclose(x, np.sqrt(PRESSURES[1:] * PRESSURES[:-1]))
             np.testing.assert_allclose(y, slope, atol=1e-9)

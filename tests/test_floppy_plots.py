@@ -12,7 +12,7 @@ from jampetsc import cli
 from jampetsc.analysis.statistics import median_interval
 from jampetsc.errors import InputError
 from jampetsc.plots import style
-from jampetsc.plots.floppy import groups_of, plot_exponents, plot_medians, plot_viscosities
+from jampetsc.plots.floppy import groups_of, plot_medians, plot_viscosities
 from jampetsc.plots.lowmodes import plot_lowest
 from jampetsc.plots.vibrations import chosen_modes, density_of_states, plot_modes, plot_states
 from jampetsc.storage.packing_file import packing_identity, write_packing
@@ -336,26 +336,6 @@ def test_modes_keep_their_numbers_where_some_have_no_frequency():
     assert fig.axes[2].get_ylim() == pytest.approx((1.0, 10.0)) and not lines(fig.axes[1], 4)
     titles = [text.get_text() for text in fig.axes[0].get_legend().get_texts()]
     assert titles == [r"$2.5\times10^{-4}$"]
-
-
-def test_local_exponents_of_exact_power_laws(tmp_path):
-    """Of pairs of neighbouring pressures, at their geometric mean, N by markers; without pre-stress."""
-    files = [
-        write_quasistatic(tmp_path / f"{n}-{p}-{seed}.h5", p, n=n)
-        for n in (16, 64)
-        for p in (1e-4, 1e-3, 1e-2)
-        for seed in (0, 1)
-    ]
-    fig = figure_of(plot_exponents, [load(file) for file in files])
-    drawn = bars(fig.axes[0])
-    for (x, y, *errors), slope in zip(drawn, np.repeat([0.25, -0.25, -0.25], 2), strict=True):
-        np.testing.assert_allclose(x, 2 * 10 ** np.array([-3.5, -2.5]) / 4)  # p/k, k = 2
-        np.testing.assert_allclose(y, slope, rtol=1e-9)
-        np.testing.assert_allclose(errors, 0.0, atol=1e-9)
-    told = [text.get_text() for text in fig.axes[0].get_legend().get_texts()]
-    assert told[3:] == ["$N=16$", "$N=64$", r"$\pm 1/4$"]
-    with pytest.raises(InputError, match="one pressure has no exponent"):
-        plot_exponents([load(files[0])], "x.png")
 
 
 def write_lowest(path, pressure, count=(10, 50), n=16):

@@ -1,4 +1,4 @@
-"""Local exponents beside the limits that they approach: of G* against ω, of G₀, η₀ and ω* against p."""
+"""Local exponents beside the limits that they approach: of G* against ω, of what slow shear gives against p."""
 
 import numpy as np
 from matplotlib.lines import Line2D
@@ -7,7 +7,7 @@ from jampetsc.analysis.scaling import BORDER, critical_exponents, local_slope, l
 from jampetsc.analysis.statistics import log_median, mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.plots.curves import group_curves
-from jampetsc.plots.floppy import BARE, groups_of, value_of
+from jampetsc.plots.floppy import BARE, QUANTITIES, groups_of, value_of
 from jampetsc.plots.logaxes import set_ticks
 from jampetsc.plots.style import GREY, LOSS, MARKERS, PAGE, STORAGE, colours, figure, letter_panels, save
 
@@ -18,7 +18,8 @@ _LIMITS = {
     "G0": ("G_0", 0.5),
     "eta0": (r"\eta_0", -0.5),
     "omega_star": (r"\omega^*", 1.0),
-}  # exponents of p: BT 14-17, 22
+    **{f"{name}_median": known for name, known in QUANTITIES.items()},
+}  # exponents of p: BT 14-17, 19-22
 
 
 def plot_exponents(curves, path) -> None:
@@ -87,17 +88,18 @@ def exponent_samples(curves):
 
 
 def plot_pressure_exponents(results, path) -> None:
-    """d ln X/d ln p between neighbouring pressures for X = G₀, η₀ and ω* = G₀/η₀ against p/k, with limits of BT 14-17.
+    """d ln X/d ln p between neighbouring pressures against p/k, with the limits of BT 14-17 and 19-21.
 
-    Filled: without pre-stress; open: with. Medians over the packings of one pressure and N, of which G₀ < 0 under
-    pre-stress counts like any other; errors by resampling the packings. Raises InputError for fewer than two pressures.
+    X is G₀, η₀, ω* = G₀/η₀, and the medians of |Δu∥|, |Δu⊥| and |u_na| over contacts or disks. Filled: without
+    pre-stress; open: with. Medians over the packings of one pressure and N, of which G₀ < 0 under pre-stress counts
+    like any other; errors are those of medians. Raises InputError for fewer than two pressures.
     """
     groups = groups_of(results)
     sizes = [size for size in sorted({size for size, _ in groups}) if _pressures(groups, size) >= _FEWEST]
     if not sizes:
         raise InputError(f"{results[0].path}: one pressure: local exponents need files at several")
-    with figure(PAGE, HEIGHT, layout="constrained") as fig:
-        axes = fig.subplots(1, 3)
+    with figure(PAGE, 2 * HEIGHT, layout="constrained") as fig:
+        axes = fig.subplots(2, 3).ravel()
         for ax, (name, (symbol, limit)) in zip(axes, _LIMITS.items(), strict=True):
             ax.axhline(limit, color=GREY, linewidth=0.8, linestyle=":", zorder=1)
             for size, shade, marker in zip(sizes, colours(len(sizes)), MARKERS, strict=False):
@@ -123,7 +125,7 @@ def plot_pressure_exponents(results, path) -> None:
             Line2D([], [], color=colour, linestyle=dash, marker="o", mfc=face, mew=0.7, label=label)
             for label, colour, dash, face in looks
         ]
-        axes[-1].legend(handles=handles)
+        axes[2].legend(handles=handles)
         letter_panels(axes)
         save(fig, path)
 

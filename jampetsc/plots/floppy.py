@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from jampetsc.analysis.statistics import mean_with_error, median_interval
+from jampetsc.analysis.statistics import median_interval
 from jampetsc.contacts.laws import having
 from jampetsc.errors import InputError
-from jampetsc.plots.logaxes import place_legend, set_log_axes, set_ticks
+from jampetsc.plots.logaxes import place_legend, set_log_axes
 from jampetsc.plots.style import COLUMN, GREY, MARKERS, colours, figure, power_or_number, save
 from jampetsc.plots.units import units_of
 
@@ -99,47 +99,6 @@ def plot_medians(results, path) -> None:
         if single:
             handles.append(Line2D([], [], color="0.2", marker=".", ms=2, ls="none", label="single files"))
         place_legend(fig, ax, "", handles + band, lines)
-        save(fig, path)
-
-
-def plot_exponents(results, path) -> None:
-    """Local exponents d ln/d ln p of the medians without pre-stress, between neighbouring pressures, against p/k.
-
-    Of geometric means over the files of one pressure, with standard errors; N by markers. Dotted: ±1/4 (BT eqs. 19-21).
-    Raises InputError for fewer than two pressures of each N.
-    """
-    groups = groups_of(results)
-    sizes = sorted({size for size, _ in groups})
-    shades = colours(len(QUANTITIES))
-    with figure(COLUMN, HEIGHT, layout="constrained") as fig:
-        ax = fig.add_subplot(xlabel="$p/k$", ylabel=r"$d\ln\,/\,d\ln p$ of medians", xscale="log")
-        drawn, handles = [], []
-        for (name, (symbol, slope)), shade in zip(QUANTITIES.items(), shades, strict=True):
-            handles.append(Line2D([], [], label=f"${symbol}$", color=shade))
-            ax.axhline(slope, color=GREY, linestyle=":", linewidth=0.8, zorder=1)
-            for size, marker in zip(sizes, _cycle(len(sizes)), strict=True):
-                levels = np.array([level for n, level in groups if n == size])
-                logs = [
-                    np.log([value_of(results[row], f"{name}_median") for row in groups[size, level]])
-                    for level in levels
-                ]
-                mean, error = np.transpose([mean_with_error(some) for some in logs])
-                x, step = np.sqrt(levels[1:] * levels[:-1]), np.diff(np.log(levels))
-                y, spread = np.diff(mean) / step, np.hypot(error[1:], error[:-1]) / step
-                ax.errorbar(x, y, np.nan_to_num(spread), color=shade, marker=marker, elinewidth=0.6)
-                drawn.append((x, y))
-        if not any(len(x) for x, _ in drawn):
-            raise InputError(f"{results[0].path}: one pressure has no exponent: give files of two or more")
-        low, high = (f(np.log10(x)) for f, x in ((min, drawn[0][0]), (max, drawn[0][0])))
-        ax.set_xlim(10 ** (low - 0.3), 10 ** (high + 0.3))
-        set_ticks(ax.xaxis, low - 0.3, high + 0.3)
-        if len(sizes) > 1:
-            handles += [
-                Line2D([], [], color="0.2", marker=marker, ls="none", label=f"$N={size}$")
-                for size, marker in zip(sizes, _cycle(len(sizes)), strict=True)
-            ]
-        handles.append(Line2D([], [], color=GREY, linestyle=":", linewidth=0.8, label=r"$\pm 1/4$"))
-        place_legend(fig, ax, "", handles, drawn)
         save(fig, path)
 
 

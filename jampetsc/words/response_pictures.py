@@ -184,14 +184,6 @@ def _medians(args, items):
     return f"medians of floppy motion in {count(items, 'file', 'files')}"
 
 
-@picture("median-exponents", "quasistatic")
-def _exponents(args, items):
-    from jampetsc.plots.floppy import plot_exponents
-
-    plot_exponents(items, args.out)
-    return f"local exponents of the medians of floppy motion in {count(items, 'file', 'files')}"
-
-
 @picture("viscosities", "quasistatic")
 def _viscosities(args, items):
     from jampetsc.plots.floppy import plot_viscosities
