@@ -30,6 +30,10 @@ class Numpy:
         self.spin, self.turn = np.zeros((2, disks.n))
         self.inertia = 0.5 * model.mass * disks.radii**2
         self.unit = disks.potential.k * model.law.tau1
+        if (
+            held and model.mass
+        ):  # between walls that begin to slide disks are at rest: v_x = u_x + γ̇(y − H/2) = 0
+            self.u[held:, 0] = -self.rate * (disks.positions[held:, 1] - 0.5 * disks.cell[1, 1])
         self.seen = dict.fromkeys(TALLY, 0.0)
         if method == "verlet":
             force, torques = self.forces(self.disks, self.u, self.spin)
