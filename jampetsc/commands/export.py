@@ -55,7 +55,9 @@ def _frames(args, loaded):
         "packing": ("modes", "sweep", "quasistatic"),
     }.items():
         if getattr(args, option) is not None and kind not in owners:
-            raise InputError(f"--{option}: is for a {' or '.join(owners)} file, and {args.file} is of {kind}")
+            raise InputError(
+                f"--{option}: is of {' or '.join(owners)} files, and {args.file} is a {kind} file"
+            )
     if kind == "packing":
         return [frames.packing_frame(loaded)]
     if kind == "flow":
@@ -69,4 +71,6 @@ def _frames(args, loaded):
             known = ", ".join(f"{omega:g}" for omega in loaded.fields.omega)
             raise InputError(f"{args.file}: give --field OMEGA: it has fields at omega = {known}")
         return [frames.field_frame(loaded, args.field, args.packing)]
-    raise InputError(f"{args.file}: is of {kind}: export packing, modes, sweep, quasistatic or flow files")
+    raise InputError(
+        f"{args.file}: is a {kind} file: export packing, modes, sweep, quasistatic or flow files"
+    )

@@ -86,7 +86,8 @@ def _xyz(frame: Frame, number) -> bytes:
     parts = [np.arange(1, frame.disks.n + 1), *_spatial(frame.disks.positions).T]
     for name, values in frame.columns.items():
         values = _spatial(values) if values.ndim == 2 else values
-        properties += f":{name}:{'I' if values.dtype.kind == 'i' else 'R'}:{values[0].size}"
+        kind = "I" if values.dtype.kind == "i" else "R"
+        properties += f":{'velo' if name == 'velocity' else name}:{kind}:{values[0].size}"
         parts += list(values.T) if values.ndim == 2 else [values]
     facts = "".join(f" {name}={value!r}" for name, value in frame.facts.items())
     head = (

@@ -10,6 +10,8 @@ from jampetsc.errors import InputError
 from jampetsc.storage.fields import chosen_frequencies, field_at, packing_of, particle_rows
 from jampetsc.storage.snapshots import snapshot
 
+_COMPONENTS = (("xx", 0, 0), ("yy", 1, 1), ("xy", 0, 1))
+
 
 @dataclass(frozen=True, eq=False)
 class Frame:
@@ -37,9 +39,7 @@ def packing_frame(disks: Disks, vectors=None, facts=None) -> Frame:
         "area": disk_areas(disks),
         "coordination": np.bincount(ends, minlength=disks.n),
         "rattler": state.rattlers.astype(int),
-        "stress_xx": stress[:, 0, 0],
-        "stress_yy": stress[:, 1, 1],
-        "stress_xy": stress[:, 0, 1],
+        **{f"stress_{name}": np.ascontiguousarray(stress[:, a, b]) for name, a, b in _COMPONENTS},
         **(vectors or {}),
     }
     return Frame(disks.folded(), columns, contacts, bearing, {"pressure": state.pressure, **(facts or {})})
