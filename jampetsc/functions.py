@@ -27,7 +27,7 @@ from jampetsc import cli, session
 from jampetsc.collective import by_rank_0
 from jampetsc.commands import parsers_of
 from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.laws import Law, Physics, damping_law
+from jampetsc.contacts.laws import DEFAULT, Law, Physics, damping_law
 from jampetsc.errors import InputError
 from jampetsc.mechanics.matrices import Matrices, matrices_of
 from jampetsc.storage.packing_file import read_packing, write_packing
@@ -121,7 +121,7 @@ def pack(*, out=None, **options):
     return run("pack", out=out, **options)
 
 
-def assemble(packing, law="contact", *, prestress=True, tau1=1.0, **options) -> Matrices:
+def assemble(packing, law=DEFAULT, *, prestress=True, tau1=1.0, **options) -> Matrices:
     """K, B and the border of a packing; `.to_scipy()` has them on every rank. Collective.
 
     packing     its file, or Disks

@@ -229,7 +229,7 @@ def _gsd_frame(hoomd, frame, number):
     made.particles.types = [f"size {size}" for size in range(1, types.max() + 1)]
     if "velocity" in frame.columns:
         made.particles.velocity = _spatial(frame.columns["velocity"])
-    made.bonds.types, made.bonds.typeid = ["contact"], np.zeros(len(c), int)
+    made.bonds.types, made.bonds.typeid = ["bond"], np.zeros(len(c), int)
     made.bonds.group = np.column_stack((c.i, c.j))
     made.log = {f"particles/{name}": values for name, values in frame.columns.items()}
     made.log |= {"bonds/force": c.force, "bonds/overlap": c.overlap}
