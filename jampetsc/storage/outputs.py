@@ -26,7 +26,15 @@ _EXPORTS = {  # ending -> how such a file begins
     ".mtx": re.compile(rb"%%MatrixMarket"),
     ".petsc": re.compile(rb"\x00\x12\x7b\x50"),  # MAT_FILE_CLASSID
 }
-_NOT_HDF5 = (".png", ".pdf", ".svg", ".csv", ".txt", ".opts")  # endings that promise something else
+_NOT_HDF5 = (
+    ".png",
+    ".pdf",
+    ".svg",
+    ".csv",
+    ".txt",
+    ".opts",
+    *_EXPORTS,
+)  # endings that promise something else
 
 
 def check_output(out, kind, inputs=(), beside=()) -> None:
