@@ -34,6 +34,8 @@ def run(args, petsc_argv) -> int:
     from jampetsc.storage.outputs import check_output, exported
     from jampetsc.storage.reader import load
 
+    if args.field is not None and not 0 < args.field < float("inf"):
+        raise InputError(f"--field {args.field:g}: must be a positive frequency")
     check_format(args.out)
     check_output(args.out, exported(args.out), [args.file, *filter(None, [args.packing])])
     loaded = load(args.file)
