@@ -14,6 +14,7 @@ from jampetsc.version import VERSION as __version__
 __all__ = [
     "Disks",
     "__version__",
+    "assemble",
     "collapse",
     "correlate",
     "flow",

@@ -27,8 +27,10 @@ from jampetsc import cli, session
 from jampetsc.collective import by_rank_0
 from jampetsc.commands import parsers_of
 from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.laws import DEFAULT, Law, Physics, damping_law
 from jampetsc.errors import InputError
-from jampetsc.storage.packing_file import write_packing
+from jampetsc.mechanics.matrices import Matrices, matrices_of
+from jampetsc.storage.packing_file import read_packing, write_packing
 from jampetsc.storage.provenance import recorded_as
 from jampetsc.storage.reader import load
 from jampetsc.studies.kinds import KINDS
@@ -117,6 +119,22 @@ def _temporary():
 def pack(*, out=None, **options):
     """A packing, see `run` and `jampetsc pack --help`; Disks. Collective."""
     return run("pack", out=out, **options)
+
+
+def assemble(packing, law=DEFAULT, *, prestress=True, tau1=1.0, **options) -> Matrices:
+    """K, B and the border of a packing; `.to_scipy()` has them on every rank. Collective.
+
+    packing     its file, or Disks
+    law         a family of damping laws, with its `options` (beta=0.1, rotations=False, …), or a `contacts.laws.Law`
+    prestress   K keeps the f/r term of its contacts
+
+    Raises InputError for a packing that is not rigid, and for a law that there is not.
+    """
+    comm = session.start("real").comm
+    disks = packing if isinstance(packing, Disks) else read_packing(os.fspath(packing), comm)
+    if not isinstance(law, Law):
+        law = damping_law(law, tau1=tau1, **options)
+    return matrices_of(disks, Physics(law, prestress), comm)
 
 
 def sweep(packing, *, out=None, **options):

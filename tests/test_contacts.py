@@ -14,6 +14,8 @@ from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.contacts.state import (
     bond_vectors,
     both_ends,
+    disk_areas,
+    disk_stresses,
     find_contacts,
     find_rattlers,
     force_threshold,
@@ -85,11 +87,18 @@ def test_state_against_loops_over_all_images(name):
     here = sorted(zip(state.contacts.i, state.contacts.j, *state.contacts.r.T, strict=True))
     there = sorted(zip(number[reference.i], number[reference.j], *reference.r.T.astype(float), strict=True))
     np.testing.assert_allclose(here, there, rtol=0, atol=1e-15 * disks.cell.max())
-    assert state.coordination == 2 * reference.contacts / reference.n
+    assert disks.coordination == 2 * reference.contacts / reference.n
     assert state.energy == pytest.approx(float(reference.energy), rel=1e-12)
-    assert state.pressure == pytest.approx(float(reference.pressure), rel=1e-12)
-    np.testing.assert_allclose(state.stress, reference.stress.astype(float), rtol=0, atol=1e-13)
-    assert -np.trace(state.stress) / 2 == pytest.approx(state.pressure, rel=1e-13)
+    assert disks.pressure == pytest.approx(float(reference.pressure), rel=1e-12)
+    np.testing.assert_allclose(disks.stress, reference.stress.astype(float), rtol=0, atol=1e-13)
+    assert -np.trace(disks.stress) / 2 == pytest.approx(disks.pressure, rel=1e-13)
+    np.testing.assert_array_equal(np.flatnonzero(~disks.rattlers), reference.disks)
+    bearing = disks.contacts()[state.bears(disks.contacts())]
+    np.testing.assert_array_equal(bearing.r, state.contacts.r)
+    areas, stresses = disk_areas(disks), disk_stresses(disks, disks.contacts())
+    assert areas.sum() == pytest.approx(disks.area, rel=1e-14)
+    total = np.einsum("i,iab->ab", areas, stresses) / disks.area
+    np.testing.assert_allclose(total, disks.stress, rtol=1e-12, atol=1e-13 * disks.pressure)
 
 
 def test_net_forces_are_the_gradient_of_the_energy():

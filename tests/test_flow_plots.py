@@ -17,10 +17,11 @@ from jampetsc.plots.order import plot_order
 from jampetsc.plots.packing import touching
 from jampetsc.plots.profiles import plot_profiles
 from jampetsc.plots.regimes import plot_regimes, regimes
-from jampetsc.plots.shearing import kind_of, labels_of, lanes_of, plot_lanes, plot_series, snapshot
+from jampetsc.plots.shearing import kind_of, labels_of, lanes_of, plot_lanes, plot_series
 from jampetsc.plots.units import flow_units
 from jampetsc.storage.reader import Attributes
 from jampetsc.storage.result_file import ResultWriter
+from jampetsc.storage.snapshots import snapshot
 from jampetsc.words.pictures import PICTURES
 
 

@@ -34,6 +34,8 @@ COMMANDS = {  # words without --out -> the ending of what it writes
     "correlate t.h5 --packing s.h5": ".h5",
     "collapse s.h5 --observable pressure --fit phi_J,y,znu": ".h5",
     "merge s.h5": ".h5",
+    "export p.h5": ".xyz",
+    "matrices p.h5": ".npz",
     "plot s.h5": ".png",
     "plot t.h5 --kind fields --packing s.h5": ".svg",
     "trade p.h5": ".csv",

@@ -31,6 +31,8 @@ COMMANDS = {
     "trade": "jampetsc.commands.trade",
     "info": "jampetsc.commands.info",
     "merge": "jampetsc.commands.merge",
+    "export": "jampetsc.commands.export",
+    "matrices": "jampetsc.commands.matrices",
     "plot": "jampetsc.commands.plot",
 }
 

@@ -8,6 +8,7 @@ offset: `base` is a multiple of GRID, so that differences of bases and cell vect
 
 import hashlib
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -138,6 +139,38 @@ class Disks:
     def phi(self) -> float:
         """Packing fraction Σ π ρ² / V, overlaps counted twice (the field's convention)."""
         return float(np.pi * np.sum(self.radii**2) / self.area)
+
+    def contacts(self):
+        """All overlaps, those that bear no load included: a `contacts.state.Contacts` of i, j, r, overlap, force, …"""
+        from jampetsc.contacts.state import find_contacts
+
+        return find_contacts(self)
+
+    @cached_property
+    def _state(self):
+        from jampetsc.contacts.state import measure  # which is made of Disks
+
+        return measure(self)
+
+    @property
+    def pressure(self) -> float:
+        """p = Σ f r/(2V) over all overlaps."""
+        return self._state.pressure
+
+    @property
+    def stress(self):
+        """σ = −Σ f r r/(|r| V), (2, 2): compression is negative, p = −tr σ/2."""
+        return self._state.stress
+
+    @property
+    def coordination(self) -> float:
+        """Z = 2N_c/n of the contacts that bear load, n disks without rattlers."""
+        return self._state.coordination
+
+    @property
+    def rattlers(self):
+        """Mask (N,) of disks that fewer than three loaded contacts hold, such disks removed again and again."""
+        return self._state.rattlers
 
     @property
     def fingerprint(self) -> str:

@@ -95,6 +95,23 @@ def stress_tensor(contacts: Contacts, area: float):
     return -(weighted.T @ contacts.r) / area
 
 
+def disk_areas(disks: Disks):
+    """A_i = V ρ_i²/Σ ρ_j², (N,): each disk's share of the cell, its own area over φ. They add up to V."""
+    return disks.area * disks.radii**2 / np.sum(disks.radii**2)
+
+
+def disk_stresses(disks: Disks, contacts: Contacts):
+    """Stress of every disk, σ_i = −1/(2A_i) Σ f r r/|r| over its contacts, (N, 2, 2), with A_i of `disk_areas`.
+
+    Half of each contact's virial to either disk: Σ A_i σ_i = σ V with σ of `stress_tensor`, exactly.
+    """
+    virial = contacts.tension[:, None, None] * contacts.r[:, :, None] * contacts.r[:, None, :] / 2.0
+    total = np.zeros((disks.n, 2, 2))
+    for end in (contacts.i, contacts.j):
+        np.add.at(total, end, virial)
+    return -total / disk_areas(disks)[:, None, None]
+
+
 def find_rattlers(n: int, i, j, joined=lambda loose: loose):
     """Mask (N,) of disks with fewer than three contacts, after removing such disks again and again.
 
@@ -136,6 +153,11 @@ class State:
     stress: np.ndarray  # (2, 2)
     max_force: float  # largest net force on a disk that is not a rattler
     threshold: float  # force above which a contact counts
+
+    def bears(self, contacts: Contacts):
+        """Mask (M,) of those that bear load: above the threshold, between disks that are not rattlers."""
+        loose = self.rattlers[contacts.i] | self.rattlers[contacts.j]
+        return (contacts.force > self.threshold) & ~loose
 
     @property
     def coordination(self) -> float:

@@ -120,7 +120,7 @@ def assemble(network: Network, law: Law, pinned: bool = True) -> Pencil:
     gamma = gamma.ravel()
 
     pieces = find_pieces(network)
-    pins = _pins(law, pieces) if pinned else np.zeros(0, int)
+    pins = pins_of(law, pieces) if pinned else np.zeros(0, int)
     _pin(matrix, gamma, pins, network.first * dofs, network.k)
     return Pencil(
         network, law, pieces,
@@ -131,7 +131,7 @@ def assemble(network: Network, law: Law, pinned: bool = True) -> Pencil:
     )  # fmt: skip
 
 
-def _pins(law, pieces):
+def pins_of(law: Law, pieces: Pieces):
     """Unknowns that hold the moves without cost: (x, y) of a disk of each piece, θ of one of each bipartite piece."""
     roots = pieces.roots
     held = [np.zeros(0, int)] if law.holds_translations else [roots * law.dofs, roots * law.dofs + 1]

@@ -3,9 +3,6 @@
 Quantities are in the units that the files tell (`units.flow_units`): Vågberg's where `jampetsc flow` made the disks.
 """
 
-from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.potentials import Potential
-from jampetsc.errors import InputError
 from jampetsc.flows.lanes import BIN, FORMAT, LANE, correlate_lanes
 from jampetsc.plots.logaxes import place_legend
 from jampetsc.plots.style import GREY, MARKERS, PAGE, colours, figure, letter_panels, number, save
@@ -92,17 +89,3 @@ def plot_lanes(results, path) -> None:
         handles, _ = ax.get_legend_handles_labels()
         place_legend(fig, ax, "bands: one standard error", handles, [(x, g) for _, x, g, _ in curves])
         save(fig, path)
-
-
-def snapshot(result, row=-1) -> Disks:
-    """A snapshot of a flow file as a packing; its record has the number of disks of `walls`, if there are any.
-
-    Raises InputError where the file holds none.
-    """
-    if "snapshots/positions" not in result:
-        raise InputError(f"{result.path}: holds no snapshots: run `jampetsc flow` with --snapshots")
-    a = result.attributes
-    potential = Potential(str(a["potential"]), str(a["stiffness"]), float(a["k"]))
-    positions, cell = (result.stored(f"snapshots/{name}")[row] for name in ("positions", "cell"))
-    record = {"walls": int(a["walls"])} if "walls" in a else {}
-    return Disks.from_positions(positions, result["state/radii"], cell, potential, record=record)

@@ -5,6 +5,7 @@ and no device.
 """
 
 import os
+import re
 from pathlib import Path
 
 from jampetsc.errors import InputError
@@ -15,13 +16,31 @@ from jampetsc.storage.regular import open_regular
 
 PICTURE, TABLE = "picture", "table"
 _PICTURES = (b"\x89PNG\r\n", b"%PDF-", b"<?xml", b"<svg")  # how the files begin
-_NOT_HDF5 = (".png", ".pdf", ".svg", ".csv", ".txt", ".opts")  # endings that promise something else
+_EXPORTS = {  # ending -> how such a file begins
+    ".xyz": re.compile(rb"\d+\nLattice="),
+    ".dump": re.compile(rb"ITEM: TIMESTEP"),
+    ".data": re.compile(rb"LAMMPS data file"),
+    ".vtp": re.compile(rb"<\?xml[^>]*>\s*<VTKFile"),
+    ".npz": re.compile(rb"PK\x03\x04"),
+    ".gsd": re.compile(rb"\xdf\x65" * 4),
+    ".mtx": re.compile(rb"%%MatrixMarket"),
+    ".petsc": re.compile(rb"\x00\x12\x7b\x50"),  # MAT_FILE_CLASSID
+}
+_NOT_HDF5 = (
+    ".png",
+    ".pdf",
+    ".svg",
+    ".csv",
+    ".txt",
+    ".opts",
+    *_EXPORTS,
+)  # endings that promise something else
 
 
 def check_output(out, kind, inputs=(), beside=()) -> None:
     """Raise InputError unless a `kind` of file may be put at `out` now. Call it before long work.
 
-    kind     "picture", "table" or the format of a result, such as "jampetsc-sweep"
+    kind     "picture", "table", `exported(out)` or the format of a result, such as "jampetsc-sweep"
     inputs   paths of what the run reads; those that do not exist are left to who reads them
     beside   paths of what else the run writes
     """
@@ -38,6 +57,11 @@ def check_output(out, kind, inputs=(), beside=()) -> None:
             raise InputError(f"{out}: is the input{alias}, which would be lost: choose another --out")
     check_writable(out)
     check_replaced(out, kind)
+
+
+def exported(out) -> str:
+    """The `kind` of `check_output` of a file for other programs at `out`."""
+    return f"an exported {Path(out).suffix.lower()} file"
 
 
 def check_replaced(out, kind) -> None:
@@ -75,6 +99,9 @@ def _held(path):
         return None
     if start.startswith(SIGNATURE):
         return _format(path)
+    begins = _EXPORTS.get(Path(path).suffix.lower())
+    if begins and begins.match(start):
+        return exported(path)
     if start.lstrip(b"\xef\xbb\xbf").startswith(_PICTURES):
         return PICTURE
     return TABLE if Path(path).suffix.lower() == ".csv" and b"\0" not in start else "a file of another kind"

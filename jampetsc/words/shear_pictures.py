@@ -38,7 +38,8 @@ def _phi(args, items):
 @picture("snapshot", "flow")
 def _snapshot(args, items):
     from jampetsc.plots.packing import plot_flowing
-    from jampetsc.plots.shearing import kind_of, labels_of, snapshot
+    from jampetsc.plots.shearing import kind_of, labels_of
+    from jampetsc.storage.snapshots import snapshot
 
     titles = labels_of([kind_of(item) for item in items]) if len(items) > 1 else [""]
     panels, shown = [], []
@@ -93,7 +94,7 @@ def _velocities(args, items):
     import numpy as np
 
     from jampetsc.plots.fields import plot_panels
-    from jampetsc.plots.shearing import snapshot
+    from jampetsc.storage.snapshots import snapshot
 
     (result,) = items
     disks = snapshot(result)

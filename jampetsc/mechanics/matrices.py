@@ -1,0 +1,153 @@
+"""K, B and the γ border of a packing for other programs: as PETSc has them, gathered for scipy, or in files.
+
+With unknowns x and a strain γ of amplitude 1 at frequency ω (BT eqs. 10–14)
+
+    (K + iωB) x = −(k_γ + iω b_γ) ,     G* = [k_γγ + iω b_γγ + (k_γ + iω b_γ)ᵀ x] / V ,
+
+nothing held and nothing scaled. Rows and columns of `pins` are to be left out where K + iωB is to be regular.
+"""
+
+import io
+import shutil
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.io import mmwrite
+from scipy.sparse import csr_array
+
+from jampetsc.collective import by_rank_0
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.laws import Physics
+from jampetsc.errors import InputError
+from jampetsc.mechanics.assembly import assemble, pins_of
+from jampetsc.mechanics.network import build_network
+from jampetsc.session import current
+from jampetsc.storage.atomic import write_whole
+
+ENDINGS = (".npz", ".mtx", ".petsc")
+SPARSE, VECTORS, NUMBERS = ("K", "B"), ("k_gamma", "b_gamma"), ("k_gg", "b_gg", "area")
+ROWS = ("particles", "dofs", "pins")
+NAMES = (*SPARSE, *VECTORS, *NUMBERS, *ROWS)
+
+
+@dataclass(frozen=True, eq=False)
+class Matrices:
+    """K and B of u unknowns of the n disks that bear load, (x, y) or, where disks roll, (x, y, θ) one after another."""
+
+    K: object  # (u, u) PETSc.Mat, or scipy's csr_array; k
+    B: object  # (u, u) the same; kτ₁
+    k_gamma: object  # (u,) PETSc.Vec, or numpy: derivative of the energy by an unknown and by γ
+    b_gamma: object  # (u,)
+    k_gg: float  # k_γγ = V G_A, G_A the modulus of affine motion
+    b_gg: float  # b_γγ = V η_∞ of affine motion
+    area: float  # V
+    particles: np.ndarray  # (n,) numbers of the disks in the packing file
+    dofs: np.ndarray  # (u, 2) of every unknown: number of its disk in the packing file; 0 x, 1 y, 2 θ
+    pins: np.ndarray  # unknowns to leave out: without them no move is free
+
+    def to_scipy(self) -> "Matrices":
+        """The same on every rank, K and B as csr_array, border as numpy arrays. Collective."""
+        if not hasattr(self.K, "getValuesCSR"):
+            return self
+        comm = self.K.getComm().tompi4py()
+        return Matrices(
+            *(_gathered(comm, getattr(self, name)) for name in SPARSE),
+            *(np.concatenate(comm.allgather(getattr(self, name).getArray().real)) for name in VECTORS),
+            *(getattr(self, name) for name in (*NUMBERS, *ROWS)),
+        )
+
+    def destroy(self):
+        """Free the PETSc objects. Collective."""
+        for name in (*SPARSE, *VECTORS):
+            getattr(self, name).destroy()
+
+
+def matrices_of(disks: Disks, physics: Physics, comm) -> Matrices:
+    """Those of a packing that every rank has read. Collective. Raises InputError where it is not rigid."""
+    network, law = build_network(disks, comm, physics.prestress), physics.law
+    pencil = assemble(network, law, pinned=False)
+    particles = np.concatenate(comm.allgather(network.particles))
+    component = np.tile(np.arange(law.dofs), len(particles))
+    return Matrices(
+        *(getattr(pencil, name) for name in (*SPARSE, *VECTORS, "k_gg", "b_gg")),
+        area=network.area,
+        particles=particles,
+        dofs=np.column_stack((np.repeat(particles, law.dofs), component)),
+        pins=pins_of(law, pencil.pieces),
+    )
+
+
+def _gathered(comm, matrix):
+    """All rows of a distributed matrix as csr_array, real."""
+    parts = comm.allgather(matrix.getValuesCSR())
+    before = np.cumsum([0] + [len(columns) for _, columns, _ in parts[:-1]])
+    starts = [start[:-1] + first for (start, _, _), first in zip(parts, before, strict=True)]
+    columns, values = (np.concatenate([part[which] for part in parts]) for which in (1, 2))
+    return csr_array(
+        (values.real, columns, np.append(np.concatenate(starts), len(columns))), matrix.getSize()
+    )
+
+
+def files_of(out) -> dict:
+    """{name of what it holds, "" for everything: path} of the files that `write_matrices` puts at `out`.
+
+    Raises InputError for an ending without a format.
+    """
+    path = Path(out)
+    if path.suffix not in ENDINGS:
+        raise InputError(f"--out {out}: choose the ending of a format: {', '.join(ENDINGS)}")
+    if path.suffix == ".mtx":  # Matrix Market: a matrix a file
+        return {name: path.with_name(f"{path.stem}-{name}.mtx") for name in NAMES}
+    return {"": path}
+
+
+def write_matrices(out, matrices: Matrices) -> None:
+    """Write the files of `files_of`. Collective. Raises InputError or JampetscError where that fails."""
+    comm, files = matrices.K.getComm().tompi4py(), files_of(out)
+    if Path(out).suffix == ".petsc":
+        _write_petsc(comm, files[""], matrices)
+        return
+    whole = matrices.to_scipy()
+    by_rank_0(comm, lambda: _write_npz(files[""], whole) if "" in files else _write_mtx(files, whole))
+
+
+def _write_npz(path, whole):
+    """K and B have one pattern: scipy.sparse.csr_array((K, indices, indptr))."""
+    held = {name: getattr(whole, name) for name in NAMES if name not in SPARSE}
+    content = io.BytesIO()
+    np.savez(content, indptr=whole.K.indptr, indices=whole.K.indices, K=whole.K.data, B=whole.B.data, **held)
+    write_whole(path, content.getvalue())
+
+
+def _write_mtx(files, whole):
+    for name, path in files.items():
+        value, content = getattr(whole, name), io.BytesIO()
+        array = value if name in SPARSE else np.reshape(value, (len(np.atleast_1d(value)), -1))
+        mmwrite(content, array, precision=17, symmetry="general")
+        write_whole(path, content.getvalue())
+
+
+def _write_petsc(comm, path, matrices):
+    """PETSc binary, one after another: Mat K, B, Vec k_γ, b_γ, Vec (k_γγ, b_γγ, V), IS of disk numbers, IS of pins."""
+    PETSc, first = current().PETSc, comm.rank == 0
+    numbers = PETSc.Vec().createMPI((3 if first else 0, 3), comm=comm)
+    if first:
+        numbers.getArray()[:] = [getattr(matrices, name) for name in NUMBERS]
+    sets = [
+        PETSc.IS().createGeneral((rows if first else rows[:0]).astype(PETSc.IntType), comm=comm)
+        for rows in (matrices.particles, matrices.pins)
+    ]
+    folder = by_rank_0(comm, tempfile.mkdtemp)
+    file = Path(folder) / "matrices"
+    try:
+        viewer = PETSc.Viewer().createBinary(str(file), "w", comm=comm)  # rank 0 writes
+        for item in (*(getattr(matrices, name) for name in (*SPARSE, *VECTORS)), numbers, *sets):
+            item.view(viewer)
+        for item in (viewer, numbers, *sets):
+            item.destroy()
+        by_rank_0(comm, lambda: write_whole(path, file.read_bytes()))
+    finally:
+        if first:
+            shutil.rmtree(folder, ignore_errors=True)

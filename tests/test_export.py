@@ -1,0 +1,248 @@
+"""`jampetsc export`: what is in the files, read by readers of our own, and the stress of a disk."""
+
+import importlib.util
+import io
+import json
+import re
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pytest
+import samples
+from dense import all_pairs
+
+import jampetsc
+from jampetsc import cli
+from jampetsc.contacts.state import disk_areas, disk_stresses, find_contacts, measure
+from jampetsc.errors import InputError
+from jampetsc.storage.packing_file import write_packing
+from jampetsc.storage.snapshots import snapshot
+
+
+def export(words):
+    args = cli.command_parser(["export"])[0].parse_args(["export", *words.split()])
+    assert args.run(args, []) == 0
+
+
+def xyz(path):
+    """[({name of column: values}, {name: text of the header}), …] of the frames of an extended XYZ file."""
+    stream, frames = io.StringIO(path.read_text()), []
+    while line := stream.readline():
+        facts = dict(re.findall(r'(\w+)=("[^"]*"|\S+)', stream.readline()))
+        rows = np.array([stream.readline().split() for _ in range(int(line))])
+        columns, first = {}, 0
+        for name, kind, size in re.findall(r"(\w+):([SIR]):(\d)", facts["Properties"]):
+            part = rows[:, first : first + int(size)]
+            columns[name] = (
+                part
+                if kind == "S"
+                else np.squeeze(part.astype({"I": int, "R": float}[kind]), 1)
+                if size == "1"
+                else part.astype(float)
+            )
+            first += int(size)
+        assert first == rows.shape[1]
+        frames.append((columns, facts))
+    return frames
+
+
+def dump(path):
+    """[({name of column: values}, cell (2, 2)), …] of the frames of a LAMMPS dump."""
+    frames = []
+    for text in path.read_text().split("ITEM: TIMESTEP\n")[1:]:
+        lines = text.splitlines()
+        assert int(lines[2]) == len(lines) - 8 and int(lines[0]) == len(frames)
+        (low, high, tilt), (bottom, top, _), _ = (list(map(float, line.split())) for line in lines[4:7])
+        left, right = low - min(0, tilt), high - max(0, tilt)  # as LAMMPS bounds a box that leans
+        rows = np.array([line.split() for line in lines[8:]], float)
+        columns = dict(zip(lines[7].removeprefix("ITEM: ATOMS ").split(), rows.T, strict=True))
+        frames.append((columns, np.array([[right - left, 0], [tilt, top - bottom]])))
+    return frames
+
+
+def data(path):
+    """(atoms (N, 8), bonds [(i, j, force, overlap), …], cell (2, 2)) of a LAMMPS data file."""
+    text = path.read_text()
+    xhi, yhi, tilt = (float(re.search(pattern, text, re.M)[1]) for pattern in (
+        r"^0\.0 (\S+) xlo xhi", r"^0\.0 (\S+) ylo yhi", r"^(\S+) 0\.0 0\.0 xy xz yz"))  # fmt: skip
+    atoms, _, bonds = text.partition("\nBonds\n\n")
+    atoms = np.array([line.split() for line in atoms.partition("# bpm/sphere\n\n")[2].splitlines()], float)
+    bonds = np.array([line.replace("#", "").split() for line in bonds.splitlines()], float)
+    assert int(re.search(r"(\d+) atoms", text)[1]) == len(atoms)
+    assert int(re.search(r"(\d+) bonds", text)[1]) == len(bonds)
+    return atoms, bonds[:, 2:], np.array([[xhi, 0], [tilt, yhi]])
+
+
+def vtp(path):
+    """{name: values} of all arrays of a VTK PolyData file."""
+    arrays = {}
+    for item in ElementTree.parse(path).iter("DataArray"):
+        values = np.array(item.text.split(), {"Int64": int, "Float64": float}[item.get("type")])
+        size = item.get("NumberOfComponents")
+        arrays[item.get("Name")] = values.reshape(-1, int(size)) if size else values
+    return arrays
+
+
+@pytest.mark.parametrize("sample", ["published", "k = 2.5", "isostatic", "two images"])
+def test_stresses_of_disks_are_halves_of_the_virials_of_their_contacts(sample):
+    disks, k = samples.SAMPLES[sample](), samples.SAMPLES[sample]().potential.k
+    areas, stress = disk_areas(disks), disk_stresses(disks, find_contacts(disks))
+    wanted = np.zeros((disks.n, 2, 2))
+    for i, j, r in zip(*all_pairs(disks.positions, disks.radii, disks.cell), strict=True):
+        r = np.asarray(r, float)
+        force = k * (disks.radii[i] + disks.radii[j] - np.hypot(*r)) * r / np.hypot(*r)
+        for one in (i, j):
+            wanted[one] -= np.outer(force, r) / (2 * areas[one])
+    np.testing.assert_allclose(stress, wanted, atol=1e-12 * k if sample != "isostatic" else 1e-14)
+
+
+def inside(cell, positions):
+    """Whether the fractional coordinates lie between 0 and 1."""
+    fractions = positions @ np.linalg.inv(cell)
+    return (fractions > -1e-9).all() and (fractions < 1 + 1e-9).all()
+
+
+@pytest.mark.parametrize("sample", ["isostatic", "strips"])
+def test_a_packing_in_every_format(tmp_path, monkeypatch, sample):
+    monkeypatch.chdir(tmp_path)
+    disks = samples.SAMPLES[sample]()
+    write_packing("p.h5", disks)
+    for ending in ("xyz", "dump", "data", "vtp", "npz"):
+        for _ in range(2):  # the second in the place of the first
+            export(f"p.h5 --out p.{ending}")
+    state, contacts = measure(disks), find_contacts(disks)
+    held = np.load("p.npz")
+    ((columns, facts),) = xyz(tmp_path / "p.xyz")
+    ((rows, cell),) = dump(tmp_path / "p.dump")
+    atoms, bonds, box = data(tmp_path / "p.data")
+    arrays = vtp(tmp_path / "p.vtp")
+
+    lattice = np.array(facts["Lattice"].strip('"').split(), float).reshape(3, 3)
+    whole = disks.positions - held["positions"]  # by cell vectors: the lattice is the same
+    shifts = whole @ np.linalg.inv(held["cell"])
+    np.testing.assert_allclose(shifts, shifts.round(), atol=1e-9)
+    turns = (disks.cell @ np.linalg.inv(held["cell"])).round()
+    np.testing.assert_allclose(turns @ held["cell"], disks.cell, atol=1e-12)
+    assert abs(held["cell"][1, 0]) <= held["cell"][0, 0] / 2 and inside(held["cell"], held["positions"])
+    for other in (lattice[:2, :2], cell, box, arrays["cell"][:, :2]):
+        np.testing.assert_allclose(other, held["cell"], rtol=1e-14)
+    places = np.column_stack((rows["x"], rows["y"]))
+    for other in (columns["pos"][:, :2], places, atoms[:, 5:7], arrays["points"][: disks.n, :2]):
+        np.testing.assert_array_equal(other, held["positions"])
+
+    number = np.bincount(np.r_[state.contacts.i, state.contacts.j], minlength=disks.n)
+    for found in (columns, rows, held, {name: values[: disks.n] for name, values in arrays.items()}):
+        np.testing.assert_array_equal(found["radius"], disks.radii)
+        np.testing.assert_array_equal(found["rattler"], state.rattlers)
+        np.testing.assert_array_equal(found["coordination"], number)
+        normal = (found["stress_xx"] + found["stress_yy"]) @ found["area"]
+        assert -normal / 2 / disks.area == pytest.approx(state.pressure, rel=1e-12)
+    np.testing.assert_array_equal(atoms[:, 3], 2 * disks.radii)
+    assert float(facts["pressure"]) == state.pressure
+
+    assert held["contact_bearing"].sum() == len(state.contacts)
+    np.testing.assert_array_equal(held["contact_overlap"], contacts.overlap)
+    np.testing.assert_array_equal(bonds[:, :2].astype(int) - 1, held["contact_pairs"])
+    np.testing.assert_array_equal(bonds[:, 2:].T, (contacts.force, contacts.overlap))
+    i, j = arrays["connectivity"].reshape(-1, 2).T
+    length = np.linalg.norm(arrays["points"][j] - arrays["points"][i], axis=1)
+    np.testing.assert_allclose(
+        arrays["radius"][i] + arrays["radius"][j] - length, contacts.overlap, atol=1e-13
+    )
+    np.testing.assert_array_equal(arrays["force"], contacts.force)
+    np.testing.assert_array_equal(arrays["disk"][j], contacts.j)
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+def test_motion_is_shown_on_the_packing(session, shared_path, monkeypatch):
+    monkeypatch.chdir(shared_path)
+    disks = samples.isostatic()
+    write_packing("p.h5", disks)
+    modes = jampetsc.modes("p.h5", count=3, out="modes.h5")
+    sweep = jampetsc.sweep("p.h5", omega=1.0, fields=[1e-3, 1.0], out="s.h5")
+    slow = jampetsc.quasistatic("p.h5", out="slow.h5")
+    export("modes.h5 --mode 3 --out mode.xyz")
+    export("s.h5 --field 1e-3 --out field.vtp")
+    export("slow.h5 --out slow.npz")
+    ((columns, facts),) = xyz(shared_path / "mode.xyz")
+    mode, rattlers = columns["mode"], np.setdiff1d(np.arange(disks.n), modes["particles"])
+    np.testing.assert_array_equal(mode[modes["particles"], :2], modes["modes"][2])
+    assert float(facts["eigenvalue"]) == modes["eigenvalues"][2] and len(rattlers) == 2
+    assert not mode[rattlers].any() and columns["rattler"][rattlers].all()
+    field = sweep["fields/displacement"][0]
+    arrays = vtp(shared_path / "field.vtp")
+    for part in ("real", "imag"):
+        shown = arrays[f"displacement_{part}"][sweep["particles"], :2]
+        np.testing.assert_array_equal(shown, getattr(field, part))
+        assert len(arrays[f"rotation_{part}"]) == len(arrays["points"])
+    np.testing.assert_array_equal(np.load("slow.npz")["nonaffine"][slow["particles"]], slow["nonaffine"])
+    for words, message in {
+        "modes.h5 --mode 4 --out m.xyz": "--mode 4: modes.h5 holds modes 1 to 3",
+        "modes.h5 --mode 0 --out m.xyz": "--mode 0: modes.h5 holds modes 1 to 3",
+        "s.h5 --out f.xyz": "s.h5: give --field OMEGA: it has fields at omega = 0.001, 1",
+        "s.h5 --field 0.1 --out f.xyz": "no fields at omega = 0.1",
+        "s.h5 --field 0 --out f.xyz": "--field 0: must be a positive frequency",
+        "s.h5 --mode 1 --out f.xyz": "--mode: is of modes files, and s.h5 is a sweep file",
+    }.items():
+        with pytest.raises(InputError, match=re.escape(message)):
+            export(words)
+
+
+def test_a_flow_is_one_file_of_many_frames(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    flow = "flow --n 16 --phi 0.9 --seed 1 --model RD0 --rate 1e-2 --strain 1.0 --discard 0.3 --snapshots 3 --out f.h5"
+    args = cli.command_parser(["flow"])[0].parse_args(flow.split())
+    assert args.run(args, []) == 0
+    result = jampetsc.load("f.h5")
+    export("f.h5 --out f.xyz")
+    export("f.h5 --out f.dump")
+    texts, rows = xyz(tmp_path / "f.xyz"), dump(tmp_path / "f.dump")
+    assert len(texts) == len(rows) == 3
+    tilts = []
+    for row, ((columns, facts), (shown, cell)) in enumerate(zip(texts, rows, strict=True)):
+        disks = snapshot(result, row)
+        velocity = result["snapshots/velocities"][row]
+        np.testing.assert_array_equal(columns["velo"][:, :2], velocity)
+        np.testing.assert_array_equal((shown["vx"], shown["vy"]), velocity.T)
+        assert float(facts["strain"]) == result["snapshots/strain"][row] and facts["rate"] == "0.01"
+        places = np.column_stack((shown["x"], shown["y"]))
+        pairs = [all_pairs(p, disks.radii, c) for p, c in ((places, cell), (disks.positions, disks.cell))]
+        one, other = (sorted(np.hypot(*np.array(r, float).T)) for *_, r in pairs)
+        np.testing.assert_allclose(one, other, rtol=1e-12)  # the same contacts in the cell that is written
+        assert inside(cell, places) and abs(cell[1, 0]) <= cell[0, 0] / 2
+        tilts.append((result["snapshots/strain"][row] - cell[1, 0] / cell[1, 1]) * cell[1, 1] / cell[0, 0])
+    np.testing.assert_allclose(tilts, np.round(tilts), atol=1e-9)
+    with pytest.raises(
+        InputError, match=r"f\.npz: holds one frame, and there are more: use \.xyz, \.dump, \.gsd"
+    ):
+        export("f.h5 --out f.npz")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["f.dump", "f.h5", "f.xyz"]
+
+
+def test_gsd_needs_its_package(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    disks = samples.isostatic()
+    write_packing("p.h5", disks)
+    if importlib.util.find_spec("gsd") is None:
+        with pytest.raises(InputError, match="needs the package gsd: pip install"):
+            export("p.h5 --out p.gsd")
+        return
+    export("p.h5 --out p.gsd")
+    with importlib.import_module("gsd.hoomd").open("p.gsd") as file:
+        frame = file[0]
+    np.testing.assert_allclose(frame.particles.diameter, 2 * disks.radii, rtol=1e-6)
+    np.testing.assert_allclose(frame.log["bonds/force"], find_contacts(disks).force)
+
+
+def test_what_cannot_be_exported_is_one_line(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_packing("p.h5", samples.published())
+    for words, message in {
+        "p.h5 --out p.pdb": "--out p.pdb: choose the ending of a format: .gsd, .npz, .xyz",
+        "p.h5 --mode 1 --out p.xyz": "--mode: is of modes files, and p.h5 is a packing file",
+        "none.h5 --out p.xyz": "none.h5: ",
+    }.items():
+        with pytest.raises(InputError, match=re.escape(message)):
+            export(words)
+    assert json.dumps([path.name for path in tmp_path.iterdir()]) == '["p.h5"]'

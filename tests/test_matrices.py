@@ -1,0 +1,131 @@
+"""`assemble` and `jampetsc matrices`: G* of what they give, by numpy, is that of a sweep and of the dense reference."""
+
+import numpy as np
+import pytest
+import samples
+from scipy.io import mmread
+from scipy.sparse import csr_array
+from scipy.sparse.linalg import spsolve
+
+import jampetsc
+from jampetsc import cli
+from jampetsc.errors import InputError
+from jampetsc.mechanics.matrices import NAMES, SPARSE, Matrices
+
+OMEGA = (1e-3, 1.0)
+WORDS = {  # options of the command -> those of `assemble`
+    "": {},
+    "--beta 0.1 --no-prestress": {"beta": 0.1, "prestress": False},
+    "--no-rotations": {"rotations": False},
+    "--law stokes --tau1 0.5": {"law": "stokes", "tau1": 0.5},
+    "--law stokes --no-prestress": {"law": "stokes", "prestress": False},
+}
+
+
+def modulus(m, omega):
+    """G* = [k_γγ + iωb_γγ − cᵀ(K + iωB)⁻¹c]/V, c = k_γ + iωb_γ, pins left out."""
+    kept = np.setdiff1d(np.arange(len(m.dofs)), m.pins)
+    A = (m.K + 1j * omega * m.B).tocsc()[kept][:, kept]
+    c = (m.k_gamma + 1j * omega * m.b_gamma)[kept]
+    return (m.k_gg + 1j * omega * m.b_gg - c @ spsolve(A, c)) / m.area
+
+
+def same(found, wanted):
+    """Whether two moduli agree to 1e-12, G' and G'' each."""
+    assert found.real == pytest.approx(wanted.real, rel=1e-12)
+    assert found.imag == pytest.approx(wanted.imag, rel=1e-12)
+
+
+@pytest.fixture
+def packing(session, shared_path):
+    return samples.put(shared_path / "p.h5", samples.isostatic(), session.comm)
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("words", WORDS)
+def test_moduli_of_the_matrices_are_those_of_a_sweep(session, shared_path, words):
+    packing = samples.put(shared_path / "p.h5", samples.published(), session.comm)
+    matrices = jampetsc.assemble(packing, **WORDS[words])
+    whole = matrices.to_scipy()
+    matrices.destroy()
+    command = [str(packing), "--accuracy", "1e-12", "--omega", ",".join(map(str, OMEGA)), *words.split()]
+    assert cli.dispatch(["sweep", *command, "--out", str(shared_path / "s.h5")]) == 0
+    sweep = jampetsc.load(shared_path / "s.h5")
+    for omega in OMEGA:
+        same(modulus(whole, omega), sweep.modulus(omega))
+
+
+@pytest.mark.scalar("real")
+def test_without_anything_held_they_are_the_dense_reference(session):
+    disks = samples.isostatic()
+    whole = jampetsc.assemble(disks).to_scipy()
+    reference = samples.reference("isostatic", str(samples.physics()))
+    number = {disk: row for row, disk in enumerate(reference.disks)}
+    rows = [3 * number[disk] + component for disk, component in whole.dofs.tolist()]
+    for name in ("K", "B"):
+        dense = getattr(reference, name).astype(float)
+        np.testing.assert_allclose(getattr(whole, name).toarray(), dense[np.ix_(rows, rows)], atol=1e-13)
+        border = np.append(getattr(whole, f"{name.lower()}_gamma"), getattr(whole, f"{name.lower()}_gg"))
+        np.testing.assert_allclose(border, dense[[*rows, -1], -1], atol=1e-12)
+    assert set(whole.particles) == set(reference.disks)
+    moved = np.zeros(len(rows))
+    moved[whole.dofs[:, 1] == 0] = 1.0  # all along x
+    assert np.abs(whole.K @ moved).max() < 1e-14
+    assert (
+        whole.pins.tolist() == [row for row in whole.pins if whole.dofs[row, 1] < 2] and len(whole.pins) == 2
+    )
+
+
+def read(out):
+    """The Matrices in what the command has written."""
+    if out.suffix == ".npz":
+        held = np.load(out)
+        sparse = {name: csr_array((held[name], held["indices"], held["indptr"])) for name in SPARSE}
+        return Matrices(**sparse, **{name: held[name] for name in NAMES if name not in SPARSE})
+    if out.suffix == ".mtx":
+        found = {name: mmread(out.with_name(f"{out.stem}-{name}.mtx")) for name in NAMES}
+        return Matrices(
+            **{name: csr_array(found.pop(name)) for name in SPARSE},
+            **{name: value if name == "dofs" else value[:, 0] for name, value in found.items()},
+        )
+    from petsc4py import PETSc
+
+    viewer = PETSc.Viewer().createBinary(str(out), "r", comm=PETSc.COMM_SELF)
+    K, B = (csr_array(PETSc.Mat().load(viewer).getValuesCSR()[::-1]) for _ in SPARSE)
+    k_gamma, b_gamma, numbers = (PETSc.Vec().load(viewer).getArray().copy() for _ in range(3))
+    particles, pins = (PETSc.IS().load(viewer).getIndices().copy() for _ in range(2))
+    dofs = np.column_stack((np.repeat(particles, 3), np.tile(np.arange(3), len(particles))))
+    return Matrices(K, B, k_gamma, b_gamma, *numbers, particles, dofs, pins)
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("ending", [".npz", ".mtx", ".petsc"])
+def test_files_hold_what_assemble_gives(session, packing, shared_path, ending):
+    out = shared_path / f"K{ending}"
+    for _ in range(2):  # the second time in the place of the first
+        assert cli.dispatch(["matrices", str(packing), "--out", str(out), "--beta", "0.5"]) == 0
+    session.comm.Barrier()
+    found, whole = read(out), jampetsc.assemble(packing, beta=0.5).to_scipy()
+    for name in NAMES:
+        one, other = (getattr(m, name) for m in (found, whole))
+        if name in SPARSE:
+            one, other = one.toarray(), other.toarray()
+        np.testing.assert_allclose(np.squeeze(one), other, rtol=1e-15, atol=0.0)
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("p.h5 --out K.txt", "--out K.txt: choose the ending of a format: .npz, .mtx, .petsc"),
+        ("p.h5 --out K.npz --law stokes --beta 1", "--beta: belongs to --law contact"),
+        ("none.h5 --out K.npz", "none.h5: "),
+        ("loose.h5 --out K.npz", "loose.h5: .*below jamming"),
+    ],
+)
+def test_what_cannot_be_assembled_is_one_line(session, packing, shared_path, monkeypatch, words, message):
+    monkeypatch.chdir(shared_path)
+    samples.put(shared_path / "loose.h5", samples.honeycomb(), session.comm)
+    with pytest.raises(InputError, match=message):
+        cli.dispatch(["matrices", *words.split()])
