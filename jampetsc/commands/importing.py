@@ -27,7 +27,9 @@ def add_parser(subparsers) -> None:
         help="which packing of FILE, from 0 (default 0)",
     )
     parser.add_argument(
-        "--radius", metavar="COLUMN", help="column or array of radii (default radius or, halved, diameter)"
+        "--radius",
+        metavar="COLUMN",
+        help="column or array of radii, or of diameters if it is called so (default radius or diameter)",
     )
     parser.add_argument(
         "--box", metavar="L|Lx,Ly[,xy]", help="of a file that has none; a₂ = (xy Ly, Ly): xy is a number"

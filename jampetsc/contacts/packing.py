@@ -47,6 +47,8 @@ def cell_of(box):
         return box
     if box.ndim > 1 or not 1 <= box.size <= 3:
         raise InputError(f"box of shape {box.shape}: need L, (Lx, Ly), (Lx, Ly, xy) or rows a₁, a₂ (2, 2)")
+    if not np.isfinite(box).all():
+        raise InputError(f"box {box.tolist()}: must be finite")
     Lx, Ly, xy = np.append(box, (box.flat[0], 0.0) if box.size == 1 else (0.0,))[:3]
     return np.array([[Lx, 0.0], [xy * Ly, Ly]])
 

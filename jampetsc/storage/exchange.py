@@ -31,11 +31,11 @@ def pick(index, count):
 
 def disks_of(columns, radius=None):
     """(positions, radii) of what a reader gives; radius: name of the column of radii. Raises InputError."""
-    names = [name for name in ((radius,) if radius else RADII) if name in columns]
+    names = [name for name in columns if (name == radius if radius else name.lower() in RADII)]
     if not names:
         wanted = radius or "radius or diameter"
         raise InputError(f"no {wanted} among {', '.join(columns)}: --radius says which are the radii")
-    radii = _floats(columns[names[0]]) / (2.0 if names[0].startswith("diameter") else 1.0)
+    radii = _floats(columns[names[0]]) / (2.0 if names[0].lower().startswith("diameter") else 1.0)
     if "positions" in columns:
         return columns["positions"], radii
     if not {"x", "y"} <= set(columns):

@@ -31,7 +31,7 @@ def import_packing(
     """Read packing number `index` of a file of another program.
 
     format   one of `exchange.READERS`; None: found out
-    radius   column or array of radii; None: radius or, halved, diameter
+    radius   column or array of radii, halved where its name begins with diameter; None: radius or diameter
     box      of a file that has none, as `contacts.packing.Packing` takes it, which also says what the potential is
 
     The record holds pressure, phi, energy and max_force as computed here, and what a published file states as
