@@ -79,6 +79,6 @@ def run(args, petsc_argv) -> int:
     if len(state.contacts) and not rest <= BALANCED:
         print(
             f"  forces    are not balanced, max|F|/(p d) = {rest:.1e}: other radii or another potential than assumed, "
-            "too few digits, or no minimum"
+            "too few digits, or no minimum (`jampetsc pack --from` makes it one)"
         )
     return 0
