@@ -10,6 +10,8 @@
 Importing the package loads nothing else. `jampetsc.session.start` is the one door to PETSc and MPI.
 """
 
+from importlib import import_module
+
 from jampetsc.version import VERSION as __version__
 
 __all__ = [
@@ -34,25 +36,15 @@ __all__ = [
 ]
 
 
-def __getattr__(name):  # PEP 562: `jampetsc.load` and `jampetsc.Disks` import numpy and h5py when first used
-    if name == "load":
-        from jampetsc.storage.reader import load
+_HOMES = {  # of what is no function of `jampetsc.functions`
+    "Disks": "jampetsc.contacts.disks",
+    "Packing": "jampetsc.contacts.packing",
+    "import_packing": "jampetsc.storage.importers",
+    "load": "jampetsc.storage.reader",
+}
 
-        return load
-    if name == "Disks":
-        from jampetsc.contacts.disks import Disks
 
-        return Disks
-    if name == "Packing":
-        from jampetsc.contacts.packing import Packing
-
-        return Packing
-    if name == "import_packing":
-        from jampetsc.storage.importers import import_packing
-
-        return import_packing
-    if name in __all__:
-        from jampetsc import functions
-
-        return getattr(functions, name)
-    raise AttributeError(f"module 'jampetsc' has no attribute {name!r}")
+def __getattr__(name):  # PEP 562: numpy and h5py are imported when something of it is first used
+    if name not in __all__:
+        raise AttributeError(f"module 'jampetsc' has no attribute {name!r}")
+    return getattr(import_module(_HOMES.get(name, "jampetsc.functions")), name)

@@ -233,6 +233,8 @@ def test_arrays_are_a_packing(expected):
         X, R, (LX, LY, TILT / LY), "hertzian", stiffness="inverse-square-diameter", k=100
     )
     assert hertzian.potential == Potential("hertzian", "inverse-square-diameter", 100.0)
+    with pytest.raises(InputError, match="k: must be"):
+        jampetsc.Packing(X, R, DISKS.cell, k="stiff")
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,9 @@ def Packing(positions, radii, box, potential="harmonic", stiffness="constant", k
             raise InputError(f"centres spread by {thickness:.6g} in z: packings are two-dimensional here")
         positions = positions[:, :2]
     return measured(
-        Disks.from_positions(positions, radii, cell_of(box), Potential(potential, stiffness, float(k)))
+        Disks.from_positions(
+            positions, radii, cell_of(box), Potential(potential, stiffness, float(_numbers("k", k)))
+        )
     )
 
 
