@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from dense import Reference
-from samples import physics, published
+from samples import physics, polydisperse, published
 
 import jampetsc
 from jampetsc.commands.importing import add_parser
@@ -20,6 +20,7 @@ from jampetsc.storage.packing_file import read_packing
 DISKS = published()
 X, R, (A1, A2) = DISKS.positions, DISKS.radii, DISKS.cell
 (LX, _), (TILT, LY) = DISKS.cell
+LOW = (1.5, -4.0)  # corner of a box
 ORDER = np.random.default_rng(1).permutation(16)
 LAW = physics()
 
@@ -95,7 +96,7 @@ FILES = {  # name -> (content, what is told to `import_packing`)
         dump("x_of y_of radius", *X.T, R) + dump("xu yu r", *unwrapped().T, R, tilt=TILT - LX, step=1),
         {"index": 1, "radius": "r"},
     ),
-    "lammps-dump xs ys": (dump("radius xs ys zs", R, *FRACTIONS.T, 0 * R + 0.5, low=(1.5, -4)), {}),
+    "lammps-dump xs ys": (dump("radius xs ys zs", R, *FRACTIONS.T, 0 * R + 0.5, low=LOW), {}),
     "lammps-data": (data(), {}),
     "extxyz": (extxyz(radii=2 * R) + extxyz('pbc="T T F" Time=1 Note="two words"') + "\n", {"index": 1}),
     "xyr": (f"# x y r\n# box: {LX:.17g}, {LY:.17g}, {TILT / LY:.17g}\n{XYR.replace(' ', ',  ')}", {}),
@@ -113,6 +114,8 @@ def test_a_packing_comes_back_with_its_modulus(tmp_path, expected, name):
     disks = jampetsc.import_packing(path, **told)
     assert disks.record["protocol"] == name.split()[0] and disks.record["imported_from"] == "packing.any"
     assert disks.record["imported_index"] == told.get("index", 0)
+    if "xs" in name:
+        assert disks.positions == pytest.approx(X + LOW, rel=1e-12)
     same(disks, expected, 1e-9)
 
 
@@ -127,6 +130,29 @@ def same(disks, expected, tolerance):
     assert disks.record["pressure"] == pytest.approx(float(reference.pressure), rel=tolerance)
     found = Reference(disks.folded(), LAW).modulus(1e-2)
     assert abs(found - modulus) <= 100 * tolerance * abs(modulus)
+
+
+@pytest.mark.parametrize("name", ["lammps-dump", "lammps-data", "extxyz", "xyr"])
+def test_a_square_box_and_the_potential_that_is_told(tmp_path, name):
+    """Published energy and stress of 64 polydisperse disks."""
+    disks, record = polydisperse()
+    x, r, L, n = disks.positions, disks.radii, disks.cell[0, 0], np.arange(64)
+    bounds = f"0 {L:.17g}", f"0 {L:.17g}", "-0.5 0.5"
+    columns = table(n, n, 2 * r, n, *x.T, 0 * r, order=range(64))
+    text = {
+        "lammps-dump": "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n64\nITEM: BOX BOUNDS\n{}\n{}\n{}\n"
+        "ITEM: ATOMS id type diameter q x y z\n",
+        "lammps-data": "\n64 atoms\n{} xlo xhi\n{} ylo yhi\n{} zlo zhi\n\nAtoms # sphere\n\n",
+        "extxyz": f'64\nLattice="{L:.17g} 0 0 0 {L:.17g} 0 0 0 1" '
+        "Properties=id:I:1:species:S:1:diameter:R:1:q:R:1:pos:R:3\n",
+        "xyr": f"box {L:.17g}\n",
+    }[name].format(*bounds) + (columns if name != "xyr" else table(*x.T, r, order=range(64)))
+    (tmp_path / "p").write_text(text)
+    found = jampetsc.import_packing(tmp_path / "p", stiffness="inverse-square-diameter")
+    assert found.record["energy"] == pytest.approx(record["Energy"], rel=1e-12)
+    assert found.record["pressure"] == pytest.approx(
+        -(record["Stress"][0] + record["Stress"][3]) / 2, rel=1e-12
+    )
 
 
 def test_gsd_is_read_by_its_package(tmp_path, expected):
