@@ -88,7 +88,7 @@ def npz(**arrays):
     return stream.getvalue()
 
 
-FRACTIONS = X @ np.linalg.inv(DISKS.cell)
+FRACTIONS = X @ np.linalg.inv([A1, A2 - A1])
 XYR = table(*X.T, R)
 FILES = {  # name -> (content, what is told to `import_packing`)
     "lammps-dump x y": (dump("x y z diameter", *X.T, 0 * R, 2 * R), {}),
@@ -96,7 +96,7 @@ FILES = {  # name -> (content, what is told to `import_packing`)
         dump("x_of y_of radius", *X.T, R) + dump("xu yu r", *unwrapped().T, R, tilt=TILT - LX, step=1),
         {"index": 1, "radius": "r"},
     ),
-    "lammps-dump xs ys": (dump("radius xs ys zs", R, *FRACTIONS.T, 0 * R + 0.5, low=LOW), {}),
+    "lammps-dump xs ys": (dump("radius xs ys zs", R, *FRACTIONS.T, 0 * R + 0.5, low=LOW, tilt=TILT - LX), {}),
     "lammps-data": (data(), {}),
     "extxyz": (extxyz(radii=2 * R) + extxyz('pbc="T T F" Time=1 Note="two words"') + "\n", {"index": 1}),
     "xyr": (f"# x y r\n# box: {LX:.17g}, {LY:.17g}, {TILT / LY:.17g}\n{XYR.replace(' ', ',  ')}", {}),
