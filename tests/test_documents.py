@@ -93,8 +93,11 @@ def test_examples(tmp_path):
             example("reading_files.py", "p.h5", "s.h5", "q.h5"),
             example("ensemble_average.py", "16", "2"),
             example("own_law.py", "16"),
+            example("own_packing.py", "32"),
         ],
     )
+    energies = re.findall(r"^energy \D*(\d\S+?),?(?: |$)", said, re.MULTILINE)
+    assert len(energies) == 2 and float(energies[0]) == pytest.approx(float(energies[1]), rel=1e-8)
     assert re.search(r"^16 disks, phi = 0\.\d+, Z = ", said, re.MULTILINE)
     assert re.search(r"median \|Δu⊥\|/\|Δu∥\| = \d", said)
     assert re.search(r"^G0 ~ p\^-?\d\.\d\d, eta0 ~ p\^-?\d\.\d\d$", said, re.MULTILINE)

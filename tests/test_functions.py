@@ -32,7 +32,9 @@ def test_a_function_gives_what_load_gives_for_the_command(session, packing, shar
     assert cli.dispatch(["sweep", str(packing), "--out", str(out), *words]) == 0
     command = jampetsc.load(out)
     options = {"beta": np.float64(0.1), "no_prestress": True, "omega": np.array([0.01, 1.0]), "fields": None}
-    for source in (packing, str(packing), jampetsc.load(packing)):
+    disks = jampetsc.load(packing)
+    arrays = jampetsc.Packing(disks.positions, disks.radii, disks.cell)
+    for source in (packing, str(packing), disks, arrays):
         function = jampetsc.sweep(source, **options)
         np.testing.assert_allclose(function.G, command.G, rtol=1e-9)
         assert function.law == command.law and function.attributes["ranks"] == session.size

@@ -108,8 +108,14 @@ EDITS = {
         r"radii\[8\] = -1.4: must be positive",
     ),
     "moved": (lambda text: text.replace("8.87670", "8.97670"), "pressure is .* but stored as 0.001: another"),
-    "other text": (lambda text: "x y r\n1 2 3\n", "neither jamBashbulk text nor jax-md netCDF4"),
-    "empty": (lambda text: "", "neither jamBashbulk text nor jax-md netCDF4"),
+    "other text": (
+        lambda text: "x y r\n1 2 3\n",
+        "none of lammps-data, lammps-dump, extxyz, gsd, xyr, npz, jamBashbulk, jax-md",
+    ),
+    "empty": (
+        lambda text: "",
+        "none of lammps-data, lammps-dump, extxyz, gsd, xyr, npz, jamBashbulk, jax-md",
+    ),
     "cell": (
         lambda text: text.replace("9.5393607291793076335 ,", "1.5 ,"),
         "cell that repeats at .*use more disks",
@@ -148,7 +154,7 @@ def test_a_file_without_an_end_is_not_read(tmp_path, monkeypatch):
         import_packing(tmp_path / "pipe")
     os.close(holder)
     monkeypatch.setattr(importers, "_LARGEST", 1000)
-    with pytest.raises(InputError, match="more than 0 MB of text"):
+    with pytest.raises(InputError, match="more than 0 MB: cut"):
         import_packing(JAMBASHBULK)
 
 
@@ -169,7 +175,7 @@ def test_other_files_are_refused(tmp_path):
         "odd.nc": "12 coordinates for 5 disks: two-dimensional only",
         "flat.nc": "8 coordinates for 4 disks: two-dimensional only",
         "cut.nc": "truncated",
-        "classic.nc": "neither jamBashbulk text nor jax-md netCDF4",
+        "classic.nc": "none of lammps-data, lammps-dump, extxyz, gsd, xyr, npz, jamBashbulk, jax-md",
         "other.h5": "no variable rad, box: not a packing file of jax-md",
         "ours.h5": "is a jampetsc-packing file already: nothing to import",
         "3d.nc": "12 coordinates for 4 disks: two-dimensional only",

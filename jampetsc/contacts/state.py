@@ -6,6 +6,7 @@ import numpy as np
 
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.neighbours import neighbour_pairs
+from jampetsc.errors import InputError
 
 TOUCH = 1e-6  # a contact that carries less than this fraction of p·d only just touches and does not count
 ROUNDING = 1e-14  # … nor does one whose force is within rounding of none, in units of k·d
@@ -167,8 +168,13 @@ class State:
 
 
 def measure(disks: Disks) -> State:
-    """Contacts, rattlers, p, U, stress and force residual of a packing."""
+    """Contacts, rattlers, p, U, stress and force residual of a packing. Raises InputError for disks in one place."""
     every = find_contacts(disks)
+    if not every.distance.all():
+        pair = int(np.argmin(every.distance))
+        raise InputError(
+            f"disks {every.i[pair]} and {every.j[pair]} are in one place: a force has no direction there"
+        )
     pressure = virial_pressure(every.force, every.distance, disks.area)
     threshold = force_threshold(disks, pressure)
     loaded = every[every.force > threshold]

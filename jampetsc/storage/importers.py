@@ -1,4 +1,4 @@
-"""Published packings from other programs: jamBashbulk text and jax-md netCDF4, told apart by their content.
+"""Packings of other programs, told apart by their content: those of `exchange`, and two that are published.
 
 jamBashbulk writes `N = …, L1 = {…}, L2 = {…}, P = …` and a line `x, y, r` per disk; U = ½ δ² (k = 1).
 jax-md's data files hold many packings; positions are fractions of the box, U = ½ (1 − r/σ)².
@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.packing import Packing, measured
 from jampetsc.contacts.potentials import Potential
-from jampetsc.contacts.state import measure
 from jampetsc.errors import InputError
 from jampetsc.storage.checksums import SIGNATURE
+from jampetsc.storage.exchange import READERS, disks_of, format_of, pick
 from jampetsc.storage.hdf5 import open_file, reading, values
 from jampetsc.storage.regular import open_regular
 
@@ -24,47 +25,71 @@ _STRESS = ("xx", "xy", "yx", "yy")
 _MODULI = ("xxxx", "yyyy", "xyxy", "xxyy", "xxxy", "yyxy")  # for a symmetric linear strain
 
 
-def import_packing(path, index=0) -> Disks:
+def import_packing(
+    path, index=0, *, format=None, radius=None, box=None, potential=None, stiffness=None, k=None
+) -> Disks:
     """Read packing number `index` of a file of another program.
 
-    The record holds pressure, phi, energy and max_force as computed here, and what the file states as
-    published_pressure, published_energy, … Raises InputError for a file of neither program, a damaged one, a
-    wrong index, or one whose stored pressure or energy its positions do not have.
+    format   one of `exchange.READERS`; None: found out
+    radius   column or array of radii, halved where its name begins with diameter; None: radius or diameter
+    box      of a file that has none, as `contacts.packing.Packing` takes it, which also says what the potential is
+
+    The record holds pressure, phi, energy and max_force as computed here, and what a published file states as
+    published_pressure, published_energy, … Raises InputError for a file of none of these, a damaged one, a wrong
+    index, what is three-dimensional or not periodic, or has not the pressure or energy that is stored in it.
     """
     try:
         with open_regular(path) as file:
             content = file.read(len(SIGNATURE))
-            if content != SIGNATURE:
+            if format or content != SIGNATURE:
                 content += file.read(_LARGEST)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
     if len(content) > _LARGEST:
-        raise InputError(f"{path}: more than {_LARGEST >> 20} MB of text: no packing that can be imported")
+        raise InputError(f"{path}: more than {_LARGEST >> 20} MB: cut the packing out of it")
+    law = {"potential": potential, "stiffness": stiffness, "k": k}
+    law = {name: value for name, value in law.items() if value is not None}
+    format = format or format_of(content)
     try:
-        disks = _read_jaxmd(path, index) if content == SIGNATURE else _read_jambashbulk(path, content, index)
+        if format:
+            disks = _read_exchanged(content, index, format, radius, box, law)
+        elif law or radius or box is not None:
+            raise InputError(
+                "radii, box and potential are those of its program: leave out the options for them"
+            )
+        elif content == SIGNATURE:
+            disks = _checked(_read_jaxmd(path, index))
+        else:
+            disks = _checked(_read_jambashbulk(path, content, index))
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: {format}: is not text") from None
     except InputError as error:
         text = str(error)
         raise InputError(text if text.startswith(f"{path}: ") else f"{path}: {text}") from None
-    return _measured(path, disks)
+    return disks.with_record(imported_from=Path(path).name, imported_index=index)
 
 
-def _measured(path, disks):
-    state = measure(disks)
-    found = {"pressure": state.pressure, "energy": state.energy}
-    for name, value in found.items():
-        published = disks.record.get(f"published_{name}")
+def _read_exchanged(content, index, format, radius, box, law):
+    columns, own = READERS[format](content, index)
+    if (own is None) == (box is None):
+        raise InputError(
+            "has no box: say --box L, Lx,Ly or Lx,Ly,xy" if box is None else "has a box: leave out --box"
+        )
+    disks = Packing(*disks_of(columns, radius), own if box is None else box, **law)
+    return disks.with_record(protocol=format)
+
+
+def _checked(disks):
+    """The disks with what `measured` finds. Raises InputError if that is not what was published."""
+    disks = measured(disks)
+    for name in ("pressure", "energy"):
+        value, published = disks.record[name], disks.record.get(f"published_{name}")
         if published is not None and not abs(value - published) <= _AGREE * abs(published):
             raise InputError(
-                f"{path}: {name} is {value:.9g} with these positions but stored as {published:.9g}: "
+                f"{name} is {value:.9g} with these positions but stored as {published:.9g}: "
                 "another potential or unit than assumed, or a damaged file"
             )
-    return disks.with_record(**found, phi=disks.phi, max_force=state.max_force)
-
-
-def _pick(path, index, count):
-    if not 0 <= index < count:
-        raise InputError(f"{path}: --index {index}: it holds {count} packings, numbered from 0")
-    return index
+    return disks
 
 
 def _read_jambashbulk(path, content, index):
@@ -74,8 +99,8 @@ def _read_jambashbulk(path, content, index):
         text = ""
     packings = re.split(r"(?m)^(?=[ \t]*N\s*=)", re.sub(r"(?m)^\s*#.*$", "", text))[1:]
     if not packings or "L1" not in packings[0]:
-        raise InputError(f"{path}: neither jamBashbulk text nor jax-md netCDF4: these two can be imported")
-    packing = packings[_pick(path, index, len(packings))]
+        raise InputError(f"{path}: none of {', '.join(READERS)}, jamBashbulk, jax-md: --format says which")
+    packing = packings[pick(index, len(packings))]
     n = int(_find(path, packing, "N", r"\bN\s*=\s*(\d+)")[0])
     cell = [
         _find(path, packing, a, rf"\b{a}\s*=\s*\{{\s*{_NUMBER}\s*,\s*{_NUMBER}\s*\}}") for a in ("L1", "L2")
@@ -93,7 +118,7 @@ def _read_jambashbulk(path, content, index):
         table[:, 2],
         cell,
         Potential("harmonic", "constant", 1.0),
-        record={"protocol": "jamBashbulk", "imported_from": Path(path).name, "published_pressure": pressure},
+        record={"protocol": "jamBashbulk", "published_pressure": pressure},
     )
 
 
@@ -118,7 +143,7 @@ def _read_jaxmd(path, index):
         missing = [name for name in ("pos", "rad", "box") if name not in h5]
         if missing:
             raise InputError(f"{path}: no variable {', '.join(missing)}: not a packing file of jax-md")
-        _pick(path, index, len(h5["pos"]))
+        pick(index, len(h5["pos"]))
         names = ("pos", "rad", "box", "Energy", "Stress", "Cijkl")
         data = {name: np.asarray(values(h5[name], index), float) for name in names if name in h5}
     if data["box"].shape != (4,) or data["pos"].shape != (2 * len(data["rad"]),):
@@ -140,5 +165,5 @@ def _read_jaxmd(path, index):
         data["rad"],
         cell,
         Potential("harmonic", "inverse-square-diameter", 1.0),
-        record={"protocol": "jax-md", "imported_from": Path(path).name, "imported_index": index, **published},
+        record={"protocol": "jax-md", **published},
     )

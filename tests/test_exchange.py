@@ -1,0 +1,316 @@
+"""Packings of other programs and of arrays: written by hand as formats have them, they come back with the same G*."""
+
+import importlib.util
+import io
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from dense import Reference
+from samples import physics, polydisperse, published
+
+import jampetsc
+from jampetsc.commands.importing import add_parser
+from jampetsc.contacts.packing import cell_of
+from jampetsc.contacts.potentials import Potential
+from jampetsc.contacts.state import measure
+from jampetsc.errors import InputError
+from jampetsc.storage.packing_file import read_packing
+
+DISKS = published()
+X, R, (A1, A2) = DISKS.positions, DISKS.radii, DISKS.cell
+(LX, _), (TILT, LY) = DISKS.cell
+LOW = (1.5, -4.0)  # corner of a box
+ORDER = np.random.default_rng(1).permutation(16)
+LAW = physics()
+
+
+@pytest.fixture(scope="module")
+def expected():
+    reference = Reference(DISKS, LAW)
+    return reference, reference.modulus(1e-2)
+
+
+def table(*columns, order=range(16)):
+    """Lines of the columns, numbers to the last bit."""
+    rows = np.column_stack([np.asarray(column, object) for column in columns])[list(order)]
+    return "".join(" ".join(f"{x:.17g}" for x in row) + "\n" for row in rows)
+
+
+def dump(names, *columns, tilt=TILT, low=(0.0, 0.0), flags="pp pp pp", step=0):
+    """A snapshot as LAMMPS' `dump custom` has it: bounds of the tilted box, disks in any order."""
+    (x, y), ids = low, np.arange(1, 17)
+    bounds = [(x + min(0, tilt), x + max(0, tilt) + LX, tilt), (y, y + LY, 0), (-0.5, 0.5, 0)]
+    return (
+        f"ITEM: TIMESTEP\n{step}\nITEM: NUMBER OF ATOMS\n16\nITEM: BOX BOUNDS xy xz yz {flags}\n"
+        + "".join(" ".join(f"{value:.17g}" for value in row) + "\n" for row in bounds)
+        + f"ITEM: ATOMS id type {names}\n"
+        + table(ids, np.ones(16, int), *columns, order=ORDER)
+    )
+
+
+def unwrapped():
+    """Whole cell vectors away, another one for every disk; in the cell with a₂ − a₁ for a₂."""
+    turns = np.random.default_rng(2).integers(-1, 2, (16, 2))
+    return X + turns[:, :1] * A1 + turns[:, 1:] * A2
+
+
+def data(style="sphere", tilt=f"{TILT:.17g} 0 0 xy xz yz\n", z=None):
+    """As LAMMPS' write_data has it, with images."""
+    zero, one = np.zeros(16, int), np.ones(16)
+    columns = (
+        np.arange(1, 17),
+        one,
+        2 * R,
+        one,
+        *np.add(X, (3, -2)).T,
+        zero if z is None else z,
+        zero,
+        zero,
+        zero,
+    )
+    return (
+        "LAMMPS data file via write_data, version 2 Aug 2023, timestep = 0, units = lj\n\n16 atoms\n1 atom types\n\n"
+        f"3 {3 + LX:.17g} xlo xhi\n-2 {LY - 2:.17g} ylo yhi\n-0.5 0.5 zlo zhi\n{tilt}\n"
+        f"Atoms # {style}\n\n{table(*columns, order=ORDER)}\nVelocities\n\n{table(np.arange(1, 17), *[zero] * 6)}"
+    )
+
+
+def extxyz(more="", radii=R, lattice=f"{LX:.17g} 0 0 {TILT:.17g} {LY:.17g} 0 0 0 1"):
+    names = "Properties=species:S:1:pos:R:3:velo:R:2:radius:R:1"
+    rows = table(*X.T, np.zeros(16), *X.T, radii).splitlines()
+    return f'16\nLattice="{lattice}" {names} {more}\n' + "".join(f"A {row}\n" for row in rows)
+
+
+def npz(**arrays):
+    stream = io.BytesIO()
+    np.savez(stream, **arrays)
+    return stream.getvalue()
+
+
+FRACTIONS = X @ np.linalg.inv([A1, A2 - A1])
+XYR = table(*X.T, R)
+FILES = {  # name -> (content, what is told to `import_packing`)
+    "lammps-dump x y": (dump("x y z diameter", *X.T, 0 * R, 2 * R), {}),
+    "lammps-dump xu yu": (
+        dump("x_of y_of radius", *X.T, R) + dump("xu yu r", *unwrapped().T, R, tilt=TILT - LX, step=1),
+        {"index": 1, "radius": "r"},
+    ),
+    "lammps-dump xs ys": (dump("radius xs ys zs", R, *FRACTIONS.T, 0 * R + 0.5, low=LOW, tilt=TILT - LX), {}),
+    "lammps-data": (data(), {}),
+    "extxyz": (extxyz(radii=2 * R) + extxyz('pbc="T T F" Time=1 Note="two words"') + "\n", {"index": 1}),
+    "xyr": (f"# x y r\n# box: {LX:.17g}, {LY:.17g}, {TILT / LY:.17g}\n{XYR.replace(' ', ',  ')}", {}),
+    "xyr without a box": (XYR, {"box": (LX, LY, TILT / LY)}),
+    "npz": (npz(positions=X, diameters=2 * R, cell=DISKS.cell), {}),
+    "npz without a box": (npz(positions=X, sizes=R), {"radius": "sizes", "box": DISKS.cell}),
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_packing_comes_back_with_its_modulus(tmp_path, expected, name):
+    content, told = FILES[name]
+    path = tmp_path / "packing.any"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    disks = jampetsc.import_packing(path, **told)
+    assert disks.record["protocol"] == name.split()[0] and disks.record["imported_from"] == "packing.any"
+    assert disks.record["imported_index"] == told.get("index", 0)
+    if "xs" in name:
+        assert disks.positions == pytest.approx(X + LOW, rel=1e-12)
+    same(disks, expected, 1e-9)
+
+
+def same(disks, expected, tolerance):
+    state, (reference, modulus) = measure(disks), expected
+    pairs = [
+        {frozenset(pair) for pair in zip(c.i, c.j, strict=True)}
+        for c in (measure(DISKS).contacts, state.contacts)
+    ]
+    assert pairs[0] == pairs[1] and disks.radii == pytest.approx(R, rel=1e-6)  # in their order
+    assert disks.record["energy"] == pytest.approx(float(reference.energy), rel=tolerance)
+    assert disks.record["pressure"] == pytest.approx(float(reference.pressure), rel=tolerance)
+    found = Reference(disks.folded(), LAW).modulus(1e-2)
+    assert abs(found - modulus) <= 100 * tolerance * abs(modulus)
+
+
+@pytest.mark.parametrize("name", ["lammps-dump", "lammps-data", "extxyz", "xyr"])
+def test_a_square_box_and_the_potential_that_is_told(tmp_path, name):
+    """Published energy and stress of 64 polydisperse disks."""
+    disks, record = polydisperse()
+    x, r, L, n = disks.positions, disks.radii, disks.cell[0, 0], np.arange(64)
+    bounds = f"0 {L:.17g}", f"0 {L:.17g}", "-0.5 0.5"
+    columns = table(n, n, 2 * r, n, *x.T, 0 * r, order=range(64))
+    text = {
+        "lammps-dump": "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n64\nITEM: BOX BOUNDS\n{}\n{}\n{}\n"
+        "ITEM: ATOMS id type diameter q x y z\n",
+        "lammps-data": "\n64 atoms\n{} xlo xhi\n{} ylo yhi\n{} zlo zhi\n\nAtoms # sphere\n\n",
+        "extxyz": f'64\nLattice="{L:.17g} 0 0 0 {L:.17g} 0 0 0 1" '
+        "Properties=id:I:1:species:S:1:diameter:R:1:q:R:1:pos:R:3\n",
+        "xyr": f"box {L:.17g}\n",
+    }[name].format(*bounds) + (columns if name != "xyr" else table(*x.T, r, order=range(64)))
+    (tmp_path / "p").write_text(text)
+    found = jampetsc.import_packing(tmp_path / "p", stiffness="inverse-square-diameter")
+    assert found.record["energy"] == pytest.approx(record["Energy"], rel=1e-12)
+    assert found.record["pressure"] == pytest.approx(
+        -(record["Stress"][0] + record["Stress"][3]) / 2, rel=1e-12
+    )
+
+
+def test_gsd_is_read_by_its_package(tmp_path, expected):
+    """Positions have 24 bits there. Without the package the refusal says how to get it."""
+    path = tmp_path / "p.gsd"
+    if importlib.util.find_spec("gsd") is None:
+        path.write_bytes(b"\xdf\x65" * 4)
+        with pytest.raises(
+            InputError, match=r"p\.gsd: GSD needs the package gsd: pip install 'jampetsc\[gsd\]'"
+        ):
+            jampetsc.import_packing(path)
+        return
+    import gsd.hoomd
+
+    frame = gsd.hoomd.Frame()
+    frame.configuration.box, frame.configuration.dimensions = [LX, LY, 0, TILT / LY, 0, 0], 2
+    frame.particles.N, frame.particles.diameter = 16, 2 * R
+    with gsd.hoomd.open(path, "w") as file:
+        for flipped in (1, -1):
+            frame.particles.position = np.column_stack((flipped * X, 0 * R))
+            file.append(frame)
+    same(jampetsc.import_packing(path, 1), expected, 1e-3)
+    same(jampetsc.import_packing(path, 0), expected, 1e-3)
+    for cut in (100, 300):
+        (tmp_path / "cut.gsd").write_bytes(path.read_bytes()[:cut])
+        with pytest.raises(InputError, match="not a file of GSD, or damaged"):
+            jampetsc.import_packing(tmp_path / "cut.gsd")
+
+
+TEXT = dump("x y radius", *X.T, R)
+REFUSED = {  # what is wrong -> (content, what is told, the message)
+    "spread in z": (dump("x y z radius", *X.T, R, R), {}, "centres spread by 0.4 in z: packings are two-dim"),
+    "spread in z of data": (data(z=R), {}, "centres spread by 0.4 in z"),
+    "walls": (dump("x y radius", *X.T, R, flags="pp ff pp"), {}, r"must be periodic \(pp\) in x and y"),
+    "walls of xyz": (extxyz('pbc="T F F"'), {}, 'pbc="T F F": must be periodic'),
+    "tilted in z": (TEXT.replace("-0.5 0.5 0\n", "-0.5 0.5 1\n"), {}, "tilted out of the plane"),
+    "tilted data": (data(tilt="0 1 0 xy xz yz\n"), {}, "tilted out of the plane"),
+    "tilted lattice": (extxyz(lattice="9 0 1 0 9 0 0 0 1"), {}, "need a₁ and a₂ in the plane"),
+    "turned lattice": (extxyz(lattice="9 1 0 0 9 0 0 0 1"), {}, r"need rows \(Lx, 0\)"),
+    "general triclinic": (TEXT.replace("xy xz yz", "abc origin"), {}, "triclinic/general no"),
+    "cut off": (TEXT[:-300], {}, "lines for 16 disks: truncated"),
+    "line cut off": (TEXT[:-25], {}, "need id type x y radius"),
+    "no radii": (
+        TEXT.replace("radius", "q"),
+        {},
+        "no radius or diameter among id, type, x, y, q, positions: --radius",
+    ),
+    "no such column": (TEXT, {"radius": "size"}, "no size among id, type, x, y, radius"),
+    "no coordinates": (TEXT.replace("x y", "a b"), {}, "no coordinates x y, xu yu, xs ys or xsu ysu"),
+    "no numbers": (TEXT.replace("x y radius", "x radius y").replace("9.", "z"), {}, "not numbers"),
+    "no frame": (TEXT, {"index": 1}, "--index 1: it holds 1 packings"),
+    "points": (data("atomic"), {}, "Atoms # atomic: has no diameters: say 'Atoms # sphere'"),
+    "no hint": (data("").replace(" # ", ""), {}, r"\(no style\): has no diameters"),
+    "no bounds": (data().replace("ylo yhi", ""), {}, "no ylo yhi in the header"),
+    "short xyz": (extxyz()[:-60], {}, "lines for 16 disks|line 'A"),
+    "xyz of no count": (extxyz() + "x\n", {}, "'x': need a number of disks"),
+    "no box": (XYR, {}, "has no box: say --box L, Lx,Ly or Lx,Ly,xy"),
+    "two boxes": (TEXT, {"box": 10.0}, "has a box: leave out --box"),
+    "box of words": (f"box a b\n{XYR}", {}, "a b: not numbers"),
+    "negative": (f"box 9\n{XYR.replace(' 1.3', ' -1.3')}", {}, r"radii\[8\] = -1.4: must be positive"),
+    "small box": (f"box 1.9\n{XYR}", {}, "a disk would touch its own image"),
+    "one place": (f"box 99\n{XYR}{XYR}", {}, r"disks \d+ and \d+ are in one place"),
+    "npz of others": (npz(x=X), {}, "no array positions among x|no radius"),
+    "objects": (npz(positions=np.array([None])), {}, "not arrays of numpy.savez, or damaged"),
+    "zip": (b"PK\x03\x04 and so on", {}, "not arrays of numpy.savez, or damaged"),
+    "not as told": (TEXT, {"format": "xyr"}, "line 'ITEM TIMESTEP': need x y radius"),
+    "no text": (b"\xff\xfe\xff" * 9, {"format": "extxyz"}, "extxyz: is not text"),
+    "potential": (TEXT, {"potential": "lj"}, "potential 'lj': choose one of harmonic, hertzian"),
+}
+
+
+@pytest.mark.parametrize("wrong", REFUSED)
+def test_what_is_no_packing_in_the_plane_is_refused_in_one_line(tmp_path, wrong):
+    content, told, message = REFUSED[wrong]
+    path = tmp_path / "packing.any"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(InputError, match=message) as refused:
+        jampetsc.import_packing(path, **told)
+    assert str(refused.value).startswith(f"{path}: ") and "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("box", "cell"),
+    [
+        (10, [[10, 0], [0, 10]]),
+        ([10.0, 9.0], [[10, 0], [0, 9]]),
+        ((10, 9, -0.5), [[10, 0], [-4.5, 9]]),
+        ([[10, 0], [3, 9]], [[10, 0], [3, 9]]),
+        (
+            SimpleNamespace(Lx=10, Ly=9, Lz=0, xy=0.5, dimensions=2, periodic=[True, True, False]),
+            [[10, 0], [4.5, 9]],
+        ),
+    ],
+)
+def test_forms_of_a_box(box, cell):
+    assert cell_of(box).tolist() == cell
+
+
+def test_arrays_are_a_packing(expected):
+    disks = jampetsc.Packing(np.column_stack((X, 0 * R)), R.tolist(), DISKS.cell)
+    same(disks, expected, 1e-12)
+    assert disks.record["max_force"] < 1e-10 and disks.record["phi"] == DISKS.phi
+    hertzian = jampetsc.Packing(
+        X, R, (LX, LY, TILT / LY), "hertzian", stiffness="inverse-square-diameter", k=100
+    )
+    assert hertzian.potential == Potential("hertzian", "inverse-square-diameter", 100.0)
+    with pytest.raises(InputError, match="k: must be"):
+        jampetsc.Packing(X, R, DISKS.cell, k="stiff")
+
+
+@pytest.mark.parametrize(
+    ("positions", "radii", "box", "message"),
+    [
+        (X[:, :1], R, 10, r"positions \(16, 1\), radii \(16,\)"),
+        (X, R[:-1], 10, r"radii \(15,\)"),
+        (X, R, (1, 2, 3, 4), r"box of shape \(4,\): need L, \(Lx, Ly\)"),
+        (X, R, np.eye(3), r"box of shape \(3, 3\)"),
+        (X, R, "wide", "box: must be an array of real numbers"),
+        (X, ["a"] * 16, 10, "radii: must be an array of real numbers"),
+        (X * np.nan, R, 10, r"positions\[0\] = .*must be finite"),
+        (X, R, np.inf, "box inf: must be finite"),
+        (X, -R, 10, r"radii\[0\] = -1.0: must be positive"),
+        (X, R, -10, "need rows"),
+        (X, R, 2.5, "a disk would touch its own image"),
+        (np.column_stack((X, X)), R, 10, r"positions \(16, 4\)"),
+        (np.column_stack((X, R)), R, 10, "centres spread by 0.4 in z"),
+        (X[[0, *range(15)]], R, 10, "disks 0 and 1 are in one place"),
+        (X, R, SimpleNamespace(Lx=9, Ly=9, xy=0, dimensions=3), "is three-dimensional"),
+        (
+            X,
+            R,
+            SimpleNamespace(Lx=9, Ly=9, xy=0, periodic=(True, False, True)),
+            "must be periodic in x and y",
+        ),
+    ],
+)
+def test_arrays_that_are_no_packing(positions, radii, box, message):
+    with pytest.raises(InputError, match=message):
+        jampetsc.Packing(positions, radii, box)
+
+
+def test_the_command_says_units_and_whether_forces_balance(tmp_path, capsys):
+    from argparse import ArgumentParser
+
+    (tmp_path / "p.txt").write_text(XYR)
+    parser = ArgumentParser()
+    add_parser(parser.add_subparsers())
+
+    def imported(*words):
+        args = parser.parse_args(["import", f"{tmp_path}/p.txt", "--out", f"{tmp_path}/p.h5", *words])
+        assert args.run(args, []) == 0
+        return capsys.readouterr().out
+
+    box = ("--box", f"{LX:.17g},{LY:.17g},{TILT / LY:.17g}")
+    said = imported(*box)
+    assert "16 disks, phi = 0.814949066, read as xyr" in said and "balanced" not in said
+    assert f"lengths as in {tmp_path}/p.txt; U = (k/2) δ^2, k = 1" in said and "radii     1 to 1.4" in said
+    law = ("--potential", "hertzian", "--stiffness", "inverse-square-diameter", "--k", "3")
+    said = imported(*box, *law, "--format", "xyr", "--frame", "0")
+    assert "U = (k/2.5) (δ/σ)^2.5, k = 3" in said and "forces    are not balanced, max|F|/(p d) = " in said
+    assert read_packing(tmp_path / "p.h5").potential == Potential("hertzian", "inverse-square-diameter", 3.0)
