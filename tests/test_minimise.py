@@ -153,8 +153,7 @@ def test_forces_of_domains_are_those_of_the_whole_list():
     found, whole = np.full_like(offsets, np.nan), np.empty((disks.n, 2))
     law, box = disks.potential.constants, (0.01, 0.02)
     sums = [domains.domain_forces(parts, d, offsets, *box, law, found) for d in range(parts.number)]
-    listed = (pairs.i, pairs.j, pairs.r0, pairs.sigma)
-    energy, *virial = bond_forces(listed, offsets[: disks.n], *box, law, whole, None, None)[:4]
+    energy, *virial = bond_forces(pairs.arrays, offsets[: disks.n], *box, law, whole, None, None)[:4]
     wanted = (energy / disks.potential.alpha, *virial)
     assert np.abs(found[: disks.n] - whole).max() < 1e-13
     assert np.allclose(np.sum(sums, axis=0), wanted, rtol=1e-12)

@@ -34,8 +34,8 @@ def evaluate(disks, offsets, strain=0.0, shear=0.0):
     """(U, forces, (Σ (f/r) r_x r_x, r_x r_y, r_y r_y)) from the compiled loop."""
     pairs = PairList.build(disks, 0.4)
     forces = np.empty((disks.n, 2))
-    listed, law = (pairs.i, pairs.j, pairs.r0, pairs.sigma), disks.potential.constants
-    energy, *virial = bond_forces(listed, offsets, strain, shear, law, forces, None, None)[:4]
+    law = disks.potential.constants
+    energy, *virial = bond_forces(pairs.arrays, offsets, strain, shear, law, forces, None, None)[:4]
     return energy / disks.potential.alpha, forces, virial
 
 
