@@ -164,7 +164,7 @@ def trees(args):
 
 def step(args):
     """An L-BFGS step and a force evaluation, shortest times, in turn."""
-    from jampetsc.contacts.kernel import pair_forces
+    from jampetsc.contacts.kernel import bond_forces
     from jampetsc.contacts.potentials import Potential
     from jampetsc.contacts.threads import Team
     from jampetsc.packing import minimise, protocols
@@ -184,12 +184,12 @@ def step(args):
         descent.fold()
         descent.descend(0.0, 0.0, steps)
     pairs, moved, forces = next(iter(descents.values())).pairs, np.zeros((args.n, 2)), np.empty((args.n, 2))
-    law = disks.potential.constants
+    law, listed = disks.potential.constants, pairs.arrays
     shortest = dict.fromkeys(["force", *descents], np.inf)
     for _ in range(100):
         began = time.perf_counter()
         for _ in range(10):
-            pair_forces(pairs.i, pairs.j, pairs.r0, pairs.sigma, moved, 0.0, 0.0, law, forces)
+            bond_forces(listed, moved, 0.0, 0.0, law, forces, None, None)
         shortest["force"] = min(shortest["force"], (time.perf_counter() - began) / 10)
         for threads, descent in descents.items():
             began = time.perf_counter()

@@ -11,7 +11,7 @@ from jampetsc.analysis import collapse_errors, collapse_fit, jamming
 from jampetsc.analysis.averages import Average, mean_of_averages
 from jampetsc.analysis.collapse import Form, Points, scaled
 from jampetsc.analysis.collapse_errors import Estimate, drift, estimate
-from jampetsc.analysis.collapse_fit import fit_collapse
+from jampetsc.analysis.collapse_fit import minima
 from jampetsc.analysis.statistics import half_width, mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.plots.branches import plot_branches
@@ -20,6 +20,12 @@ from jampetsc.storage.reader import load
 from jampetsc.storage.result_file import ResultWriter
 from jampetsc.studies.table import table_text
 from jampetsc.words.scaling import ALIKE, notes_of, read_points, text_of
+
+
+def fit_collapse(points, form):
+    """The parameters with the least χ²."""
+    return minima(points, form)[0]
+
 
 PLANTED = {"phi_J": 0.8433, "y": 1.1, "kappa": 3.5}
 OMEGA = 0.3

@@ -15,7 +15,6 @@ from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import InputError
 from jampetsc.storage.atomic import check_writable
 from jampetsc.storage.packing_file import (
-    is_complete,
     packing_identity,
     read_identified,
     read_packing,
@@ -129,7 +128,6 @@ def test_defects_are_named_in_one_line(path, defect):
         read_packing(path)
     assert str(caught.value).startswith(f"{path}: ")
     assert "\n" not in str(caught.value)
-    assert not is_complete(path)
 
 
 def test_files_that_are_no_hdf5(tmp_path, path):
@@ -164,14 +162,6 @@ def test_identity_is_name_and_sha256(tmp_path, path):
     assert packing_identity(shutil.copy(path, tmp_path / "q.h5")) == ("q.h5", digest)
     with pytest.raises(InputError, match="cannot be read"):
         packing_identity(tmp_path / "none.h5")
-
-
-def test_is_complete_compares_the_record(tmp_path, path):
-    assert is_complete(path)
-    assert is_complete(path, seed=3, pressure=1e-7)
-    assert not is_complete(path, seed=4)
-    assert not is_complete(path, protocol="quench", size="any")
-    assert not is_complete(tmp_path / "none.h5")
 
 
 def test_outputs_that_cannot_be_written_are_refused_beforehand(tmp_path, disks):

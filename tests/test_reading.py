@@ -37,7 +37,7 @@ from jampetsc.storage.hdf5 import (
     values,
 )
 from jampetsc.storage.outputs import PICTURE, TABLE, check_output
-from jampetsc.storage.packing_file import is_complete, packing_identity, read_packing, write_packing
+from jampetsc.storage.packing_file import packing_identity, read_packing, write_packing
 from jampetsc.storage.provenance import LONGEST, command_line, derived_from, git_commit, recorded_as
 from jampetsc.storage.reader import StoredArray
 from jampetsc.storage.regular import kind, open_regular
@@ -689,11 +689,6 @@ def test_the_record_does_not_rule_what_a_packing_is(tmp_path):
     found = read_packing(tmp_path / "p.h5")
     assert found.potential == published().potential and found.record["seed"] == 3
     assert not {"k", "potential", "format"} & found.record.keys()
-
-
-def test_a_record_that_lacks_an_entry_is_not_complete(tmp_path):
-    write_packing(tmp_path / "p.h5", published().with_record(seed=3))
-    assert is_complete(tmp_path / "p.h5", seed=3) and not is_complete(tmp_path / "p.h5", stabilise=None)
 
 
 def test_the_hash_is_of_every_byte(tmp_path):

@@ -317,19 +317,19 @@ def test_rounding_of_the_columns_is_in_the_bound(session, law, monkeypatch):
 @pytest.mark.parametrize(
     ("ranks", "unknowns", "asked", "kind"),
     [
-        (1, 100, "auto", "Together"),
+        (1, 100, "auto", "Distributed"),
         (2, 100, "auto", "SideBySide"),
         (4, 400_000, "auto", "SideBySide"),
-        (4, 400_001, "auto", "Together"),
-        (5, 100, "auto", "Together"),
+        (4, 400_001, "auto", "Distributed"),
+        (5, 100, "auto", "Distributed"),
         (5, 400_001, "shifts", "SideBySide"),
-        (1, 100, "shifts", "Together"),
-        (2, 100, "matrix", "Together"),
+        (1, 100, "shifts", "Distributed"),
+        (2, 100, "matrix", "Distributed"),
     ],
 )
 def test_how_ranks_are_used(monkeypatch, ranks, unknowns, asked, kind):
     """Side by side where a matrix fits a rank's memory and no more shifts are made at once than are needed."""
-    for name in ("Together", "SideBySide"):
+    for name in ("Distributed", "SideBySide"):
         monkeypatch.setattr(factors, name, lambda pencil, name=name: name)
     network = SimpleNamespace(comm=SimpleNamespace(size=ranks))
     assert factors.make_factors(SimpleNamespace(network=network, unknowns=unknowns), asked) == kind

@@ -19,11 +19,6 @@ def ranges(points: Points) -> dict:
     return {**BOUNDS, "phi_J": (points.phi.min() - spread, points.phi.max() + spread)}
 
 
-def fit_collapse(points: Points, form: Form) -> Fit:
-    """The parameters with the least χ². Raises InputError for data that cannot tell them."""
-    return minima(points, form)[0]
-
-
 def minima(points: Points, form: Form) -> list[Fit]:
     """Fits that the search ends at, the least χ² first; with corrections one for each sign of f₁. Raises InputError."""
     points.check()

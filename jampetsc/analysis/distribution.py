@@ -37,25 +37,3 @@ class Distribution:
             edges,
             counts,
         )
-
-
-def ensemble_slope(x, y, group, repeats=400, seed=1):
-    """(slope, its standard error) of ln y against ln x over an ensemble, by bootstrap over packings.
-
-    x, y (M,) positive; group (M,) names the packing (a seed) that a point comes from: the same one at several
-    pressures is not independent, so whole packings are drawn. The fit is through medians of y at each x.
-    """
-    x, y, group = np.asarray(x), np.asarray(y), np.asarray(group)
-
-    def fit(rows):
-        u = np.unique(x[rows])
-        v = [np.median(y[rows][x[rows] == value]) for value in u]
-        return np.polyfit(np.log(u), np.log(v), 1)[0]
-
-    members = [np.flatnonzero(group == name) for name in np.unique(group)]
-    rng = np.random.default_rng(seed)
-    draws = [
-        fit(np.concatenate([members[k] for k in rng.integers(len(members), size=len(members))]))
-        for _ in range(repeats)
-    ]
-    return float(fit(np.arange(len(x)))), float(np.std(draws))

@@ -86,14 +86,6 @@ class EquivalentDamping:
                 break
         return np.exp(x)
 
-    def low_frequency(self, omega):
-        """Ω where Ωτ₁ ≪ 1: C ω^α (first of BT 26)."""
-        return self.coefficient * np.asarray(omega, float) ** self.alpha
-
-    def high_frequency(self, omega):
-        """Ω where Ωτ₁ ≫ 1: C^(1/α) ω (second of BT 26)."""
-        return self.coefficient ** (1.0 / self.alpha) * np.asarray(omega, float)
-
     def amplitude(self, omega):
         """Relative motion u₀/ρ₀ of a contact, in the shape of omega."""
         return self.stress / np.sqrt(1.0 + self.frequency(omega) ** 2)

@@ -1,4 +1,4 @@
-"""Scaling of G*(ω) near jamming: limits, crossovers, critical collapse and power laws.
+"""Scaling of G*(ω) near jamming: the limit of low frequencies, critical collapse and power laws.
 
 With ω in 1/τ₁ and G*, p in k, the moduli at pressure p follow  G* = p^μ g(ω/p^λ), μ = ½ and λ = 1, as long as
 ω ≪ 1 (BT eqs. 16, 17 and Fig. 3b): g' is constant and g'' ∝ x for x ≪ 1, and both grow as x^Δ with
@@ -20,16 +20,16 @@ _ENOUGH = 3  # points of a fit that leave something to estimate its error from
 
 @dataclass(frozen=True)
 class Limit:
-    """Spring and dashpot, G* ≈ G + iωη, at one end of a sweep; the errors are what extrapolation changed."""
+    """Spring and dashpot, G* ≈ G₀ + iωη₀, at ω → 0; the errors are what extrapolation changed."""
 
-    modulus: float  # G₀ or G_∞
+    modulus: float  # G₀
     modulus_error: float
-    viscosity: float  # η₀ or η_∞
+    viscosity: float  # η₀
     viscosity_error: float
 
     @property
     def crossover(self) -> float:
-        """Frequency G/η at which the two are equal: ω* = G₀/η₀ at the low end."""
+        """Frequency at which the two are equal: ω* = G₀/η₀ ∝ p^λ, where BT's critical branch begins."""
         return self.modulus / self.viscosity
 
 
@@ -51,34 +51,12 @@ def low_frequency_limit(omega, G) -> Limit:
     out with a second frequency. Raises InputError where the sweep does not reach that regime.
     """
     omega, G = _finite(omega, G)
-    limit = _extrapolate(omega, G, omega**2)
+    limit = _extrapolate(omega, G)
     if limit is None:
         raise InputError(
             f"G' and G''/omega still change at the lowest frequency, {omega[0]:g}: begin the sweep lower"
         )
     return limit
-
-
-def high_frequency_limit(omega, G) -> Limit:
-    """G_∞ and η_∞ from the highest frequencies, where the corrections are O(1/ω²).
-
-    Raises InputError where the sweep does not reach that regime.
-    """
-    omega, G = _finite(omega, G)
-    limit = _extrapolate(omega[::-1], G[::-1], omega[::-1] ** -2.0)
-    if limit is None:
-        raise InputError(
-            f"G' and G''/omega still change at the highest frequency, {omega[-1]:g}: end the sweep higher"
-        )
-    return limit
-
-
-def crossovers(omega, G) -> tuple[float, float]:
-    """The lower crossover ω* = G₀/η₀ (∝ p^λ) and the upper one G_∞/η_∞ (∝ 1/τ₁).
-
-    BT's critical branch lies between them. Raises InputError where one end of the sweep is not in its limit.
-    """
-    return low_frequency_limit(omega, G).crossover, high_frequency_limit(omega, G).crossover
 
 
 def collapse(omega, G, pressure, mu=MU, lam=LAMBDA):
@@ -186,11 +164,12 @@ def _finite(omega, G):
     return omega[order], G[order]
 
 
-def _extrapolate(omega, G, t):
-    """Limit t → 0 of G' and G''/ω, linear in t, or None if the values have not settled.
+def _extrapolate(omega, G):
+    """Limit ω → 0 of G' and G''/ω, linear in ω², or None if the values have not settled.
 
-    Uses the first frequency and the next that is at least twice or half as high.
+    Uses the first frequency and the next that is at least twice as high.
     """
+    t = omega**2
     apart = np.flatnonzero(t >= 4.0 * t[0])
     if not len(apart):
         return None

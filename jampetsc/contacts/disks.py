@@ -16,6 +16,7 @@ from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import InputError
 
 GRID = 2.0**-24  # exact for coordinates below 2**29; leaves offsets a resolution of 1e-24
+PLACES = ("base", "offset", "cell_base", "cell_offset")  # arrays of `Disks` that change when disks move
 
 
 def split(high, low=0.0):

@@ -195,10 +195,3 @@ def bond_forces(pairs, o, strain, shear, law, forces, motion, rolling):
                 torques[b] += radii[b] * rolled[p - begin]
         begin = end
     return energy, wxx, wxy, wyy, contacts, dissipation, vxx, vxy, vyx, vyy
-
-
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def pair_forces(i, j, r0, sigma, o, strain, shear, law, forces):
-    """Net elastic forces into `forces` (N, 2); returns U and Σ (f/r) r_x r_x, r_x r_y, r_y r_y. See `bond_forces`."""
-    sums = bond_forces((i, j, r0, sigma), o, strain, shear, law, forces, None, None)
-    return sums[0] / (2.5 if law[1] else 2.0), sums[1], sums[2], sums[3]

@@ -9,7 +9,7 @@ from jampetsc.contacts.neighbours import neighbour_pairs
 from jampetsc.errors import InputError
 
 TOUCH = 1e-6  # a contact that carries less than this fraction of p·d only just touches and does not count
-ROUNDING = 1e-14  # … nor does one whose force is within rounding of none, in units of k·d
+FORCELESS = 1e-14  # … nor does one whose force is within rounding of none, in units of k·d
 BALANCED = 1e-4  # max |F| / (p d) above which nobody would call forces balanced; `pack` leaves 1e-10
 RIGID = 3  # fewer contacts than this cannot hold a disk in two dimensions
 
@@ -82,7 +82,7 @@ def force_threshold(disks: Disks, pressure: float) -> float:
     Disks that only just touch carry no load, yet would add their stiffness to K and shift G* by per cents.
     """
     d = 2.0 * float(np.mean(disks.radii))
-    return max(TOUCH * pressure * d, ROUNDING * disks.potential.k * d)
+    return max(TOUCH * pressure * d, FORCELESS * disks.potential.k * d)
 
 
 def virial_pressure(force, distance, area: float) -> float:

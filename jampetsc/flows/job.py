@@ -8,7 +8,7 @@ import numpy as np
 
 from jampetsc import session
 from jampetsc.collective import by_rank_0
-from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.disks import PLACES, Disks
 from jampetsc.contacts.laws import Law
 from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import find_contacts
@@ -110,10 +110,8 @@ def continued(path, strain, out=None) -> Job:
     model, scheme = Model(**settings["model"]), Scheme(**settings["scheme"])
     old = Plan(**settings["plan"])
     potential = Potential(*(attrs[name] for name in ("potential", "stiffness", "k")))
-    arrays = (
-        np.asarray(state[name], float) for name in ("base", "offset", "radii", "cell_base", "cell_offset")
-    )
-    disks = Disks(*arrays, potential)
+    arrays = {name: np.asarray(state[name], float) for name in (*PLACES, "radii")}
+    disks = Disks(**arrays, potential=potential)
     more = Plan.of(settings["rate"], scheme.step, strain, 0.0, 0, old.steps)
     plan = Plan(old.steps, old.rows + more.rows, old.discard, old.snapshots)
     check_space(out, disks.n, 2 * old.snapshots)

@@ -1,10 +1,10 @@
 """Disks under steady shear: their state, and how it goes on from one pair list to the next."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.disks import PLACES, Disks
 from jampetsc.contacts.pairs import SKIN_START, PairList, deformed, tuned_skin
 from jampetsc.errors import ConvergenceError
 from jampetsc.flows import steps as compiled
@@ -191,27 +191,15 @@ class Shear:
 
     def state(self) -> dict:
         """Everything that goes on from here, as arrays and numbers; `restore` takes it back to the last bit."""
-        reference = self.reference
         arrays = {name: getattr(self, name).copy() for name in self.ARRAYS}
-        arrays |= {
-            "base": reference.base,
-            "offset": reference.offset,
-            "cell_base": reference.cell_base,
-            "cell_offset": reference.cell_offset,
-        }
+        arrays |= {name: getattr(self.reference, name) for name in PLACES}
         counts = {name: getattr(self, name) for name in ("steps", "since", "rebuilds")}
         return arrays | {"seen": self.seen.copy(), "skin": self.skin, "started": self.started, **counts}
 
     def restore(self, state: dict) -> None:
         """Go on from what `state` gave."""
-        old = self.reference
-        arrays = (np.asarray(state[name], float) for name in ("cell_base", "cell_offset"))
-        disks = Disks(
-            np.asarray(state["base"], float), np.asarray(state["offset"], float), old.radii, *arrays, old.potential,
-            old.record,
-        )  # fmt: skip
         self.skin = float(state["skin"])
-        self._list(disks)
+        self._list(replace(self.reference, **{name: np.asarray(state[name], float) for name in PLACES}))
         for name in (*self.ARRAYS, "seen"):
             setattr(self, name, np.array(state[name], float))
         self.steps, self.since, self.rebuilds = (int(state[name]) for name in ("steps", "since", "rebuilds"))

@@ -6,6 +6,7 @@ import numpy as np
 
 from jampetsc import session
 from jampetsc.analysis.averages import Average
+from jampetsc.contacts.disks import PLACES
 from jampetsc.flows.means import facts_of, short, worth
 from jampetsc.flows.record import Record, remove_checkpoint, resumed, write_checkpoint, write_record
 from jampetsc.flows.run import INTERVAL, LINES
@@ -50,8 +51,7 @@ def run(args, disks, origin, solver) -> str:
                 progress.step(f"strain {slow.strain:.4g}, p {slow.found.pressure:.4g}")
     averages = _averages(record, discard)
     facts = _facts(args, disks, origin, averages, discard, slow, time.perf_counter() - began)
-    names = ("base", "offset", "radii", "cell_base", "cell_offset")
-    minimum = {name: getattr(slow.disks, name) for name in names}
+    minimum = {name: getattr(slow.disks, name) for name in (*PLACES, "radii")}
     if args.last is not None:
         write_packing(
             args.last, slow.disks.with_record(protocol=f"quasistatic shear, steps of {args.step:g}")

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.disks import PLACES, Disks
 from jampetsc.contacts.pairs import SKIN_RANGE, PairList, deformed, is_stale
 from jampetsc.contacts.state import find_contacts, measure
 from jampetsc.packing import follow as compiled
@@ -240,16 +240,13 @@ class SlowShear:
     def state(self) -> dict:
         """Everything that goes on from here, but for the steps since all was made anew: `restore` takes them again."""
         disks, last, steps, effort = self._anchor
-        names = ("base", "offset", "cell_base", "cell_offset")
-        arrays = {name: getattr(disks, name) for name in names} | {"last": last}
+        arrays = {name: getattr(disks, name) for name in PLACES} | {"last": last}
         counts = {"evaluations": effort.evaluations, "newton_steps": effort.newton_steps}
         return arrays | counts | {"anchor": steps, "steps": self.steps}
 
     def restore(self, state: dict) -> None:
         """Go on from what `state` gave, to the last bit."""
-        old = self.reference
-        arrays = [np.asarray(state[name], float) for name in ("base", "offset", "cell_base", "cell_offset")]
-        self._list(Disks(*arrays[:2], old.radii, *arrays[2:], old.potential))
+        self._list(replace(self.reference, **{name: np.asarray(state[name], float) for name in PLACES}))
         self.last, self.steps = np.asarray(state["last"], float), int(state["anchor"])
         self.effort = Effort(int(state["evaluations"]), int(state["newton_steps"]))
         while self.steps < int(state["steps"]):

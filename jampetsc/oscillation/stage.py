@@ -20,6 +20,7 @@ import numpy as np
 
 from jampetsc.errors import ConvergenceError
 from jampetsc.oscillation.dashpots import Dashpots
+from jampetsc.packing.newton import flat_between
 
 STAGE = 1.0 - np.sqrt(0.5)  # of a step
 WEIGHTS = 1.0 - STAGE, STAGE  # of what is seen at the ends of the stages, in an integral over a step
@@ -282,6 +283,5 @@ class Stages:
                 upper = length, now
             else:
                 lower = length, now
-            share = min(max(lower[1] / (lower[1] - upper[1]), 0.1), 0.9)
-            length = lower[0] + share * (upper[0] - lower[0])
+            length = flat_between(lower, upper)
         return end, found

@@ -9,39 +9,13 @@ import numpy as np
 from jampetsc.contacts.pairs import PairList
 from jampetsc.contacts.state import both_ends, find_rattlers
 from jampetsc.oscillation.dashpots import Dashpots, gathered, motion_rows
-from jampetsc.packing.hessian import Bonds
+from jampetsc.packing.hessian import Bonds, Pattern
 from jampetsc.solvers.local import NewtonSolver
 
 # of k or, in a short step, of what is stiffest: least μ on the diagonal, for what nothing holds, which rounding would
 # move far; it changes steps, not where they end
 HELD = 1e-10
 RAISED = 3.0
-
-
-class _Pattern:
-    """Upper triangle, as CSR, of a matrix with a block for every disk and every listed pair."""
-
-    def __init__(self, pairs: PairList, n: int, dofs: int):
-        component = np.arange(dofs)
-        ends = np.concatenate(
-            (pairs.i[:, None] * dofs + component, pairs.j[:, None] * dofs + component), axis=1
-        )
-        ends = ends.astype(np.int64)
-        size = n * dofs
-        row, column = np.broadcast_arrays(ends[:, :, None], ends[:, None, :])
-        self._upper = row <= column
-        keys = (row * size + column)[self._upper]
-        diagonal = np.arange(size) * (size + 1)
-        kept, places = np.unique(np.concatenate((keys, diagonal)), return_inverse=True)
-        self._places, self._diagonal = places[: len(keys)], places[len(keys) :]
-        self.indptr = np.searchsorted(kept // size, np.arange(size + 1)).astype(np.int32)
-        self.indices = (kept % size).astype(np.int32)
-
-    def fill(self, blocks, held):
-        """Values of the sum of blocks (M, 2 dofs, 2 dofs), with `held` (unknowns,) added to the diagonal."""
-        values = np.bincount(self._places, blocks[self._upper], minlength=len(self.indices))
-        values[self._diagonal] += held
-        return values
 
 
 class StepMatrix:
@@ -60,7 +34,7 @@ class StepMatrix:
         """From now on the bonds are those of this list; radii in the length that turns are multiplied by."""
         self._pairs, self._n, self._dofs = pairs, len(radii), dofs
         self._rims = (radii[pairs.i], radii[pairs.j]) if dofs == 3 else None
-        self._pattern = _Pattern(pairs, len(radii), dofs)
+        self._pattern = Pattern(pairs, len(radii), dofs)
 
     def factorise(self, bonds: Bonds, dashpots: Dashpots, damping, free: bool):
         """Factorise for the next `solve`.
@@ -73,13 +47,15 @@ class StepMatrix:
         blocks = np.einsum("cf,cfx,cfy->cxy", springs, rows[:, :2], rows[:, :2])
         viscous, mixed, alone = dashpots.squares(damping)
         blocks[dashpots.touching] += viscous
-        loose = self._loose(bonds)
+        d, every, loose = self._dofs, np.ones(self._n, bool), self._loose(bonds)
+        blocks = blocks[:, :d, :d], blocks[:, d:, d:], blocks[:, :d, d:]
         held = HELD * max(self._unit, float(np.abs(viscous).max(initial=0.0)))
         self._mu = max(self._mu / RAISED, held)
         self._border = None
         while True:
             self.factorisations += 1
-            values = self._pattern.fill(blocks, self._mu + loose)
+            values = self._pattern.sum(*blocks, every)
+            values[self._pattern.diagonal] += self._mu + loose
             if self._solver.factorise(self._pattern.indptr, self._pattern.indices, values):
                 if not free:
                     return
@@ -103,13 +79,13 @@ class StepMatrix:
         return np.append(x - strain * self._response, strain)
 
     def _loose(self, bonds):
-        """What holds disks that contacts do not, (unknowns,): more than the −f/r that pushes them aside."""
+        """What holds disks that contacts do not, (N, 1): more than the −f/r that pushes them aside."""
         touching = bonds.overlap > 0.0
         i, j = both_ends(self._pairs.i[touching], self._pairs.j[touching])
         push = bonds.force / bonds.distance
         aside = np.bincount(self._pairs.i, push, minlength=self._n)
         aside += np.bincount(self._pairs.j, push, minlength=self._n)
-        return np.repeat(np.where(find_rattlers(self._n, i, j), 2.0 * aside, 0.0), self._dofs)
+        return np.where(find_rattlers(self._n, i, j), 2.0 * aside, 0.0)[:, None]
 
     def destroy(self):
         """Free the factor."""

@@ -63,53 +63,61 @@ class Bonds:
 
 
 class Pattern:
-    """Upper triangle, as CSR, of a matrix with a 2×2 block for every disk and every listed pair."""
+    """Upper triangle, as CSR, of a matrix with a block of order `dofs` for every disk and every listed pair, i < j.
 
-    def __init__(self, pairs: PairList, n: int):
+    diagonal    (N, dofs) where in the values the rows' diagonal entries are
+    """
+
+    def __init__(self, pairs, n: int, dofs: int = 2):
+        self._i, self._j = pairs.i, pairs.j
         key = pairs.i.astype(np.int64) * n + pairs.j
         unique, slot = np.unique(key, return_inverse=True)  # one block for all images of a pair
         i, j = unique // n, (unique % n).astype(np.int32)
         count = np.bincount(i, minlength=n)
-        widths = np.column_stack((2 + 2 * count, 1 + 2 * count)).ravel()
-        self.indptr = np.zeros(2 * n + 1, np.int32)
-        np.cumsum(widths, out=self.indptr[1:])
-        top, bottom = self.indptr[:-1:2], self.indptr[1:-1:2]
+        own = dofs - np.arange(dofs)  # entries in each row of a disk's own block
+        self.indptr = np.zeros(dofs * n + 1, np.int32)
+        np.cumsum((own + dofs * count[:, None]).ravel(), out=self.indptr[1:])
+        self.diagonal = self.indptr[:-1].reshape(n, dofs).astype(np.int64)
         place = np.arange(len(unique)) - (np.cumsum(count) - count)[i]
-        upper, lower = top[i] + 2 + 2 * place, bottom[i] + 1 + 2 * place
+        blocks = self.diagonal[i] + own + dofs * place[:, None]  # where their rows begin
         self.indices = np.empty(self.indptr[-1], np.int32)
-        disk = np.arange(n, dtype=np.int32)
-        self.indices[top], self.indices[top + 1], self.indices[bottom] = 2 * disk, 2 * disk + 1, 2 * disk + 1
-        for row in (upper, lower):
-            self.indices[row], self.indices[row + 1] = 2 * j, 2 * j + 1
-        self.diagonal = np.column_stack((top, top + 1, bottom)).astype(np.int64)  # (N, 3): xx, xy, yy
-        self.blocks = np.column_stack((upper, lower)).astype(np.int64)[slot]  # (M, 2): where its rows begin
+        for x in range(dofs):
+            for y in range(dofs):
+                self.indices[blocks[:, x] + y] = dofs * j + y
+                if y >= x:
+                    self.indices[self.diagonal[:, x] + y - x] = dofs * np.arange(n) + y
+        self._blocks = blocks[slot]  # (M, dofs)
+
+    def sum(self, on_i, on_j, across, free):
+        """Values of the sum of blocks (M, dofs, dofs), `across` in the rows of i; none of disks not in `free`."""
+        values = np.zeros(self.indptr[-1])
+        _sum(values, self._i, self._j, on_i, on_j, across, free, self.diagonal, self._blocks)
+        return values
 
     def fill(self, bonds: Bonds, free, shift=0.0):
         """Values of K + shift for the disks in the mask `free`; unit rows for the others. (nonzeros,)"""
-        values = np.zeros(self.indptr[-1])
-        springs, *_ = bonds.squares()
-        _fill(values, bonds.pairs.i, bonds.pairs.j, springs, free, self.diagonal, self.blocks)
-        values[self.diagonal[free][:, [0, 2]]] += shift
-        values[self.diagonal[~free][:, [0, 2]]] = 1.0
+        own, across, *_ = bonds.squares()
+        across[:, 1, 0] = across[:, 0, 1]  # symmetric to the last digit
+        values = self.sum(own, own, across, free)
+        values[self.diagonal[free]] += shift
+        values[self.diagonal[~free]] = 1.0
         return values
 
 
 @numba.njit(cache=True, fastmath=False)
-def _fill(values, i, j, springs, free, diagonal, blocks):
+def _sum(values, i, j, on_i, on_j, across, free, diagonal, blocks):
+    dofs = diagonal.shape[1]
     for p in range(len(i)):
         a, b = i[p], j[p]
-        xx, xy, yy = springs[p, 0, 0], springs[p, 0, 1], springs[p, 1, 1]
-        for disk in (a, b):
-            if free[disk]:
-                values[diagonal[disk, 0]] += xx
-                values[diagonal[disk, 1]] += xy
-                values[diagonal[disk, 2]] += yy
-        if free[a] and free[b]:
-            upper, lower = blocks[p, 0], blocks[p, 1]
-            values[upper] -= xx
-            values[upper + 1] -= xy
-            values[lower] -= xy
-            values[lower + 1] -= yy
+        for x in range(dofs):
+            for y in range(x, dofs):
+                if free[a]:
+                    values[diagonal[a, x] + y - x] += on_i[p, x, y]
+                if free[b]:
+                    values[diagonal[b, x] + y - x] += on_j[p, x, y]
+            if free[a] and free[b]:
+                for y in range(dofs):
+                    values[blocks[p, x] + y] += across[p, x, y]
 
 
 def border(bonds: Bonds, n: int, area: float, pressure: float):

@@ -238,9 +238,7 @@ class Newton:
         for _ in range(TRIES):
             if abs(now) <= FLAT * pull:
                 break
-            share = min(max(lower[1] / (lower[1] - upper[1]), 0.1), 0.9)
-            here = length
-            length = lower[0] + share * (upper[0] - lower[0])
+            here, length = length, flat_between(lower, upper)
             point = self._go(step, length - here)
             now = point.along(step)
             if now > 0.0:
@@ -303,3 +301,9 @@ class Newton:
             if curvature < 0.0 and abs(curvature - before) < 0.1 * abs(curvature):
                 break
         return (move, strain) if curvature < 0.0 else None
+
+
+def flat_between(lower, upper) -> float:
+    """Where between two (length, slope) the slope may vanish, by the secant; a tenth of the way or more from both."""
+    share = min(max(lower[1] / (lower[1] - upper[1]), 0.1), 0.9)
+    return lower[0] + share * (upper[0] - lower[0])

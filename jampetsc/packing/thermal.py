@@ -5,11 +5,13 @@ states come with the Boltzmann weight e^(−U/T) as long as `reach` is left alon
 1087 (1953)). T is in units of energy (k_B = 1). One sweep is N moves.
 """
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
 
-from jampetsc.contacts.around import Around, energy_of
 from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.kernel import pair_energy
 from jampetsc.contacts.pairs import PairList, deformed, is_stale
 
 SKIN = 0.5  # of the pair list, in mean diameters
@@ -18,6 +20,38 @@ ACCEPTED = 0.4  # share of moves that is aimed at where `reach` is tuned
 COLD = (
     1e-8  # temperature in units of k at which cooling ends: a tenth of a per mille of σ is then its overlap
 )
+
+
+class Around(NamedTuple):
+    """Every pair of a `PairList` from both its ends; those of disk a are start[a] … start[a + 1] − 1."""
+
+    start: np.ndarray  # (N + 1,)
+    other: np.ndarray  # (2M,) the other disk
+    bond: np.ndarray  # (2M, 2) r0 towards it
+    sigma: np.ndarray  # (2M,)
+
+    @classmethod
+    def of(cls, pairs: PairList, n: int) -> "Around":
+        """For a list of the pairs of n disks."""
+        near, other = np.concatenate((pairs.i, pairs.j)), np.concatenate((pairs.j, pairs.i))
+        order = np.argsort(near, kind="stable")
+        start = np.concatenate(([0], np.cumsum(np.bincount(near, minlength=n))))
+        bond = np.concatenate((pairs.r0.T, -pairs.r0.T))[order]
+        return cls(
+            start, other[order].astype(np.int64), bond, np.concatenate((pairs.sigma, pairs.sigma))[order]
+        )
+
+
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
+def energy_of(a, x, y, around, o, law):
+    """Σ V of disk a's contacts if its offset were (x, y), those of the others being o (N, 2)."""
+    energy = 0.0
+    for q in range(around.start[a], around.start[a + 1]):
+        b = around.other[q]
+        rx = around.bond[q, 0] + o[b, 0] - x
+        ry = around.bond[q, 1] + o[b, 1] - y
+        energy += pair_energy(rx, ry, around.sigma[q], law)
+    return energy
 
 
 @numba.njit(cache=True, fastmath=False, error_model="numpy")

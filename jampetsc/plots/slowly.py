@@ -3,13 +3,12 @@
 import numpy as np
 from matplotlib.lines import Line2D
 
-from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.disks import PLACES, Disks
 from jampetsc.contacts.potentials import Potential
 from jampetsc.plots.style import GREY, PAGE, colours, figure, letter_panels, save
 from jampetsc.plots.units import flow_units
 
 HEIGHT = 2.3  # inches of one row of panels
-_STATE = ("base", "offset", "radii", "cell_base", "cell_offset")
 
 
 def plot_slow_shear(results, path) -> None:
@@ -76,4 +75,4 @@ def last_minimum(result) -> Disks:
     """The last minimum of a shear file, to the last bit."""
     a = result.attributes
     potential = Potential(str(a["potential"]), str(a["stiffness"]), float(a["k"]))
-    return Disks(*(result[f"state/{name}"] for name in _STATE), potential)
+    return Disks(**{name: result[f"state/{name}"] for name in (*PLACES, "radii")}, potential=potential)

@@ -27,7 +27,8 @@ from jampetsc.mechanics.compatibility import Compatibility
 from jampetsc.solvers.matrices import diagonal_of, largest_entry
 
 EPSILON = float(np.finfo(float).eps)
-ROUNDING = 4.0 * EPSILON  # of the motions of contacts and of sums of their forces, relative to the terms
+# of a contact's motion, relative to its terms: bond, distance, normal, products and sum; also of sums of such forces
+ROUNDING = 4.0 * EPSILON
 
 
 @dataclass(frozen=True)

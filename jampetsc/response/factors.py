@@ -1,6 +1,6 @@
 """The factorisations of a rational sweep, and the two ways to use ranks for them.
 
-Together     one factorisation at a time, distributed over all ranks: for matrices that fill more than one rank's memory
+Distributed  one factorisation at a time, distributed over all ranks: for matrices that fill more than one rank's memory
 SideBySide   every rank holds all of K + sB and factorises a shift of its own: no communication where the time goes
 """
 
@@ -21,11 +21,11 @@ ALONE = 400_000  # unknowns up to which one rank is given whole matrices: a fact
 
 
 def make_factors(pencil: Pencil, parallel: str = "auto"):
-    """SideBySide for "shifts", Together for "matrix"; for "auto" what suits the pencil and the ranks. Collective."""
+    """SideBySide for "shifts", Distributed for "matrix"; for "auto" what suits the pencil and the ranks. Collective."""
     size = pencil.network.comm.size
     if parallel == "auto":
         parallel = "shifts" if 1 < size <= MOST_AT_ONCE and pencil.unknowns <= ALONE else "matrix"
-    return SideBySide(pencil) if parallel == "shifts" and size > 1 else Together(pencil)
+    return SideBySide(pencil) if parallel == "shifts" and size > 1 else Distributed(pencil)
 
 
 def _factor(K, B, s, law, project):
@@ -38,7 +38,7 @@ def closest(shifts, s):
     return next((at for at in shifts if 1.0 / SAME_SHIFT < at / s < SAME_SHIFT), None)
 
 
-class Together:
+class Distributed:
     """One factor at a time on all ranks. Methods are collective."""
 
     width = 1  # shifts that are done at once

@@ -15,12 +15,9 @@ from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.assembly import ROW
 from jampetsc.mechanics.compatibility import Compatibility
 from jampetsc.response.basis import RationalBasis
-from jampetsc.response.certificate import field_bound
+from jampetsc.response.certificate import EPSILON, ROUNDING, field_bound
 from jampetsc.response.residual import Residual
 from jampetsc.solvers.matrices import largest_entry
-
-EPSILON = float(np.finfo(float).eps)
-ROUNDING = 4.0 * EPSILON  # of a motion, relative to its terms: bond, distance, normal, products and sum
 
 
 class Galerkin:

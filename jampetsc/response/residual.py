@@ -29,10 +29,11 @@ from scipy.linalg import solve_triangular
 from jampetsc.collective import by_rank_0
 from jampetsc.mechanics.assembly import ROW
 from jampetsc.mechanics.compatibility import Compatibility
+from jampetsc.response.certificate import EPSILON
 from jampetsc.solvers.cholesky import NotPositiveDefinite
 from jampetsc.solvers.matrices import diagonal_of
 
-ROUNDING = 2.0 * float(np.finfo(float).eps)  # of the sum over the contacts of a disk, relative to its terms
+SUMMED = 2.0 * EPSILON  # rounding of the sum over the contacts of a disk, relative to its terms
 BLOCK = 2048  # rows
 DIRECTIONS = 12  # at most; where so many do not do, the solves are too poor for what is asked
 
@@ -128,7 +129,7 @@ class Residual:
         terms[1] = of_B @ self._fast**2 + on_disks @ self._flow**2
         terms[2:] = of_K @ squares - 2.0 * rates * (of_both @ squares)
         terms[2:] += rates**2 * (of_B @ squares + on_disks @ self._mode_fields**2)
-        return ROUNDING * np.sqrt(ROW * np.maximum(c.pencil.network.sum(terms), 0.0))
+        return SUMMED * np.sqrt(ROW * np.maximum(c.pencil.network.sum(terms), 0.0))
 
 
 class ResidualBound:

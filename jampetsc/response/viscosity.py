@@ -66,23 +66,13 @@ class Viscosity:
             destroy()
             motions, rotation = flow.motions, flow.x.reshape(-1, 3)[:, 2].copy()
         else:
-            motions, rotation = self._motions(start.ravel()), None
+            motions, rotation = (c.motions(start.ravel()) + c.g).reshape(-1, c.forms), None
         costs = network.sum(np.einsum("cf,cf->f", c.w_B.reshape(motions.shape), motions**2)) / network.area
         return Flow(
             {"normal": float(costs[0]), "transverse": float(costs[-1])},
             rotation,
             None if rotation is None else motions[:, -1].copy(),
         )
-
-    def _motions(self, x):
-        c = self.compatibility
-        field, a = c.C.createVecs()
-        field.setArray(x)
-        c.C.mult(field, a)
-        motions = (a.getArray() + c.g).reshape(-1, c.forms)
-        field.destroy()
-        a.destroy()
-        return motions
 
     def _turns(self):
         """(solve, destroy): solve(rhs, out) moves the angles only, by B_θθ, one gear held in each bipartite

@@ -155,12 +155,3 @@ def packing_identity(path) -> tuple[str, str]:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
     return Path(path).name, digest.hexdigest()
-
-
-def is_complete(path, **record) -> bool:
-    """Whether `path` is a sound packing file whose record agrees with every entry given here."""
-    try:
-        found = read_packing(path).record
-    except InputError:
-        return False
-    return all(name in found and found[name] == value for name, value in record.items())
