@@ -35,14 +35,17 @@ def slim(source: Path, target: Path) -> None:
     """A result at `source` without what takes room, in a file of its own at `target`."""
     with open_file(source) as h5, OutputFile(target) as kept:
         facts = attributes(h5)
-        set_attributes(kept, facts)
+        set_attributes(
+            kept, facts | {"argv": re.sub(r"(?<!\S)/\S*/", "", str(facts["argv"]))}
+        )  # no path of the machine
         rows = len(h5["strain"]) if facts["format"] == "jampetsc-flow" else 0
+        most = 4 * ROWS if "velocity_profile" in h5 else ROWS  # of walls the start is wanted
 
         def copy(name, item):
             if isinstance(item, h5py.Dataset) and not LEFT_OUT.match(name) and item.size <= MOST:
                 values = item[()]
-                if rows > ROWS and values.shape[:1] == (rows,):
-                    values = np.array([part.mean(0) for part in np.array_split(values, ROWS)])
+                if rows > most and values.shape[:1] == (rows,):
+                    values = np.array([part.mean(0) for part in np.array_split(values, most)])
                 store(kept, name, values if name in EXACT else single(values))
 
         h5.visititems(copy)
@@ -55,9 +58,13 @@ def single(values):
 
 def keep(folder: Path, to: Path = KEPT) -> Path:
     """Write the archive of a figure's folder; its path."""
-    target = to / f"{re.sub('-(quick|paper)$', '', folder.name)}.tar.xz"
+    name, _, scale = folder.name.rpartition("-")
+    target = to / f"{name}.tar.xz"
     to.mkdir(parents=True, exist_ok=True)
     with tarfile.open(target, "w:xz", preset=9) as archive, tempfile.TemporaryDirectory() as scratch:
+        add(
+            archive, "scale", scale.encode()
+        )  # quick or paper: run/figures/NAME draws it as a study of these sizes
         for path in sorted(folder.rglob("*")):
             if path.name in TEXTS:
                 add(archive, path.relative_to(folder), path.read_bytes())

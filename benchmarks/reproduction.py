@@ -38,7 +38,7 @@ def decided(row):
 def print_table(folder, mode):
     """Print the rows of the figures whose studies lie in folder/NAME-mode."""
     print("| claim | theirs | ours | size | decided | command | |\n|---|---|---|---|---|---|---|")
-    for figure, rows in CLAIMS:
+    for figure, rows in sorted(CLAIMS, key=lambda entry: entry[0]):
         if not (folder / f"{figure}-{mode}" / "table.csv").exists():
             continue
         for row in rows(jampetsc.load(folder / f"{figure}-{mode}")):
