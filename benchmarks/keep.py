@@ -35,7 +35,8 @@ def slim(source: Path, target: Path) -> None:
     """A result at `source` without what takes room, in a file of its own at `target`."""
     with open_file(source) as h5, OutputFile(target) as kept:
         facts = attributes(h5)
-        set_attributes(
+        facts["argv"] = re.sub(r"(?<!\S)/\S*/", "", str(facts["argv"]))  # no path of the machine
+        set_attributes(kept, facts)
             kept, facts | {"argv": re.sub(r"(?<!\S)/\S*/", "", str(facts["argv"]))}
         )  # no path of the machine
         rows = len(h5["strain"]) if facts["format"] == "jampetsc-flow" else 0
