@@ -17,7 +17,7 @@ import time
 import warnings
 
 from jampetsc import launcher, session, stopping, streams
-from jampetsc.commands import COMMANDS
+from jampetsc.commands import COMMANDS, add_command
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.version import VERSION
 
@@ -88,9 +88,12 @@ def dispatch(argv, during=contextlib.nullcontext):
             f"{args.command} {petsc_argv[0]}: single-dash options are PETSc's, which has nothing to do here; "
             "the program's own begin with --"
         )
+    from jampetsc.storage.request import asked  # not before --help
+
     if not args.takes_petsc(args):
-        return args.run(args, petsc_argv) if _chosen(argv) else 0
-    with during():
+        with asked(args):
+            return args.run(args, petsc_argv) if _chosen(argv) else 0
+    with during(), asked(args):
         status = args.run(args, petsc_argv)
         if petsc_argv:
             _note_unused()
@@ -145,7 +148,7 @@ def command_parser(words):
         raise InputError(f"{asked}: no such command{_did_you_mean(asked, COMMANDS)} (see jampetsc --help)")
     names = [asked] if asked in COMMANDS else [] if asked == "--version" else COMMANDS
     for name in names:
-        importlib.import_module(COMMANDS[name]).add_parser(subparsers)
+        add_command(name, subparsers)
     return parser, subparsers
 
 

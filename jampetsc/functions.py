@@ -31,6 +31,7 @@ from jampetsc.errors import InputError
 from jampetsc.storage.packing_file import write_packing
 from jampetsc.storage.provenance import recorded_as
 from jampetsc.storage.reader import load
+from jampetsc.storage.request import asked
 from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.options import positional_of, words_of
 
@@ -71,7 +72,7 @@ def run(command, *inputs, out=None, **options):
     out = _temporary() if out is None else os.fspath(out)
     line = [*files, "--out", out, *words]
     args = parser.parse_args(line)
-    with recorded_as(["jampetsc", command, *line]), contextlib.redirect_stdout(io.StringIO()):
+    with recorded_as(["jampetsc", command, *line]), asked(args), contextlib.redirect_stdout(io.StringIO()):
         if args.takes_petsc(args):
             args.run(args, [])
         else:
