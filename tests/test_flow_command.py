@@ -25,6 +25,14 @@ def flow(*words):
     return cli.main([str(word) for word in words])
 
 
+def test_many_disks_of_a_random_start_do_not_jump(tmp_path):
+    """Large clusters turn fast at their rims: steps in which they would go too far are divided."""
+    words = "flow --n 4096 --phi 0.82 --seed 2 --model CD0 --rate 1e-2 --strain 0.1".split()
+    assert flow(*words, "--out", tmp_path / "f.h5") == 0
+    result = jampetsc.load(tmp_path / "f.h5")
+    assert result.attributes["substeps"] == 2 and len(result["strain"]) == 20
+
+
 @pytest.fixture
 def short(monkeypatch):
     """A checkpoint after every row."""
