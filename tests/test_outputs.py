@@ -151,6 +151,14 @@ def test_earlier_results_of_the_same_kind_are_replaced(inputs):
         check_output("empty", kind)
 
 
+ALONE = ("flow", "shear", "import", "spectrum")
+
+
+def ranks_of(words):
+    """On how many ranks a command shows something: what solves nothing and quasistatic shear are of one."""
+    return pytest.param(words, marks=pytest.mark.most_ranks(1 if words.startswith(ALONE) else 2))
+
+
 OTHERS = {  # words that make a result, and the word of which there is another
     "pack --n 16 --pressure 1e-2": ("--tolerance 1e-9", "tolerance = 1e-10, not 1e-09"),
     "import p.txt": ("--index 1", "index = 0, not 1"),
@@ -164,8 +172,7 @@ OTHERS = {  # words that make a result, and the word of which there is another
 
 
 @pytest.mark.scalar("real")
-@pytest.mark.most_ranks(2)
-@pytest.mark.parametrize("words", OTHERS)
+@pytest.mark.parametrize("words", map(ranks_of, OTHERS))
 def test_a_finished_result_of_other_settings_is_replaced_on_demand(session, shared_path, monkeypatch, words):
     """The same settings, in other words too, are what they were: nothing is refused."""
     monkeypatch.chdir(shared_path)
@@ -175,8 +182,6 @@ def test_a_finished_result_of_other_settings_is_replaced_on_demand(session, shar
     session.comm.Barrier()
     if "s.h5" in words:
         cli.dispatch("sweep p.h5 --omega 1e-3:1e3:7 --out s.h5".split())
-    if words.startswith(("flow", "shear")) and session.size > 1:
-        pytest.skip("of one rank")
     line, (other, told) = [*words.split(), "--out", "r.h5"], OTHERS[words]
     cli.dispatch(line)
     cli.dispatch([*line[:1], *line[-2:], *line[1:-2]])
@@ -233,11 +238,6 @@ LAST = {  # words of a command that keeps what it has computed -> what it writes
     "pack --n 16 --pressure 1e-2 --seeds 1:3 --out new{seed}.h5": "new3.h5",
     "study study.toml --out study": "study/table.csv",
 }
-
-
-def ranks_of(words):
-    """On how many ranks a command shows something: a flow by drag and quasistatic shear are of one."""
-    return pytest.param(words, marks=pytest.mark.most_ranks(1 if words.startswith(("flow", "shear")) else 2))
 
 
 @pytest.mark.scalar("real")
