@@ -79,7 +79,7 @@ def check(args):
 
 def run(args, petsc_argv) -> int:
     """Shear and write. Collective."""
-    from jampetsc import launcher, session
+    from jampetsc import launcher, session, streams
     from jampetsc.collective import by_rank_0
 
     _check(args)
@@ -105,6 +105,10 @@ def run(args, petsc_argv) -> int:
         by_rank_0(comm, lambda: check_output(job.out, jobs.FORMAT, inputs))
     if args.last is not None:
         by_rank_0(comm, lambda: check_output(args.last, "jampetsc-packing", inputs, [job.out]))
+    if launcher.several() and running is None:
+        streams.say(
+            f"jampetsc: note: {job.model} has nothing to solve for: one rank does it; independent runs use more\n"
+        )
     means = jobs.execute(job, args.last, _together(job, running))
     if running is None or running.rank == 0:
         print(jobs.summary(job, means))
