@@ -16,7 +16,7 @@ import sys
 import time
 import warnings
 
-from jampetsc import launcher, session, stopping, streams
+from jampetsc import launcher, progress, session, stopping, streams
 from jampetsc.commands import COMMANDS, add_command
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.version import VERSION
@@ -88,6 +88,15 @@ def dispatch(argv, during=contextlib.nullcontext):
             f"{args.command} {petsc_argv[0]}: single-dash options are PETSc's, which has nothing to do here; "
             "the program's own begin with --"
         )
+    told = progress.quiet.set(bool(args.quiet))
+    try:
+        return _run(args, argv, petsc_argv, during)
+    finally:
+        progress.quiet.reset(told)
+
+
+def _run(args, argv, petsc_argv, during):
+    """Run the command as it was asked for."""
     from jampetsc.storage.request import asked  # not before --help
 
     if not args.takes_petsc(args):

@@ -48,6 +48,9 @@ def add_command(name, subparsers) -> None:
     importlib.import_module(COMMANDS[name]).add_parser(subparsers)
     parser = subparsers.choices[name]
     parser.set_defaults(command=name)
+    parser.add_argument(
+        "--quiet", action="store_true", default=None, help="do not tell how far the run has come"
+    )
     if name not in REPLACES:
         parser.add_argument(
             "--overwrite",

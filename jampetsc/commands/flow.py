@@ -175,7 +175,19 @@ def _check(args):
 
 def _refuse_settled(args):
     """A flow file has its settings: InputError for words that would change them."""
-    kept = ("start", "strain", "out", "last", "overwrite", "tau1", "command", "run", "check", "takes_petsc")
+    kept = (
+        "start",
+        "strain",
+        "out",
+        "last",
+        "overwrite",
+        "quiet",
+        "tau1",
+        "command",
+        "run",
+        "check",
+        "takes_petsc",
+    )
     for name, value in vars(args).items():
         if name not in kept and value is not None:
             raise InputError(
