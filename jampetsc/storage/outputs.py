@@ -59,7 +59,7 @@ def _check_settings(out, asked):
     why = "does not say with which settings" if found is None else asked.differences(found)
     if why:
         raise InputError(
-            f"{out}: is there already and {'' if found is None else 'with '}{why}: choose another --out, or give "
+            f"{out}: is there already and {'' if found is None else 'has '}{why}: choose another --out, or give "
             "--overwrite to replace it"
         )
 
