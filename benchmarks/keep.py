@@ -37,8 +37,6 @@ def slim(source: Path, target: Path) -> None:
         facts = attributes(h5)
         facts["argv"] = re.sub(r"(?<!\S)/\S*/", "", str(facts["argv"]))  # no path of the machine
         set_attributes(kept, facts)
-            kept, facts | {"argv": re.sub(r"(?<!\S)/\S*/", "", str(facts["argv"]))}
-        )  # no path of the machine
         rows = len(h5["strain"]) if facts["format"] == "jampetsc-flow" else 0
         most = 4 * ROWS if "velocity_profile" in h5 else ROWS  # of walls the start is wanted
 

@@ -16,8 +16,8 @@ import sys
 import time
 import warnings
 
-from jampetsc import launcher, session, stopping, streams
-from jampetsc.commands import COMMANDS
+from jampetsc import launcher, progress, session, stopping, streams
+from jampetsc.commands import COMMANDS, add_command
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.version import VERSION
 
@@ -88,9 +88,21 @@ def dispatch(argv, during=contextlib.nullcontext):
             f"{args.command} {petsc_argv[0]}: single-dash options are PETSc's, which has nothing to do here; "
             "the program's own begin with --"
         )
+    told = progress.quiet.set(bool(args.quiet))
+    try:
+        return _run(args, argv, petsc_argv, during)
+    finally:
+        progress.quiet.reset(told)
+
+
+def _run(args, argv, petsc_argv, during):
+    """Run the command as it was asked for."""
+    from jampetsc.storage.request import asked  # not before --help
+
     if not args.takes_petsc(args):
-        return args.run(args, petsc_argv) if _chosen(argv) else 0
-    with during():
+        with asked(args):
+            return args.run(args, petsc_argv) if _chosen(argv) else 0
+    with during(), asked(args):
         status = args.run(args, petsc_argv)
         if petsc_argv:
             _note_unused()
@@ -145,7 +157,7 @@ def command_parser(words):
         raise InputError(f"{asked}: no such command{_did_you_mean(asked, COMMANDS)} (see jampetsc --help)")
     names = [asked] if asked in COMMANDS else [] if asked == "--version" else COMMANDS
     for name in names:
-        importlib.import_module(COMMANDS[name]).add_parser(subparsers)
+        add_command(name, subparsers)
     return parser, subparsers
 
 

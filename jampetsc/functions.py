@@ -7,8 +7,9 @@
     flow = jampetsc.flow(packing, model="CD0", rate=1e-3, strain=5)
     table = jampetsc.study("study.toml", out="folder")
 
-Keywords are the long options with _ for -; True is a switch that is given, a list is written with commas. PETSc is
-loaded by the first call that needs it. A command runs in this process, under mpirun on all ranks together.
+Keywords are the long options with _ for -; from_, for --from, takes a packing as it is. True is a switch that is
+given, a list is written with commas. PETSc is loaded by the first call that needs it. A command runs in this process,
+under mpirun on all ranks together.
 """
 
 import atexit
@@ -33,6 +34,7 @@ from jampetsc.mechanics.matrices import Matrices, matrices_of
 from jampetsc.storage.packing_file import read_packing, write_packing
 from jampetsc.storage.provenance import recorded_as
 from jampetsc.storage.reader import load
+from jampetsc.storage.request import asked
 from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.options import positional_of, words_of
 
@@ -48,7 +50,7 @@ def run(command, *inputs, out=None, **options):
     command   one of FUNCTIONS: those that a study may have, collapse and study
     inputs    files, or what `load` and these functions have given: Disks or results
     out       where to keep the file; None: a temporary one, gone when this process ends
-    options   the command's long options, see `jampetsc COMMAND --help`
+    options   the command's long options, see `jampetsc COMMAND --help`; from_ for --from. Files as `inputs`
 
     Raises InputError for an option or a value that the command refuses, ConvergenceError where it does not get there.
     """
@@ -58,8 +60,12 @@ def run(command, *inputs, out=None, **options):
     known = {
         option[2:].replace("-", "_"): action for action in parser._actions for option in action.option_strings
     }
-    words = []
+    words, scratch = [], []
     for name, value in options.items():
+        name = name.removesuffix("_")  # from_: what python has for itself
+        if isinstance(value, Disks) or hasattr(value, "path"):
+            written, value = isinstance(value, Disks), _file(value)
+            scratch += [value] * written
         if name not in known or name == "help":
             near = difflib.get_close_matches(name, known, n=1)
             raise InputError(
@@ -70,15 +76,25 @@ def run(command, *inputs, out=None, **options):
     if inputs and positional_of(parser) is None:
         raise InputError(f"{command}: takes no file, but {len(inputs)} are given")
     files = [_file(one) for one in inputs]
-    out = _temporary() if out is None else os.fspath(out)
+    scratch += [name for one, name in zip(inputs, files, strict=True) if isinstance(one, Disks)]
+    kept, out = out is not None, _temporary() if out is None else os.fspath(out)
     line = [*files, "--out", out, *words]
     args = parser.parse_args(line)
-    with recorded_as(["jampetsc", command, *line]), contextlib.redirect_stdout(io.StringIO()):
+    with recorded_as(["jampetsc", command, *line]), asked(args), contextlib.redirect_stdout(io.StringIO()):
         if args.takes_petsc(args):
             args.run(args, [])
         else:
             by_rank_0(session.communicator(), lambda: args.run(args, []))
-    return load(out)
+    found = load(out)
+    if isinstance(found, Disks) and not kept:  # in memory; a result reads its file when it is asked
+        scratch.append(out)
+    comm = session.communicator()
+    if comm is not None:
+        comm.Barrier()
+    if comm is None or comm.rank == 0:
+        for name in scratch:
+            Path(name).unlink(missing_ok=True)
+    return found
 
 
 def _one(value):

@@ -1,17 +1,20 @@
 """How far a long run has come: a bar on a terminal, one line per step in a log. On stderr, from rank 0 alone."""
 
 import sys
+from contextvars import ContextVar
 
 from tqdm import tqdm
 
 from jampetsc import streams
+
+quiet = ContextVar("whether progress is not told", default=False)
 
 
 class Progress:
     """Counts `total` steps of a run (None: not known before), `done` of them finished earlier; a context manager."""
 
     def __init__(self, total: int | None, what: str, rank: int = 0, done: int = 0):
-        self.total, self.count, self.silent = total, done, rank != 0
+        self.total, self.count, self.silent = total, done, rank != 0 or quiet.get()
         terminal = sys.stderr.isatty() and not self.silent
         self.bar = (
             tqdm(total=total, initial=done, desc=what, leave=False, file=sys.stderr) if terminal else None

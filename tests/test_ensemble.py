@@ -1,9 +1,12 @@
 """The table of a study read back: arrays, choices of rows, averages over packings and their errors."""
 
+import re
+
 import numpy as np
 import pytest
 
 import jampetsc
+from jampetsc import cli
 from jampetsc.analysis.statistics import mean_with_error, median_interval, median_with_error
 from jampetsc.errors import InputError
 from jampetsc.storage.ensemble import CHOICES, load_ensemble
@@ -31,6 +34,26 @@ def test_columns_are_arrays(folder):
     assert np.isnan(table["G0"][-1]) and table["law"][-1] == ""
     assert table.failed["state"].tolist() == ['failed: no, "not" there']
     assert table["pressure"][0] == 1e-2 and table["G0"][0] == -0.5 * 1e-2, "to the last bit"
+
+
+def test_info_tells_what_a_study_holds(folder, capsys):
+    assert cli.main(["info", str(folder)]) == 0
+    text = capsys.readouterr().out
+    assert text.startswith(f"{folder}: study of 13 tasks\n")
+    for line in (
+        r"quasistatic +12 done",
+        r"modes +0 done, 1 failed",
+        r"pressure +0.001, 0.01",
+        r"beta +0.1, 1",
+    ):
+        assert re.search(line, text), line
+    assert text.splitlines()[-1] == '  m.h5: failed: no, "not" there'
+    assert cli.main(["info", str(folder), "--matrices"]) == 2
+    assert "is the folder of a study: --matrices needs a packing" in capsys.readouterr().err
+
+
+def test_what_is_not_there_has_a_default(folder):
+    assert jampetsc.load(folder).get("foo", 1) == 1 and jampetsc.load(folder).get("seed")[0] == 1
 
 
 def test_rows_are_chosen_by_their_values(folder):

@@ -495,6 +495,20 @@ def test_what_is_no_number_moves_too_far(bad):
     assert compiled.verdict_of(far, longest, 0.0, listed) == compiled.DONE
 
 
+def test_a_step_in_which_a_disk_would_jump_is_done_in_parts():
+    """The same as steps that are a quarter as long: velocities, and the means over the step."""
+    disks, model = crowd(24, phi=0.9), Model(ROWS["CD0"][0])
+    long, short = (Shear(disks, model, 0.3, Scheme(step, "heun", 1e-13)) for step in (2.0, 0.5))
+    long.advance(1)
+    short.advance(4)
+    assert (long.substeps, short.substeps, long.steps) == (4, 0, 1)
+    assert long.velocities_now() == pytest.approx(short.velocities_now(), abs=1e-12)
+    assert long.seen == pytest.approx(short.seen / 4, abs=1e-12)
+    again = Shear(disks, model, 0.3, long.scheme)
+    again.restore(long.state())
+    assert again.substeps == 4
+
+
 def test_verdicts_of_a_step():
     """More than half of the largest σ is a jump; a list is stale by its own rule, and a jump is told first."""
     listed = 1.2, 0.5, 0.1

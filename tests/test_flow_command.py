@@ -25,6 +25,28 @@ def flow(*words):
     return cli.main([str(word) for word in words])
 
 
+def test_ranks_that_a_flow_by_drag_has_no_use_for_are_told(tmp_path):
+    words = "flow --n 16 --phi 0.86 --model RD0 --rate 1e-2 --strain 0.1".split()
+    done = launch.run(2, "../jampetsc/__main__.py", *words, "--out", tmp_path / "f.h5")
+    assert done.returncode == 0 and done.stderr.count("RD0 has nothing to solve for: one rank does it") == 1
+
+
+def test_progress_can_be_silenced(tmp_path, capsys):
+    assert flow(*SMALL, "--quiet", "--out", tmp_path / "flow.h5") == 0
+    text, told = capsys.readouterr()
+    assert "sigma" in text and told == ""
+    assert flow("flow", tmp_path / "flow.h5", "--strain", 0.1, "--out", tmp_path / "more.h5", "--quiet") == 0
+    assert capsys.readouterr().err == ""
+
+
+def test_many_disks_of_a_random_start_do_not_jump(tmp_path):
+    """Large clusters turn fast at their rims: steps in which they would go too far are divided."""
+    words = "flow --n 4096 --phi 0.82 --seed 2 --model CD0 --rate 1e-2 --strain 0.1".split()
+    assert flow(*words, "--out", tmp_path / "f.h5") == 0
+    result = jampetsc.load(tmp_path / "f.h5")
+    assert result.attributes["substeps"] == 2 and len(result["strain"]) == 20
+
+
 @pytest.fixture
 def short(monkeypatch):
     """A checkpoint after every row."""

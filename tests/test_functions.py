@@ -16,6 +16,7 @@ import jampetsc
 from jampetsc import cli, functions
 from jampetsc.commands import spectrum
 from jampetsc.errors import InputError
+from jampetsc.storage.hdf5 import attributes, open_file
 from jampetsc.storage.result_file import ResultWriter
 
 
@@ -53,6 +54,14 @@ def test_functions_take_what_functions_give(session):
     spectrum = jampetsc.spectrum(sweep)  # has nothing to do with PETSc: one rank does it
     slow = jampetsc.quasistatic(disks)
     assert spectrum.spectrum.G0 == pytest.approx(slow.attributes["G0"], rel=1e-6)
+    denser = jampetsc.pack(pressure=2e-2, from_=disks)
+    assert denser.record["pressure"] == pytest.approx(2e-2)
+    session.comm.Barrier()
+    left = {
+        one.path for one in (sweep, spectrum, slow)
+    }  # files that results are read from, none of a packing
+    assert {Path(functions._folder, name) for name in os.listdir(functions._folder)} >= left
+    assert not any(open_format(path) == "jampetsc-packing" for path in Path(functions._folder).glob("*.h5"))
     session.comm.Barrier()
 
 
@@ -76,6 +85,12 @@ def test_what_needs_no_petsc_is_done_by_one_rank(session, shared_path, monkeypat
     found = jampetsc.spectrum(shared_path / "s.h5")
     assert found["relaxation/rates"].tolist() == [1.0] and said.getvalue() == ""
     assert session.comm.allreduce(len(runs)) == 1 and runs == [0] * (session.rank == 0)
+
+
+def open_format(path):
+    """What kind of file it is."""
+    with open_file(path) as h5:
+        return attributes(h5)["format"]
 
 
 @pytest.mark.scalar("real")

@@ -153,6 +153,54 @@ def test_earlier_results_of_the_same_kind_are_replaced(inputs):
         check_output("empty", kind)
 
 
+ALONE = ("flow", "shear", "import", "spectrum")
+
+
+def ranks_of(words):
+    """On how many ranks a command shows something: what solves nothing and quasistatic shear are of one."""
+    return pytest.param(words, marks=pytest.mark.most_ranks(1 if words.startswith(ALONE) else 2))
+
+
+OTHERS = {  # words that make a result, and the word of which there is another
+    "pack --n 16 --pressure 1e-2": ("--tolerance 1e-9", "tolerance = 1e-10, not 1e-09"),
+    "import p.txt": ("--index 1", "index = 0, not 1"),
+    "sweep p.h5 --omega 1": ("--beta 0.5", "beta = none, not 0.5"),
+    "sweep p.h5 --omega 1 --method direct": ("--no-prestress", "prestress = true, not false"),
+    "flow p.h5 --model RD0 --rate 1e-2 --strain 0.02": ("--step 0.05", "step = none, not 0.05"),
+    "shear p.h5 --step 1e-3 --strain 2e-3": ("--discard 1e-3", "discard = none, not 0.001"),
+    "spectrum s.h5": ("--window 0.5", "window = "),
+    "quasistatic p.h5": ("--beta 0.5", "beta = "),
+}
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("words", map(ranks_of, OTHERS))
+def test_a_finished_result_of_other_settings_is_replaced_on_demand(session, shared_path, monkeypatch, words):
+    """The same settings, in other words too, are what they were: nothing is refused."""
+    monkeypatch.chdir(shared_path)
+    put("p.h5", published(), session.comm)
+    if session.rank == 0:
+        Path("p.txt").write_bytes(JAMBASHBULK.read_bytes())
+    session.comm.Barrier()
+    if "s.h5" in words:
+        cli.dispatch("sweep p.h5 --omega 1e-3:1e3:7 --out s.h5".split())
+    line, (other, told) = [*words.split(), "--out", "r.h5"], OTHERS[words]
+    cli.dispatch(line)
+    cli.dispatch([*line[:1], *line[-2:], *line[1:-2]])
+    made = jampetsc.load("r.h5")
+    before = Path("r.h5").read_bytes()
+    session.comm.Barrier()
+    with pytest.raises(InputError, match=f"r.h5: is there already .*{re.escape(told)}.*--overwrite"):
+        cli.dispatch([*line, *other.split()])
+    assert Path("r.h5").read_bytes() == before
+    session.comm.Barrier()
+    if words.startswith("import"):  # of one packing
+        return
+    cli.dispatch([*line, *other.split(), "--overwrite"])
+    session.comm.Barrier()
+    assert Path("r.h5").read_bytes() != before and type(jampetsc.load("r.h5")) is type(made)
+
+
 def test_a_flow_that_goes_on_replaces_no_other_file(inputs, capsys):
     words = "flow --n 16 --phi 0.8 --model RD0 --rate 1e-2 --strain 0.02 --out f.h5"
     assert cli.main(words.split()) == 0
@@ -192,11 +240,6 @@ LAST = {  # words of a command that keeps what it has computed -> what it writes
     "pack --n 16 --pressure 1e-2 --seeds 1:3 --out new{seed}.h5": "new3.h5",
     "study study.toml --out study": "study/table.csv",
 }
-
-
-def ranks_of(words):
-    """On how many ranks a command shows something: a flow by drag and quasistatic shear are of one."""
-    return pytest.param(words, marks=pytest.mark.most_ranks(1 if words.startswith(("flow", "shear")) else 2))
 
 
 @pytest.mark.scalar("real")

@@ -327,6 +327,11 @@ def test_a_dataset_or_fields_that_are_not_there(tmp_path):
     result = load(sweep(tmp_path / "s.h5"))
     with pytest.raises(InputError, match=r"s.h5: no dataset modes: it holds G, error_bound, omega"):
         result["modes"]
+    with pytest.raises(InputError, match=r"s.h5: no dataset omga: did you mean omega\?"):
+        result["omga"]
+    with pytest.raises(InputError, match=r"s.h5: attribute formt is missing: did you mean format\?"):
+        result.attributes["formt"]
+    assert result.get("foo", 1) == 1 and result.get("omega") is not None
     with pytest.raises(InputError, match="holds no fields: run the sweep with --fields"):
         result.fields  # noqa: B018
     with h5py.File(tmp_path / "s.h5", "r+") as h5:

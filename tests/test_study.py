@@ -268,7 +268,7 @@ def test_a_task_is_a_command_with_its_share_of_the_cores(session, tmp_path, caps
 
     write_packing(tmp_path / "p.h5", samples.published().with_record(pressure=0.5))
     (task,) = plan("s.toml", b"[pack]\nn = 16\nphi = 0.9\n", commands.parsers_of(cli.Parser, KINDS))
-    arguments = {"run": run, "out": str(tmp_path / task.file)} | threads
+    arguments = {"command": "pack", "run": run, "out": str(tmp_path / task.file)} | threads
     choice = SimpleNamespace(arguments=lambda *_: argparse.Namespace(**arguments), words=task.choice.words)
     task = dataclasses.replace(task, choice=choice)
     made = study_tasks.Runner(tmp_path, {"pack": cli.Parser()}, {}, 5).run(task, [])

@@ -37,9 +37,34 @@ COMMANDS = {
 }
 
 
+REPLACES = {
+    "plot",
+    "trade",
+    "study",
+    "info",
+}  # that have no result to refuse: pictures and tables are drawn again
+
+
+def add_command(name, subparsers) -> None:
+    """Add the parser of a command, with the options that all commands have."""
+    importlib.import_module(COMMANDS[name]).add_parser(subparsers)
+    parser = subparsers.choices[name]
+    parser.set_defaults(command=name)
+    parser.add_argument(
+        "--quiet", action="store_true", default=None, help="do not tell how far the run has come"
+    )
+    if name not in REPLACES:
+        parser.add_argument(
+            "--overwrite",
+            action="store_true",
+            default=None,
+            help="replace a finished result of other settings, which is refused otherwise",
+        )
+
+
 def parsers_of(family, names) -> dict:
     """{command: its parser}, made by the class of parsers `family`, for what is no command line but means one."""
     subparsers = family(prog="jampetsc").add_subparsers(dest="command")
     for name in names:
-        importlib.import_module(COMMANDS[name]).add_parser(subparsers)
+        add_command(name, subparsers)
     return subparsers.choices

@@ -79,7 +79,7 @@ def check(args):
 
 def run(args, petsc_argv) -> int:
     """Shear and write. Collective."""
-    from jampetsc import launcher, session
+    from jampetsc import launcher, session, streams
     from jampetsc.collective import by_rank_0
 
     _check(args)
@@ -90,7 +90,7 @@ def run(args, petsc_argv) -> int:
             running = None
     comm = running and running.comm
     from jampetsc.flows import job as jobs
-    from jampetsc.storage.outputs import check_output
+    from jampetsc.storage.outputs import check_output, check_place, is_same
 
     if args.start is not None and by_rank_0(comm, lambda: jobs.is_flow(args.start)):
         _refuse_settled(args)
@@ -99,10 +99,16 @@ def run(args, petsc_argv) -> int:
     else:
         inputs = [*filter(None, (args.start, args.radii))]
         job = _fresh(args, jobs, comm, inputs)
-    in_the_way = [] if job.before else inputs  # a flow file may go on in its own place
-    by_rank_0(comm, lambda: check_output(job.out, jobs.FORMAT, in_the_way))
+    if job.before and is_same(job.out, args.start):  # a flow file may go on in its own place
+        by_rank_0(comm, lambda: check_place(job.out, jobs.FORMAT))
+    else:
+        by_rank_0(comm, lambda: check_output(job.out, jobs.FORMAT, inputs))
     if args.last is not None:
         by_rank_0(comm, lambda: check_output(args.last, "jampetsc-packing", inputs, [job.out]))
+    if launcher.several() and running is None:
+        streams.say(
+            f"jampetsc: note: {job.model} has nothing to solve for: one rank does it; independent runs use more\n"
+        )
     means = jobs.execute(job, args.last, _together(job, running))
     if running is None or running.rank == 0:
         print(jobs.summary(job, means))
@@ -169,7 +175,19 @@ def _check(args):
 
 def _refuse_settled(args):
     """A flow file has its settings: InputError for words that would change them."""
-    kept = ("start", "strain", "out", "last", "tau1", "command", "run", "check", "takes_petsc")
+    kept = (
+        "start",
+        "strain",
+        "out",
+        "last",
+        "overwrite",
+        "quiet",
+        "tau1",
+        "command",
+        "run",
+        "check",
+        "takes_petsc",
+    )
     for name, value in vars(args).items():
         if name not in kept and value is not None:
             raise InputError(

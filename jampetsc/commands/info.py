@@ -13,7 +13,7 @@ def add_parser(subparsers) -> None:
         "packing, in parallel under mpirun, and counts their negative, zero and positive eigenvalues.",
         epilog="PETSc options: -inertia_… reach the factorisations of --matrices.",
     )
-    parser.add_argument("file", metavar="FILE", help="packing file or result file")
+    parser.add_argument("file", metavar="FILE", help="packing file, result file or folder of a study")
     parser.add_argument(
         "--matrices", action="store_true", help="assemble K and B and count their eigenvalues"
     )
@@ -25,6 +25,7 @@ def run(args, petsc_argv) -> int:
     """Print the description; collective with --matrices."""
     from jampetsc.contacts.disks import Disks
     from jampetsc.contacts.laws import Physics, damping_law
+    from jampetsc.storage.ensemble import Ensemble
     from jampetsc.storage.reader import load
     from jampetsc.words import describe
 
@@ -32,6 +33,11 @@ def run(args, petsc_argv) -> int:
     if not args.matrices and physics != Physics(damping_law()):
         raise InputError(f"{physics}: only the matrices depend on a damping law; add --matrices")
     loaded = load(args.file)
+    if isinstance(loaded, Ensemble):
+        if args.matrices:
+            raise InputError(f"{args.file}: is the folder of a study: --matrices needs a packing")
+        print(describe.study(args.file, loaded))
+        return 0
     if not isinstance(loaded, Disks):
         if args.matrices:
             raise InputError(f"{args.file}: is a {loaded.format} file: --matrices needs a packing")

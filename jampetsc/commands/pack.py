@@ -89,7 +89,9 @@ def run(args, petsc_argv) -> int:
         tasks = plan(args, source.potential.k)
     start = starter(args, radii, source)
     request = request_of(args, identity)
-    pending = by_rank_0(session.comm, lambda: [task for task in tasks if not complete(task, request)])
+    pending = by_rank_0(
+        session.comm, lambda: [task for task in tasks if not complete(task, request, args.overwrite)]
+    )
     from jampetsc.contacts.threads import Team
     from jampetsc.solvers import local
     from jampetsc.solvers.rehearsal import rehearse

@@ -147,6 +147,7 @@ def execute(job: Job, last=None, together=None) -> Means:
             "choose a larger --phi, or a longer --strain"
         )
     facts = _facts(job, means, time.perf_counter() - began, together and session.current())
+    facts |= {"substeps": shear.substeps}
     # in case one of the files cannot be written
     by_rank_0(comm, lambda: write_checkpoint(job.out, record, shear.state(), settings))
     by_rank_0(comm, lambda: _write(job, record, shear, facts, last))

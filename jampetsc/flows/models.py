@@ -78,15 +78,20 @@ class Scheme:
         return self.method == "heun"
 
 
+def stiffest(disks) -> float:
+    """Stiffness of the stiffest contact that these disks can have."""
+    potential = disks.potential
+    scale = float(potential.scale(2.0 * np.array(disks.radii.min())))
+    return potential.k * (potential.alpha - 1.0) / scale**2
+
+
 def scheme_for(model: Model, disks, rate: float, step=None, tolerance=1e-4) -> Scheme:
     """The scheme that suits a model at this rate; `step` overrides its time step.
 
     Times are those of the stiffest contact, k/σ² at the smallest σ, against damping c = kτ₁ × weight and mass m:
     drag 0.2 c/k (unstable from 0.56), contacts 0.5 c/k (unstable from 2), velocity Verlet 0.1 min(m/c, √(m/k)).
     """
-    law, potential = model.law, disks.potential
-    scale = float(potential.scale(2.0 * np.array(disks.radii.min())))
-    stiffness = potential.k * (potential.alpha - 1.0) / scale**2
+    law, potential, stiffness = model.law, disks.potential, stiffest(disks)
     unit = potential.k * law.tau1
     weights = [unit * w for w in law.on_contacts if w]
     drag = unit * model.drag

@@ -8,10 +8,12 @@ from jampetsc.contacts.disks import PLACES, Disks
 from jampetsc.contacts.pairs import SKIN_START, PairList, deformed, tuned_skin
 from jampetsc.errors import ConvergenceError
 from jampetsc.flows import steps as compiled
-from jampetsc.flows.models import Model, Scheme
+from jampetsc.flows.models import Model, Scheme, stiffest
 from jampetsc.flows.resistance import centre_clusters, contact_graph, deepest_overlap
 
 NEAR = 0.2  # of the skin of a list is that of the near pairs which forces are computed of; with these
+REACH = 0.25  # of the largest diameter: what a disk moves at most in a part of a step that was divided
+SMALLEST = 2.0**-30  # of a time step: such a part has no end
 REBUILD = 25.0  # evaluations may go into a list: its width costs only where near pairs are chosen
 
 
@@ -50,6 +52,12 @@ class Shear:
             unit * law.eta_f * disks.area,
             held,
         )
+        weights = [
+            weight for weight in self.weights if weight
+        ]  # steps beyond 2 c/k are unstable, in parts too
+        self.divides = bool(
+            weights and not model.mass and scheme.step * stiffest(disks) <= 2.0 * min(weights)
+        )
         self.largest = 2.0 * float(disks.radii.max())
         self.diameter = 2.0 * float(disks.radii.mean())
         self.inertia = 0.5 * model.mass * disks.radii**2  # uniform disks
@@ -57,6 +65,7 @@ class Shear:
         self.steps = 0  # time steps done in all
         self.since = 0  # of them, since the list was made
         self.rebuilds = 0
+        self.substeps = 0  # parts of steps that were divided
         self.velocities = np.zeros((n, 2))
         self.accelerations = np.zeros((n, 2))
         self.spins, self.spin_rates = np.zeros(n), np.zeros(n)
@@ -89,11 +98,25 @@ class Shear:
         return deformed(self.reference, self.offsets, 0.0, self.shear).folded()
 
     def advance(self, steps: int) -> None:
-        """So many time steps. Raises ConvergenceError where the time step is too long for them."""
+        """So many time steps. Raises ConvergenceError where the time step is too long for them.
+
+        Without mass, contact damping leaves nearly free clusters that a start like any other drives apart fast: a step
+        in which a disk would jump is divided, see `_divide`, if it is short enough for the contacts themselves.
+        """
         if not self.started:
             self._start()
         while steps > 0:
+            before = self.offsets.copy(), self.velocities.copy(), self.seen.copy()
             done, status = self._run(steps)
+            # a list that is stale before its first step is too narrow for what its predictor moves
+            jumps = status == compiled.BLOWN_UP or (status == compiled.STALE and not done + self.since)
+            if jumps and self.divides:
+                self.offsets, self.velocities, self.seen = before
+                if done <= 1:
+                    self._divide()
+                    steps -= 1
+                    continue
+                done, status = self._run(done - 1)  # the same once more, without the jump
             steps -= done
             self.steps += done
             self.since += done
@@ -101,15 +124,44 @@ class Shear:
                 self.skin = tuned_skin(self.skin, self.since * self._effort, self.diameter, REBUILD)
                 self.rebuilds += 1
                 self._list(self.disks)
-            elif status == compiled.UNSOLVED:
-                raise ConvergenceError(
-                    f"strain {self.strain:.6g}: velocities not found to {self.scheme.tolerance:g}: raise --tolerance"
-                )
             elif status != compiled.DONE:
-                raise ConvergenceError(
-                    f"strain {self.strain:.6g}: a disk moves by more than half a diameter in one step of "
-                    f"{self.scheme.step:g}: give a smaller --step"
+                self._refuse(status)
+
+    def _divide(self):
+        """One time step in parts, halved until no disk moves by more than REACH in one; each part on a new list."""
+        self._list(self.disks)
+        seen, sums, at, part = self.seen, np.zeros_like(self.seen), 0.0, 0.5
+        while at < 1.0:
+            before = self.velocities.copy()
+            self.seen = np.zeros_like(seen)
+            done, status = self._run(1, part)
+            if status == compiled.UNSOLVED:
+                self._refuse(status)
+            farthest = np.sqrt(np.max(np.sum(self.offsets**2, axis=1)))
+            if done and farthest <= REACH * self.largest:
+                sums += part * self.seen
+                at += part
+                self._list(
+                    deformed(self.reference, self.offsets, 0.0, part * self.rate * self.scheme.step).folded()
                 )
+                self.substeps += 1
+                self.rebuilds += 1
+                continue
+            self.offsets, self.velocities, part = np.zeros_like(self.offsets), before, 0.5 * part
+            if part < SMALLEST:
+                self._refuse(compiled.BLOWN_UP)
+        self.seen = seen + sums
+        self.steps += 1
+
+    def _refuse(self, status):
+        if status == compiled.UNSOLVED:
+            raise ConvergenceError(
+                f"strain {self.strain:.6g}: velocities not found to {self.scheme.tolerance:g}: raise --tolerance"
+            )
+        raise ConvergenceError(
+            f"strain {self.strain:.6g}: a disk moves by more than half a diameter in one step of "
+            f"{self.scheme.step:g}: give a smaller --step"
+        )
 
     def _start(self):
         """Velocities and accelerations half a step apart, as velocity Verlet wants them."""
@@ -140,9 +192,9 @@ class Shear:
     def _law(self):
         return self.reference.potential.constants
 
-    def _run(self, steps):
-        """Time steps with the list there is: (how many, status)."""
-        listed, clock = (self.largest, self.skin, NEAR * self.skin), (self.scheme.step, self.since)
+    def _run(self, steps, part=1.0):
+        """Time steps, or such a part of them, with the list there is: (how many, status)."""
+        listed, clock = (self.largest, self.skin, NEAR * self.skin), (part * self.scheme.step, self.since)
         forces = np.empty_like(self.offsets)
         common = (self.pairs.arrays, listed, self._law)
         if self.scheme.method == "verlet":
@@ -193,7 +245,7 @@ class Shear:
         """Everything that goes on from here, as arrays and numbers; `restore` takes it back to the last bit."""
         arrays = {name: getattr(self, name).copy() for name in self.ARRAYS}
         arrays |= {name: getattr(self.reference, name) for name in PLACES}
-        counts = {name: getattr(self, name) for name in ("steps", "since", "rebuilds")}
+        counts = {name: getattr(self, name) for name in ("steps", "since", "rebuilds", "substeps")}
         return arrays | {"seen": self.seen.copy(), "skin": self.skin, "started": self.started, **counts}
 
     def restore(self, state: dict) -> None:
@@ -203,4 +255,5 @@ class Shear:
         for name in (*self.ARRAYS, "seen"):
             setattr(self, name, np.array(state[name], float))
         self.steps, self.since, self.rebuilds = (int(state[name]) for name in ("steps", "since", "rebuilds"))
+        self.substeps = int(state.get("substeps", 0))  # which older files do not have
         self.started = bool(state["started"])

@@ -47,6 +47,10 @@ class Ensemble(Mapping):
             raise InputError(f"{self.path / TABLE}: no column {name}; {hint}")
         return self._columns[name]
 
+    def get(self, name, default=None):
+        """The column, or `default` where there is none."""
+        return self[name] if name in self else default
+
     def __iter__(self):
         return iter(self._columns)
 

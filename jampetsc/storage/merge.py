@@ -16,8 +16,9 @@ from jampetsc.storage.hdf5 import (
     undisturbed,
     values,
 )
-from jampetsc.storage.outputs import check_output
+from jampetsc.storage.outputs import check_output, check_place
 from jampetsc.storage.parts import GROUP, PartList
+from jampetsc.storage.request import recorded
 
 _BLOCK_BYTES = 1 << 22  # copied at a time from each part
 
@@ -41,9 +42,13 @@ def _merge(path, out):
         parts.check()
         if in_place and not parts:
             return 0
-        check_output(target, kind, [] if in_place else [path])
+        if in_place:
+            check_place(target, kind)
+        else:
+            check_output(target, kind, [path])
         with OutputFile(target) as merged:
             _copy(h5, parts, merged, path)
+            merged.attrs.update({} if in_place else recorded())
             parts.check_present()
     if in_place:
         parts.remove()

@@ -1,7 +1,7 @@
 """What may be put at `--out`: in one place for all commands.
 
 A result replaces an earlier result of its own kind and nothing else: no input, no file of another kind, no pipe
-and no device.
+and no device, and of other settings only with --overwrite.
 """
 
 import os
@@ -9,6 +9,7 @@ import re
 from pathlib import Path
 
 from jampetsc.errors import InputError
+from jampetsc.storage import request
 from jampetsc.storage.atomic import check_writable
 from jampetsc.storage.checksums import SIGNATURE
 from jampetsc.storage.hdf5 import attributes, open_file, reading
@@ -44,8 +45,6 @@ def check_output(out, kind, inputs=(), beside=()) -> None:
     inputs   paths of what the run reads; those that do not exist are left to who reads them
     beside   paths of what else the run writes
     """
-    if kind.startswith("jampetsc-") and Path(out).suffix.lower() in _NOT_HDF5:
-        raise InputError(f"--out {out}: would be an HDF5 file by that name: give it the ending .h5")
     for other in beside:
         if is_same(out, other) or os.path.realpath(out) == os.path.realpath(other):
             raise InputError(
@@ -55,6 +54,17 @@ def check_output(out, kind, inputs=(), beside=()) -> None:
         if is_same(out, source):
             alias = "" if str(out) == str(source) else f" {source}"
             raise InputError(f"{out}: is the input{alias}, which would be lost: choose another --out")
+    check_place(out, kind)
+    asked = request.current()
+    if asked is not None and kind.startswith("jampetsc-"):
+        asked.read(inputs)
+        _check_settings(out, asked)
+
+
+def check_place(out, kind) -> None:
+    """Raise InputError unless a `kind` of file may be put at `out`, whatever its settings are."""
+    if kind.startswith("jampetsc-") and Path(out).suffix.lower() in _NOT_HDF5:
+        raise InputError(f"--out {out}: would be an HDF5 file by that name: give it the ending .h5")
     check_writable(out)
     check_replaced(out, kind)
 
@@ -62,6 +72,20 @@ def check_output(out, kind, inputs=(), beside=()) -> None:
 def exported(out) -> str:
     """The `kind` of `check_output` of a file for other programs at `out`."""
     return f"an exported {Path(out).suffix.lower()} file"
+
+
+def _check_settings(out, asked):
+    """Raise InputError where a finished result of other settings is at `out`, unless it is to be overwritten."""
+    if asked.overwrite or _held(out) is None:
+        return
+    with open_file(out) as h5, reading(out):
+        found = attributes(h5).get("request")
+    why = "does not say with which settings" if found is None else asked.differences(found)
+    if why:
+        raise InputError(
+            f"{out}: is there already and {'' if found is None else 'has '}{why}: choose another --out, or give "
+            "--overwrite to replace it"
+        )
 
 
 def check_replaced(out, kind) -> None:

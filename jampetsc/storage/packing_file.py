@@ -30,6 +30,7 @@ from jampetsc.storage.hdf5 import (
 )
 from jampetsc.storage.outputs import check_replaced
 from jampetsc.storage.regular import open_regular
+from jampetsc.storage.request import recorded
 
 FORMAT = "jampetsc-packing"
 FORMAT_VERSION = "1.0"
@@ -56,7 +57,7 @@ def write_packing(path, disks: Disks) -> None:
     record = {name: value for name, value in disks.record.items() if name not in _HEADER}
     check_replaced(path, FORMAT)
     with OutputFile(path) as h5:
-        set_attributes(h5, dict(zip(_HEADER, header, strict=True)) | record)
+        set_attributes(h5, dict(zip(_HEADER, header, strict=True)) | record | recorded())
         for name, array in datasets.items():
             store(h5, name, array)
 

@@ -1,5 +1,6 @@
 """`load`: any jampetsc file as an object with numpy arrays. Needs neither PETSc nor MPI."""
 
+import difflib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -60,7 +61,9 @@ class Attributes(dict):
         self._path = path
 
     def __missing__(self, name):
-        raise InputError(f"{self._path}: attribute {name} is missing: make the file again")
+        near = difflib.get_close_matches(name, self, n=1, cutoff=0.8)
+        remedy = f"did you mean {near[0]}?" if near else "make the file again"
+        raise InputError(f"{self._path}: attribute {name} is missing: {remedy}")
 
 
 class Result(Mapping):
@@ -87,8 +90,14 @@ class Result(Mapping):
     def stored(self, name) -> StoredArray:
         """A dataset without reading it. Raises InputError if there is none of this name."""
         if name not in self._arrays:
-            raise InputError(f"{self.path}: no dataset {name}: it holds {', '.join(self._arrays) or 'none'}")
+            near = difflib.get_close_matches(name, self._arrays, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"it holds {', '.join(self._arrays) or 'none'}"
+            raise InputError(f"{self.path}: no dataset {name}: {hint}")
         return self._arrays[name]
+
+    def get(self, name, default=None):
+        """The array of a dataset, or `default` where there is none."""
+        return self[name] if name in self else default
 
     def __iter__(self):
         return iter(self._arrays)

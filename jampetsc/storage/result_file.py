@@ -16,8 +16,9 @@ from jampetsc.collective import agreed
 from jampetsc.errors import JampetscError
 from jampetsc.storage.atomic import follow, remove_abandoned, write_error
 from jampetsc.storage.hdf5 import OutputFile, checksummed, set_attributes, store
-from jampetsc.storage.outputs import check_output
+from jampetsc.storage.outputs import check_place
 from jampetsc.storage.parts import GROUP, part_name, parts_of, remove_if_empty
+from jampetsc.storage.request import recorded
 
 FORMAT_VERSION = "1.0"
 
@@ -60,13 +61,13 @@ class ResultWriter:
         self._open = True
         with self._step():
             if self.rank == 0:  # before the others open theirs
-                check_output(self.path, format)
+                check_place(self.path, format)
                 remove_abandoned(self._part_path().parent)
         with self._step():
             if self.rank == 0:
                 self._joint = OutputFile(self.path)
             self._part = self._joint if self.size == 1 else self._open_part()
-        self.attributes(format=format, format_version=FORMAT_VERSION, run_id=self.run_id)
+        self.attributes(format=format, format_version=FORMAT_VERSION, run_id=self.run_id, **recorded())
 
     def _part_path(self) -> Path:
         return self.path.parent / part_name(self.path, self.run_id, self.rank)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from jampetsc.errors import InputError
 from jampetsc.words.packtasks import seeds_of
 
-OWN = ("help", "out", "packing", "last")  # options that the study gives itself
+OWN = ("help", "out", "packing", "last", "overwrite", "quiet")  # options that the study gives itself
 LABEL = {"n": "n", "pressure": "p", "phi": "phi", "seed": "s"}  # what a file's name tells -> how
 STAND_IN = "x.h5"  # for files while values are checked
 

@@ -17,6 +17,7 @@ from jampetsc.storage.packing_file import packing_identity
 from jampetsc.storage.parts import parts_of
 from jampetsc.storage.provenance import command_line, derived_from, recorded_as
 from jampetsc.storage.reader import load
+from jampetsc.storage.request import asked
 from jampetsc.studies.numbers import numbers_of
 from jampetsc.studies.options import positional_of
 
@@ -128,7 +129,13 @@ class Runner:
         if vars(args).get("threads", 0) is None:
             args.threads = self.cores
         heard = io.StringIO()
-        with recorded_as(words), contextlib.redirect_stdout(heard), contextlib.redirect_stderr(heard):
+        args.overwrite = task.name in self.records  # what the study itself has made
+        with (
+            recorded_as(words),
+            asked(args),
+            contextlib.redirect_stdout(heard),
+            contextlib.redirect_stderr(heard),
+        ):
             status = args.run(args, [])
         if status:
             raise JampetscError(f"{task.command} ended with status {status}: {heard.getvalue().strip()}")

@@ -6,9 +6,11 @@ from jampetsc.analysis.bounds import relative_bound
 from jampetsc.columns import aligned
 from jampetsc.contacts.minimum import ENTRIES, proved_minimum
 from jampetsc.contacts.state import BALANCED, imbalance, measure
+from jampetsc.storage.ensemble import CHOICES
 from jampetsc.storage.parts import parts_of
 
 DIGITS = 10  # of numbers that one may want to compare with published ones
+SHOWN = 6  # values of a choice that are told one by one
 DIFFERS = 1e-6  # relative difference from what the file records that is worth a line
 
 
@@ -26,6 +28,28 @@ def number(value) -> str:
     if isinstance(value, np.ndarray):
         return ", ".join(number(entry) for entry in value.tolist())
     return str(value)
+
+
+def study(path, ensemble) -> str:
+    """How many tasks of each command are done, over which values of what was chosen, and why others failed."""
+    rows = [(f"{path}: study of {ensemble.rows} tasks",)]
+    for command in dict.fromkeys(ensemble["command"].tolist()):
+        tasks = ensemble.where(command=command)
+        failed = tasks.failed.rows
+        rows.append((command, f"{tasks.rows - failed} done" + (f", {failed} failed" if failed else "")))
+    rows.append(("chosen",))
+    for name in ("requested_n", "particle_count", "pressure", "phi", "seed", *CHOICES[1:]):
+        values = [
+            value for value in np.unique(ensemble.get(name, [])).tolist() if value == value and value != ""
+        ]
+        if values:
+            shown = values if len(values) <= SHOWN else [*values[:2], "…", values[-1]]
+            told = ", ".join(one if isinstance(one, str) else f"{one:.6g}" for one in shown)
+            rows.append((name, told + (f"  ({len(values)} values)" if len(values) > SHOWN else "")))
+    reasons = [
+        f"  {name}: {why}" for name, why in zip(*(ensemble.failed[c] for c in ("file", "state")), strict=True)
+    ]
+    return "\n".join([table(rows), *reasons])
 
 
 def packing(path, disks) -> str:

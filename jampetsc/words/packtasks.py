@@ -226,8 +226,8 @@ def entries(task, request) -> dict:
     return request | aim | ({} if task.seed is None else {"seed": task.seed})
 
 
-def complete(task, request) -> bool:
-    """Whether the file is there already. Raises InputError if it holds something else."""
+def complete(task, request, overwrite=False) -> bool:
+    """Whether the file is there already. Raises InputError if it holds something else that is not to be replaced."""
     from jampetsc.storage.packing_file import read_packing
 
     if not task.path.exists():
@@ -235,8 +235,10 @@ def complete(task, request) -> bool:
     found = read_packing(task.path).record
     for name, value in entries(task, request).items():
         if found.get(name) != value:
+            if overwrite:
+                return False
             raise InputError(
                 f"{task.path}: is there already with {name} = {found.get(name)}, not {value}: "
-                "remove it, or choose another --out"
+                "choose another --out, or give --overwrite to replace it"
             )
     return True
