@@ -59,6 +59,31 @@ def test_blocks_and_libraries_factorise_alike(session, monkeypatch):
 
 @real
 @alone
+def test_a_stop_while_the_factor_is_applied_is_passed_on(session, monkeypatch):
+    """Nothing else takes its place, and the next search finds what it would have."""
+    network = build_network(SAMPLES["polydisperse"](), session.comm)
+    wanted, factorise, solved = lowest_modes(network, 9).eigenvalues, blocks.Blocks.factorise, []
+
+    def stopped(self, shift):
+        solve = factorise(self, shift)
+
+        def some(b):
+            solved.append(len(b))
+            if len(solved) == 15:
+                raise KeyboardInterrupt
+            return solve(b)
+
+        return some
+
+    with monkeypatch.context() as patch:
+        patch.setattr(blocks.Blocks, "factorise", stopped)
+        with pytest.raises(KeyboardInterrupt):
+            lowest_modes(network, 9)
+    np.testing.assert_array_equal(lowest_modes(network, 9).eigenvalues, wanted)
+
+
+@real
+@alone
 def test_modes_that_slepc_does_not_find_are_told(session, monkeypatch):
     monkeypatch.setattr(eigen, "PREFIX", "short_modes_")  # whose defaults have not been set yet
     options = session.PETSc.Options("short_modes_eps_")
