@@ -351,7 +351,7 @@ def test_file(session, shared_path):
     assert sorted(found["particles"]) == list(exact.disks)
     assert (found["residuals"] < 1e-10).all()
     np.testing.assert_allclose(found["cumulative/modulus"], np.cumsum(found["share/modulus"]))
-    assert command("modes", PACKING, "--out", out, "--all", "--no-prestress") == 0
+    assert command("modes", PACKING, "--out", out, "--all", "--no-prestress", "--overwrite") == 0
     found = jampetsc.load(out)
     assert found.attributes["complete"] and found["modes"].shape == (42, 22, 2)
     assert found["cumulative/nonaffine"][-1] == pytest.approx(1.0, abs=1e-8)

@@ -81,7 +81,7 @@ def test_instability_and_power_law_damping_are_said(tmp_path, capsys):
     run(sweep, "--out", tmp_path / "s.h5")
     assert "G0 < 0: the packing is unstable to shear, creep diverges as exp(" in capsys.readouterr().out
     assert load(tmp_path / "s.h5").attributes["growth_rate"] > 0
-    run(write_sweep(tmp_path / "alpha.h5", alpha=0.5, stress=1e-5), "--out", tmp_path / "s.h5")
+    run(write_sweep(tmp_path / "alpha.h5", alpha=0.5, stress=1e-5), "--out", tmp_path / "s.h5", "--overwrite")
     assert "the spectrum of linear damping" in capsys.readouterr().out
 
 

@@ -284,7 +284,8 @@ def test_a_packing_that_is_there_is_the_one_that_is_asked_for_or_refused(tmp_pat
     for name in wanted:
         write_packing(task.path, published().with_record(**{k: v for k, v in wanted.items() if k != name}))
         with pytest.raises(
-            InputError, match=rf"is there already with {name} = None, not .*: remove it, or choose"
+            InputError,
+            match=rf"is there already with {name} = None, not .*: choose another --out, or give --overwrite",
         ):
             packtasks.complete(task, request)
 

@@ -99,7 +99,10 @@ def test_every_number_of_the_file_is_of_the_words(tmp_path, capsys):
             model="CD", rate=0.5, mass=2.0, units="those of the packing", phi=0.8, particle_count=60, seed=1
         )
     result = jampetsc.load(tmp_path / "f.h5")
-    for words, lane, width in (([], 1.0, 1.0), (["--lane", "1.5", "--bin", "0.75"], 1.5, 0.75)):
+    for words, lane, width in (
+        ([], 1.0, 1.0),
+        (["--lane", "1.5", "--bin", "0.75", "--overwrite"], 1.5, 0.75),
+    ):
         assert cli.main(["correlate", str(tmp_path / "f.h5"), *words, "--out", str(tmp_path / "g.h5")]) == 0
         exact = correlate_lanes([result], lane, width)
         found = jampetsc.load(tmp_path / "g.h5")
