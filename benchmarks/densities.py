@@ -15,6 +15,7 @@ import numpy as np
 import jampetsc
 from jampetsc.analysis.averages import Average, mean_of_averages
 from jampetsc.analysis.jamming import jamming_step
+from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.flows.slowly import ENERGY_CUT
 from jampetsc.plots import style
 from jampetsc.plots.jamming import samples_of
@@ -65,9 +66,8 @@ class Step:
 
 
 def mean(values):
-    """(mean, standard error) of independent values."""
-    error = np.std(values, ddof=1) / np.sqrt(len(values)) if len(values) > 1 else np.nan
-    return (float(np.mean(values)) if len(values) else np.nan), float(error)
+    """(mean, error) of independent values; nan for none."""
+    return tuple(map(float, mean_with_error(values))) if len(values) else (np.nan, np.nan)
 
 
 def start_of(result):

@@ -10,6 +10,7 @@ from drawn import bands, bars, figure_of, lines
 import jampetsc
 from jampetsc import cli
 from jampetsc.analysis.profiles import heights, mean_profile, middle_share
+from jampetsc.analysis.statistics import half_width
 from jampetsc.contacts.state import measure
 from jampetsc.errors import InputError
 from jampetsc.plots.flowcurves import _ratio, flow_curves, local_exponents, plot_against_phi, plot_flow_curves
@@ -449,7 +450,7 @@ def test_profiles_are_means_of_windows_and_of_runs():
     files = [seen("bidisperse", n, strain=strain, velocity_profile=rows * (1 + 0.1 * n)) for n in (0, 1)]
     v, error = mean_profile(files, 0.0, 0.1)
     np.testing.assert_allclose(v, 1.05 * np.array([0.25, 0.25, 0.5, 0.25]) * y)
-    np.testing.assert_allclose(error, np.abs(v) / 1.05 * 0.05)
+    np.testing.assert_allclose(error, half_width(1) * np.abs(v) / 1.05 * 0.05)  # of two runs
     (ax,) = figure_of(plot_profiles, files).axes
     np.testing.assert_allclose(ax.get_lines()[0].get_data(), [[-0.5, 0.5], [-0.5, 0.5]])
     steady = [line for line in ax.get_lines() if len(line.get_xdata()) == 4][-1]

@@ -7,6 +7,7 @@ and ½ are the walls, and y/H − ½ is the linear profile.
 import numpy as np
 
 from jampetsc.analysis.averages import Average
+from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError
 
 MIDDLE = 0.6  # of the height: layers beside the walls may slip
@@ -18,7 +19,7 @@ def heights(layers: int) -> np.ndarray:
 
 
 def mean_profile(results, low: float, high: float):
-    """(mean v_x/(γ̇H) (B,), standard error (B,)) of loaded flow files over rows with low < strain ≤ high.
+    """(mean v_x/(γ̇H) (B,), its error (B,)) of loaded flow files over rows with low < strain ≤ high.
 
     Errors are from the scatter of files, of a single file from its own autocorrelation. Raises InputError for files
     without profiles, and where one has no row there.
@@ -37,7 +38,7 @@ def mean_profile(results, low: float, high: float):
         errors.append([one.error if one else np.nan for one in found])
     if len(means) == 1:
         return np.array(means[0]), np.array(errors[0])
-    return np.mean(means, axis=0), np.std(means, axis=0, ddof=1) / np.sqrt(len(means))
+    return mean_with_error(means)
 
 
 def middle_share(profile) -> float:
