@@ -15,8 +15,11 @@ from importlib import import_module
 from jampetsc.version import VERSION as __version__
 
 __all__ = [
+    "ContactDamping",
     "Disks",
+    "Law",
     "Packing",
+    "StokesDrag",
     "__version__",
     "assemble",
     "collapse",
@@ -38,7 +41,10 @@ __all__ = [
 
 
 _HOMES = {  # of what is no function of `jampetsc.functions`
+    "ContactDamping": "jampetsc.contacts.laws",
     "Disks": "jampetsc.contacts.disks",
+    "Law": "jampetsc.contacts.laws",
+    "StokesDrag": "jampetsc.contacts.laws",
     "Packing": "jampetsc.contacts.packing",
     "import_packing": "jampetsc.storage.importers",
     "load": "jampetsc.storage.reader",

@@ -1,13 +1,30 @@
 """The errors a user can meet, each a single clear line: what, which value, what to do.
 
-`cli.main` turns them into that line and `exit_code`; in scripts they are ordinary exceptions.
+`cli.main` turns them into that line and `exit_code`; in scripts they are ordinary exceptions. A message names a
+parameter by `named`, and whoever shows it says how users write that: `eta_f` in python, `--eta-f` on a command line.
 """
+
+import re
+
+_NAMED = re.compile("\ue000(\\w*)\ue001")  # two characters that no text has
+
+
+def named(parameter: str) -> str:
+    """The name of a parameter as a message of these errors takes it."""
+    return f"\ue000{parameter}\ue001"
 
 
 class JampetscError(Exception):
     """Base of all errors raised on purpose; `str(error)` is one line meant for the user."""
 
     exit_code = 1
+
+    def __str__(self):
+        return self.told(lambda parameter: parameter)
+
+    def told(self, how) -> str:
+        """The message with names of parameters as `how` writes them, a function of one."""
+        return _NAMED.sub(lambda found: how(found[1]), super().__str__())
 
 
 class InputError(JampetscError, ValueError):

@@ -30,6 +30,9 @@ from jampetsc.commands import parsers_of
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import DEFAULT, Law, Physics, damping_law
 from jampetsc.errors import InputError
+from jampetsc.jobs.functions import function_of
+from jampetsc.jobs.quasistatic import Quasistatic
+from jampetsc.jobs.sweep import Sweep
 from jampetsc.mechanics.matrices import Matrices, matrices_of
 from jampetsc.storage.packing_file import read_packing, write_packing
 from jampetsc.storage.provenance import recorded_as
@@ -39,6 +42,8 @@ from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.options import positional_of, words_of
 
 FUNCTIONS = (*KINDS, "collapse", "study")
+
+sweep, quasistatic = map(function_of, (Sweep, Quasistatic))
 
 _number = itertools.count(1)
 _folder = None  # of files that were given no name; goes with the process
@@ -151,16 +156,6 @@ def assemble(packing, law=DEFAULT, *, prestress=True, tau1=1.0, **options) -> Ma
     if not isinstance(law, Law):
         law = damping_law(law, tau1=tau1, **options)
     return matrices_of(disks, Physics(law, prestress), comm)
-
-
-def sweep(packing, *, out=None, **options):
-    """G*(ω) of a packing, see `run` and `jampetsc sweep --help`; a SweepResult. Collective."""
-    return run("sweep", packing, out=out, **options)
-
-
-def quasistatic(packing, *, out=None, **options):
-    """Response to slow shear, see `run` and `jampetsc quasistatic --help`; a Result. Collective."""
-    return run("quasistatic", packing, out=out, **options)
 
 
 def modes(packing, *, out=None, **options):

@@ -17,8 +17,8 @@ import importlib
 COMMANDS = {
     "pack": "jampetsc.commands.pack",
     "import": "jampetsc.commands.importing",
-    "sweep": "jampetsc.commands.sweep",
-    "quasistatic": "jampetsc.commands.quasistatic",
+    "sweep": "jampetsc.jobs.sweep:Sweep",
+    "quasistatic": "jampetsc.jobs.quasistatic:Quasistatic",
     "modes": "jampetsc.commands.modes",
     "oscillate": "jampetsc.commands.oscillate",
     "flow": "jampetsc.commands.flow",
@@ -47,7 +47,13 @@ REPLACES = {
 
 def add_command(name, subparsers) -> None:
     """Add the parser of a command, with the options that all commands have."""
-    importlib.import_module(COMMANDS[name]).add_parser(subparsers)
+    module, _, job = COMMANDS[name].partition(":")
+    if job:
+        from jampetsc.words.jobs import add_job
+
+        add_job(getattr(importlib.import_module(module), job), subparsers)
+    else:
+        importlib.import_module(module).add_parser(subparsers)
     parser = subparsers.choices[name]
     parser.set_defaults(command=name)
     parser.add_argument(

@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 
 LARGEST = 1e12  # of a weight
 
@@ -83,7 +83,7 @@ class Law:
             if not (math.isfinite(weight) and 0 <= weight <= LARGEST):
                 raise InputError(f"{name} = {weight:g}: must lie between 0 and {LARGEST:g}")
         if not (math.isfinite(self.tau1) and self.tau1 > 0):
-            raise InputError(f"--tau1 {self.tau1:g}: must be positive")
+            raise InputError(f"{named('tau1')} {self.tau1:g}: must be positive")
 
     @property
     def on_contacts(self) -> tuple[float, float, float]:
@@ -150,18 +150,18 @@ def damping_law(name: str = DEFAULT, *, tau1: float = 1.0, exponent: float = 1.0
     where nothing would dissipate.
     """
     if name not in FAMILIES:
-        raise InputError(f"--law {name}: choose one of {', '.join(FAMILIES)}")
+        raise InputError(f"{named('law')} {name}: choose one of {', '.join(FAMILIES)}")
     family = FAMILIES[name]
     for option in options:
         if option not in family.options:
+            owners = " or ".join(having(option))
             raise InputError(
-                f"--{_written(option)}: belongs to {' or '.join(f'--law {other}' for other in having(option))}, "
-                f"not to --law {name}; leave it out"
+                f"{named(option)}: belongs to {named('law')} {owners}, not to {name}; leave it out"
             )
     values = {option: options.get(option, family.options[option].default) for option in family.options}
     for option, value in values.items():
         if not isinstance(value, bool) and not (math.isfinite(value) and 0 <= value <= LARGEST):
-            raise InputError(f"--{_written(option)} {value:g}: must lie between 0 and {LARGEST:g}")
+            raise InputError(f"{named(option)} {value:g}: must lie between 0 and {LARGEST:g}")
     label = family.label + "".join(
         f", no {option}" if value is False else f", {option} = {value:g}"
         for option, value in values.items()
@@ -180,12 +180,25 @@ def damping_law(name: str = DEFAULT, *, tau1: float = 1.0, exponent: float = 1.0
     return made
 
 
+def ContactDamping(beta=1.0, *, normal=1.0, rotations=True, tau1=1.0) -> Law:
+    """Damping of the relative motions of disks in contact (BT eqs. 5, 6).
+
+    beta        weight of transverse to normal motion, ≥ 0; normal: weight of normal motion
+    rotations   disks roll; tau1: damping time τ₁
+
+    Raises InputError for values out of range and where nothing dissipates.
+    """
+    return damping_law("contact", normal=normal, beta=beta, rotations=rotations, tau1=tau1)
+
+
+def StokesDrag(eta_f=1.0, *, tau1=1.0) -> Law:
+    """Drag of the fluid that the disks are in (BT eqs. 7, 8), of viscosity η_F in units of k τ₁.
+
+    Raises InputError for values out of range.
+    """
+    return damping_law("stokes", eta_f=eta_f, tau1=tau1)
+
+
 def having(option: str) -> list[str]:
     """Names of the families that have an option."""
     return [name for name, family in FAMILIES.items() if option in family.options]
-
-
-def _written(option):
-    """An option as the command line has it."""
-    switch = next(isinstance(FAMILIES[name].options[option].default, bool) for name in having(option))
-    return ("no-" if switch else "") + option.replace("_", "-")

@@ -18,7 +18,7 @@ import numpy as np
 from jampetsc.analysis.distribution import Distribution
 from jampetsc.mechanics.compatibility import Compatibility
 from jampetsc.response.elastic import ElasticResponse
-from jampetsc.response.job import split_field
+from jampetsc.response.run import split_field
 from jampetsc.solvers.inertia import SHIFT
 
 LOWEST = (10, 50, 200)  # numbers of modes whose motion alone is told, where so many are at hand

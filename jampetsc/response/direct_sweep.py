@@ -6,12 +6,11 @@ from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.progress import Progress
 from jampetsc.response.direct import FrequencySolver
-from jampetsc.response.job import Job, split_field, write_sweep
+from jampetsc.response.run import Run, split_field, write_sweep
 from jampetsc.session import current
-from jampetsc.storage.checkpoint import Checkpoint
 
 
-def run(job: Job):
+def solve(run: Run):
     """Solve every frequency that no earlier run has finished and write the file. Collective.
 
     Returns (omega, G, bounds) as for `write_sweep`. Raises ConvergenceError, after writing the others, if
@@ -19,26 +18,26 @@ def run(job: Job):
     """
     session = current()
     with session.stage("assembly"):
-        network = job.network(session.comm)
-        pencil = assemble(network, job.physics.law)
-        solver = FrequencySolver(pencil, positive_semidefinite=job.negative_modes == 0)
-    checkpoint = Checkpoint(job.out, job.key(session.size), session.comm)
+        network = run.network(session.comm)
+        pencil = assemble(network, run.physics.law)
+        solver = FrequencySolver(pencil, positive_semidefinite=run.negative_modes == 0)
+    checkpoint = run.to.checkpoint(run.key(session.size), session.comm)
     failures = {}
-    todo = [index for index in range(len(job.omega)) if index not in checkpoint.done]
-    with Progress(len(job.omega), "sweep", session.rank, done=len(checkpoint.done)) as progress:
+    todo = [index for index in range(len(run.omega)) if index not in checkpoint.done]
+    with Progress(len(run.omega), "sweep", session.rank, done=len(checkpoint.done)) as progress:
         if checkpoint.done:
             progress.note(f"continuing {checkpoint.journal}: {len(checkpoint.done)} frequencies are finished")
         for index in todo:
-            omega = job.omega[index]
+            omega = run.omega[index]
             try:
                 with session.stage("frequency"):
-                    result = solver.solve(omega, job.accuracy)
+                    result = solver.solve(omega, run.accuracy)
             except ConvergenceError as error:
                 failures[index] = error
                 progress.step(f"failed: {error}")
                 continue
             record, fields = {"G": result.G, "bounds": [result.error_bound, *result.parts]}, None
-            if omega in job.field_omega:
+            if omega in run.field_omega:
                 displacement, rotation = split_field(pencil, solver.x)
                 fields = {"displacement": displacement} | ({} if rotation is None else {"rotation": rotation})
                 record["field_bound"] = solver.functional.field_bound(result, solver.x)
@@ -50,22 +49,22 @@ def run(job: Job):
     finished = sorted(checkpoint.done)
     if not finished:
         raise next(iter(failures.values()))
-    omega = job.omega[finished]
+    omega = run.omega[finished]
     G = np.array([checkpoint.done[index]["G"] for index in finished])
     bounds = np.array([checkpoint.done[index]["bounds"] for index in finished])
 
-    stored = [index for index in finished if job.omega[index] in job.field_omega]
+    stored = [index for index in finished if run.omega[index] in run.field_omega]
     extra = {"factorisations": solver.factorisations, "unknowns": pencil.unknowns}
     if failures:
-        extra["failed_omega"] = job.asked(job.omega[sorted(failures)])
-    kept = Job(**{**vars(job), "field_omega": job.omega[stored]})
+        extra["failed_omega"] = run.asked(run.omega[sorted(failures)])
+    kept = Run(**{**vars(run), "field_omega": run.omega[stored]})
     write_sweep(kept, network, omega, G, bounds, _stored_fields(checkpoint, stored), extra)
     solver.destroy()
     pencil.destroy()
     if failures:
         first = failures[min(failures)]
         raise ConvergenceError(
-            f"{len(failures)} of {len(job.omega)} frequencies failed, the others are in {job.out}; the first: {first}"
+            f"{len(failures)} of {len(run.omega)} frequencies failed, the others are in {run.to}; the first: {first}"
         )
     checkpoint.remove()
     return omega, G, bounds

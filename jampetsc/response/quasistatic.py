@@ -15,7 +15,6 @@ by finite size. See benchmarks/floppy.py.
 
 import time
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -25,12 +24,12 @@ from jampetsc.errors import InputError
 from jampetsc.mechanics.network import Network, build_network
 from jampetsc.response.balance import Relaxed
 from jampetsc.response.elastic import ElasticResponse
-from jampetsc.response.job import split_field
+from jampetsc.response.run import split_field
 from jampetsc.response.record import run_record
 from jampetsc.response.viscosity import Flow, Viscosity
 from jampetsc.session import current
-from jampetsc.storage.packing_file import read_identified
-from jampetsc.storage.result_file import ResultWriter
+from jampetsc.storage.outlet import Outlet
+from jampetsc.storage.packing_file import read_identified, source_told
 
 FORMAT = "jampetsc-quasistatic"
 BARE = "no_prestress"  # name of what belongs to K without pre-stress, where there is any
@@ -112,8 +111,8 @@ class Outcome:
     scan: np.ndarray  # (b, 4): β, η₀, η₀ without pre-stress, η_∞
 
 
-def run(packing, out, physics: Physics, betas=()) -> Outcome:
-    """Solve for a packing file under `physics`, and for η₀, η_∞ at other β, and write the result. Collective.
+def run(packing, to: Outlet, physics: Physics, betas=()) -> Outcome:
+    """Solve for a packing, Disks or a file, under `physics`, and for η₀, η_∞ at other β, and write it. Collective.
 
     Raises InputError for a packing that is not a rigid minimum.
     """
@@ -123,8 +122,8 @@ def run(packing, out, physics: Physics, betas=()) -> Outcome:
     try:
         outcome = _solve_all(build_network(disks, session.comm, physics.prestress), physics.law, betas)
     except InputError as error:
-        raise InputError(f"{packing}: {error}") from None
-    with session.stage("output"), ResultWriter(Path(out), FORMAT, session.comm) as writer:
+        raise InputError(f"{source_told(packing)}: {error}") from None
+    with session.stage("output"), to.writer(FORMAT, session.comm) as writer:
         _write(writer, outcome)
         writer.attributes(**run_record(disks, identity, physics.parameters, outcome.network, started))
     return outcome

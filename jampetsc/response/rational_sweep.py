@@ -6,14 +6,13 @@ from jampetsc.errors import InputError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.progress import Progress
-from jampetsc.response.job import Job, split_field, write_sweep
+from jampetsc.response.run import Run, split_field, write_sweep
 from jampetsc.response.rational import RationalSweep
 from jampetsc.session import current
 from jampetsc.solvers.cholesky import NotPositiveDefinite
-from jampetsc.storage.checkpoint import Checkpoint
 
 
-def run(job: Job):
+def solve(run: Run):
     """Sweep and write the file. Collective.
 
     Returns (omega, G, bounds) as for `write_sweep`. K must be positive semi-definite, see `stability`: raises
@@ -22,11 +21,11 @@ def run(job: Job):
     """
     session = current()
     with session.stage("assembly"):
-        network = job.network(session.comm)
-        pencil = assemble(network, job.physics.law)
+        network = run.network(session.comm)
+        pencil = assemble(network, run.physics.law)
         compatibility = build_compatibility(pencil)
-    sweep = RationalSweep(pencil, compatibility, job.omega, job.accuracy, job.parallel)
-    checkpoint = Checkpoint(job.out, job.key(session.size), session.comm, ordered=True)
+    sweep = RationalSweep(pencil, compatibility, run.omega, run.accuracy, run.parallel)
+    checkpoint = run.to.checkpoint(run.key(session.size), session.comm, ordered=True)
     with Progress(None, "sweep", session.rank) as progress:
         if checkpoint.done:
             if not _restore(sweep, checkpoint):
@@ -48,18 +47,18 @@ def run(job: Job):
                     f"shift {listed}  vectors {basis.size}  worst bound / allowed {sweep.worst():.1e}"
                 )
         except NotPositiveDefinite as error:
-            raise InputError(f"{job.packing}: {error}; use --method direct") from None
+            raise InputError(f"{run.packing}: {error}; use --method direct") from None
     galerkin, G, bounds = sweep.finish()
     spectrum = galerkin.spectrum
     write_sweep(
-        job,
+        run,
         network,
-        job.omega,
+        run.omega,
         G,
         bounds,
         (
             (*split_field(pencil, galerkin.field(omega)), galerkin.field_bound(omega, sweep.error_at(omega)))
-            for omega in job.field_omega
+            for omega in run.field_omega
         ),
         {"factorisations": sweep.factorisations, "vectors": sweep.basis.size, "unknowns": pencil.unknowns},
         {
@@ -73,7 +72,7 @@ def run(job: Job):
     sweep.destroy()
     compatibility.destroy()
     pencil.destroy()
-    return job.omega, G, bounds
+    return run.omega, G, bounds
 
 
 def _restore(sweep, checkpoint):

@@ -11,33 +11,33 @@ from jampetsc.collective import by_rank_0
 from jampetsc.contacts.state import BALANCED, imbalance, measure
 from jampetsc.mechanics.minimum import negative_modes
 from jampetsc.progress import Progress
-from jampetsc.response.job import Job
+from jampetsc.response.run import Run
 from jampetsc.session import current
 
 
-def settle(job: Job) -> Job:
+def settle(run: Run) -> Run:
     """The job with balance and negative modes of its packing known, direct where there are some. Collective.
 
     Modes are not counted for a job that is direct anyway. Says on stderr what is not as it should be.
     """
     session = current()
-    job = replace(job, imbalance=by_rank_0(session.comm, lambda: imbalance(job.disks, measure(job.disks))))
+    run = replace(run, imbalance=by_rank_0(session.comm, lambda: imbalance(run.disks, measure(run.disks))))
     notes = []
-    if not job.imbalance <= BALANCED:
+    if not run.imbalance <= BALANCED:
         notes.append(
-            f"forces are not balanced, max|F|/(p d) = {job.imbalance:.1e}, so the packing is not a minimum of its "
+            f"forces are not balanced, max|F|/(p d) = {run.imbalance:.1e}, so the packing is not a minimum of its "
             "energy: quench it (`jampetsc pack --from`); G* is that of its contacts as they are"
         )
-    if job.method != "direct" and job.negative_modes is None:
-        negative, how = negative_modes(job.network(session.comm))
-        job = replace(job, negative_modes=negative, counted_by=how)
-    if job.method != "direct" and job.negative_modes:
+    if run.method != "direct" and run.negative_modes is None:
+        negative, how = negative_modes(run.network(session.comm))
+        run = replace(run, negative_modes=negative, counted_by=how)
+    if run.method != "direct" and run.negative_modes:
         notes.append(
-            f"K has {job.negative_modes} negative modes, so the packing is not a minimum of its energy: solving "
+            f"K has {run.negative_modes} negative modes, so the packing is not a minimum of its energy: solving "
             "every frequency by --method direct"
         )
-        job = replace(job, method="direct")
+        run = replace(run, method="direct")
     with Progress(None, "sweep", session.rank) as progress:
         for note in notes:
-            progress.note(f"{job.packing}: {note}")
-    return job
+            progress.note(f"{run.packing}: {note}")
+    return run

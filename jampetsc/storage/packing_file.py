@@ -67,14 +67,23 @@ def read_packing(path, comm=None) -> Disks:
     return read_identified(path, comm)[0]
 
 
+def source_told(source) -> str:
+    """What messages call a packing: its file, or Disks in memory."""
+    return "the packing" if isinstance(source, Disks) else str(source)
+
+
 def read_identified(path, comm=None) -> tuple[Disks, tuple[str, str]]:
     """The packing at `path` and its identity: name and sha256 of the file, by which results refer to it.
+
+    Disks, on all ranks the same, are taken as they are; their identity is no name and the hash of their arrays.
 
     Collective: rank 0 of the mpi4py communicator `comm` reads the bytes once, for hash and arrays alike. A file that is
     replaced meanwhile gives one packing or the other, on all ranks. None: one process reads for itself.
 
     Raises InputError, on all ranks, naming the file, what is wrong with it and the remedy.
     """
+    if isinstance(path, Disks):
+        return path, (None, path.fingerprint)
     first, found = comm is None or comm.rank == 0, (None, None)
     with agreed(comm):
         if first:

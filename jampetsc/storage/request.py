@@ -16,17 +16,18 @@ _asked = ContextVar("the request that results record", default=None)
 class Request:
     """The settings of one run: its command and options, and what its input files hold.
 
-    args   parsed words of a command, as names and values
+    options     {parameter: value} of those that are given
+    same        whether two values of a parameter mean the same
     """
 
-    def __init__(self, args: dict):
-        self.overwrite = bool(args.get("overwrite"))
+    def __init__(self, command, options: dict, overwrite=False, same=lambda name, one, other: False):
+        self.overwrite, self.same = bool(overwrite), same
         self.options = {
             name: value
-            for name, value in args.items()
+            for name, value in options.items()
             if name not in NO_SETTINGS and value is not None and value is not False
         }
-        self.settings = {"command": args["command"]} | {n: _short(v) for n, v in self.options.items()}
+        self.settings = {"command": command} | {n: _short(v) for n, v in self.options.items()}
 
     def read(self, inputs) -> None:
         """Take the files at `inputs` by what they hold, however they are called."""
@@ -41,17 +42,25 @@ class Request:
     def differences(self, text: str) -> str:
         """In what the recorded request `text` is another one, in words; empty where it is the same."""
         found = json.loads(text)
-        changed = [name for name in {**self.settings, **found} if found.get(name) != self.settings.get(name)]
+        changed = [
+            name
+            for name in {**self.settings, **found}
+            if found.get(name) != self.settings.get(name)
+            and not self.same(name, found.get(name), self.settings.get(name))
+        ]
         return "; ".join(_told(name, found.get(name), self.settings.get(name)) for name in changed)
 
 
 @contextlib.contextmanager
 def asked(args):
-    """Results written inside record the settings of `args`, an argparse Namespace.
+    """Results written inside record the settings of `args`, an argparse Namespace, or a Request.
 
     Not so packings of `pack`, of which one command makes many: each says itself what it is (`words.packtasks`).
     """
-    token = _asked.set(None if args.command == "pack" else Request(vars(args)))
+    if not isinstance(args, Request | None):
+        given = vars(args)
+        args = None if args.command == "pack" else Request(args.command, given, given.get("overwrite"))
+    token = _asked.set(args)
     try:
         yield
     finally:

@@ -1,8 +1,7 @@
-"""A sweep as it was asked for, and the file that comes out of it."""
+"""A sweep as it runs, and what it writes."""
 
 import time
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
@@ -11,12 +10,12 @@ from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import Physics
 from jampetsc.contacts.minimum import proved_minimum
 from jampetsc.contacts.state import BALANCED
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
+from jampetsc.storage.outlet import Outlet
 from jampetsc.mechanics.network import build_network
 from jampetsc.response.limits import LARGEST, SMALLEST
 from jampetsc.response.record import run_record
-from jampetsc.storage.packing_file import read_identified
-from jampetsc.storage.result_file import ResultWriter
+from jampetsc.storage.packing_file import read_identified, source_told
 
 FORMAT = "jampetsc-sweep"
 NOT_SHOWN = "not shown: that of fields is a bound only if K has no negative modes"
@@ -25,78 +24,64 @@ BOUNDS = ("error_bound", "error_bound_storage", "error_bound_loss")  # on |ΔG*|
 
 
 @dataclass(frozen=True, eq=False)
-class Job:
-    """G*(ω) of one packing under one law. Frequencies in 1/τ₁ units of time as the law has them.
+class Run:
+    """A sweep as it runs: G*(ω) of one packing under one law. Frequencies in 1/τ₁ units of time as the law has them.
 
     Under power-law damping `omega` and `field_omega` are the equivalent frequencies at which the linear law
     is solved; `asked` turns them into those of the experiment.
     """
 
-    packing: Path
+    packing: str  # what messages call it
     disks: Disks
-    identity: tuple  # name and sha256 of the packing file
+    identity: tuple  # name and sha256 of the packing
     physics: Physics
     omega: np.ndarray  # (M,) increasing
     field_omega: np.ndarray  # (F,) increasing, where displacement fields are wanted
+    experiment: np.ndarray  # (M,) frequency of the experiment for each of omega
     method: str  # rational | direct
     accuracy: float  # asked for, relative, in G' and in G'' each
-    out: Path
+    to: Outlet
     damping: EquivalentDamping | None = None  # None: linear
     parallel: str = "auto"  # what ranks share in the rational method: shifts | matrix | auto
-    experiment: np.ndarray | None = None  # (M,) frequency of the experiment for each of omega
     negative_modes: int | None = None  # of K; None: not known
     counted_by: str = ""  # how that number is known, where this run has found it out
     imbalance: float = np.nan  # max |F| / (p d)
     started: float = field(default_factory=time.perf_counter)
 
     @classmethod
-    def read(
-        cls,
-        packing,
-        physics,
-        omega,
-        field_omega,
-        method,
-        accuracy,
-        out,
-        damping=None,
-        parallel="auto",
-        comm=None,
-    ) -> "Job":
-        """The job for a packing file; fields are stored at frequencies of the sweep, so those are added to it.
+    def of(cls, job, to, comm=None) -> "Run":
+        """The run of a `jobs.sweep.Sweep`; fields are stored at frequencies of the sweep, so those are added to it.
 
         Collective over `comm`, as `read_identified`. Raises InputError as that does, and where power-law damping
         would need frequencies beyond what can be solved.
         """
-        apart = ~np.isclose(np.asarray(omega)[:, None], field_omega, rtol=SAME, atol=0.0).any(axis=1)
-        experiment = np.union1d(np.asarray(omega)[apart], field_omega)
-        solved = (
-            experiment
-            if damping is None
-            else damping.frequency(experiment * physics.law.tau1) / physics.law.tau1
-        )
+        field_omega = np.zeros(0) if job.fields is None else job.fields
+        apart = ~np.isclose(job.omega[:, None], field_omega, rtol=SAME, atol=0.0).any(axis=1)
+        experiment = np.union1d(job.omega[apart], field_omega)
+        damping, tau1 = job.damping, job.law.tau1
+        solved = experiment if damping is None else damping.frequency(experiment * tau1) / tau1
         beyond = (solved < SMALLEST) | (solved > LARGEST)
         if beyond.any():
             raise InputError(
-                f"--alpha {damping.alpha:g} --stress {damping.stress:g}: omega = {experiment[beyond][0]:g} is "
-                f"equivalent to {solved[beyond][0]:g} under linear damping, outside {SMALLEST:g} to "
-                f"{LARGEST:g}: narrow --omega"
+                f"{named('alpha')} {damping.alpha:g} {named('stress')} {damping.stress:g}: omega = "
+                f"{experiment[beyond][0]:g} is equivalent to {solved[beyond][0]:g} under linear damping, outside "
+                f"{SMALLEST:g} to {LARGEST:g}: narrow {named('omega')}"
             )
-        disks, identity = read_identified(packing, comm)
+        disks, identity = read_identified(job.packing, comm)
         return cls(
-            packing=Path(packing),
+            packing=source_told(job.packing),
             disks=disks,
             identity=identity,
-            physics=physics,
+            physics=Physics(job.law, job.prestress),
             omega=solved,
             field_omega=solved[np.searchsorted(experiment, field_omega)],
-            method=method,
-            accuracy=accuracy,
-            out=Path(out),
-            damping=damping,
-            parallel=parallel,
             experiment=experiment,
-            negative_modes=0 if not physics.prestress or proved_minimum(disks) else None,
+            method=job.method,
+            accuracy=job.accuracy,
+            to=to,
+            damping=damping,
+            parallel=job.parallel or "auto",
+            negative_modes=0 if not job.prestress or proved_minimum(disks) else None,
         )
 
     def network(self, comm):
@@ -153,26 +138,26 @@ class Job:
 
 
 def write_sweep(
-    job: Job, network, omega, G, bounds, fields, extra: dict, reduced: dict | None = None
+    run: Run, network, omega, G, bounds, fields, extra: dict, reduced: dict | None = None
 ) -> None:
     """Write the result file. Collective.
 
     omega and G (M,) and bounds (M, 3) on |ΔG*|, |ΔG'| and |ΔG''|, the same on all ranks; omega are among
-    job.omega; fields yields (displacement (n_local, 2), rotation (n_local,) or None, relative bound) for each
-    of job.field_omega in turn; extra holds attributes of the method, reduced the datasets of the group
+    run.omega; fields yields (displacement (n_local, 2), rotation (n_local,) or None, relative bound) for each
+    of run.field_omega in turn; extra holds attributes of the method, reduced the datasets of the group
     `reduced`.
     """
-    with ResultWriter(job.out, FORMAT, network.comm) as writer:
-        writer.dataset("omega", job.asked(omega))
-        if job.damping is not None:
+    with run.to.writer(FORMAT, network.comm) as writer:
+        writer.dataset("omega", run.asked(omega))
+        if run.damping is not None:
             writer.dataset("equivalent_omega", omega)
         writer.dataset("G", G)
         for name, bound in zip(BOUNDS, bounds.T, strict=True):
             writer.dataset(name, bound)
         for name, values in (reduced or {}).items():
             writer.dataset(f"reduced/{name}", values)
-        if len(job.field_omega):
-            writer.dataset("fields/omega", job.asked(job.field_omega))
+        if len(run.field_omega):
+            writer.dataset("fields/omega", run.asked(run.field_omega))
             writer.distributed("particles", network.particles)
             errors = []
             for displacement, rotation, error in fields:
@@ -182,10 +167,10 @@ def write_sweep(
                 errors.append(error)
             writer.dataset("fields/error_bound", np.array(errors))
         writer.attributes(
-            **run_record(job.disks, job.identity, job.parameters, network, job.started),
-            method=job.method,
-            accuracy=job.accuracy,
-            positive_semidefinite=job.positive_semidefinite,
+            **run_record(run.disks, run.identity, run.parameters, network, run.started),
+            method=run.method,
+            accuracy=run.accuracy,
+            positive_semidefinite=run.positive_semidefinite,
             **extra,
         )
 

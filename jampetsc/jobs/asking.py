@@ -1,0 +1,247 @@
+"""What can be asked: parameters of jobs, each said once, as the field of a frozen dataclass.
+
+    @dataclass(frozen=True)
+    class Sweep(Job):
+        packing: Disks = asked(help="packing", kind=PACKING)
+        law: Law = part(DAMPING)                               # several options that make one object
+        accuracy: float = asked(1e-6, "relative error allowed in G' and in G'' each", low=1e-12, high=0.1)
+
+The python function's signature, the command's option, the key of a study, the request that a file records and the
+tables of the documentation follow from it. A value is read the same wherever it comes from: python objects, words of
+a command line, TOML.
+"""
+
+import dataclasses
+import difflib
+import math
+import operator
+import types
+import typing
+from collections.abc import Callable
+from dataclasses import MISSING, dataclass
+from pathlib import Path
+
+from jampetsc.errors import InputError, named
+
+OPTION, FILE, FILES = (
+    "option",
+    "file",
+    "files",
+)  # where a command line has it: --name, its place, all its places
+
+
+@dataclass(frozen=True)
+class Kind:
+    """How a value is read and told.
+
+    read      value as given → value; raises ValueError with what it must be
+    tell      value → what TOML, JSON and a command line can hold, and `read` makes the same of
+    word      word of a command line → what is kept of it before it is read: a number where it is one
+    metavar   what help calls it
+    """
+
+    read: Callable
+    tell: Callable = lambda value: value
+    word: Callable = str
+    metavar: str = ""
+
+
+def _number(value):
+    if isinstance(value, bool):
+        raise ValueError("must be a number")
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise ValueError("must be a number") from None
+
+
+def _count(value):
+    try:
+        return int(value) if isinstance(value, str) else operator.index(value if value is not True else None)
+    except (TypeError, ValueError):
+        raise ValueError("must be a whole number") from None
+
+
+def _switch(value):
+    if value not in (True, False):
+        raise ValueError("must be True or False")
+    return bool(value)
+
+
+def _path(value):
+    try:
+        return Path(value)
+    except TypeError:
+        raise ValueError("must be the name of a file") from None
+
+
+NUMBER = Kind(_number, word=_number)
+COUNT = Kind(_count, word=_count)
+SWITCH = Kind(_switch)
+WORD = Kind(str)
+PATH = Kind(_path, str, metavar="FILE")
+KINDS = {float: NUMBER, int: COUNT, bool: SWITCH, str: WORD, Path: PATH}
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One thing that can be asked for.
+
+    low, high   closed range of a number; above: open lower end
+    choices     values that there are, a sequence or the keys of a table
+    unit        that the value is in, for help and documentation
+    group       heading that help puts it under
+    place       OPTION, FILE or FILES
+    """
+
+    name: str
+    help: str
+    kind: Kind
+    default: object = MISSING
+    low: float | None = None
+    high: float | None = None
+    above: float | None = None
+    choices: tuple = ()
+    unit: str = ""
+    metavar: str = ""
+    group: str = ""
+    place: str = OPTION
+
+    @property
+    def required(self) -> bool:
+        """Whether there is no default."""
+        return self.default is MISSING
+
+    @property
+    def word(self) -> str:
+        """The option of a command line that gives it."""
+        name = self.name.removesuffix("_").replace("_", "-")
+        return f"--no-{name}" if self.default is True else f"--{name}"
+
+    def read(self, value):
+        """The value meant. Raises InputError that names the parameter."""
+        if value is None and self.default is None:
+            return None
+        try:
+            value = self.kind.read(value)
+            if self.choices and value not in self.choices:
+                raise ValueError(f"choose one of {', '.join(self.choices)}")
+            if isinstance(value, int | float) and not isinstance(value, bool):
+                self._check_range(value)
+            return value
+        except ValueError as error:
+            if isinstance(error, InputError):
+                raise
+            raise InputError(f"{named(self.name)} {shown(value)}: {error}") from None
+
+    def _check_range(self, value):
+        inside = (self.low is None or value >= self.low) and (self.high is None or value <= self.high)
+        if inside and (self.above is None or value > self.above) and not math.isnan(value):
+            return
+        if self.above is not None:
+            least = "positive" if self.above == 0 else f"above {self.above:g}"
+            most = "" if self.high is None or math.isinf(self.high) else f" and at most {self.high:g}"
+            raise ValueError(f"must be {least}{most}")
+        if self.high is None:
+            raise ValueError(f"must be at least {self.low:g}")
+        raise ValueError(f"must lie in [{self.low:g}, {self.high:g}]")
+
+
+@dataclass(frozen=True)
+class Part:
+    """Several options that make one object, such as a damping law.
+
+    parameters   those options
+    make         {option: value, those that are given} → the object; raises InputError
+    tell         the object → {option: value}, of which `make` makes the same
+    type         class of the object
+    """
+
+    parameters: tuple[Parameter, ...]
+    make: Callable
+    tell: Callable
+    type: type
+
+
+def asked(default=MISSING, help="", *, kind=None, place=OPTION, **told):
+    """A field of a job that is a `Parameter`; its kind follows from the type where that is plain."""
+    said = {"help": help, "kind": kind, "place": place, **told}
+    if "choices" in said:
+        said["choices"] = tuple(said["choices"])
+    return dataclasses.field(default=default, metadata={"asked": said}, kw_only=place == OPTION)
+
+
+def part(part: Part, default=MISSING):
+    """A field of a job that several options make up; without them `default`, or what no options make."""
+    factory = MISSING if default is not MISSING else lambda: part.make({})
+    default = {"default": default} if factory is MISSING else {"default_factory": factory}
+    return dataclasses.field(**default, metadata={"asked": part})
+
+
+def parameters(job) -> dict[str, Parameter]:
+    """{name: Parameter} of a class of jobs, those of its parts among them."""
+    found = {}
+    for field in dataclasses.fields(job):
+        said = field.metadata.get("asked")
+        if isinstance(said, Part):
+            found |= {one.name: one for one in said.parameters}
+        elif said is not None:
+            found[field.name] = parameter_of(field)
+    return found
+
+
+def parameter_of(field) -> Parameter:
+    """The Parameter that a field of a job is."""
+    said = dict(field.metadata["asked"])
+    said["kind"] = said["kind"] or KINDS[_plain(field.type)]
+    return Parameter(field.name, default=field.default, **said)
+
+
+def parts(job) -> dict[str, Part]:
+    """{name of the field: Part} of a class of jobs."""
+    told = ((field.name, field.metadata.get("asked")) for field in dataclasses.fields(job))
+    return {name: said for name, said in told if isinstance(said, Part)}
+
+
+def made(job, given: dict):
+    """The job, an instance of the class `job`, that values by name ask for; None is not given.
+
+    Raises InputError for a name that there is not, a required one that is missing, and as the job does.
+    """
+    known = parameters(job)
+    given = {name: value for name, value in given.items() if value is not None}
+    for name in given:
+        if name not in known and name not in parts(job):
+            raise InputError(f"{name}: no such parameter{did_you_mean(name, known)}")
+    values = {}
+    for field, said in parts(job).items():
+        mine = {one.name: one.read(given.pop(one.name)) for one in said.parameters if one.name in given}
+        if mine:
+            values[field] = said.make(mine)
+    missing = [named(one.name) for one in known.values() if one.required and one.name not in given | values]
+    missing = [name for name in missing if name not in map(named, _made_by_parts(job))]
+    if missing:
+        raise InputError(f"{', '.join(missing)}: must be given")
+    return job(**values, **given)
+
+
+def _made_by_parts(job):
+    return [one.name for said in parts(job).values() for one in said.parameters]
+
+
+def did_you_mean(name, known) -> str:
+    """A hint, for a message, at the nearest of the names that are known; empty where none is near."""
+    near = difflib.get_close_matches(name, known, n=1)
+    return f"; did you mean {near[0]}?" if near else ""
+
+
+def shown(value) -> str:
+    """A value as messages show it."""
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _plain(annotation):
+    """The type behind `T | None`."""
+    if isinstance(annotation, types.UnionType):  # T | None
+        return next(one for one in typing.get_args(annotation) if one is not type(None))
+    return annotation

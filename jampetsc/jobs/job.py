@@ -1,0 +1,136 @@
+"""A job: what is asked, as a frozen dataclass, and how it is answered. Functions and commands are made of its class."""
+
+import shlex
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import ClassVar
+
+from jampetsc.errors import InputError, named
+from jampetsc.jobs.asking import FILE, OPTION, parameter_of, parameters, parts
+from jampetsc.storage.outlet import Outlet
+from jampetsc.storage.outputs import check_output
+
+
+@dataclass(frozen=True)
+class Job:
+    """Base of all jobs. A subclass is a frozen dataclass whose fields are made by `asking.asked` and `asking.part`.
+
+    Its docstring is its description, the first line of it the help of its command. It says by
+
+        NAME        of command and function
+        FORMAT      of its result, "jampetsc-sweep"
+        EPILOG      what its help ends with: examples, prefixes of PETSc's options
+        check()     refuses values that do not go together, whatever files hold
+        scalar      PETSc's scalars that it needs
+        work(to)    what it does
+    """
+
+    NAME: ClassVar[str]
+    FORMAT: ClassVar[str]
+    EPILOG: ClassVar[str] = ""
+    OUT: ClassVar[str] = "required"  # whether its command needs --out: required, optional, or "" for no file
+    OUT_HELP: ClassVar[str] = "result file (HDF5)"
+    AGAIN: ClassVar[bool] = False  # whether its result is made anew without asking: pictures and tables
+
+    def __post_init__(self):
+        for field in fields(self):
+            said = field.metadata.get("asked")
+            if isinstance(said, dict):
+                object.__setattr__(self, field.name, self._read(field))
+            elif said is not None and not isinstance(getattr(self, field.name), said.type):
+                value = getattr(self, field.name)
+                if not isinstance(value, str):
+                    raise InputError(f"{named(field.name)} {value!r}: must be a {said.type.__name__}")
+                made = said.make({said.parameters[0].name: value})  # "stokes": a name stands for its defaults
+                object.__setattr__(self, field.name, made)
+        self.check()
+
+    def _read(self, field):
+        parameter, value = parameter_of(field), getattr(self, field.name)
+        if parameter.place in (OPTION, FILE):
+            return parameter.read(value)
+        return tuple(parameter.read(one) for one in value)
+
+    def check(self) -> None:
+        """Raise InputError for values that do not go together."""
+
+    @property
+    def scalar(self) -> str | None:
+        """PETSc's scalars that the job needs: "real", "complex", "any"; None where PETSc has nothing to do."""
+        return "real"
+
+    @property
+    def place(self):
+        """Where its result goes where no name is given; None: nowhere."""
+
+    @property
+    def sources(self) -> list:
+        """What it reads: names of files, and packings in memory."""
+        found = []
+        for name, parameter in parameters(type(self)).items():
+            if parameter.place != OPTION:
+                value = getattr(self, name)
+                found += value if isinstance(value, tuple) else [value]
+        return [one for one in found if one is not None]
+
+    @property
+    def files(self) -> list[str]:
+        """Those of `sources` that are files."""
+        return [one for one in self.sources if isinstance(one, str | Path)]
+
+    def told(self) -> dict:
+        """{parameter: value} of all that is no file and not off, as JSON and command lines can hold it."""
+        values = {}
+        for name, parameter in parameters(type(self)).items():
+            if hasattr(self, name) and parameter.place == OPTION and name not in parts(type(self)):
+                value = getattr(self, name)
+                values[name] = value if value is None else parameter.kind.tell(value)
+        for name, part in parts(type(self)).items():
+            values |= part.tell(getattr(self, name))
+        return {name: value for name, value in values.items() if value is not None and value is not False}
+
+    def words(self) -> list[str]:
+        """The options of a command line that asks for the same."""
+        told, words = self.told(), []
+        for name, parameter in parameters(type(self)).items():
+            if parameter.place != OPTION:
+                continue
+            if isinstance(parameter.default, bool):
+                words += [parameter.word] * (told.get(name, False) != parameter.default)
+            elif name in told and told[name] != parameter.default:
+                text = str(told[name])
+                words += [f"{parameter.word}={text}"] if text.startswith("-") else [parameter.word, text]
+        return words
+
+    def line(self, out=None) -> list[str]:
+        """A command line that does the same; packings in memory are told by what they are."""
+        given = [one if isinstance(one, str | Path) else f"<{one.n} disks>" for one in self.sources]
+        return ["jampetsc", self.NAME, *map(str, given), *(["--out", str(out)] if out else []), *self.words()]
+
+    def same(self, name, one, other) -> bool:
+        """Whether two told values of a parameter mean the same, however they are written."""
+        parameter = parameters(type(self)).get(name)
+        try:
+            return parameter is not None and _canonical(parameter, one) == _canonical(parameter, other)
+        except InputError:
+            return False
+
+    def check_outputs(self, to: Outlet) -> None:
+        """Raise InputError, before any work, unless all of its files may be written."""
+        if to.path is not None:
+            check_output(to.path, self.FORMAT, self.files)
+
+    def rehearse(self) -> None:
+        """Set up the solvers that the work will need, see `solvers.rehearsal`. Collective."""
+
+    def work(self, to: Outlet) -> str:
+        """Do it and put what is found into the outlet `to`; what a user wants to read. Collective."""
+        raise NotImplementedError
+
+    def __str__(self):
+        return shlex.join(self.line())
+
+
+def _canonical(parameter, told):
+    value = parameter.read(told)
+    return value if value is None else parameter.kind.tell(value)

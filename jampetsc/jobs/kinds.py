@@ -1,0 +1,95 @@
+"""Kinds of values that jobs ask for beside numbers and words: packings, frequencies and other lists of numbers.
+
+One grammar for lists: `a,b,c` as they are, `low:high:count` a logarithmic grid, `lin:low:high:count` an even one;
+from python any list or array.
+"""
+
+import os
+from collections.abc import Sequence
+
+from jampetsc.jobs.asking import Kind, shown
+from jampetsc.response.limits import LARGEST, SMALLEST
+
+Numbers = str | Sequence[float]
+MOST = 100_000  # numbers of a grid
+
+
+def numbers(least, most, metavar="LIST", unit="") -> Kind:
+    """Several numbers within [least, most], read as an array (M,), increasing and without repeats.
+
+    unit   what follows the limits in a message
+    """
+    return Kind(lambda given: _numbers(given, least, most, unit), grid_told, metavar=metavar)
+
+
+def _numbers(given, least, most, unit):
+    import numpy as np
+
+    if isinstance(given, str):
+        values = _written(given)
+    else:
+        try:
+            values = np.unique(np.asarray(given, float).ravel())
+        except (TypeError, ValueError):
+            raise ValueError("must be numbers") from None
+    if not len(values):
+        raise ValueError("must be at least one number")
+    for value in values:
+        if not least <= value <= most:  # nan as well
+            raise ValueError(f"{shown(float(value))} must lie between {least:g} and {most:g}{unit}")
+    return values
+
+
+def _written(text):
+    """Numbers of the grammar above."""
+    import numpy as np
+
+    even = text.startswith("lin:")
+    try:
+        if ":" not in text:
+            return np.unique([float(word) for word in text.split(",")])
+        low, high, count = text.removeprefix("lin:").split(":")
+        low, high, count = float(low), float(high), int(count)
+    except ValueError:
+        raise ValueError("write low:high:count, such as 1e-3:1e2:51, lin:low:high:count, or a,b,…") from None
+    if not (np.isfinite([low, high]).all() and low < high and 2 <= count <= MOST and (even or low > 0)):
+        raise ValueError(f"need {'' if even else '0 < '}low < high and a count from 2 to {MOST}")
+    return (np.linspace if even else np.geomspace)(low, high, count)
+
+
+def grid_told(values) -> str:
+    """Numbers (M,) in the grammar, which gives the same to the last bit."""
+    import numpy as np
+
+    values = np.asarray(values, float)
+    if len(values) > 2:
+        ends = f"{float(values[0])!r}:{float(values[-1])!r}:{len(values)}"
+        for text in (ends, f"lin:{ends}"):
+            if (text[0] == "l" or values[0] > 0) and np.array_equal(_written(text), values):
+                return text
+    return ",".join(repr(float(value)) for value in values)
+
+
+def _source(given):
+    """A packing in memory as it is, or the path of a file as words."""
+    from jampetsc.contacts.disks import Disks
+
+    if isinstance(given, Disks):
+        return given
+    given = getattr(given, "path", given)  # of a result
+    try:
+        return os.fspath(given)
+    except TypeError:
+        raise ValueError("must be a packing or the name of its file") from None
+
+
+def _result(given):
+    try:
+        return os.fspath(getattr(given, "path", given))
+    except TypeError:
+        raise ValueError("must be a result that lies in a file, or the name of its file") from None
+
+
+PACKING = Kind(_source, str, metavar="PACKING")  # Disks, or a path
+RESULT = Kind(_result, metavar="FILE")
+FREQUENCIES = numbers(SMALLEST, LARGEST, "LOW:HIGH:COUNT|LIST", " (for the limits ω → 0 and ∞: quasistatic)")

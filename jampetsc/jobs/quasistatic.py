@@ -1,0 +1,82 @@
+"""Response of a packing to slow shear."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.laws import LARGEST, Law, Physics, having
+from jampetsc.errors import InputError, named
+from jampetsc.jobs.asking import FILE, asked, part
+from jampetsc.jobs.damping import DAMPING, PRESTRESS
+from jampetsc.jobs.job import Job
+from jampetsc.jobs.kinds import PACKING, Numbers, numbers
+
+
+@dataclass(frozen=True, eq=False)
+class Quasistatic(Job):
+    """Fields, moduli and viscosities of the limit of slow shear.
+
+    Δu∥ and Δu⊥ of every contact and the non-affine displacement of every disk per unit strain, their medians, means,
+    rms and histograms; G₀, bulk modulus, η₀ = lim G''/ω and η_∞ (BT eqs. 18–24). With pre-stress also what K without
+    pre-stress gives (names with no_prestress).
+    """
+
+    NAME: ClassVar = "quasistatic"
+    FORMAT: ClassVar = "jampetsc-quasistatic"
+    EPILOG: ClassVar = "PETSc options: -shift_… reach the factorisations."
+
+    packing: Disks = asked(help="packing", kind=PACKING, place=FILE)
+    law: Law = part(DAMPING)
+    prestress: bool = PRESTRESS
+    betas: Numbers | None = asked(
+        None,
+        "also η₀ and η_∞ at these β, from the same fields (contact law)",
+        kind=numbers(0.0, LARGEST, "b1,b2,…"),
+    )
+
+    def check(self):
+        """Refuse β of a law that has none."""
+        owners = having("beta")
+        if self.betas is not None and self.law.family not in owners:
+            raise InputError(
+                f"{named('betas')}: belongs to {named('law')} {' or '.join(owners)}, not to {self.law.family}; "
+                "leave it out"
+            )
+        for beta in [] if self.betas is None else self.betas:
+            self.law.altered(beta=beta)  # where nothing dissipates
+
+    def rehearse(self):
+        """Factorisations. Collective."""
+        from jampetsc.solvers import inertia, shifted
+        from jampetsc.solvers.rehearsal import rehearse
+
+        rehearse(shifted.rehearse, inertia.rehearse)
+
+    def work(self, to):
+        """Solve. Collective."""
+        from jampetsc.response import quasistatic
+
+        physics = Physics(self.law, self.prestress)
+        betas = () if self.betas is None else self.betas.tolist()
+        return _summary(to, physics, quasistatic.run(self.packing, to, physics, betas))
+
+
+def _summary(to, physics, outcome) -> str:
+    """What a user wants to read."""
+    lines = [f"{to}: {physics}, eta_inf = {outcome.eta_inf:.6g}"]
+    for name, response in outcome.responses.items():
+        found = outcome.distributions[name]
+        stress = "pre-stress" if response.network.prestress else "no pre-stress"
+        parts = ", ".join(f"{part} {value:.4g}" for part, value in response.flow.parts.items())
+        lines += [
+            f"  {stress}: G0 = {response.G0:.6g}, bulk modulus {response.bulk_modulus:.6g}, eta0 = "
+            f"{response.flow.eta0:.6g} "
+            f"({parts}), omega* = {response.crossover:.4g}",
+            "    medians per unit strain: "
+            + ", ".join(
+                f"{symbol} {found[key].median:.4g}"
+                for symbol, key in (("|Δu∥|", "normal"), ("|Δu⊥|", "transverse"), ("|u_na|", "nonaffine"))
+            )
+            + f"; identity kept to {response.identity:.0e}",
+        ]
+    return "\n".join(lines)

@@ -1,0 +1,171 @@
+"""G*(ω) of a packing."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.laws import Law
+from jampetsc.errors import InputError, named
+from jampetsc.jobs.asking import FILE, asked, part
+from jampetsc.jobs.damping import DAMPING, PRESTRESS, refuse_law_without_contacts
+from jampetsc.jobs.job import Job
+from jampetsc.jobs.kinds import FREQUENCIES, PACKING, Numbers
+
+OMEGA = "1e-10:1e4:141"
+POWER_LAW = (
+    "power-law damping: viscous force of a contact ∝ |Δu̇|^A, by an equivalent linear damping (approximate)"
+)
+PREFIXES = {"rational": ("shift_", "inertia_"), "direct": ("freq_",)}  # of the PETSc options of each method
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep(Job):
+    """Complex modulus G*(ω) of a packing under oscillatory shear.
+
+    Each value comes with a bound on its error (BT eqs. 10–15; physics.md). Method `rational` has the whole spectrum
+    from a few real factorisations, `direct` solves K + iωB at every frequency.
+    """
+
+    NAME: ClassVar = "sweep"
+    FORMAT: ClassVar = "jampetsc-sweep"
+    EPILOG: ClassVar = """example
+  jampetsc sweep p.h5 --beta 0.1 --omega 1e-6:1e2:81 --out sweep.h5
+
+PETSc options: -shift_… and -inertia_… reach the factorisations of the rational method, -freq_… the solver of
+--method direct; files in options/ are ready to use with -options_file."""
+
+    packing: Disks = asked(help="packing", kind=PACKING, place=FILE)
+    law: Law = part(DAMPING)
+    prestress: bool = PRESTRESS
+    omega: Numbers = asked(OMEGA, "frequencies ω", kind=FREQUENCIES, unit="1/τ₁ (with τ₁ = 1)")
+    method: str = asked(
+        "rational",
+        "rational: the whole spectrum from a few real factorisations; direct: one complex solve per frequency",
+        choices=("rational", "direct"),
+    )
+    accuracy: float = asked(1e-6, "relative error allowed in G' and in G'' each", low=1e-12, high=0.1)
+    parallel: str | None = asked(
+        None,
+        "rational method on several ranks: each factorises a shift of its own, or all share each factorisation "
+        "(default auto: by the number of ranks and unknowns)",
+        choices=("auto", "shifts", "matrix"),
+    )
+    fields: Numbers | None = asked(None, "also displacement fields at these frequencies", kind=FREQUENCIES)
+    alpha: float | None = asked(
+        None, "exponent of the damping force (1 is linear)", low=0.05, high=5.0, metavar="A", group=POWER_LAW
+    )
+    stress: float | None = asked(
+        None,
+        "amplitude of the shear stress, with alpha",
+        low=1e-30,
+        high=1.0,
+        unit="k",
+        metavar="S",
+        group=POWER_LAW,
+    )
+
+    def check(self):
+        """Refuse what does not go together."""
+        if self.parallel and self.method == "direct":
+            raise InputError(
+                f"{named('parallel')} {self.parallel}: belongs to {named('method')} rational; with direct all ranks "
+                "share each solve"
+            )
+        if self.alpha is None and self.stress is not None:
+            raise InputError(
+                f"{named('stress')} {self.stress:g}: belongs to power-law damping: give {named('alpha')} too"
+            )
+        if self.alpha is not None and self.stress is None:
+            raise InputError(
+                f"{named('alpha')} {self.alpha:g}: power-law damping depends on the amplitude: give "
+                f"{named('stress')}, in units of k"
+            )
+        if self.alpha is not None:
+            refuse_law_without_contacts(self.law, "alpha", "leave it out")
+
+    @property
+    def damping(self):
+        """The EquivalentDamping, None where damping is linear."""
+        from jampetsc.analysis.equivalent_damping import EquivalentDamping
+
+        return None if self.alpha is None else EquivalentDamping(self.alpha, self.stress)
+
+    @property
+    def scalar(self):
+        """Real scalars will do for the direct method, but take twice the memory."""
+        from jampetsc import builds
+
+        if self.method == "rational":
+            return "real"
+        return "complex" if builds.to_choose("complex") else "any"
+
+    def work(self, to):
+        """Sweep. Collective."""
+        from jampetsc import session
+        from jampetsc.response import direct, direct_sweep, rational_sweep
+        from jampetsc.response.run import Run
+        from jampetsc.response.stability import settle
+        from jampetsc.solvers import inertia, shifted
+        from jampetsc.solvers.rehearsal import rehearse
+
+        run = Run.of(self, to, session.current().comm)
+        solvers = {
+            "rational": [shifted.rehearse, inertia.rehearse] if run.method == "rational" else [],
+            # a packing that turns out to be no minimum is solved by the direct method
+            "direct": [] if run.method == "rational" and run.negative_modes == 0 else [direct.rehearse],
+        }
+        _refuse_options_of_others([method for method, its in solvers.items() if not its])
+        rehearse(*solvers["rational"], *solvers["direct"])
+        run = settle(run)
+        sweep = direct_sweep if run.method == "direct" else rational_sweep
+        omega, G, bounds = sweep.solve(run)
+        return _summary(run, run.asked(omega), G, bounds)
+
+
+def _refuse_options_of_others(methods):
+    """Raise InputError for PETSc options of methods that this run has no use for. Collective."""
+    from jampetsc import session
+
+    given = session.current().unused_options()
+    for method in methods:
+        for name in given:
+            if name.startswith(PREFIXES[method]):
+                raise InputError(
+                    f"PETSc option -{name}: belongs to {named('method')} {method}, which this run is not: ask for "
+                    "that, or leave the option out"
+                )
+
+
+def _summary(run, omega, G, bounds) -> str:
+    """What a user wants to read after a sweep."""
+    from jampetsc.analysis.bounds import relative_bound
+
+    storage, loss = (
+        relative_bound(bound, part).max() for bound, part in ((bounds[:, 1], G.real), (bounds[:, 2], G.imag))
+    )
+    lines = [
+        f"{run.to}: {run.physics}, {len(omega)} frequencies, "
+        f"{'certified' if run.certified else 'estimated'} to {storage:.1e} in G' and {loss:.1e} in G''",
+    ]
+    lines += [
+        f"  omega {omega[end]:.3g}: G' = {G[end].real:.6g}, G'' = {G[end].imag:.6g}"
+        for end in ((0, -1) if len(omega) > 1 else (0,))
+    ]
+    return "\n".join(lines + (_damping_lines(run, G) if run.damping else []))
+
+
+def _damping_lines(run, G):
+    """What power-law damping made of the frequencies, and whether the strain stays small."""
+    damping = run.damping
+    strain = damping.stress * run.disks.potential.k / abs(G).min()
+    lines = [
+        f"  alpha {damping.alpha:g}, stress {damping.stress:g} k: equivalent linear frequencies "
+        f"{run.omega[0]:.3g} to {run.omega[-1]:.3g}; the stored spectrum is that of the linear law"
+    ]
+    pressure = run.disks.record.get("pressure", float("inf")) / run.disks.potential.k
+    if strain > pressure:
+        lines.append(
+            f"  strain amplitude up to {strain:.1e}, more than p/k = {pressure:.1e}: contacts would change, "
+            "which is left out"
+        )
+    return lines

@@ -1,0 +1,83 @@
+"""Where a job's answer goes: a file, or the memory of the process."""
+
+from pathlib import Path
+
+
+class Outlet:
+    """Takes what one run of a job finds, a result or a packing.
+
+    path        file of the result; None: it stays in memory
+    checkpoint  where a long run keeps what it has finished, so that the same job goes on there; None: nowhere
+    """
+
+    def __init__(self, path=None, checkpoint=None):
+        self.path = None if path is None else Path(path)
+        self.kept = checkpoint
+        self._found = None
+
+    def __str__(self):
+        return "in memory" if self.path is None else str(self.path)
+
+    def writer(self, format, comm=None):
+        """A `ResultWriter`, or what takes the same in memory. Collective over comm."""
+        if self.path is not None:
+            from jampetsc.storage.result_file import ResultWriter
+
+            return ResultWriter(self.path, format, comm)
+        from jampetsc.storage.memory import MemoryWriter
+
+        self._found = MemoryWriter(format, comm)
+        return self._found
+
+    def packing(self, disks) -> None:
+        """Take a packing that was made. Not collective."""
+        from jampetsc.storage.packing_file import write_packing
+
+        self._found = disks
+        if self.path is not None:
+            write_packing(self.path, disks)
+
+    def checkpoint(self, key: dict, comm=None, ordered=False):
+        """What a run of the job `key` has finished and finishes, see `storage.checkpoint`. Collective over comm."""
+        from jampetsc.storage.checkpoint import Checkpoint
+
+        return Forgetful() if self.kept is None else Checkpoint(self.kept, key, comm, ordered=ordered)
+
+    def share(self, comm) -> None:
+        """Give every rank what rank 0 has found in memory. Collective."""
+        self._found = comm.bcast(self._found)
+
+    @property
+    def result(self):
+        """The answer, as `load` gives it. Collective."""
+        from jampetsc.contacts.disks import Disks
+        from jampetsc.storage.reader import Result, load
+
+        if self.path is not None:
+            return load(self.path)
+        return self._found if isinstance(self._found, Disks) else Result.of(self._found)
+
+
+class Forgetful:
+    """A checkpoint that ends with the run: records in memory, nothing from before and nothing for later."""
+
+    journal = None
+
+    def __init__(self):
+        self.done, self._fields = {}, {}
+
+    @property
+    def next(self) -> int:
+        """Index of the step after the last one."""
+        return max(self.done, default=-1) + 1
+
+    def save(self, index, record, local_fields=None) -> None:
+        """Keep a finished step, as `Checkpoint.save`."""
+        self.done[int(index)], self._fields[int(index)] = dict(record), local_fields
+
+    def fields(self, index) -> dict:
+        """This rank's rows of the fields of a finished step."""
+        return self._fields[index]
+
+    def remove(self) -> None:
+        """Nothing is left."""
