@@ -230,15 +230,25 @@ def _identity(path):
 def set_attributes(h5, values: dict) -> None:
     """Store attributes, None left out. Bytes of a file name that are no text are stored as escapes: \\udcff."""
     for name, value in values.items():
-        if isinstance(value, str):
-            value = value.encode(errors="backslashreplace").decode()
         if value is not None:
-            h5.attrs[name] = value
+            h5.attrs[name] = _escaped(value)
+
+
+def _escaped(value):
+    return value.encode(errors="backslashreplace").decode() if isinstance(value, str) else value
 
 
 def attributes(h5) -> dict:
     """Attributes as Python strings, numbers, booleans or (for lists) numpy arrays."""
     return {_plain(name): _plain(value) for name, value in h5.attrs.items()}
+
+
+def as_stored(value):
+    """An attribute's value as `attributes` gives it once `set_attributes` has stored it."""
+    if isinstance(value, str | bytes):
+        return _plain(_escaped(value))
+    array = np.array(value)
+    return _plain((array.astype(object) if array.dtype.kind == "U" else array)[()])
 
 
 def _plain(value):

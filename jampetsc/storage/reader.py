@@ -1,6 +1,7 @@
 """`load`: any jampetsc file as an object with numpy arrays. Needs neither PETSc nor MPI."""
 
 import difflib
+import html
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -10,14 +11,18 @@ import numpy as np
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.errors import InputError
+from jampetsc.storage import packing_file
 from jampetsc.storage.ensemble import TABLE, load_ensemble
 from jampetsc.storage.hdf5 import attributes, check_format, open_file, reading, undisturbed
-from jampetsc.storage.packing_file import packing_from
+from jampetsc.storage.memory import MemoryWriter
 from jampetsc.storage.parts import GROUP, PartList
 from jampetsc.storage.provenance import law_of
+from jampetsc.storage.result_file import ResultWriter
 
 _SLOWEST = 1e-100  # rates beyond this and its inverse are no rates of relaxation
 _SAME = 1e-12  # two frequencies that differ by less, relatively, are the same
+_SHOWN = 6  # datasets that a line about a result names
+_LONGEST = 60  # characters of an attribute in a table
 
 
 class StoredArray:
@@ -25,6 +30,9 @@ class StoredArray:
 
     Raises InputError on reading if the file was replaced, or one of its parts went, since it was loaded.
     """
+
+    axis = rows = None  # every rank reads all, as `memory.MemoryArray` has it
+    grown = False
 
     def __init__(self, path, name, h5):
         self._path, self._name, self._run_id = Path(path).resolve(), name, h5.attrs.get("run_id", "")
@@ -58,31 +66,78 @@ class Attributes(dict):
 
     def __init__(self, path, values):
         super().__init__(values)
-        self._path = path
+        self.path = path
 
     def __missing__(self, name):
         near = difflib.get_close_matches(name, self, n=1, cutoff=0.8)
         remedy = f"did you mean {near[0]}?" if near else "make the file again"
-        raise InputError(f"{self._path}: attribute {name} is missing: {remedy}")
+        raise InputError(f"{self.path}: attribute {name} is missing: {remedy}")
 
 
 class Result(Mapping):
-    """A result file: `attributes` (how it came about), and a mapping of dataset names to numpy arrays.
+    """A result: `attributes` (how it came about), and a mapping of dataset names to numpy arrays.
 
-    An array is read when it is asked for; `stored(name)` leaves it in the file, to read slices of it.
+    path   its file; of a result in memory words that stand for it in messages: "sweep in memory"
+
+    A file's array is read when it is asked for; `stored(name)` leaves it in the file, to read slices of it. In memory
+    a distributed array is this rank's rows, and `stored(name).rows` says which.
     """
 
-    def __init__(self, h5, path):
-        self.path = Path(path).resolve()
-        self.attributes = Attributes(self.path, attributes(h5))
-        self._arrays = {}
+    def __init__(self, attributes: dict, arrays: dict, path, comm=None):
+        self.attributes, self._arrays, self._comm = Attributes(path, attributes), arrays, comm
+        self.path = Path(path)
+
+    @classmethod
+    def read(cls, h5, path) -> "Result":
+        """The result in an open file; `path` is for messages and later reading."""
+        arrays = {}
 
         def collect(name, item):
             if isinstance(item, h5py.Dataset) and not name.startswith(f"{GROUP}/"):
-                self._arrays[name] = StoredArray(path, name, h5)
+                arrays[name] = StoredArray(path, name, h5)
 
         with reading(path):
             h5.visititems(collect)
+            return cls(attributes(h5), arrays, Path(path).resolve())
+
+    @staticmethod
+    def of(memory: MemoryWriter) -> "Result":
+        """What was collected in memory, in the class that `load` gives for its file."""
+        format = memory.found["format"]
+        kind, name = RESULTS[format], format.removeprefix("jampetsc-")
+        arrays = {name: memory.arrays[name] for name in sorted(memory.arrays, key=lambda n: n.split("/"))}
+        return kind(memory.found, arrays, f"{name} in memory", memory.comm)
+
+    def save(self, path) -> None:
+        """Write it to a file, which `path` is from then on; an earlier result of its kind there is replaced.
+
+        Collective for a result in memory: every rank writes its rows. Raises as ResultWriter.
+        """
+        with ResultWriter(path, self.format, self._comm) as writer:
+            for name, array in self._arrays.items():
+                if array.axis is None:
+                    writer.dataset(name, array[...])
+                elif array.grown:
+                    for entry in range(len(array)):
+                        writer.append(name, array[entry])
+                else:
+                    writer.distributed(name, array[...], array.axis)
+            writer.attributes(**self.attributes | {"run_id": writer.run_id})
+        self.path = self.attributes.path = Path(path).resolve()
+        self.attributes["run_id"] = writer.run_id
+
+    def __repr__(self):
+        held = ", ".join(f"{name} {self._arrays[name].shape}" for name in list(self)[:_SHOWN])
+        more = f" and {len(self) - _SHOWN} more" if len(self) > _SHOWN else ""
+        return f"<{type(self).__name__} {self.path.name}: {held}{more}>"
+
+    def _repr_html_(self):
+        """A table of shapes and attributes for notebooks."""
+        rows = [(name, f"{array.shape} {array.dtype}") for name, array in self._arrays.items()]
+        rows += [(name, _told(value)) for name, value in self.attributes.items()]
+        cells = "".join(f"<tr><td>{html.escape(a)}</td><td>{html.escape(b)}</td></tr>" for a, b in rows)
+        title = html.escape(f"{type(self).__name__} {self.path.name}")
+        return f"<table><caption>{title}</caption>{cells}</table>"
 
     def __getitem__(self, name):
         return self.stored(name)[...]
@@ -119,6 +174,11 @@ class Result(Mapping):
         return law_of(self.attributes)
 
 
+def _told(value):
+    text = " ".join(str(value).split())
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]} …"
+
+
 class Fields:
     """Displacement fields of a sweep per unit strain, read on demand. F frequencies, n disks."""
 
@@ -133,8 +193,8 @@ class Fields:
 class SweepResult(Result):
     """G*(ω) of a packing: `omega` (M,), `G` (M,) complex, `error_bound` (M,) on |ΔG*|, units k and 1/τ₁."""
 
-    def __init__(self, h5, path):
-        super().__init__(h5, path)
+    def __init__(self, *found):
+        super().__init__(*found)
         self.omega, self.G, self.error_bound = (self[name] for name in ("omega", "G", "error_bound"))
 
     @property
@@ -228,8 +288,7 @@ def _sound_spectrum(path, G0, eta_inf, rates, weights):
     return spectrum
 
 
-LOADERS = {  # format -> loader(h5, path); a new format needs a line here
-    "jampetsc-packing": packing_from,
+RESULTS = {  # format -> class; a new format needs a line here
     "jampetsc-sweep": SweepResult,
     "jampetsc-quasistatic": Result,
     "jampetsc-modes": Result,
@@ -263,9 +322,10 @@ def _load(path):
         name = check_format(path, attrs)
         if name == "jampetsc-part":
             raise InputError(f"{path}: is one rank's part: open the joint file beside its folder")
-        if name not in LOADERS:
-            raise InputError(
-                f"{path}: format {name}: this jampetsc reads {', '.join(LOADERS)}; use a newer one"
-            )
+        if name == packing_file.FORMAT:
+            return packing_file.packing_from(h5, path)
+        if name not in RESULTS:
+            known = ", ".join((packing_file.FORMAT, *RESULTS))
+            raise InputError(f"{path}: format {name}: this jampetsc reads {known}; use a newer one")
         PartList(h5, path).check()
-        return LOADERS[name](h5, path)
+        return RESULTS[name].read(h5, path)
