@@ -59,6 +59,7 @@ FAMILIES = {
     ),
 }
 DEFAULT = "contact"
+NAMES = {"contact": "ContactDamping", "stokes": "StokesDrag"}  # functions that make one
 OPTIONS = tuple(name for family in FAMILIES.values() for name in family.options)
 
 
@@ -122,6 +123,17 @@ class Law:
 
     def __str__(self):
         return self.label
+
+    def __repr__(self):
+        if self.family is None:
+            return f"Law({self.label!r}, …)"
+        given = {"tau1": self.tau1} if self.tau1 != 1.0 else {}
+        given |= {
+            name: value
+            for name, value in self.options
+            if value != FAMILIES[self.family].options[name].default
+        }
+        return f"{NAMES[self.family]}({', '.join(f'{name}={value!r}' for name, value in given.items())})"
 
 
 @dataclass(frozen=True)

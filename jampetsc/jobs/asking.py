@@ -89,6 +89,7 @@ class Parameter:
 
     low, high   closed range of a number; above: open lower end
     choices     values that there are, a sequence or the keys of a table
+    off         of a switch that is on: help of the option that turns it off
     unit        that the value is in, for help and documentation
     group       heading that help puts it under
     place       OPTION, FILE or FILES
@@ -102,6 +103,7 @@ class Parameter:
     high: float | None = None
     above: float | None = None
     choices: tuple = ()
+    off: str = ""
     unit: str = ""
     metavar: str = ""
     group: str = ""

@@ -16,7 +16,8 @@ def law_parameters(default):
         option = FAMILIES[owners[0]].options[name]
         belongs = f"law {' or '.join(owners)}"
         if isinstance(option.default, bool):
-            found.append(Parameter(name, f"{option.meaning} ({belongs})", SWITCH, True, group=GROUP))
+            off = f"{option.meaning} ({belongs})"
+            found.append(Parameter(name, f"unless {off}", SWITCH, True, off=off, group=GROUP))
         else:
             told = f"{option.meaning} ({belongs}, default {option.default:g})"
             found.append(Parameter(name, told, NUMBER, None, metavar=name.upper(), group=GROUP))
@@ -40,7 +41,12 @@ def law_told(law: Law) -> dict:
 
 
 DAMPING = Part(law_parameters(DEFAULT), law_made, law_told, Law)
-PRESTRESS = asked(True, "drop the f/r term of K (BT: 'without pre-stress')", group=GROUP)
+PRESTRESS = asked(
+    True,
+    "K keeps the f/r term of its contacts (BT: 'with pre-stress')",
+    off="drop the f/r term of K (BT: 'without pre-stress')",
+    group=GROUP,
+)
 
 
 def refuse_law_without_contacts(law: Law, parameter: str, remedy: str) -> None:

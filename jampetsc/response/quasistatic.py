@@ -24,8 +24,8 @@ from jampetsc.errors import InputError
 from jampetsc.mechanics.network import Network, build_network
 from jampetsc.response.balance import Relaxed
 from jampetsc.response.elastic import ElasticResponse
-from jampetsc.response.run import split_field
 from jampetsc.response.record import run_record
+from jampetsc.response.run import split_field
 from jampetsc.response.viscosity import Flow, Viscosity
 from jampetsc.session import current
 from jampetsc.storage.outlet import Outlet

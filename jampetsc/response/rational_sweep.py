@@ -6,8 +6,8 @@ from jampetsc.errors import InputError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.progress import Progress
-from jampetsc.response.run import Run, split_field, write_sweep
 from jampetsc.response.rational import RationalSweep
+from jampetsc.response.run import Run, split_field, write_sweep
 from jampetsc.session import current
 from jampetsc.solvers.cholesky import NotPositiveDefinite
 

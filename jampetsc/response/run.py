@@ -11,10 +11,10 @@ from jampetsc.contacts.laws import Physics
 from jampetsc.contacts.minimum import proved_minimum
 from jampetsc.contacts.state import BALANCED
 from jampetsc.errors import InputError, named
-from jampetsc.storage.outlet import Outlet
 from jampetsc.mechanics.network import build_network
 from jampetsc.response.limits import LARGEST, SMALLEST
 from jampetsc.response.record import run_record
+from jampetsc.storage.outlet import Outlet
 from jampetsc.storage.packing_file import read_identified, source_told
 
 FORMAT = "jampetsc-sweep"

@@ -70,7 +70,7 @@ def _word(one, text):
 
 def _help(one):
     """The line of help, with choices, unit and default."""
-    told = [one.help]
+    told = [one.off or one.help]
     if one.choices:
         told.append(f"({', '.join(one.choices)})")
     if one.unit:
@@ -102,8 +102,8 @@ def takes_petsc(job, args) -> bool:
 def run(job, args, petsc_argv) -> int:
     """Do what parsed words ask for and print what was found. Collective."""
     from jampetsc import session
-    from jampetsc.storage.outlet import Outlet
     from jampetsc.jobs.perform import perform
+    from jampetsc.storage.outlet import Outlet
 
     asked = job_of(job, args)
     out = getattr(args, "out", None) or asked.place
