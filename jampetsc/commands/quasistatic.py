@@ -41,10 +41,6 @@ def run(args, petsc_argv) -> int:
     physics, betas = check(args)
     check_output(args.out, quasistatic.FORMAT, [args.packing])
     running = session.start("real", petsc_argv)
-    from jampetsc.solvers import inertia, shifted
-    from jampetsc.solvers.rehearsal import rehearse
-
-    rehearse(shifted.rehearse, inertia.rehearse)
     outcome = quasistatic.run(args.packing, args.out, physics, betas)
     if running.rank == 0:
         print(summary(args.out, physics, outcome))

@@ -54,8 +54,6 @@ def run(args, petsc_argv) -> int:
 
     from jampetsc import session
     from jampetsc.collective import by_rank_0
-    from jampetsc.solvers import eigen, inertia, local, shifted
-    from jampetsc.solvers.rehearsal import rehearse
     from jampetsc.storage.ensemble import TABLE
     from jampetsc.studies import run as study
 
@@ -64,7 +62,6 @@ def run(args, petsc_argv) -> int:
         running.comm, lambda: read(args.study)
     )  # of one rank for all: it may be edited meanwhile
     tasks = plan(args.study, content, parsers)
-    rehearse(local.rehearse, shifted.rehearse, inertia.rehearse, eigen.rehearse)
     rows = study.run(tasks, folder, parsers, args.study, content, running)
     failures = [row for row in rows if row["state"] != "done"]
     if running.rank == 0:

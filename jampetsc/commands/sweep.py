@@ -5,7 +5,6 @@ from jampetsc.words.law import add_damping_options, add_law_options, damping_fro
 
 NAME = "sweep"
 DEFAULT_OMEGA = "1e-10:1e4:141"
-PREFIXES = {"rational": ("shift_", "inertia_"), "direct": ("freq_",)}  # of the PETSc options of each method
 
 
 def add_parser(subparsers):
@@ -87,36 +86,15 @@ def run(args, petsc_argv) -> int:
     how = (args.method, args.accuracy, args.out, damping, args.parallel or "auto")
     job = Job.read(args.packing, physics, omega, fields, *how, comm=running.comm)
 
-    from jampetsc.response import direct, direct_sweep, rational_sweep
+    from jampetsc.response import direct_sweep, rational_sweep
     from jampetsc.response.stability import settle
-    from jampetsc.solvers import inertia, shifted
-    from jampetsc.solvers.rehearsal import rehearse
 
-    solvers = {
-        "rational": [shifted.rehearse, inertia.rehearse] if job.method == "rational" else [],
-        # a packing that turns out to be no minimum is solved by the direct method
-        "direct": [] if job.method == "rational" and job.negative_modes == 0 else [direct.rehearse],
-    }
-    _refuse_options_of_others(running, [method for method, its in solvers.items() if not its])
-    rehearse(*solvers["rational"], *solvers["direct"])
     job = settle(job)
     sweep = direct_sweep if job.method == "direct" else rational_sweep
     omega, G, bounds = sweep.run(job)
     if running.rank == 0:
         print(summary(job, job.asked(omega), G, bounds))
     return 0
-
-
-def _refuse_options_of_others(running, methods):
-    """Raise InputError for PETSc options of methods that this run has no use for. Collective."""
-    given = running.unused_options()
-    for method in methods:
-        for name in given:
-            if name.startswith(PREFIXES[method]):
-                raise InputError(
-                    f"PETSc option -{name}: belongs to --method {method}, which this run is not: ask for that, or "
-                    "leave the option out"
-                )
 
 
 def summary(job, omega, G, bounds) -> str:
