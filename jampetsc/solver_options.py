@@ -62,7 +62,7 @@ def names_given(petsc_argv) -> list[str]:
     Raises InputError for words that petsc4py cannot hand on, and for an options file that PETSc would refuse at length.
     """
     names = []
-    for word, value in zip(petsc_argv, [*petsc_argv[1:], ""], strict=True):
+    for word, value in zip(petsc_argv, [*petsc_argv[1:], ""], strict=False):
         if not word.isprintable():
             raise InputError(f"{ascii(word)[1:-1]}: PETSc takes printable text only: use another name")
         if OPTION.match(word):
