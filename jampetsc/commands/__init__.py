@@ -56,9 +56,11 @@ def add_command(name, subparsers) -> None:
         importlib.import_module(module).add_parser(subparsers)
     parser = subparsers.choices[name]
     parser.set_defaults(command=name)
-    parser.add_argument(
-        "--quiet", action="store_true", default=None, help="do not tell how far the run has come"
+    told = parser.add_mutually_exclusive_group()
+    told.add_argument(
+        "-q", "--quiet", action="store_true", default=None, help="do not tell how far the run has come"
     )
+    told.add_argument("-v", "--verbose", action="store_true", default=None, help="tell more of it")
     if name not in REPLACES:
         parser.add_argument(
             "--overwrite",
