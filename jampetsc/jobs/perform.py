@@ -6,8 +6,8 @@ import sys
 from jampetsc import progress, session
 from jampetsc.collective import by_rank_0
 from jampetsc.jobs.job import Job
-from jampetsc.storage.outlet import Outlet
 from jampetsc.progress import LOG
+from jampetsc.storage.outlet import Outlet
 from jampetsc.storage.provenance import recorded_as
 from jampetsc.storage.request import Request, asked
 
