@@ -48,9 +48,6 @@ def answer(job: Job, out=None, *, checkpoint=None, overwrite=False, told=False):
     told        whether progress is told on stderr
     """
     to = Outlet(out, out if checkpoint is None else checkpoint)
-    token = progress.quiet.set(not told)
-    try:
+    with progress.silent(not told):
         perform(job, to, argv=job.line(out), overwrite=overwrite)
-    finally:
-        progress.quiet.reset(token)
     return to.result

@@ -121,4 +121,4 @@ def run(job, args, petsc_argv) -> int:
     comm = None if asked.scalar is None else session.communicator()
     if told and (comm is None or comm.rank == 0):
         print(told)
-    return 0
+    return to.status
