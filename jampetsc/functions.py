@@ -31,6 +31,7 @@ from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import DEFAULT, Law, Physics, damping_law
 from jampetsc.errors import InputError
 from jampetsc.jobs.functions import function_of
+from jampetsc.jobs.pack import Pack
 from jampetsc.jobs.quasistatic import Quasistatic
 from jampetsc.jobs.sweep import Sweep
 from jampetsc.mechanics.matrices import Matrices, matrices_of
@@ -43,7 +44,7 @@ from jampetsc.studies.options import positional_of, words_of
 
 FUNCTIONS = (*KINDS, "collapse", "study")
 
-sweep, quasistatic = map(function_of, (Sweep, Quasistatic))
+pack, sweep, quasistatic = map(function_of, (Pack, Sweep, Quasistatic))
 
 _number = itertools.count(1)
 _folder = None  # of files that were given no name; goes with the process
@@ -135,11 +136,6 @@ def _temporary():
         if comm is None or comm.rank == 0:
             atexit.register(shutil.rmtree, _folder, ignore_errors=True)
     return os.path.join(_folder, f"{next(_number)}.h5")
-
-
-def pack(*, out=None, **options):
-    """A packing, see `run` and `jampetsc pack --help`; Disks. Collective."""
-    return run("pack", out=out, **options)
 
 
 def assemble(packing, law=DEFAULT, *, prestress=True, tau1=1.0, **options) -> Matrices:

@@ -15,7 +15,7 @@ and keeps its heavy imports (numpy, h5py, numba, matplotlib) inside `run`, so th
 import importlib
 
 COMMANDS = {
-    "pack": "jampetsc.commands.pack",
+    "pack": "jampetsc.jobs.pack:Pack",
     "import": "jampetsc.commands.importing",
     "sweep": "jampetsc.jobs.sweep:Sweep",
     "quasistatic": "jampetsc.jobs.quasistatic:Quasistatic",

@@ -6,6 +6,7 @@ A job joins by one line here: command, python function, table of studies and doc
 import importlib
 
 JOBS = {
+    "pack": "pack:Pack",
     "sweep": "sweep:Sweep",
     "quasistatic": "quasistatic:Quasistatic",
     "study": "study:Study",
