@@ -78,6 +78,8 @@ seed gives the same packing to the last bit, whatever the number of threads and 
 
 Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat_solver_type mumps."""
 
+    SOLVERS: ClassVar = ("newton_",)
+
     n: int | None = asked(None, "number of disks", low=FEWEST, high=MOST, group=WHAT)
     pressure: float | Sequence[float] | None = asked(
         None,
@@ -204,13 +206,6 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         with asked(None):  # each packing says itself what it was asked to be
             for task in [] if to.path is None else self.tasks(str(to.path)):
                 check_output(task.path, self.FORMAT, files)
-
-    def rehearse(self):
-        """Newton steps. Collective."""
-        from jampetsc.solvers import local
-        from jampetsc.solvers.rehearsal import rehearse
-
-        rehearse(local.rehearse)
 
     def work(self, to):
         """Make what is not there yet, every rank its own packings. Collective."""

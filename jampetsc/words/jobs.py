@@ -113,7 +113,7 @@ def run(job, args, petsc_argv) -> int:
             asked,
             to,
             petsc_argv=petsc_argv,
-            overwrite=args.overwrite,
+            overwrite=getattr(args, "overwrite", False),
             alone=asked.scalar is None,
         )
     except JampetscError as error:
