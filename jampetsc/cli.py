@@ -17,7 +17,7 @@ import time
 
 from jampetsc import launcher, progress, session, solver_options, streams
 from jampetsc.commands import COMMANDS, add_command
-from jampetsc.errors import InputError, JampetscError
+from jampetsc.errors import InputError, JampetscError, option
 from jampetsc.version import VERSION
 
 REMEDIES = {errno.ENOSPC: ": free some space, or write elsewhere", errno.EACCES: ": check its permissions"}
@@ -81,6 +81,8 @@ def dispatch(argv):
     told = progress.quiet.set(bool(args.quiet))
     try:
         return _run(args, argv, petsc_argv)
+    except JampetscError as error:
+        raise type(error)(error.told(option)) from None
     finally:
         progress.quiet.reset(told)
 
