@@ -17,7 +17,7 @@ import time
 
 from jampetsc import launcher, progress, session, solver_options, streams
 from jampetsc.commands import COMMANDS, add_command
-from jampetsc.errors import InputError, JampetscError
+from jampetsc.errors import InputError, JampetscError, option
 from jampetsc.version import VERSION
 
 REMEDIES = {errno.ENOSPC: ": free some space, or write elsewhere", errno.EACCES: ": check its permissions"}
@@ -81,7 +81,10 @@ def dispatch(argv):
         )
     solver_options.check(args.command, petsc_argv)
     progress.tell(-1 if args.quiet else 1 if args.verbose else 0)
-    return _run(args, argv, petsc_argv)
+    try:
+        return _run(args, argv, petsc_argv)
+    except JampetscError as error:
+        raise type(error)(error.told(option)) from None
 
 
 def _run(args, argv, petsc_argv):

@@ -15,8 +15,8 @@ and keeps its heavy imports (numpy, h5py, numba, matplotlib) inside `run`, so th
 import importlib
 
 COMMANDS = {
-    "pack": "jampetsc.commands.pack",
-    "import": "jampetsc.commands.importing",
+    "pack": "jampetsc.jobs.pack:Pack",
+    "import": "jampetsc.jobs.importing:Import",
     "sweep": "jampetsc.jobs.sweep:Sweep",
     "quasistatic": "jampetsc.jobs.quasistatic:Quasistatic",
     "modes": "jampetsc.commands.modes",
@@ -29,10 +29,10 @@ COMMANDS = {
     "collapse": "jampetsc.commands.collapse",
     "study": "jampetsc.jobs.study:Study",
     "trade": "jampetsc.commands.trade",
-    "info": "jampetsc.commands.info",
-    "merge": "jampetsc.commands.merge",
-    "export": "jampetsc.commands.export",
-    "matrices": "jampetsc.commands.matrices",
+    "info": "jampetsc.jobs.info:Info",
+    "merge": "jampetsc.jobs.merge:Merge",
+    "export": "jampetsc.jobs.export:Export",
+    "matrices": "jampetsc.jobs.matrices:Matrices",
     "plot": "jampetsc.commands.plot",
 }
 

@@ -93,6 +93,7 @@ class Parameter:
     off         of a switch that is on: help of the option that turns it off
     unit        that the value is in, for help and documentation
     group       heading that help puts it under
+    also        another option of a command line that means it
     place       OPTION, FILE or FILES
     """
 
@@ -108,6 +109,7 @@ class Parameter:
     unit: str = ""
     metavar: str = ""
     group: str = ""
+    also: str = ""
     place: str = OPTION
 
     @property

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from jampetsc.errors import InputError, named
 from jampetsc.jobs.asking import FILE, OPTION, parameter_of, parameters, parts
+from jampetsc.jobs.kinds import input_told
 from jampetsc.storage.outlet import Outlet
 from jampetsc.storage.outputs import check_output
 
@@ -31,6 +32,7 @@ class Job:
     SOLVERS: ClassVar[tuple] = ()  # prefixes of the PETSc options that its solvers read, see `solver_options`
     OUT: ClassVar[str] = "required"  # whether its command needs --out: required, optional, or "" for no file
     OUT_HELP: ClassVar[str] = "result file (HDF5)"
+    GIVES: ClassVar[str] = ""  # what python gets, where that is not what `load` gives for its file
     AGAIN: ClassVar[bool] = False  # whether its result is made anew without asking: pictures and tables
 
     def __post_init__(self):
@@ -66,13 +68,9 @@ class Job:
 
     @property
     def sources(self) -> list:
-        """What it reads: names of files, and packings in memory."""
-        found = []
-        for name, parameter in parameters(type(self)).items():
-            if parameter.place != OPTION:
-                value = getattr(self, name)
-                found += value if isinstance(value, tuple) else [value]
-        return [one for one in found if one is not None]
+        """What it reads: names of files, and packings and results in memory."""
+        places = [name for name, one in parameters(type(self)).items() if one.place != OPTION]
+        return [one for name in places for one in _several(getattr(self, name))]
 
     @property
     def files(self) -> list[str]:
@@ -104,8 +102,8 @@ class Job:
         return words
 
     def line(self, out=None) -> list[str]:
-        """A command line that does the same; packings in memory are told by what they are."""
-        given = [one if isinstance(one, str | Path) else f"<{one.n} disks>" for one in self.sources]
+        """A command line that does the same; packings and results in memory are told by what they are."""
+        given = [input_told(one) for one in self.sources]
         return ["jampetsc", self.NAME, *map(str, given), *(["--out", str(out)] if out else []), *self.words()]
 
     def same(self, name, one, other) -> bool:
@@ -125,8 +123,17 @@ class Job:
         """Do it and put what is found into the outlet `to`; what a user wants to read. Collective."""
         raise NotImplementedError
 
+    def answer(self, to: Outlet, told: str):
+        """What python gets: what `load` gives for the file, or the same in memory; told: what `work` has said."""
+        return to.result
+
     def __str__(self):
         return shlex.join(self.line())
+
+
+def _several(value) -> list:
+    """What a place of a command line holds, as a list."""
+    return list(value) if isinstance(value, tuple) else [] if value is None else [value]
 
 
 def _canonical(parameter, told):

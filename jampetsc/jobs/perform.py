@@ -54,5 +54,5 @@ def answer(job: Job, out=None, *, checkpoint=None, overwrite=False, told=False):
     """
     to = Outlet(out, out if checkpoint is None else checkpoint)
     with progress.telling(told):
-        perform(job, to, argv=job.line(out), overwrite=overwrite)
-    return to.result
+        told = perform(job, to, argv=job.line(out), overwrite=overwrite)
+    return job.answer(to, told)
