@@ -28,7 +28,7 @@ COMMANDS = {
     "correlate": "jampetsc.commands.correlate",
     "collapse": "jampetsc.commands.collapse",
     "study": "jampetsc.jobs.study:Study",
-    "trade": "jampetsc.commands.trade",
+    "trade": "jampetsc.jobs.trade:Trade",
     "info": "jampetsc.jobs.info:Info",
     "merge": "jampetsc.jobs.merge:Merge",
     "export": "jampetsc.jobs.export:Export",

@@ -15,6 +15,7 @@ JOBS = {
     "sweep": "sweep:Sweep",
     "quasistatic": "quasistatic:Quasistatic",
     "study": "study:Study",
+    "trade": "trade:Trade",
 }
 
 

@@ -78,7 +78,7 @@ class Job:
         return [one for one in self.sources if isinstance(one, str | Path)]
 
     def told(self) -> dict:
-        """{parameter: value} of all that is no file and not off, as JSON and command lines can hold it."""
+        """{parameter: value} as JSON and command lines can hold it: all that is no file, switches that are not usual."""
         values = {}
         for name, parameter in parameters(type(self)).items():
             if hasattr(self, name) and parameter.place == OPTION and name not in parts(type(self)):
@@ -86,7 +86,13 @@ class Job:
                 values[name] = value if value is None else parameter.kind.tell(value)
         for name, part in parts(type(self)).items():
             values |= part.tell(getattr(self, name))
-        return {name: value for name, value in values.items() if value is not None and value is not False}
+        known = parameters(type(self))
+        usual = {name: one.default for name, one in known.items() if isinstance(one.default, bool)}
+        return {
+            name: value
+            for name, value in values.items()
+            if value is not None and usual.get(name) is not value
+        }
 
     def words(self) -> list[str]:
         """The options of a command line that asks for the same."""
@@ -95,8 +101,8 @@ class Job:
             if parameter.place != OPTION:
                 continue
             if isinstance(parameter.default, bool):
-                words += [parameter.word] * (told.get(name, False) != parameter.default)
-            elif name in told and told[name] != parameter.default:
+                words += [parameter.word] * (name in told)
+            elif name in told and (parameter.default is None or not self.same(name, told[name], None)):
                 text = str(told[name])
                 words += [f"{parameter.word}={text}"] if text.startswith("-") else [parameter.word, text]
         return words
@@ -107,7 +113,7 @@ class Job:
         return ["jampetsc", self.NAME, *map(str, given), *(["--out", str(out)] if out else []), *self.words()]
 
     def same(self, name, one, other) -> bool:
-        """Whether two told values of a parameter mean the same, however they are written."""
+        """Whether two told values of a parameter mean the same, however they are written; None is the default."""
         parameter = parameters(type(self)).get(name)
         try:
             return parameter is not None and _canonical(parameter, one) == _canonical(parameter, other)
@@ -137,5 +143,5 @@ def _several(value) -> list:
 
 
 def _canonical(parameter, told):
-    value = parameter.read(told)
+    value = parameter.read(parameter.default if told is None and not parameter.required else told)
     return value if value is None else parameter.kind.tell(value)
