@@ -114,9 +114,9 @@ def test_no_reference_is_one_line_and_no_file(packing, tmp_path):
     [
         (["--out", "t.txt"], "--out t.txt: give it the ending .csv"),
         (["--out", "t.csv", "--choices", "method,speed"], "--choices method,speed: 'speed' is none of"),
-        (["--out", "t.csv", "--ranks", 0], "--ranks 0: must be 1 or more"),
+        (["--out", "t.csv", "--ranks", 0], "--ranks 0: must lie in [1, 100000]"),
         (["--out", "t.csv", "--omega", "1:x:3"], "--omega 1:x:3: write low:high:count"),
-        (["--out", "t.csv", "--options-files", "none.opts"], "--options-files none.opts: no such file"),
+        (["--out", "t.csv", "--options-files", "none.opts"], "--options-files none.opts: none.opts: no such file"),
         (["--out", "none/t.csv"], "none/t.csv: folder none does not exist"),
         (["--out", "t.csv", "--law", "stokes", "--beta", 1], "--beta: belongs to --law contact"),
     ],
@@ -131,7 +131,7 @@ def test_bad_input_is_one_line(packing, tmp_path, monkeypatch, words, message):
 
 def test_not_under_mpirun(packing, tmp_path, monkeypatch):
     monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "2")
-    with pytest.raises(InputError, match="run it without mpirun and give ranks"):
+    with pytest.raises(InputError, match="run it without mpirun and give --ranks"):
         cli.dispatch(["trade", str(packing), "--out", str(tmp_path / "t.csv")])
 
 
@@ -367,7 +367,7 @@ def test_what_cannot_be_measured_is_said(told, tmp_path):
     assert [line.split(":")[0] for line in left_out] == [
         f"{tmp_path}/none.opts is not there", "number of frequencies", "critical window, 10 p/k < omega tau1 < 0.1",
     ]  # fmt: skip
-    assert "none.opts is not there: left out; --options-files names others" in left_out[0]
+    assert "none.opts is not there: left out; options_files names others" in left_out[0]
 
 
 @pytest.mark.parametrize(
