@@ -30,6 +30,7 @@ from jampetsc.commands import parsers_of
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import DEFAULT, Law, Physics, damping_law
 from jampetsc.errors import InputError
+from jampetsc.jobs.collapse import Collapse
 from jampetsc.jobs.export import Export
 from jampetsc.jobs.functions import function_of
 from jampetsc.jobs.info import Info
@@ -44,10 +45,10 @@ from jampetsc.storage.reader import load
 from jampetsc.storage.request import asked
 from jampetsc.studies.kinds import KINDS
 
-FUNCTIONS = (*KINDS, "collapse", "study")
+FUNCTIONS = (*KINDS, "study")
 
-pack, sweep, quasistatic, export, merge, info = map(
-    function_of, (Pack, Sweep, Quasistatic, Export, Merge, Info)
+pack, sweep, quasistatic, collapse, export, merge, info = map(
+    function_of, (Pack, Sweep, Quasistatic, Collapse, Export, Merge, Info)
 )
 
 _number = itertools.count(1)
@@ -196,11 +197,6 @@ def shear(*start, out=None, **options):
 def jam(*, out=None, **options):
     """Which of many packings jam, see `run` and `jampetsc jam --help`; a Result. Collective."""
     return run("jam", out=out, **options)
-
-
-def collapse(*files, out=None, **options):
-    """A scaling form fitted to flows, see `run` and `jampetsc collapse --help`; a Result. Collective."""
-    return run("collapse", *files, out=out, **options)
 
 
 def study(description, *, out, **options):

@@ -22,6 +22,7 @@ examples:
   jampetsc trade packing.h5 --out trade.csv --ranks 2 --choices method --options-files mine.opts
 
 Times mean something on a machine that does nothing else."""
+AGAIN = True
 
 
 def add_parser(subparsers):

@@ -12,6 +12,7 @@ JOBS = {
     "matrices": "matrices:Matrices",
     "merge": "merge:Merge",
     "info": "info:Info",
+    "collapse": "collapse:Collapse",
     "sweep": "sweep:Sweep",
     "quasistatic": "quasistatic:Quasistatic",
     "study": "study:Study",

@@ -1,7 +1,7 @@
 """A job: what is asked, as a frozen dataclass, and how it is answered. Functions and commands are made of its class."""
 
 import shlex
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -72,6 +72,12 @@ class Job:
         places = [name for name, one in parameters(type(self)).items() if one.place != OPTION]
         return [one for name in places for one in _several(getattr(self, name))]
 
+    def whole(self) -> "Job":
+        """The same, of results in memory all rows on every rank, for what one rank does. Collective."""
+        held = {field.name: getattr(self, field.name) for field in fields(self)}
+        whole = {name: _whole(value) for name, value in held.items()}
+        return replace(self, **{name: value for name, value in whole.items() if value is not held[name]})
+
     @property
     def files(self) -> list[str]:
         """Those of `sources` that are files."""
@@ -129,6 +135,13 @@ class Job:
 
     def __str__(self):
         return shlex.join(self.line())
+
+
+def _whole(value):
+    """A result, or a tuple of them, with all rows; anything else as it is."""
+    if isinstance(value, tuple) and any(hasattr(one, "whole") for one in value):
+        return tuple(_whole(one) for one in value)
+    return value.whole() if hasattr(value, "whole") else value
 
 
 def _several(value) -> list:

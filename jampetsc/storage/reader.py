@@ -113,6 +113,13 @@ class Result(Mapping):
         arrays = {name: memory.arrays[name] for name in sorted(memory.arrays, key=lambda n: n.split("/"))}
         return kind(memory.found, arrays, f"{name} in memory", memory.comm)
 
+    def whole(self) -> "Result":
+        """The same with all rows on every rank. Collective for a result in memory."""
+        if self._comm is None or self._comm.size == 1:
+            return self
+        arrays = {name: array.whole(self._comm) for name, array in self._arrays.items()}
+        return type(self)(self.attributes, arrays, self.path, self._comm)
+
     def save(self, path) -> None:
         """Write it to a file, which `path` is from then on; an earlier result of its kind there is replaced.
 

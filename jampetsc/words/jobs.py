@@ -25,11 +25,21 @@ def add_job(job, subparsers) -> None:
         _add(groups.get(heading, parser), name, one)
     if job.OUT:
         parser.add_argument("--out", metavar="FILE", required=job.OUT == "required", help=job.OUT_HELP)
+    add_common(parser, job.AGAIN or not job.OUT)
     parser.set_defaults(
         run=functools.partial(run, job),
         check=functools.partial(job_of, job),
         takes_petsc=functools.partial(takes_petsc, job),
     )
+
+
+def add_common(parser, again) -> None:
+    """Add the options that all commands have; again: there is no result that would have to be refused."""
+    quiet = "do not tell how far the run has come"
+    parser.add_argument("--quiet", action="store_true", default=None, help=quiet)
+    if not again:
+        overwrite = "replace a finished result of other settings, which is refused otherwise"
+        parser.add_argument("--overwrite", action="store_true", default=None, help=overwrite)
 
 
 def _add(parser, name, one):
