@@ -35,8 +35,10 @@ def add_job(job, subparsers) -> None:
 
 def add_common(parser, again) -> None:
     """Add the options that all commands have; again: there is no result that would have to be refused."""
+    told = parser.add_mutually_exclusive_group()
     quiet = "do not tell how far the run has come"
-    parser.add_argument("--quiet", action="store_true", default=None, help=quiet)
+    told.add_argument("-q", "--quiet", action="store_true", default=None, help=quiet)
+    told.add_argument("-v", "--verbose", action="store_true", default=None, help="tell more of it")
     if not again:
         overwrite = "replace a finished result of other settings, which is refused otherwise"
         parser.add_argument("--overwrite", action="store_true", default=None, help=overwrite)
