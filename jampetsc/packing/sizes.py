@@ -12,3 +12,8 @@ def radii_of(sizes: str, n: int):
         return np.full(n, 0.5)
     small = 1.0 / (1.0 + RATIO)
     return np.where(np.arange(n) % 2 == 0, small, RATIO * small)
+
+
+def in_small_diameters(radii):
+    """The radii (N,) in units of the smallest diameter, as Vågberg has them."""
+    return radii * (0.5 / radii.min())
