@@ -28,6 +28,7 @@ __all__ = [
     "import_packing",
     "jam",
     "load",
+    "models",
     "modes",
     "oscillate",
     "pack",
@@ -54,4 +55,6 @@ _HOMES = {  # of what is no function of `jampetsc.functions`
 def __getattr__(name):  # PEP 562: numpy and h5py are imported when something of it is first used
     if name not in __all__:
         raise AttributeError(f"module 'jampetsc' has no attribute {name!r}")
+    if name == "models":  # of flow
+        return import_module("jampetsc.flows.models")
     return getattr(import_module(_HOMES.get(name, "jampetsc.functions")), name)

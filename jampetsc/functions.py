@@ -4,7 +4,7 @@
     packing = jampetsc.pack(n=256, pressure=1e-3, seed=1, out="p.h5")
     sweep = jampetsc.sweep("p.h5", beta=1e-3, fields=[1e-3, 1.0])
     slow = jampetsc.quasistatic(packing, no_prestress=True)
-    flow = jampetsc.flow(packing, model="CD0", rate=1e-3, strain=5)
+    flow = jampetsc.flow(packing, jampetsc.models.CD0(), rate=1e-3, strain=5)
     table = jampetsc.study("study.toml", out="folder")
 
 Keywords are the long options with _ for -; from_, for --from, takes a packing as it is. True is a switch that is
@@ -30,8 +30,12 @@ from jampetsc.commands import parsers_of
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import DEFAULT, Law, Physics, damping_law
 from jampetsc.errors import InputError
+from jampetsc.jobs.flow import Flow
 from jampetsc.jobs.functions import function_of
+from jampetsc.jobs.jam import Jam
+from jampetsc.jobs.pack import Pack
 from jampetsc.jobs.quasistatic import Quasistatic
+from jampetsc.jobs.shear import Shear
 from jampetsc.jobs.sweep import Sweep
 from jampetsc.mechanics.matrices import Matrices, matrices_of
 from jampetsc.storage.packing_file import read_packing, write_packing
@@ -43,7 +47,7 @@ from jampetsc.studies.options import positional_of, words_of
 
 FUNCTIONS = (*KINDS, "collapse", "study")
 
-sweep, quasistatic = map(function_of, (Sweep, Quasistatic))
+pack, sweep, quasistatic, flow, shear, jam = map(function_of, (Pack, Sweep, Quasistatic, Flow, Shear, Jam))
 
 _number = itertools.count(1)
 _folder = None  # of files that were given no name; goes with the process
@@ -137,11 +141,6 @@ def _temporary():
     return os.path.join(_folder, f"{next(_number)}.h5")
 
 
-def pack(*, out=None, **options):
-    """A packing, see `run` and `jampetsc pack --help`; Disks. Collective."""
-    return run("pack", out=out, **options)
-
-
 def assemble(packing, law=DEFAULT, *, prestress=True, tau1=1.0, **options) -> Matrices:
     """K, B and the border of a packing; `.to_scipy()` has them on every rank. Collective.
 
@@ -176,24 +175,6 @@ def correlate(*files, out=None, **options):
 def oscillate(packing, *, out=None, **options):
     """Steady oscillations, see `run` and `jampetsc oscillate --help`; a Result. Collective."""
     return run("oscillate", packing, out=out, **options)
-
-
-def flow(*start, out=None, **options):
-    """Steady shear at a rate, see `run` and `jampetsc flow --help`; a Result. Collective.
-
-    start   a packing or a flow to go on from; nothing where n and phi say what to make
-    """
-    return run("flow", *start, out=out, **options)
-
-
-def shear(*start, out=None, **options):
-    """Quasistatic shear, start as of `flow`, see `run` and `jampetsc shear --help`; a Result. Collective."""
-    return run("shear", *start, out=out, **options)
-
-
-def jam(*, out=None, **options):
-    """Which of many packings jam, see `run` and `jampetsc jam --help`; a Result. Collective."""
-    return run("jam", out=out, **options)
 
 
 def collapse(*files, out=None, **options):

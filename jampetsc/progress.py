@@ -40,6 +40,11 @@ class Progress:
         elif not self.silent:
             streams.say(f"[{self.count}{f'/{self.total}' if self.total else ''}] {line}\n")
 
+    def show(self, line: str) -> None:
+        """What the step is at that is under way; on a terminal alone."""
+        if self.bar is not None:
+            self.bar.set_postfix_str(line)
+
     def note(self, line: str) -> None:
         """Say something beside the count."""
         if self.bar is not None:

@@ -15,15 +15,15 @@ and keeps its heavy imports (numpy, h5py, numba, matplotlib) inside `run`, so th
 import importlib
 
 COMMANDS = {
-    "pack": "jampetsc.commands.pack",
+    "pack": "jampetsc.jobs.pack:Pack",
     "import": "jampetsc.commands.importing",
     "sweep": "jampetsc.jobs.sweep:Sweep",
     "quasistatic": "jampetsc.jobs.quasistatic:Quasistatic",
     "modes": "jampetsc.commands.modes",
     "oscillate": "jampetsc.commands.oscillate",
-    "flow": "jampetsc.commands.flow",
-    "shear": "jampetsc.commands.shear",
-    "jam": "jampetsc.commands.jam",
+    "flow": "jampetsc.jobs.flow:Flow",
+    "shear": "jampetsc.jobs.shear:Shear",
+    "jam": "jampetsc.jobs.jam:Jam",
     "spectrum": "jampetsc.commands.spectrum",
     "correlate": "jampetsc.commands.correlate",
     "collapse": "jampetsc.commands.collapse",

@@ -1,4 +1,4 @@
-"""One run of flow: what is to be sheared and how far, made anew or out of an earlier flow, and the result it ends in."""
+"""One run of steady shear: what is sheared and how far, from its beginning or on from an earlier one; its result."""
 
 import time
 from dataclasses import asdict, dataclass
@@ -7,9 +7,8 @@ import numpy as np
 
 from jampetsc import session
 from jampetsc.collective import by_rank_0
-from jampetsc.contacts.disks import PLACES, Disks
+from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import Law
-from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import find_contacts
 from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.flows.means import Means, left_out, worth
@@ -104,9 +103,7 @@ def continued(earlier, strain) -> FlowRun:
     settings["model"]["law"] = Law(**settings["model"]["law"])
     model, scheme = Model(**settings["model"]), Scheme(**settings["scheme"])
     old = Plan(**settings["plan"])
-    potential = Potential(*(attrs[name] for name in ("potential", "stiffness", "k")))
-    arrays = {name: np.asarray(state[name], float) for name in (*PLACES, "radii")}
-    disks = Disks(**arrays, potential=potential)
+    disks = earlier.last
     more = Plan.of(settings["rate"], scheme.step, strain, 0.0, 0, old.steps)
     plan = Plan(old.steps, old.rows + more.rows, old.discard, old.snapshots)
     origin = {name: attrs[name] for name in KEPT if name in attrs}

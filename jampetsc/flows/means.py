@@ -111,7 +111,7 @@ def short(strain, spacing, *averages) -> list[str]:
     if least.enough:
         return []
     return [
-        f"strain {strain:.3g} after the strain discarded is short for a correlation strain of about {spacing * least.time:.2g}: "
+        f"strain {strain:.3g} after discard is short for a correlation strain of about {spacing * least.time:.2g}: "
         f"worth {least.samples:.0f} independent values, fewer than {FEW:.0f}, so errors are widened and still rough; "
         "a longer strain helps"
     ]

@@ -67,8 +67,8 @@ class Plan:
 def run(shear: Shear, plan: Plan, out, settings: dict, record=None) -> Record:
     """Shear until the plan's last row, from a checkpoint beside `out` where there is one of these settings.
 
-    out: None: no checkpoint. Else a kill loses at most INTERVAL seconds. Raises ConvergenceError where the time step is too long: a disk jumps,
-    or the energy balance is off by more than 5 % in the mean.
+    A kill loses at most INTERVAL seconds; all, where out is None. Raises ConvergenceError where the time step is too
+    long: a disk jumps, or the energy balance is off by more than 5 % in the mean.
     """
     comm = shear.together and shear.together.comm
     rank = comm.rank if comm else 0

@@ -156,7 +156,8 @@ class Shear:
     def _refuse(self, status):
         if status == compiled.UNSOLVED:
             raise ConvergenceError(
-                f"strain {self.strain:.6g}: velocities not found to {self.scheme.tolerance:g}: raise {named('tolerance')}"
+                f"strain {self.strain:.6g}: velocities not found to {self.scheme.tolerance:g}: "
+                f"raise {named('tolerance')}"
             )
         raise ConvergenceError(
             f"strain {self.strain:.6g}: a disk moves by more than half a diameter in one step of "

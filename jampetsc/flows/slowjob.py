@@ -54,7 +54,7 @@ class SlowRun:
 
 
 def execute(run: SlowRun, solver, to, last=None) -> str:
-    """Shear, the result into the outlet `to`, the last minimum as a packing to the file `last`; what a user wants to read.
+    """Shear; what a user wants to read. The result goes into the outlet `to`, the last minimum to the file `last`.
 
     solver: `solvers.local.NewtonSolver` for the quenches. Raises ConvergenceError where no minimum is found.
     """

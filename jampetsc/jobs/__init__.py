@@ -6,8 +6,12 @@ A job joins by one line here: command, python function, table of studies and doc
 import importlib
 
 JOBS = {
+    "pack": "pack:Pack",
     "sweep": "sweep:Sweep",
     "quasistatic": "quasistatic:Quasistatic",
+    "flow": "flow:Flow",
+    "shear": "shear:Shear",
+    "jam": "jam:Jam",
     "study": "study:Study",
 }
 

@@ -36,6 +36,7 @@ class Flow(FromStart):
 A run that was killed goes on when the same command is given again. One run with contact damping and many disks may
 use several ranks, or solvers of PETSc's with the prefix -flow_, e.g. -flow_pc_type gamg; independent runs are faster
 side by side."""
+    SOLVERS: ClassVar = ("flow_",)
     GIVEN = (*FromStart.GIVEN, "walls")
 
     start: Disks | None = asked(
@@ -67,10 +68,11 @@ side by side."""
     def check(self):
         """Refuse what does not go together."""
         self.check_discard()
-        if hasattr(self.start, "format"):
-            if self.start.format != self.FORMAT:
-                raise InputError(f"{self.start.path}: is no flow: give a packing, or a flow to go on from")
-            self._refuse_settled(self.start.path)
+        earlier = self._in_memory
+        if earlier is not None:
+            if earlier.format != self.FORMAT:
+                raise InputError(f"{earlier.path}: is no flow: give a packing, or a flow to go on from")
+            self._refuse_settled(earlier.path)
         elif self.start is None or self._settled:
             super().check()
             if self.rate is None:
@@ -79,6 +81,11 @@ side by side."""
                 raise InputError(
                     f"{named('model')}: must be given: {', '.join(MODELS)}, or {named('law')} with its options"
                 )
+
+    @property
+    def _in_memory(self):
+        """The result in memory that it goes on from, if it does."""
+        return None if self.start is None or isinstance(self.start, str | Disks) else self.start
 
     @property
     def _settled(self):
@@ -106,7 +113,7 @@ side by side."""
         """Whether the start is a flow."""
         from jampetsc.flows.job import is_flow
 
-        return hasattr(self.start, "format") or (isinstance(self.start, str) and is_flow(self.start))
+        return self._in_memory is not None or (isinstance(self.start, str) and is_flow(self.start))
 
     def check_outputs(self, to):
         """A flow file may go on in its own place."""
@@ -130,14 +137,6 @@ side by side."""
 
         running = None if self.scalar is None else session.current()
         return running if running and (running.size > 1 or running.has_options("flow_")) else None
-
-    def rehearse(self):
-        """The solver for velocities. Collective."""
-        from jampetsc.solvers import resistance
-        from jampetsc.solvers.rehearsal import rehearse
-
-        if self._petsc:
-            rehearse(resistance.rehearse)
 
     def work(self, to):
         """Shear. Collective."""

@@ -9,8 +9,7 @@ from jampetsc.jobs.asking import asked
 from jampetsc.jobs.job import Job
 from jampetsc.jobs.kinds import SEEDS, Numbers, numbers
 from jampetsc.jobs.starts import PHIS, UNITS
-from jampetsc.packing.sizes import SIZES
-from jampetsc.words.packtasks import FEWEST, MOST
+from jampetsc.packing.sizes import FEWEST, MOST, SIZES
 
 PROTOCOLS = ("random", "shear", "compress")  # of `flows.jamming`
 MANY = 1_000_000  # samples of one run
@@ -36,6 +35,7 @@ class Jam(Job):
 
 A run that was killed goes on when the same command is given again. Options of the Newton steps have the prefix
 -newton_."""
+    SOLVERS: ClassVar = ("newton_",)
 
     n: int = asked(help="number of disks", low=FEWEST, high=MOST, metavar="N")
     phi: Numbers = asked(
@@ -102,13 +102,6 @@ A run that was killed goes on when the same command is given again. Options of t
         protocol = Protocol.of(self.protocol, separated=self.separated, **options)
         phis = tuple(self.phi.tolist())
         return Samples(self.n, phis, self.seeds, protocol, self.sizes, self.potential, self.tolerance, UNITS)
-
-    def rehearse(self):
-        """The factorisation of a Hessian. Collective."""
-        from jampetsc.solvers import local
-        from jampetsc.solvers.rehearsal import rehearse
-
-        rehearse(local.rehearse)
 
     def work(self, to):
         """Make the samples. Collective."""

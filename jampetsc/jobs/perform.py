@@ -32,7 +32,6 @@ def perform(job: Job, to: Outlet, *, petsc_argv=(), argv=None, overwrite=False, 
         job.check_outputs(to)
         if job.scalar is not None:
             session.start(None if job.scalar == "any" else job.scalar, petsc_argv)
-            job.rehearse()
             return job.work(to)
         comm = None if alone else session.communicator()
         told = by_rank_0(comm, lambda: job.work(to))

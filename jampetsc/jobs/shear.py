@@ -26,6 +26,7 @@ class Shear(FromStart):
 
 A run that was killed goes on when the same command is given again. Options of the Newton steps of its quenches have the
 prefix -newton_."""
+    SOLVERS: ClassVar = ("newton_",)
 
     step: float = asked(help="strain of one step", above=0.0, high=0.1, metavar="DG")
     strain: float = asked(help="how far to shear", above=0.0, high=FARTHEST, metavar="S")
@@ -45,13 +46,6 @@ prefix -newton_."""
                 f"{named('step')} {self.step:g}: {self.strain / self.step:.2g} steps, at most {MOST:.0e}: give a "
                 "larger one"
             )
-
-    def rehearse(self):
-        """The factorisation of a Hessian. Collective."""
-        from jampetsc.solvers import local
-        from jampetsc.solvers.rehearsal import rehearse
-
-        rehearse(local.rehearse)
 
     def work(self, to):
         """Shear."""

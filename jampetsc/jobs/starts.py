@@ -8,9 +8,8 @@ from jampetsc.contacts.potentials import EXPONENTS, Potential
 from jampetsc.errors import InputError, named
 from jampetsc.jobs.asking import FILE, asked
 from jampetsc.jobs.job import Job
-from jampetsc.jobs.kinds import PACKING
-from jampetsc.packing.sizes import SIZES
-from jampetsc.words.packtasks import FEWEST, LAST_SEED, MOST, radii_asked, sizes_told
+from jampetsc.jobs.kinds import LAST_SEED, PACKING, RADII, input_told
+from jampetsc.packing.sizes import FEWEST, MOST, SIZES, Radii, in_small_diameters, radii_asked, sizes_told
 
 PHIS = (0.1, 1.0)
 SETTLED = 1e-6  # max |F| in k_e/d, to which a random start is relaxed
@@ -34,8 +33,8 @@ class FromStart(Job):
     sizes: str | None = asked(
         None, f"half of each radius 1:1.4, or all alike (default {SIZES[0]})", choices=SIZES, group=GROUP
     )
-    radii: Path | None = asked(
-        None, "text file of radii, one per disk, instead of number and sizes", metavar="FILE", group=GROUP
+    radii: Radii | None = asked(
+        None, "text file of radii, one per disk, or an array, instead of n and sizes", kind=RADII, group=GROUP
     )
     potential: str | None = asked(
         None, f"energy of an overlap (default {next(iter(EXPONENTS))})", choices=EXPONENTS, group=GROUP
@@ -54,14 +53,14 @@ class FromStart(Job):
         if self.start is not None:
             for name in self.GIVEN:
                 if getattr(self, name) not in (None, False):
-                    raise InputError(f"{named(name)}: belongs to {self.sources[0]}; leave it out")
+                    raise InputError(f"{named(name)}: belongs to {input_told(self.start)}; leave it out")
             return
-        if self.phi is None or (self.n is None and self.radii is None):
-            missing = "phi" if self.phi is None else "n"
-            raise InputError(
-                f"{named(missing)}: must be given: {named('n')} and {named('phi')}, or a packing to start from"
-            )
-        radii_asked(self)
+        for name in ("phi", "n"):
+            if getattr(self, name) is None and not (name == "n" and self.radii is not None):
+                raise InputError(
+                    f"{named(name)}: must be given: {named('n')} and {named('phi')}, or a packing to start from"
+                )
+        radii_asked(self.n, self.sizes, self.radii)
 
     def check_discard(self):
         """Refuse to leave out everything."""
@@ -85,7 +84,7 @@ class FromStart(Job):
     @property
     def files(self):
         """The file of radii is one, too."""
-        return [*super().files, *([] if self.radii is None else [self.radii])]
+        return super().files + ([self.radii.path] if self.radii is not None and self.radii.path else [])
 
     def disks(self, comm=None) -> tuple[Disks, dict]:
         """(disks, attributes that say where they come from). Collective.
@@ -99,18 +98,12 @@ class FromStart(Job):
             disks, (name, digest) = read_identified(self.start, comm)
             return disks, {"packing": name, "packing_sha256": digest, "units": "those of the packing"}
 
-        from jampetsc.collective import by_rank_0
-        from jampetsc.packing.sizes import in_small_diameters
-
-        radii = by_rank_0(comm, lambda: radii_asked(self))
-        radii = radii if self.radii else in_small_diameters(radii)
-        units = OWN_UNITS if self.radii else UNITS
-        disks, more = self.random(radii, 1 if self.seed is None else self.seed)
-        return disks, {
-            "seed": 1 if self.seed is None else self.seed,
-            "sizes": sizes_told(self),
-            "units": units,
-        } | more
+        radii, units, seed = radii_asked(self.n, self.sizes, self.radii), OWN_UNITS, self.seed
+        if self.radii is None:
+            radii, units = in_small_diameters(radii), UNITS
+        seed = 1 if seed is None else seed
+        disks, more = self.random(radii, seed)
+        return disks, {"seed": seed, "sizes": sizes_told(self.sizes, self.radii), "units": units} | more
 
     def random(self, radii, seed) -> tuple[Disks, dict]:
         """(disks of these radii (N,) that a seed places, attributes beside it)."""

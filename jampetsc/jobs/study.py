@@ -92,13 +92,6 @@ A task that fails is a row with its reason and is tried again by the next run; t
         to.status = FAILED if failures else 0
         return _summary(to.path / TABLE, rows, failures, study.elapsed(began))
 
-    def rehearse(self):
-        """Solvers of all responses. Collective."""
-        from jampetsc.solvers import eigen, inertia, local, shifted
-        from jampetsc.solvers.rehearsal import rehearse
-
-        rehearse(local.rehearse, shifted.rehearse, inertia.rehearse, eigen.rehearse)
-
 
 def _summary(table, rows, failures, elapsed) -> str:
     """What a user wants to read after a study."""

@@ -32,13 +32,17 @@ class Outlet:
         self._found = MemoryWriter(format, comm)
         return self._found
 
-    def packing(self, disks) -> None:
-        """Take a packing that was made. Not collective."""
+    def packing(self, disks, path=None) -> None:
+        """Take a packing that was made; path: its file, where there are several. Not collective."""
         from jampetsc.storage.packing_file import write_packing
 
         self._found = disks
         if self.path is not None:
-            write_packing(self.path, disks)
+            write_packing(path or self.path, disks)
+
+    def packings(self, found) -> None:
+        """Take the answer in place of one file: Disks, or a list of them or of their files, on every rank."""
+        self._found = found
 
     def checkpoint(self, key: dict, comm=None, ordered=False):
         """What a run of the job `key` has finished and finishes, see `storage.checkpoint`. Collective over comm."""
@@ -56,6 +60,8 @@ class Outlet:
         from jampetsc.contacts.disks import Disks
         from jampetsc.storage.reader import Result, load
 
+        if isinstance(self._found, list):
+            return [one if isinstance(one, Disks) else load(one) for one in self._found]
         if self.path is not None:
             return load(self.path)
         return self._found if isinstance(self._found, Disks) else Result.of(self._found)

@@ -103,7 +103,7 @@ def check_folder(folder, path) -> None:
         held = folder / name
         if held.exists() and not (folder / JOURNAL).is_dir() and not is_same(path, held):
             raise InputError(
-                f"{held}: is there already and is of no study that ran in this folder: choose another folder, or move it"
+                f"{held}: is there already and of no study that ran here: choose another folder, or move it"
             )
 
 
