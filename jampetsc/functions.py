@@ -30,9 +30,12 @@ from jampetsc.commands import parsers_of
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import DEFAULT, Law, Physics, damping_law
 from jampetsc.errors import InputError
+from jampetsc.jobs.export import Export
 from jampetsc.jobs.flow import Flow
 from jampetsc.jobs.functions import function_of
+from jampetsc.jobs.info import Info
 from jampetsc.jobs.jam import Jam
+from jampetsc.jobs.merge import Merge
 from jampetsc.jobs.pack import Pack
 from jampetsc.jobs.quasistatic import Quasistatic
 from jampetsc.jobs.shear import Shear
@@ -43,11 +46,12 @@ from jampetsc.storage.provenance import recorded_as
 from jampetsc.storage.reader import load
 from jampetsc.storage.request import asked
 from jampetsc.studies.kinds import KINDS
-from jampetsc.studies.options import positional_of, words_of
 
 FUNCTIONS = (*KINDS, "collapse", "study")
 
-pack, sweep, quasistatic, flow, shear, jam = map(function_of, (Pack, Sweep, Quasistatic, Flow, Shear, Jam))
+pack, sweep, quasistatic, flow, shear, jam, export, merge, info = map(
+    function_of, (Pack, Sweep, Quasistatic, Flow, Shear, Jam, Export, Merge, Info)
+)
 
 _number = itertools.count(1)
 _folder = None  # of files that were given no name; goes with the process
@@ -63,6 +67,8 @@ def run(command, *inputs, out=None, **options):
 
     Raises InputError for an option or a value that the command refuses, ConvergenceError where it does not get there.
     """
+    from jampetsc.studies.options import positional_of, words_of
+
     if command not in FUNCTIONS:
         raise InputError(f"{command}: no such function: there are {', '.join(FUNCTIONS)}")
     parser = parsers_of(cli.Parser, [command])[command]

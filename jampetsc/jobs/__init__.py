@@ -7,6 +7,11 @@ import importlib
 
 JOBS = {
     "pack": "pack:Pack",
+    "import": "importing:Import",
+    "export": "export:Export",
+    "matrices": "matrices:Matrices",
+    "merge": "merge:Merge",
+    "info": "info:Info",
     "sweep": "sweep:Sweep",
     "quasistatic": "quasistatic:Quasistatic",
     "flow": "flow:Flow",

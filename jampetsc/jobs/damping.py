@@ -33,9 +33,11 @@ def law_made(given: dict) -> Law:
 
 
 def law_told(law: Law) -> dict:
-    """The options that make a law; its weights where it is of no family."""
+    """The options that make a law, switches and what differs from the default; its weights where it is of no family."""
     if law.family:
-        return law.parameters
+        usual = {name: option.default for name, option in FAMILIES[law.family].options.items()}
+        told = {name: value for name, value in law.options if value is True or value != usual[name]}
+        return {"law": law.family, "tau1": law.tau1, **told}
     weights = ("normal", "transverse", "sliding", "drag", "eta_f")
     return {"law": "own weights", "tau1": law.tau1} | {name: getattr(law, name) for name in weights}
 

@@ -76,16 +76,23 @@ side by side."""
         elif self.start is None or self._settled:
             super().check()
             if self.rate is None:
-                raise InputError(f"{named('rate')}: must be given: how fast to shear?")
+                raise InputError(f"{named('rate')}: must be given: how fast to shear?{self._on}")
             if self.model is None:
                 raise InputError(
-                    f"{named('model')}: must be given: {', '.join(MODELS)}, or {named('law')} with its options"
+                    f"{named('model')}: must be given: {', '.join(MODELS)}, or {named('law')} with its options{self._on}"
                 )
 
     @property
     def _in_memory(self):
         """The result in memory that it goes on from, if it does."""
         return None if self.start is None or isinstance(self.start, str | Disks) else self.start
+
+    @property
+    def _on(self):
+        """What a flow that goes on needs, for messages."""
+        return (
+            "" if self.start is None else f"; a flow goes on as it was begun, given {named('strain')} alone"
+        )
 
     @property
     def _settled(self):

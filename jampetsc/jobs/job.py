@@ -32,6 +32,7 @@ class Job:
     SOLVERS: ClassVar[tuple] = ()  # prefixes of the PETSc options that its solvers read, see `solver_options`
     OUT: ClassVar[str] = "required"  # whether its command needs --out: required, optional, or "" for no file
     OUT_HELP: ClassVar[str] = "result file (HDF5)"
+    GIVES: ClassVar[str] = ""  # what python gets, where that is not what `load` gives for its file
     AGAIN: ClassVar[bool] = False  # whether its result is made anew without asking: pictures and tables
 
     def __post_init__(self):
@@ -129,6 +130,10 @@ class Job:
     def work(self, to: Outlet) -> str:
         """Do it and put what is found into the outlet `to`; what a user wants to read. Collective."""
         raise NotImplementedError
+
+    def answer(self, to: Outlet, told: str):
+        """What python gets: what `load` gives for the file, or the same in memory; told: what `work` has said."""
+        return to.result
 
     def __str__(self):
         return shlex.join(self.line())

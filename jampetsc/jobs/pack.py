@@ -68,6 +68,7 @@ class Pack(Job):
     NAME: ClassVar = "pack"
     FORMAT: ClassVar = "jampetsc-packing"
     OUT_HELP: ClassVar = "packing file; {seed} and {pressure} are replaced"
+    GIVES: ClassVar = "Disks, or a list of them"
     EPILOG: ClassVar = """examples
   jampetsc pack --n 1024 --pressure 1e-4 --seed 1 --out p1e-4.h5
   jampetsc pack --n 1024 --pressure 1e-5 --from p1e-4.h5 --out p1e-5.h5

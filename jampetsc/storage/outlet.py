@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+from jampetsc.errors import InputError, named
+
 
 class Outlet:
     """Takes what one run of a job finds, a result or a packing.
@@ -20,6 +22,11 @@ class Outlet:
 
     def __str__(self):
         return "in memory" if self.path is None else str(self.path)
+
+    def must_be_file(self) -> None:
+        """Raise InputError where a result that is for other programs has no file to go to."""
+        if self.path is None:
+            raise InputError(f"{named('out')}: must be given: the file to write")
 
     def writer(self, format, comm=None):
         """A `ResultWriter`, or what takes the same in memory. Collective over comm."""
