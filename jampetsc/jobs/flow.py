@@ -4,10 +4,11 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.laws import Law
 from jampetsc.errors import InputError, named
 from jampetsc.flows.models import MODELS, Model
 from jampetsc.jobs.asking import FILE, asked, part
-from jampetsc.jobs.kinds import HELD
+from jampetsc.jobs.kinds import HELD, input_told
 from jampetsc.jobs.model import MODEL
 from jampetsc.jobs.starts import GROUP, FromStart
 
@@ -42,7 +43,7 @@ side by side."""
     start: Disks | None = asked(
         None, "packing to start from, or flow that goes on", kind=HELD, place=FILE, metavar="START"
     )
-    model: Model | None = part(MODEL, None)
+    model: Model | Law | str | None = part(MODEL, None)
     rate: float | None = asked(None, "shear rate γ̇", above=0.0, high=1.0, metavar="R")
     strain: float = asked(help="how far to shear", above=0.0, metavar="S")
     walls: bool = asked(False, "between sliding rough walls, rows of disks", group=GROUP)
@@ -65,6 +66,11 @@ side by side."""
         group="run",
     )
 
+    def __post_init__(self):
+        if isinstance(self.model, Law):  # overdamped
+            object.__setattr__(self, "model", Model(self.model))
+        super().__post_init__()
+
     def check(self):
         """Refuse what does not go together."""
         self.check_discard()
@@ -78,9 +84,8 @@ side by side."""
             if self.rate is None:
                 raise InputError(f"{named('rate')}: must be given: how fast to shear?{self._on}")
             if self.model is None:
-                raise InputError(
-                    f"{named('model')}: must be given: {', '.join(MODELS)}, or {named('law')} with its options{self._on}"
-                )
+                known = f"{', '.join(MODELS)}, or {named('law')} with its options"
+                raise InputError(f"{named('model')}: must be given: {known}{self._on}")
 
     @property
     def _in_memory(self):
@@ -178,7 +183,7 @@ side by side."""
 
         if not self._settled:
             raise InputError(
-                f"{self.sources[0]}: is no flow to go on from: give {named('model')} and {named('rate')}"
+                f"{input_told(self.start)}: is no flow to go on from: give {named('model')} and {named('rate')}"
             )
         disks, origin = self.disks(comm)
         return begun(
