@@ -15,6 +15,9 @@ JOBS = {
     "collapse": "collapse:Collapse",
     "sweep": "sweep:Sweep",
     "quasistatic": "quasistatic:Quasistatic",
+    "flow": "flow:Flow",
+    "shear": "shear:Shear",
+    "jam": "jam:Jam",
     "study": "study:Study",
 }
 

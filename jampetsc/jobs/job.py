@@ -42,6 +42,8 @@ class Job:
                 object.__setattr__(self, field.name, self._read(field))
             elif said is not None and not isinstance(getattr(self, field.name), said.type):
                 value = getattr(self, field.name)
+                if value is None and field.default is None:
+                    continue
                 if not isinstance(value, str):
                     raise InputError(f"{named(field.name)} {value!r}: must be a {said.type.__name__}")
                 made = said.make({said.parameters[0].name: value})  # "stokes": a name stands for its defaults
@@ -91,8 +93,14 @@ class Job:
                 value = getattr(self, name)
                 values[name] = value if value is None else parameter.kind.tell(value)
         for name, part in parts(type(self)).items():
-            values |= part.tell(getattr(self, name))
-        return {name: value for name, value in values.items() if value is not None and value is not False}
+            made = getattr(self, name)
+            values |= {} if made is None else part.tell(made)
+        on = {name for name, one in parameters(type(self)).items() if one.default is True}
+        return {
+            name: value
+            for name, value in values.items()
+            if value is not None and (value is not False or name in on)
+        }
 
     def words(self) -> list[str]:
         """The options of a command line that asks for the same."""
@@ -101,7 +109,7 @@ class Job:
             if parameter.place != OPTION:
                 continue
             if isinstance(parameter.default, bool):
-                words += [parameter.word] * (told.get(name, False) != parameter.default)
+                words += [parameter.word] * (told.get(name, parameter.default) != parameter.default)
             elif name in told and told[name] != parameter.default:
                 text = str(told[name])
                 words += [f"{parameter.word}={text}"] if text.startswith("-") else [parameter.word, text]

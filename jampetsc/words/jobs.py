@@ -118,9 +118,9 @@ def run(job, args, petsc_argv) -> int:
     from jampetsc.storage.outlet import Outlet
 
     asked = job_of(job, args)
-    out = getattr(args, "out", None) or asked.place
-    to = Outlet(out, out)
     try:
+        out = getattr(args, "out", None) or asked.place
+        to = Outlet(out, out)
         told = perform(
             asked,
             to,
