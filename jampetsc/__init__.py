@@ -31,6 +31,7 @@ __all__ = [
     "jam",
     "load",
     "merge",
+    "models",
     "modes",
     "oscillate",
     "pack",
@@ -57,4 +58,6 @@ _HOMES = {  # of what is no function of `jampetsc.functions`
 def __getattr__(name):  # PEP 562: numpy and h5py are imported when something of it is first used
     if name not in __all__:
         raise AttributeError(f"module 'jampetsc' has no attribute {name!r}")
+    if name == "models":  # of flow
+        return import_module("jampetsc.flows.models")
     return getattr(import_module(_HOMES.get(name, "jampetsc.functions")), name)

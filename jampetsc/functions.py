@@ -4,7 +4,7 @@
     packing = jampetsc.pack(n=256, pressure=1e-3, seed=1, out="p.h5")
     sweep = jampetsc.sweep("p.h5", beta=1e-3, fields=[1e-3, 1.0])
     slow = jampetsc.quasistatic(packing, no_prestress=True)
-    flow = jampetsc.flow(packing, model="CD0", rate=1e-3, strain=5)
+    flow = jampetsc.flow(packing, jampetsc.models.CD0(), rate=1e-3, strain=5)
     table = jampetsc.study("study.toml", out="folder")
 
 Keywords are the long options with _ for -; from_, for --from, takes a packing as it is. True is a switch that is
@@ -30,12 +30,16 @@ from jampetsc.commands import parsers_of
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import DEFAULT, Law, Physics, damping_law
 from jampetsc.errors import InputError
+from jampetsc.jobs.collapse import Collapse
 from jampetsc.jobs.export import Export
+from jampetsc.jobs.flow import Flow
 from jampetsc.jobs.functions import function_of
 from jampetsc.jobs.info import Info
+from jampetsc.jobs.jam import Jam
 from jampetsc.jobs.merge import Merge
 from jampetsc.jobs.pack import Pack
 from jampetsc.jobs.quasistatic import Quasistatic
+from jampetsc.jobs.shear import Shear
 from jampetsc.jobs.sweep import Sweep
 from jampetsc.mechanics.matrices import Matrices, matrices_of
 from jampetsc.storage.packing_file import read_packing, write_packing
@@ -44,10 +48,10 @@ from jampetsc.storage.reader import load
 from jampetsc.storage.request import asked
 from jampetsc.studies.kinds import KINDS
 
-FUNCTIONS = (*KINDS, "collapse", "study")
+FUNCTIONS = (*KINDS, "study")
 
-pack, sweep, quasistatic, export, merge, info = map(
-    function_of, (Pack, Sweep, Quasistatic, Export, Merge, Info)
+pack, sweep, quasistatic, flow, shear, jam, collapse, export, merge, info = map(
+    function_of, (Pack, Sweep, Quasistatic, Flow, Shear, Jam, Collapse, Export, Merge, Info)
 )
 
 _number = itertools.count(1)
@@ -178,29 +182,6 @@ def correlate(*files, out=None, **options):
 def oscillate(packing, *, out=None, **options):
     """Steady oscillations, see `run` and `jampetsc oscillate --help`; a Result. Collective."""
     return run("oscillate", packing, out=out, **options)
-
-
-def flow(*start, out=None, **options):
-    """Steady shear at a rate, see `run` and `jampetsc flow --help`; a Result. Collective.
-
-    start   a packing or a flow to go on from; nothing where n and phi say what to make
-    """
-    return run("flow", *start, out=out, **options)
-
-
-def shear(*start, out=None, **options):
-    """Quasistatic shear, start as of `flow`, see `run` and `jampetsc shear --help`; a Result. Collective."""
-    return run("shear", *start, out=out, **options)
-
-
-def jam(*, out=None, **options):
-    """Which of many packings jam, see `run` and `jampetsc jam --help`; a Result. Collective."""
-    return run("jam", out=out, **options)
-
-
-def collapse(*files, out=None, **options):
-    """A scaling form fitted to flows, see `run` and `jampetsc collapse --help`; a Result. Collective."""
-    return run("collapse", *files, out=out, **options)
 
 
 def study(description, *, out, **options):

@@ -9,7 +9,8 @@ A command module has
                                 and a study calls it for all its tasks: parser.set_defaults(run=run, check=check)
     run(args, petsc_argv)       does the work and returns the exit status; `petsc_argv` is for `session.start`
 
-and keeps its heavy imports (numpy, h5py, numba, matplotlib) inside `run`, so that `--help` is instant.
+has AGAIN = True if its result is made anew without asking, as pictures are, and keeps its heavy imports (numpy, h5py,
+numba, matplotlib) inside `run`, so that `--help` is instant.
 """
 
 import importlib
@@ -21,12 +22,12 @@ COMMANDS = {
     "quasistatic": "jampetsc.jobs.quasistatic:Quasistatic",
     "modes": "jampetsc.commands.modes",
     "oscillate": "jampetsc.commands.oscillate",
-    "flow": "jampetsc.commands.flow",
-    "shear": "jampetsc.commands.shear",
-    "jam": "jampetsc.commands.jam",
+    "flow": "jampetsc.jobs.flow:Flow",
+    "shear": "jampetsc.jobs.shear:Shear",
+    "jam": "jampetsc.jobs.jam:Jam",
     "spectrum": "jampetsc.commands.spectrum",
     "correlate": "jampetsc.commands.correlate",
-    "collapse": "jampetsc.commands.collapse",
+    "collapse": "jampetsc.jobs.collapse:Collapse",
     "study": "jampetsc.jobs.study:Study",
     "trade": "jampetsc.jobs.trade:Trade",
     "info": "jampetsc.jobs.info:Info",
@@ -37,37 +38,18 @@ COMMANDS = {
 }
 
 
-REPLACES = {
-    "plot",
-    "trade",
-    "study",
-    "info",
-}  # that have no result to refuse: pictures and tables are drawn again
-
-
 def add_command(name, subparsers) -> None:
     """Add the parser of a command, with the options that all commands have."""
-    module, _, job = COMMANDS[name].partition(":")
-    if job:
-        from jampetsc.words.jobs import add_job
+    from jampetsc.words.jobs import add_common, add_job
 
-        add_job(getattr(importlib.import_module(module), job), subparsers)
+    module, _, job = COMMANDS[name].partition(":")
+    module = importlib.import_module(module)
+    if job:
+        add_job(getattr(module, job), subparsers)
     else:
-        importlib.import_module(module).add_parser(subparsers)
-    parser = subparsers.choices[name]
-    parser.set_defaults(command=name)
-    told = parser.add_mutually_exclusive_group()
-    told.add_argument(
-        "-q", "--quiet", action="store_true", default=None, help="do not tell how far the run has come"
-    )
-    told.add_argument("-v", "--verbose", action="store_true", default=None, help="tell more of it")
-    if name not in REPLACES:
-        parser.add_argument(
-            "--overwrite",
-            action="store_true",
-            default=None,
-            help="replace a finished result of other settings, which is refused otherwise",
-        )
+        module.add_parser(subparsers)
+        add_common(subparsers.choices[name], getattr(module, "AGAIN", False))
+    subparsers.choices[name].set_defaults(command=name)
 
 
 def parsers_of(family, names) -> dict:

@@ -12,8 +12,12 @@ JOBS = {
     "matrices": "matrices:Matrices",
     "merge": "merge:Merge",
     "info": "info:Info",
+    "collapse": "collapse:Collapse",
     "sweep": "sweep:Sweep",
     "quasistatic": "quasistatic:Quasistatic",
+    "flow": "flow:Flow",
+    "shear": "shear:Shear",
+    "jam": "jam:Jam",
     "study": "study:Study",
     "trade": "trade:Trade",
 }

@@ -1,7 +1,7 @@
 """A job: what is asked, as a frozen dataclass, and how it is answered. Functions and commands are made of its class."""
 
 import shlex
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -42,6 +42,8 @@ class Job:
                 object.__setattr__(self, field.name, self._read(field))
             elif said is not None and not isinstance(getattr(self, field.name), said.type):
                 value = getattr(self, field.name)
+                if value is None and field.default is None:
+                    continue
                 if not isinstance(value, str):
                     raise InputError(f"{named(field.name)} {value!r}: must be a {said.type.__name__}")
                 made = said.make({said.parameters[0].name: value})  # "stokes": a name stands for its defaults
@@ -72,6 +74,12 @@ class Job:
         places = [name for name, one in parameters(type(self)).items() if one.place != OPTION]
         return [one for name in places for one in _several(getattr(self, name))]
 
+    def whole(self) -> "Job":
+        """The same, of results in memory all rows on every rank, for what one rank does. Collective."""
+        held = {field.name: getattr(self, field.name) for field in fields(self)}
+        whole = {name: _whole(value) for name, value in held.items()}
+        return replace(self, **{name: value for name, value in whole.items() if value is not held[name]})
+
     @property
     def files(self) -> list[str]:
         """Those of `sources` that are files."""
@@ -85,7 +93,8 @@ class Job:
                 value = getattr(self, name)
                 values[name] = value if value is None else parameter.kind.tell(value)
         for name, part in parts(type(self)).items():
-            values |= part.tell(getattr(self, name))
+            made = getattr(self, name)
+            values |= {} if made is None else part.tell(made)
         known = parameters(type(self))
         usual = {name: one.default for name, one in known.items() if isinstance(one.default, bool)}
         return {
@@ -135,6 +144,13 @@ class Job:
 
     def __str__(self):
         return shlex.join(self.line())
+
+
+def _whole(value):
+    """A result, or a tuple of them, with all rows; anything else as it is."""
+    if isinstance(value, tuple) and any(hasattr(one, "whole") for one in value):
+        return tuple(_whole(one) for one in value)
+    return value.whole() if hasattr(value, "whole") else value
 
 
 def _several(value) -> list:

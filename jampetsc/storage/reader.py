@@ -10,6 +10,8 @@ import numpy as np
 
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.analysis.relaxation import RelaxationSpectrum
+from jampetsc.contacts.disks import PLACES, Disks
+from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import InputError
 from jampetsc.storage import packing_file
 from jampetsc.storage.ensemble import TABLE, load_ensemble
@@ -112,6 +114,13 @@ class Result(Mapping):
         kind, name = RESULTS[format], format.removeprefix("jampetsc-")
         arrays = {name: memory.arrays[name] for name in sorted(memory.arrays, key=lambda n: n.split("/"))}
         return kind(memory.found, arrays, f"{name} in memory", memory.comm)
+
+    def whole(self) -> "Result":
+        """The same with all rows on every rank. Collective for a result in memory."""
+        if self._comm is None or self._comm.size == 1:
+            return self
+        arrays = {name: array.whole(self._comm) for name, array in self._arrays.items()}
+        return type(self)(self.attributes, arrays, self.path, self._comm)
 
     def save(self, path) -> None:
         """Write it to a file, which `path` is from then on; an earlier result of its kind there is replaced.
@@ -293,6 +302,19 @@ def _sound_spectrum(path, G0, eta_inf, rates, weights):
     return spectrum
 
 
+class ShearedResult(Result):
+    """Series along shear, steady or quasistatic, their means, and the state at the end."""
+
+    @property
+    def last(self) -> Disks:
+        """The packing at the end."""
+        arrays = {name: np.asarray(self[f"state/{name}"], float) for name in (*PLACES, "radii")}
+        return Disks(
+            **arrays,
+            potential=Potential(*(self.attributes[name] for name in ("potential", "stiffness", "k"))),
+        )
+
+
 RESULTS = {  # format -> class; a new format needs a line here
     "jampetsc-sweep": SweepResult,
     "jampetsc-quasistatic": Result,
@@ -300,8 +322,8 @@ RESULTS = {  # format -> class; a new format needs a line here
     "jampetsc-spectrum": SpectrumResult,
     "jampetsc-correlation": Result,
     "jampetsc-oscillate": Result,
-    "jampetsc-flow": Result,
-    "jampetsc-shear": Result,
+    "jampetsc-flow": ShearedResult,
+    "jampetsc-shear": ShearedResult,
     "jampetsc-jam": Result,
     "jampetsc-velocity-correlation": Result,
     "jampetsc-collapse": Result,
