@@ -32,15 +32,7 @@ def law_made(given: dict) -> Law:
     )
 
 
-def law_told(law: Law) -> dict:
-    """The options that make a law; its weights where it is of no family."""
-    if law.family:
-        return law.parameters
-    weights = ("normal", "transverse", "sliding", "drag", "eta_f")
-    return {"law": "own weights", "tau1": law.tau1} | {name: getattr(law, name) for name in weights}
-
-
-DAMPING = Part(law_parameters(DEFAULT), law_made, law_told, Law)
+DAMPING = Part(law_parameters(DEFAULT), law_made, lambda law: law.parameters, Law)
 PRESTRESS = asked(
     True,
     "K keeps the f/r term of its contacts (BT: 'with pre-stress')",
