@@ -65,7 +65,7 @@ class Job:
 
     @property
     def sources(self) -> list:
-        """What it reads: names of files, and packings in memory."""
+        """What it reads: names of files, and packings and results in memory."""
         found = []
         for name, parameter in parameters(type(self)).items():
             if parameter.place != OPTION:
@@ -103,8 +103,8 @@ class Job:
         return words
 
     def line(self, out=None) -> list[str]:
-        """A command line that does the same; packings in memory are told by what they are."""
-        given = [one if isinstance(one, str | Path) else f"<{one.n} disks>" for one in self.sources]
+        """A command line that does the same; packings and results in memory are told by what they are."""
+        given = [one if isinstance(one, str | Path) else _held(one) for one in self.sources]
         return ["jampetsc", self.NAME, *map(str, given), *(["--out", str(out)] if out else []), *self.words()]
 
     def same(self, name, one, other) -> bool:
@@ -129,6 +129,11 @@ class Job:
 
     def __str__(self):
         return shlex.join(self.line())
+
+
+def _held(one):
+    """What lies in memory, in words."""
+    return f"<{one.path}>" if hasattr(one, "path") else f"<{one.n} disks>"
 
 
 def _canonical(parameter, told):

@@ -70,26 +70,38 @@ def grid_told(values) -> str:
     return ",".join(repr(float(value)) for value in values)
 
 
-def _source(given):
-    """A packing in memory as it is, or the path of a file as words."""
-    from jampetsc.contacts.disks import Disks
+def _read_as(names, what):
+    """How a packing or a result is read: the file that it lies in as words, what lies in memory as it is.
 
-    if isinstance(given, Disks):
-        return given
-    given = getattr(given, "path", given)  # of a result
-    try:
-        return os.fspath(given)
-    except TypeError:
-        raise ValueError("must be a packing or the name of its file") from None
+    names   of classes whose objects in memory may be given, "Disks" and "Result"
+    """
+
+    def read(given):
+        from jampetsc.contacts.disks import Disks
+        from jampetsc.storage.reader import Result
+
+        classes = tuple({"Disks": Disks, "Result": Result}[name] for name in names)
+        if isinstance(given, classes) and getattr(given, "file", None) is None:
+            return given
+        place = (
+            given.file if isinstance(given, Result) else getattr(given, "path", given)
+        )  # of a study's table
+        try:
+            return os.fspath(place)
+        except TypeError:
+            raise ValueError(f"must be {what} or the name of its file") from None
+
+    return read
 
 
-def _result(given):
-    try:
-        return os.fspath(getattr(given, "path", given))
-    except TypeError:
-        raise ValueError("must be a result that lies in a file, or the name of its file") from None
+def opened(source):
+    """What `load` gives for a packing or a result that a job was given, which is opened if it is a file."""
+    from jampetsc.storage.reader import load
+
+    return load(source) if isinstance(source, str) else source
 
 
-PACKING = Kind(_source, str, metavar="PACKING")  # Disks, or a path
-RESULT = Kind(_result, metavar="FILE")
+PACKING = Kind(_read_as(["Disks"], "a packing"), str, metavar="PACKING")  # Disks, or a path
+RESULT = Kind(_read_as(["Result"], "a result"), str, metavar="FILE")  # Result in memory, or a path
+HELD = Kind(_read_as(["Disks", "Result"], "a packing, a result"), str, metavar="FILE")  # either
 FREQUENCIES = numbers(SMALLEST, LARGEST, "LOW:HIGH:COUNT|LIST", " (for the limits ω → 0 and ∞: quasistatic)")

@@ -100,6 +100,11 @@ class Result(Mapping):
             h5.visititems(collect)
             return cls(attributes(h5), arrays, Path(path).resolve())
 
+    @property
+    def file(self) -> Path | None:
+        """Its file; None in memory."""
+        return self.path if self.path.is_absolute() else None
+
     @staticmethod
     def of(memory: MemoryWriter) -> "Result":
         """What was collected in memory, in the class that `load` gives for its file."""

@@ -1,0 +1,17 @@
+"""What jobs take for a packing or a result: a file, or what lies in memory."""
+
+import pytest
+
+from jampetsc.jobs.kinds import HELD, PACKING, RESULT, opened
+from jampetsc.storage.memory import MemoryWriter
+from jampetsc.storage.reader import Result
+
+
+def test_a_result_in_memory_is_taken_as_it_is_and_one_in_a_file_by_its_name(tmp_path):
+    found = Result.of(MemoryWriter("jampetsc-quasistatic"))
+    assert RESULT.read(found) is HELD.read(found) is opened(found) is found
+    with pytest.raises(ValueError, match="must be a packing"):
+        PACKING.read(found)
+    found.save(tmp_path / "a.h5")
+    assert RESULT.read(found) == PACKING.read(found) == str(tmp_path / "a.h5")
+    assert opened(RESULT.read(found)).attributes["run_id"] == found.attributes["run_id"]
