@@ -1,8 +1,8 @@
 """The command line: `--long` words are the program's, `-single_dash` words are PETSc's.
 
 Finds the command's module, gives it its arguments, and turns an error into one line and an exit status:
-1 unexpected or from the system, 2 bad input, 3 not converged, 130 interrupted, 141 nobody reads the output,
-143 SIGTERM.
+1 unexpected or from the system, 2 bad input, 3 not converged, 130 interrupted, 141 nobody reads the output.
+SIGTERM is the system's: what was finished is on disk at every moment.
 """
 
 import argparse
@@ -14,9 +14,8 @@ import os
 import re
 import sys
 import time
-import warnings
 
-from jampetsc import launcher, progress, session, stopping, streams
+from jampetsc import launcher, progress, session, solver_options, streams
 from jampetsc.commands import COMMANDS, add_command
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.version import VERSION
@@ -32,13 +31,9 @@ def main(argv=None):
     """Run `jampetsc argv` and return the exit status. Errors are printed once, by one rank."""
     for variable in THREAD_VARIABLES:
         os.environ.setdefault(variable, "1")
-    if sys.warnoptions:  # PYTHONWARNINGS=error would end a run by what a library is to mend, not its user
-        warnings.filters[:] = [one for one in warnings.filters if one[0] != "error"]
     streams.prepare()
-    stopping.stop_on_sigterm()
-    launcher.forget_if_inherited()
     try:
-        status = dispatch(sys.argv[1:] if argv is None else argv, stopping.watched)
+        status = dispatch(sys.argv[1:] if argv is None else argv)
         sys.stdout.flush()
         return status
     except JampetscError as error:
@@ -52,20 +47,14 @@ def main(argv=None):
         return _fail(_system_message(error), 1)
     except KeyboardInterrupt:
         return _fail("interrupted", 130)
-    except stopping.Terminated as stop:
-        return _fail(stopping.MESSAGE, stop.code)
     except Exception as error:
-        if stopping.noticed():
-            return _fail(stopping.MESSAGE, stopping.Terminated().code)
         if not session.petsc_error(error):
             raise
-        return _fail(f"PETSc: {session.petsc_message(error)}", 1)
+        return _fail(*session.told(error))
 
 
-def dispatch(argv, during=contextlib.nullcontext):
+def dispatch(argv):
     """Parse `argv` (without the program's name) and run its command; returns the exit status.
-
-    `during` gives a context for commands that may work long, on PETSc.
 
     Raises InputError for anything that neither the program nor PETSc can be meant to read.
     """
@@ -88,24 +77,25 @@ def dispatch(argv, during=contextlib.nullcontext):
             f"{args.command} {petsc_argv[0]}: single-dash options are PETSc's, which has nothing to do here; "
             "the program's own begin with --"
         )
+    solver_options.check(args.command, petsc_argv)
     told = progress.quiet.set(bool(args.quiet))
     try:
-        return _run(args, argv, petsc_argv, during)
+        return _run(args, argv, petsc_argv)
     finally:
         progress.quiet.reset(told)
 
 
-def _run(args, argv, petsc_argv, during):
+def _run(args, argv, petsc_argv):
     """Run the command as it was asked for."""
     from jampetsc.storage.request import asked  # not before --help
 
     if not args.takes_petsc(args):
         with asked(args):
             return args.run(args, petsc_argv) if _chosen(argv) else 0
-    with during(), asked(args):
+    with asked(args):
         status = args.run(args, petsc_argv)
-        if petsc_argv:
-            _note_unused()
+    if petsc_argv:
+        session.current().tell_unused()
     return status
 
 
@@ -206,39 +196,23 @@ def _chosen(request):
     return chosen
 
 
-def _note_unused():
-    """Say which PETSc options were not needed in the end, though the run might have read them. Collective."""
-    unused = session.current().unused_options()
-    if unused and _rank() == 0:
-        names = ", ".join(f"-{name}" for name in unused)
-        streams.say(f"jampetsc: note: PETSc option {names}: not needed in this run\n")
-
-
 def _fail(message, status):
-    """Print `message` once and return `status`; abort the job if some rank is not failing with this one."""
+    """Print `message` once and return `status`; abort the job if some rank is not failing within PATIENCE, too."""
     MPI = _start_mpi()  # a rank that left before another has printed would end the job without a word
-    if _all_here():
-        messages = MPI.COMM_WORLD.allgather(message) if MPI else [message]
-        if messages.index(message) == _rank():
-            _print_error(message)
-        if MPI:
-            MPI.COMM_WORLD.Barrier()  # mpirun ends the others when the first one leaves, printed or not
+    if not MPI:
+        _print_error(message)
         return status
-    _print_error(f"rank {_rank()}: {message}")
-    _mpi().COMM_WORLD.Abort(status)
-
-
-def _all_here():
-    """Whether every rank gets here within PATIENCE; True without MPI."""
-    if not _mpi() or _mpi().COMM_WORLD.size == 1:
-        return True
-    request = _mpi().COMM_WORLD.Ibarrier()
-    deadline = time.monotonic() + PATIENCE
-    while not request.Test():
+    comm = MPI.COMM_WORLD
+    all_here, deadline = comm.Ibarrier(), time.monotonic() + PATIENCE
+    while not all_here.Test():
         if time.monotonic() > deadline:
-            return False
+            _print_error(f"rank {comm.rank}: {message}")
+            comm.Abort(status)
         time.sleep(0.01)
-    return True
+    if comm.allgather(message).index(message) == comm.rank:
+        _print_error(message)
+    comm.Barrier()  # mpirun ends the others when the first one leaves, printed or not
+    return status
 
 
 def _start_mpi():
@@ -253,10 +227,6 @@ def _mpi():
     """mpi4py's MPI if something has loaded and started it, and nothing ended it, else None."""
     MPI = sys.modules.get("mpi4py.MPI")
     return MPI if MPI and MPI.Is_initialized() and not MPI.Is_finalized() else None
-
-
-def _rank():
-    return _mpi().COMM_WORLD.rank if _mpi() else 0
 
 
 def _print_error(message):

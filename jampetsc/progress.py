@@ -1,6 +1,7 @@
 """How far a long run has come: a bar on a terminal, one line per step in a log. On stderr, from rank 0 alone."""
 
 import sys
+from contextlib import contextmanager
 from contextvars import ContextVar
 
 from tqdm import tqdm
@@ -8,6 +9,16 @@ from tqdm import tqdm
 from jampetsc import streams
 
 quiet = ContextVar("whether progress is not told", default=False)
+
+
+@contextmanager
+def silent(so: bool = True):
+    """What runs inside tells no progress, or does again."""
+    token = quiet.set(so)
+    try:
+        yield
+    finally:
+        quiet.reset(token)
 
 
 class Progress:

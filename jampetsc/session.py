@@ -4,35 +4,26 @@ Importing this module starts nothing; `start` does, once per process:
 
     s = session.start(scalar="complex", petsc_argv=["-log_view"])
     s.set_defaults({"freq_ksp_type": "preonly", "freq_pc_type": "lu"})
-    with s.rehearsal():                     # stops on an option that nobody asks for
-        ...                                 # set the solvers up on a small matrix, see `solvers.rehearsal`
     ksp = s.PETSc.KSP().create(s.comm)
     ...                                     # prefix, operators, setFromOptions, setUp: the work
-    s.unused_options()                      # what was not needed in the end
+    s.tell_unused()                         # has PETSc say at its end which options nobody has asked for
 """
 
 import contextlib
-import ctypes
-import difflib
 import gc
 import importlib
+import os
 import re
-import signal
 import sys
 import traceback
 from pathlib import Path
 
 from jampetsc import builds, launcher, streams
 from jampetsc.errors import InputError
-from jampetsc.loading import check_words, load
-from jampetsc.stopping import stop_on_sigterm
+from jampetsc.solver_options import is_petscs_own, names_given
 
-# Read by PETSc when it finishes, or only in some situations: never called unused.
-READ_LATE = frozenset(
-    "options_view options_left citations get_total_flops mpi_dump memory_view objects_dump malloc_dump "
-    "malloc_view on_error_malloc_dump debugger_nodes debugger_ranks shared_tmp tmp nox display random_seed "
-    "random_type viewer_hdf5_collective".split()
-)
+QUIET = "-no_signal_handler"
+VALUES = (62, 63, 86)  # what PETSc says of a wrong argument, one out of range, a type that there is not
 
 _session = None
 
@@ -50,13 +41,10 @@ def start(scalar=None, petsc_argv=()):
     global _session
     petsc_argv = [str(token) for token in petsc_argv]
     if _session is None:
-        check_words(petsc_argv)
+        names = names_given(petsc_argv)
         with builds.selected(scalar):
-            PETSc, SLEPc, comm = load(petsc_argv)
-        _session = Session(PETSc, SLEPc, comm, petsc_argv)
-        # PETSc's own handlers, set by the start, would abort, without a chance to clean up, a closed pipe included
-        stop_on_sigterm()
-        signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # python then raises BrokenPipeError
+            PETSc, SLEPc, comm = _load(petsc_argv)
+        _session = Session(PETSc, SLEPc, comm, petsc_argv, names)
         if comm.size > 1:
             sys.excepthook = _abort
     elif petsc_argv:
@@ -67,6 +55,44 @@ def start(scalar=None, petsc_argv=()):
             f"{_session.scalar_type} ones: {builds.remedy(scalar)} (one process loads one)"
         )
     return _session
+
+
+def _load(petsc_argv):
+    """(PETSc, SLEPc or None, COMM_WORLD), initialised with petsc_argv. Collective.
+
+    Raises InputError where they are missing, do not fit together, or do not start with these words.
+    """
+    try:
+        import petsc4py
+
+        # Open MPI 4 would start a daemon for ranks to be spawned later, which outlives a kill of its process
+        os.environ.setdefault("OMPI_MCA_ess_singleton_isolated", "1")
+        from mpi4py import MPI
+
+        # SIGTERM and a closed pipe remain what they are to python; PETSc would print pages and abort
+        petsc4py.init(["jampetsc", QUIET, *petsc_argv], comm=MPI.COMM_WORLD)
+        from petsc4py import PETSc
+
+        PETSc.Options().delValue(QUIET)  # none of the user's, and of no number in a file
+    except ImportError as error:
+        reason = " ".join(str(error).split())
+        raise InputError(f"petsc4py and mpi4py: {reason}: install them for {sys.executable}") from error
+    except RuntimeError as error:  # PETSc.Error; PETSc has printed the details
+        given = " ".join(petsc_argv)
+        raise InputError(f"{given}: PETSc does not start with this: see its message above") from error
+    try:
+        import slepc4py
+
+        slepc4py.init(["jampetsc"])
+        from slepc4py import SLEPc
+    except ModuleNotFoundError:
+        SLEPc = None
+    except (ImportError, ValueError) as error:  # what loading a SLEPc of another PETSc gives
+        raise InputError(
+            f"{Path(slepc4py.__file__).parent} was not built for {Path(PETSc.__file__).parents[1]}: "
+            "set PETSC_DIR and SLEPC_DIR to one pair, or unset both"
+        ) from error
+    return PETSc, SLEPc, MPI.COMM_WORLD
 
 
 def current():
@@ -94,7 +120,7 @@ class Session:
     petsc_argv     the PETSc options this process was given
     """
 
-    def __init__(self, PETSc, SLEPc, comm, petsc_argv):
+    def __init__(self, PETSc, SLEPc, comm, petsc_argv, names):
         self.PETSc = PETSc
         self.MPI = importlib.import_module("mpi4py.MPI")
         self.SLEPc = SLEPc
@@ -102,29 +128,21 @@ class Session:
         self._work_on(comm)
         self.scalar_type = "complex" if PETSc.ScalarType(0).dtype.kind == "c" else "real"
         self.petsc_argv = petsc_argv
-        self._library = ctypes.CDLL(
-            PETSc.__file__
-        )  # finds the symbols of the libpetsc it is linked to as well
+        self._for_solvers = not all(map(is_petscs_own, names))  # whether options of solvers were given
         self._defaults = set()
-        self._given = self._names_given() & {name.lower() for name in self._unused()} - READ_LATE
 
     def _work_on(self, comm):
         self.comm, self.rank, self.size = comm, comm.rank, comm.size
 
     @contextlib.contextmanager
     def alone(self):
-        """Work inside is this rank's own: `comm` is COMM_SELF, and nothing in it waits for other ranks.
-
-        PETSc's options are those of the whole run, which has rehearsed them: inside there are none to rehearse.
-        """
-        before, given = self.comm, self._given
+        """Work inside is this rank's own: `comm` is COMM_SELF, and nothing in it waits for other ranks."""
+        before = self.comm
         self._work_on(self.MPI.COMM_SELF)
-        self._given = set()
         try:
             yield
         finally:
             self._work_on(before)
-            self._given = given
 
     def options(self):
         """All PETSc options in force, {name: value}, without their dash."""
@@ -152,53 +170,13 @@ class Session:
             name.lower().startswith(prefix) for name in self.options() if name.lower() not in self._defaults
         )
 
-    def options_given(self) -> bool:
-        """Whether some rank has options of the user that no start of PETSc has asked for yet. Collective."""
-        return any(self.comm.allgather(bool(self._given)))
-
-    @contextlib.contextmanager
-    def rehearsal(self):
-        """Setting up solvers inside tells which options they read and whether they can. Collective.
-
-        Defaults set in the block are gone after it, and nothing in it counts as use. Raises InputError that
-        names the options of the user that nothing in the block asked for, or what PETSc says of their values.
-        """
-        before = set(self._defaults)
-        self._forget_use()
-        try:
-            yield
-            self.check_options()
-        except (self.PETSc.Error, SystemError) as error:
-            if not petsc_error(error):
-                raise
-            given = " ".join(self.petsc_argv)
-            raise InputError(f"{given}: {petsc_message(error)}: correct or remove the option") from error
-        finally:
-            for name in self._defaults - before:
-                self.PETSc.Options().delValue(name)
-            self._defaults = before
-            self._forget_use()
-
-    def check_options(self):
-        """Stop on options that no object has asked for. Collective: asked for by one rank is enough.
-
-        Raises InputError that names the options.
-        """
-        hints = []
-        for name in self.unused_options():
-            near = difflib.get_close_matches(name, self._defaults, n=1, cutoff=0.75)
-            hints.append(f"-{name}" + (f" (did you mean -{near[0]}?)" if near else ""))
-        if hints:
-            raise InputError(f"PETSc option {', '.join(hints)}: not used by this run: correct or remove it")
-
-    def unused_options(self) -> list[str]:
-        """Names of the options that no object on any rank has asked for. Collective.
-
-        Looks at what the command line and its options files gave, not at PETSC_OPTIONS or a .petscrc: other
-        programs use those too.
-        """
-        mine = {name for name in self._unused() if name.lower() in self._given}
-        return sorted(set.intersection(*self.comm.allgather(mine)))
+    def tell_unused(self):
+        """Have PETSc, when it ends, print the solvers' options that rank 0 has not asked for: its -options_left."""
+        database = self.PETSc.Options()
+        if self._for_solvers and "options_left" not in self.options():
+            for name in self._defaults:
+                database.delValue(name)  # not the user's to correct
+            database.setValue("options_left", True)
 
     @contextlib.contextmanager
     def stage(self, name):
@@ -214,33 +192,6 @@ class Session:
         gc.collect()
         if hasattr(self.PETSc, "garbage_cleanup"):  # petsc4py ≥ 3.18
             self.PETSc.garbage_cleanup(self.comm)
-
-    def _names_given(self):
-        """Lower-case names of the options in petsc_argv and its options files, as PETSc parses them."""
-        database = self.PETSc.Options().create()
-        database.insertString(" ".join(f'"{token}"' if " " in token else token for token in self.petsc_argv))
-        names = {name.lower() for name in database.getAll()}
-        database.destroy()
-        return names
-
-    def _forget_use(self):
-        """Make every option given unused again: PETSc knows no other way than to set it anew."""
-        database = self.PETSc.Options()
-        for name, value in self.options().items():
-            if name.lower() in self._given:
-                database.delValue(name)
-                database.setValue(name, value)
-
-    def _unused(self):
-        """Names in PETSc's database that nothing has asked for on this rank; petsc4py has no call for it."""
-        integer = {4: ctypes.c_int32, 8: ctypes.c_int64}[self.PETSc.IntType(0).itemsize]
-        strings = ctypes.POINTER(ctypes.c_char_p)
-        count, names, values = integer(), strings(), strings()
-        arguments = (None, ctypes.byref(count), ctypes.byref(names), ctypes.byref(values))
-        self._library.PetscOptionsLeftGet(*arguments)
-        unused = [names[i].decode() for i in range(count.value)]
-        self._library.PetscOptionsLeftRestore(*arguments)
-        return unused
 
 
 def least(comm, values):
@@ -281,6 +232,14 @@ def petsc_message(error) -> str:
     """What PETSc said, without the places in its sources: the last line."""
     last = str(petsc_error(error)).rpartition("\n")[2]
     return " ".join(last.removeprefix(f"[{_session.world.rank}]").split())
+
+
+def told(error) -> tuple[str, int]:
+    """A PETSc error in one line, and the exit status: 2 where it is about a value that the user may have given."""
+    given = " ".join(_session.petsc_argv)
+    if given and petsc_error(error).ierr in VALUES:
+        return f"{given}: {petsc_message(error)}: correct or remove the option", 2
+    return f"PETSc: {petsc_message(error)}", 1
 
 
 def _abort(kind, error, trace):

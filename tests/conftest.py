@@ -18,8 +18,6 @@ from functools import cache
 
 import pytest
 
-from jampetsc import stopping
-
 SCALAR = os.environ.get("JAMPETSC_TEST_SCALAR")
 PATIENCE = 20.0  # seconds a rank that failed waits for the others to end the same test
 LONG = ("figures", "trade", "interrupted", "options", "oscillate_command", "pack", "documents")  # begin first
@@ -95,10 +93,6 @@ def pytest_runtest_protocol(item):
     yield
     faulthandler.cancel_dump_traceback_later()
     os.close(stderr)
-    if (
-        stopping.noticed()
-    ):  # a test had jampetsc listen to SIGTERM: the run is meant, not the test that it reached
-        pytest.exit("stopped by SIGTERM", returncode=143)
 
 
 @pytest.hookimpl(hookwrapper=True)

@@ -27,7 +27,7 @@ COMMANDS = {
     "spectrum": "jampetsc.commands.spectrum",
     "correlate": "jampetsc.commands.correlate",
     "collapse": "jampetsc.commands.collapse",
-    "study": "jampetsc.commands.study",
+    "study": "jampetsc.jobs.study:Study",
     "trade": "jampetsc.commands.trade",
     "info": "jampetsc.commands.info",
     "merge": "jampetsc.commands.merge",

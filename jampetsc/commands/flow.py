@@ -125,9 +125,7 @@ def _together(job, running):
         )
     from jampetsc.flows.together import Together
     from jampetsc.solvers import resistance
-    from jampetsc.solvers.rehearsal import rehearse
 
-    rehearse(resistance.rehearse)
     return Together(resistance.ContactSolver(job.scheme.tolerance))
 
 

@@ -53,11 +53,6 @@ def run(args, petsc_argv) -> int:
     from jampetsc.storage.packing_file import read_packing
 
     running = session.start("real", petsc_argv)
-
-    from jampetsc.solvers import inertia
-    from jampetsc.solvers.rehearsal import rehearse
-
-    rehearse(inertia.rehearse)
     disks = read_packing(args.file, running.comm)  # of one rank for all: the file may have been replaced
     if running.rank == 0:
         print(describe.packing(args.file, disks), flush=True)

@@ -96,9 +96,7 @@ def run(args, petsc_argv) -> int:
     comm = running.comm
     by_rank_0(comm, lambda: check_output(args.out, FORMAT))
     from jampetsc.solvers import local
-    from jampetsc.solvers.rehearsal import rehearse
 
-    rehearse(local.rehearse)
     record = _samples(args, tasks, protocol, comm, local.NewtonSolver())
     by_rank_0(comm, lambda: _write(args, record, protocol, running, time.perf_counter() - began))
     by_rank_0(comm, lambda: remove_checkpoint(args.out))

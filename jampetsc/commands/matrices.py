@@ -37,7 +37,6 @@ def run(args, petsc_argv) -> int:
     for path in files.values():
         check_output(path, exported(path), [args.packing])
     running = session.start("real", petsc_argv)
-    running.check_options()
     disks = read_packing(args.packing, running.comm)
     try:
         matrices = matrices_of(disks, physics, running.comm)

@@ -63,11 +63,6 @@ def run(args, petsc_argv) -> int:
     check(args)
     check_output(args.out, modes_file.FORMAT, [args.packing])
     running = session.start("real", petsc_argv)
-    from jampetsc.solvers import eigen, inertia, shifted
-    from jampetsc.solvers.rehearsal import rehearse
-
-    # shifted: for the shares that the modes have of the response to shear
-    rehearse(inertia.rehearse, shifted.rehearse, *([] if args.all else [eigen.rehearse]))
     count = DEFAULT_COUNT if args.count is None and args.below is None and not args.all else args.count
     modes = modes_file.run(args.packing, args.out, not args.no_prestress, count, args.below)
     if running.rank == 0:

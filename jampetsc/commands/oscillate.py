@@ -175,11 +175,8 @@ def run(args, petsc_argv) -> int:
     asked = check(args)
     check_output(args.out, FORMAT, [args.packing])
     running = session.start("real", petsc_argv)
-    from jampetsc.oscillation import job, newton, preconditioner
-    from jampetsc.solvers import inertia, shifted
-    from jampetsc.solvers.rehearsal import rehearse
+    from jampetsc.oscillation import job
 
-    rehearse(shifted.rehearse, inertia.rehearse, newton.rehearse, preconditioner.rehearse)
     arrays = job.run(asked)
     if running.rank == 0:
         print(summary(asked, arrays))

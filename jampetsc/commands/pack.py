@@ -94,9 +94,7 @@ def run(args, petsc_argv) -> int:
     )
     from jampetsc.contacts.threads import Team
     from jampetsc.solvers import local
-    from jampetsc.solvers.rehearsal import rehearse
 
-    rehearse(local.rehearse)
     solver = local.NewtonSolver()
     if session.rank == 0 and len(pending) < len(tasks):
         print(f"{len(tasks) - len(pending)} of {len(tasks)} packings are there already", flush=True)

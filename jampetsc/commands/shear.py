@@ -53,9 +53,7 @@ def run(args, petsc_argv) -> int:
         raise InputError(f"shear on {running.size} ranks: one run is one process; `jampetsc study` runs many")
     from jampetsc.flows import slowjob
     from jampetsc.solvers import local
-    from jampetsc.solvers.rehearsal import rehearse
 
-    rehearse(local.rehearse)
     disks, origin = start_of(args)
     print(slowjob.run(args, disks, origin, local.NewtonSolver()))
     return 0

@@ -28,6 +28,7 @@ class Job:
     NAME: ClassVar[str]
     FORMAT: ClassVar[str]
     EPILOG: ClassVar[str] = ""
+    SOLVERS: ClassVar[tuple] = ()  # prefixes of the PETSc options that its solvers read, see `solver_options`
     OUT: ClassVar[str] = "required"  # whether its command needs --out: required, optional, or "" for no file
     OUT_HELP: ClassVar[str] = "result file (HDF5)"
     AGAIN: ClassVar[bool] = False  # whether its result is made anew without asking: pictures and tables
@@ -119,9 +120,6 @@ class Job:
         """Raise InputError, before any work, unless all of its files may be written."""
         if to.path is not None:
             check_output(to.path, self.FORMAT, self.files)
-
-    def rehearse(self) -> None:
-        """Set up the solvers that the work will need, see `solvers.rehearsal`. Collective."""
 
     def work(self, to: Outlet) -> str:
         """Do it and put what is found into the outlet `to`; what a user wants to read. Collective."""

@@ -32,7 +32,6 @@ def perform(job: Job, to: Outlet, *, petsc_argv=(), argv=None, overwrite=False, 
         job.check_outputs(to)
         if job.scalar is not None:
             session.start(None if job.scalar == "any" else job.scalar, petsc_argv)
-            job.rehearse()
             return job.work(to)
         comm = None if alone else session.communicator()
         told = by_rank_0(comm, lambda: job.work(to))
@@ -48,9 +47,6 @@ def answer(job: Job, out=None, *, checkpoint=None, overwrite=False, told=False):
     told        whether progress is told on stderr
     """
     to = Outlet(out, out if checkpoint is None else checkpoint)
-    token = progress.quiet.set(not told)
-    try:
+    with progress.silent(not told):
         perform(job, to, argv=job.line(out), overwrite=overwrite)
-    finally:
-        progress.quiet.reset(token)
     return to.result

@@ -25,6 +25,8 @@ class Quasistatic(Job):
     FORMAT: ClassVar = "jampetsc-quasistatic"
     EPILOG: ClassVar = "PETSc options: -shift_… reach the factorisations."
 
+    SOLVERS: ClassVar = ("shift_", "inertia_")
+
     packing: Disks = asked(help="packing", kind=PACKING, place=FILE)
     law: Law = part(DAMPING)
     prestress: bool = PRESTRESS
@@ -44,13 +46,6 @@ class Quasistatic(Job):
             )
         for beta in [] if self.betas is None else self.betas:
             self.law.altered(beta=beta)  # where nothing dissipates
-
-    def rehearse(self):
-        """Factorisations. Collective."""
-        from jampetsc.solvers import inertia, shifted
-        from jampetsc.solvers.rehearsal import rehearse
-
-        rehearse(shifted.rehearse, inertia.rehearse)
 
     def work(self, to):
         """Solve. Collective."""

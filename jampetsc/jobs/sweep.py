@@ -15,7 +15,6 @@ OMEGA = "1e-10:1e4:141"
 POWER_LAW = (
     "power-law damping: viscous force of a contact ∝ |Δu̇|^A, by an equivalent linear damping (approximate)"
 )
-PREFIXES = {"rational": ("shift_", "inertia_"), "direct": ("freq_",)}  # of the PETSc options of each method
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +32,8 @@ class Sweep(Job):
 
 PETSc options: -shift_… and -inertia_… reach the factorisations of the rational method, -freq_… the solver of
 --method direct; files in options/ are ready to use with -options_file."""
+
+    SOLVERS: ClassVar = ("shift_", "freq_", "inertia_")
 
     packing: Disks = asked(help="packing", kind=PACKING, place=FILE)
     law: Law = part(DAMPING)
@@ -102,38 +103,15 @@ PETSc options: -shift_… and -inertia_… reach the factorisations of the ratio
     def work(self, to):
         """Sweep. Collective."""
         from jampetsc import session
-        from jampetsc.response import direct, direct_sweep, rational_sweep
+        from jampetsc.response import direct_sweep, rational_sweep
         from jampetsc.response.run import Run
         from jampetsc.response.stability import settle
-        from jampetsc.solvers import inertia, shifted
-        from jampetsc.solvers.rehearsal import rehearse
 
         run = Run.of(self, to, session.current().comm)
-        solvers = {
-            "rational": [shifted.rehearse, inertia.rehearse] if run.method == "rational" else [],
-            # a packing that turns out to be no minimum is solved by the direct method
-            "direct": [] if run.method == "rational" and run.negative_modes == 0 else [direct.rehearse],
-        }
-        _refuse_options_of_others([method for method, its in solvers.items() if not its])
-        rehearse(*solvers["rational"], *solvers["direct"])
         run = settle(run)
         sweep = direct_sweep if run.method == "direct" else rational_sweep
         omega, G, bounds = sweep.solve(run)
         return _summary(run, run.asked(omega), G, bounds)
-
-
-def _refuse_options_of_others(methods):
-    """Raise InputError for PETSc options of methods that this run has no use for. Collective."""
-    from jampetsc import session
-
-    given = session.current().unused_options()
-    for method in methods:
-        for name in given:
-            if name.startswith(PREFIXES[method]):
-                raise InputError(
-                    f"PETSc option -{name}: belongs to {named('method')} {method}, which this run is not: ask for "
-                    "that, or leave the option out"
-                )
 
 
 def _summary(run, omega, G, bounds) -> str:

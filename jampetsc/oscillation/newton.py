@@ -47,20 +47,6 @@ def configure(snes) -> None:
         )
 
 
-def rehearse(matrix) -> None:
-    """Ask for the options that `Newton` asks for, on A x = 0. Collective."""
-    snes = make_snes(matrix.getComm())
-    x, f = matrix.createVecs()
-    snes.setFunction(lambda snes, x, f: matrix.mult(x, f), f)
-    snes.setJacobian(lambda snes, x, J, P: None, matrix)
-    snes.getKSP().getPC().setType("jacobi")
-    configure(snes)
-    snes.setUp()
-    snes.solve(None, x)
-    for item in (snes, x, f):
-        item.destroy()
-
-
 class Newton:
     """The solver for one Equations. Collective.
 

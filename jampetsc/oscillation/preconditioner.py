@@ -27,15 +27,6 @@ PREFIX = "osc_factor_"
 SHARED = 1.5
 
 
-def rehearse(matrix) -> None:
-    """Set up as the preconditioner would for this matrix, on each rank alone. Collective."""
-    cholesky = Cholesky(matrix.getDiagonalBlock().copy(), PREFIX, "a small matrix")
-    try:
-        cholesky.factorise()
-    finally:
-        cholesky.destroy()
-
-
 class HarmonicPreconditioner:
     """For the equations of one cycle; `bordered` where the strain is unknown. Methods are collective."""
 

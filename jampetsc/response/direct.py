@@ -174,15 +174,6 @@ def _enough(result: Certified) -> float:
     return max(DIGITS * min(abs(result.G.real), abs(result.G.imag)), min(result.rounding))
 
 
-def rehearse(matrix) -> None:
-    """Set the KSP up for a positive definite matrix. Collective."""
-    ksp, _ = _solver(matrix)
-    try:
-        mumps.factorise(ksp, matrix, "a small matrix")
-    finally:
-        ksp.destroy()
-
-
 def _solver(matrix):
     """(KSP for a matrix, its options read; whether the factor of an earlier frequency serves until it no longer
     converges).

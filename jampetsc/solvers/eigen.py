@@ -138,15 +138,6 @@ def _krylov(pencil, moves, count, stiffness):
                 item.destroy()
 
 
-def rehearse(matrix) -> None:
-    """Set up the shift-invert transform for a positive definite matrix. Collective."""
-    eps = _solver(matrix, 1, 1.0)
-    try:
-        eps.setUp()
-    finally:
-        eps.destroy()
-
-
 def _solver(matrix, count, stiffness):
     """The EPS for `count` modes of a matrix, its options read."""
     session = current()

@@ -99,8 +99,3 @@ def count_below(matrix, value: float, what: str) -> int:
     finally:
         ksp.destroy()
         shifted.destroy()
-
-
-def rehearse(matrix) -> None:
-    """Count for a positive definite matrix. Collective."""
-    count_below(matrix, 0.0, "a small matrix")

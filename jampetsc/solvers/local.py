@@ -13,15 +13,6 @@ from jampetsc.solvers.cholesky import Cholesky, NotPositiveDefinite
 PREFIX = "newton_"
 
 
-def rehearse(matrix, *words) -> None:
-    """Set a NewtonSolver, made with these words, up for a matrix of its own kind, of order two."""
-    solver = NewtonSolver(*words)
-    try:
-        solver.factorise(np.array([0, 1, 2], np.int32), np.array([0, 1], np.int32), np.ones(2))
-    finally:
-        solver.destroy()
-
-
 class NewtonSolver:
     """Solves with real symmetric matrices of this rank alone (MPI_COMM_SELF), and says which are positive definite."""
 

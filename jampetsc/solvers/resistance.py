@@ -16,16 +16,6 @@ PREFIX = "flow_"
 DEFAULTS = {"ksp_type": "cg", "pc_type": "jacobi", "ksp_norm_type": "unpreconditioned"}
 
 
-def rehearse(matrix) -> None:
-    """Set up as a ContactSolver would for this matrix. Collective."""
-    solver = ContactSolver(1e-4)
-    try:
-        solver.ksp.setOperators(matrix)
-        solver.ksp.setUp()
-    finally:
-        solver.destroy()
-
-
 class ContactSolver:
     """Solves (A + s) u = b for one set of contacts after the other. Collective."""
 

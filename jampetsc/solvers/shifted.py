@@ -13,17 +13,6 @@ from jampetsc.solvers.cholesky import Cholesky, NotPositiveDefinite, least_eigen
 PREFIX = "shift_"
 
 
-def rehearse(matrix) -> None:
-    """Set up as a ShiftedFactor would for this matrix, on all ranks together and on each alone. Collective."""
-    alone = [matrix.getDiagonalBlock().copy()] if matrix.getComm().size > 1 else []
-    for one in (matrix.copy(), *alone):
-        cholesky = Cholesky(one, PREFIX, "a small matrix")
-        try:
-            cholesky.factorise()
-        finally:
-            cholesky.destroy()
-
-
 def shifted(K, B, s: float):
     """K + sB as a new matrix, for PETSc matrices of one pattern. Collective."""
     matrix = K.copy()

@@ -8,7 +8,10 @@ class Outlet:
 
     path        file of the result; None: it stays in memory
     checkpoint  where a long run keeps what it has finished, so that the same job goes on there; None: nowhere
+    status      exit status of a command that has written what it could
     """
+
+    status = 0
 
     def __init__(self, path=None, checkpoint=None):
         self.path = None if path is None else Path(path)

@@ -7,7 +7,6 @@ within a factor of three or so.
 import statistics
 
 from jampetsc.packing.protocols import start_phi
-from jampetsc.words.frequencies import parse_omega
 
 ROUGH = {  # command -> seconds whatever N is, seconds of a unit at N = 1024, its power of N
     "pack": (0.02, 0.12, 1.5),
@@ -70,27 +69,27 @@ def rough(task) -> float | None:
 
 def _units(task):
     """How many of what ROUGH has the cost of: steps, samples, modes, frequencies, files."""
-    args = task.choice.args
+    job = task.choice.job
     match task.command:
         case "pack":
             phi, pressure = task.columns.get("phi"), task.columns.get("pressure")
             pressure = pressure or max(1e-6, (phi - start_phi(0.0)) / 3.5)
             return (1e-3 / pressure) ** 0.2
         case "sweep":
-            return DIRECT * len(parse_omega(args.omega)) if args.method == "direct" else 1
+            return DIRECT * len(job.omega) if job.method == "direct" else 1
         case "modes":
-            return task.columns["n"] if args.all else args.count or 1
+            return task.columns["n"] if job.all else job.count or 1
         case "oscillate":
-            kind = MOVING if args.contacts == "moving" else NONLINEAR if args.alpha != 1.0 else 1
-            amplitudes = str(args.stress or args.strain).count(",") + 1
-            return amplitudes * len(parse_omega(args.omega)) * kind
+            kind = MOVING if job.contacts == "moving" else NONLINEAR if job.alpha != 1.0 else 1
+            amplitudes = len(job.amplitude)
+            return amplitudes * len(job.omega) * kind
         case "flow":
-            step = args.step or min(0.2, 5e-3 / args.rate)
-            return args.strain / (args.rate * step) * (SOLVED if args.model in ("CD0", None) else 1)
+            step = job.step or min(0.2, 5e-3 / job.rate)
+            return job.strain / (job.rate * step) * (SOLVED if job.model.solves else 1)
         case "shear":
-            return args.strain / args.step
+            return job.strain / job.step
         case "jam":
-            samples, protocol = args.check(args)
+            samples, protocol = job.samples, job.protocol_asked
             steps = protocol.strain / protocol.step / 30 if protocol.name == "shear" else 0
             return len(samples) * (1 + steps + 40 * (protocol.name == "compress"))
         case "correlate":

@@ -16,7 +16,7 @@ class Kind:
 
     on: str
     of: tuple[str, ...] = ("sweep",)  # commands whose files it reads
-    suits: Callable = lambda args: True  # whether it can use a file made with these parsed arguments
+    suits: Callable = lambda job: True  # whether it can use the file of this job
     needs: str = ""  # what such files are, in words
     alone: bool = False  # whether only one rank can do it, however large
 
@@ -36,7 +36,7 @@ KINDS = {
     "correlate": Kind(
         SEEDS,
         of=("sweep", "flow"),
-        suits=lambda args: bool(vars(args).get("fields") or vars(args).get("snapshots")),
+        suits=lambda job: getattr(job, "fields", None) is not None or bool(getattr(job, "snapshots", None)),
         needs="sweeps with fields, or flows with snapshots",
     ),
 }

@@ -57,7 +57,7 @@ class Lock:
         host, _, process = other.partition(" ") if other else ("another machine", "", "?")
         raise InputError(
             f"{self.path.parent}: a study is running there (process {process} on {host}): "
-            f"wait for it, or choose another --out{remedy}"
+            f"wait for it, or choose another folder{remedy}"
         )
 
     def _age(self):

@@ -1,14 +1,15 @@
-"""The keys of a table of STUDY.toml: a command's own long options, as its argparse parser has them."""
+"""The keys of a table of STUDY.toml: a job's own parameters, as its command's options are written."""
 
-import argparse
-import difflib
+import dataclasses
 import itertools
 from dataclasses import dataclass
 
 from jampetsc.errors import InputError
+from jampetsc.jobs.asking import FILES, OPTION, did_you_mean, made, parameters
+from jampetsc.jobs.job import Job
 from jampetsc.words.packtasks import seeds_of
 
-OWN = ("help", "out", "packing", "last", "overwrite", "quiet")  # options that the study gives itself
+OWN = ("out", "packing", "last", "overwrite", "quiet")  # that the study gives itself
 LABEL = {"n": "n", "pressure": "p", "phi": "phi", "seed": "s"}  # what a file's name tells -> how
 STAND_IN = "x.h5"  # for files while values are checked
 
@@ -18,29 +19,30 @@ class Choice:
     """One value for every key of a table."""
 
     words: tuple  # the options on a command line
-    given: dict  # dest of the option -> value, those that the table gives
-    changed: dict  # dest -> value, those that differ from the default
-    args: argparse.Namespace  # parsed, with STAND_IN for the files
+    given: dict  # parameter -> value, those that the table gives
+    changed: dict  # parameter -> value, those that differ from the default
+    job: Job  # with STAND_IN for the files
 
-    def arguments(self, positional, inputs, out):
-        """The arguments for real files."""
-        files = {}
-        if positional is not None and inputs:
-            files = {positional.dest: inputs if positional.nargs == "+" else inputs[0]}
-        return argparse.Namespace(**vars(self.args) | files | {"out": out})
-
-
-def positional_of(parser):
-    """The argument of a command that is no option, or None."""
-    return next((action for action in parser._actions if not action.option_strings), None)
+    def job_of(self, inputs) -> Job:
+        """The job for real files."""
+        place = _place(type(self.job))
+        if place is None or not inputs:
+            return self.job
+        files = tuple(inputs) if place.place == FILES else inputs[0]
+        return dataclasses.replace(self.job, **{place.name: files})
 
 
-def values_of(parser, table: dict, where: str) -> list:
-    """[(option of the command, its values)] of a table; `where` names file and table in messages.
+def _place(job):
+    """The parameter of a class of jobs that is no option, or None."""
+    return next((one for one in parameters(job).values() if one.place != OPTION), None)
 
-    Raises InputError for a key that the command does not have, or a value of the wrong type.
+
+def values_of(job, table: dict, where: str) -> list:
+    """[(parameter of the class of jobs, its values)] of a table; `where` names file and table in messages.
+
+    Raises InputError for a key that the job does not have, or a value of the wrong type.
     """
-    options = {option[2:]: action for action in parser._actions for option in action.option_strings}
+    options = {one.word[2:]: one for one in parameters(job).values() if one.place == OPTION}
     lists = []
     for key, value in table.items():
         if key in OWN or (key not in options and not (key == "seeds" and "seed" in options)):
@@ -49,54 +51,56 @@ def values_of(parser, table: dict, where: str) -> list:
     return lists
 
 
-def choices_of(parser, lists: list, where: str, begins: bool) -> list[Choice]:
+def choices_of(job, lists: list, where: str, begins: bool) -> list[Choice]:
     """Every combination of what `values_of` has found, in order, the last key running fastest.
 
-    parser   of the command; begins: whether a file is given to its positional argument
+    job   the class of jobs; begins: whether files are given to it
 
-    Raises InputError for a value that the command refuses.
+    Raises InputError for a value that the job refuses.
     """
-    positional = positional_of(parser)
-    stand_in = [STAND_IN] if positional is not None and begins else []
+    place = _place(job)
+    files = {place.name: [STAND_IN] if place.place == FILES else STAND_IN} if place and begins else {}
     found = []
-    actions = [action for action, _ in lists]
     for values in itertools.product(*(values for _, values in lists)):
-        chosen = list(zip(actions, values, strict=True))
-        words = [word for action, value in chosen for word in words_of(action, value)]
+        chosen = [(one, value) for (one, _), value in zip(lists, values, strict=True)]
+        words = [word for one, value in chosen for word in words_of(one, value)]
+        given = {one.name: _typed(one, value) for one, value in chosen}
         try:
-            args = parser.parse_args([*stand_in, "--out", STAND_IN, *words])
-            args.check(args)
+            asked = made(job, files | given)
         except InputError as error:
             raise InputError(f"{where}: {error}") from None
-        dests = [action.dest for action in actions]
-        parsed = {dest: value for dest, value in vars(args).items() if dest in dests}
-        changed = {dest: value for dest, value in parsed.items() if value != parser.get_default(dest)}
-        found.append(Choice(tuple(words), {d: number_of(v) for d, v in parsed.items()}, changed, args))
+        defaults = {one.name: None if one.required else one.default for one, _ in chosen}
+        changed = {name: value for name, value in given.items() if value != defaults[name]}
+        told = {name: number_of(value) for name, value in given.items()}
+        found.append(Choice(tuple(words), told, changed, asked))
     return found
 
 
 def _unknown(key, options):
     if key in OWN:
-        return f"{key}: the study itself gives --{key}: leave it out"
-    near = difflib.get_close_matches(key, set(options) - set(OWN), n=1)
-    return f"{key}: no such option{f'; did you mean {near[0]}?' if near else ''}"
+        return f"{key}: the study itself gives it: leave it out"
+    return f"{key}: no such option{did_you_mean(key, set(options) - set(OWN))}"
 
 
 def _values(options, key, value, where):
-    """(action, its values) for one key. Raises InputError."""
-    if key == "seeds" and "seed" in options:  # one task per seed, not one run of the command for all
+    """(parameter, its values) for one key. Raises InputError."""
+    if key == "seeds" and "seed" in options:  # one task per seed, not one run of the job for all
         key, value = "seed", _seeds(value, where)
-    action, values = options[key], value if isinstance(value, list | range) else [value]
+    one, values = options[key], value if isinstance(value, list | range) else [value]
     if not values:
         raise InputError(f"{where}: {key} = []: give at least one value")
-    for one in () if isinstance(values, range) else values:
-        if action.nargs == 0 and not isinstance(one, bool):
-            raise InputError(f"{where}: {key} = {one!r}: is a switch: write true or false")
-        if action.nargs != 0 and (isinstance(one, bool) or not isinstance(one, int | float | str)):
+    for each in () if isinstance(values, range) else values:
+        if _is_switch(one) and not isinstance(each, bool):
+            raise InputError(f"{where}: {key} = {each!r}: is a switch: write true or false")
+        if not _is_switch(one) and (isinstance(each, bool) or not isinstance(each, int | float | str)):
             raise InputError(
-                f"{where}: {key} = {_toml(one)}: must be a number or a string, or a list of such"
+                f"{where}: {key} = {_toml(each)}: must be a number or a string, or a list of such"
             )
-    return action, values
+    return one, values
+
+
+def _is_switch(one):
+    return isinstance(one.default, bool)
 
 
 def _seeds(value, where):
@@ -105,22 +109,36 @@ def _seeds(value, where):
         return value
     try:
         return seeds_of(value)
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from None
+    except (InputError, ValueError) as error:
+        raise InputError(f"{where}: seeds {value}: {error}") from None
 
 
 def _toml(value):
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def words_of(action, value):
-    """The words of a command line for one value of an option, the same for 1e-3 and "0.001"."""
-    option = action.option_strings[0]
-    if action.nargs == 0:
-        return [option] if value else []
+def _written(value):
+    """A value as a command line has it, the same for 1e-3 and "0.001"."""
     value = number_of(value)
-    text = repr(value) if isinstance(value, float) else str(value)
-    return [f"{option}={text}"] if text.startswith("-") else [option, text]
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def words_of(one, value):
+    """The words of a command line for one value of a parameter."""
+    if _is_switch(one):
+        return [one.word] if value else []
+    text = _written(value)
+    return [f"{one.word}={text}"] if text.startswith("-") else [one.word, text]
+
+
+def _typed(one, value):
+    """What a value is to the name of a task: a number where the parameter is one, else text."""
+    if _is_switch(one):
+        return one.default != value  # a switch that is on by default has a key that turns it off
+    try:
+        return one.kind.word(_written(value))
+    except ValueError:
+        return _written(value)
 
 
 def number_of(value):

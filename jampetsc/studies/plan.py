@@ -1,4 +1,4 @@
-"""STUDY.toml as a list of tasks: tables are commands, keys their long options, lists are multiplied out.
+"""STUDY.toml as a list of tasks: tables are jobs, keys their parameters, lists are multiplied out.
 
 [pack]                    every response runs on every packing
 n = [256, 1024]
@@ -18,6 +18,7 @@ import tomllib
 from dataclasses import dataclass
 
 from jampetsc.errors import InputError
+from jampetsc.jobs import job_class
 from jampetsc.storage.regular import open_regular
 from jampetsc.studies.kinds import KINDS, NOTHING, PACKING, SEEDS, START, SWEEP
 from jampetsc.studies.options import Choice, choices_of, label_of, number_of, values_of
@@ -67,11 +68,11 @@ def read(path) -> bytes:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
 
 
-def plan(path, content: bytes, parsers: dict) -> list[Task]:
+def plan(path, content: bytes | dict) -> list[Task]:
     """The tasks of a study, each after those whose files it reads.
 
-    path      names STUDY.toml in messages; content: what it holds
-    parsers   command -> its argparse parser, for all KINDS
+    path      names STUDY.toml in messages
+    content   what it holds, or the same as a dictionary of tables
 
     Raises InputError naming file, table and key; for too many tasks before any is made.
     """
@@ -81,14 +82,15 @@ def plan(path, content: bytes, parsers: dict) -> list[Task]:
     for command, kind in KINDS.items():
         for where, table in tables.get(command, []):
             begins = kind.on is not NOTHING and not (kind.on is START and "n" in table)
-            wanted = table.pop(WHERE, {}) if begins else {}
-            lists = values_of(parsers[command], table, where)
+            wanted = table.get(WHERE, {}) if begins else {}
+            keys = {key: value for key, value in table.items() if key != WHERE or not begins}
+            lists = values_of(job_class(command), keys, where)
             starts = _chosen(_starts(kind, found, where), wanted, where) if begins else [()]
             count = len(starts) * math.prod(len(values) for _, values in lists)
             if len(tasks) + count > MANY:
                 before = f" with the {len(tasks)} before them" if tasks else ""
                 raise InputError(f"{where}: {count} tasks{before}: at most {MANY} in one study")
-            for choice in choices_of(parsers[command], lists, where, begins):
+            for choice in choices_of(job_class(command), lists, where, begins):
                 for inputs in starts:
                     task = _task(command, choice, inputs)
                     if task.name not in tasks:
@@ -102,7 +104,7 @@ def plan(path, content: bytes, parsers: dict) -> list[Task]:
 def _tables(path, content):
     """{command: [(where, table)]}. Raises InputError."""
     try:
-        content = tomllib.loads(content.decode())
+        content = content if isinstance(content, dict) else tomllib.loads(content.decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: is not TOML: {error}") from None
     except RecursionError:
@@ -132,7 +134,7 @@ def _starts(kind, found, where):
                 f"{where}: needs packings: add a table [pack]{' or n' if kind.on is START else ''}"
             )
         return [(packing,) for packing in found["pack"]]
-    files = [task for command in kind.of for task in found[command] if kind.suits(task.choice.args)]
+    files = [task for command in kind.of for task in found[command] if kind.suits(task.choice.job)]
     if not files:
         tables = " or ".join(f"[{command}]" for command in kind.of)
         raise InputError(f"{where}: needs {kind.needs}: add a table {tables}")

@@ -26,7 +26,7 @@ REFRESH = 60.0  # seconds after which the table is written again while the study
 BYTES = 30_000  # per disk, of a sweep on one rank
 
 
-def run(tasks, folder, parsers, path, source: bytes, session) -> list[dict]:
+def run(tasks, folder, path, source: bytes | dict, session) -> list[dict]:
     """Do what is left of a study and write its table; the rows. Collective.
 
     path, source   STUDY.toml, and what it held when the tasks were read: kept beside the table
@@ -38,7 +38,7 @@ def run(tasks, folder, parsers, path, source: bytes, session) -> list[dict]:
     lock = Lock(folder)
     by_rank_0(comm, lambda: _open(folder, path, lock))
     try:
-        runner, journal = Runner(folder, parsers, {}, own_cores(comm)), Journal(folder, comm.rank)
+        runner, journal = Runner(folder, {}, own_cores(comm)), Journal(folder, comm.rank)
 
         def look():
             runner.records = records_of(folder)
@@ -68,7 +68,9 @@ def run(tasks, folder, parsers, path, source: bytes, session) -> list[dict]:
             if comm.rank == 0:
                 records |= {record["task"]: record for made in new for record in made}
                 rows = _write_table(folder, tasks, records, runner)
-                if not is_same(path, folder / COPY):  # it may have been edited meanwhile
+                if isinstance(source, bytes) and not is_same(
+                    path, folder / COPY
+                ):  # it may have been edited meanwhile
                     write_whole(folder / COPY, source)
         return comm.bcast(rows)
     finally:
@@ -101,7 +103,7 @@ def check_folder(folder, path) -> None:
         held = folder / name
         if held.exists() and not (folder / JOURNAL).is_dir() and not is_same(path, held):
             raise InputError(
-                f"{held}: is there already and is of no study that ran in this folder: choose another --out, or move it"
+                f"{held}: is there already and of no study that ran here: choose another folder, or move it"
             )
 
 
@@ -111,7 +113,7 @@ def _open(folder, path, lock):
         for made in (folder, folder / JOURNAL):  # which tells that table.csv and study.toml are a study's
             made.mkdir(parents=True, exist_ok=True)
     except FileExistsError:
-        raise InputError(f"{made}: is no folder: choose another --out") from None
+        raise InputError(f"{made}: is no folder: choose another folder") from None
     except OSError as error:
         raise write_error(made, error) from None
     lock.take()

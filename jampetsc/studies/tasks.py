@@ -1,25 +1,25 @@
-"""One task of a study: the command's own work, with what it says kept back, and a record of what became of it."""
+"""One task of a study: its job, and a record of what became of it."""
 
 import contextlib
+import dataclasses
 import functools
 import glob
-import io
 import math
 import os
 import shutil
 import time
 
-from jampetsc import session
+from jampetsc import progress, session
 from jampetsc.collective import by_rank_0
 from jampetsc.errors import InputError, JampetscError
+from jampetsc.jobs.perform import perform
 from jampetsc.storage.checksums import identity_of
+from jampetsc.storage.outlet import Outlet
 from jampetsc.storage.packing_file import packing_identity
 from jampetsc.storage.parts import parts_of
-from jampetsc.storage.provenance import command_line, derived_from, recorded_as
+from jampetsc.storage.provenance import command_line, derived_from
 from jampetsc.storage.reader import load
-from jampetsc.storage.request import asked
 from jampetsc.studies.numbers import numbers_of
-from jampetsc.studies.options import positional_of
 
 LATER = 1e-3  # seconds between two records of a task, at least
 ASIDE = ".replaced"  # behind the name of a file that was put in the place of one that the study made
@@ -31,8 +31,8 @@ class Runner:
     cores   what threads of a task may use while other ranks have tasks of their own
     """
 
-    def __init__(self, folder, parsers, records: dict, cores: int = 1):
-        self.folder, self.parsers, self.records, self.cores = folder, parsers, records, cores
+    def __init__(self, folder, records: dict, cores: int = 1):
+        self.folder, self.records, self.cores = folder, records, cores
 
     def left(self, tasks):
         """What there is to do before any task is done: three lists.
@@ -124,21 +124,12 @@ class Runner:
         words = task.line([one.file for one in there], task.file)
         if by_rank_0(session.current().comm, lambda: self._is_there(task, words, there)):
             return
-        positional = positional_of(self.parsers[task.command])
-        args = task.choice.arguments(positional, [str(self.folder / one.file) for one in there], str(out))
-        if vars(args).get("threads", 0) is None:
-            args.threads = self.cores
-        heard = io.StringIO()
-        args.overwrite = task.name in self.records  # what the study itself has made
-        with (
-            recorded_as(words),
-            asked(args),
-            contextlib.redirect_stdout(heard),
-            contextlib.redirect_stderr(heard),
-        ):
-            status = args.run(args, [])
-        if status:
-            raise JampetscError(f"{task.command} ended with status {status}: {heard.getvalue().strip()}")
+        job = task.choice.job_of([str(self.folder / one.file) for one in there])
+        if getattr(job, "threads", 0) is None:
+            job = dataclasses.replace(job, threads=self.cores)
+        overwrite = task.name in self.records  # what the study itself has made
+        with progress.silent():
+            perform(job, Outlet(out, out), argv=words, overwrite=overwrite)
 
     def _is_there(self, task, words, there) -> bool:
         """Whether the file is the result of this command line on these files; a packing is left to `pack`, which looks

@@ -113,7 +113,7 @@ def run(job, args, petsc_argv) -> int:
             asked,
             to,
             petsc_argv=petsc_argv,
-            overwrite=args.overwrite,
+            overwrite=getattr(args, "overwrite", False),
             alone=asked.scalar is None,
         )
     except JampetscError as error:
@@ -121,4 +121,4 @@ def run(job, args, petsc_argv) -> int:
     comm = None if asked.scalar is None else session.communicator()
     if told and (comm is None or comm.rank == 0):
         print(told)
-    return 0
+    return to.status

@@ -1,0 +1,18 @@
+"""Jobs: what can be asked of the program, one module each. `JOBS` is the table of their names.
+
+A job joins by one line here: command, python function, table of studies and documentation follow from its class.
+"""
+
+import importlib
+
+JOBS = {
+    "sweep": "sweep:Sweep",
+    "quasistatic": "quasistatic:Quasistatic",
+    "study": "study:Study",
+}
+
+
+def job_class(name):
+    """The class of the jobs of this name."""
+    module, _, job = JOBS[name].partition(":")
+    return getattr(importlib.import_module(f"{__name__}.{module}"), job)
