@@ -30,8 +30,12 @@ from jampetsc.commands import parsers_of
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import DEFAULT, Law, Physics, damping_law
 from jampetsc.errors import InputError
+from jampetsc.jobs.correlate import Correlate
 from jampetsc.jobs.functions import function_of
+from jampetsc.jobs.modes import Modes
+from jampetsc.jobs.oscillate import Oscillate
 from jampetsc.jobs.quasistatic import Quasistatic
+from jampetsc.jobs.spectrum import Spectrum
 from jampetsc.jobs.sweep import Sweep
 from jampetsc.mechanics.matrices import Matrices, matrices_of
 from jampetsc.storage.packing_file import read_packing, write_packing
@@ -44,6 +48,8 @@ from jampetsc.studies.options import positional_of, words_of
 FUNCTIONS = (*KINDS, "collapse", "study")
 
 sweep, quasistatic = map(function_of, (Sweep, Quasistatic))
+modes, oscillate = map(function_of, (Modes, Oscillate))
+spectrum, correlate = map(function_of, (Spectrum, Correlate))
 
 _number = itertools.count(1)
 _folder = None  # of files that were given no name; goes with the process
@@ -156,26 +162,6 @@ def assemble(packing, law=DEFAULT, *, prestress=True, tau1=1.0, **options) -> Ma
     if not isinstance(law, Law):
         law = damping_law(law, tau1=tau1, **options)
     return matrices_of(disks, Physics(law, prestress), comm)
-
-
-def modes(packing, *, out=None, **options):
-    """Lowest modes, see `run` and `jampetsc modes --help`; a Result. Collective."""
-    return run("modes", packing, out=out, **options)
-
-
-def spectrum(sweep, *, out=None, **options):
-    """Relaxation times and creep of a sweep, see `run` and `jampetsc spectrum --help`; a Result. Collective."""
-    return run("spectrum", sweep, out=out, **options)
-
-
-def correlate(*files, out=None, **options):
-    """Correlations of sweeps or flows, see `run` and `jampetsc correlate --help`; a Result. Collective."""
-    return run("correlate", *files, out=out, **options)
-
-
-def oscillate(packing, *, out=None, **options):
-    """Steady oscillations, see `run` and `jampetsc oscillate --help`; a Result. Collective."""
-    return run("oscillate", packing, out=out, **options)
 
 
 def flow(*start, out=None, **options):

@@ -8,6 +8,10 @@ import importlib
 JOBS = {
     "sweep": "sweep:Sweep",
     "quasistatic": "quasistatic:Quasistatic",
+    "modes": "modes:Modes",
+    "oscillate": "oscillate:Oscillate",
+    "spectrum": "spectrum:Spectrum",
+    "correlate": "correlate:Correlate",
     "study": "study:Study",
 }
 

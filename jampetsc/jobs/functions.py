@@ -28,7 +28,7 @@ def function_of(job):
         for field in dataclasses.fields(job):
             said = field.metadata.get("asked")
             if isinstance(said, dict) and said["place"] == FILES:
-                sources.append((field.name, bound.pop(field.name)))
+                sources.append((field.name, bound.pop(field.name, ())))
         made = job(**bound, **dict(sources))
         return answer(
             made, how["out"], checkpoint=how["checkpoint"], overwrite=how["overwrite"], told=how["progress"]

@@ -1,7 +1,7 @@
 """A job: what is asked, as a frozen dataclass, and how it is answered. Functions and commands are made of its class."""
 
 import shlex
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -50,6 +50,10 @@ class Job:
         parameter, value = parameter_of(field), getattr(self, field.name)
         if parameter.place in (OPTION, FILE):
             return parameter.read(value)
+        if isinstance(value, str | Path) or not hasattr(value, "__iter__"):
+            value = (value,)
+        if not value:
+            raise InputError(f"{named(field.name)}: must be given")
         return tuple(parameter.read(one) for one in value)
 
     def check(self) -> None:
@@ -78,6 +82,15 @@ class Job:
     def files(self) -> list[str]:
         """Those of `sources` that are files."""
         return [one for one in self.sources if isinstance(one, str | Path)]
+
+    def gathered(self) -> "Job":
+        """The job with results in memory whole on every rank. Collective."""
+        held = {
+            name: one
+            for name, one in vars(self).items()
+            if isinstance(one, tuple) or hasattr(one, "gathered")
+        }
+        return replace(self, **{name: _whole(one) for name, one in held.items()})
 
     def told(self) -> dict:
         """{parameter: value} of all that is no file and not off, as JSON and command lines can hold it."""
@@ -132,6 +145,13 @@ class Job:
 def _held(one):
     """What lies in memory, in words."""
     return f"<{one.path}>" if hasattr(one, "path") else f"<{one.n} disks>"
+
+
+def _whole(one):
+    """What a job was given, without parts on other ranks. Collective."""
+    if isinstance(one, tuple):
+        return tuple(_whole(part) for part in one)
+    return one.gathered() if hasattr(one, "gathered") else one
 
 
 def _canonical(parameter, told):

@@ -12,6 +12,10 @@ from jampetsc.response.limits import LARGEST, SMALLEST
 
 Numbers = str | Sequence[float]
 MOST = 100_000  # numbers of a grid
+PHASES = (
+    "stress",
+    "strain",
+)  # what a field is in phase with, the default first; files hold fields per strain
 
 
 def numbers(least, most, metavar="LIST", unit="") -> Kind:

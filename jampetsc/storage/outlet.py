@@ -16,7 +16,7 @@ class Outlet:
     def __init__(self, path=None, checkpoint=None):
         self.path = None if path is None else Path(path)
         self.kept = checkpoint
-        self._found = None
+        self._found = self._packing = None
 
     def __str__(self):
         return "in memory" if self.path is None else str(self.path)
@@ -40,6 +40,10 @@ class Outlet:
         if self.path is not None:
             write_packing(self.path, disks)
 
+    def made_from(self, disks) -> None:
+        """Take the packing that the result is of, which goes with it in memory: `Result.packing`."""
+        self._packing = disks
+
     def checkpoint(self, key: dict, comm=None, ordered=False):
         """What a run of the job `key` has finished and finishes, see `storage.checkpoint`. Collective over comm."""
         from jampetsc.storage.checkpoint import Checkpoint
@@ -48,7 +52,11 @@ class Outlet:
 
     def share(self, comm) -> None:
         """Give every rank what rank 0 has found in memory. Collective."""
+        from jampetsc.contacts.disks import Disks
+
         self._found = comm.bcast(self._found)
+        if not isinstance(self._found, Disks):
+            self._found.comm = comm
 
     @property
     def result(self):
@@ -56,9 +64,12 @@ class Outlet:
         from jampetsc.contacts.disks import Disks
         from jampetsc.storage.reader import Result, load
 
-        if self.path is not None:
-            return load(self.path)
-        return self._found if isinstance(self._found, Disks) else Result.of(self._found)
+        if self.path is None and isinstance(self._found, Disks):
+            return self._found
+        found = Result.of(self._found) if self.path is None else load(self.path)
+        if isinstance(found, Result):
+            found.packing = self._packing
+        return found
 
 
 class Forgetful:
