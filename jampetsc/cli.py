@@ -17,12 +17,14 @@ import time
 
 from jampetsc import launcher, progress, session, solver_options, streams
 from jampetsc.commands import COMMANDS, add_command
-from jampetsc.errors import InputError, JampetscError
+from jampetsc.errors import InputError, JampetscError, option
 from jampetsc.version import VERSION
 
 REMEDIES = {errno.ENOSPC: ": free some space, or write elsewhere", errno.EACCES: ": check its permissions"}
 MORE_MEMORY = "use more nodes, or a smaller packing"
 PETSC_OPTION = re.compile(r"-[A-Za-z]")
+OWN = ("-h", "-q", "-v")  # short options of the program's own
+NEAR = 0.75  # likeness of a name to what may have been meant
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")  # read when numpy is imported
 PATIENCE = 2.0  # seconds that a rank in trouble waits for the others to report the same
 
@@ -58,7 +60,7 @@ def dispatch(argv):
 
     Raises InputError for anything that neither the program nor PETSc can be meant to read.
     """
-    words, petsc_argv = split_petsc(argv)
+    words, petsc_argv = split_petsc(argv or ["--help"])
     parser, commands = command_parser(words)
     try:
         args, rest = parser.parse_known_args(_with_negative_numbers(words))
@@ -78,11 +80,11 @@ def dispatch(argv):
             "the program's own begin with --"
         )
     solver_options.check(args.command, petsc_argv)
-    told = progress.quiet.set(bool(args.quiet))
+    progress.tell(-1 if args.quiet else 1 if args.verbose else 0)
     try:
         return _run(args, argv, petsc_argv)
-    finally:
-        progress.quiet.reset(told)
+    except JampetscError as error:
+        raise type(error)(error.told(option)) from None
 
 
 def _run(args, argv, petsc_argv):
@@ -108,7 +110,7 @@ def split_petsc(argv):
     words, petsc = [], []
     value_may_follow = False
     for token in argv:
-        option = bool(PETSC_OPTION.match(token))
+        option = bool(PETSC_OPTION.match(token)) and token not in OWN
         value = value_may_follow and not token.startswith("--")
         (petsc if option or value else words).append(token)
         value_may_follow = option
@@ -121,7 +123,7 @@ class Parser(argparse.ArgumentParser):
     def __init__(self, **settings):
         settings.setdefault("formatter_class", argparse.RawDescriptionHelpFormatter)
         super().__init__(**{**settings, "add_help": False, "allow_abbrev": False})
-        self.add_argument("--help", action="help", help="show this text and exit")
+        self.add_argument("-h", "--help", action="help", help="show this text and exit")
         self.set_defaults(takes_petsc=lambda args: False)
 
     def error(self, message):
@@ -176,7 +178,7 @@ def _unknown(token, parser):
 
 
 def _did_you_mean(word, known):
-    near = difflib.get_close_matches(word, known, n=1)
+    near = difflib.get_close_matches(word, known, n=1, cutoff=NEAR)
     return f"; did you mean {near[0]}?" if near else ""
 
 

@@ -14,6 +14,11 @@ def named(parameter: str) -> str:
     return f"\ue000{parameter}\ue001"
 
 
+def option(parameter: str) -> str:
+    """A parameter as a command line has it."""
+    return f"--{parameter.removesuffix('_').replace('_', '-')}"
+
+
 class JampetscError(Exception):
     """Base of all errors raised on purpose; `str(error)` is one line meant for the user."""
 

@@ -31,9 +31,13 @@ from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import DEFAULT, Law, Physics, damping_law
 from jampetsc.errors import InputError
 from jampetsc.jobs.correlate import Correlate
+from jampetsc.jobs.export import Export
 from jampetsc.jobs.functions import function_of
+from jampetsc.jobs.info import Info
+from jampetsc.jobs.merge import Merge
 from jampetsc.jobs.modes import Modes
 from jampetsc.jobs.oscillate import Oscillate
+from jampetsc.jobs.pack import Pack
 from jampetsc.jobs.quasistatic import Quasistatic
 from jampetsc.jobs.spectrum import Spectrum
 from jampetsc.jobs.sweep import Sweep
@@ -43,13 +47,13 @@ from jampetsc.storage.provenance import recorded_as
 from jampetsc.storage.reader import load
 from jampetsc.storage.request import asked
 from jampetsc.studies.kinds import KINDS
-from jampetsc.studies.options import positional_of, words_of
 
 FUNCTIONS = (*KINDS, "collapse", "study")
 
-sweep, quasistatic = map(function_of, (Sweep, Quasistatic))
-modes, oscillate = map(function_of, (Modes, Oscillate))
-spectrum, correlate = map(function_of, (Spectrum, Correlate))
+pack, sweep, quasistatic, modes, oscillate, spectrum, correlate, export, merge, info = map(
+    function_of,
+    (Pack, Sweep, Quasistatic, Modes, Oscillate, Spectrum, Correlate, Export, Merge, Info),
+)
 
 _number = itertools.count(1)
 _folder = None  # of files that were given no name; goes with the process
@@ -65,6 +69,8 @@ def run(command, *inputs, out=None, **options):
 
     Raises InputError for an option or a value that the command refuses, ConvergenceError where it does not get there.
     """
+    from jampetsc.studies.options import positional_of, words_of
+
     if command not in FUNCTIONS:
         raise InputError(f"{command}: no such function: there are {', '.join(FUNCTIONS)}")
     parser = parsers_of(cli.Parser, [command])[command]
@@ -141,11 +147,6 @@ def _temporary():
         if comm is None or comm.rank == 0:
             atexit.register(shutil.rmtree, _folder, ignore_errors=True)
     return os.path.join(_folder, f"{next(_number)}.h5")
-
-
-def pack(*, out=None, **options):
-    """A packing, see `run` and `jampetsc pack --help`; Disks. Collective."""
-    return run("pack", out=out, **options)
 
 
 def assemble(packing, law=DEFAULT, *, prestress=True, tau1=1.0, **options) -> Matrices:

@@ -23,7 +23,7 @@ from jampetsc.errors import InputError
 from jampetsc.solver_options import is_petscs_own, names_given
 
 QUIET = "-no_signal_handler"
-VALUES = (62, 63, 86)  # what PETSc says of a wrong argument, one out of range, a type that there is not
+VALUES = (56, 62, 63, 86, 92)  # not supported, argument wrong, out of range, no such type, no such factor
 
 _session = None
 
@@ -72,8 +72,6 @@ def _load(petsc_argv):
         # SIGTERM and a closed pipe remain what they are to python; PETSc would print pages and abort
         petsc4py.init(["jampetsc", QUIET, *petsc_argv], comm=MPI.COMM_WORLD)
         from petsc4py import PETSc
-
-        PETSc.Options().delValue(QUIET)  # none of the user's, and of no number in a file
     except ImportError as error:
         reason = " ".join(str(error).split())
         raise InputError(f"petsc4py and mpi4py: {reason}: install them for {sys.executable}") from error
@@ -128,6 +126,7 @@ class Session:
         self._work_on(comm)
         self.scalar_type = "complex" if PETSc.ScalarType(0).dtype.kind == "c" else "real"
         self.petsc_argv = petsc_argv
+        PETSc.Options().delValue(QUIET)  # not for the record: it is none of the user's
         self._for_solvers = not all(map(is_petscs_own, names))  # whether options of solvers were given
         self._defaults = set()
 

@@ -5,6 +5,7 @@ before anything is started; which of the others nothing has asked for PETSc says
 """
 
 import difflib
+import itertools
 import re
 from pathlib import Path
 
@@ -61,10 +62,11 @@ def names_given(petsc_argv) -> list[str]:
 
     Raises InputError for words that petsc4py cannot hand on, and for an options file that PETSc would refuse at length.
     """
-    names = []
-    for word, value in zip(petsc_argv, [*petsc_argv[1:], ""], strict=False):
+    for word in petsc_argv:
         if not word.isprintable():
             raise InputError(f"{ascii(word)[1:-1]}: PETSc takes printable text only: use another name")
+    names = []
+    for word, value in itertools.pairwise([*petsc_argv, ""]):
         if OPTION.match(word):
             names.append(word[1:])
         if word == "-options_file":
@@ -96,7 +98,7 @@ def _what_instead(command, name, prefixes):
     if not prefixes:
         return f"{command} solves nothing: leave it out"
     head, _, rest = name.partition("_")
-    meant = [f"-{prefix}{name}" for prefix in prefixes if head in SOLVERS[prefix].split()]
+    meant = [f"-{prefix}{name}" for prefix in prefixes if head.lower() in SOLVERS[prefix].split()]
     meant = meant or [f"-{near}{rest}" for near in difflib.get_close_matches(f"{head}_", prefixes, n=1)]
     hint = f" (did you mean {' or '.join(meant)}?)" if meant else ""
     return f"those of {command} begin with -{', -'.join(prefixes)}{hint}: correct or remove it"

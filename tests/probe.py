@@ -4,7 +4,6 @@ import functools
 import itertools
 import os
 import sys
-import time
 from pathlib import Path
 
 
@@ -46,7 +45,6 @@ def solve(running):
     ksp.setOperators(matrix)
     ksp.setFromOptions()
     ksp.setUp()
-    running.check_options()
     if running.rank == 0:
         print("types", ksp.type, ksp.pc.type)
 
@@ -105,14 +103,6 @@ def interrupt(args):
     raise KeyboardInterrupt
 
 
-def wait(args):
-    try:
-        print("waiting", flush=True)
-        time.sleep(60)
-    finally:
-        Path(args.file).write_text("cleaned up")
-
-
 def be_deaf(args):
     from jampetsc.session import current
 
@@ -127,8 +117,9 @@ def talk(args):
 
 
 if __name__ == "__main__":
-    from jampetsc import cli, commands
+    from jampetsc import cli, commands, solver_options
 
+    solver_options.SOLVERS["probe_"], solver_options.COMMANDS["probe"] = "ksp pc", ("probe_",)
     commands.COMMANDS.clear()
     commands.COMMANDS["probe"] = "probe"
     sys.exit(cli.main())

@@ -36,19 +36,6 @@ def test_others_wait_for_the_one_that_failed(session):
     assert session.rank != session.size - 1, "while the others wait"
     session.comm.Barrier()
 """
-TERMINATED = """
-import os, signal
-from jampetsc import stopping
-
-def test_that_listens():
-    stopping.stop_on_sigterm()
-
-def test_that_a_signal_reaches():
-    os.kill(os.getpid(), signal.SIGTERM)
-
-def test_that_is_not_begun():
-    pass
-"""
 
 
 def pytest_on(ranks, folder, code):
@@ -62,12 +49,6 @@ def pytest_on(ranks, folder, code):
     environment = launch.environment() | ({"JAMPETSC_TEST_SCALAR": "real"} if ranks else {})
     environment.pop("PYTEST_CURRENT_TEST", None)
     return subprocess.run(line, capture_output=True, text=True, timeout=60, env=environment, cwd=os.sep)
-
-
-def test_sigterm_ends_the_run_and_not_one_test_of_it(tmp_path):
-    done = pytest_on(0, tmp_path, TERMINATED)
-    assert "stopped by SIGTERM" in done.stdout and done.returncode == 143
-    assert "1 failed, 1 passed" in done.stdout
 
 
 def test_plain_tests_alone(tmp_path):

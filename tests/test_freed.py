@@ -20,14 +20,12 @@ from jampetsc.mechanics.minimum import negative_modes
 from jampetsc.mechanics.network import build_network
 from jampetsc.oscillation import job as oscillation
 from jampetsc.oscillation.newton import Newton
-from jampetsc.response import direct as direct_solver
 from jampetsc.response import direct_sweep, rational_sweep
 from jampetsc.response import quasistatic as quasistatic_response
 from jampetsc.response.direct import FrequencySolver
 from jampetsc.response.modes import lowest_modes
 from jampetsc.response.quasistatic import solve
 from jampetsc.response.viscosity import Viscosity
-from jampetsc.solvers import eigen, inertia, rehearsal, resistance, shifted
 from jampetsc.solvers.cholesky import NotPositiveDefinite
 from jampetsc.solvers.inertia import count_below
 from jampetsc.solvers.resistance import ContactSolver
@@ -98,22 +96,6 @@ def flow(session):
     solver.destroy()
 
 
-def rehearsals(session):
-    matrix = session.PETSc.Mat().createAIJ(16, nnz=1, comm=session.comm)
-    for row in range(*matrix.getOwnershipRange()):
-        matrix.setValue(row, row, 2.0)
-    matrix.assemble()
-    matrix.setOption(session.PETSc.Mat.Option.SYMMETRIC, True)
-    for module in (eigen, shifted, direct_solver, resistance, inertia):
-        module.rehearse(matrix)
-    matrix.destroy()
-    given, session.options_given = session.options_given, lambda: True  # else nothing is rehearsed
-    try:
-        rehearsal.rehearse(direct_solver.rehearse, inertia.rehearse)
-    finally:
-        session.options_given = given
-
-
 def jobs(session):
     folder = session.comm.bcast(tempfile.mkdtemp())
     packing = Path(folder) / "p.h5"
@@ -147,7 +129,6 @@ def oscillate(session):
 RUNS = {
     "oscillate": oscillate,
     "flow": flow,
-    "rehearsals": rehearsals,
     "jobs": jobs,
     "rational, shifts": sweep("shifts", physics()),
     "rational, matrix": sweep("matrix", physics()),

@@ -239,35 +239,3 @@ def test_packings_that_are_there_are_counted_and_left(session, tmp_path, capsys)
     assert (tmp_path / "1.h5").read_bytes() == kept
     assert cli.dispatch(line) == 0
     assert capsys.readouterr().out == "3 of 3 packings are there already\n"
-
-
-class Rehearsed(Exception):
-    """With the names of the modules whose solvers are set up."""
-
-
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
-@pytest.mark.parametrize(
-    ("line", "solvers"),
-    [
-        ("pack --n 16 --phi 0.95 --out o.h5", "local"), ("jam --n 16 --phi 0.9 --seeds 1:1 --out o.h5", "local"),
-        ("shear --n 16 --phi 0.9 --step 0.01 --strain 0.01 --out o.h5", "local"),
-        ("sweep p.h5 --out o.h5", "shifted inertia direct"), ("sweep p.h5 --method direct --out o.h5", "direct"),
-        ("quasistatic p.h5 --out o.h5", "shifted inertia"), ("modes p.h5 --out o.h5", "shifted inertia eigen"),
-        ("modes p.h5 --all --out o.h5", "shifted inertia"), ("info p.h5 --matrices", "inertia"),
-        ("oscillate p.h5 --omega 1 --strain 1e-3 --out o.h5", "shifted inertia newton preconditioner"),
-    ],
-)  # fmt: skip
-def test_solvers_that_may_be_needed_are_set_up_before_the_work(session, tmp_path, monkeypatch, line, solvers):
-    """A mistaken option is then refused at once, whichever solver it is for."""
-    monkeypatch.chdir(tmp_path)
-    write_packing("p.h5", published())
-
-    def rehearse(*functions):
-        raise Rehearsed({function.__module__.split(".")[-1] for function in functions})
-
-    monkeypatch.setattr("jampetsc.solvers.rehearsal.rehearse", rehearse)
-    with pytest.raises(Rehearsed) as begun:
-        cli.dispatch(line.split())
-    assert begun.value.args == (set(solvers.split()),)
-    assert not (tmp_path / "o.h5").exists()

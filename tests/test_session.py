@@ -18,7 +18,7 @@ import pytest
 import samples
 
 import jampetsc.session
-from jampetsc import builds, cli, loading
+from jampetsc import builds, cli
 from jampetsc.collective import own_cores
 from jampetsc.errors import InputError
 from jampetsc.storage.packing_file import write_packing
@@ -283,130 +283,9 @@ def test_command_line_wins_over_options_file_wins_over_default(tmp_path):
     assert "types preonly jacobi" in probe("-options_left", "no").stdout
 
 
-def test_unknown_option_stops_the_run():
-    done = probe("-probe_ksp_typ", "cg")
-    assert done.returncode == 2 and "done" not in done.stdout
-    assert done.stderr == (
-        "jampetsc: error: PETSc option -probe_ksp_typ (did you mean -probe_ksp_type?): "
-        "not used by this run: correct or remove it\n"
-    )
-
-
-def test_unknown_option_in_a_file_stops_the_run(tmp_path):
-    options = tmp_path / "a.opts"
-    options.write_text("-freq_pc_type lu\n-probe_pc_type none\n")
-    done = probe("-options_file", options)
-    assert done.returncode == 2
-    assert "PETSc option -freq_pc_type: not used by this run" in done.stderr
-
-
-def test_options_of_petsc_itself_are_known():
-    words = "-options_left no -malloc_debug false -objects_dump no -citations -log_view :/dev/null -nox"
-    done = probe(*words.split(), "-log_view_memory", "-probe_ksp_view", ":/dev/null", "-probe_ksp_monitor")
-    assert done.returncode == 0, done.stderr
-
-
 def test_options_that_serve_other_programs_too_are_left_alone():
     done = probe("-probe_pc_type", "none", PETSC_OPTIONS="-other_program 1")
     assert done.returncode == 0 and "types preonly none" in done.stdout, done.stderr
-
-
-def test_options_file_that_is_missing(tmp_path):
-    done = probe("-options_file", tmp_path / "none.opts")
-    assert done.stderr == (
-        f"jampetsc: error: {tmp_path}/none.opts: No such file or directory: give a PETSc options file\n"
-    )
-
-
-def test_options_file_with_a_line_that_is_no_option(tmp_path):
-    options = tmp_path / "bad.opts"
-    options.write_text("# fine\nprobe_pc_type none\n")
-    line = f"{options}: line 2: probe_pc_type: options begin with -, comments with #"
-    assert probe("-options_file", options).stderr == f"jampetsc: error: {line}\n"
-
-
-def jampetsc_run(*words, ranks=0):
-    """The finished `jampetsc words`."""
-    return launch.run(ranks, "../jampetsc/__main__.py", *words)
-
-
-@pytest.fixture
-def packing(tmp_path):
-    write_packing(tmp_path / "packing.h5", samples.polydisperse(3)[0])
-    return tmp_path / "packing.h5"
-
-
-@pytest.mark.parametrize("ranks", [0, 2])
-def test_an_option_that_is_needed_late_is_no_mistake(packing, ranks):
-    option = ("-shift_pc_factor_mat_solver_type", "mumps")  # for the response to shear, after the modes
-    done = jampetsc_run(
-        "modes", packing, "--out", packing.with_name("m.h5"), "--count", 3, *option, ranks=ranks
-    )
-    assert done.returncode == 0 and "note" not in done.stderr, done.stderr
-
-
-@pytest.mark.parametrize(
-    ("command", "option", "message"),
-    [
-        ("modes --all", "-modes_typo 1", "PETSc option -modes_typo: not used by this run"),
-        ("modes", "-shift_pc_typ lu", "PETSc option -shift_pc_typ (did you mean -shift_pc_type?): not used"),
-        (
-            "modes",
-            "-modes_eps_type foo",
-            "-modes_eps_type foo: Unknown EPS type given: foo: correct or remove",
-        ),
-        (
-            "sweep",
-            "-shift_pc_type foo",
-            "-shift_pc_type foo: Unable to find requested PC type foo: correct or",
-        ),
-        ("sweep", "-freq_pc_type lu -modes_eps_tol 1", "PETSc option -modes_eps_tol: not used by this run"),
-        (
-            "sweep --method direct",
-            "-shift_pc_type lu",
-            "PETSc option -shift_pc_type: belongs to --method rational, which this run is not: ask for that",
-        ),
-        (
-            "sweep --method direct",
-            "-freq_pc_type foo",
-            "-freq_pc_type foo: Unable to find requested PC type foo: correct",
-        ),
-        ("quasistatic", "-inertia_pc_type jacobi", "-inertia_pc_type jacobi is not cholesky"),
-    ],
-)
-def test_a_mistaken_option_is_refused_before_the_work(packing, command, option, message):
-    name, *words = command.split()
-    out = packing.with_name("out.h5")
-    done = jampetsc_run(name, packing, "--out", out, *words, *option.split(), ranks=2 if words else 0)
-    lines = [line for line in done.stderr.splitlines() if line.startswith("jampetsc")]
-    assert done.returncode == 2 and len(lines) == 1 and "Traceback" not in done.stderr, done.stderr
-    assert lines[0].startswith(f"jampetsc: error: {message}")
-    assert list(packing.parent.iterdir()) == [packing]
-
-
-def test_an_option_that_was_not_needed_in_the_end_is_noted(packing):
-    # nothing is known of this packing, so a direct sweep was possible
-    words = ("sweep", packing, "--out", packing.with_name("s.h5"), "--omega", "1", "-freq_pc_type", "lu")
-    done = jampetsc_run(*words)
-    assert done.returncode == 0
-    assert (
-        done.stderr.splitlines()[-1] == "jampetsc: note: PETSc option -freq_pc_type: not needed in this run"
-    )
-
-
-@pytest.mark.parametrize(("asking", "unused"), [(1, "[]"), (2, "['Lonely_x']")])
-def test_an_option_that_one_rank_asks_for_is_used(asking, unused):
-    code = (
-        "from jampetsc import session\n"
-        "s = session.start('real', ['-Lonely_x', '1'])\n"
-        f"if s.rank == {asking}: s.PETSc.Options().getInt('lonely_x')\n"
-        "print(s.unused_options())"
-    )
-    done = subprocess.run(
-        [*launch.mpirun(2), sys.executable, "-c", code],
-        capture_output=True, text=True, timeout=60, env=launch.environment(),
-    )  # fmt: skip
-    assert done.stdout.count(unused) == 2, done.stderr
 
 
 # In the running session
@@ -444,7 +323,6 @@ def test_defaults_do_not_override(session):
     session.set_defaults({"twice_count": 4})
     found = {name: value for name, value in session.options().items() if name.lower().startswith("twice")}
     assert found == {"Twice_type": "given", "twice_count": "4", "twice_flag": None}
-    session.check_options()
     for name in found:
         database.delValue(name)
 
@@ -469,88 +347,6 @@ def test_objects_dropped_on_one_rank_only_are_freed(session):
     assert total.sum() == 10
 
 
-# Options of the user: asked for by some rank of the run, rehearsed, and not taken for defaults
-
-
-@pytest.fixture
-def give(session, monkeypatch):
-    """A function that gives PETSc options as a command line does."""
-    database, given = session.PETSc.Options(), []
-
-    def give(*names):
-        for name in names:
-            given.append(name)
-            database.setValue(name, "1")
-        monkeypatch.setattr(session, "_given", {name.lower() for name in names})
-
-    monkeypatch.setattr(session, "_given", set())
-    yield give
-    for name in given:
-        database.delValue(name)
-
-
-def ask(session, *names):
-    for name in names:
-        session.PETSc.Options().getInt(name)
-
-
-@pytest.mark.scalar("real")
-def test_an_option_is_used_once_some_rank_has_asked_for_it(session, give):
-    give("Ours_a", "ours_b", "ours_c")
-    session.PETSc.Options().setValue("theirs", "1")
-    assert session.unused_options() == ["Ours_a", "ours_b", "ours_c"]
-    ask(session, "ours_a")
-    if session.rank == session.size - 1:
-        ask(session, "ours_c")
-    assert session.unused_options() == ["ours_b"]
-    with pytest.raises(
-        InputError, match=r"^PETSc option -ours_b: not used by this run: correct or remove it$"
-    ):
-        session.check_options()
-    session.PETSc.Options().delValue("theirs")
-
-
-@pytest.mark.scalar("real")
-def test_a_rehearsal_leaves_no_trace(session, give):
-    give("Ours_a")
-    session.set_defaults({"ours_before": 1})
-    with session.rehearsal():
-        session.set_defaults({"ours_a": 2, "ours_within": 3})
-        ask(session, "ours_a")
-    assert session.unused_options() == ["Ours_a"]  # what the rehearsal asks for is not asked for by the run
-    assert session.options()["Ours_a"] == "1" and "ours_within" not in session.options()
-    session.set_defaults({"ours_within": 4})
-    assert (session.options()["ours_before"], session.options()["ours_within"]) == ("1", "4")
-    for name in ("ours_before", "ours_within"):
-        session.PETSc.Options().delValue(name)
-        session._defaults.discard(name)
-
-
-@pytest.mark.scalar("real")
-def test_a_rehearsal_refuses_what_nothing_in_it_asks_for(session, give):
-    give("ours_tpye")
-    ask(session, "ours_tpye")  # before it, which does not count
-    with pytest.raises(InputError, match=r"option -ours_tpye \(did you mean -ours_type\?\): not used"):
-        with session.rehearsal():
-            session.set_defaults({"ours_type": "x"})
-    assert "ours_type" not in session.options() and "ours_type" not in session._defaults
-
-
-@pytest.mark.scalar("real")
-def test_a_rehearsal_says_what_petsc_refuses_and_raises_the_rest(session, give, monkeypatch):
-    monkeypatch.setattr(session, "petsc_argv", ["-ours_type", "foo"])
-    with pytest.raises(
-        InputError,
-        match=r"^-ours_type foo: Un(known KSP type given:|able to find requested KSP type) foo: correct or remove",
-    ):
-        with session.rehearsal():
-            session.PETSc.KSP().create(session.comm).setType("foo")
-    for error in (ZeroDivisionError, SystemError):
-        with pytest.raises(error):
-            with session.rehearsal():
-                raise error
-
-
 @pytest.mark.scalar("real")
 def test_an_error_made_of_one_of_petsc_is_one(session):
     own = session.PETSc.Error(62)
@@ -564,48 +360,14 @@ def test_an_error_made_of_one_of_petsc_is_one(session):
 
 
 @pytest.mark.scalar("real")
-def test_options_of_one_rank_are_options_of_the_run_but_not_of_what_it_does_alone(session, give):
-    if session.rank == session.size - 1:
-        give("ours_a")
-    assert session.options_given()
-    with session.alone():
-        assert session.comm.size == 1 and not session.options_given()
-    assert session.options_given() and session.comm.size == session.size == session.world.size
-    with pytest.raises(ZeroDivisionError), session.alone():
-        raise ZeroDivisionError
-    assert session.options_given() and (session.rank, session.size) == (
-        session.world.rank,
-        session.world.size,
-    )
-
-
-@pytest.mark.scalar("real")
-def test_whether_options_of_a_prefix_were_given(session, give):
+def test_whether_options_of_a_prefix_were_given(session):
     session.set_defaults({"mine_type": "x"})
-    assert not session.has_options("mine_") and not session.has_options("ours_")
-    give("Ours_a")
-    assert session.has_options("ours_") and not session.has_options("ours_b")
-    session.PETSc.Options().delValue("mine_type")
+    session.PETSc.Options().setValue("Ours_a", "1")
+    assert not session.has_options("mine_") and not session.has_options("ours_b")
+    assert session.has_options("ours_")
+    for name in ("mine_type", "Ours_a"):
+        session.PETSc.Options().delValue(name)
     session._defaults.discard("mine_type")
-
-
-@pytest.mark.scalar("real")
-def test_options_that_petsc_reads_late_are_none_of_the_run(session, give):
-    give("options_left", "Ours_a")
-    words = ["-options_left", "no", "-Ours_a", "1", "-ours_used", "2"]
-    other = jampetsc.session.Session(session.PETSc, session.SLEPc, session.world, words)
-    assert other._given == {"ours_a"}
-
-
-@pytest.mark.scalar("real")
-def test_what_was_not_needed_is_noted_by_one_rank(session, give, capsys):
-    give("Ours_a")
-    cli._note_unused()
-    said = "jampetsc: note: PETSc option -Ours_a: not needed in this run\n"
-    assert capsys.readouterr().err == (said if session.rank == 0 else "")
-    ask(session, "ours_a")
-    cli._note_unused()
-    assert capsys.readouterr().err == ""
 
 
 def test_versions_without_a_session(monkeypatch):
@@ -734,54 +496,6 @@ def test_who_works_together(monkeypatch):
 # Words for PETSc, and what may be wrong with it
 
 
-OPTIONS_FILES = {  # what an options file holds -> what is said of it, nothing if PETSc may have it
-    "# why\n\n-a 1 # and why\n  -b_c\nalias x y\n": None,
-    "-a 1\n# -\n -1 2\n": "line 3: -1: options begin with -, comments with #",
-    "-a\n\nb 1 # -b 1\n": "line 3: b: options begin",
-    "aliases x\n": "line 1: aliases: options begin",
-    "--a 1\n": "line 1: --a: options begin",
-    "-a é\n": None,
-    "": None,
-}
-
-
-@pytest.mark.parametrize("content", OPTIONS_FILES)
-def test_what_an_options_file_may_hold(tmp_path, content):
-    message = OPTIONS_FILES[content]
-    path = tmp_path / "a.opts"
-    for encoding in ("utf-8", "latin-1"):
-        path.write_bytes(content.encode(encoding))
-        if message is None:
-            loading.check_words(["-x", "-options_file", str(path), "-y"])
-        else:
-            with pytest.raises(InputError, match=f"^{path}: {re.escape(message)}"):
-                loading.check_words(["-options_file", str(path)])
-    for ending in ("yml", "yaml"):  # PETSc's other language
-        path.with_suffix(f".{ending}").write_text("a: 1\n")
-        loading.check_words(["-options_file", str(path.with_suffix(f".{ending}"))])
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["-a", "x\ny"], r"x\ny: PETSc takes printable text only: use another name"),
-        (["-a", "\udcff"], r"\udcff: PETSc takes printable text only"),
-        (["-options_file"], "-options_file: needs the name of a file"),
-        (["-options_file", ""], "-options_file: needs the name of a file"),
-        (["-options_file", "/none.yml"], "/none.yml: No such file or directory: give a PETSc options file"),
-        (["-options_file", "/"], "/: Is a directory: give a PETSc options file"),
-    ],
-)
-def test_words_that_petsc_cannot_have(words, message):
-    with pytest.raises(InputError) as refused:
-        loading.check_words(words)
-    assert str(refused.value).startswith(message)
-
-
-def test_words_that_petsc_may_have():
-    loading.check_words(["-α", "ω = 1", "options_file", "none"])
-
-
 @pytest.fixture
 def modules(monkeypatch):
     """petsc4py, slepc4py and mpi4py that do nothing: a function that puts others in their place, None for missing."""
@@ -817,10 +531,10 @@ def test_petsc_is_started_with_the_words_and_slepc_need_not_be_there(modules):
     started = []
     found = modules()
     found["petsc4py"].init = lambda words, comm: started.append((words, comm))
-    assert loading.load(["-a", "1"]) == (found["petsc4py"].PETSc, found["slepc4py"].SLEPc, "world")
-    assert started == [(["jampetsc", "-a", "1"], "world")]
+    assert jampetsc.session._load(["-a", "1"]) == (found["petsc4py"].PETSc, found["slepc4py"].SLEPc, "world")
+    assert started == [(["jampetsc", jampetsc.session.QUIET, "-a", "1"], "world")]
     modules(slepc4py=None)
-    assert loading.load([])[1] is None
+    assert jampetsc.session._load([])[1] is None
 
 
 @pytest.mark.parametrize(
@@ -837,7 +551,7 @@ def test_petsc_is_started_with_the_words_and_slepc_need_not_be_there(modules):
 def test_what_does_not_start_is_one_line(modules, name, module, message):
     modules(**{name: module})
     with pytest.raises(InputError) as refused:
-        loading.load(["-a", "1"])
+        jampetsc.session._load(["-a", "1"])
     assert str(refused.value).startswith(message)
 
 

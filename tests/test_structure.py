@@ -35,19 +35,13 @@ ROOMS = (  # from the ground up; a module may import its own room and those befo
 TOP = {
     "session": "session",
     "builds": "session",
-    "loading": "session",
     "cli": "cli",
     "functions": "cli",
     "__main__": "cli",
 }  # other modules: ground
 WITHOUT_PETSC = ("ground", "contacts", "analysis", "storage", "packing", "plots", "words")
 PETSC = ("petsc4py", "slepc4py", "mpi4py")
-DOORS = (
-    "session",
-    "builds",
-    "loading",
-    "cli",
-)  # cli only to end a job that fails before the session has begun
+DOORS = ("session", "builds", "cli")  # cli only to end a job that fails before the session has begun
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from jampetsc.analysis.collapse import BOUNDS, Basis, Fit, Form, Points, scaled
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 
 EXACT, ROUGH = (1e-9, 300), (1e-5, 100)  # (change of χ² that ends a search, steps)
 _KAPPAS, _PHIS = np.geomspace(0.7, 8.0, 12), 15  # where the search for a minimum begins
@@ -24,7 +24,7 @@ def minima(points: Points, form: Form) -> list[Fit]:
     points.check()
     if len(points) <= form.unknowns:
         raise InputError(
-            f"{len(points)} points for {form.unknowns} unknowns: give more points, or a lower --degree"
+            f"{len(points)} points for {form.unknowns} unknowns: give more points, or a lower {named('degree')}"
         )
     positive = int(np.count_nonzero(points.value > 0))
     if positive <= form.plain.unknowns:

@@ -15,8 +15,8 @@ and keeps its heavy imports (numpy, h5py, numba, matplotlib) inside `run`, so th
 import importlib
 
 COMMANDS = {
-    "pack": "jampetsc.commands.pack",
-    "import": "jampetsc.commands.importing",
+    "pack": "jampetsc.jobs.pack:Pack",
+    "import": "jampetsc.jobs.importing:Import",
     "sweep": "jampetsc.jobs.sweep:Sweep",
     "quasistatic": "jampetsc.jobs.quasistatic:Quasistatic",
     "modes": "jampetsc.jobs.modes:Modes",
@@ -29,10 +29,10 @@ COMMANDS = {
     "collapse": "jampetsc.commands.collapse",
     "study": "jampetsc.jobs.study:Study",
     "trade": "jampetsc.commands.trade",
-    "info": "jampetsc.commands.info",
-    "merge": "jampetsc.commands.merge",
-    "export": "jampetsc.commands.export",
-    "matrices": "jampetsc.commands.matrices",
+    "info": "jampetsc.jobs.info:Info",
+    "merge": "jampetsc.jobs.merge:Merge",
+    "export": "jampetsc.jobs.export:Export",
+    "matrices": "jampetsc.jobs.matrices:Matrices",
     "plot": "jampetsc.commands.plot",
 }
 
@@ -56,9 +56,11 @@ def add_command(name, subparsers) -> None:
         importlib.import_module(module).add_parser(subparsers)
     parser = subparsers.choices[name]
     parser.set_defaults(command=name)
-    parser.add_argument(
-        "--quiet", action="store_true", default=None, help="do not tell how far the run has come"
+    told = parser.add_mutually_exclusive_group()
+    told.add_argument(
+        "-q", "--quiet", action="store_true", default=None, help="do not tell how far the run has come"
     )
+    told.add_argument("-v", "--verbose", action="store_true", default=None, help="tell more of it")
     if name not in REPLACES:
         parser.add_argument(
             "--overwrite",

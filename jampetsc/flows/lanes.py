@@ -97,11 +97,11 @@ def correlate_lanes(results, lane: float, width: float) -> LaneCorrelation:
             half, height = 0.5 * cells[0][0, 0], cells[0][1, 1]
             if not 2.0 * reach < height:
                 raise InputError(
-                    f"{named('lane')} {lane:g}: must be less than the cell's height, {height / diameter:.4g} mean diameters"
+                    f"{named('lane')} {lane:g}: must be below the cell's height, {height / diameter:.4g} diameters"
                 )
             if not step <= half:
                 raise InputError(
-                    f"{named('bin')} {width:g}: must be at most half of the cell's width, {half / diameter:.4g} mean diameters"
+                    f"{named('bin')} {width:g}: must be at most half of the cell's width, {half / diameter:.4g} diameters"
                 )
             edges = step * np.arange(int(half / step + 1e-9) + 1)
         for x, u, cell in zip(positions, velocities, cells, strict=True):

@@ -6,6 +6,12 @@ A job joins by one line here: command, python function, table of studies and doc
 import importlib
 
 JOBS = {
+    "pack": "pack:Pack",
+    "import": "importing:Import",
+    "export": "export:Export",
+    "matrices": "matrices:Matrices",
+    "merge": "merge:Merge",
+    "info": "info:Info",
     "sweep": "sweep:Sweep",
     "quasistatic": "quasistatic:Quasistatic",
     "modes": "modes:Modes",

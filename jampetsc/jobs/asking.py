@@ -23,6 +23,7 @@ from pathlib import Path
 
 from jampetsc.errors import InputError, named
 
+NEAR = 0.75  # likeness of a name to what may have been meant
 OPTION, FILE, FILES = (
     "option",
     "file",
@@ -92,6 +93,7 @@ class Parameter:
     off         of a switch that is on: help of the option that turns it off
     unit        that the value is in, for help and documentation
     group       heading that help puts it under
+    also        another option of a command line that means it
     place       OPTION, FILE or FILES
     """
 
@@ -107,6 +109,7 @@ class Parameter:
     unit: str = ""
     metavar: str = ""
     group: str = ""
+    also: str = ""
     place: str = OPTION
 
     @property
@@ -233,7 +236,7 @@ def _made_by_parts(job):
 
 def did_you_mean(name, known) -> str:
     """A hint, for a message, at the nearest of the names that are known; empty where none is near."""
-    near = difflib.get_close_matches(name, known, n=1)
+    near = difflib.get_close_matches(name, known, n=1, cutoff=NEAR)
     return f"; did you mean {near[0]}?" if near else ""
 
 

@@ -32,7 +32,16 @@ def law_made(given: dict) -> Law:
     )
 
 
-DAMPING = Part(law_parameters(DEFAULT), law_made, lambda law: law.parameters, Law)
+def law_told(law: Law) -> dict:
+    """The options that make a law, switches and what differs from the default; its weights where it is of no family."""
+    if not law.family:
+        return law.parameters
+    usual = {name: option.default for name, option in FAMILIES[law.family].options.items()}
+    told = {name: value for name, value in law.options if value is True or value != usual[name]}
+    return {"law": law.family, "tau1": law.tau1, **told}
+
+
+DAMPING = Part(law_parameters(DEFAULT), law_made, law_told, Law)
 PRESTRESS = asked(
     True,
     "K keeps the f/r term of its contacts (BT: 'with pre-stress')",

@@ -56,9 +56,10 @@ def signature_of(job) -> inspect.Signature:
             default = field.default_factory()
         if default is dataclasses.MISSING or kind == kinds.VAR_POSITIONAL:
             default = kinds.empty
-        found.append(kinds(field.name, kind, default=default, annotation=field.type))
+        annotation = kinds.empty if kind == kinds.VAR_POSITIONAL else field.type
+        found.append(kinds(field.name, kind, default=default, annotation=annotation))
     found += [kinds(name, kinds.KEYWORD_ONLY, default=default) for name, (default, _) in HOW.items()]
-    return inspect.Signature(found)
+    return inspect.Signature(sorted(found, key=lambda one: one.kind))
 
 
 def documentation_of(job) -> str:
@@ -77,6 +78,6 @@ def documentation_of(job) -> str:
         lines += [f"{field.name} : {kind}{default}", f"    {said['help']}{unit}{choices}"]
     for name, (default, told) in HOW.items():
         lines += [f"{name} : default {default}", f"    {told}"]
-    lines += ["", "Returns", "-------", f"what `load` gives for a {job.FORMAT} file"]
+    lines += ["", "Returns", "-------", job.GIVES or f"what `load` gives for a {job.FORMAT} file"]
     lines += ["", "Raises", "------", "InputError", "    for values that cannot be used, naming them"]
     return "\n".join([*lines, "ConvergenceError", "    where it does not get there"])

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from jampetsc.errors import InputError, named
 from jampetsc.jobs.asking import FILE, OPTION, parameter_of, parameters, parts
+from jampetsc.jobs.kinds import input_told
 from jampetsc.storage.outlet import Outlet
 from jampetsc.storage.outputs import check_output
 
@@ -31,6 +32,7 @@ class Job:
     SOLVERS: ClassVar[tuple] = ()  # prefixes of the PETSc options that its solvers read, see `solver_options`
     OUT: ClassVar[str] = "required"  # whether its command needs --out: required, optional, or "" for no file
     OUT_HELP: ClassVar[str] = "result file (HDF5)"
+    GIVES: ClassVar[str] = ""  # what python gets, where that is not what `load` gives for its file
     AGAIN: ClassVar[bool] = False  # whether its result is made anew without asking: pictures and tables
 
     def __post_init__(self):
@@ -71,12 +73,8 @@ class Job:
     @property
     def sources(self) -> list:
         """What it reads: names of files, and packings and results in memory."""
-        found = []
-        for name, parameter in parameters(type(self)).items():
-            if parameter.place != OPTION:
-                value = getattr(self, name)
-                found += value if isinstance(value, tuple) else [value]
-        return [one for one in found if one is not None]
+        places = [name for name, one in parameters(type(self)).items() if one.place != OPTION]
+        return [one for name in places for one in _several(getattr(self, name))]
 
     @property
     def files(self) -> list[str]:
@@ -118,7 +116,7 @@ class Job:
 
     def line(self, out=None) -> list[str]:
         """A command line that does the same; packings and results in memory are told by what they are."""
-        given = [one if isinstance(one, str | Path) else _held(one) for one in self.sources]
+        given = [input_told(one) for one in self.sources]
         return ["jampetsc", self.NAME, *map(str, given), *(["--out", str(out)] if out else []), *self.words()]
 
     def same(self, name, one, other) -> bool:
@@ -138,13 +136,17 @@ class Job:
         """Do it and put what is found into the outlet `to`; what a user wants to read. Collective."""
         raise NotImplementedError
 
+    def answer(self, to: Outlet, told: str):
+        """What python gets: what `load` gives for the file, or the same in memory; told: what `work` has said."""
+        return to.result
+
     def __str__(self):
         return shlex.join(self.line())
 
 
-def _held(one):
-    """What lies in memory, in words."""
-    return f"<{one.path}>" if hasattr(one, "path") else f"<{one.n} disks>"
+def _several(value) -> list:
+    """What a place of a command line holds, as a list."""
+    return list(value) if isinstance(value, tuple) else [] if value is None else [value]
 
 
 def _whole(one):

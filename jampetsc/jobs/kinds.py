@@ -4,6 +4,7 @@ One grammar for lists: `a,b,c` as they are, `low:high:count` a logarithmic grid,
 from python any list or array.
 """
 
+import operator
 import os
 from collections.abc import Sequence
 
@@ -12,10 +13,9 @@ from jampetsc.response.limits import LARGEST, SMALLEST
 
 Numbers = str | Sequence[float]
 MOST = 100_000  # numbers of a grid
-PHASES = (
-    "stress",
-    "strain",
-)  # what a field is in phase with, the default first; files hold fields per strain
+PHASES = ("stress", "strain")  # of a field, the default first; files hold fields per strain
+LAST_SEED = 2**63 - 1  # what a file can record
+MOST_SEEDS = 1_000_000
 
 
 def numbers(least, most, metavar="LIST", unit="") -> Kind:
@@ -74,6 +74,37 @@ def grid_told(values) -> str:
     return ",".join(repr(float(value)) for value in values)
 
 
+def seeds_of(given) -> Sequence[int]:
+    """The seeds that `FIRST:LAST` stands for, both included, or several whole numbers. Raises ValueError."""
+    try:
+        if isinstance(given, str):
+            first, last = (int(word) for word in given.split(":"))
+            given = range(first, last + 1)
+        seeds = given if isinstance(given, range) else tuple(operator.index(one) for one in given)
+    except (TypeError, ValueError):
+        raise ValueError("must be FIRST:LAST, for instance 1:20") from None
+    if not len(seeds):
+        raise ValueError("the last must not be below the first")
+    if len(seeds) > MOST_SEEDS:
+        raise ValueError(f"{len(seeds)} seeds: at most {MOST_SEEDS} at a time")
+    if not 0 <= min(seeds) <= max(seeds) <= LAST_SEED:
+        raise ValueError(f"must lie in [0, {LAST_SEED}]")
+    return seeds
+
+
+def _seeds_told(seeds) -> str:
+    first, last = min(seeds), max(seeds)
+    return f"{first}:{last}" if list(seeds) == list(range(first, last + 1)) else ",".join(map(str, seeds))
+
+
+def _radii(given):
+    from jampetsc.packing.sizes import Radii
+
+    if isinstance(given, Radii):
+        return given
+    return Radii.read(os.fspath(given)) if isinstance(given, str | os.PathLike) else Radii(given)
+
+
 def _read_as(names, what):
     """How a packing or a result is read: the file that it lies in as words, what lies in memory as it is.
 
@@ -105,7 +136,14 @@ def opened(source):
     return load(source) if isinstance(source, str) else source
 
 
-PACKING = Kind(_read_as(["Disks"], "a packing"), str, metavar="PACKING")  # Disks, or a path
-RESULT = Kind(_read_as(["Result"], "a result"), str, metavar="FILE")  # Result in memory, or a path
-HELD = Kind(_read_as(["Disks", "Result"], "a packing, a result"), str, metavar="FILE")  # either
+def input_told(source) -> str:
+    """A packing or a result in words: its file, or that it lies in memory."""
+    return f"<{source.n} disks>" if hasattr(source, "potential") else str(getattr(source, "path", source))
+
+
+PACKING = Kind(_read_as(["Disks"], "a packing"), input_told, metavar="PACKING")  # Disks, or a path
+RESULT = Kind(_read_as(["Result"], "a result"), input_told, metavar="FILE")  # Result in memory, or a path
+HELD = Kind(_read_as(["Disks", "Result"], "a packing, a result"), input_told, metavar="FILE")  # either
+SEEDS = Kind(seeds_of, _seeds_told, metavar="FIRST:LAST")
+RADII = Kind(_radii, lambda radii: radii.path or radii.told, metavar="FILE")  # a `packing.sizes.Radii`
 FREQUENCIES = numbers(SMALLEST, LARGEST, "LOW:HIGH:COUNT|LIST", " (for the limits ω → 0 and ∞: quasistatic)")

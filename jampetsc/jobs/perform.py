@@ -6,6 +6,7 @@ import sys
 from jampetsc import progress, session
 from jampetsc.collective import by_rank_0
 from jampetsc.jobs.job import Job
+from jampetsc.progress import LOG
 from jampetsc.storage.outlet import Outlet
 from jampetsc.storage.provenance import recorded_as
 from jampetsc.storage.request import Request, asked
@@ -31,7 +32,12 @@ def perform(job: Job, to: Outlet, *, petsc_argv=(), argv=None, overwrite=False, 
     with recording(job, argv or sys.argv, overwrite):
         job.check_outputs(to)
         if job.scalar is not None:
-            session.start(None if job.scalar == "any" else job.scalar, petsc_argv)
+            running = session.start(None if job.scalar == "any" else job.scalar, petsc_argv)
+            if running.rank == 0:
+                version = ".".join(map(str, running.PETSc.Sys.getVersion()))
+                LOG.debug(
+                    "PETSc %s, %s scalars, %d ranks: %s", version, running.scalar_type, running.size, job
+                )
             return job.work(to)
         comm = None if alone else session.communicator()
         job = job if comm is None else job.gathered()
@@ -48,6 +54,6 @@ def answer(job: Job, out=None, *, checkpoint=None, overwrite=False, told=False):
     told        whether progress is told on stderr
     """
     to = Outlet(out, out if checkpoint is None else checkpoint)
-    with progress.silent(not told):
-        perform(job, to, argv=job.line(out), overwrite=overwrite)
-    return to.result
+    with progress.telling(told):
+        told = perform(job, to, argv=job.line(out), overwrite=overwrite)
+    return job.answer(to, told)

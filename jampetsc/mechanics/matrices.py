@@ -20,7 +20,7 @@ from scipy.sparse import csr_array
 from jampetsc.collective import by_rank_0
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import Physics
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.mechanics.assembly import assemble, pins_of
 from jampetsc.mechanics.network import build_network
 from jampetsc.session import current
@@ -97,7 +97,7 @@ def files_of(out) -> dict:
     """
     path = Path(out)
     if path.suffix not in ENDINGS:
-        raise InputError(f"--out {out}: choose the ending of a format: {', '.join(ENDINGS)}")
+        raise InputError(f"{named('out')} {out}: choose the ending of a format: {', '.join(ENDINGS)}")
     if path.suffix == ".mtx":  # Matrix Market: a matrix a file
         return {name: path.with_name(f"{path.stem}-{name}.mtx") for name in NAMES}
     return {"": path}

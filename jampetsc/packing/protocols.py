@@ -1,11 +1,12 @@
 """How packings are made: random starts, the path in pressure, and the minimum at its end."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.neighbours import spatial_order
+from jampetsc.contacts.pairs import deformed
 from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import measure
 from jampetsc.contacts.threads import Team
@@ -57,6 +58,21 @@ def random_start(radii, phi: float, seed: int, potential: Potential, separated: 
     cell = np.diag([side, side])
     order = spatial_order(positions, cell)
     return Disks.from_positions(positions[order], radii[order], cell, potential)
+
+
+def changed(disks: Disks, target: Target) -> Disks:
+    """The disks to begin with where a packing is changed, compressed evenly to the φ of a target if it has one.
+
+    Raises InputError where no disks touch, so that there is no pressure to change.
+    """
+    disks = replace(disks, record={})
+    if target.phi is None:
+        if measure(disks).pressure <= 0:
+            raise InputError(
+                "no disks touch, so there is no pressure to change: give a packing fraction, or use a random start"
+            )
+        return disks
+    return deformed(disks, np.zeros((disks.n, 2)), 0.5 * np.log(disks.phi / target.phi), 0.0)
 
 
 def make_packing(

@@ -23,6 +23,8 @@ class NewtonSolver:
             raise InputError("Cholesky needs the real build of PETSc: start the session with scalar='real'")
         self._petsc = session.PETSc
         self._cholesky = self._pattern = None
+        if proves:  # what PETSc or the proof refuses is refused now, not when the first step is due
+            self.factorise(np.array([0, 1], np.int32), np.array([0], np.int32), np.ones(1))
 
     def factorise(self, indptr, indices, values) -> bool:
         """Factorise the upper triangle with its diagonal, CSR (int32, sorted). False if not positive definite.

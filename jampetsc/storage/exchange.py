@@ -12,7 +12,7 @@ import zlib
 
 import numpy as np
 
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 
 RADII = ("radius", "radii", "diameter", "diameters")  # columns looked for; diameters are halved
 STYLES = {  # columns of Atoms in LAMMPS data files, of the styles that have diameters
@@ -25,7 +25,7 @@ FLAT_BOX = "the box is tilted out of the plane: packings are two-dimensional her
 def pick(index, count):
     """`index`, if there are so many packings. Raises InputError."""
     if not 0 <= index < count:
-        raise InputError(f"--index {index}: it holds {count} packings, numbered from 0")
+        raise InputError(f"{named('index')} {index}: it holds {count} packings, numbered from 0")
     return index
 
 
@@ -34,7 +34,9 @@ def disks_of(columns, radius=None):
     names = [name for name in columns if (name == radius if radius else name.lower() in RADII)]
     if not names:
         wanted = radius or "radius or diameter"
-        raise InputError(f"no {wanted} among {', '.join(columns)}: --radius says which are the radii")
+        raise InputError(
+            f"no {wanted} among {', '.join(columns)}: {named('radius')} says which are the radii"
+        )
     radii = _floats(columns[names[0]]) / (2.0 if names[0].lower().startswith("diameter") else 1.0)
     if "positions" in columns:
         return columns["positions"], radii

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from jampetsc.contacts.state import Contacts
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.storage.atomic import NewFile
 from jampetsc.storage.frames import Frame
 
@@ -23,7 +23,9 @@ def check_format(out) -> str:
     """The ending of `out`. Raises InputError for one of no format, and for GSD without its package."""
     ending = Path(out).suffix.lower()
     if ending not in (*_TEXTS, ".npz", ".gsd"):
-        raise InputError(f"--out {out}: choose the ending of a format: .gsd, .npz, {', '.join(_TEXTS)}")
+        raise InputError(
+            f"{named('out')} {out}: choose the ending of a format: .gsd, .npz, {', '.join(_TEXTS)}"
+        )
     if ending == ".gsd":
         _gsd()
     return ending

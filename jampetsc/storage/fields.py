@@ -72,7 +72,7 @@ def phase_factor(result, omega, phase):
         ) from None
     if not abs(G) > 0:  # nan too
         raise InputError(
-            f"{result.path}: has no modulus at omega = {omega:g}, so no phase of the stress: use {named('phase')} strain"
+            f"{result.path}: no modulus at omega = {omega:g}, so no phase of the stress: use {named('phase')} strain"
         )
     return np.conj(G) / abs(G)
 

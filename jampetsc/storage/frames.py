@@ -6,7 +6,7 @@ import numpy as np
 
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.state import Contacts, disk_areas, disk_stresses, find_contacts, measure
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.storage.fields import chosen_frequencies, field_at, packing_of, particle_rows
 from jampetsc.storage.snapshots import snapshot
 
@@ -64,7 +64,7 @@ def mode_frame(result, number: int, packing=None) -> Frame:
     """Mode `number`, from 1, of a modes file on its packing: `mode`, Σ|mode|² = 1. Raises InputError."""
     count = result.stored("modes").shape[0]
     if not 1 <= number <= count:
-        raise InputError(f"--mode {number}: {result.path.name} holds modes 1 to {count}")
+        raise InputError(f"{named('mode')} {number}: {result.path.name} holds modes 1 to {count}")
     vectors = {"mode": result.stored("modes")[number - 1]}
     return _on_packing(result, packing, vectors, eigenvalue=float(result["eigenvalues"][number - 1]))
 

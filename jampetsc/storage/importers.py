@@ -12,7 +12,7 @@ import numpy as np
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.packing import Packing, measured
 from jampetsc.contacts.potentials import Potential
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.storage.checksums import SIGNATURE
 from jampetsc.storage.exchange import READERS, disks_of, format_of, pick
 from jampetsc.storage.hdf5 import open_file, reading, values
@@ -64,7 +64,7 @@ def import_packing(
     except UnicodeDecodeError:
         raise InputError(f"{path}: {format}: is not text") from None
     except InputError as error:
-        text = str(error)
+        text = error.args[0]
         raise InputError(text if text.startswith(f"{path}: ") else f"{path}: {text}") from None
     return disks.with_record(imported_from=Path(path).name, imported_index=index)
 
@@ -73,7 +73,9 @@ def _read_exchanged(content, index, format, radius, box, law):
     columns, own = READERS[format](content, index)
     if (own is None) == (box is None):
         raise InputError(
-            "has no box: say --box L, Lx,Ly or Lx,Ly,xy" if box is None else "has a box: leave out --box"
+            f"has no box: give {named('box')}, L, Lx,Ly or Lx,Ly,xy"
+            if box is None
+            else f"has a box: leave out {named('box')}"
         )
     disks = Packing(*disks_of(columns, radius), own if box is None else box, **law)
     return disks.with_record(protocol=format)
@@ -99,7 +101,9 @@ def _read_jambashbulk(path, content, index):
         text = ""
     packings = re.split(r"(?m)^(?=[ \t]*N\s*=)", re.sub(r"(?m)^\s*#.*$", "", text))[1:]
     if not packings or "L1" not in packings[0]:
-        raise InputError(f"{path}: none of {', '.join(READERS)}, jamBashbulk, jax-md: --format says which")
+        raise InputError(
+            f"{path}: none of {', '.join(READERS)}, jamBashbulk, jax-md: {named('format')} says which"
+        )
     packing = packings[pick(index, len(packings))]
     n = int(_find(path, packing, "N", r"\bN\s*=\s*(\d+)")[0])
     cell = [

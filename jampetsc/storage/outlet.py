@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+from jampetsc.errors import InputError, named
+
 
 class Outlet:
     """Takes what one run of a job finds, a result or a packing.
@@ -21,6 +23,11 @@ class Outlet:
     def __str__(self):
         return "in memory" if self.path is None else str(self.path)
 
+    def must_be_file(self) -> None:
+        """Raise InputError where a result that is for other programs has no file to go to."""
+        if self.path is None:
+            raise InputError(f"{named('out')}: must be given: the file to write")
+
     def writer(self, format, comm=None):
         """A `ResultWriter`, or what takes the same in memory. Collective over comm."""
         if self.path is not None:
@@ -32,13 +39,17 @@ class Outlet:
         self._found = MemoryWriter(format, comm)
         return self._found
 
-    def packing(self, disks) -> None:
-        """Take a packing that was made. Not collective."""
+    def packing(self, disks, path=None) -> None:
+        """Take a packing that was made; path: its file, where there are several. Not collective."""
         from jampetsc.storage.packing_file import write_packing
 
         self._found = disks
         if self.path is not None:
-            write_packing(self.path, disks)
+            write_packing(path or self.path, disks)
+
+    def packings(self, found) -> None:
+        """Take the answer in place of one file: Disks, or a list of them or of their files, on every rank."""
+        self._found = found
 
     def made_from(self, disks) -> None:
         """Take the packing that the result is of, which goes with it in memory: `Result.packing`."""
@@ -52,11 +63,11 @@ class Outlet:
 
     def share(self, comm) -> None:
         """Give every rank what rank 0 has found in memory. Collective."""
-        from jampetsc.contacts.disks import Disks
+        from jampetsc.storage.memory import MemoryWriter
 
         self._found = comm.bcast(self._found)
-        if not isinstance(self._found, Disks):
-            self._found.comm = comm
+        if isinstance(self._found, MemoryWriter):
+            self._found.comm = comm  # that all of them save together
 
     @property
     def result(self):
@@ -64,6 +75,8 @@ class Outlet:
         from jampetsc.contacts.disks import Disks
         from jampetsc.storage.reader import Result, load
 
+        if isinstance(self._found, list):
+            return [one if isinstance(one, Disks) else load(one) for one in self._found]
         if self.path is None and isinstance(self._found, Disks):
             return self._found
         found = Result.of(self._found) if self.path is None else load(self.path)

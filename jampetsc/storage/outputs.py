@@ -1,14 +1,14 @@
-"""What may be put at `--out`: in one place for all commands.
+"""Where a result may be put: in one place for all jobs.
 
 A result replaces an earlier result of its own kind and nothing else: no input, no file of another kind, no pipe
-and no device, and of other settings only with --overwrite.
+and no device, and of other settings only where that is asked for.
 """
 
 import os
 import re
 from pathlib import Path
 
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.storage import request
 from jampetsc.storage.atomic import check_writable
 from jampetsc.storage.checksums import SIGNATURE
@@ -53,7 +53,9 @@ def check_output(out, kind, inputs=(), beside=()) -> None:
     for source in inputs:
         if is_same(out, source):
             alias = "" if str(out) == str(source) else f" {source}"
-            raise InputError(f"{out}: is the input{alias}, which would be lost: choose another --out")
+            raise InputError(
+                f"{out}: is the input{alias}, which would be lost: choose another {named('out')}"
+            )
     check_place(out, kind)
     asked = request.current()
     if asked is not None and kind.startswith("jampetsc-"):
@@ -64,7 +66,7 @@ def check_output(out, kind, inputs=(), beside=()) -> None:
 def check_place(out, kind) -> None:
     """Raise InputError unless a `kind` of file may be put at `out`, whatever its settings are."""
     if kind.startswith("jampetsc-") and Path(out).suffix.lower() in _NOT_HDF5:
-        raise InputError(f"--out {out}: would be an HDF5 file by that name: give it the ending .h5")
+        raise InputError(f"{named('out')} {out}: would be an HDF5 file by that name: give it the ending .h5")
     check_writable(out)
     check_replaced(out, kind)
 
@@ -83,8 +85,8 @@ def _check_settings(out, asked):
     why = "does not say with which settings" if found is None else asked.differences(found)
     if why:
         raise InputError(
-            f"{out}: is there already and {'' if found is None else 'has '}{why}: choose another --out, or give "
-            "--overwrite to replace it"
+            f"{out}: is there already and {'' if found is None else 'has '}{why}: choose another {named('out')}, "
+            f"or give {named('overwrite')} to replace it"
         )
 
 
@@ -94,7 +96,7 @@ def check_replaced(out, kind) -> None:
     if held not in (None, kind):
         raise InputError(
             f"{out}: is there already and is {_article(held)}, not {_article(kind)}: "
-            "choose another --out, or remove it first"
+            f"choose another {named('out')}, or remove it first"
         )
 
 

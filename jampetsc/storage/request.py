@@ -7,7 +7,18 @@ from contextvars import ContextVar
 
 from jampetsc.storage.checksums import identity_of
 
-NO_SETTINGS = ("out", "last", "overwrite", "quiet", "threads", "command", "run", "check", "takes_petsc")
+NO_SETTINGS = (
+    "out",
+    "last",
+    "overwrite",
+    "quiet",
+    "verbose",
+    "threads",
+    "command",
+    "run",
+    "check",
+    "takes_petsc",
+)
 LONGEST = 200  # characters of a value; of a longer one its hash is kept
 
 _asked = ContextVar("the request that results record", default=None)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from jampetsc.errors import InputError
 from jampetsc.jobs.asking import FILES, OPTION, did_you_mean, made, parameters
 from jampetsc.jobs.job import Job
-from jampetsc.words.packtasks import seeds_of
+from jampetsc.jobs.kinds import seeds_of
 
 OWN = ("out", "packing", "last", "overwrite", "quiet")  # that the study gives itself
 LABEL = {"n": "n", "pressure": "p", "phi": "phi", "seed": "s"}  # what a file's name tells -> how

@@ -128,7 +128,7 @@ class Runner:
         if getattr(job, "threads", 0) is None:
             job = dataclasses.replace(job, threads=self.cores)
         overwrite = task.name in self.records  # what the study itself has made
-        with progress.silent():
+        with progress.telling(False):
             perform(job, Outlet(out, out), argv=words, overwrite=overwrite)
 
     def _is_there(self, task, words, there) -> bool:

@@ -3,7 +3,7 @@
 import functools
 import textwrap
 
-from jampetsc.errors import InputError, JampetscError
+from jampetsc.errors import InputError, JampetscError, option
 from jampetsc.jobs.asking import FILES, OPTION, made, parameters, shown
 from jampetsc.jobs.job import Job
 
@@ -49,7 +49,7 @@ def _add(parser, name, one):
         )
     else:
         parser.add_argument(
-            one.word,
+            *filter(None, (one.word, one.also)),
             dest=name,
             type=functools.partial(_word, one),
             default=None if one.required else one.default,
@@ -91,7 +91,7 @@ def job_of(job, args) -> Job:
 def in_words(error, job) -> str:
     """The message of an error with the options of a job's command."""
     known = parameters(job)
-    return error.told(lambda name: known[name].word if name in known else f"--{name.replace('_', '-')}")
+    return error.told(lambda name: known[name].word if name in known else option(name))
 
 
 def takes_petsc(job, args) -> bool:

@@ -1,0 +1,94 @@
+"""Packings, modes, fields and flows for OVITO, ASE, LAMMPS, ParaView and HOOMD."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from jampetsc.contacts.disks import Disks
+from jampetsc.errors import InputError, named
+from jampetsc.jobs.asking import FILE, asked
+from jampetsc.jobs.job import Job
+from jampetsc.jobs.kinds import HELD, PACKING, input_told, opened
+
+OWNERS = {"mode": ("modes",), "field": ("sweep",), "packing": ("modes", "sweep", "quasistatic")}
+
+
+@dataclass(frozen=True, eq=False)
+class Export(Job):
+    """Write packings, modes, fields and flows for OVITO, ASE, LAMMPS, ParaView, HOOMD and numpy.
+
+    A packing with radius, coordination, rattlers and stress of every disk and its contacts (data, vtp, npz, gsd) with
+    force and overlap; the motion in a mode, in a sweep's field or in slow shear as vectors on its packing; or the
+    snapshots of a flow, with velocities, as frames of one file (xyz, dump, gsd). The ending of the file that is written
+    chooses the format.
+    """
+
+    NAME: ClassVar = "export"
+    FORMAT: ClassVar = "exported"
+    OUT_HELP: ClassVar = "file to write: .xyz, .dump, .data, .vtp, .npz or .gsd"
+    GIVES: ClassVar = "the name of the file, a Path"
+    EPILOG: ClassVar = "Example: jampetsc export modes.h5 --mode 3 --out mode3.xyz"
+
+    file: Disks = asked(
+        help="packing, modes, sweep with fields, quasistatic or flow file", place=FILE, kind=HELD
+    )
+    mode: int | None = asked(None, "of a modes file: which mode, from 1 (default 1)", metavar="I")
+    field: float | None = asked(
+        None, "of a sweep: frequency of the field", above=0.0, high=1e300, metavar="OMEGA"
+    )
+    packing: Disks | None = asked(None, "packing of a result, if it is not beside it", kind=PACKING)
+
+    @property
+    def scalar(self):
+        """Nothing to solve."""
+
+    @property
+    def files(self):
+        """The packing of a result among them."""
+        return [one for one in (self.file, self.packing) if isinstance(one, str)]
+
+    def check_outputs(self, to):
+        """Refuse an ending without a format, and what may not be replaced."""
+        from jampetsc.storage.exporters import check_format
+        from jampetsc.storage.outputs import check_output, exported
+
+        to.must_be_file()
+        check_format(to.path)
+        check_output(to.path, exported(to.path), self.files)
+
+    def work(self, to):
+        """Write the file and tell what it holds."""
+        from jampetsc.storage.exporters import write_frames
+
+        count = write_frames(to.path, self._frames())
+        return f"{to}: {count} frame{'s' * (count != 1)} of {input_told(self.file)}"
+
+    def answer(self, to, told):
+        """The file."""
+        return to.path
+
+    def _frames(self):
+        """The frames that are asked for. Raises InputError for a file that has none, and for options of others."""
+        from jampetsc.storage import frames
+
+        loaded, name = opened(self.file), input_told(self.file)
+        kind = "packing" if isinstance(loaded, Disks) else loaded.format.removeprefix("jampetsc-")
+        for option, owners in OWNERS.items():
+            if getattr(self, option) is not None and kind not in owners:
+                raise InputError(
+                    f"{named(option)}: is of {' or '.join(owners)} files, and {name} is a {kind} file"
+                )
+        match kind:
+            case "packing":
+                return [frames.packing_frame(loaded)]
+            case "flow":
+                return frames.flow_frames(loaded)
+            case "modes":
+                return [frames.mode_frame(loaded, 1 if self.mode is None else self.mode, self.packing)]
+            case "quasistatic":
+                return [frames.slow_frame(loaded, self.packing)]
+            case "sweep":
+                if self.field is None:
+                    known = ", ".join(f"{omega:g}" for omega in loaded.fields.omega)
+                    raise InputError(f"{name}: give {named('field')}: it has fields at omega = {known}")
+                return [frames.field_frame(loaded, self.field, self.packing)]
+        raise InputError(f"{name}: is a {kind} file: export packing, modes, sweep, quasistatic or flow files")

@@ -1,0 +1,101 @@
+"""A packing of another program as a packing file."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES
+from jampetsc.jobs.asking import FILE, PATH, Kind, asked
+from jampetsc.jobs.job import Job
+from jampetsc.storage.exchange import READERS
+
+
+def _box(given):
+    """A box of `contacts.packing.Packing`; in words L, Lx,Ly or Lx,Ly,xy."""
+    if not isinstance(given, str):
+        return given
+    try:
+        return tuple(float(word) for word in given.split(","))
+    except ValueError:
+        raise ValueError("must be L, Lx,Ly or Lx,Ly,xy") from None
+
+
+def _box_told(box) -> str:
+    import numpy as np
+
+    return ",".join(repr(float(one)) for one in np.ravel(box))
+
+
+@dataclass(frozen=True, eq=False)
+class Import(Job):
+    """Turn a packing of another program into a packing file.
+
+    LAMMPS data (atom style sphere) and dump, extended XYZ, GSD (needs the package gsd), lines x y r with a line
+    'box Lx Ly xy', npz with positions, radii or diameters, and box; periodic in x and y, in one plane. Lengths are
+    taken as they are. Of published files, jamBashbulk text (U = ½ δ², k = 1) and jax-md netCDF4 (U = ½ (1 − r/σ)²),
+    pressure and energy must agree with those stored in FILE.
+    """
+
+    NAME: ClassVar = "import"
+    FORMAT: ClassVar = "jampetsc-packing"
+    OUT_HELP: ClassVar = "packing file to write"
+
+    file: Path = asked(help="file of the other program", place=FILE, kind=PATH)
+    format: str | None = asked(None, "(default: found out)", choices=READERS)
+    index: int = asked(0, "which packing of FILE, from 0", low=0, metavar="I", also="--frame")
+    radius: str | None = asked(
+        None,
+        "column or array of radii, or of diameters if it is called so (default radius or diameter)",
+        metavar="COLUMN",
+    )
+    box: tuple | None = asked(
+        None,
+        "of a file that has none; a₂ = (xy Ly, Ly): xy is a number",
+        kind=Kind(_box, _box_told, metavar="L|Lx,Ly[,xy]"),
+    )
+    potential: str | None = asked(None, "(default harmonic)", choices=EXPONENTS)
+    stiffness: str | None = asked(
+        None, "convention of the contact stiffness (default constant)", choices=STIFFNESSES
+    )
+    k: float | None = asked(None, "contact stiffness, in units of FILE (default 1)")
+
+    @property
+    def scalar(self):
+        """Nothing to solve."""
+
+    def work(self, to):
+        """Import and tell what was found beside what was published."""
+        from jampetsc.storage.importers import import_packing
+
+        how = ("format", "radius", "box", "potential", "stiffness", "k")
+        disks = import_packing(self.file, self.index, **{name: getattr(self, name) for name in how})
+        to.packing(disks)
+        return _summary(to, self.file, disks)
+
+
+def _summary(to, file, disks) -> str:
+    """What a user wants to read."""
+    from jampetsc.contacts.state import BALANCED, imbalance, measure
+
+    state, potential = measure(disks), disks.potential
+    overlap, alpha = ("(δ/σ)" if potential.constants[2] else "δ"), potential.alpha
+    (Lx, _), (tilt, Ly) = disks.cell
+    lines = [
+        f"{to}: {disks.n} disks, phi = {disks.phi:.9g}, read as {disks.record['protocol']}",
+        f"  units     lengths as in {file}; U = (k/{alpha:g}) {overlap}^{alpha:g}, k = {potential.k:g}",
+        f"  box       a1 = ({Lx:.9g}, 0), a2 = ({tilt:.9g}, {Ly:.9g})",
+        f"  radii     {disks.radii.min():.9g} to {disks.radii.max():.9g}",
+    ]
+    for name in ("pressure", "energy"):
+        published = disks.record.get(f"published_{name}")
+        beside = "" if published is None else f"   published {published:.9g}"
+        lines.append(f"  {name:9s} {disks.record[name]:.9g}{beside}")
+    rattlers = int(state.rattlers.sum())
+    lines.append(f"  contacts  {len(state.contacts)}, Z = {state.coordination:.6g}, rattlers {rattlers}")
+    rest = imbalance(disks, state)
+    if len(state.contacts) and not rest <= BALANCED:
+        lines.append(
+            f"  forces    are not balanced, max|F|/(p d) = {rest:.1e}: other radii or another potential than assumed, "
+            "too few digits, or no minimum (`jampetsc pack --from` makes it one)"
+        )
+    return "\n".join(lines)

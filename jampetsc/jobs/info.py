@@ -1,0 +1,85 @@
+"""What a packing or a result is, in words and numbers."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.laws import Law, Physics, damping_law
+from jampetsc.errors import InputError, named
+from jampetsc.jobs.asking import FILE, asked, part
+from jampetsc.jobs.damping import DAMPING, PRESTRESS
+from jampetsc.jobs.job import Job
+from jampetsc.jobs.kinds import HELD, input_told, opened
+
+
+@dataclass(frozen=True, eq=False)
+class Info(Job):
+    """Tell what a file holds; with matrices whether a packing is a minimum.
+
+    With matrices K and B of a packing are assembled, in parallel under mpirun, and their negative, zero and positive
+    eigenvalues counted.
+    """
+
+    NAME: ClassVar = "info"
+    FORMAT: ClassVar = "no file"
+    OUT: ClassVar = ""
+    GIVES: ClassVar = "str, lines of text"
+    EPILOG: ClassVar = "PETSc options: -inertia_… reach the factorisations of --matrices."
+    SOLVERS: ClassVar = ("inertia_",)
+
+    file: Disks = asked(help="packing file, result file or folder of a study", place=FILE, kind=HELD)
+    matrices: bool = asked(False, "assemble K and B and count their eigenvalues")
+    law: Law = part(DAMPING)
+    prestress: bool = PRESTRESS
+
+    @property
+    def physics(self) -> Physics:
+        """Of the matrices."""
+        return Physics(self.law, self.prestress)
+
+    def check(self):
+        """Refuse a law where there are no matrices, and matrices of a result."""
+        if not self.matrices and self.physics != Physics(damping_law()):
+            raise InputError(
+                f"{self.physics}: only the matrices depend on a damping law; add {named('matrices')}"
+            )
+        if self.matrices and not isinstance(self.file, str | Disks):
+            raise InputError(f"{named('matrices')}: needs a packing, not {input_told(self.file)}")
+
+    @property
+    def scalar(self):
+        """PETSc has nothing to do without matrices."""
+        return "real" if self.matrices else None
+
+    def check_outputs(self, to):
+        """Nothing is written."""
+
+    def work(self, to):
+        """The description. Collective with matrices."""
+        from jampetsc.storage.ensemble import Ensemble
+        from jampetsc.words import describe
+
+        name = input_told(self.file)
+        if self.matrices:
+            return self._with_matrices(name)
+        loaded = opened(self.file)
+        tell = {Disks: describe.packing, Ensemble: describe.study}.get(type(loaded), describe.result)
+        return tell(name, loaded)
+
+    def _with_matrices(self, name):
+        from jampetsc import session
+        from jampetsc.mechanics.examine import examine
+        from jampetsc.mechanics.network import build_network
+        from jampetsc.storage.packing_file import read_identified
+        from jampetsc.words import describe
+
+        running = session.current()
+        disks, _ = read_identified(self.file, running.comm)
+        network = build_network(disks, running.comm, self.prestress)
+        facts = examine(network, self.law)
+        told = describe.matrices(disks, network, self.physics, facts, running.size)
+        return f"{describe.packing(name, disks)}\n\n{told}"
+
+    def answer(self, to, told):
+        """The text."""
+        return told

@@ -1,0 +1,67 @@
+"""K, B and what goes with them as scipy, Matrix Market or PETSc read them."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.laws import Law, Physics
+from jampetsc.errors import InputError
+from jampetsc.jobs.asking import FILE, asked, part
+from jampetsc.jobs.damping import DAMPING, PRESTRESS
+from jampetsc.jobs.job import Job
+from jampetsc.jobs.kinds import PACKING
+
+
+@dataclass(frozen=True, eq=False)
+class Matrices(Job):
+    """Write K, B and the border of a packing for scipy, Matrix Market or PETSc.
+
+    Nothing held and nothing scaled, with k_gamma, b_gamma, k_gg, b_gg, the area, which unknown is which disk and
+    component, and the unknowns to leave out where K + i omega B is to be regular (pins). docs/python.md computes G* of
+    them in five lines; in python `assemble` gives them without a file.
+    """
+
+    NAME: ClassVar = "matrices"
+    FORMAT: ClassVar = "exported"
+    OUT_HELP: ClassVar = (
+        "file to write: .npz (numpy), .petsc (PETSc binary) or .mtx (Matrix Market, NAME-K.mtx and so on)"
+    )
+    GIVES: ClassVar = "the names of the files, a list of Path"
+    EPILOG: ClassVar = "Example: jampetsc matrices p.h5 --beta 0.1 --out K.npz"
+
+    packing: Disks = asked(help="packing", kind=PACKING, place=FILE)
+    law: Law = part(DAMPING)
+    prestress: bool = PRESTRESS
+
+    def check_outputs(self, to):
+        """Refuse an ending without a format, and what may not be replaced."""
+        from jampetsc.mechanics.matrices import files_of
+        from jampetsc.storage.outputs import check_output, exported
+
+        to.must_be_file()
+        for path in files_of(to.path).values():
+            check_output(path, exported(path), self.files)
+
+    def work(self, to):
+        """Assemble and write. Collective."""
+        from jampetsc import session
+        from jampetsc.mechanics.matrices import files_of, matrices_of, write_matrices
+        from jampetsc.storage.packing_file import read_identified, source_told
+
+        physics, comm = Physics(self.law, self.prestress), session.current().comm
+        disks, _ = read_identified(self.packing, comm)
+        try:
+            matrices = matrices_of(disks, physics, comm)
+        except InputError as error:
+            raise InputError(f"{source_told(self.packing)}: {error}") from None
+        write_matrices(to.path, matrices)
+        told = ", ".join(map(str, files_of(to.path).values()))
+        unknowns, disks, pins = len(matrices.dofs), len(matrices.particles), len(matrices.pins)
+        matrices.destroy()
+        return f"{told}: {physics}, {unknowns} unknowns of {disks} disks, {pins} pins"
+
+    def answer(self, to, told):
+        """The files."""
+        from jampetsc.mechanics.matrices import files_of
+
+        return list(files_of(to.path).values())

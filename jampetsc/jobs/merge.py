@@ -1,0 +1,48 @@
+"""One plain file out of a joint file and its parts."""
+
+import os
+from dataclasses import dataclass
+from typing import ClassVar
+
+from jampetsc.jobs.asking import FILE, PATH, asked
+from jampetsc.jobs.job import Job
+
+
+@dataclass(frozen=True, eq=False)
+class Merge(Job):
+    """Make one plain file of a result written by many ranks.
+
+    In place, its parts removed, where no other name is given.
+    """
+
+    NAME: ClassVar = "merge"
+    FORMAT: ClassVar = "that of the result"
+    OUT: ClassVar = "optional"
+    OUT_HELP: ClassVar = "write there and leave FILE and its parts as they are"
+    GIVES: ClassVar = "the result, loaded"
+
+    file: os.PathLike = asked(help="result of sweep, quasistatic, modes, …", place=FILE, kind=PATH)
+
+    @property
+    def scalar(self):
+        """Nothing to solve."""
+
+    def check_outputs(self, to):
+        """Left to `merge`, which knows what kind of file it is, and when it is the one itself."""
+
+    def work(self, to):
+        """Merge and say what was done."""
+        from jampetsc.storage.merge import merge
+
+        joined = merge(self.file, to.path)
+        if joined:
+            return f"{to.path or self.file}: {joined} parts in one file"
+        if to.path and not os.path.samefile(to.path, self.file):
+            return f"{to}: copy of {self.file}, which was one file already"
+        return f"{self.file}: one file already, nothing to do"
+
+    def answer(self, to, told):
+        """The result."""
+        from jampetsc.storage.reader import load
+
+        return load(to.path or self.file)

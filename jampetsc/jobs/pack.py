@@ -1,0 +1,366 @@
+"""Packings at a pressure or a packing fraction, one or an ensemble."""
+
+import re
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
+from jampetsc.errors import ConvergenceError, InputError, JampetscError, named
+from jampetsc.jobs.asking import Kind, asked
+from jampetsc.jobs.job import Job
+from jampetsc.jobs.kinds import LAST_SEED, PACKING, RADII, SEEDS
+from jampetsc.packing.sizes import FEWEST, MOST, SIZES, Radii, radii_asked, sizes_told
+
+PRESSURES = (1e-8, 1.0)
+PHIS = (0.8, 1.5)
+TOLERANCES = (1e-13, 1e-4)
+MOST_THREADS = 256
+WHAT, HOW = "what", "from where, and how"
+ONE_OF = (("pressure", "phi"), ("seed", "seeds", "from_"))  # of each at most one is given
+
+
+def _pressures(given):
+    """A pressure as it is written, which names its file; several as a tuple."""
+    if not isinstance(given, str):
+        try:
+            several = isinstance(given, Sequence) or getattr(given, "ndim", 0)
+            words = tuple(repr(float(one)) for one in (given if several else [given]))
+        except (TypeError, ValueError):
+            raise ValueError("must be a number, or several") from None
+    else:
+        words, several = tuple(given.split(",")), "," in given
+    for word in words:
+        try:
+            value = float(word)
+        except ValueError:
+            raise ValueError("must be a number, or several with commas between") from None
+        if not PRESSURES[0] <= value <= PRESSURES[1]:
+            raise ValueError(f"{word} must lie in [{PRESSURES[0]:g}, {PRESSURES[1]:g}]")
+    return words if several else words[0]
+
+
+@dataclass(frozen=True)
+class Task:
+    """One packing to make.
+
+    path    its file, None in memory
+    seed    of its random start, None where a packing is changed
+    target  a `protocols.Target`
+    """
+
+    path: Path | None
+    seed: int | None
+    target: object
+
+
+@dataclass(frozen=True, eq=False)
+class Pack(Job):
+    """Make a packing, or an ensemble.
+
+    Packings of soft disks: minima of enthalpy at given p, of energy at given φ. Several pressures or seeds, also one
+    of each in a list, give a list of packings, pressures in the order that is asked for within seeds.
+    """
+
+    NAME: ClassVar = "pack"
+    FORMAT: ClassVar = "jampetsc-packing"
+    OUT_HELP: ClassVar = "packing file; {seed} and {pressure} are replaced"
+    GIVES: ClassVar = "Disks, or a list of them"
+    EPILOG: ClassVar = """examples
+  jampetsc pack --n 1024 --pressure 1e-4 --seed 1 --out p1e-4.h5
+  jampetsc pack --n 1024 --pressure 1e-5 --from p1e-4.h5 --out p1e-5.h5
+  mpirun -n 4 jampetsc pack --n 1024 --pressure 1e-2,1e-3 --seeds 1:20 --out out/p{pressure}-{seed}.h5
+
+One packing is made by one rank, with all the cores that are its own; several are shared among the ranks. The same
+seed gives the same packing to the last bit, whatever the number of threads and ranks.
+
+Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat_solver_type mumps."""
+
+    SOLVERS: ClassVar = ("newton_",)
+
+    n: int | None = asked(None, "number of disks", low=FEWEST, high=MOST, group=WHAT)
+    pressure: float | Sequence[float] | None = asked(
+        None,
+        "pressure p = Σ f r / (2V)",
+        kind=Kind(_pressures, lambda words: words if isinstance(words, str) else ",".join(words)),
+        unit="k",
+        metavar="P[,P…]",
+        group=WHAT,
+    )
+    phi: float | None = asked(
+        None,
+        "packing fraction, instead of a pressure; disks jam near 0.84",
+        low=PHIS[0],
+        high=PHIS[1],
+        group=WHAT,
+    )
+    potential: str | None = asked(None, "(default harmonic)", choices=EXPONENTS, group=WHAT)
+    stiffness: str | None = asked(
+        None, "convention of the contact stiffness (default constant)", choices=STIFFNESSES, group=WHAT
+    )
+    sizes: str | None = asked(None, "bidisperse: 1:1.4, half and half (default)", choices=SIZES, group=WHAT)
+    radii: Radii | None = asked(
+        None, "text file of radii, one per disk, or an array, instead of n and sizes", kind=RADII, group=WHAT
+    )
+    stabilise: str = asked(
+        "volume", "shear: also relax the shear of the cell", choices=("volume", "shear"), group=WHAT
+    )
+    tolerance: float = asked(
+        1e-10, "max|F|/(p d) and |Δp|/p", low=TOLERANCES[0], high=TOLERANCES[1], metavar="T", group=WHAT
+    )
+    seed: int | None = asked(
+        None, "of the random start (default 1)", low=0, high=LAST_SEED, metavar="S", group=HOW
+    )
+    seeds: Sequence[int] | None = asked(
+        None, "an ensemble, both ends included, shared among the ranks", kind=SEEDS, group=HOW
+    )
+    from_: Disks | None = asked(None, "change the pressure of this packing", kind=PACKING, group=HOW)
+    threads: int | None = asked(
+        None,
+        "of each rank (default: the cores it may use, shared with the node's other ranks at work)",
+        low=1,
+        high=MOST_THREADS,
+        metavar="T",
+        group=HOW,
+    )
+
+    def check(self):
+        """Refuse what does not go together."""
+        for names in ONE_OF:
+            given = [named(name) for name in names if getattr(self, name) is not None]
+            if len(given) > 1:
+                raise InputError(f"{given[1]}: not together with {given[0]}; leave one out")
+        if self.pressure is None and self.phi is None:
+            raise InputError(f"{named('pressure')} is missing: give it, or {named('phi')}")
+        if self.phi is not None and self.stabilise == "shear":
+            raise InputError(
+                f"{named('stabilise')} shear: needs {named('pressure')}; at fixed {named('phi')} the cell does not move"
+            )
+        if self.from_ is None:
+            radii_asked(self.n, self.sizes, self.radii)
+            return
+        for name in ("potential", "stiffness", "sizes", "radii"):
+            if getattr(self, name) is not None:
+                source = PACKING.tell(self.from_)
+                raise InputError(f"{named(name)}: belongs to the packing {source}; leave it out")
+
+    @property
+    def several(self) -> bool:
+        """Whether a list of packings is asked for."""
+        return isinstance(self.pressure, tuple) or self.seeds is not None
+
+    def tasks(self, out, k=1.0) -> list[Task]:
+        """The packings asked for; out: their files, None in memory; k: of the packing to start from.
+
+        Raises InputError for a name that is none for all of them.
+        """
+        from jampetsc.packing.protocols import Target
+
+        how = {"stabilise": self.stabilise, "tolerance": self.tolerance}
+        if self.pressure is None:
+            targets = {"": Target(phi=self.phi, tolerance=self.tolerance)}
+        else:
+            words = self.pressure if isinstance(self.pressure, tuple) else (self.pressure,)
+            targets = {word: Target(k * float(word), **how) for word in words}
+        seeds = [None] if self.from_ is not None else self.seeds or [1 if self.seed is None else self.seed]
+        if out is not None:
+            self._check_name(out, {"{seed}": len(seeds), "{pressure}": len(targets)})
+        return [
+            Task(out and Path(out.replace("{seed}", str(seed)).replace("{pressure}", word)), seed, target)
+            for seed in seeds
+            for word, target in targets.items()
+        ]
+
+    def _check_name(self, out, counts):
+        """Raise InputError for a name that is the same for several packings, or has braces that mean nothing."""
+        for field, count in counts.items():
+            if count > 1 and field not in out:
+                raise InputError(f"{named('out')} {out}: one name for {count} packings: put {field} into it")
+        meaningless = {
+            "{seed}": "from_" if self.from_ is not None else "",
+            "{pressure}": "phi" if self.pressure is None else "",
+        }
+        for field in re.findall(r"\{[^{}]*\}?|\}", out):
+            if field not in meaningless:
+                raise InputError(
+                    f"{named('out')} {out}: {field} stands for nothing: only {{seed}} and {{pressure}} do"
+                )
+            if meaningless[field]:
+                raise InputError(
+                    f"{named('out')} {out}: {field} has no meaning with {named(meaningless[field])}"
+                )
+
+    def check_outputs(self, to):
+        """Refuse what may not be replaced, and a packing to start from that is none."""
+        from jampetsc.storage.outputs import check_output
+        from jampetsc.storage.packing_file import check_packing
+        from jampetsc.storage.request import asked
+
+        files = [self.from_] if isinstance(self.from_, str) else []
+        for path in files:
+            check_packing(path)
+        if self.radii is not None and self.radii.path:
+            files.append(self.radii.path)
+        with asked(None):  # each packing says itself what it was asked to be
+            for task in [] if to.path is None else self.tasks(str(to.path)):
+                check_output(task.path, self.FORMAT, files)
+
+    def work(self, to):
+        """Make what is not there yet, every rank its own packings. Collective."""
+        from jampetsc import session
+        from jampetsc.collective import by_rank_0, own_cores
+        from jampetsc.contacts.threads import Team
+        from jampetsc.storage import request
+
+        running = session.current()
+        comm, overwrite = running.comm, request.current().overwrite
+        start, origin, k = self._start(comm)
+        tasks = self.tasks(None if to.path is None else str(to.path), k)
+        wanted = [origin | _asked(task) for task in tasks]
+        left = by_rank_0(
+            comm,
+            lambda: [i for i, task in enumerate(tasks) if not is_there(task.path, wanted[i], overwrite)],
+        )
+        mine = left[running.rank :: running.size]
+        team = Team(self.threads or own_cores(comm, bool(mine)))
+        with request.asked(None):
+            found = _make([(i, tasks[i], wanted[i]) for i in mine], start, to, team, running.rank)
+        found = dict(sorted(pair for some in comm.allgather(found) for pair in some.items()))
+        failures = {i: one for i, one in found.items() if isinstance(one, JampetscError)}
+        if failures:
+            _raise(failures, tasks)
+        if to.path is None:
+            packings = [disks for disks, _ in found.values()]
+            to.packings(packings if self.several else packings[0])
+        elif self.several:
+            to.packings([task.path for task in tasks])
+        return _summary(tasks, {i: told for i, (_, told) in found.items()}, running.size)
+
+    def _start(self, comm):
+        """(function of a task that gives the disks to begin with, entries of all records, k). Collective."""
+        from jampetsc.packing.protocols import changed, random_start, start_phi
+        from jampetsc.storage.packing_file import read_identified, source_told
+
+        request = {"stabilise": self.stabilise, "tolerance": self.tolerance}
+        if self.from_ is not None:
+            source, identity = read_identified(self.from_, comm)
+            if self.n not in (None, source.n):
+                raise InputError(
+                    f"{named('n')} {self.n}: {source_told(self.from_)} has {source.n} disks; leave it out with "
+                    f"{named('from_')}"
+                )
+            request |= dict(zip(("source", "source_sha256"), identity, strict=True))
+            try:
+                changed(source, self.tasks(None)[0].target)
+            except InputError as error:
+                raise InputError(f"{source_told(self.from_)}: {error}") from None
+            return lambda task: changed(source, task.target), request, source.potential.k
+        # of one rank for all: the file may have been replaced
+        radii = comm.bcast(radii_asked(self.n, self.sizes, self.radii))
+        potential = Potential(self.potential or "harmonic", self.stiffness or "constant")
+        request |= {
+            "sizes": sizes_told(self.sizes, self.radii),
+            "requested_n": self.n or 0,
+            "requested_potential": potential.kind,
+            "requested_stiffness": potential.stiffness,
+        }
+
+        def start(task):
+            phi = task.target.phi or start_phi(task.target.pressure)
+            return random_start(radii, phi, task.seed, potential)
+
+        return start, request, 1.0
+
+
+def _asked(task) -> dict:
+    """Entries of the record of a task's packing that say which of all it is."""
+    name = "phi" if task.target.phi else "pressure"
+    seed = {} if task.seed is None else {"seed": task.seed}
+    return {f"requested_{name}": getattr(task.target, name)} | seed
+
+
+def is_there(path, wanted, overwrite=False) -> bool:
+    """Whether the packing that is wanted, by entries of its record, is at a path already.
+
+    Raises InputError if that holds something else that is not to be replaced.
+    """
+    from jampetsc.storage.packing_file import read_packing
+
+    if path is None or not path.exists():
+        return False
+    found = read_packing(path).record
+    for name, value in wanted.items():
+        if found.get(name) != value:
+            if overwrite:
+                return False
+            raise InputError(
+                f"{path}: is there already with {name} = {found.get(name)}, not {value}: "
+                f"choose another {named('out')}, or give {named('overwrite')} to replace it"
+            )
+    return True
+
+
+def _make(tasks, start, to, team, rank) -> dict:
+    """{number: (disks or None where a file has them, what is told), or a JampetscError} of [(number, task, record)]."""
+    from jampetsc.packing.protocols import Effort, make_packing
+    from jampetsc.progress import Progress
+    from jampetsc.solvers import local
+
+    solver, found = local.NewtonSolver(), {}
+    with Progress(len(tasks), "packings", rank) as progress:
+        for number, task, record in tasks:
+            began = time.perf_counter()
+            effort = Effort(report=lambda e: progress.show(f"{e.stage}, max|F|/p = {e.residual:.0e}"))
+            try:
+                fresh = task.seed is not None
+                disks = make_packing(start(task), task.target, solver, fresh=fresh, team=team, effort=effort)
+                disks = disks.with_record(**record)
+                to.packing(disks, task.path)
+            except ConvergenceError as error:
+                remedy = f"use another {named('seed')}, or a larger {named('tolerance')}"
+                found[number] = ConvergenceError(f"{error.args[0]}: {remedy}")
+                continue
+            except JampetscError as error:
+                found[number] = error
+                continue
+            told = _told(task.path or "in memory", disks, time.perf_counter() - began)
+            found[number] = (disks if task.path is None else None), told
+            if len(tasks) > 1:
+                progress.step(told)
+    return found
+
+
+def _raise(failures, tasks):
+    """Raise the error of one packing, or say which of several failed and why."""
+    if len(tasks) == 1:
+        raise failures[0]
+    told = [f"{tasks[i].path or f'packing {i + 1}'}: {error.args[0]}" for i, error in failures.items()]
+    others = ", the others are on disk" if tasks[0].path else ""
+    raise ConvergenceError(f"{len(failures)} of {len(tasks)} packings failed{others}: {'; '.join(told)}")
+
+
+def _summary(tasks, made, ranks) -> str:
+    """What a user wants to read: the packings made, and what was there or had nothing to do."""
+    lines = []
+    if len(made) < len(tasks):
+        lines.append(f"{len(tasks) - len(made)} of {len(tasks)} packings are there already")
+    if 0 < len(made) < ranks:
+        idle = ranks - len(made)
+        lines.append(f"one rank makes a packing: {idle} of {ranks} ranks had nothing to do")
+    return "\n".join([*lines, *made.values()])
+
+
+def _told(name, disks, seconds) -> str:
+    """A line about a packing, and one more where rounding forbids its tolerance."""
+    record = disks.record
+    residual = record["max_force"] / (record["pressure"] * 2.0 * float(disks.radii.mean()))
+    note = f"\n  max|F|/(p d) = {residual:.1e} is what rounding leaves, more than the tolerance {record['tolerance']:g}"
+    return (
+        f"{name}: N = {disks.n}, p = {record['pressure']:.6g}, phi = {record['phi']:.6f}, "
+        f"Z = {record['coordination']:.4f}, "
+        f"{record['rattlers']} rattlers, max|F|/p = {record['max_force'] / record['pressure']:.1e}, "
+        f"{record['evaluations']} force evaluations, {seconds:.2f} s{note * bool(residual > record['tolerance'])}"
+    )

@@ -1,0 +1,163 @@
+"""PETSc's options: which a command takes, what is said of the others, and of options files that PETSc cannot read."""
+
+import importlib
+import re
+
+import launch
+import pytest
+from samples import polydisperse
+
+import jampetsc
+from jampetsc import solver_options
+from jampetsc.commands import COMMANDS
+from jampetsc.errors import InputError
+from jampetsc.solver_options import check, names_given
+from jampetsc.storage.packing_file import write_packing
+
+REFUSED = {  # command and words -> what is said of them
+    "sweep -ksp_view": "(did you mean -shift_ksp_view or -freq_ksp_view or -inertia_ksp_view?)",
+    "sweep -log_view -shfit_pc_type lu": "-shfit_pc_type: those of sweep begin with -shift_, -freq_, -inertia_ (did "
+    "you mean -shift_pc_type?): correct or remove it",
+    "flow -KSP_view": "-KSP_view: those of flow begin with -flow_ (did you mean -flow_KSP_view?): correct or",
+    "modes -eps_tol 1e-9": "(did you mean -modes_eps_tol?)",
+    "modes -pc_type lu": "(did you mean -shift_pc_type or -inertia_pc_type?)",
+    "oscillate -snes_view": "(did you mean -osc_snes_view?)",
+    "sweep -shift_pc_type lu -modes_eps_tol 1": "-modes_eps_tol: is one of jampetsc modes, and sweep has no use for it",
+    "pack -shift_pc_type lu": "is one of jampetsc sweep and quasistatic and modes and oscillate, and pack has no use",
+    "matrices -shift_pc_type lu": "and matrices has no use for it: leave it out",
+    "matrices -foo 1": "-foo: matrices solves nothing: leave it out",
+    "study -foo_bar": "those of study begin with -newton_, -shift_",
+}
+TAKEN = (  # of PETSc itself, of objects without a prefix, and of solvers, in any case
+    "sweep -log_view :x -options_left no -malloc_debug false -objects_dump no -citations -nox -info -Shift_x -1",
+    "sweep -mat_view ::ascii_info -vec_view -on_error_abort -start_in_debugger -help -blas_view -use_gpu_aware_mpi 0",
+    "modes -modes_st_mat_mumps_icntl_14 50 -shift_pc_type lu -INERTIA_pc_type lu",
+    "oscillate -osc_factor_pc_type lu -osc_snes_monitor",
+    "study -freq_pc_type lu -flow_pc_type gamg -osc_snes_view -newton_pc_type lu",
+)
+
+
+@pytest.mark.parametrize("line", REFUSED)
+def test_an_option_that_no_solver_of_the_command_has(line):
+    command, *words = line.split()
+    with pytest.raises(InputError, match=f"^PETSc option .*{re.escape(REFUSED[line])}"):
+        check(command, words)
+
+
+@pytest.mark.parametrize("line", TAKEN)
+def test_an_option_of_petsc_or_of_a_solver_of_the_command(line):
+    command, *words = line.split()
+    check(command, words)
+
+
+def test_what_is_said_knows_every_solver_and_every_command():
+    homes = {"shift_": "solvers.shifted", "freq_": "response.direct", "inertia_": "solvers.inertia",
+             "modes_": "solvers.eigen", "newton_": "solvers.local", "flow_": "solvers.resistance",
+             "osc_": "oscillation.newton", "osc_factor_": "oscillation.preconditioner"}  # fmt: skip
+    prefixes = {importlib.import_module(f"jampetsc.{home}").PREFIX for home in homes.values()}
+    assert prefixes == set(solver_options.SOLVERS) == set(homes)
+    assert set(solver_options.COMMANDS) <= set(COMMANDS)
+
+
+@pytest.mark.parametrize("path", sorted((launch.ROOT / "options").glob("*.opts")), ids=lambda path: path.stem)
+def test_files_that_are_ready_to_use_are_taken_by_their_command(path):
+    command = re.search(r"jampetsc (\w+) PACKING", path.read_text())[1]
+    words = ["-options_file", str(path)]
+    check(command, words)
+    assert len(names_given(words)) > 1
+    with pytest.raises(InputError, match="PETSc option -"):
+        check("flow", words)
+
+
+OPTIONS_FILES = {  # what an options file holds -> its names, or what is said of it
+    "# why\n\n-a 1 # and why\n  -b_c\nalias x y\n": ["a", "b_c"],
+    "-a 1\n# -\n -1 2\n": "line 3: -1: options begin with -, comments with #",
+    "-a\n\nb 1 # -b 1\n": "line 3: b: options begin",
+    "aliases x\n": "line 1: aliases: options begin",
+    "--a 1\n": "line 1: --a: options begin",
+    "-a é\n": ["a"],
+    "": [],
+}
+
+
+@pytest.mark.parametrize("content", OPTIONS_FILES)
+def test_what_an_options_file_may_hold(tmp_path, content):
+    expected = OPTIONS_FILES[content]
+    path = tmp_path / "a.opts"
+    for encoding in ("utf-8", "latin-1"):
+        path.write_bytes(content.encode(encoding))
+        words = ["-x", "-options_file", str(path), "-y"]
+        if isinstance(expected, list):
+            assert names_given(words) == ["x", "options_file", *expected, "y"]
+        else:
+            with pytest.raises(InputError, match=f"^{path}: {re.escape(expected)}"):
+                names_given(words)
+    other = path.with_suffix(".yaml")  # PETSc's other language
+    other.write_text("a: 1\n")
+    assert names_given(["-options_file", str(other)]) == ["options_file"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["-a", "x\ny"], r"x\ny: PETSc takes printable text only: use another name"),
+        (["-a", "\udcff"], r"\udcff: PETSc takes printable text only"),
+        (["-options_file"], "-options_file: needs the name of a file"),
+        (["-options_file", ""], "-options_file: needs the name of a file"),
+        (["-options_file", "/none.yml"], "/none.yml: No such file or directory: give a PETSc options file"),
+        (["-options_file", "/"], "/: Is a directory: give a PETSc options file"),
+    ],
+)
+def test_words_that_petsc_cannot_have(words, message):
+    with pytest.raises(InputError) as refused:
+        names_given(words)
+    assert str(refused.value).startswith(message)
+
+
+# What PETSc says
+
+
+@pytest.fixture(scope="module")
+def packing(tmp_path_factory):
+    path = tmp_path_factory.mktemp("packing") / "p.h5"
+    write_packing(path, polydisperse(3)[0])
+    return path
+
+
+def run(packing, folder, line, ranks=0):
+    """The finished `jampetsc` of a command line; PACKING is the packing."""
+    words = line.replace("PACKING", str(packing)).split()
+    return launch.run(ranks, "../jampetsc/__main__.py", *words, cwd=folder)
+
+
+@pytest.mark.parametrize("ranks", [0, 2])
+def test_of_a_value_that_petsc_refuses_there_is_one_line(packing, tmp_path, ranks):
+    said = {
+        "sweep PACKING --out o.h5 -shift_pc_type foo": "-shift_pc_type foo: Unable to find requested PC type foo",
+        "pack --n 16 --phi 0.95 --seed 1 --out o.h5 -newton_pc_type lu": "-newton_pc_type lu: MatSolverType cholmod",
+        "info PACKING --matrices -inertia_pc_type jacobi": "-inertia_pc_type jacobi is not cholesky",
+    }
+    lines = [*said][: None if ranks == 0 else 1]
+    for line in lines:
+        done = run(packing, tmp_path, line, ranks)
+        told = [text for text in done.stderr.splitlines() if text.startswith("jampetsc")]
+        assert len(told) == 1 and told[0].startswith(f"jampetsc: error: {said[line]}"), done.stderr
+        assert done.returncode == 2 and "Traceback" not in done.stderr and "Option left" not in done.stdout
+        assert not (tmp_path / "o.h5").exists()
+
+
+@pytest.mark.parametrize("ranks", [0, 2])
+def test_what_nobody_asked_for_petsc_says_at_its_end(packing, tmp_path, ranks):
+    line = (
+        "modes PACKING --count 3 --out o.h5 -shift_pc_typ lu -modes_eps_tol 1e-12 -modes_st_pc_type cholesky"
+    )
+    done = run(packing, tmp_path, line, ranks)
+    assert done.returncode == 0 and jampetsc.load(tmp_path / "o.h5")["eigenvalues"].shape == (3,)
+    left = [text for text in done.stdout.splitlines() if text.startswith("Option left")]
+    assert len(left) == 1 and "-shift_pc_typ value: lu" in left[0]
+
+
+@pytest.mark.parametrize("words", ["-log_view :log", "-options_left no -freq_pc_type lu"])
+def test_petsc_is_not_asked_where_nothing_can_be_left_or_it_is_not_wanted(packing, tmp_path, words):
+    done = run(packing, tmp_path, f"sweep PACKING --omega 1 --out o.h5 {words}")
+    assert done.returncode == 0 and "ption" not in done.stdout, done.stdout
