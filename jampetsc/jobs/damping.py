@@ -47,7 +47,6 @@ PRESTRESS = asked(
     True,
     "K keeps the f/r term of its contacts (BT: 'with pre-stress')",
     off="drop the f/r term of K (BT: 'without pre-stress')",
-    group=GROUP,
 )
 
 
