@@ -22,14 +22,12 @@ from jampetsc.version import VERSION
 
 REMEDIES = {errno.ENOSPC: ": free some space, or write elsewhere", errno.EACCES: ": check its permissions"}
 MORE_MEMORY = "use more nodes, or a smaller packing"
-THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")  # read when numpy is imported
 PATIENCE = 2.0  # seconds that a rank in trouble waits for the others to report the same
 
 
 def main(argv=None):
     """Run `jampetsc argv` and return the exit status. Errors are printed once, by one rank."""
-    for variable in THREAD_VARIABLES:
-        os.environ.setdefault(variable, "1")
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # OpenBLAS reads it, too, when numpy is imported
     streams.prepare()
     try:
         status = dispatch(sys.argv[1:] if argv is None else argv)

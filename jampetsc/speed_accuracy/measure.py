@@ -4,6 +4,7 @@ import datetime
 import os
 import platform
 import shlex
+import signal
 import sys
 import tempfile
 from dataclasses import dataclass
@@ -43,6 +44,9 @@ def measure(request: Request, out) -> str:
     """
     picture = Path(out).with_suffix(".png")
     _check(request, out, picture)
+    signal.signal(
+        signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM)
+    )  # the run it waits for is stopped, too
     load = _load()
     with (
         tempfile.TemporaryDirectory(prefix="jampetsc-trade-") as folder,
