@@ -17,7 +17,7 @@ from jampetsc import cli, commands
 from jampetsc.analysis.statistics import half_width
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.storage import checksums
-from jampetsc.storage.packing_file import packing_identity, write_packing
+from jampetsc.storage.packing_file import read_identified, write_packing
 from jampetsc.storage.provenance import command_line
 from jampetsc.storage.result_file import ResultWriter
 from jampetsc.studies import lock as locks
@@ -806,7 +806,7 @@ def test_a_file_is_taken_over_only_from_the_same_command_line_and_packing(tmp_pa
     task = of(tasks(PACK + "[modes]\n"), "modes")[0]
     (there,), path = task.inputs, tmp_path / task.file
     write_packing(tmp_path / there.file, published())
-    digest = packing_identity(tmp_path / there.file)[1]
+    digest = read_identified(tmp_path / there.file)[1][1]
     runner = Runner(tmp_path, parsers(), {})
 
     def is_there(words, of=digest):

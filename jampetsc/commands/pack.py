@@ -90,7 +90,8 @@ def run(args, petsc_argv) -> int:
     start = starter(args, radii, source)
     request = request_of(args, identity)
     pending = by_rank_0(
-        session.comm, lambda: [task for task in tasks if not complete(task, request, args.overwrite)]
+        session.comm,
+        lambda: [task for task in tasks if not complete(task, request, args.overwrite, args.source)],
     )
     from jampetsc.contacts.threads import Team
     from jampetsc.solvers import local

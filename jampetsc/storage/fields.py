@@ -6,7 +6,7 @@ import numpy as np
 
 from jampetsc.contacts.disks import Disks
 from jampetsc.errors import InputError
-from jampetsc.storage.packing_file import read_identified
+from jampetsc.storage.packing_file import is_known_as, read_packing
 
 _HUGE = 1e100  # displacements per unit strain that no packing has
 _SAME = 0.01  # a frequency asked for may differ from the stored one by this fraction: 0.0316 means 10^-1.5
@@ -15,16 +15,16 @@ _SAME = 0.01  # a frequency asked for may differ from the stored one by this fra
 def packing_of(result, given=None) -> Disks:
     """The packing that a sweep was made from: the file `given`, or the recorded name beside the sweep.
 
-    Raises InputError where there is none or its sha256 is not the recorded one.
+    Raises InputError where there is none or it is not the recorded one.
     """
     name, recorded = (result.attributes.get(key) for key in ("packing", "packing_sha256"))
     path = Path(given) if given else result.path.parent / str(name)
     if not given and (name is None or not path.is_file()):
         raise InputError(f"{result.path}: its packing {name or ''} is not beside it: give it with --packing")
-    disks, (_, sha256) = read_identified(path)
-    if recorded is not None and sha256 != recorded:
+    disks = read_packing(path)
+    if recorded is not None and not is_known_as(path, recorded):
         raise InputError(
-            f"{path}: is not the packing that {result.path.name} was made from (sha256 {sha256[:12]}… "
+            f"{path}: is not the packing that {result.path.name} was made from (sha256 {disks.fingerprint[:12]}… "
             f"instead of {recorded[:12]}…): give that one with --packing"
         )
     return disks

@@ -13,7 +13,7 @@ from jampetsc import session
 from jampetsc.collective import by_rank_0
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.storage.checksums import identity_of
-from jampetsc.storage.packing_file import packing_identity
+from jampetsc.storage.packing_file import is_known_as
 from jampetsc.storage.parts import parts_of
 from jampetsc.storage.provenance import command_line, derived_from, recorded_as
 from jampetsc.storage.reader import load
@@ -191,7 +191,7 @@ def _made_from(result, task, paths) -> bool:
     if not paths:
         return True
     if task.inputs[0].command == "pack":
-        return result.attributes["packing_sha256"] == packing_identity(paths[0])[1]
+        return is_known_as(paths[0], result.attributes["packing_sha256"])
     runs = derived_from([load(path) for path in paths], 0.0)["source_runs"]
     return result.attributes["source_runs"] == runs
 

@@ -226,15 +226,20 @@ def entries(task, request) -> dict:
     return request | aim | ({} if task.seed is None else {"seed": task.seed})
 
 
-def complete(task, request, overwrite=False) -> bool:
-    """Whether the file is there already. Raises InputError if it holds something else that is not to be replaced."""
-    from jampetsc.storage.packing_file import read_packing
+def complete(task, request, overwrite=False, source=None) -> bool:
+    """Whether the file is there already. Raises InputError if it holds something else that is not to be replaced.
+
+    source   the file of --from, which packings of older versions know by its bytes
+    """
+    from jampetsc.storage.packing_file import is_known_as, read_packing
 
     if not task.path.exists():
         return False
     found = read_packing(task.path).record
     for name, value in entries(task, request).items():
-        if found.get(name) != value:
+        if found.get(name) != value and not (
+            name == "source_sha256" and is_known_as(source, found.get(name))
+        ):
             if overwrite:
                 return False
             raise InputError(
