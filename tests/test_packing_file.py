@@ -1,5 +1,6 @@
 """Packing files: exact, complete or absent, and every defect named."""
 
+import hashlib
 import signal
 import tempfile
 from pathlib import Path

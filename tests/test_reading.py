@@ -1,7 +1,6 @@
 """Reading files: regular ones, in the end what there was when nobody replaced them, and no more than they hold."""
 
 import errno
-import io
 import os
 import stat
 import sys
@@ -21,7 +20,6 @@ from jampetsc.storage import fields, regular
 from jampetsc.storage.hdf5 import (
     attributes,
     check_format,
-    from_stream,
     open_file,
     opening,
     reading,
@@ -203,7 +201,7 @@ def test_whatever_libraries_raise_on_a_damaged_file_is_damage(error):
         raise error("odd words")
 
 
-@pytest.mark.parametrize("error", [MemoryError, KeyboardInterrupt, JampetscError])
+@pytest.mark.parametrize("error", [KeyboardInterrupt, JampetscError])
 def test_what_is_no_fault_of_the_file_is_raised_as_it_is(error):
     with pytest.raises(error), reading("x"):
         raise error
@@ -283,7 +281,7 @@ def test_a_part_that_goes_while_it_is_read_is_noticed(tmp_path, monkeypatch):
         array[...]
 
 
-# Files without checksums have their trial first
+# What may be written where
 
 
 def test_no_other_file_that_the_run_writes_may_be_the_output(tmp_path, monkeypatch):
@@ -430,17 +428,6 @@ def test_a_commit_that_is_no_text(tmp_path):
     (tmp_path / ".git" / "HEAD").write_bytes(b"\xff")
     assert git_commit(tmp_path) is None
     assert git_commit(tmp_path / "none") is None
-
-
-def test_the_place_in_a_stream_is_of_no_matter(tmp_path):
-    write_packing(tmp_path / "p.h5", published())
-    content = io.BytesIO((tmp_path / "p.h5").read_bytes())
-    content.seek(7)
-    with from_stream(content) as h5:
-        assert len(h5["radii"]) == published().n
-
-
-# What sweeps hold
 
 
 class Fields:

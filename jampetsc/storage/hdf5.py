@@ -20,7 +20,6 @@ from jampetsc.storage.regular import open_regular
 
 _DAMAGE = (
     OSError,
-    MemoryError,
     RuntimeError,
     LookupError,
     ValueError,
@@ -146,6 +145,8 @@ def reading(path):
         yield
     except InputError:
         raise
+    except MemoryError as error:
+        raise InputError(f"{path}: holds or claims more than there is memory for ({error})") from None
     except _DAMAGE as error:
         text = " ".join(str(error).strip("'\"").split())
         raise InputError(f"{path}: damaged ({text}): copy or make it again") from None
