@@ -818,9 +818,8 @@ def test_a_file_is_taken_over_only_from_the_same_command_line_and_packing(tmp_pa
     assert is_there(task.words)
     assert not is_there([*task.words, "--count", "3"]) and not is_there(task.words, "another")
     assert not runner._is_there(there, there.words, [])  # a packing, at which `pack` looks
-    (tmp_path / f"{task.file}.resume.d").mkdir()
-    (tmp_path / f"{task.file}.resume.d" / "x").touch()
-    (tmp_path / f"{task.file}.resume").touch()
+    (tmp_path / f"{task.file}.resume").mkdir()
+    (tmp_path / f"{task.file}.resume" / "00000-rank-0000").touch()
     (tmp_path / "other.h5.resume").touch()
     assert is_there(task.words)
     assert {one.name for one in tmp_path.iterdir()} == {task.file, there.file, "other.h5.resume"}

@@ -1,31 +1,23 @@
 """The flow file: series over strain, snapshots, means with errors, and the state from which the run goes on.
 
-A checkpoint is such a file too, of another format and without means, at `<out>.resume`.
+A checkpoint holds the same but the means, see `storage.checkpoint`.
 """
 
 import json
 import shutil
-from contextlib import suppress
-from pathlib import Path
 
+import h5py
 import numpy as np
 
 from jampetsc.analysis.order import bond_order
 from jampetsc.errors import InputError
 from jampetsc.storage.atomic import follow
-from jampetsc.storage.hdf5 import (
-    OutputFile,
-    attributes,
-    check_format,
-    open_file,
-    reading,
-    set_attributes,
-    store,
-    values,
-)
+from jampetsc.storage.checkpoint import Checkpoint, discard, folder_of
+from jampetsc.storage.hdf5 import attributes, check_format, open_file, reading, values
 from jampetsc.storage.result_file import ResultWriter
 
-FORMAT, CHECKPOINT = "jampetsc-flow", "jampetsc-flow-checkpoint"
+FORMAT = "jampetsc-flow"
+STATE = "state/"  # before the names of what a run goes on from
 # name -> columns, per row; the first six are means over the strain since the row before, the others are looked up
 SERIES = {
     "strain": 0, "time": 0, "shear_stress": 3, "pressure": 3, "energy": 0, "dissipation": 0,
@@ -83,12 +75,15 @@ class Record:
         }
 
     @classmethod
-    def of(cls, h5, columns=None) -> "Record":
-        """The record in an open file."""
-        record = cls(columns or SERIES | {name: size for name, size in BETWEEN_WALLS.items() if name in h5})
-        record.rows = {name: list(values(h5[name])) for name in record.columns}
-        if "snapshots" in h5:
-            record.snapshots = {name: list(values(h5[f"snapshots/{name}"])) for name in SNAPSHOTS}
+    def of(cls, arrays, columns=None) -> "Record":
+        """The record in a result, or in an open file."""
+        read = values if isinstance(arrays, h5py.File) else np.asarray
+        record = cls(
+            columns or SERIES | {name: size for name, size in BETWEEN_WALLS.items() if name in arrays}
+        )
+        record.rows = {name: list(read(arrays[name])) for name in record.columns}
+        if "snapshots/strain" in arrays:
+            record.snapshots = {name: list(read(arrays[f"snapshots/{name}"])) for name in SNAPSHOTS}
         return record
 
 
@@ -107,20 +102,11 @@ def write_record(
         writer.attributes(settings=json.dumps(settings), **facts)
 
 
-def checkpoint_of(out) -> Path:
-    """Where a run that writes `out` keeps its checkpoint."""
-    path = follow(out)
-    return path.with_name(f"{path.name}.resume")
-
-
 def write_checkpoint(out, record: Record, state: dict, settings: dict) -> None:
-    """Put the run so far beside `out`; complete or not at all."""
-    with OutputFile(checkpoint_of(out)) as h5:
-        set_attributes(h5, {"format": CHECKPOINT, "format_version": "1.0", "settings": json.dumps(settings)})
-        for name, array in record.datasets().items():
-            store(h5, name, array)
-        for name, value in state.items():
-            store(h5, f"state/{name}", value)
+    """Put the run so far beside `out`, if that is not None; complete or not at all."""
+    if out is not None:
+        state = {f"{STATE}{name}": value for name, value in state.items()}
+        Checkpoint(out, settings).save(0, {}, record.datasets() | state)
 
 
 def check_space(out, disks: int, snapshots: int) -> None:
@@ -136,12 +122,12 @@ def check_space(out, disks: int, snapshots: int) -> None:
 
 def remove_checkpoint(out) -> None:
     """Delete the checkpoint of a run that is finished."""
-    with suppress(FileNotFoundError):
-        checkpoint_of(out).unlink()
+    if out is not None:
+        discard(folder_of(out))
 
 
 def read_record(path, format=FORMAT, columns=None):
-    """(record, state, settings, attributes) of a flow file or a checkpoint. Raises InputError."""
+    """(record, state, settings, attributes) of a flow file. Raises InputError."""
     with open_file(path) as h5, reading(path):
         attrs = attributes(h5)
         check_format(path, attrs, format)
@@ -151,11 +137,9 @@ def read_record(path, format=FORMAT, columns=None):
 
 def resumed(out, settings: dict, columns=None):
     """(record, state) of a checkpoint of the same job beside `out`, else None."""
-    path = checkpoint_of(out)
-    if not path.exists():
+    checkpoint = Checkpoint(out, settings)
+    if not checkpoint.done:
         return None
-    try:
-        record, state, kept, _ = read_record(path, CHECKPOINT, columns)
-    except InputError:
-        return None
-    return (record, state) if kept == settings else None
+    arrays = checkpoint.fields(0)
+    state = {name.removeprefix(STATE): array for name, array in arrays.items() if name.startswith(STATE)}
+    return Record.of(arrays, columns), state

@@ -73,19 +73,17 @@ def read_identified(path, comm=None) -> tuple[Disks, tuple[str, str]]:
 
     Raises InputError, on all ranks, naming the file, what is wrong with it and the remedy.
     """
-    disks = _read(path) if comm is None else _shared(path, comm)
-    return disks, (Path(path).name, disks.fingerprint)
-
-
-def _shared(path, comm):
     disks, found = None, None
     with agreed(comm):
-        if comm.rank == 0:
+        if comm is None or comm.rank == 0:
             disks = _read(path)
             found = {name: getattr(disks, name) for name in _ARRAYS}
-    arrays = from_rank_0(comm, found)
-    potential, record = comm.bcast((disks.potential, disks.record) if disks else None)
-    return Disks(**arrays, potential=potential, record=record)
+    name = Path(path).name
+    if comm is not None:
+        arrays = from_rank_0(comm, found)
+        potential, record, name = comm.bcast((disks.potential, disks.record, name) if disks else None)
+        disks = Disks(**arrays, potential=potential, record=record)
+    return disks, (name, disks.fingerprint)
 
 
 def _read(path):
