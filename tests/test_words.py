@@ -16,7 +16,7 @@ from jampetsc.flows import job as jobs
 from jampetsc.packing.minimise import settle
 from jampetsc.packing.protocols import Target, random_start
 from jampetsc.packing.sizes import radii_of
-from jampetsc.storage.packing_file import packing_identity, read_packing, write_packing
+from jampetsc.storage.packing_file import read_identified, read_packing, write_packing
 from jampetsc.storage.reader import load
 from jampetsc.studies.table import table_text
 from jampetsc.words import flowing, packtasks, picture
@@ -351,7 +351,7 @@ def test_a_packing_to_start_from_is_told_with_its_checksum(tmp_path):
     write_packing(tmp_path / "p.h5", published())
     line = f"flow {tmp_path}/p.h5 --model RD0 --rate 1e-2 --strain 0.02 --out {tmp_path}/f.h5"
     disks, origin = flowing.start_of(words(line))
-    name, digest = packing_identity(tmp_path / "p.h5")
+    name, digest = read_identified(tmp_path / "p.h5")[1]
     assert origin == {"packing": name, "packing_sha256": digest, "units": "those of the packing"}
     assert disks.fingerprint == published().fingerprint
 
