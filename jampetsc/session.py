@@ -25,6 +25,7 @@ from pathlib import Path
 from jampetsc import builds, launcher, streams
 from jampetsc.errors import InputError
 from jampetsc.loading import check_words, load
+from jampetsc.shipped_files import located
 from jampetsc.stopping import stop_on_sigterm
 
 # Read by PETSc when it finishes, or only in some situations: never called unused.
@@ -41,14 +42,15 @@ def start(scalar=None, petsc_argv=()):
     """Start MPI, PETSc and SLEPc and return the Session. Collective.
 
     scalar      "real", "complex", or None for either (real preferred)
-    petsc_argv  PETSc's own options, as on a command line: ["-options_file", "a.opts", "-log_view"]
+    petsc_argv  PETSc's own options, as on a command line: ["-options_file", "a.opts", "-log_view"];
+                `jampetsc:NAME` is an options file that comes with the package
 
     Raises InputError when no build has that scalar type, when the user's own has the other one, when SLEPc
     belongs to another PETSc, or for an options file that cannot be read. A second call returns the running
     session.
     """
     global _session
-    petsc_argv = [str(token) for token in petsc_argv]
+    petsc_argv = [located(str(token)) for token in petsc_argv]
     if _session is None:
         check_words(petsc_argv)
         with builds.selected(scalar):

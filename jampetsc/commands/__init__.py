@@ -34,6 +34,7 @@ COMMANDS = {
     "export": "jampetsc.commands.export",
     "matrices": "jampetsc.commands.matrices",
     "plot": "jampetsc.commands.plot",
+    "examples": "jampetsc.commands.examples",
 }
 
 
@@ -42,6 +43,7 @@ REPLACES = {
     "trade",
     "study",
     "info",
+    "examples",
 }  # that have no result to refuse: pictures and tables are drawn again
 
 

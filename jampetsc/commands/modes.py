@@ -15,7 +15,7 @@ def add_parser(subparsers):
         "eigenvalues): floppiness, participation ratio, share of the response to shear. That no mode was "
         "missed is proved by inertia.",
         epilog="PETSc options: -modes_… reach SLEPc, which finds the modes where there are any and on several "
-        "ranks, -inertia_… the proof; options/modes_*.opts are ready to use with -options_file.",
+        "ranks, -inertia_… the proof; -options_file jampetsc:modes_many is ready for hundreds of modes.",
     )
     parser.add_argument("packing", metavar="PACKING", help="packing file")
     parser.add_argument("--out", required=True, metavar="FILE", help="result file (HDF5)")

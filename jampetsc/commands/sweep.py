@@ -15,7 +15,7 @@ def add_parser(subparsers):
         help="complex modulus G*(ω) of a packing",
         description="Complex modulus G*(ω) of a packing under oscillatory shear, each value with a bound on its error.",
         epilog="PETSc options: -shift_… reach the factorisations of the rational method, -freq_… the solver of "
-        "--method direct; files in options/ are ready to use with -options_file.",
+        "--method direct; -options_file jampetsc:low_memory, jampetsc:iterative and others come with the program.",
     )
     parser.add_argument("packing", metavar="PACKING", help="packing file")
     parser.add_argument("--out", required=True, metavar="FILE", help="result file (HDF5)")

@@ -57,7 +57,7 @@ def add_parser(subparsers):
         "--options-files",
         nargs="+",
         metavar="FILE",
-        help="options files for --method direct (default: iterative, superlu_dist, low_memory in options/)",
+        help="options files for --method direct (default: iterative, superlu_dist, low_memory of jampetsc)",
     )
     add_law_options(parser)
     parser.set_defaults(run=run)
