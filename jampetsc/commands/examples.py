@@ -6,8 +6,8 @@ def add_parser(subparsers) -> None:
     parser = subparsers.add_parser(
         "examples",
         help="copy the example programs, options files of PETSc and Slurm scripts that come with jampetsc",
-        description="Copy what comes with jampetsc into a new folder: examples/ (programs in Python), options/ (options "
-        "files of PETSc, also known as -options_file jampetsc:NAME) and slurm/ (scripts for a cluster).",
+        description="Copy what comes with jampetsc into a new folder: examples/ (programs in Python), options/ (files "
+        "of PETSc options, also known as -options_file jampetsc:NAME) and slurm/ (scripts for a cluster).",
         epilog="Example: jampetsc examples --copy jampetsc-examples",
     )
     parser.add_argument(

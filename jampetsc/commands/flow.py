@@ -51,7 +51,15 @@ def add_parser(subparsers) -> None:
         "--snapshots",
         type=int,
         metavar="K",
-        help="states to keep, evenly after --discard (0: also the start)",
+        help="states to keep, evenly after --discard (0: also the start); a run that goes on keeps the spacing",
+    )
+    run_.add_argument(
+        "--snapshot-every", type=float, metavar="S", help="strain between them, instead of --snapshots"
+    )
+    run_.add_argument(
+        "--snapshot-spacing",
+        choices=("even", "log"),
+        help="log: K states at strains since --discard that grow by a factor, for mean square displacements",
     )
     run_.add_argument("--step", type=float, metavar="DT", help="time step (default: what suits the model)")
     run_.add_argument(
@@ -150,6 +158,8 @@ def _fresh(args, jobs, comm, inputs):
         args.out,
         discard=args.discard,
         snapshots=args.snapshots or 0,
+        every=args.snapshot_every,
+        spacing=args.snapshot_spacing or "even",
         step=args.step,
         tolerance=args.tolerance or 1e-4,
     )
@@ -159,10 +169,14 @@ def _check(args):
     """Raise InputError for numbers out of range."""
     from math import isfinite
 
-    for name in ("rate", "strain", "step", "tolerance"):
+    for name in ("rate", "strain", "step", "tolerance", "snapshot_every"):
         value = getattr(args, name)
         if value is not None and not (isfinite(value) and value > 0):
-            raise InputError(f"--{name} {value:g}: must be positive")
+            raise InputError(f"--{name.replace('_', '-')} {value:g}: must be positive")
+    if args.snapshot_every is not None and (args.snapshots is not None or args.snapshot_spacing == "log"):
+        raise InputError("--snapshot-every: leave out --snapshots and --snapshot-spacing log")
+    if args.snapshot_spacing is not None and not args.snapshots:
+        raise InputError("--snapshot-spacing: how many? give --snapshots")
     if args.rate is not None and args.rate > 1:
         raise InputError(f"--rate {args.rate:g}: must be at most 1, a strain of one per unit of time")
     if args.discard is not None and not 0 <= args.discard < args.strain:

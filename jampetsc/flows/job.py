@@ -1,7 +1,7 @@
 """A flow job: what is to be sheared and how far, made anew or read from a flow file, and the file it ends in."""
 
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -85,9 +85,12 @@ def _weights(law):
 
 
 def fresh(
-    disks, origin, model, rate, strain, out, *, discard=None, snapshots=0, step=None, tolerance=1e-4
+    disks, origin, model, rate, strain, out, *, discard=None, step=None, tolerance=1e-4, **snapshots
 ) -> Job:
-    """A job from its beginning. Raises InputError for disks that lie inside one another, and as `Plan.of`."""
+    """A job from its beginning; `snapshots`, `every` and `spacing` as `Plan.of` takes them.
+
+    Raises InputError for disks that lie inside one another, and as `Plan.of`.
+    """
     contacts = find_contacts(disks)
     deepest = float(np.max(contacts.overlap / contacts.sigma, initial=0.0))
     if deepest > DEEPEST:
@@ -97,8 +100,8 @@ def fresh(
         )
     scheme = scheme_for(model, disks, rate, step, tolerance)
     discard = min(1.0, 0.5 * strain) if discard is None else discard
-    plan = Plan.of(rate, scheme.step, strain, discard, snapshots)
-    check_space(out, disks.n, snapshots)
+    plan = Plan.of(rate, scheme.step, strain, discard, **snapshots)
+    check_space(out, disks.n, plan.snapshots(plan.first_kept(rate * scheme.step)))
     return Job(Path(out), disks, model, rate, scheme, plan, origin)
 
 
@@ -108,13 +111,14 @@ def continued(path, strain, out=None) -> Job:
     record, state, settings, attrs = read_record(path)
     settings["model"]["law"] = Law(**settings["model"]["law"])
     model, scheme = Model(**settings["model"]), Scheme(**settings["scheme"])
-    old = Plan(**settings["plan"])
+    strain_step = settings["rate"] * scheme.step
+    old = Plan.stored(settings["plan"], strain_step)
     potential = Potential(*(attrs[name] for name in ("potential", "stiffness", "k")))
     arrays = {name: np.asarray(state[name], float) for name in (*PLACES, "radii")}
     disks = Disks(**arrays, potential=potential)
-    more = Plan.of(settings["rate"], scheme.step, strain, 0.0, 0, old.steps)
-    plan = Plan(old.steps, old.rows + more.rows, old.discard, old.snapshots)
-    check_space(out, disks.n, 2 * old.snapshots)
+    more = Plan.of(settings["rate"], scheme.step, strain, 0.0, steps=old.steps)
+    plan = replace(old, rows=old.rows + more.rows)
+    check_space(out, disks.n, plan.snapshots(plan.first_kept(strain_step)))
     origin = {name: attrs[name] for name in KEPT if name in attrs}
     return Job(out, disks, model, settings["rate"], scheme, plan, origin, (record, state))
 

@@ -31,7 +31,7 @@ SERIES = {
     "strain": 0, "time": 0, "shear_stress": 3, "pressure": 3, "energy": 0, "dissipation": 0,
     "coordination": 0, "clusters": 0, "largest_cluster": 0, "deepest_overlap": 0,
 }  # fmt: skip
-SNAPSHOTS = ("strain", "positions", "velocities", "cell")
+SNAPSHOTS = ("strain", "positions", "velocities", "cell", "images", "spins")  # spins where disks roll
 ON_WALLS = {"wall_shear_stress": 0, "wall_pressure": 0}  # of a run between walls, looked up
 LAYERS = 20  # of equal height between walls
 BETWEEN_WALLS = ON_WALLS | {"velocity_profile": LAYERS}
@@ -44,6 +44,7 @@ class Record:
         self.columns = columns or SERIES
         self.rows = {name: [] for name in self.columns}
         self.snapshots = {name: [] for name in SNAPSHOTS}
+        self.radii = None  # (N,) of the disks in the snapshots
 
     def __len__(self):
         return len(next(iter(self.rows.values())))
@@ -53,11 +54,13 @@ class Record:
         for name, column in self.rows.items():
             column.append(row[name])
 
-    def snapshot(self, strain, disks, velocities) -> None:
-        """Keep positions, non-affine velocities and cell of this moment."""
-        kept = (strain, disks.positions, velocities, disks.cell)
+    def snapshot(self, strain, disks, velocities, spins=None) -> None:
+        """Keep positions, images, non-affine velocities, angular ones where disks roll, and cell of this moment."""
+        kept = (strain, disks.positions, velocities, disks.cell, disks.images, spins)
         for name, value in zip(SNAPSHOTS, kept, strict=True):
-            self.snapshots[name].append(value)
+            if name in self.snapshots and value is not None:
+                self.snapshots[name].append(value)
+        self.radii = disks.radii
 
     def series(self, name):
         """(T,) or (T, 3) array of a column."""
@@ -68,7 +71,8 @@ class Record:
         """Everything, as the file has it."""
         found = {name: self.series(name) for name in self.columns}
         if self.snapshots["strain"]:
-            found |= {f"snapshots/{name}": np.array(kept) for name, kept in self.snapshots.items()}
+            found |= {f"snapshots/{name}": np.array(kept) for name, kept in self.snapshots.items() if kept}
+            found["snapshots/radii"] = self.radii
         return found
 
     def order(self, held=0) -> dict:
@@ -87,8 +91,10 @@ class Record:
         """The record in an open file."""
         record = cls(columns or SERIES | {name: size for name, size in BETWEEN_WALLS.items() if name in h5})
         record.rows = {name: list(values(h5[name])) for name in record.columns}
-        if "snapshots" in h5:
-            record.snapshots = {name: list(values(h5[f"snapshots/{name}"])) for name in SNAPSHOTS}
+        if "snapshots" in h5:  # without images, and radii beside them, in older files
+            group = h5["snapshots"]
+            record.snapshots = {name: list(values(group[name])) for name in SNAPSHOTS if name in group}
+            record.radii = values(group["radii"] if "radii" in group else h5["state/radii"])
         return record
 
 
@@ -125,11 +131,11 @@ def write_checkpoint(out, record: Record, state: dict, settings: dict) -> None:
 
 def check_space(out, disks: int, snapshots: int) -> None:
     """Raise InputError where the snapshots of a run, twice with the checkpoint, do not fit on the disk of `out`."""
-    needed = 2 * snapshots * (disks * 4 + 5) * 8
+    needed = 2 * snapshots * (disks * 7 + 5) * 8
     free = shutil.disk_usage(follow(out).parent).free
     if needed > free:
         raise InputError(
-            f"--snapshots {snapshots}: of {disks} disks need {needed / 1e9:.3g} GB with the checkpoint, and "
+            f"{snapshots} snapshots: of {disks} disks need {needed / 1e9:.3g} GB with the checkpoint, and "
             f"{free / 1e9:.3g} GB are free where {out} is to be: ask for fewer"
         )
 

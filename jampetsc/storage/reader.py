@@ -15,6 +15,7 @@ from jampetsc.storage.hdf5 import attributes, check_format, open_file, reading, 
 from jampetsc.storage.packing_file import packing_from
 from jampetsc.storage.parts import GROUP, PartList
 from jampetsc.storage.provenance import law_of
+from jampetsc.storage.snapshots import Snapshot, snapshot
 
 _SLOWEST = 1e-100  # rates beyond this and its inverse are no rates of relaxation
 _SAME = 1e-12  # two frequencies that differ by less, relatively, are the same
@@ -204,6 +205,17 @@ class SweepResult(Result):
         return float(solved.min()), float(solved.max())
 
 
+class FlowResult(Result):
+    """Steady shear: series over strain, and snapshots."""
+
+    def snapshot(self, row=-1) -> Snapshot:
+        """A snapshot, the last one if no other is asked for, as a packing with `velocities`, `spins` and `unwrapped`.
+
+        Raises InputError where the file holds none, or not so many.
+        """
+        return snapshot(self, row)
+
+
 class SpectrumResult(Result):
     """Relaxation and retardation spectrum of a packing, H(τ), G(t) and J(t)."""
 
@@ -236,7 +248,7 @@ LOADERS = {  # format -> loader(h5, path); a new format needs a line here
     "jampetsc-spectrum": SpectrumResult,
     "jampetsc-correlation": Result,
     "jampetsc-oscillate": Result,
-    "jampetsc-flow": Result,
+    "jampetsc-flow": FlowResult,
     "jampetsc-shear": Result,
     "jampetsc-jam": Result,
     "jampetsc-velocity-correlation": Result,

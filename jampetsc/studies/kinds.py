@@ -36,7 +36,7 @@ KINDS = {
     "correlate": Kind(
         SEEDS,
         of=("sweep", "flow"),
-        suits=lambda args: bool(vars(args).get("fields") or vars(args).get("snapshots")),
+        suits=lambda args: any(vars(args).get(name) for name in ("fields", "snapshots", "snapshot_every")),
         needs="sweeps with fields, or flows with snapshots",
     ),
 }
