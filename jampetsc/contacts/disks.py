@@ -160,6 +160,15 @@ class Disks:
 
         return find_contacts(self)
 
+    def minimise(self, **options) -> "Disks":
+        """The proved minimum of the energy in this cell that one comes to from here; `options` as `jampetsc.pack` has.
+
+        Collective. Raises as `jampetsc.pack`.
+        """
+        import jampetsc
+
+        return jampetsc.pack(from_=self, phi=self.phi, **options)
+
     @cached_property
     def _state(self):
         from jampetsc.contacts.state import measure  # which is made of Disks
