@@ -196,10 +196,6 @@ def test_simpler_physics_of_each_law():
     assert others["without pre-stress"] == Physics(damping_law("stokes", tau1=2.0), prestress=False)
 
 
-def test_the_options_files_are_there():
-    assert all(path.is_file() for path in choices.OPTIONS_FILES)
-
-
 # Runs that end otherwise
 
 

@@ -182,12 +182,12 @@ def test_a_flow_is_asked_for_as_told(tmp_path):
     line += f" --out {tmp_path}/f.h5"
     job = flow._fresh(words(line), jobs, None, [])
     assert (job.rate, job.model.mass, job.model.friction, job.model.law.tau1) == (1e-2, 3.0, 0.125, 2.0)
-    assert (job.plan.snapshots, job.plan.discard, job.scheme.tolerance) == (0, 0.25, 1e-4)
+    assert (job.plan.every, job.plan.discard, job.scheme.tolerance) == (0, 0.25, 1e-4)
     assert job.plan.steps * job.plan.rows * job.scheme.step * 1e-2 == pytest.approx(0.5, rel=0.05)
     words_ = words(f"{line} --tolerance 1e-6 --step 0.01 --snapshots 3 --discard 0.125")
     more = flow._fresh(words_, jobs, None, [])
     assert (more.scheme.tolerance, more.scheme.step) == (1e-6, 0.01)
-    assert (more.plan.snapshots, more.plan.discard) == (3, 0.125)
+    assert (more.plan.snapshots(1), more.plan.discard) == (3, 0.125)
 
 
 def test_a_quality_knows_the_stiffness_of_the_packing(tmp_path):
