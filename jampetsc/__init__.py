@@ -28,6 +28,7 @@ __all__ = [
     "modes",
     "oscillate",
     "pack",
+    "plot",
     "quasistatic",
     "run",
     "shear",
@@ -42,6 +43,7 @@ _HOMES = {  # of what is no function of `jampetsc.functions`
     "Packing": "jampetsc.contacts.packing",
     "import_packing": "jampetsc.storage.importers",
     "load": "jampetsc.storage.reader",
+    "plot": "jampetsc.plots.draw",
 }
 
 

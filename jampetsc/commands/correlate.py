@@ -3,7 +3,7 @@
 import math
 
 from jampetsc.errors import InputError
-from jampetsc.words.picture import PHASES
+from jampetsc.storage.fields import PHASES
 
 FORMAT = "jampetsc-correlation"
 LANES = "0.5,0.25,1"
@@ -284,10 +284,8 @@ def _mean_pressure(sweeps):
 
 def _summary(out, sweeps, omega, phase, lanes, results, size):
     """Lengths in diameters of the first lane width, and how far the others are from it."""
-    from jampetsc.words.picture import count
-
     first = results[0]
-    packings = count(sweeps, "packing", "packings")
+    packings = f"{len(sweeps)} packing{'' if len(sweeps) == 1 else 's'}"
     cells = f"L = {size:.4g} d, lanes of {lanes[0]:g} d, {first.pairs} pairs"
     lines = [f"{out}: {packings}, {cells}, in phase with the {phase}"]
     for n, w in enumerate(omega):

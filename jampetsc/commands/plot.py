@@ -1,8 +1,6 @@
 """`jampetsc plot`: pictures of sweeps, packings and displacement fields. Needs neither PETSc nor MPI."""
 
 from jampetsc.errors import InputError
-from jampetsc.words.picture import PHASES
-from jampetsc.words.pictures import PICTURES, choose, of_studies, open_files
 
 DESCRIPTION = """\
 Draw what the files hold: G' and G'' of one or many sweeps, their scaling collapse, relaxation spectra with
@@ -30,11 +28,14 @@ examples:
   jampetsc plot f64.h5 f256.h5 --out f.png                       f(phi) of jam files, with errors
   jampetsc plot f64.h5 qs.h5 --kind pressures --out p.png        P(p), of quasistatic shear too
   jampetsc plot p.h5 --out collapse.png                          of `jampetsc collapse`, with residuals
-  jampetsc plot modes.h5 --mode 1,2,5 --out modes.png            on the packing"""
+  jampetsc plot modes.h5 --mode 1,2,5 --out modes.png            on the packing
+  jampetsc plot rd0-*.h5 --size 7,4 --style paper.mplstyle --csv flow.csv --out flow.pdf"""
 
 
 def add_parser(subparsers):
     """Add `plot` to the command line."""
+    from jampetsc.plots.draw import pictures
+
     parser = subparsers.add_parser(
         "plot", help="draw sweeps, packings and displacement fields", description=DESCRIPTION, epilog=EPILOG
     )
@@ -43,88 +44,102 @@ def add_parser(subparsers):
     )
     parser.add_argument("--out", required=True, metavar="FILE", help="picture to write: .png, .pdf or .svg")
     parser.add_argument(
-        "--kind",
-        choices=PICTURES,
-        help="what to draw (default: follows from the files and options)",
+        "--kind", choices=pictures(), help="what to draw (default: follows from the files and options)"
     )
     parser.add_argument(
         "--where",
         metavar="COLUMN=VALUE,…",
         help="of the folder of a study: the files whose rows in its table have these values",
     )
+    parser.add_argument("--csv", metavar="FILE", help="write the numbers that are drawn, too: .csv")
+    parser.add_argument("--size", metavar="W,H", help="width and height in inches")
+    for name in ("xlim", "ylim"):
+        parser.add_argument(
+            f"--{name}", metavar="LOW:HIGH", help="of all panels, or with commas of each; nothing leaves one"
+        )
     parser.add_argument(
-        "--statistic",
-        choices=("mean", "median"),
-        help="moduli, storage, loss, collapse of a study: what is drawn of its packings (default mean)",
-    )
-    parser.add_argument("--mu", type=float, metavar="MU", help="collapse: moduli over p^MU (default 0.5)")
-    parser.add_argument(
-        "--lambda",
-        type=float,
-        metavar="LAMBDA",
-        help="collapse: frequency over p^LAMBDA (default 1; 0 leaves it)",
-    )
-    parser.add_argument(
-        "--size-power", type=float, metavar="A", help="finite-size: eta0 over N^A against pN^2 (default 1)"
+        "--label",
+        action="append",
+        metavar="TEXT",
+        help="replaces a word of the legend: give it again for the next",
     )
     parser.add_argument(
-        "--log-exponent",
-        type=float,
-        metavar="B",
-        help="length: collapse of l (-ln p)^B against omega/p^(1/2) (default 0.65, as BT have it)",
+        "--style", metavar="FILE", help="style of matplotlib (.mplstyle) on top of the program's"
     )
-    parser.add_argument(
-        "--omega",
-        metavar="w1,w2,…",
-        help="fields: at these frequencies (default: up to four); correlation: one at which to compare files",
-    )
-    parser.add_argument(
-        "--packing", metavar="FILE", help="fields, response, mode: the packing, if it is not beside the file"
-    )
-    parser.add_argument(
-        "--phase",
-        choices=PHASES,
-        help="fields: when the stress is at its peak and when it is zero (default, as BT Fig. 1), or in phase with the "
-        "strain and with its rate",
-    )
-    parser.add_argument(
-        "--total",
-        action="store_true",
-        default=None,
-        help="fields: with the affine part, about the middle of the cell",
-    )
-    parser.add_argument("--mode", metavar="i,j,…", help="draw these modes, counted from 1, on the packing")
+    for option in dict.fromkeys(option for one in pictures().values() for option in one.options):
+        words = {"help": option.help, "dest": option.name}
+        words |= {"action": "store_true", "default": None} if option.type == "switch" else {
+            "metavar": option.metavar, "choices": option.choices, "type": float if option.type == "number" else str
+        }  # fmt: skip
+        parser.add_argument("--" + option.name.replace("_", "-"), **words)
     parser.set_defaults(run=run)
 
 
 def run(args, petsc_argv):
     """Draw the picture and print what it shows; returns 0. Raises InputError."""
-    from jampetsc.plots.style import check_picture
-    from jampetsc.words.files import refuse_repeated
+    from jampetsc.plots.draw import draw, pictures
 
-    kinds = _asked_kinds(args)
-    files, args.average = of_studies(args.files, kinds, args.where)
-    check_picture(args.out, [*files, *filter(None, [args.packing])])
-    held, items, kinds = open_files(files, kinds)
-    kind = choose(kinds, held, files)
-    refuse_repeated(files)
-    print(f"{args.out}: {PICTURES[kind].draw(args, items)}")
+    known = {option.name: option for picture in pictures().values() for option in picture.options}
+    options = {name: _read(option, getattr(args, name)) for name, option in known.items()}
+    chosen = {
+        "size": _size(args.size), "xlim": _limits("xlim", args.xlim), "ylim": _limits("ylim", args.ylim),
+        "label": args.label or (), "style": args.style,
+    }  # fmt: skip
+    _, drawn = draw(_given(args), args.kind, out=args.out, csv=args.csv, chosen=chosen, **options)
+    print(f"{args.out}: {drawn.text}")
     return 0
 
 
-def _asked_kinds(args):
-    """The kinds that --kind and the other options leave. Raises InputError if they leave none."""
-    kinds = [args.kind] if args.kind else list(PICTURES)
-    for option in dict.fromkeys(option for picture in PICTURES.values() for option in picture.options):
-        value = getattr(args, option)
-        if value is None:
-            continue
-        left = [kind for kind in kinds if option in PICTURES[kind].options]
-        if not left:
-            meant = [kind for kind, picture in PICTURES.items() if option in picture.options]
-            raise InputError(
-                f"--{option.replace('_', '-')} {value}: belongs to {' or '.join(meant)} pictures, "
-                f"not to {' or '.join(kinds)}: leave it out"
-            )
-        kinds = left
-    return kinds
+def _given(args):
+    """What the files are, of studies the rows that --where chooses."""
+    from jampetsc.storage.ensemble import Ensemble
+    from jampetsc.storage.reader import load
+    from jampetsc.words.files import wanted_of
+
+    wanted = wanted_of(args.where)
+    items = [load(path) for path in args.files]
+    if wanted and not any(isinstance(item, Ensemble) for item in items):
+        raise InputError(
+            f"--where {args.where}: chooses rows of a study, but {args.files[0]} is none: leave it out"
+        )
+    return [item.where(**wanted) if isinstance(item, Ensemble) else item for item in items]
+
+
+def _read(option, word):
+    """The value that an option's word means."""
+    from jampetsc.words.frequencies import parse_omega
+
+    if word is None or option.type not in ("frequencies", "integers"):
+        return word
+    if option.type == "frequencies":
+        return parse_omega(word)
+    try:
+        return [int(part) for part in word.split(",")]
+    except ValueError:
+        raise InputError(f"--{option.name} {word}: write numbers with commas, such as 1,2,5") from None
+
+
+def _size(text):
+    if text is None:
+        return None
+    try:
+        width, height = (float(word) for word in text.split(","))
+    except ValueError:
+        raise InputError(
+            f"--size {text}: write the width and the height in inches, such as 3.4,2.9"
+        ) from None
+    if not (0.5 <= width <= 100 and 0.5 <= height <= 100):
+        raise InputError(f"--size {text}: must be from 0.5 to 100 inches")
+    return width, height
+
+
+def _limits(name, text):
+    if text is None:
+        return None
+    try:
+        pairs = [tuple(float(one) for one in pair.split(":")) if pair else None for pair in text.split(",")]
+    except ValueError:
+        pairs = [()]
+    if not all(pair is None or (len(pair) == 2 and pair[0] < pair[1]) for pair in pairs):
+        raise InputError(f"--{name} {text}: write low:high, such as 1e-6:1; with commas for each panel")
+    return pairs[0] if len(pairs) == 1 else pairs

@@ -75,10 +75,11 @@ def run(args, petsc_argv) -> int:
             raise InputError(f"{path}: is not a sweep: spectra come from `jampetsc sweep`")
     if picture:
         from jampetsc.plots.spectrum import plot_relaxation, spectrum_curve
-        from jampetsc.words.picture import count
+        from jampetsc.plots.style import save
 
-        plot_relaxation([spectrum_curve(sweep, args.window) for sweep in sweeps], args.out)
-        print(f"{args.out}: spectra, G(t) and J(t) of {count(sweeps)}")
+        drawn = plot_relaxation.draw([spectrum_curve(sweep, args.window) for sweep in sweeps])
+        save(drawn.figure, args.out)
+        print(f"{args.out}: {drawn.text}")
         return 0
     print(_write(sweeps[0], args.out, args.window))
     return 0
