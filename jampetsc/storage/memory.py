@@ -35,7 +35,7 @@ class MemoryArray:
         self._values = [*self._values, entry]
 
     def __getitem__(self, selection):
-        return np.array(self._whole()[selection])  # of its own, as if it were read
+        return self._whole()[selection].copy()  # of its own, as if it were read
 
     def __len__(self):
         return self.shape[0]
