@@ -22,9 +22,7 @@ SOLVERS = {  # prefix: parts of PETSc and SLEPc that read the words after it
     "osc_factor_": "pc mat",
 }
 COMMANDS = {  # command: prefixes of the solvers that it may come to use
-    "pack": ("newton_",),
-    "jam": ("newton_",),
-    "shear": ("newton_",),
+    **dict.fromkeys(("pack", "jam", "shear"), ("newton_",)),
     "flow": ("flow_",),
     "sweep": ("shift_", "freq_", "inertia_"),
     "quasistatic": ("shift_", "inertia_"),

@@ -44,9 +44,7 @@ def measure(request: Request, out) -> str:
     """
     picture = Path(out).with_suffix(".png")
     _check(request, out, picture)
-    signal.signal(
-        signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM)
-    )  # the run it waits for is stopped, too
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # as by the system, but stops the run in hand
     load = _load()
     with (
         tempfile.TemporaryDirectory(prefix="jampetsc-trade-") as folder,
