@@ -91,18 +91,22 @@ def run(args, petsc_argv):
 
 
 def _given(args):
-    """What the files are, of studies the rows that --where chooses."""
-    from jampetsc.storage.ensemble import Ensemble
+    """The files, of studies the rows that --where chooses."""
+    from pathlib import Path
+
+    from jampetsc.storage.ensemble import TABLE
     from jampetsc.storage.reader import load
     from jampetsc.words.files import wanted_of
 
     wanted = wanted_of(args.where)
-    items = [load(path) for path in args.files]
-    if wanted and not any(isinstance(item, Ensemble) for item in items):
+    items = [
+        load(path).where(**wanted) if wanted and (Path(path) / TABLE).exists() else path for path in args.files
+    ]
+    if wanted and items == args.files:
         raise InputError(
             f"--where {args.where}: chooses rows of a study, but {args.files[0]} is none: leave it out"
         )
-    return [item.where(**wanted) if isinstance(item, Ensemble) else item for item in items]
+    return items
 
 
 def _read(option, word):
