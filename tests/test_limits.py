@@ -4,14 +4,14 @@ import functools
 
 import numpy as np
 import pytest
+from jampetsc.words.flowing import OWN_UNITS, UNITS, model_from, start_of
+from jampetsc.words.packtasks import radii_asked, seeds_of
 
 from jampetsc import cli, commands
 from jampetsc.commands import jam
 from jampetsc.errors import InputError
 from jampetsc.packing.sizes import SIZES
-from jampetsc.words.flowing import OWN_UNITS, UNITS, model_from, start_of
 from jampetsc.words.frequencies import parse_omega
-from jampetsc.words.packtasks import radii_asked, seeds_of
 
 
 @functools.cache

@@ -5,6 +5,8 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from jampetsc.words.law import physics_from, words_of
+from jampetsc.words.packtasks import plan
 from samples import published
 
 from jampetsc import cli
@@ -21,8 +23,6 @@ from jampetsc.storage.reader import load
 from jampetsc.studies.table import table_text
 from jampetsc.words import flowing, packtasks, picture
 from jampetsc.words.files import files_named, refuse_one_packing, refuse_repeated
-from jampetsc.words.law import physics_from, words_of
-from jampetsc.words.packtasks import plan
 
 
 @pytest.mark.parametrize(

@@ -82,7 +82,7 @@ def draw(items, kind=None, ax=None, *, out=None, csv=None, chosen=None, **option
         o.name == "statistic" for o in picture.options
     ):
         options.setdefault("statistic", "mean")
-    inputs = [os.fspath(one.path) for one in found if hasattr(one, "path")]
+    inputs = [name for name in names if name]
     real = [os.path.realpath(path) for path in inputs]
     for n, path in enumerate(inputs):
         if real[n] in real[:n]:
@@ -141,13 +141,13 @@ def _shown(done, picture):
     return done.where(command=made)
 
 
-def choose(kinds, items) -> str:
-    """The picture to draw of these, out of those that the options leave.
+def choose(kinds, items, names) -> str:
+    """The picture to draw of these, which have these names, out of those that the options leave.
 
     Raises InputError for a mixture that none of the kinds shows, and where none shows such files, or not so many.
     """
     held = [_format(item) for item in items]
-    names = [str(getattr(item, "path", "a packing")) for item in items]
+    names = [name or "a packing" for name in names]
     other = next((n for n, one in enumerate(held) if one != held[0]), None)
     if other is not None:
         kinds = [kind for kind in kinds if PICTURES[kind].mixed and set(held) <= set(PICTURES[kind].of)]
