@@ -1,7 +1,7 @@
 """`jampetsc plot`: pictures of sweeps, packings and displacement fields. Needs neither PETSc nor MPI."""
 
 from jampetsc.errors import InputError
-from jampetsc.words.picture import PHASES
+from jampetsc.jobs.kinds import PHASES
 from jampetsc.words.pictures import PICTURES, choose, of_studies, open_files
 
 DESCRIPTION = """\

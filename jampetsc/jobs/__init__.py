@@ -18,7 +18,12 @@ JOBS = {
     "flow": "flow:Flow",
     "shear": "shear:Shear",
     "jam": "jam:Jam",
+    "modes": "modes:Modes",
+    "oscillate": "oscillate:Oscillate",
+    "spectrum": "spectrum:Spectrum",
+    "correlate": "correlate:Correlate",
     "study": "study:Study",
+    "trade": "trade:Trade",
 }
 
 

@@ -54,6 +54,10 @@ class Job:
         parameter, value = parameter_of(field), getattr(self, field.name)
         if parameter.place in (OPTION, FILE):
             return parameter.read(value)
+        if isinstance(value, str | Path) or not hasattr(value, "__iter__"):
+            value = (value,)
+        if not value:
+            raise InputError(f"{named(field.name)}: must be given")
         return tuple(parameter.read(one) for one in value)
 
     def check(self) -> None:
@@ -74,19 +78,22 @@ class Job:
         places = [name for name, one in parameters(type(self)).items() if one.place != OPTION]
         return [one for name in places for one in _several(getattr(self, name))]
 
-    def whole(self) -> "Job":
-        """The same, of results in memory all rows on every rank, for what one rank does. Collective."""
-        held = {field.name: getattr(self, field.name) for field in fields(self)}
-        whole = {name: _whole(value) for name, value in held.items()}
-        return replace(self, **{name: value for name, value in whole.items() if value is not held[name]})
-
     @property
     def files(self) -> list[str]:
         """Those of `sources` that are files."""
         return [one for one in self.sources if isinstance(one, str | Path)]
 
+    def gathered(self) -> "Job":
+        """The job with results in memory whole on every rank. Collective."""
+        held = {
+            name: one
+            for name, one in vars(self).items()
+            if isinstance(one, tuple) or hasattr(one, "gathered")
+        }
+        return replace(self, **{name: _whole(one) for name, one in held.items()})
+
     def told(self) -> dict:
-        """{parameter: value} of all that is no file and not off, as JSON and command lines can hold it."""
+        """{parameter: value} as JSON and command lines hold it: all that is no file, switches that are not usual."""
         values = {}
         for name, parameter in parameters(type(self)).items():
             if hasattr(self, name) and parameter.place == OPTION and name not in parts(type(self)):
@@ -95,11 +102,12 @@ class Job:
         for name, part in parts(type(self)).items():
             made = getattr(self, name)
             values |= {} if made is None else part.tell(made)
-        on = {name for name, one in parameters(type(self)).items() if one.default is True}
+        known = parameters(type(self))
+        usual = {name: one.default for name, one in known.items() if isinstance(one.default, bool)}
         return {
             name: value
             for name, value in values.items()
-            if value is not None and (value is not False or name in on)
+            if value is not None and usual.get(name) is not value
         }
 
     def words(self) -> list[str]:
@@ -109,8 +117,8 @@ class Job:
             if parameter.place != OPTION:
                 continue
             if isinstance(parameter.default, bool):
-                words += [parameter.word] * (told.get(name, parameter.default) != parameter.default)
-            elif name in told and told[name] != parameter.default:
+                words += [parameter.word] * (name in told)
+            elif name in told and (parameter.default is None or not self.same(name, told[name], None)):
                 text = str(told[name])
                 words += [f"{parameter.word}={text}"] if text.startswith("-") else [parameter.word, text]
         return words
@@ -121,7 +129,7 @@ class Job:
         return ["jampetsc", self.NAME, *map(str, given), *(["--out", str(out)] if out else []), *self.words()]
 
     def same(self, name, one, other) -> bool:
-        """Whether two told values of a parameter mean the same, however they are written."""
+        """Whether two told values of a parameter mean the same, however they are written; None is the default."""
         parameter = parameters(type(self)).get(name)
         try:
             return parameter is not None and _canonical(parameter, one) == _canonical(parameter, other)
@@ -145,18 +153,18 @@ class Job:
         return shlex.join(self.line())
 
 
-def _whole(value):
-    """A result, or a tuple of them, with all rows; anything else as it is."""
-    if isinstance(value, tuple) and any(hasattr(one, "whole") for one in value):
-        return tuple(_whole(one) for one in value)
-    return value.whole() if hasattr(value, "whole") else value
-
-
 def _several(value) -> list:
     """What a place of a command line holds, as a list."""
     return list(value) if isinstance(value, tuple) else [] if value is None else [value]
 
 
+def _whole(one):
+    """What a job was given, without parts on other ranks. Collective."""
+    if isinstance(one, tuple):
+        return tuple(_whole(part) for part in one)
+    return one.gathered() if hasattr(one, "gathered") else one
+
+
 def _canonical(parameter, told):
-    value = parameter.read(told)
+    value = parameter.read(parameter.default if told is None and not parameter.required else told)
     return value if value is None else parameter.kind.tell(value)

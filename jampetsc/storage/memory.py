@@ -30,15 +30,15 @@ class MemoryArray:
         self._values = np.asarray(self._values)  # entries become one array once somebody looks
         return self._values
 
-    def whole(self, comm) -> "MemoryArray":
-        """The same with all rows on every rank. Collective."""
-        return (
-            self if self.axis is None else MemoryArray(np.concatenate(comm.allgather(self[...]), self.axis))
-        )
-
     def add(self, entry) -> None:
         """One more entry along axis 0."""
         self._values = [*self._values, entry]
+
+    def gathered(self, comm) -> "MemoryArray":
+        """With the rows of all ranks. Collective."""
+        if self.axis is None or comm is None:
+            return self
+        return MemoryArray(np.concatenate(comm.allgather(self[...]), axis=self.axis))
 
     def __getitem__(self, selection):
         return np.array(self._whole()[selection])  # of its own, as if it were read

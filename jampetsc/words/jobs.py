@@ -56,7 +56,7 @@ def _add(parser, name, one):
             dest=name,
             action="store_const",
             const=not one.default,
-            default=one.default,
+            default=None,
             help=_help(one),
         )
     else:
@@ -64,7 +64,7 @@ def _add(parser, name, one):
             *filter(None, (one.word, one.also)),
             dest=name,
             type=functools.partial(_word, one),
-            default=None if one.required else one.default,
+            default=None,
             required=one.required,
             metavar=one.metavar or one.kind.metavar or (None if one.choices else name.upper()),
             choices=None,
