@@ -179,9 +179,9 @@ def test_motion_is_shown_on_the_packing(session, shared_path, monkeypatch):
     for words, message in {
         "modes.h5 --mode 4 --out m.xyz": "--mode 4: modes.h5 holds modes 1 to 3",
         "modes.h5 --mode 0 --out m.xyz": "--mode 0: modes.h5 holds modes 1 to 3",
-        "s.h5 --out f.xyz": "s.h5: give --field OMEGA: it has fields at omega = 0.001, 1",
+        "s.h5 --out f.xyz": "s.h5: give --field: it has fields at omega = 0.001, 1",
         "s.h5 --field 0.1 --out f.xyz": "no fields at omega = 0.1",
-        "s.h5 --field 0 --out f.xyz": "--field 0: must be a positive frequency",
+        "s.h5 --field 0 --out f.xyz": "--field 0: must be positive",
         "s.h5 --mode 1 --out f.xyz": "--mode: is of modes files, and s.h5 is a sweep file",
     }.items():
         with pytest.raises(InputError, match=re.escape(message)):
