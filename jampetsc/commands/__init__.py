@@ -13,7 +13,7 @@ def add_command(name, subparsers) -> None:
         from jampetsc.commands import plot
 
         plot.add_parser(subparsers)
-        add_common(subparsers.choices[name], again=plot.AGAIN)
+        add_common(subparsers.choices[name], plot.AGAIN)
     else:
         add_job(job_class(name), subparsers)
     subparsers.choices[name].set_defaults(command=name)

@@ -24,6 +24,7 @@ JOBS = {
     "correlate": "correlate:Correlate",
     "study": "study:Study",
     "trade": "trade:Trade",
+    "examples": "examples:Examples",
 }
 
 
