@@ -22,6 +22,7 @@ JOBS = {
     "oscillate": "oscillate:Oscillate",
     "spectrum": "spectrum:Spectrum",
     "correlate": "correlate:Correlate",
+    "plot": "plot:Plot",
     "study": "study:Study",
     "trade": "trade:Trade",
     "examples": "examples:Examples",
