@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from drawn import bars, figure_of, lines
 
+import jampetsc
 from jampetsc import cli
 from jampetsc.analysis import collapse_errors, collapse_fit, jamming
 from jampetsc.analysis.averages import Average, mean_of_averages
@@ -16,7 +17,8 @@ from jampetsc.analysis.statistics import half_width, mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.plots.branches import plot_branches
 from jampetsc.plots.scaling import plot_scaling
-from jampetsc.storage.reader import load
+from jampetsc.storage.memory import MemoryWriter
+from jampetsc.storage.reader import Result, load
 from jampetsc.storage.result_file import ResultWriter
 from jampetsc.studies.table import table_text
 from jampetsc.words.scaling import ALIKE, notes_of, read_points, text_of
@@ -238,6 +240,22 @@ def test_the_command_on_a_study(study, tmp_path, capsys):
         assert message in capsys.readouterr().err
     assert cli.main(["plot", str(out), "--out", str(picture)]) == 0
     assert picture.stat().st_size > 20_000
+
+
+def test_flows_in_memory_are_scaled_as_their_files_are(study):
+    flows = [load(path) for path in sorted(study.glob("0.84*-*.h5"))]
+    held = []
+    for flow in flows:
+        writer = MemoryWriter(flow.format)
+        writer.attributes(**flow.attributes)
+        held.append(Result.of(writer))
+    how = {"observable": "pressure", "fit": ["phi_J", "y=1.1", "znu"], "degree": 1, "range": (0.8, 0.9)}
+    one, other = jampetsc.collapse(*held, **how), jampetsc.collapse(*flows, **how)
+    assert one.file is None and set(one) == set(other)
+    assert all(np.array_equal(one[name], other[name]) for name in one)
+    assert one.attributes["source_runs"] == other.attributes["source_runs"]
+    with pytest.raises(InputError, match="is given already"):
+        jampetsc.collapse(held[0], held[0], **how)
 
 
 @pytest.mark.parametrize("scale", ["rate", "size"])
