@@ -8,7 +8,6 @@ import shutil
 from contextlib import suppress
 from pathlib import Path
 
-import h5py
 import numpy as np
 
 from jampetsc.analysis.order import bond_order
@@ -83,9 +82,8 @@ class Record:
         }
 
     @classmethod
-    def of(cls, arrays, columns=None) -> "Record":
-        """The record in a result, or in an open file."""
-        read = values if isinstance(arrays, h5py.File) else np.asarray
+    def of(cls, arrays, columns=None, read=np.asarray) -> "Record":
+        """The record in a result; in an open file with `storage.hdf5.values` to `read`."""
         record = cls(
             columns or SERIES | {name: size for name, size in BETWEEN_WALLS.items() if name in arrays}
         )
@@ -164,6 +162,6 @@ def resumed(out, settings: dict, columns=None):
             check_format(path, attrs, CHECKPOINT)
             if json.loads(attrs["settings"]) != settings:
                 return None
-            return Record.of(h5, columns), {name: values(data) for name, data in h5["state"].items()}
+            return Record.of(h5, columns, values), {name: values(data) for name, data in h5["state"].items()}
     except InputError:
         return None
