@@ -21,7 +21,7 @@ for pressure in pressures:
     moduli, viscosities = [], []
     for seed in range(1, packings + 1):
         packing = jampetsc.pack(n=n, pressure=pressure, seed=seed, stabilise="shear")
-        slow = jampetsc.quasistatic(packing, beta=1.0)
+        slow = jampetsc.quasistatic(packing)
         moduli.append(slow.attributes["G0"])
         viscosities.append(slow.attributes["eta0"])
     (G0, G0_error), (eta0, eta0_error) = mean_with_error(moduli), mean_with_error(viscosities)

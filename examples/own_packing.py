@@ -46,6 +46,6 @@ else:
     packing = jampetsc.Packing(positions, radii, box, potential="harmonic", k=1.0)
 print(f"energy of packing {packing.record['energy']:.9g}, p = {packing.record['pressure']:.4g} k")
 print(f"forces balance to {packing.record['max_force']:.1e} k")
-sweep = jampetsc.sweep(packing, beta=1.0, omega=[1e-4, 1e-2, 1.0])
+sweep = jampetsc.sweep(packing, omega=[1e-4, 1e-2, 1.0])
 for omega, G in zip(sweep.omega, sweep.G, strict=True):
     print(f"omega = {omega:.0e} / tau1: G' = {G.real:.6g} k, G'' = {G.imag:.6g} k")

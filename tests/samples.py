@@ -12,7 +12,10 @@ from dense import Reference
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import Physics, damping_law
 from jampetsc.contacts.potentials import Potential
+from jampetsc.jobs.sweep import Sweep
 from jampetsc.mechanics.network import build_network
+from jampetsc.response.run import Run
+from jampetsc.storage.outlet import Outlet
 from jampetsc.storage.packing_file import read_packing, write_packing
 
 DATA = Path(__file__).parent / "data"
@@ -117,6 +120,14 @@ def put(path, disks, comm):
         write_packing(path, disks)
     comm.barrier()
     return path
+
+
+def run_of(
+    packing, physics, omega, fields=None, method="rational", accuracy=1e-6, out=None, *, comm=None, **more
+):
+    """The Run of a sweep of a packing, Disks or a file; in memory where `out` is None. Collective over comm."""
+    how = {"omega": omega, "fields": fields or None, "method": method, "accuracy": accuracy, **more}
+    return Run.of(Sweep(packing, physics.law, prestress=physics.prestress, **how), Outlet(out, out), comm)
 
 
 def network_of(disks, physics, comm):

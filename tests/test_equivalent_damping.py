@@ -16,11 +16,10 @@ from scipy.integrate import quad
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.analysis.scaling import fit_power_law
-from jampetsc.commands.sweep import summary
 from jampetsc.contacts.laws import Physics, damping_law
 from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import InputError
-from jampetsc.response.job import Job
+from jampetsc.jobs import sweep as sweep_job
 from jampetsc.storage.packing_file import write_packing
 from jampetsc.storage.reader import load
 from jampetsc.words.law import damping_from
@@ -190,7 +189,6 @@ def test_a_strain_that_would_change_contacts_is_told_in_units_of_k(tmp_path):
     """σ₀ = 1e-3 k over |G*| = 2 k is a strain of 5e-4, more than p/k = 1e-4."""
     stiff = replace(samples.published(), potential=Potential(k=4.0)).with_record(pressure=4e-4)
     write_packing(tmp_path / "p.h5", stiff)
-    settings = (np.zeros(0), "rational", 1e-6, tmp_path / "s.h5", EquivalentDamping(0.5, 1e-3))
-    job = Job.read(tmp_path / "p.h5", Physics(damping_law()), np.array([1.0]), *settings)
-    said = summary(job, job.asked(job.omega), np.array([8.0 + 0j]), np.full((1, 3), 1e-9))
+    job = samples.run_of(tmp_path / "p.h5", Physics(damping_law()), [1.0], alpha=0.5, stress=1e-3)
+    said = sweep_job._summary(job, job.asked(job.omega), np.array([8.0 + 0j]), np.full((1, 3), 1e-9))
     assert "strain amplitude up to 5.0e-04, more than p/k = 1.0e-04" in said

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from samples import SAMPLES, physics, put
+from samples import SAMPLES, physics, put, run_of
 from sheared import crowd, shear
 from sweeps import Sweep
 
@@ -23,7 +23,6 @@ from jampetsc.oscillation.newton import Newton
 from jampetsc.response import direct_sweep, rational_sweep
 from jampetsc.response import quasistatic as quasistatic_response
 from jampetsc.response.direct import FrequencySolver
-from jampetsc.response.job import Job
 from jampetsc.response.modes import lowest_modes
 from jampetsc.response.quasistatic import solve
 from jampetsc.response.viscosity import Viscosity
@@ -31,6 +30,7 @@ from jampetsc.solvers.cholesky import NotPositiveDefinite
 from jampetsc.solvers.inertia import count_below
 from jampetsc.solvers.resistance import ContactSolver
 from jampetsc.solvers.shifted import ShiftedFactor
+from jampetsc.storage.outlet import Outlet
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]
 
@@ -102,8 +102,8 @@ def jobs(session):
     put(packing, SAMPLES["published"](), session.comm)
     for method, module in (("rational", rational_sweep), ("direct", direct_sweep)):
         out = Path(folder) / f"{method}.h5"
-        module.run(Job.read(packing, physics(), [1e-2, 1.0], [1.0], method, 1e-6, out, comm=session.comm))
-    quasistatic_response.run(packing, Path(folder) / "q.h5", physics(), [0.5])
+        module.solve(run_of(packing, physics(), [1e-2, 1.0], [1.0], method, out=out, comm=session.comm))
+    quasistatic_response.run(packing, Outlet(Path(folder) / "q.h5"), physics(), [0.5])
     if session.rank == 0:
         shutil.rmtree(folder)
 

@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from launch import run
-from samples import physics, polydisperse, published
+from samples import physics, polydisperse, published, run_of
 
 import jampetsc
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
-from jampetsc.response.job import Job
 from jampetsc.storage.packing_file import write_packing
 
 
@@ -83,7 +82,7 @@ def test_the_direct_method_continues(packing, tmp_path):
 
 def test_everything_that_decides_a_sweep_identifies_its_checkpoint(packing):
     omega = np.array([0.1, 1.0])
-    job = Job.read(packing, physics(), omega, [1.0], "rational", 1e-6, "sweep.h5")
+    job = run_of(packing, physics(), omega, [1.0])
     others = [
         {"identity": (job.identity[0], "another")},
         {"physics": physics(beta=0.5)},

@@ -2,11 +2,9 @@
 
 import numpy as np
 import pytest
-from samples import physics, published, put
+from samples import physics, published, put, run_of
 
-from jampetsc.response import job as response
 from jampetsc.response import rational_sweep
-from jampetsc.response.job import Job
 from jampetsc.storage.memory import MemoryWriter
 from jampetsc.storage.reader import Result, SweepResult, load
 from jampetsc.storage.result_file import ResultWriter
@@ -65,13 +63,13 @@ def saved(result, path, comm):
 
 
 @pytest.mark.scalar("real")
-def test_a_sweep_in_memory_is_that_of_its_file(session, shared_path, monkeypatch):
-    monkeypatch.setattr(response, "ResultWriter", Both)
+def test_a_sweep_in_memory_is_that_of_its_file(session, shared_path):
     packing = put(shared_path / "p.h5", published(), session.comm)
-    job = Job.read(packing, physics(), [1e-3, 1.0], [1e-3], "rational", 1e-6, shared_path / "a.h5")
-    rational_sweep.run(job)
+    job = run_of(packing, physics(), [1e-3, 1.0], [1e-3], "rational", 1e-6, shared_path / "a.h5")
+    job.to.writer = lambda *words: Both(job.to.path, *words)
+    rational_sweep.solve(job)
     session.comm.Barrier()
-    found, expected = Result.of(made.pop()), load(job.out)
+    found, expected = Result.of(made.pop()), load(job.to.path)
     assert_same(found, expected)
     assert isinstance(found, SweepResult) and found.modulus(0.3) == expected.modulus(0.3)
     assert found.law == expected.law and found.fields.omega == [1e-3]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import h5py
 import numpy as np
 import pytest
-from samples import lattice, polydisperse, published, put
+from samples import lattice, polydisperse, published, put, run_of
 
 from jampetsc.contacts.disks import GRID, Disks
 from jampetsc.contacts.laws import Physics, damping_law
@@ -93,7 +93,6 @@ def test_info_tells_of_a_proof(path):
 
 @pytest.mark.scalar("real")
 def test_a_sweep_counts_anew_what_was_forged_or_edited(session, shared_path):
-    from jampetsc.response.job import Job
     from jampetsc.response.stability import settle
 
     def settled(disks, edit=None):
@@ -103,9 +102,7 @@ def test_a_sweep_counts_anew_what_was_forged_or_edited(session, shared_path):
             if edit:
                 edited(path, edit)
         session.comm.Barrier()
-        job = Job.read(
-            path, Physics(damping_law()), np.ones(1), np.zeros(0), "rational", 1e-6, shared_path / "s.h5"
-        )
+        job = run_of(path, Physics(damping_law()), [1.0])
         session.comm.Barrier()
         return job.negative_modes, settle(job)
 

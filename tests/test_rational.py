@@ -19,16 +19,15 @@ from samples import (
     published,
     put,
     reference,
+    run_of,
 )
 from sweeps import Sweep, errors, judge
 
 import jampetsc
 from jampetsc import cli
-from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.contacts.disks import Disks
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.response import direct_sweep, rational, rational_sweep
-from jampetsc.response.job import Job
 from jampetsc.storage.checkpoint import Checkpoint
 from jampetsc.storage.packing_file import write_packing
 
@@ -252,7 +251,7 @@ def test_a_job_shares_among_ranks_what_it_is_asked_to(session, shared_path, monk
     monkeypatch.setattr(rational, "make_factors", lambda pencil, how: asked.append(how) or make(pencil, how))
     packing, out = put(shared_path / "p.h5", published(), session.comm), shared_path / "s.h5"
     how = {"parallel": parallel, "comm": session.comm}
-    rational_sweep.run(Job.read(packing, physics(), [1e-2], [], "rational", 1e-4, out, **how))
+    rational_sweep.solve(run_of(packing, physics(), [1e-2], None, "rational", 1e-4, out, **how))
     assert asked == [parallel]
 
 
@@ -280,14 +279,14 @@ def test_a_checkpoint_that_does_not_solve_the_packing_is_refused(session, shared
     put(packing, published(), session.comm)
     with Sweep(published(), physics(), OMEGA, accuracy, session.comm) as found:
         basis = found.basis
-        job = Job.read(packing, physics(), OMEGA, [], "rational", accuracy, out, comm=session.comm)
+        job = run_of(packing, physics(), OMEGA, [], "rational", accuracy, out, comm=session.comm)
         done = {"first": basis.first, "shifts": basis.shifts}
         fields = {"vectors": basis.vectors, "x0": 1.001 * basis.x0}
         Checkpoint(out, job.key(session.size), session.comm, ordered=True).save(0, done, fields)
     with pytest.raises(
         InputError, match=r"sweep.h5.resume: what it holds does not solve this packing: remove it"
     ):
-        rational_sweep.run(job)
+        rational_sweep.solve(job)
     assert not out.exists()
 
 
@@ -332,11 +331,11 @@ def test_a_claim_that_does_not_hold_is_found_out(session, shared_path):
     """Said to be a minimum, and is none: the first factorisation tells."""
     packing, out = shared_path / "packing.h5", shared_path / "sweep.h5"
     put(packing, unstable(), session.comm)
-    job = Job.read(packing, physics(), [1e-6, 1e-5], [], "rational", 1e-6, out, comm=session.comm)
+    job = run_of(packing, physics(), [1e-6, 1e-5], [], "rational", 1e-6, out, comm=session.comm)
     with pytest.raises(
         InputError, match=r"packing.h5: K \+ sB at s = .* is not .* definite; use --method direct"
     ):
-        rational_sweep.run(replace(job, negative_modes=0))
+        rational_sweep.solve(replace(job, negative_modes=0))
     assert not out.exists()
 
 
@@ -344,7 +343,7 @@ def test_a_claim_that_does_not_hold_is_found_out(session, shared_path):
 def test_a_packing_below_jamming_is_named(session, shared_path):
     packing = shared_path / "packing.h5"
     write_packing(packing, honeycomb())
-    job = Job.read(packing, physics(), [1.0], [], "rational", 1e-6, shared_path / "sweep.h5")
+    job = run_of(packing, physics(), [1.0])
     with pytest.raises(
         InputError, match=r"packing.h5: 12 contacts between 8 disks leave at least 2 floppy modes"
     ):
@@ -356,7 +355,7 @@ def test_what_a_job_says_of_its_bounds(session, shared_path):
     """They hold for a minimum at rest, and where it is known to be one."""
     packing = shared_path / "packing.h5"
     write_packing(packing, published())
-    job = Job.read(packing, physics(), [1.0], [], "rational", 1e-6, shared_path / "sweep.h5")
+    job = run_of(packing, physics(), [1.0])
     bare = replace(job, physics=physics(prestress=False))
     rest, moved = {"imbalance": 1e-4}, {"imbalance": 1.01e-4}
     for which, facts, certified, says in (
@@ -386,14 +385,13 @@ def test_frequencies_of_fields_are_among_those_of_the_sweep(session, shared_path
         (1.0 + 5e-10, [1e-3, 1.0 + 5e-10, 10.0]),
         (1.0 + 2e-9, [1e-3, 1.0, 1.0 + 2e-9, 10.0]),
     ):
-        job = Job.read(packing, physics(), given, [field], "rational", 1e-6, shared_path / "sweep.h5")
+        job = run_of(packing, physics(), given, [field])
         assert job.omega.tolist() == wanted and job.field_omega.tolist() == [field]
         assert job.asked(job.field_omega).tolist() == [field]
     law = physics(tau1=2.0)
-    for omega in (1e-40, 1e12):  # equivalent to what is far beyond, on either side
+    for omega, alpha in ((1e-12, 2.0), (1e12, 0.5)):  # equivalent to what is far beyond, on either side
         with pytest.raises(InputError, match=rf"omega = {re.escape(format(omega, 'g'))} is equivalent to"):
-            damping = EquivalentDamping(0.5, 1e-5)
-            Job.read(packing, law, [1.0, omega], [], "direct", 1e-6, shared_path / "s.h5", damping)
+            run_of(packing, law, [1.0, omega], alpha=alpha, stress=1e-5)
 
 
 @pytest.mark.most_ranks(2)
@@ -409,16 +407,16 @@ def test_what_a_sweep_says_on_its_way(session, shared_path, capfd, method, line)
     packing, out = shared_path / "packing.h5", shared_path / "sweep.h5"
     put(packing, published(), session.comm)
     module = {"rational": rational_sweep, "direct": direct_sweep}[method]
-    job = Job.read(packing, physics(), [1e-3, 1.0], [], method, 1e-6, out, comm=session.comm)
+    job = run_of(packing, physics(), [1e-3, 1.0], [], method, 1e-6, out, comm=session.comm)
     capfd.readouterr()
-    module.run(replace(job, negative_modes=0))
+    module.solve(replace(job, negative_modes=0))
     said = capfd.readouterr().err
     assert bool(re.search(line, said)) == (session.rank == 0)
     assert "continuing" not in said and not session.comm.bcast(list(shared_path.glob("*.resume*")))
     if method == "direct":
         kept = Checkpoint(out, job.key(session.size), session.comm)
         kept.save(0, {"G": 1 + 1j, "bounds": [0.0, 0.0, 0.0]}, None)
-        _, G, _ = module.run(replace(job, negative_modes=0))
+        _, G, _ = module.solve(replace(job, negative_modes=0))
         said = capfd.readouterr().err
         assert ("sweep.h5.resume: 1 frequencies are finished" in said) == (session.rank == 0)
         assert G[0] == 1 + 1j and "omega 1.000e-03" not in said

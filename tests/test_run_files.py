@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from samples import gears, isostatic, network_of, physics, published, put
+from samples import gears, isostatic, network_of, physics, published, put, run_of
 
 import jampetsc
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
@@ -12,8 +12,8 @@ from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import InputError
 from jampetsc.response import direct_sweep, modes_file, quasistatic, rational_sweep
 from jampetsc.response.certificate import Functional
-from jampetsc.response.job import Job
 from jampetsc.response.record import run_record
+from jampetsc.storage.outlet import Outlet
 from jampetsc.storage.reader import load
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]
@@ -118,7 +118,7 @@ def test_modes_of_what_is_no_minimum_are_refused_with_prestress_only(session, pa
 def test_quasistatic(session, path, prestress):
     put(path, replace(published(), potential=Potential(k=2.5)), session.comm)
     out, law = path.parent / "q.h5", physics(beta=2.0, prestress=prestress)
-    found = quasistatic.run(path, out, law, (0.5, 3.0))
+    found = quasistatic.run(path, Outlet(out), law, (0.5, 3.0))
     session.comm.barrier()
     file, comm = load(out), session.comm
     assert set(found.responses) == ({"", "no_prestress"} if prestress else {""})
@@ -162,7 +162,7 @@ def test_quasistatic(session, path, prestress):
     columns = dict(zip(("beta", "eta0", "no_prestress_eta0", "eta_inf"), found.scan.T, strict=True))
     compare(file, {f"beta_scan/{name}": column for name, column in columns.items()})
     for beta, eta0, bare, eta_inf in found.scan:
-        again = quasistatic.run(path, out, physics(beta=beta, prestress=prestress))
+        again = quasistatic.run(path, Outlet(out), physics(beta=beta, prestress=prestress))
         other = again.responses.get("no_prestress", again.responses[""])
         expected = again.responses[""].flow.eta0, other.flow.eta0, again.eta_inf
         np.testing.assert_allclose((eta0, bare, eta_inf), expected, rtol=1e-9)
@@ -175,11 +175,11 @@ def test_sweeps_under_power_law_damping(session, path, method, monkeypatch):
     put(path, published(), session.comm)
     damping = EquivalentDamping(0.5, 1e-5)
     out, law, omega, field = path.parent / "s.h5", physics(tau1=2.0), np.array([1e-4, 1e-2, 1.0]), 3e-3
-    job = Job.read(path, law, omega, [field], method, 1e-6, out, damping, comm=session.comm)
+    job = run_of(path, law, omega, [field], method, out=out, alpha=0.5, stress=1e-5, comm=session.comm)
     module = {"rational": rational_sweep, "direct": direct_sweep}[method]
     certain, real = [], Functional.field_bound
     monkeypatch.setattr(Functional, "field_bound", lambda *words: certain.append(real(*words)) or certain[-1])
-    solved, G, bounds = module.run(replace(job, negative_modes=0, counted_by="X", imbalance=1e-9))
+    solved, G, bounds = module.solve(replace(job, negative_modes=0, counted_by="X", imbalance=1e-9))
     session.comm.barrier()
     file = load(out)
     asked = np.array([1e-4, field, 1e-2, 1.0])
@@ -193,8 +193,8 @@ def test_sweeps_under_power_law_damping(session, path, method, monkeypatch):
     bound = file["fields/error_bound"]
     assert 0.0 < bound < 1e-3 and (method == "rational" or bound.tolist() == certain)
     at = physics(tau1=2.0)
-    plain = Job.read(path, at, solved, [solved[1]], "direct", 1e-6, path.parent / "d.h5", comm=session.comm)
-    direct_sweep.run(replace(plain, negative_modes=0))
+    plain = run_of(path, at, solved, [solved[1]], "direct", out=path.parent / "d.h5", comm=session.comm)
+    direct_sweep.solve(replace(plain, negative_modes=0))
     session.comm.barrier()
     same = load(path.parent / "d.h5")
     np.testing.assert_allclose(same["G"], G, rtol=1e-5)

@@ -12,6 +12,7 @@ the work is N log N. Sums are kept for strips of neighbouring lanes, so that err
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -147,6 +148,64 @@ def correlate(packings, seed: int = 0) -> Correlation:
         minimum_error=minimum_error,
         pairs=int(units.pairs.sum()),
     )
+
+
+class Motion(NamedTuple):
+    """Fields of one packing: F of them, n disks."""
+
+    name: object  # for messages
+    positions: np.ndarray  # (n, 2)
+    cell: np.ndarray  # (2, 2)
+    transverse: np.ndarray  # (F, n) complex: u_y
+    diameter: float  # mean one of the disks
+
+
+@dataclass(frozen=True, eq=False)
+class LaneCorrelations:
+    """C(δ) of complex fields of several packings in lanes of several widths: a Correlation of 2F real fields each."""
+
+    results: list
+    widths: np.ndarray  # (lanes,) such that lanes fill the cell
+    length: float  # L
+    diameter: float
+
+    @property
+    def arrays(self) -> dict:
+        """{name: array} as files hold them, lengths in the units of the packings; (lanes, F, 2, …): Re, Im."""
+        return {
+            "lane_width": self.widths,
+            "delta": self.length * np.array([result.separation for result in self.results]),
+            "C": self._parts("values"),
+            "C_error": self._parts("errors"),
+            "length": self.length * self._parts("root"),
+            "length_error": self.length * self._parts("root_error"),
+            "minimum": self.length * self._parts("minimum"),
+            "minimum_error": self.length * self._parts("minimum_error"),
+        }
+
+    def _parts(self, name):
+        stacked = np.array([getattr(result, name) for result in self.results])
+        return stacked.reshape(len(self.results), -1, 2, *stacked.shape[2:])
+
+
+def correlate_motions(motions, lanes) -> LaneCorrelations:
+    """C(δ) of `Motion`s with as many fields each, in lanes of these widths in mean diameters.
+
+    Raises InputError for lanes that do not fit, naming the packing.
+    """
+    cells = grid_cells(motions[0].cell[0, 0], motions[0].diameter)
+    sums = [[] for _ in lanes]
+    for motion in motions:
+        parts = np.stack((motion.transverse.real, motion.transverse.imag), axis=1)
+        parts = parts.reshape(2 * len(motion.transverse), -1)
+        for width, found in zip(lanes, sums, strict=True):
+            try:
+                found.append(lane_sums(motion.positions, motion.cell, parts, width * motion.diameter, cells))
+            except InputError as error:
+                raise InputError(f"{motion.name}: {error}") from None
+    length, diameter = np.mean([(motion.cell[0, 0], motion.diameter) for motion in motions], axis=0)
+    widths = np.array([found[0].width for found in sums])
+    return LaneCorrelations([correlate(found) for found in sums], widths, length, diameter)
 
 
 class _Units:

@@ -20,6 +20,7 @@ _GROWTH = 5.0  # creep that grows is followed for so many times its time constan
 class Transient:
     """Response in time; units as in the spectrum. G lacks the Dirac part η_∞ δ(t)."""
 
+    spectrum: RelaxationSpectrum  # modes in the order of their times
     tau: np.ndarray  # (m,): to half a window beyond all modes; further out H is the flank of the window
     H: np.ndarray  # (m,) averaged over `window` decades
     window: float
@@ -29,6 +30,40 @@ class Transient:
     J: np.ndarray  # (n',) creep compliance
     retardation: RetardationSpectrum
 
+    @property
+    def arrays(self) -> dict:
+        """{name: array} as files hold them."""
+        times, between = self.spectrum.between()
+        return {
+            "relaxation/times": times,
+            "relaxation/rates": self.spectrum.rates,
+            "relaxation/weights": self.spectrum.weights,
+            "H/between": between,
+            "H/tau": self.tau,
+            "H/smoothed": self.H,
+            "stress/time": self.time,
+            "stress/G": self.G,
+            "creep/time": self.creep_time,
+            "creep/J": self.J,
+            "retardation/rates": self.retardation.rates,
+            "retardation/compliances": self.retardation.compliances,
+        }
+
+    @property
+    def numbers(self) -> dict:
+        """{name: value} as files hold them."""
+        return {
+            "G0": self.spectrum.G0,
+            "G_inf": self.spectrum.G_inf,
+            "eta0": self.spectrum.eta0,
+            "eta_inf": self.spectrum.eta_inf,
+            "J_inf": self.retardation.J_inf,
+            "fluidity": self.retardation.fluidity,
+            "growth_rate": self.retardation.growth_rate,
+            "window_decades": self.window,
+            "resolution_decades": self.spectrum.resolution,
+        }
+
 
 def transient(spectrum: RelaxationSpectrum, slowest: float, fastest: float, window=None) -> Transient:
     """H(τ), G(t) and J(t) of a spectrum known for frequencies from `slowest` to `fastest`.
@@ -37,6 +72,7 @@ def transient(spectrum: RelaxationSpectrum, slowest: float, fastest: float, wind
     decades is the width of the average for H, by default twice the widest gap between modes that matter,
     so that single modes do not show. Raises InputError for a window out of range.
     """
+    spectrum = spectrum.sorted()
     late = retardation(spectrum)
     if window is None:
         window = float(np.clip(_GAPS * spectrum.resolution, NARROWEST, WIDEST))
@@ -49,6 +85,7 @@ def transient(spectrum: RelaxationSpectrum, slowest: float, fastest: float, wind
     time, tau = _grid(first, last), _grid(*_seen(first, last, spectrum.rates, window))
     creep_time = time[time * late.growth_rate <= _GROWTH]
     return Transient(
+        spectrum=spectrum,
         tau=tau,
         H=spectrum.smoothed(tau, window),
         window=window,

@@ -60,6 +60,7 @@ FAMILIES = {
 }
 DEFAULT = "contact"
 NAMES = {"contact": "ContactDamping", "stokes": "StokesDrag"}  # functions that make one
+WEIGHTS = ("normal", "transverse", "sliding", "drag", "eta_f")  # of a `Law`
 OPTIONS = tuple(name for family in FAMILIES.values() for name in family.options)
 
 
@@ -79,7 +80,7 @@ class Law:
     options: tuple = field(default=(), compare=False)  # ((name, value), …)
 
     def __post_init__(self):
-        for name in ("normal", "transverse", "sliding", "drag", "eta_f"):
+        for name in WEIGHTS:
             weight = getattr(self, name)
             if not (math.isfinite(weight) and 0 <= weight <= LARGEST):
                 raise InputError(f"{name} = {weight:g}: must lie between 0 and {LARGEST:g}")
@@ -113,7 +114,10 @@ class Law:
 
     @property
     def parameters(self) -> dict:
-        """Name and parameters, for files: {"law": "contact", "tau1": 1.0, "beta": 1.0, …}."""
+        """Name and parameters, for files: {"law": "contact", "tau1": 1.0, "beta": 1.0, …}; weights without a family."""
+        if self.family is None:
+            weights = {name: getattr(self, name) for name in WEIGHTS if getattr(self, name)}
+            return {"law": self.label, "tau1": self.tau1, **weights}
         return {"law": self.family, "tau1": self.tau1, **dict(self.options)}
 
     def altered(self, **options) -> "Law":

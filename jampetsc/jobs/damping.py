@@ -33,10 +33,10 @@ def law_made(given: dict) -> Law:
 
 
 def law_told(law: Law) -> dict:
-    """The options that make a law, switches and what differs from the default; its weights where it is of no family."""
+    """The options that make a law, those that differ from the default; its weights where it is of no family."""
     if law.family:
         usual = {name: option.default for name, option in FAMILIES[law.family].options.items()}
-        told = {name: value for name, value in law.options if value is True or value != usual[name]}
+        told = {name: value for name, value in law.options if value != usual[name]}
         return {"law": law.family, "tau1": law.tau1, **told}
     weights = ("normal", "transverse", "sliding", "drag", "eta_f")
     return {"law": "own weights", "tau1": law.tau1} | {name: getattr(law, name) for name in weights}
@@ -47,7 +47,6 @@ PRESTRESS = asked(
     True,
     "K keeps the f/r term of its contacts (BT: 'with pre-stress')",
     off="drop the f/r term of K (BT: 'without pre-stress')",
-    group=GROUP,
 )
 
 

@@ -28,7 +28,7 @@ def function_of(job):
         for field in dataclasses.fields(job):
             said = field.metadata.get("asked")
             if isinstance(said, dict) and said["place"] == FILES:
-                sources.append((field.name, bound.pop(field.name)))
+                sources.append((field.name, bound.pop(field.name, ())))
         made = job(**bound, **dict(sources))
         return answer(
             made, how["out"], checkpoint=how["checkpoint"], overwrite=how["overwrite"], told=how["progress"]
@@ -56,7 +56,8 @@ def signature_of(job) -> inspect.Signature:
             default = field.default_factory()
         if default is dataclasses.MISSING or kind == kinds.VAR_POSITIONAL:
             default = kinds.empty
-        found.append(kinds(field.name, kind, default=default, annotation=field.type))
+        annotation = kinds.empty if kind == kinds.VAR_POSITIONAL else field.type
+        found.append(kinds(field.name, kind, default=default, annotation=annotation))
     found += [kinds(name, kinds.KEYWORD_ONLY, default=default) for name, (default, _) in HOW.items()]
     return inspect.Signature(sorted(found, key=lambda one: one.kind))
 

@@ -1,7 +1,7 @@
 """A job: what is asked, as a frozen dataclass, and how it is answered. Functions and commands are made of its class."""
 
 import shlex
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -54,6 +54,10 @@ class Job:
         parameter, value = parameter_of(field), getattr(self, field.name)
         if parameter.place in (OPTION, FILE):
             return parameter.read(value)
+        if isinstance(value, str | Path) or not hasattr(value, "__iter__"):
+            value = (value,)
+        if not value:
+            raise InputError(f"{named(field.name)}: must be given")
         return tuple(parameter.read(one) for one in value)
 
     def check(self) -> None:
@@ -79,8 +83,17 @@ class Job:
         """Those of `sources` that are files."""
         return [one for one in self.sources if isinstance(one, str | Path)]
 
+    def gathered(self) -> "Job":
+        """The job with results in memory whole on every rank. Collective."""
+        held = {
+            name: one
+            for name, one in vars(self).items()
+            if isinstance(one, tuple) or hasattr(one, "gathered")
+        }
+        return replace(self, **{name: _whole(one) for name, one in held.items()})
+
     def told(self) -> dict:
-        """{parameter: value} of all that is no file and not off, as JSON and command lines can hold it."""
+        """{parameter: value} as JSON and command lines hold it: all that is no file, switches that are not usual."""
         values = {}
         for name, parameter in parameters(type(self)).items():
             if hasattr(self, name) and parameter.place == OPTION and name not in parts(type(self)):
@@ -89,11 +102,12 @@ class Job:
         for name, part in parts(type(self)).items():
             made = getattr(self, name)
             values |= {} if made is None else part.tell(made)
-        on = {name for name, one in parameters(type(self)).items() if one.default is True}
+        known = parameters(type(self))
+        usual = {name: one.default for name, one in known.items() if isinstance(one.default, bool)}
         return {
             name: value
             for name, value in values.items()
-            if value is not None and (value is not False or name in on)
+            if value is not None and usual.get(name) is not value
         }
 
     def words(self) -> list[str]:
@@ -103,8 +117,8 @@ class Job:
             if parameter.place != OPTION:
                 continue
             if isinstance(parameter.default, bool):
-                words += [parameter.word] * (told.get(name, parameter.default) != parameter.default)
-            elif name in told and told[name] != parameter.default:
+                words += [parameter.word] * (name in told)
+            elif name in told and (parameter.default is None or not self.same(name, told[name], None)):
                 text = str(told[name])
                 words += [f"{parameter.word}={text}"] if text.startswith("-") else [parameter.word, text]
         return words
@@ -115,7 +129,7 @@ class Job:
         return ["jampetsc", self.NAME, *map(str, given), *(["--out", str(out)] if out else []), *self.words()]
 
     def same(self, name, one, other) -> bool:
-        """Whether two told values of a parameter mean the same, however they are written."""
+        """Whether two told values of a parameter mean the same, however they are written; None is the default."""
         parameter = parameters(type(self)).get(name)
         try:
             return parameter is not None and _canonical(parameter, one) == _canonical(parameter, other)
@@ -144,6 +158,13 @@ def _several(value) -> list:
     return list(value) if isinstance(value, tuple) else [] if value is None else [value]
 
 
+def _whole(one):
+    """What a job was given, without parts on other ranks. Collective."""
+    if isinstance(one, tuple):
+        return tuple(_whole(part) for part in one)
+    return one.gathered() if hasattr(one, "gathered") else one
+
+
 def _canonical(parameter, told):
-    value = parameter.read(told)
+    value = parameter.read(parameter.default if told is None and not parameter.required else told)
     return value if value is None else parameter.kind.tell(value)

@@ -40,6 +40,7 @@ def perform(job: Job, to: Outlet, *, petsc_argv=(), argv=None, overwrite=False, 
                 )
             return job.work(to)
         comm = None if alone else session.communicator()
+        job = job if comm is None else job.gathered()
         told = by_rank_0(comm, lambda: job.work(to))
         if comm is not None and to.path is None:
             to.share(comm)

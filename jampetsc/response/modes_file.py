@@ -1,7 +1,6 @@
 """The modes of a packing as a run: read, solve, write the result file."""
 
 import time
-from pathlib import Path
 
 import numpy as np
 
@@ -11,13 +10,13 @@ from jampetsc.mechanics.network import build_network
 from jampetsc.response.modes import Modes, lowest_modes
 from jampetsc.response.record import run_record
 from jampetsc.session import current
-from jampetsc.storage.packing_file import read_identified
-from jampetsc.storage.result_file import ResultWriter
+from jampetsc.storage.outlet import Outlet
+from jampetsc.storage.packing_file import read_identified, source_told
 
 FORMAT = "jampetsc-modes"
 
 
-def run(packing, out, prestress: bool, count=None, below=None) -> Modes:
+def run(packing, to: Outlet, prestress: bool, count=None, below=None) -> Modes:
     """Find modes as `lowest_modes` does and write them.
 
     Collective. Raises as that does, naming the packing.
@@ -25,13 +24,14 @@ def run(packing, out, prestress: bool, count=None, below=None) -> Modes:
     started = time.perf_counter()
     session = current()
     disks, identity = read_identified(packing, session.comm)
+    to.made_from(disks)
     try:
         network = build_network(disks, session.comm, prestress)
         with session.stage("modes"):
             modes = lowest_modes(network, count, below, proved=not prestress or proved_minimum(disks))
     except InputError as error:
-        raise InputError(f"{packing}: {error}") from None
-    with session.stage("output"), ResultWriter(Path(out), FORMAT, session.comm) as writer:
+        raise InputError(f"{source_told(packing)}: {error}") from None
+    with session.stage("output"), to.writer(FORMAT, session.comm) as writer:
         _write(writer, modes)
         writer.attributes(**run_record(disks, identity, {"prestress": prestress}, network, started))
     return modes

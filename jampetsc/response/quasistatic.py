@@ -119,6 +119,7 @@ def run(packing, to: Outlet, physics: Physics, betas=()) -> Outcome:
     started = time.perf_counter()
     session = current()
     disks, identity = read_identified(packing, session.comm)
+    to.made_from(disks)
     try:
         outcome = _solve_all(build_network(disks, session.comm, physics.prestress), physics.law, betas)
     except InputError as error:

@@ -68,6 +68,7 @@ class Run:
                 f"{SMALLEST:g} to {LARGEST:g}: narrow {named('omega')}"
             )
         disks, identity = read_identified(job.packing, comm)
+        to.made_from(disks)
         return cls(
             packing=source_told(job.packing),
             disks=disks,

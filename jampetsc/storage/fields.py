@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from jampetsc.contacts.disks import Disks
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.storage.packing_file import read_identified
 
 _HUGE = 1e100  # displacements per unit strain that no packing has
@@ -13,19 +13,29 @@ _SAME = 0.01  # a frequency asked for may differ from the stored one by this fra
 
 
 def packing_of(result, given=None) -> Disks:
-    """The packing that a sweep was made from: the file `given`, or the recorded name beside the sweep.
+    """The packing that a sweep was made from: `given`, Disks or a file, or with it in memory, or the file beside it.
 
-    Raises InputError where there is none or its sha256 is not the recorded one.
+    Raises InputError where there is none, and where it is another one: by the recorded sha256, of Disks in memory and
+    a sweep of a file by the number of disks and φ.
     """
     name, recorded = (result.attributes.get(key) for key in ("packing", "packing_sha256"))
+    if given is None and result.packing is not None:
+        return result.packing
+    if isinstance(given, Disks):
+        mine = [result.attributes.get(key) for key in ("particle_count", "phi")]
+        if given.fingerprint != recorded and mine != [given.n, given.phi]:
+            raise InputError(f"{named('packing')}: is not the packing that {result.path.name} was made from")
+        return given
     path = Path(given) if given else result.path.parent / str(name)
     if not given and (name is None or not path.is_file()):
-        raise InputError(f"{result.path}: its packing {name or ''} is not beside it: give it with --packing")
+        raise InputError(
+            f"{result.path}: its packing {name or ''} is not beside it: give it with {named('packing')}"
+        )
     disks, (_, sha256) = read_identified(path)
     if recorded is not None and sha256 != recorded:
         raise InputError(
             f"{path}: is not the packing that {result.path.name} was made from (sha256 {sha256[:12]}… "
-            f"instead of {recorded[:12]}…): give that one with --packing"
+            f"instead of {recorded[:12]}…): give that one with {named('packing')}"
         )
     return disks
 
@@ -57,10 +67,12 @@ def phase_factor(result, omega, phase):
     try:
         G = result.modulus(omega)
     except InputError as error:
-        raise InputError(f"{error}; without G* there is no phase of the stress: use --phase strain") from None
+        raise InputError(
+            f"{error}; without G* there is no phase of the stress: use {named('phase')} strain"
+        ) from None
     if not abs(G) > 0:  # nan too
         raise InputError(
-            f"{result.path}: has no modulus at omega = {omega:g}, so no phase of the stress: use --phase strain"
+            f"{result.path}: no modulus at omega = {omega:g}, so no phase of the stress: use {named('phase')} strain"
         )
     return np.conj(G) / abs(G)
 
@@ -86,7 +98,7 @@ def chosen_frequencies(result, wanted=None):
     """
     stored = result.fields.omega
     if not len(stored):
-        raise InputError(f"{result.path}: holds no fields: run the sweep with --fields w1,w2,…")
+        raise InputError(f"{result.path}: holds no fields: ask the sweep for {named('fields')}")
     if wanted is None:
         order = np.argsort(stored)
         return order[np.unique(np.linspace(0, len(order) - 1, min(len(order), 4)).round().astype(int))]
@@ -97,7 +109,7 @@ def chosen_frequencies(result, wanted=None):
         if not distance[nearest] <= _SAME:
             near = ", ".join(f"{w:g}" for w in sorted(stored[np.argsort(distance)[:3]]))
             raise InputError(
-                f"{result.path}: no fields at omega = {omega:g}: nearest are {near}; or sweep with --fields"
+                f"{result.path}: no fields at omega = {omega:g}: nearest are {near}; or sweep with {named('fields')}"
             )
         rows.append(nearest)
     return np.array(rows)

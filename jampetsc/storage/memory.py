@@ -34,6 +34,12 @@ class MemoryArray:
         """One more entry along axis 0."""
         self._values = [*self._values, entry]
 
+    def gathered(self, comm) -> "MemoryArray":
+        """With the rows of all ranks. Collective."""
+        if self.axis is None or comm is None:
+            return self
+        return MemoryArray(np.concatenate(comm.allgather(self[...]), axis=self.axis))
+
     def __getitem__(self, selection):
         return np.array(self._whole()[selection])  # of its own, as if it were read
 

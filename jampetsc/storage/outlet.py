@@ -18,7 +18,7 @@ class Outlet:
     def __init__(self, path=None, checkpoint=None):
         self.path = None if path is None else Path(path)
         self.kept = checkpoint
-        self._found = None
+        self._found = self._packing = None
 
     def __str__(self):
         return "in memory" if self.path is None else str(self.path)
@@ -51,6 +51,10 @@ class Outlet:
         """Take the answer in place of one file: Disks, or a list of them or of their files, on every rank."""
         self._found = found
 
+    def made_from(self, disks) -> None:
+        """Take the packing that the result is of, which goes with it in memory: `Result.packing`."""
+        self._packing = disks
+
     def checkpoint(self, key: dict, comm=None, ordered=False):
         """What a run of the job `key` has finished and finishes, see `storage.checkpoint`. Collective over comm."""
         from jampetsc.storage.checkpoint import Checkpoint
@@ -59,7 +63,11 @@ class Outlet:
 
     def share(self, comm) -> None:
         """Give every rank what rank 0 has found in memory. Collective."""
+        from jampetsc.storage.memory import MemoryWriter
+
         self._found = comm.bcast(self._found)
+        if isinstance(self._found, MemoryWriter):
+            self._found.comm = comm  # that all of them save together
 
     @property
     def result(self):
@@ -69,9 +77,12 @@ class Outlet:
 
         if isinstance(self._found, list):
             return [one if isinstance(one, Disks) else load(one) for one in self._found]
-        if self.path is not None:
-            return load(self.path)
-        return self._found if isinstance(self._found, Disks) else Result.of(self._found)
+        if self.path is None and isinstance(self._found, Disks):
+            return self._found
+        found = Result.of(self._found) if self.path is None else load(self.path)
+        if isinstance(found, Result):
+            found.packing = self._packing
+        return found
 
 
 class Forgetful:

@@ -8,11 +8,11 @@ import sys
 from contextvars import ContextVar
 from pathlib import Path
 
-from jampetsc.contacts.laws import OPTIONS
+from jampetsc.contacts.laws import OPTIONS, WEIGHTS
 from jampetsc.version import VERSION
 
 LONGEST = 10_000  # characters of a list of files
-LAW_PARAMETERS = (*OPTIONS, "prestress", "tau1", "alpha", "stress")
+LAW_PARAMETERS = (*dict.fromkeys((*OPTIONS, *WEIGHTS)), "prestress", "tau1", "alpha", "stress")
 
 _recorded = ContextVar("argv that results record", default=None)
 

@@ -12,7 +12,7 @@ from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.contacts.disks import PLACES, Disks
 from jampetsc.contacts.potentials import Potential
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.storage import packing_file
 from jampetsc.storage.ensemble import TABLE, load_ensemble
 from jampetsc.storage.hdf5 import attributes, check_format, open_file, reading, undisturbed
@@ -79,7 +79,8 @@ class Attributes(dict):
 class Result(Mapping):
     """A result: `attributes` (how it came about), and a mapping of dataset names to numpy arrays.
 
-    path   its file; of a result in memory words that stand for it in messages: "sweep in memory"
+    path      its file; of a result in memory words that stand for it in messages: "sweep in memory"
+    packing   Disks that the result is of, where they were in memory with it; else None
 
     A file's array is read when it is asked for; `stored(name)` leaves it in the file, to read slices of it. In memory
     a distributed array is this rank's rows, and `stored(name).rows` says which.
@@ -87,7 +88,7 @@ class Result(Mapping):
 
     def __init__(self, attributes: dict, arrays: dict, path, comm=None):
         self.attributes, self._arrays, self._comm = Attributes(path, attributes), arrays, comm
-        self.path = Path(path)
+        self.path, self.packing = Path(path), None
 
     @classmethod
     def read(cls, h5, path) -> "Result":
@@ -114,6 +115,15 @@ class Result(Mapping):
         kind, name = RESULTS[format], format.removeprefix("jampetsc-")
         arrays = {name: memory.arrays[name] for name in sorted(memory.arrays, key=lambda n: n.split("/"))}
         return kind(memory.found, arrays, f"{name} in memory", memory.comm)
+
+    def gathered(self) -> "Result":
+        """The same with all rows of distributed arrays on every rank. Collective for a result in memory."""
+        if self.file is not None:
+            return self
+        arrays = {name: array.gathered(self._comm) for name, array in self._arrays.items()}
+        found = type(self)(self.attributes, arrays, self.path, self._comm)
+        found.packing = self.packing
+        return found
 
     def save(self, path) -> None:
         """Write it to a file, which `path` is from then on; an earlier result of its kind there is replaced.
@@ -218,7 +228,7 @@ class SweepResult(Result):
     def fields(self) -> Fields:
         """The stored displacement fields. Raises InputError if the sweep was run without --fields."""
         if "fields/omega" not in self:
-            raise InputError(f"{self.path}: holds no fields: run the sweep with --fields w1,w2,…")
+            raise InputError(f"{self.path}: holds no fields: ask the sweep for {named('fields')}")
         return Fields(self)
 
     def modulus(self, omega):
@@ -236,7 +246,7 @@ class SweepResult(Result):
             if "reduced/rates" not in self:
                 raise InputError(
                     f"{self.path}: omega = {wanted[elsewhere][0]:g} is not one of its {len(self.omega)} "
-                    f"frequencies, {self.omega.min():g} to {self.omega.max():g}: --method rational gives any"
+                    f"frequencies, {self.omega.min():g} to {self.omega.max():g}: {named('method')} rational gives any"
                 )
             values[elsewhere] = self.spectrum.modulus(self._linear(wanted[elsewhere]))
         return values.reshape(np.shape(omega))[()]
@@ -259,7 +269,7 @@ class SweepResult(Result):
     def spectrum(self) -> RelaxationSpectrum:
         """Relaxation spectrum of a rational sweep, linear damping. Raises InputError if there is none."""
         if "reduced/rates" not in self:
-            raise InputError(f"{self.path}: holds no spectrum: run the sweep with --method rational")
+            raise InputError(f"{self.path}: holds no spectrum: run the sweep with {named('method')} rational")
         return _sound_spectrum(
             self.path, *(self[f"reduced/{name}"] for name in ("G0", "eta_inf", "rates", "weights"))
         )

@@ -1,37 +1,9 @@
 """Files named on the command line: several that are one and the same count once; the folder of a study is many."""
 
-import os
 from pathlib import Path
 
 from jampetsc.errors import InputError
-
-
-def refuse_repeated(paths) -> None:
-    """Raise InputError where two of the paths are one file, also through links: it would count twice."""
-    seen = {}
-    for path in paths:
-        file = os.path.realpath(path)
-        if file in seen:
-            again = f"is {seen[file]}, which" if str(path) != str(seen[file]) else "this file"
-            raise InputError(f"{path}: {again} is given already: name each file once")
-        seen[file] = path
-
-
-def refuse_one_packing(results) -> None:
-    """Raise InputError where two results come from one packing, by its sha256: it would count twice.
-
-    results: `storage.reader.Result`, each with `path` and `attributes`.
-    """
-    seen = {}
-    for result in results:
-        sha256 = result.attributes.get("packing_sha256")
-        if sha256 in seen:
-            raise InputError(
-                f"{result.path}: comes from the same packing as {seen[sha256].path.name} "
-                f"(sha256 {sha256[:12]}…): an average takes each packing once"
-            )
-        if sha256 is not None:
-            seen[sha256] = result
+from jampetsc.jobs.inputs import refuse_one_packing, refuse_repeated  # noqa: F401
 
 
 def files_named(paths, where, chosen) -> tuple[list[str], bool]:

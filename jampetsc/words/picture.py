@@ -5,9 +5,6 @@ from dataclasses import dataclass
 
 from jampetsc.errors import InputError
 
-# what a field is in phase with, the default first; files hold fields per strain
-PHASES = ("stress", "strain")
-
 
 @dataclass(frozen=True)
 class Picture:

@@ -3,7 +3,8 @@
 from collections import Counter
 
 from jampetsc.errors import InputError
-from jampetsc.words.picture import PHASES, Picture, count, entering, within
+from jampetsc.jobs.kinds import PHASES
+from jampetsc.words.picture import Picture, count, entering, within
 
 PICTURES: dict[str, Picture] = {}
 picture = entering(PICTURES)

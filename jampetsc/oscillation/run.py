@@ -1,13 +1,10 @@
 """Steady oscillations at several amplitudes and frequencies: progress, checkpoint, failures, result file."""
 
 import time
-from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.laws import Physics
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
@@ -22,55 +19,10 @@ from jampetsc.progress import Progress
 from jampetsc.response.elastic import ElasticResponse
 from jampetsc.response.record import run_record
 from jampetsc.session import current
-from jampetsc.storage.checkpoint import Checkpoint
-from jampetsc.storage.packing_file import read_identified
-from jampetsc.storage.result_file import ResultWriter
+from jampetsc.storage.outlet import Outlet
+from jampetsc.storage.packing_file import read_identified, source_told
 
-FORMAT = "jampetsc-oscillate"
 COUNTS = ("newton_steps", "linear_iterations", "factorisations", "steps_taken", "cycles", "half_cycles")
-
-
-@dataclass(frozen=True, eq=False)
-class Job:
-    """What is asked for. Frequencies in 1/τ₁ units of time as the law has them."""
-
-    packing: Path
-    out: Path
-    physics: Physics
-    omega: np.ndarray  # (M,) increasing
-    amplitude: np.ndarray  # (A,) of stress in units of k, or of strain
-    stress_controlled: bool
-    steps: int  # of a cycle, a multiple of 8
-    contacts: str = "fixed"  # | "moving": they open and close
-    cycles: int | None = None  # of moving contacts; None: until they repeat
-
-    def key(self, identity) -> dict:
-        """What identifies the job to a checkpoint."""
-        return {
-            "packing": identity[1],
-            "law": self.parameters,
-            "omega": self.omega,
-            "amplitude": self.amplitude,
-            "control": self.control,
-            "steps": self.steps,
-            "contacts": self.contacts,
-            "cycles": self.cycles,
-        }
-
-    @property
-    def control(self) -> str:
-        """What is imposed."""
-        return "stress" if self.stress_controlled else "strain"
-
-    @property
-    def sticks(self) -> bool:
-        """Whether the exponent is too small for a cycle to be solved at once."""
-        return self.physics.law.exponent < LEAST_ALPHA
-
-    @property
-    def parameters(self) -> dict:
-        """The law as a file tells it, with its exponent."""
-        return {**self.physics.parameters, "alpha": self.physics.law.exponent}
 
 
 class _Fixed:
@@ -78,7 +30,7 @@ class _Fixed:
 
     together = 1  # points solved at the same time
 
-    def __init__(self, job: Job, disks: Disks, network: Network):
+    def __init__(self, job, disks: Disks, network: Network):
         self._items = [assemble(network, job.physics.law)]
         self._items.append(build_compatibility(self._items[0]))
         self._oscillation = SteadyOscillation(self._items[1], 2.0 * float(disks.radii.mean()), job.steps)
@@ -97,7 +49,7 @@ class _Fixed:
 class _InTime:
     """Oscillations by steps in time, one on each rank at a time."""
 
-    def __init__(self, job: Job, disks: Disks, network: Network):
+    def __init__(self, job, disks: Disks, network: Network):
         alpha = job.physics.law.exponent
         self.facts = {"solver": "steps", "regularisation": 0.0 if alpha == 1.0 else REST**alpha}
         self._job, self._disks, self._comm = job, disks, network.comm
@@ -134,7 +86,7 @@ class _Moving(_InTime):
 
     def _prepare(self, network):
         job, self._items = self._job, []
-        if job.sticks:
+        if _sticks(job):
             self._start, self._oscillation = Start.of_steps, self._stepped(network, START_STEPS)
             return
         self._items.append(assemble(network, job.physics.law))
@@ -160,8 +112,13 @@ def _outcome(solve, point):
         return error
 
 
-def run(job: Job) -> dict:
-    """Solve every point that no earlier run has finished and write the file. Collective.
+def _sticks(job) -> bool:
+    """Whether the exponent is too small for a cycle to be solved at once."""
+    return job.alpha < LEAST_ALPHA
+
+
+def solve(job, to: Outlet) -> dict:
+    """Solve every point of a `jobs.oscillate.Oscillate` that no earlier run has finished, and write. Collective.
 
     Returns arrays of what the records hold, first axes (A, M), nan where a point failed. Raises InputError for a
     packing that is not a rigid minimum, ConvergenceError, after writing the others, if some points failed.
@@ -169,22 +126,23 @@ def run(job: Job) -> dict:
     started = time.perf_counter()
     session = current()
     disks, identity = read_identified(job.packing, session.comm)
+    to.made_from(disks)
     with session.stage("assembly"):
         try:
             network = build_network(disks, session.comm, job.physics.prestress)
             ElasticResponse(network).destroy()  # refuses what has negative or floppy modes
         except InputError as error:
-            raise InputError(f"{job.packing}: {error}") from None
-        kind = _Moving if job.contacts == "moving" else _Sticking if job.sticks else _Fixed
+            raise InputError(f"{source_told(job.packing)}: {error}") from None
+        kind = _Moving if job.contacts == "moving" else _Sticking if _sticks(job) else _Fixed
         solver = kind(job, disks, network)
-    checkpoint = Checkpoint(job.out, job.key(identity), session.comm)
+    checkpoint = to.checkpoint(job.key(identity), session.comm)
     failures = _solve_all(job, solver, checkpoint)
     facts = solver.facts
     solver.destroy()
     if not checkpoint.done:
         raise next(iter(failures.values()))
     arrays = _arrays(job, checkpoint.done)
-    with session.stage("output"), ResultWriter(job.out, FORMAT, session.comm) as writer:
+    with session.stage("output"), to.writer(job.FORMAT, session.comm) as writer:
         writer.dataset("omega", job.omega)
         writer.dataset("amplitude", job.amplitude)
         for name, values in arrays.items():
@@ -199,7 +157,7 @@ def run(job: Job) -> dict:
     if failures:
         first = failures[min(failures)]
         raise ConvergenceError(
-            f"{len(failures)} of {len(job.amplitude) * len(job.omega)} points failed, the others are in {job.out}; "
+            f"{len(failures)} of {len(job.amplitude) * len(job.omega)} points failed, the others are in {to}; "
             f"the first: {first}"
         )
     checkpoint.remove()
@@ -211,7 +169,7 @@ def _solve_all(job, solver, checkpoint):
     session, failures = current(), {}
     total = len(job.amplitude) * len(job.omega)
     points = [
-        Point(float(omega), float(amplitude), job.stress_controlled)
+        Point(float(omega), float(amplitude), job.control == "stress")
         for amplitude in job.amplitude
         for omega in job.omega
     ]

@@ -1,0 +1,88 @@
+"""Vibrational modes of a packing."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from jampetsc.contacts.disks import Disks
+from jampetsc.errors import InputError, named
+from jampetsc.jobs.asking import FILE, asked
+from jampetsc.jobs.damping import PRESTRESS
+from jampetsc.jobs.job import Job
+from jampetsc.jobs.kinds import PACKING
+
+COUNT = 50
+
+
+@dataclass(frozen=True, eq=False)
+class Modes(Job):
+    """Lowest modes of K, how floppy they are, and what they carry of the response to shear.
+
+    Of the Hessian K, translations left out; masses are one, so frequencies are the square roots of the eigenvalues:
+    floppiness, participation ratio, share of the response to shear. That no mode was missed is proved by inertia.
+    """
+
+    NAME: ClassVar = "modes"
+    FORMAT: ClassVar = "jampetsc-modes"
+    EPILOG: ClassVar = """example
+  jampetsc modes p.h5 --count 20 --out modes.h5
+
+PETSc options: -modes_… reach SLEPc, which finds the modes where there are any and on several ranks, -inertia_… the
+proof; options/modes_*.opts are ready to use with -options_file."""
+
+    SOLVERS: ClassVar = ("modes_", "shift_", "inertia_")
+
+    packing: Disks = asked(help="packing", kind=PACKING, place=FILE)
+    count: int | None = asked(
+        None, f"so many of the lowest modes (default {COUNT}); a cluster is kept whole", low=1, metavar="M"
+    )
+    below: float | None = asked(
+        None, "all modes with eigenvalues below this", above=0.0, unit="k", metavar="LAMBDA"
+    )
+    all: bool = asked(False, "all modes, by LAPACK on one rank: up to 4096 disks, 8 (2N)² bytes in the file")
+    prestress: bool = PRESTRESS
+
+    def check(self):
+        """Refuse two ways to say which, and what cannot be told from translations."""
+        given = [name for name in ("count", "below", "all") if getattr(self, name) not in (None, False)]
+        if len(given) > 1:
+            raise InputError(f"{named(given[0])} and {named(given[1])}: give one of them")
+        if self.below is not None:
+            from jampetsc.solvers.inertia import SHIFT
+
+            if not SHIFT < self.below < float("inf"):
+                raise InputError(
+                    f"{named('below')} {self.below:g}: must be above {SHIFT:g} and finite; softer modes cannot be "
+                    "told from translations"
+                )
+
+    def work(self, to):
+        """Find the modes. Collective."""
+        from jampetsc.response import modes_file
+
+        count = COUNT if self.count is None and self.below is None and not self.all else self.count
+        return _summary(to, modes_file.run(self.packing, to, self.prestress, count, self.below))
+
+
+def _summary(to, modes) -> str:
+    """What a user wants to read."""
+    m = len(modes.eigenvalues)
+    proof = (
+        "all there are"
+        if modes.complete
+        else f"inertia counts {modes.inertia_count} below {modes.inertia_shift:.4g}"
+    )
+    lines = [
+        f"{to}: {m} modes, {'pre-stress' if modes.network.prestress else 'no pre-stress'}; {proof}",
+        f"  eigenvalues {modes.eigenvalues[0]:.6g} to {modes.eigenvalues[-1]:.6g}, residuals ≤ "
+        f"{modes.residuals.max():.1e}",
+        f"  floppiness (rms Δu⊥ / Δu∥) {modes.floppiness[0]:.3g} to {modes.floppiness[-1]:.3g}",
+    ]
+    if modes.carried is None:
+        lines.append(
+            "  the response to shear is affine, or not unique because of zero modes: no shares of it"
+        )
+    else:
+        names = {"nonaffine": "|u_na|²", "transverse": "Δu⊥²", "normal": "Δu∥²", "modulus": "G_affine − G0"}
+        parts = [f"{100 * modes.carried.share[key].sum():.3g} % of {name}" for key, name in names.items()]
+        lines.append(f"  together {', '.join(parts)}")
+    return "\n".join(lines)
