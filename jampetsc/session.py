@@ -177,11 +177,9 @@ class Session:
                 database.delValue(name)  # not the user's to correct
             database.setValue("options_left", True)
 
-    @contextlib.contextmanager
     def stage(self, name):
-        """A log stage: what runs inside is summed under `name` by -log_view. Collective."""
-        with self.PETSc.Log.Stage(name):
-            yield
+        """A log stage, a context: what runs inside is summed under `name` by -log_view. Collective."""
+        return self.PETSc.Log.Stage(name)
 
     def collect(self):
         """Free the PETSc objects that python has dropped, even if on some ranks only. Collective.
