@@ -203,6 +203,9 @@ def test_a_random_start_is_that_of_its_seed(seed):
     radii = radii_of("bidisperse", 16)
     again = random_start(radii * (0.5 / radii.min()), 0.8, origin["seed"], disks.potential)
     assert settle(again, starts.SETTLED).fingerprint == disks.fingerprint
+    assert disks.radii.min() == 0.5 and disks.potential.kind == "harmonic" and disks.phi == pytest.approx(0.8)
+    other, _ = Shear(**SHEAR, seed=2, potential="hertzian").disks()
+    assert other.potential.kind == "hertzian" and not np.allclose(other.positions, disks.positions)
 
 
 def test_radii_of_ones_own_keep_their_unit():
