@@ -1,30 +1,21 @@
 """The flow file: series over strain, snapshots, means with errors, and the state from which the run goes on.
 
-A checkpoint is such a file too, of another format and without means, at `<out>.resume`.
+A checkpoint holds the same but the means, see `storage.checkpoint`.
 """
 
 import json
 import shutil
-from contextlib import suppress
-from pathlib import Path
 
 import numpy as np
 
 from jampetsc.analysis.order import bond_order
 from jampetsc.errors import InputError, named
 from jampetsc.storage.atomic import follow
-from jampetsc.storage.hdf5 import (
-    OutputFile,
-    attributes,
-    check_format,
-    open_file,
-    reading,
-    set_attributes,
-    store,
-    values,
-)
+from jampetsc.storage.checkpoint import Checkpoint, discard, folder_of
+from jampetsc.storage.hdf5 import reading
 
-FORMAT, CHECKPOINT = "jampetsc-flow", "jampetsc-flow-checkpoint"
+FORMAT = "jampetsc-flow"
+STATE = "state/"  # before the names of what a run goes on from
 # name -> columns, per row; the first six are means over the strain since the row before, the others are looked up
 SERIES = {
     "strain": 0, "time": 0, "shear_stress": 3, "pressure": 3, "energy": 0, "dissipation": 0,
@@ -82,14 +73,14 @@ class Record:
         }
 
     @classmethod
-    def of(cls, arrays, columns=None, read=np.asarray) -> "Record":
-        """The record in a result; in an open file with `storage.hdf5.values` to `read`."""
+    def of(cls, arrays, columns=None) -> "Record":
+        """The record in a result or a checkpoint, a mapping of names to arrays."""
         record = cls(
             columns or SERIES | {name: size for name, size in BETWEEN_WALLS.items() if name in arrays}
         )
-        record.rows = {name: list(read(arrays[name])) for name in record.columns}
+        record.rows = {name: list(np.asarray(arrays[name])) for name in record.columns}
         if "snapshots/strain" in arrays:
-            record.snapshots = {name: list(read(arrays[f"snapshots/{name}"])) for name in SNAPSHOTS}
+            record.snapshots = {name: list(np.asarray(arrays[f"snapshots/{name}"])) for name in SNAPSHOTS}
         return record
 
 
@@ -106,22 +97,11 @@ def write_record(writer, record: Record, state: dict, settings: dict, facts: dic
         writer.attributes(settings=json.dumps(settings), **facts)
 
 
-def checkpoint_of(out) -> Path:
-    """Where a run that writes `out` keeps its checkpoint."""
-    path = follow(out)
-    return path.with_name(f"{path.name}.resume")
-
-
 def write_checkpoint(out, record: Record, state: dict, settings: dict) -> None:
     """Put the run so far beside `out`, if that is not None; complete or not at all."""
-    if out is None:
-        return
-    with OutputFile(checkpoint_of(out)) as h5:
-        set_attributes(h5, {"format": CHECKPOINT, "format_version": "1.0", "settings": json.dumps(settings)})
-        for name, array in record.datasets().items():
-            store(h5, name, array)
-        for name, value in state.items():
-            store(h5, f"state/{name}", value)
+    if out is not None:
+        state = {f"{STATE}{name}": value for name, value in state.items()}
+        Checkpoint(out, settings).save(0, {}, record.datasets() | state)
 
 
 def check_space(to, disks: int, snapshots: int) -> None:
@@ -139,29 +119,24 @@ def check_space(to, disks: int, snapshots: int) -> None:
 def remove_checkpoint(out) -> None:
     """Delete the checkpoint of a run that is finished."""
     if out is not None:
-        with suppress(FileNotFoundError):
-            checkpoint_of(out).unlink()
+        discard(folder_of(out))
 
 
 def record_of(result):
     """(record, state, settings, attributes) of a flow, a `storage.reader.Result`. Raises InputError."""
-    attrs, prefix = result.attributes, "state/"
+    attrs = result.attributes
     with reading(result.path):
-        state = {name.removeprefix(prefix): result[name] for name in result if name.startswith(prefix)}
+        state = {name.removeprefix(STATE): result[name] for name in result if name.startswith(STATE)}
         return Record.of(result), state, json.loads(attrs["settings"]), attrs
 
 
 def resumed(out, settings: dict, columns=None):
     """(record, state) of a checkpoint of the same job beside `out`, else None."""
-    if out is None or not checkpoint_of(out).exists():
+    if out is None:
         return None
-    path = checkpoint_of(out)
-    try:
-        with open_file(path) as h5, reading(path):
-            attrs = attributes(h5)
-            check_format(path, attrs, CHECKPOINT)
-            if json.loads(attrs["settings"]) != settings:
-                return None
-            return Record.of(h5, columns, values), {name: values(data) for name, data in h5["state"].items()}
-    except InputError:
+    checkpoint = Checkpoint(out, settings)
+    if not checkpoint.done:
         return None
+    arrays = checkpoint.fields(0)
+    state = {name.removeprefix(STATE): array for name, array in arrays.items() if name.startswith(STATE)}
+    return Record.of(arrays, columns), state

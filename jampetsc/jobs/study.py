@@ -117,7 +117,7 @@ def _outlook(tasks, folder) -> str:
 
     records = records_of(folder)
     costs = Costs(records.values())
-    names, changed, _ = Runner(folder, records).left(tasks)
+    names, changed = Runner(folder, records).left(tasks)
     names = set(names)
     left = [task for task in tasks if task.name in names]
     lines = [f"{'to do' if task.name in names else 'done '}  {' '.join(task.words)}" for task in tasks]

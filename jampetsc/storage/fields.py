@@ -6,7 +6,7 @@ import numpy as np
 
 from jampetsc.contacts.disks import Disks
 from jampetsc.errors import InputError, named
-from jampetsc.storage.packing_file import read_identified
+from jampetsc.storage.packing_file import is_known_as, read_packing
 
 _HUGE = 1e100  # displacements per unit strain that no packing has
 _SAME = 0.01  # a frequency asked for may differ from the stored one by this fraction: 0.0316 means 10^-1.5
@@ -31,10 +31,10 @@ def packing_of(result, given=None) -> Disks:
         raise InputError(
             f"{result.path}: its packing {name or ''} is not beside it: give it with {named('packing')}"
         )
-    disks, (_, sha256) = read_identified(path)
-    if recorded is not None and sha256 != recorded:
+    disks = read_packing(path)
+    if recorded is not None and not is_known_as(path, recorded):
         raise InputError(
-            f"{path}: is not the packing that {result.path.name} was made from (sha256 {sha256[:12]}… "
+            f"{path}: is not the packing that {result.path.name} was made from (sha256 {disks.fingerprint[:12]}… "
             f"instead of {recorded[:12]}…): give that one with {named('packing')}"
         )
     return disks
