@@ -10,10 +10,11 @@ from jampetsc import cli
 from jampetsc.analysis import jamming
 from jampetsc.analysis.collapse_errors import Estimate
 from jampetsc.analysis.statistics import mean_with_error
-from jampetsc.commands import collapse, correlate, jam, modes, oscillate, pack, quasistatic, study, sweep
+from jampetsc.commands import collapse, jam, pack, study
 from jampetsc.contacts.laws import Physics, damping_law
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.flows.record import Record
+from jampetsc.jobs import correlate, modes, oscillate, quasistatic, sweep
 from jampetsc.packing.protocols import Target
 from jampetsc.storage.packing_file import write_packing
 from jampetsc.words import describe, packtasks
@@ -24,7 +25,7 @@ PHYSICS = Physics(damping_law())
 def sweep_job(**more):
     disks = SimpleNamespace(record={"pressure": 2e-3}, potential=SimpleNamespace(k=2.0))
     plain = {
-        "out": "s.h5",
+        "to": "s.h5",
         "physics": PHYSICS,
         "certified": True,
         "damping": None,
@@ -36,13 +37,13 @@ def sweep_job(**more):
 def test_a_sweep_tells_its_ends_and_its_worst_errors():
     G = np.array([1 + 0.1j, 2 + 4j, 5 + 8j])
     bounds = np.array([[9, 1e-3, 1e-3], [9, 4e-2, 1e-3], [9, 1e-3, 8e-2]])
-    lines = sweep.summary(sweep_job(), np.array([0.1, 1.0, 10.0]), G, bounds).split("\n")
+    lines = sweep._summary(sweep_job(), np.array([0.1, 1.0, 10.0]), G, bounds).split("\n")
     assert lines == [
         "s.h5: contact damping, beta = 1, 3 frequencies, certified to 2.0e-02 in G' and 1.0e-02 in G''",
         "  omega 0.1: G' = 1, G'' = 0.1",
         "  omega 10: G' = 5, G'' = 8",
     ]
-    one = sweep.summary(sweep_job(certified=False), np.ones(1), G[:1], bounds[:1]).split("\n")
+    one = sweep._summary(sweep_job(certified=False), np.ones(1), G[:1], bounds[:1]).split("\n")
     assert len(one) == 2 and "1 frequencies, estimated to" in one[0]
 
 
@@ -51,7 +52,7 @@ def test_a_strain_that_would_change_contacts(stress, told):
     """σ₀ k/|G| of the softest frequency against p/k = 1e-3."""
     damping = SimpleNamespace(alpha=0.5, stress=stress)
     G = np.array([4.0 + 0j, 2.0j])
-    text = sweep.summary(sweep_job(damping=damping), np.ones(2), G, np.ones((2, 3)))
+    text = sweep._summary(sweep_job(damping=damping), np.ones(2), G, np.ones((2, 3)))
     assert "equivalent linear frequencies 3 to 4; the stored" in text
     assert (f"strain amplitude up to {stress:.1e}, more than p/k = 1.0e-03" in text) == told
 
@@ -66,14 +67,14 @@ def test_modes_tell_how_they_were_counted():
             "normal": np.array([0.25, 0.0, 0.0]), "transverse": np.array([0.5, 0.125, 0.125]),
         }),
     )  # fmt: skip
-    assert modes.summary("m.h5", found).split("\n") == [
+    assert modes._summary("m.h5", found).split("\n") == [
         "m.h5: 3 modes, no pre-stress; inertia counts 3 below 2.5",
         "  eigenvalues 0.25 to 2, residuals ≤ 3.0e-09",
         "  floppiness (rms Δu⊥ / Δu∥) 5 to 1",
         "  together 87.5 % of |u_na|², 75 % of Δu⊥², 25 % of Δu∥², 37.5 % of G_affine − G0",
     ]
     found.complete, found.carried, found.network.prestress = True, None, True
-    lines = modes.summary("m.h5", found).split("\n")
+    lines = modes._summary("m.h5", found).split("\n")
     assert lines[0] == "m.h5: 3 modes, pre-stress; all there are"
     assert lines[-1].startswith("  the response to shear is affine, or not unique")
 
@@ -140,25 +141,9 @@ def test_lengths_are_told_with_their_errors():
     assert correlate._mean_pressure([]) == {}
 
 
-@pytest.mark.parametrize(("off", "refused"), [(0.009, False), (0.011, True)])
-def test_frequencies_that_are_common(off, refused):
-    sweeps = [
-        SimpleNamespace(path=SimpleNamespace(name="a.h5")),
-        SimpleNamespace(path=SimpleNamespace(name="b.h5")),
-    ]
-    frequencies = [np.array([1.0, 2.0]), np.array([1.0, 2.0 * (1 + off)])]
-    if refused:
-        with pytest.raises(InputError, match="fields at other frequencies"):
-            correlate._require_same_frequencies(sweeps, frequencies)
-    else:
-        correlate._require_same_frequencies(sweeps, frequencies)
-    with pytest.raises(InputError, match="fields at other frequencies"):
-        correlate._require_same_frequencies(sweeps, [frequencies[0], frequencies[0][:1]])
-
-
 def test_an_oscillation_tells_both_ends_of_its_frequencies():
     asked = SimpleNamespace(
-        out="o.h5",
+        alpha=1.0,
         physics=PHYSICS,
         amplitude=np.array([1e-6]),
         omega=np.array([0.1, 1.0, 10.0]),
@@ -168,7 +153,7 @@ def test_an_oscillation_tells_both_ends_of_its_frequencies():
         "G": np.array([[1 + 1j, 2 + 2j, 3 + 4j]]), "error": np.array([[1e-3, 1e-3, 1e-1]]),
         "energy_balance": np.array([[1e-9, -2e-8, 1e-9]]), "harmonics": np.array([[[0.1j, 0], [0.5, 0], [0.02, 0]]]),
     }  # fmt: skip
-    lines = oscillate.summary(asked, arrays).split("\n")
+    lines = oscillate._summary(asked, "o.h5", arrays).split("\n")
     assert "alpha = 1, 3 oscillations, estimated to 2.0e-02 of |G*|, energy balanced to 2e-08" in lines[0]
     assert lines[1:] == [
         "  strain 1e-06, omega 0.1: G' = 1, G'' = 1, third harmonic 10 %",
@@ -338,7 +323,7 @@ def test_a_quasistatic_response_tells_its_parts():
         identity=1e-12,
     )
     outcome = SimpleNamespace(eta_inf=0.5, responses={"": response}, distributions={"": median})
-    lines = quasistatic.summary("q.h5", PHYSICS, outcome).split("\n")
+    lines = quasistatic._summary("q.h5", PHYSICS, outcome).split("\n")
     assert lines == [
         "q.h5: contact damping, beta = 1, eta_inf = 0.5",
         "  pre-stress: G0 = 0.5, bulk modulus 4, eta0 = 0.75 (contacts 0.25, fluid 0.5), omega* = 0.1",
@@ -390,17 +375,16 @@ def test_lanes_of_other_widths_are_compared_with_errors_of_both():
         )
 
     results = [result(0.5, 0.03), result(0.7, 0.04), result(np.nan, 0.1)]
-    lines = correlate._summary("c.h5", [1], np.array([1e-3]), "strain", [0.5, 1.0, 2.0], results, 20.0)
-    lines = lines.split("\n")
+    found = SimpleNamespace(results=results, length=40.0, diameter=2.0)
+    lines = correlate._summary("c.h5", 1, np.array([1e-3]), "strain", [0.5, 1.0, 2.0], found).split("\n")
     assert lines == [
         "c.h5: 1 packing, L = 20 d, lanes of 0.5 d, 9 pairs, in phase with the strain",
         "  omega 0.001: l/d Re 2 ± 0.2,  Im no root",
         "  lanes of 1 d: C differs by 0.2 (rms), with errors of 0.05",
         "  lanes of 2 d: C is not known",
     ]
-    assert correlate._summary("c.h5", [1, 2], np.ones(1), "strain", [0.5], results[:1], 1.0).startswith(
-        "c.h5: 2 packings, "
-    )
+    found.results = results[:1]
+    assert correlate._summary("c.h5", 2, np.ones(1), "strain", [0.5], found).startswith("c.h5: 2 packings, ")
 
 
 def test_the_error_of_a_share_is_half_its_interval_and_what_is_told_is_of_its_phi():
@@ -452,7 +436,7 @@ def test_the_worst_error_of_the_loss_is_over_the_loss():
     """Bounds of |G*|, G' and G'' of which each part's own is worst at another frequency."""
     G = np.array([1 + 0.5j, 4 + 1j])
     bounds = np.array([[0.5, 1e-3, 2e-3], [0.5, 2e-3, 1e-3]])
-    (line, *_) = sweep.summary(sweep_job(), np.array([0.1, 1.0]), G, bounds).split("\n")
+    (line, *_) = sweep._summary(sweep_job(), np.array([0.1, 1.0]), G, bounds).split("\n")
     assert line.endswith("certified to 1.0e-03 in G' and 4.0e-03 in G''")
 
 

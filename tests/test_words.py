@@ -5,14 +5,15 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from jampetsc.words.packtasks import plan
 from samples import published
 
 from jampetsc import cli
-from jampetsc.commands import flow, jam, oscillate, pack, sweep
-from jampetsc.contacts.laws import Physics, damping_law
+from jampetsc.commands import flow, jam, pack
 from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import InputError
 from jampetsc.flows import job as jobs
+from jampetsc.jobs.inputs import refuse_one_packing, refuse_repeated
 from jampetsc.packing.minimise import settle
 from jampetsc.packing.protocols import Target, random_start
 from jampetsc.packing.sizes import radii_of
@@ -20,24 +21,12 @@ from jampetsc.storage.packing_file import packing_identity, read_packing, write_
 from jampetsc.storage.reader import load
 from jampetsc.studies.table import table_text
 from jampetsc.words import flowing, packtasks, picture
-from jampetsc.words.files import files_named, refuse_one_packing, refuse_repeated
-from jampetsc.words.law import physics_from, words_of
-from jampetsc.words.packtasks import plan
+from jampetsc.words.files import files_named
 
 
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        (
-            "sweep p.h5 --out s.h5 --method direct --parallel shifts",
-            "--parallel shifts: belongs to --method rational",
-        ),
-        (
-            "sweep p.h5 --out s.h5 --method direct --parallel auto",
-            "--parallel auto: belongs to --method rational",
-        ),
-        ("sweep p.h5 --out s.h5 --fields=", "--fields : write low:high:count"),
-        ("sweep p.h5 --out s.h5 --fields ,", "--fields ,: write low:high:count"),
         ("pack --n 64 --pressure 1e-3 --out k{foo}.h5", r"--out k\{foo\}\.h5: \{foo\} stands for nothing"),
         ("pack --n 64 --pressure 1e-3 --out k{seed.h5", r"\{seed\.h5 stands for nothing: only \{seed\} and"),
         ("pack --n 64 --phi 0.86 --out k{pressure}.h5", r"\{pressure\} has no meaning with --phi"),
@@ -57,11 +46,6 @@ from jampetsc.words.packtasks import plan
             "sweep p.h5 --out s.png",
             r"--out s\.png: would be an HDF5 file by that name: give it the ending \.h5",
         ),
-        (
-            "modes p.h5 --out m.h5 --below 1e-30",
-            "--below 1e-30: must be above 1e-12; softer modes cannot be told",
-        ),
-        ("correlate f.h5 --out c.h5 --lane 1,0.5,1", "--lane 1,0.5,1: gives a width twice"),
         ("plot c.h5 --log-exponent -1e2 --out c.png", "c.h5: no such file"),
     ],
 )
@@ -98,65 +82,6 @@ def words(line):
 
 
 # What is asked for is what the words say
-
-
-def test_an_oscillation_is_asked_for_as_told():
-    plain = "oscillate d/p.h5 --out o.h5 --omega 2,1"
-    job = oscillate.check(words(f"{plain} --strain 1e-3,1e-6"))
-    assert (str(job.packing), str(job.out), job.contacts, job.cycles) == ("d/p.h5", "o.h5", "fixed", None)
-    assert job.omega.tolist() == [1.0, 2.0] and job.amplitude.tolist() == [1e-6, 1e-3]
-    assert not job.stress_controlled and job.steps == 64 and job.physics == Physics(damping_law())
-    assert job.physics.law.exponent == 1.0
-    more = f"{plain} --stress 1e-4 --alpha 0.5 --beta 0.25 --tau1 3 --steps 32"
-    job = oscillate.check(words(f"{more} --contacts moving --cycles 7"))
-    assert job.stress_controlled and job.amplitude.tolist() == [1e-4] and job.steps == 32
-    assert (job.contacts, job.cycles) == ("moving", 7)
-    assert (job.physics.law.exponent, job.physics.law.tau1) == (0.5, 3.0)
-    assert dict(job.physics.law.options)["beta"] == 0.25 and job.physics.prestress
-    assert oscillate.check(words(f"{more} --contacts moving --cycles auto")).cycles is None
-    assert not oscillate.check(words(f"{more} --no-prestress")).physics.prestress
-
-
-@pytest.mark.parametrize(
-    ("alpha", "omega", "within"),
-    [
-        (1.0, "1e-16", True), (1.0, "0.99e-16", False), (1.0, "1e12", True), (1.0, "1.01e12", False),
-        (2.0, "0.99e-16", False), (0.5, "1e-32", True), (0.5, "0.99e-32", False), (0.5, "1e24", True),
-        (0.5, "1.01e24", False), (0.05, "1e240", True), (0.05, "1.01e240", False),
-        (0.01, "1e-300", True), (0.01, "1e300", True),
-    ],
-)  # fmt: skip
-def test_frequencies_of_a_power_law_go_as_far_as_their_power_does(alpha, omega, within):
-    line = f"oscillate p.h5 --out o.h5 --strain 1e-3 --alpha {alpha} --omega {omega}"
-    if within:
-        assert oscillate.check(words(line)).omega == pytest.approx([float(omega)], rel=1e-12)
-    else:
-        with pytest.raises(InputError, match="frequencies must lie between"):
-            oscillate.check(words(line))
-
-
-@pytest.mark.parametrize(
-    ("omega", "tau1", "within"),
-    [("1e-299", "0.1", True), ("1e-299", "0.09", False), ("1e299", "10", True), ("1e299", "11", False)],
-)
-def test_a_frequency_times_its_damping_time_is_a_number(omega, tau1, within):
-    line = f"oscillate p.h5 --out o.h5 --strain 1e-3 --alpha 0.01 --omega {omega} --tau1 {tau1}"
-    if within:
-        oscillate.check(words(line))
-    else:
-        with pytest.raises(InputError, match=f"--tau1 {float(tau1):g}: their product must lie between"):
-            oscillate.check(words(line))
-
-
-def test_a_sweep_is_asked_for_as_told():
-    physics, damping, omega, fields = sweep.check(words("sweep p.h5 --out s.h5"))
-    assert physics == Physics(damping_law()) and damping is None and not len(fields)
-    assert (len(omega), omega[0], omega[-1]) == (141, pytest.approx(1e-10), pytest.approx(1e4))
-    line = "sweep p.h5 --out s.h5 --omega 1,3 --fields 3 --alpha 0.5 --stress 1e-4 --no-rotations --tau1 2"
-    physics, damping, omega, fields = sweep.check(words(line))
-    assert omega.tolist() == [1.0, 3.0] and fields.tolist() == [3.0]
-    assert (damping.alpha, damping.stress) == (0.5, 1e-4) and physics.law.exponent == 0.5
-    assert physics.law.tau1 == 2.0 and not dict(physics.law.options)["rotations"]
 
 
 def test_packings_are_asked_for_as_told():
@@ -282,19 +207,6 @@ def test_an_option_of_a_picture_lies_between_its_limits(value, within):
     else:
         with pytest.raises(InputError, match=f"--log-exponent {value:g}: must lie between 0 and 10"):
             picture.within(args, "log_exponent", 0, 10, 3.5)
-
-
-@pytest.mark.parametrize(
-    "physics",
-    [
-        Physics(damping_law()),
-        Physics(damping_law("contact", tau1=1 / 3, beta=0.1, rotations=False), False),
-        Physics(damping_law("stokes", tau1=2.0)),
-    ],
-)
-def test_words_of_a_law_mean_that_law(physics):
-    args = words(" ".join(["sweep", "p.h5", "--out", "s.h5", *words_of(physics)]))
-    assert physics_from(args) == physics
 
 
 @pytest.mark.parametrize(

@@ -101,7 +101,7 @@ def correlate_lanes(results, lane: float, width: float) -> LaneCorrelation:
                 )
             if not step <= half:
                 raise InputError(
-                    f"{named('bin')} {width:g}: must be at most half of the cell's width, {half / diameter:.4g} diameters"
+                    f"{named('bin')} {width:g}: must be at most half the cell's width, {half / diameter:.4g} diameters"
                 )
             edges = step * np.arange(int(half / step + 1e-9) + 1)
         for x, u, cell in zip(positions, velocities, cells, strict=True):

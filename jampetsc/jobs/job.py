@@ -92,6 +92,10 @@ class Job:
 
     def told(self) -> dict:
         """{parameter: value} of all that is no file and not off, as JSON and command lines can hold it."""
+        return {name: value for name, value in self._values().items() if value is not False}
+
+    def _values(self):
+        """The same with switches that are off; those of another law are not there."""
         values = {}
         for name, parameter in parameters(type(self)).items():
             if hasattr(self, name) and parameter.place == OPTION and name not in parts(type(self)):
@@ -99,16 +103,16 @@ class Job:
                 values[name] = value if value is None else parameter.kind.tell(value)
         for name, part in parts(type(self)).items():
             values |= part.tell(getattr(self, name))
-        return {name: value for name, value in values.items() if value is not None and value is not False}
+        return {name: value for name, value in values.items() if value is not None}
 
     def words(self) -> list[str]:
         """The options of a command line that asks for the same."""
-        told, words = self.told(), []
+        told, words = self._values(), []
         for name, parameter in parameters(type(self)).items():
             if parameter.place != OPTION:
                 continue
             if isinstance(parameter.default, bool):
-                words += [parameter.word] * (told.get(name, False) != parameter.default)
+                words += [parameter.word] * (told.get(name, parameter.default) != parameter.default)
             elif name in told and told[name] != parameter.default:
                 text = str(told[name])
                 words += [f"{parameter.word}={text}"] if text.startswith("-") else [parameter.word, text]

@@ -44,7 +44,6 @@ def _add(parser, name, one):
             dest=name,
             action="store_const",
             const=not one.default,
-            default=one.default,
             help=_help(one),
         )
     else:
