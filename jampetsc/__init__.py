@@ -1,60 +1,51 @@
-"""jampetsc: linear rheology of jammed packings of soft disks, in parallel on PETSc and SLEPc.
+"""jampetsc: linear and nonlinear rheology of jammed packings of soft disks, in parallel on PETSc and SLEPc.
 
-    import jampetsc
-    result = jampetsc.load("sweep.h5")      # numpy arrays; needs neither MPI nor PETSc
-    G = result.modulus(omega)
-    packing = jampetsc.pack(n=256, pressure=1e-3)       # the commands as functions, see `jampetsc.functions`
-    packing = jampetsc.Packing(positions, radii, (Lx, Ly, xy))      # or of one's own arrays
-    result = jampetsc.sweep(packing, beta=0.1)
+    import jampetsc as jp
+    packing = jp.pack(n=1024, pressure=1e-3, seed=1)               # in memory
+    packing = jp.Packing(positions, radii, (Lx, Ly, xy))           # or of one's own arrays
+    sweep = jp.sweep(packing, jp.ContactDamping(beta=0.1))
+    sweep.modulus(omega)
+    sweep.save("sweep.h5")
+    sweep = jp.load("sweep.h5")                                    # numpy arrays; needs neither MPI nor PETSc
 
-Importing the package loads nothing else. `jampetsc.session.start` is the one door to PETSc and MPI.
+Every job of `jampetsc.jobs` is a function of this package. Importing it loads nothing else, and
+`jampetsc.session.start` is the one door to PETSc and MPI.
 """
 
 from importlib import import_module
 
+from jampetsc.jobs import JOBS, job_class
 from jampetsc.version import VERSION as __version__
 
-__all__ = [
-    "ContactDamping",
-    "Disks",
-    "Law",
-    "Packing",
-    "StokesDrag",
-    "__version__",
-    "assemble",
-    "collapse",
-    "correlate",
-    "export",
-    "flow",
-    "import_packing",
-    "info",
-    "jam",
-    "load",
-    "merge",
-    "modes",
-    "oscillate",
-    "pack",
-    "quasistatic",
-    "run",
-    "shear",
-    "spectrum",
-    "study",
-    "sweep",
-]
-
-
-_HOMES = {  # of what is no function of `jampetsc.functions`
+_HOMES = {  # of what is no job
     "ContactDamping": "jampetsc.contacts.laws",
     "Disks": "jampetsc.contacts.disks",
     "Law": "jampetsc.contacts.laws",
-    "StokesDrag": "jampetsc.contacts.laws",
     "Packing": "jampetsc.contacts.packing",
+    "StokesDrag": "jampetsc.contacts.laws",
+    "assemble": "jampetsc.jobs.matrices",
     "import_packing": "jampetsc.storage.importers",
     "load": "jampetsc.storage.reader",
 }
+_MODULES = {"models": "jampetsc.flows.models"}  # models.CD0() and others, of flow
+_FUNCTIONS = [name for name in JOBS if name != "import"]  # which is python's own word: import_packing
+
+__all__ = ["__version__", *_HOMES, *_MODULES, *_FUNCTIONS]
 
 
-def __getattr__(name):  # PEP 562: numpy and h5py are imported when something of it is first used
-    if name not in __all__:
+def __getattr__(name):  # PEP 562: numpy, h5py and PETSc are imported when something that needs them is used
+    if name in _HOMES:
+        found = getattr(import_module(_HOMES[name]), name)
+    elif name in _MODULES:
+        found = import_module(_MODULES[name])
+    elif name in _FUNCTIONS:
+        from jampetsc.jobs.functions import function_of
+
+        found = function_of(job_class(name))
+    else:
         raise AttributeError(f"module 'jampetsc' has no attribute {name!r}")
-    return getattr(import_module(_HOMES.get(name, "jampetsc.functions")), name)
+    return globals().setdefault(name, found)
+
+
+def __dir__():
+    return sorted(__all__)

@@ -437,7 +437,7 @@ def test_a_fit_needs_more_points_than_unknowns():
     chosen = points[rows]
     chosen = Points(chosen.phi, np.array([1e-6, 1e-5, 1e-4] * 2), chosen.value, chosen.error)
     assert fit_collapse(chosen, form).dof == 1
-    with pytest.raises(InputError, match="5 points for 5 unknowns: give more points, or a lower --degree"):
+    with pytest.raises(InputError, match="5 points for 5 unknowns: give more points, or a lower degree"):
         fit_collapse(chosen[np.arange(6) < 5], form)
     value = chosen.value.copy()
     value[0] = 0.0

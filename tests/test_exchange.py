@@ -10,7 +10,7 @@ from dense import Reference
 from samples import physics, polydisperse, published
 
 import jampetsc
-from jampetsc.commands.importing import add_parser
+from jampetsc import cli
 from jampetsc.contacts.packing import cell_of
 from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import measure
@@ -198,19 +198,19 @@ REFUSED = {  # what is wrong -> (content, what is told, the message)
     "no radii": (
         TEXT.replace("radius", "q"),
         {},
-        "no radius or diameter among id, type, x, y, q, positions: --radius",
+        "no radius or diameter among id, type, x, y, q, positions: radius",
     ),
     "no such column": (TEXT, {"radius": "size"}, "no size among id, type, x, y, radius"),
     "no coordinates": (TEXT.replace("x y", "a b"), {}, "no coordinates x y, xu yu, xs ys or xsu ysu"),
     "no numbers": (TEXT.replace("x y radius", "x radius y").replace("9.", "z"), {}, "not numbers"),
-    "no frame": (TEXT, {"index": 1}, "--index 1: it holds 1 packings"),
+    "no frame": (TEXT, {"index": 1}, "index 1: it holds 1 packings"),
     "points": (data("atomic"), {}, "Atoms # atomic: has no diameters: say 'Atoms # sphere'"),
     "no hint": (data("").replace(" # ", ""), {}, r"\(no style\): has no diameters"),
     "no bounds": (data().replace("ylo yhi", ""), {}, "no ylo yhi in the header"),
     "short xyz": (extxyz()[:-60], {}, "lines for 16 disks|line 'A"),
     "xyz of no count": (extxyz() + "x\n", {}, "'x': need a number of disks"),
-    "no box": (XYR, {}, "has no box: say --box L, Lx,Ly or Lx,Ly,xy"),
-    "two boxes": (TEXT, {"box": 10.0}, "has a box: leave out --box"),
+    "no box": (XYR, {}, "has no box: give box, L, Lx,Ly or Lx,Ly,xy"),
+    "two boxes": (TEXT, {"box": 10.0}, "has a box: leave out box"),
     "box of words": (f"box a b\n{XYR}", {}, "a b: not numbers"),
     "negative": (f"box 9\n{XYR.replace(' 1.3', ' -1.3')}", {}, r"radii\[8\] = -1.4: must be positive"),
     "small box": (f"box 1.9\n{XYR}", {}, "a disk would touch its own image"),
@@ -295,15 +295,11 @@ def test_arrays_that_are_no_packing(positions, radii, box, message):
 
 
 def test_the_command_says_units_and_whether_forces_balance(tmp_path, capsys):
-    from argparse import ArgumentParser
-
     (tmp_path / "p.txt").write_text(XYR)
-    parser = ArgumentParser()
-    add_parser(parser.add_subparsers())
 
     def imported(*words):
-        args = parser.parse_args(["import", f"{tmp_path}/p.txt", "--out", f"{tmp_path}/p.h5", *words])
-        assert args.run(args, []) == 0
+        words = (f"{tmp_path}/p.txt", "--out", f"{tmp_path}/p.h5", "--overwrite", *words)
+        assert cli.dispatch(["import", *words]) == 0
         return capsys.readouterr().out
 
     box = ("--box", f"{LX:.17g},{LY:.17g},{TILT / LY:.17g}")

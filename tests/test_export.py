@@ -20,8 +20,7 @@ from jampetsc.storage.snapshots import snapshot
 
 
 def export(words):
-    args = cli.command_parser(["export"])[0].parse_args(["export", *words.split()])
-    assert args.run(args, []) == 0
+    assert cli.dispatch(["export", *words.split()]) == 0
 
 
 def xyz(path):

@@ -11,7 +11,6 @@ import pytest
 from test_result_file import assert_holds, names, parts, written
 
 from jampetsc import cli
-from jampetsc.commands.merge import run
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.storage import merge as merging
 from jampetsc.storage.merge import merge
@@ -139,27 +138,6 @@ def test_a_kill_loses_nothing(joint, monkeypatch, moment):
     assert [file for file in names(joint.parent) if file.endswith(".partial")] == []
 
 
-def test_the_command_says_what_it_did(joint, tmp_path, capsys):
-    from argparse import ArgumentParser
-
-    from jampetsc.commands.merge import add_parser
-
-    parser = ArgumentParser()
-    add_parser(parser.add_subparsers())
-
-    def said(*words):
-        args = parser.parse_args(["merge", *map(str, words)])
-        assert args.run is run
-        assert args.run(args, []) == 0
-        return capsys.readouterr().out
-
-    assert said(joint, "--out", tmp_path / "one.h5") == f"{tmp_path}/one.h5: 3 parts in one file\n"
-    assert said(joint) == f"{joint}: 3 parts in one file\n"
-    assert said(joint) == f"{joint}: one file already, nothing to do\n"
-    assert said(joint, "--out", tmp_path / "two.h5").endswith("which was one file already\n")
-    assert np.array_equal(*(h5py.File(tmp_path / name)["G"][...] for name in ("one.h5", "two.h5")))
-
-
 def test_what_was_merged_copied_or_left_is_told(joint, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(joint.parent)
 
@@ -174,3 +152,4 @@ def test_what_was_merged_copied_or_left_is_told(joint, tmp_path, monkeypatch, ca
     )
     assert said("s.h5", "--out", "./s.h5") == "s.h5: one file already, nothing to do\n"
     assert said("s.h5", "--out", "two.h5") == "two.h5: copy of s.h5, which was one file already\n"
+    assert np.array_equal(*(h5py.File(name)["G"][...] for name in ("one.h5", "two.h5")))

@@ -5,9 +5,7 @@ import hashlib
 import os
 import subprocess
 import sys
-from argparse import ArgumentParser
 from dataclasses import fields, replace
-from pathlib import Path
 
 import launch
 import numpy as np
@@ -20,6 +18,8 @@ from jampetsc.analysis.statistics import half_width
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import Physics, damping_law
 from jampetsc.errors import ConvergenceError, InputError, JampetscError
+from jampetsc.jobs.sweep import Sweep
+from jampetsc.jobs.trade import Trade
 from jampetsc.plots.trade import plot_trade
 from jampetsc.progress import Progress
 from jampetsc.speed_accuracy import choices, ensembles, measure, processes
@@ -27,7 +27,7 @@ from jampetsc.speed_accuracy.advice import advise
 from jampetsc.speed_accuracy.compare import CRITICAL_START, Reference, log_interpolate
 from jampetsc.speed_accuracy.table import MEANINGS, Row, Table
 from jampetsc.storage.packing_file import read_packing, write_packing
-from jampetsc.words.law import add_law_options, physics_from, words_of
+from jampetsc.words.jobs import job_of
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 
@@ -114,9 +114,12 @@ def test_no_reference_is_one_line_and_no_file(packing, tmp_path):
     [
         (["--out", "t.txt"], "--out t.txt: give it the ending .csv"),
         (["--out", "t.csv", "--choices", "method,speed"], "--choices method,speed: 'speed' is none of"),
-        (["--out", "t.csv", "--ranks", 0], "--ranks 0: must be 1 or more"),
+        (["--out", "t.csv", "--ranks", 0], "--ranks 0: must lie in [1, 100000]"),
         (["--out", "t.csv", "--omega", "1:x:3"], "--omega 1:x:3: write low:high:count"),
-        (["--out", "t.csv", "--options-files", "none.opts"], "--options-files none.opts: no such file"),
+        (
+            ["--out", "t.csv", "--options-files", "none.opts"],
+            "--options-files none.opts: none.opts: no such file",
+        ),
         (["--out", "none/t.csv"], "none/t.csv: folder none does not exist"),
         (["--out", "t.csv", "--law", "stokes", "--beta", 1], "--beta: belongs to --law contact"),
     ],
@@ -175,7 +178,7 @@ def test_runs_of_a_trade_are_no_ranks(monkeypatch):
 
 def test_no_mpirun_is_said(monkeypatch):
     monkeypatch.setenv("PATH", "/nowhere")
-    with pytest.raises(InputError, match="--ranks 2: neither mpirun nor mpiexec"):
+    with pytest.raises(InputError, match="ranks 2: neither mpirun nor mpiexec"):
         processes.launcher(2)
 
 
@@ -189,9 +192,10 @@ def test_no_mpirun_is_said(monkeypatch):
     ],
 )
 def test_a_law_survives_as_options(physics):
-    parser = ArgumentParser()
-    add_law_options(parser)
-    assert physics_from(parser.parse_args(words_of(physics))) == physics
+    parser = cli.command_parser(["sweep"])[0]
+    args = parser.parse_args(["sweep", "p.h5", "--out", "s.h5", *choices.words_of(physics, accuracy=1e-3)])
+    found = job_of(Sweep, args)
+    assert (Physics(found.law, found.prestress), found.accuracy) == (physics, 1e-3)
 
 
 def test_simpler_physics_of_each_law():
@@ -317,7 +321,7 @@ def test_the_reference_is_the_tightest_sweep_that_is_certified(told, capsys):
     bench = told(*ends)
     rows = bench.find_reference()
     assert [(row.group, row.choice, row.failed) for row in rows] == [
-        ("reference", "--accuracy 1e-09", False), ("accuracy", "--accuracy 1e-10", True),
+        ("reference", "accuracy 1e-09", False), ("accuracy", "accuracy 1e-10", True),
     ]  # fmt: skip
     assert (rows[0].seconds, rows[0].process_seconds, rows[0].factorisations) == (2.0, 1.5, 5)
     assert rows[0].exponent_storage == pytest.approx(0.5) and rows[0].certified == pytest.approx(
@@ -327,13 +331,13 @@ def test_the_reference_is_the_tightest_sweep_that_is_certified(told, capsys):
     bench.failed("options", "o.opts", processes.Outcome(1, 1.0, 1.0, "broken"))
     bench._tell(replace(rows[0], group="method", choice="direct", error_storage=2e-5, error_loss=1e-5))
     assert capsys.readouterr().err.splitlines() == [
-        *[f"[{n}] accuracy --accuracy 1e-{13 - n}: failed: ended by 3" for n in (1, 2, 3)],
-        "[4] reference --accuracy 1e-09: 2.00 s  certified to 1.4e-06",
+        *[f"[{n}] accuracy accuracy 1e-{13 - n}: failed: ended by 3" for n in (1, 2, 3)],
+        "[4] reference accuracy 1e-09: 2.00 s  certified to 1.4e-06",
         "[5] options o.opts: failed: broken",
         "[6] method direct: 2.00 s  error 2.0e-05",
     ]
     plan, left_out = choices.plan(bench, ["accuracy"], [])
-    assert [choice.name for choice in plan] == [f"--accuracy {a:g}" for a in choices.ACCURACIES if a > 1e-9]
+    assert [choice.name for choice in plan] == [f"accuracy {a:g}" for a in choices.ACCURACIES if a > 1e-9]
     assert left_out == []
 
 
@@ -366,7 +370,7 @@ def test_what_cannot_be_measured_is_said(told, tmp_path):
     assert [line.split(":")[0] for line in left_out] == [
         f"{tmp_path}/none.opts is not there", "number of frequencies", "critical window, 10 p/k < omega tau1 < 0.1",
     ]  # fmt: skip
-    assert "none.opts is not there: left out; --options-files names others" in left_out[0]
+    assert "none.opts is not there: left out; options_files names others" in left_out[0]
 
 
 @pytest.mark.parametrize(
@@ -555,17 +559,13 @@ def test_the_scatter_of_moduli_is_that_in_the_window():
 
 
 def request(packing, **changes):
-    fields = {"physics": Physics(damping_law()), "omega": "1e-8:10:91", "ranks": None, "groups": [],
-              "ensemble": True, "options_files": None}  # fmt: skip
-    return measure.Request(str(packing), **fields | changes)
+    return Trade(str(packing), **{"omega": "1e-8:10:91", "choices": [], "ensemble": True} | changes)
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"omega": "1:2"}, "--omega 1:2"),
-        ({"omega": "-1"}, "--omega -1"),
-        ({"ranks": 3}, "--ranks 3: neither mpirun nor mpiexec is in PATH"),
+        ({"ranks": 3}, "ranks 3: neither mpirun nor mpiexec is in PATH"),
         ({"options_files": ["t.csv"]}, "t.csv: is the input"),
         ({"options_files": ["t.png"]}, "t.png: is the input"),
         ({"packing": "none.h5"}, "none.h5: no such file"),
@@ -579,17 +579,17 @@ def test_what_can_be_known_to_be_wrong_is_said_before_anything_runs(tmp_path, mo
     (tmp_path / "t.csv").write_text("1,2\n")
     (tmp_path / "t.png").write_bytes(b"\x89PNG\r\n")
     good = request("p.h5")
-    measure._check(good, "t.csv", Path("t.png"))
+    measure.check(good, "t.csv")
     with pytest.raises(InputError, match=message):
-        measure._check(replace(good, **changes), "t.csv", Path("t.png"))
+        measure.check(replace(good, **changes), "t.csv")
     for name, held in (("t.csv", "table"), ("t.png", "picture")):  # not what was there, but something else
         (tmp_path / name).write_bytes(b"x\0")
         with pytest.raises(InputError, match=rf"{name}: is there already and .*, not a {held}"):
-            measure._check(good, "t.csv", Path("t.png"))
+            measure.check(good, "t.csv")
         (tmp_path / name).unlink()
     monkeypatch.setattr(launcher, "several", lambda: True)
-    with pytest.raises(InputError, match="run it without mpirun and give --ranks"):
-        measure._check(good, "t.csv", Path("t.png"))
+    with pytest.raises(InputError, match="run it without mpirun and give ranks"):
+        measure.check(good, "t.csv")
 
 
 def test_a_trade_tells_what_was_measured_on_what_and_what_was_left_out(tmp_path, monkeypatch):
@@ -603,7 +603,7 @@ def test_a_trade_tells_what_was_measured_on_what_and_what_was_left_out(tmp_path,
     digest = hashlib.sha256(packing.read_bytes()).hexdigest()
     for line in (
         f"packing: p.h5, N = 64, p = 1e-06, sha256 {digest}",
-        "law: contact damping, beta = 1, tau1 = 1; frequencies 1e-8:10:91",
+        "law: contact damping, beta = 1, tau1 = 1; frequencies 1e-08:10.0:91",
         "reference: certified to 1.4e-06; errors below that are not resolved",
         "critical window: omega = 1e-05 to 0.1",
         f"ensemble: left out, the radii of {packing} cannot be drawn anew by `jampetsc pack`",
@@ -615,10 +615,10 @@ def test_a_trade_tells_what_was_measured_on_what_and_what_was_left_out(tmp_path,
     assert drawn[0][1:] == (pytest.approx(2**0.5 * 1e-6), tmp_path / "t.png")
     curve.omega, curve.G = curve.omega[:9], curve.G[:9]
     table = measure.measure(
-        request(packing, omega="1,2", groups=["frequencies"], ranks=2), tmp_path / "t.csv"
+        request(packing, omega="1,2", choices=["frequencies"], ranks=2), tmp_path / "t.csv"
     )
     (tmp_path / "a.opts").touch()
-    own = request(packing, omega="1,2", groups=["method"], options_files=[str(tmp_path / "a.opts")])
+    own = request(packing, omega="1,2", choices=["method"], options_files=[str(tmp_path / "a.opts")])
     rows = measure.measure(own, tmp_path / "t.csv").splitlines()
     assert [line.split("|")[2].strip() for line in rows if "| direct, " in line] == [
         "direct, MUMPS",
@@ -735,10 +735,10 @@ def errors(storage, loss=None):
 
 
 ROWS = [
-    Row("reference", "--accuracy 1e-12", 5.0, certified=1e-12, **SLOPES),
-    Row("accuracy", "--accuracy 0.01", 1.0, **errors(1e-2, 3e-2), exponent_storage=0.51, exponent_loss=0.5),
-    Row("accuracy", "--accuracy 0.001", 2.0, **errors(1e-3), **SLOPES),
-    Row("accuracy", "--accuracy 0.0001", 2.1, **errors(1e-4), **SLOPES),
+    Row("reference", "accuracy 1e-12", 5.0, certified=1e-12, **SLOPES),
+    Row("accuracy", "accuracy 0.01", 1.0, **errors(1e-2, 3e-2), exponent_storage=0.51, exponent_loss=0.5),
+    Row("accuracy", "accuracy 0.001", 2.0, **errors(1e-3), **SLOPES),
+    Row("accuracy", "accuracy 0.0001", 2.1, **errors(1e-4), **SLOPES),
     Row("method", "direct, MUMPS", 50.0, **errors(1e-13), **SLOPES),
     Row("method", "direct, iterative.opts", note="failed: no", failed=True),
     Row("physics", "without rotations", 0.5, **errors(0.5), exponent_storage=0.47, exponent_loss=0.53),
@@ -750,13 +750,11 @@ ROWS = [
 
 def test_advice_follows_its_rules():
     _, look, frequencies, figure, more, exponent, physics = advise(ROWS)
-    assert look.endswith("--accuracy 0.01, 1.00 s, error at most 3e-02")
+    assert look.endswith("accuracy 0.01, 1.00 s, error at most 3e-02")
     assert frequencies == "  solved one by one: 29 frequencies and interpolation do, 11.00 s"
-    assert figure.endswith(
-        "--accuracy 0.0001, 2.10 s, error at most 1e-04"
-    )  # as fast as 0.001, and more exact
+    assert figure.endswith("accuracy 0.0001, 2.10 s, error at most 1e-04")  # as fast as 0.001, and more exact
     assert "more than 29 frequencies" in more
-    assert exponent.endswith("--accuracy 0.0001, 2.10 s, error at most 1e-04")  # 0.01 moves a slope by 0.01
+    assert exponent.endswith("accuracy 0.0001, 2.10 s, error at most 1e-04")  # 0.01 moves a slope by 0.01
     assert physics.endswith(": without rotations (0.50 s)")
 
 
@@ -811,7 +809,7 @@ def test_of_the_frequencies_that_suffice_the_cheapest_are_named():
 
 def test_advice_where_only_the_reference_is_exact_enough():
     loose = [row if row.group == "reference" else replace(row, **errors(0.9)) for row in ROWS]
-    assert "only the reference, --accuracy 1e-12, 5.00 s" in advise(loose)[1]
+    assert "only the reference, accuracy 1e-12, 5.00 s" in advise(loose)[1]
     assert "(no other setting was run)" in advise(ROWS[:1])[1]
 
 
@@ -862,7 +860,7 @@ def test_a_table_reads_back(tmp_path):
     assert text.startswith("# packing: p.h5\n") and all(f"# {name}: " in text for name in MEANINGS)
     assert set(MEANINGS) | {"failed"} == {field.name for field in fields(Row)}
     read = rows_of(tmp_path / "t.csv")
-    assert float(read["accuracy", "--accuracy 0.01"]["error_loss"]) == 3e-2
+    assert float(read["accuracy", "accuracy 0.01"]["error_loss"]) == 3e-2
     assert read["method", "direct, iterative.opts"]["seconds"] == ""
     widths = {len(line) for line in str(Table(ROWS, [])).splitlines()}
     assert len(widths) == 1  # columns are aligned

@@ -9,12 +9,13 @@ Weighted least squares by `collapse_fit`, errors by `collapse_errors`.
 """
 
 import functools
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 
 EXPONENTS = ("y", "kappa", "omega")  # κ = zν or ν
 PARAMETERS = ("phi_J", *EXPONENTS)
@@ -38,6 +39,10 @@ class Points:
 
     def __getitem__(self, rows) -> "Points":
         return Points(self.phi[rows], self.scale[rows], self.value[rows], self.error[rows])
+
+    def within(self, low: float, high: float, largest: float) -> np.ndarray:
+        """Mask (M,) of those with low ≤ φ ≤ high and b ≤ largest, but for rounding."""
+        return (self.phi >= low) & (self.phi <= high) & (self.scale <= largest * (1 + 1e-9))
 
     def check(self) -> None:
         """Raise InputError for values that no observable has, and too few scales or φ."""
@@ -90,6 +95,50 @@ class Form:
         """The same without corrections."""
         held = {name: value for name, value in self.held.items() if name != "omega"}
         return Form(held, False, self.degree, self.spline)
+
+
+def names_of(finite_size: bool) -> dict:
+    """{what users call it: the parameter}."""
+    return {"phi_J": "phi_J", "y": "y", "nu" if finite_size else "znu": "kappa", "omega": "omega"}
+
+
+def form_named(fit, finite_size=False, corrections=False, degree=5, spline=False) -> Form:
+    """The form of the names in `fit`, phi_J,y,znu[,omega], nu for znu with finite_size; y=1 holds y.
+
+    Raises InputError for a name that is none, is missing or there twice, and where nothing is free.
+    """
+    names, held, seen = names_of(finite_size), {}, set()
+    here = f"{named('fit')} {fit}"
+    for word in fit.split(","):
+        name, equals, value = word.strip().partition("=")
+        if name not in names or name in seen:
+            what = "is there twice" if name in seen else f"is none of {', '.join(names)}"
+            raise InputError(f"{here}: {name or 'a name that is missing'} {what}")
+        seen.add(name)
+        if equals:
+            held[names[name]] = _held(f"{here}: {word}", value, names[name])
+    if corrections != ("omega" in seen):
+        remedy = "name omega, too" if corrections else f"leave omega out, or give {named('corrections')}"
+        raise InputError(f"{here}: {remedy}")
+    missing = [name for name in names if name not in seen and name != "omega"]
+    if missing:
+        raise InputError(f"{here}: name {missing[0]}, too, or hold it: {missing[0]}=VALUE")
+    form = Form(held, corrections, degree, spline)
+    if not form.free:
+        raise InputError(f"{here}: nothing is free: leave a value out")
+    return form
+
+
+def _held(here, value, name):
+    """The number that a parameter is held at. Raises InputError."""
+    low, high = BOUNDS.get(name, (0.0, 2.0))
+    try:
+        number = float(value)
+    except ValueError:
+        number = math.nan
+    if not low <= number <= high:
+        raise InputError(f"{here}: write a number between {low:g} and {high:g}")
+    return number
 
 
 @functools.cache

@@ -19,6 +19,7 @@ from jampetsc.errors import InputError
 SIGMAS = 2.0  # of the ends: there χ² is the square of it above the least
 HIGHER = (2, 4)  # what is added to the degree: even and odd terms alike
 UNEVEN = 1.5  # a longer side in units of the shorter one, from which one error for both is not enough
+DRAWN = 200  # places along x at which f₀ and f₁ are kept
 _ACCURACY = 0.02  # of an end, in its distance from the best
 _BETTER = 0.01  # by which another χ² is below the least so far
 _STRETCH, _STEPS = 3.0, 20  # of a step outwards, at most; of the range that is searched, at least
@@ -109,6 +110,29 @@ def drift(points: Points, form: Form) -> list:
                 raise
             break
     return found
+
+
+def arrays_of(points: Points, cuts: list) -> dict:
+    """{name: array} of a collapse: points, f₀ and f₁ along x, and parameters against the cut; cuts: of `drift`."""
+    _, fit, _ = cuts[0]
+    x = fit.x(points)
+    along = np.linspace(x.min(), x.max(), DRAWN)
+    parts = dict(zip(("leading", "correction"), fit.terms(points), strict=True))
+    curves = dict(zip(("curve/f0", "curve/f1"), fit.functions(along), strict=True))
+    free = fit.form.free
+    return {
+        "phi": points.phi,
+        "value": points.value,
+        "error": points.error,
+        "x": x,
+        **parts,
+        "curve/x": along,
+        **curves,
+        "drift/cut": np.array([cut for cut, _, _ in cuts]),
+        "drift/parameters": np.array([[one.parameters[name] for name in free] for _, one, _ in cuts]),
+        "drift/errors": np.array([[some[name].error for name in free] for _, _, some in cuts]),
+        "drift/chi2_per_dof": np.array([one.chi2 / one.dof for _, one, _ in cuts]),
+    }
 
 
 def degrees_above(points: Points, form: Form) -> list[int]:

@@ -34,7 +34,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 
 SMALLEST_ALPHA, LARGEST_ALPHA = 0.05, 5.0
 _ITERATIONS = 100  # Newton needs about ten
@@ -53,11 +53,11 @@ class EquivalentDamping:
     def __post_init__(self):
         if not SMALLEST_ALPHA <= self.alpha <= LARGEST_ALPHA:
             raise InputError(
-                f"--alpha {self.alpha:g}: must lie between {SMALLEST_ALPHA:g} and {LARGEST_ALPHA:g}"
+                f"{named('alpha')} {self.alpha:g}: must lie between {SMALLEST_ALPHA:g} and {LARGEST_ALPHA:g}"
             )
         if not 1e-30 <= self.stress <= 1.0:
             raise InputError(
-                f"--stress {self.stress:g}: the stress amplitude in units of k must lie between 1e-30 and 1"
+                f"{named('stress')} {self.stress:g}: the stress amplitude in units of k must lie between 1e-30 and 1"
             )
 
     @property

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.analysis.averages import Average, mean_of_averages
+from jampetsc.analysis.statistics import mean_with_error
 
 FEWEST = 10  # samples that make a density
 BINS = (5, 30)  # of a density, at least and at most: √samples between them
@@ -64,6 +65,41 @@ def share_of(runs) -> Share:
     if all(len(run) == 1 for run in runs):
         return independent_share(np.concatenate(runs))
     return correlated_share(runs)
+
+
+@dataclass(frozen=True)
+class AtDensity:
+    """What samples at one φ say."""
+
+    phi: float
+    jammed: Share | None  # None where no minimum was found
+    pressure: float  # mean of those that jam; nan where none does
+    means: dict  # name -> (mean, its error) of what else samples have
+
+
+def at_densities(columns: dict, others=("phi_J", "segregation")) -> list[AtDensity]:
+    """What samples (S,) say at every φ: columns phi, seed, jammed and pressure, nan without a minimum, and `others`."""
+    phi, seed, jammed, pressure = (columns[name] for name in ("phi", "seed", "jammed", "pressure"))
+    found = []
+    for value in np.unique(phi):
+        here = (phi == value) & np.isfinite(jammed)
+        runs = [jammed[here & (seed == one)] for one in np.unique(seed[here])]
+        hard = pressure[here & (jammed == 1)]
+        means = {}
+        for name in others:
+            values = columns.get(name, np.zeros(len(phi)) * np.nan)[phi == value]
+            values = values[np.isfinite(values)]
+            if len(values) > 1:
+                means[name] = mean_with_error(values)
+        found.append(
+            AtDensity(
+                float(value),
+                share_of(runs) if runs else None,
+                float(hard.mean()) if len(hard) else np.nan,
+                means,
+            )
+        )
+    return found
 
 
 def memory(runs) -> float:

@@ -1,78 +1,19 @@
-"""The subcommands, one module each, listed in `COMMANDS`. `jampetsc.cli` imports the one that is asked for.
+"""The subcommands: every job, and `plot`. `jampetsc.cli` makes the parser of the one that is asked for."""
 
-A command module has
+from jampetsc.jobs import JOBS, job_class
 
-    add_parser(subparsers)      adds its parser (`subparsers.add_parser("sweep", help=…)`) and calls
-                                parser.set_defaults(run=run), with takes_petsc=lambda args: True where PETSc's
-                                single-dash options may be given; otherwise the command line refuses them
-    check(args)                 refuses what is wrong whatever the files hold, before any work; `run` begins with it,
-                                and a study calls it for all its tasks: parser.set_defaults(run=run, check=check)
-    run(args, petsc_argv)       does the work and returns the exit status; `petsc_argv` is for `session.start`
-
-and keeps its heavy imports (numpy, h5py, numba, matplotlib) inside `run`, so that `--help` is instant.
-"""
-
-import importlib
-
-COMMANDS = {
-    "pack": "jampetsc.jobs.pack:Pack",
-    "import": "jampetsc.jobs.importing:Import",
-    "sweep": "jampetsc.jobs.sweep:Sweep",
-    "quasistatic": "jampetsc.jobs.quasistatic:Quasistatic",
-    "modes": "jampetsc.jobs.modes:Modes",
-    "oscillate": "jampetsc.jobs.oscillate:Oscillate",
-    "flow": "jampetsc.commands.flow",
-    "shear": "jampetsc.commands.shear",
-    "jam": "jampetsc.commands.jam",
-    "spectrum": "jampetsc.jobs.spectrum:Spectrum",
-    "correlate": "jampetsc.jobs.correlate:Correlate",
-    "collapse": "jampetsc.commands.collapse",
-    "study": "jampetsc.jobs.study:Study",
-    "trade": "jampetsc.commands.trade",
-    "info": "jampetsc.jobs.info:Info",
-    "merge": "jampetsc.jobs.merge:Merge",
-    "export": "jampetsc.jobs.export:Export",
-    "matrices": "jampetsc.jobs.matrices:Matrices",
-    "plot": "jampetsc.commands.plot",
-}
-
-
-REPLACES = {
-    "plot",
-    "trade",
-    "study",
-    "info",
-}  # that have no result to refuse: pictures and tables are drawn again
+COMMANDS = (*JOBS, "plot")
 
 
 def add_command(name, subparsers) -> None:
     """Add the parser of a command, with the options that all commands have."""
-    module, _, job = COMMANDS[name].partition(":")
-    if job:
-        from jampetsc.words.jobs import add_job
+    from jampetsc.words.jobs import add_common, add_job
 
-        add_job(getattr(importlib.import_module(module), job), subparsers)
+    if name == "plot":
+        from jampetsc.commands import plot
+
+        plot.add_parser(subparsers)
+        add_common(subparsers.choices[name], plot.AGAIN)
     else:
-        importlib.import_module(module).add_parser(subparsers)
-    parser = subparsers.choices[name]
-    parser.set_defaults(command=name)
-    told = parser.add_mutually_exclusive_group()
-    told.add_argument(
-        "-q", "--quiet", action="store_true", default=None, help="do not tell how far the run has come"
-    )
-    told.add_argument("-v", "--verbose", action="store_true", default=None, help="tell more of it")
-    if name not in REPLACES:
-        parser.add_argument(
-            "--overwrite",
-            action="store_true",
-            default=None,
-            help="replace a finished result of other settings, which is refused otherwise",
-        )
-
-
-def parsers_of(family, names) -> dict:
-    """{command: its parser}, made by the class of parsers `family`, for what is no command line but means one."""
-    subparsers = family(prog="jampetsc").add_subparsers(dest="command")
-    for name in names:
-        add_command(name, subparsers)
-    return subparsers.choices
+        add_job(job_class(name), subparsers)
+    subparsers.choices[name].set_defaults(command=name)

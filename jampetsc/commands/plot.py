@@ -31,6 +31,7 @@ examples:
   jampetsc plot f64.h5 qs.h5 --kind pressures --out p.png        P(p), of quasistatic shear too
   jampetsc plot p.h5 --out collapse.png                          of `jampetsc collapse`, with residuals
   jampetsc plot modes.h5 --mode 1,2,5 --out modes.png            on the packing"""
+AGAIN = True
 
 
 def add_parser(subparsers):

@@ -48,6 +48,10 @@ class Disks:
     potential: Potential = field(default_factory=Potential)
     record: dict = field(default_factory=dict)  # how it was made: pressure, phi, seed, protocol, …
 
+    def __repr__(self):
+        told = f", pressure = {self.record['pressure']:.6g}" if "pressure" in self.record else ""
+        return f"<{self.n} disks, {self.potential.kind}, phi = {self.phi:.6g}{told}>"
+
     @classmethod
     def from_positions(
         cls, positions, radii, cell, potential=None, *, positions_low=None, cell_low=None, record=None

@@ -17,7 +17,7 @@ from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.neighbours import neighbour_pairs
 from jampetsc.contacts.pairs import deformed
 from jampetsc.contacts.potentials import Potential
-from jampetsc.errors import ConvergenceError
+from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.flows.slowly import SlowShear, look_at
 from jampetsc.packing.descent import Goal
 from jampetsc.packing.minimise import minimise, settle
@@ -29,6 +29,11 @@ STEP = 2e-3  # of φ, by which a sample that does not jam is compressed
 EXACT = 1e-5  # width of the bracket of φ_J
 DENSEST = 1.0  # φ at which the search for φ_J ends
 NEAR = 0.2  # gap between neighbours, in mean diameters
+PROTOCOLS = {  # options of each, and their values unless given
+    "random": {},
+    "shear": {"step": 1e-3, "strain": 2.0, "discard": 1.0, "every": 0.02},
+    "compress": {"temperature": 1e-3, "cooling_rate": 1e-2, "sweeps": 200, "step": None, "strain": None},
+}
 _OTHER = 1  # of the two generators of a seed: the start has the seed's own
 
 
@@ -45,6 +50,38 @@ class Protocol:
     cooling_rate: float | None = None  # by how much ln T falls per sweep,
     sweeps: int | None = None  # and sweeps before that
     separated: bool = False  # whether large disks start on one side of the cell, see `random_start`
+
+    @classmethod
+    def of(cls, name: str, *, separated=False, **options) -> "Protocol":
+        """The protocol of PROTOCOLS with these options; None is one that is not given.
+
+        Raises InputError for options of another protocol and for those that do not go together.
+        """
+        given = {option: value for option, value in options.items() if value is not None}
+        for option, value in given.items():
+            if option not in PROTOCOLS[name]:
+                owners = " or ".join(other for other, known in PROTOCOLS.items() if option in known)
+                raise InputError(
+                    f"{named(option)} {value:g}: belongs to {named('protocol')} {owners}, not {name}; leave it out"
+                )
+        values = PROTOCOLS[name] | given
+        if name == "compress" and given.keys() & {"step", "strain"}:
+            values["step"] = values["step"] or PROTOCOLS["shear"]["step"]
+            if not values["strain"] or values["strain"] < values["step"]:
+                raise InputError(
+                    f"{named('step')} {values['step']:g}: give a {named('strain')} of that or more, too"
+                )
+        protocol = cls(name, **values, separated=separated)
+        if name == "shear" and not protocol.step <= protocol.every * (1 + 1e-9):
+            raise InputError(
+                f"{named('every')} {protocol.every:g}: must be a {named('step')} of {protocol.step:g} or more"
+            )
+        if protocol.rows < 1:
+            raise InputError(
+                f"{named('strain')} {protocol.strain:g}: no sample before it: {named('discard')} "
+                f"{protocol.discard:g}, then {named('every')} {protocol.every:g}"
+            )
+        return protocol
 
     @property
     def rows(self) -> int:

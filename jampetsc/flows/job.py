@@ -1,25 +1,23 @@
-"""A flow job: what is to be sheared and how far, made anew or read from a flow file, and the file it ends in."""
+"""One run of steady shear: what is sheared and how far, from its beginning or on from an earlier one; its result."""
 
 import time
 from dataclasses import asdict, dataclass
-from pathlib import Path
 
 import numpy as np
 
 from jampetsc import session
 from jampetsc.collective import by_rank_0
-from jampetsc.contacts.disks import PLACES, Disks
+from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import Law
-from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import find_contacts
-from jampetsc.errors import ConvergenceError, InputError
-from jampetsc.flows.means import Means, worth
+from jampetsc.errors import ConvergenceError, InputError, named
+from jampetsc.flows.means import Means, left_out, worth
 from jampetsc.flows.models import Model, Scheme, scheme_for
 from jampetsc.flows.record import (
     FORMAT,
     Record,
     check_space,
-    read_record,
+    record_of,
     remove_checkpoint,
     write_checkpoint,
     write_record,
@@ -38,17 +36,16 @@ KEPT = ("units", "seed", "sizes", "packing", "packing_sha256", "walls")  # attri
 
 
 @dataclass(frozen=True, eq=False)
-class Job:
+class FlowRun:
     """One run; `settings` identify it."""
 
-    out: Path
     disks: Disks  # at the start
     model: Model
     rate: float
     scheme: Scheme
     plan: Plan
     origin: dict  # attributes: where the disks come from, and how many, the first ones, are those of `walls`
-    before: tuple | None = None  # (Record, state) of the file it goes on from
+    before: tuple | None = None  # (Record, state) of the flow it goes on from
 
     @property
     def held(self) -> int:
@@ -84,10 +81,10 @@ def _weights(law):
     return {name: getattr(law, name) for name in names}
 
 
-def fresh(
-    disks, origin, model, rate, strain, out, *, discard=None, snapshots=0, step=None, tolerance=1e-4
-) -> Job:
-    """A job from its beginning. Raises InputError for disks that lie inside one another, and as `Plan.of`."""
+def begun(
+    disks, origin, model, rate, strain, *, discard=None, snapshots=0, step=None, tolerance=1e-4
+) -> FlowRun:
+    """A run from its beginning. Raises InputError for disks that lie inside one another, and as `Plan.of`."""
     contacts = find_contacts(disks)
     deepest = float(np.max(contacts.overlap / contacts.sigma, initial=0.0))
     if deepest > DEEPEST:
@@ -96,27 +93,21 @@ def fresh(
             "quench it first with `jampetsc pack --from`"
         )
     scheme = scheme_for(model, disks, rate, step, tolerance)
-    discard = min(1.0, 0.5 * strain) if discard is None else discard
-    plan = Plan.of(rate, scheme.step, strain, discard, snapshots)
-    check_space(out, disks.n, snapshots)
-    return Job(Path(out), disks, model, rate, scheme, plan, origin)
+    plan = Plan.of(rate, scheme.step, strain, left_out(strain, discard), snapshots)
+    return FlowRun(disks, model, rate, scheme, plan, origin)
 
 
-def continued(path, strain, out=None) -> Job:
-    """The job of a flow file, `strain` farther. Raises InputError for a file that is none."""
-    out = Path(path if out is None else out)
-    record, state, settings, attrs = read_record(path)
+def continued(earlier, strain) -> FlowRun:
+    """The run of an earlier flow, a `storage.reader.Result`, `strain` farther. Raises InputError."""
+    record, state, settings, attrs = record_of(earlier)
     settings["model"]["law"] = Law(**settings["model"]["law"])
     model, scheme = Model(**settings["model"]), Scheme(**settings["scheme"])
     old = Plan(**settings["plan"])
-    potential = Potential(*(attrs[name] for name in ("potential", "stiffness", "k")))
-    arrays = {name: np.asarray(state[name], float) for name in (*PLACES, "radii")}
-    disks = Disks(**arrays, potential=potential)
+    disks = earlier.last
     more = Plan.of(settings["rate"], scheme.step, strain, 0.0, 0, old.steps)
     plan = Plan(old.steps, old.rows + more.rows, old.discard, old.snapshots)
-    check_space(out, disks.n, 2 * old.snapshots)
     origin = {name: attrs[name] for name in KEPT if name in attrs}
-    return Job(out, disks, model, settings["rate"], scheme, plan, origin, (record, state))
+    return FlowRun(disks, model, settings["rate"], scheme, plan, origin, (record, state))
 
 
 def is_flow(path) -> bool:
@@ -125,48 +116,45 @@ def is_flow(path) -> bool:
         return check_format(path, attributes(h5)) == FORMAT
 
 
-def execute(job: Job, last=None, together=None) -> Means:
-    """Run the job and write its file, and the last state as a packing where `last` names one. Collective.
+def execute(run: FlowRun, to, last=None, together=None) -> Means:
+    """Do the run, its result into the outlet `to`, its last state as a packing to the file `last`. Collective.
 
     together: `flows.together.Together` on several ranks, or where PETSc is to find velocities.
     Raises ConvergenceError as `flows.run.run`, and where disks never touch.
     """
     began = time.perf_counter()
     comm = together and together.comm
-    shear = Shear(job.disks, job.model, job.rate, job.scheme, together, job.held)
-    record = Record()
-    if job.before is not None:
-        record, state = job.before
-        shear.restore(state)
-    settings = job.settings  # of where it begins: `before` grows
-    record = shear_until(shear, job.plan, job.out, settings, record)
-    means = check_balance(record, job.plan.discard, shear)
-    if means is None or means.pressure.mean < UNTOUCHED * job.rate * shear.unit:
+    record = run.before[0] if run.before else Record()
+    snapshots = run.plan.snapshots + len(record.snapshots["strain"])
+    by_rank_0(comm, lambda: check_space(to, run.disks.n, snapshots))
+    shear = Shear(run.disks, run.model, run.rate, run.scheme, together, run.held)
+    if run.before is not None:
+        shear.restore(run.before[1])
+    settings = run.settings  # of where it begins: `before` grows
+    record = shear_until(shear, run.plan, to.kept, settings, record)
+    means = check_balance(record, run.plan.discard, shear)
+    if means is None or means.pressure.mean < UNTOUCHED * run.rate * shear.unit:
         raise ConvergenceError(
-            f"phi = {job.phi:.4g}: no two disks touched within the strain of {shear.strain:.3g}: "
-            "choose a larger --phi, or a longer --strain"
+            f"phi = {run.phi:.4g}: no two disks touched within the strain of {shear.strain:.3g}: "
+            f"choose a larger {named('phi')}, or a longer {named('strain')}"
         )
-    facts = _facts(job, means, time.perf_counter() - began, together and session.current())
+    facts = _facts(run, means, time.perf_counter() - began, together and session.current())
     facts |= {"substeps": shear.substeps}
     # in case one of the files cannot be written
-    by_rank_0(comm, lambda: write_checkpoint(job.out, record, shear.state(), settings))
-    by_rank_0(comm, lambda: _write(job, record, shear, facts, last))
+    by_rank_0(comm, lambda: write_checkpoint(to.kept, record, shear.state(), settings))
+    if last is not None:
+        packing = shear.disks.with_record(protocol=f"steady shear, {run.model}, rate {run.rate:g}")
+        by_rank_0(comm, lambda: write_packing(last, packing))
+    state = shear.state() | {"radii": run.disks.radii}
+    # a file that goes on in place is replaced last
+    write_record(to.writer(FORMAT, comm), record, state, run.settings, facts, held=run.held)
+    by_rank_0(comm, lambda: remove_checkpoint(to.kept))
     return means
 
 
-def _write(job, record, shear, facts, last):
-    state = shear.state() | {"radii": job.disks.radii}
-    if last is not None:
-        write_packing(last, shear.disks.with_record(protocol=f"steady shear, {job.model}, rate {job.rate:g}"))
-    write_record(
-        job.out, record, state, job.settings, facts, held=job.held
-    )  # a file that goes on in place is replaced last
-    remove_checkpoint(job.out)
-
-
-def _facts(job, means, seconds, petsc):
+def _facts(run, means, seconds, petsc):
     """Attributes of the file; petsc: the Session that found velocities, or None."""
-    disks, model, potential = job.disks, job.model, job.disks.potential
+    disks, model, potential = run.disks, run.model, run.disks.potential
     unit = potential.k * model.law.tau1
     law = model.law.parameters if model.law.family else {"tau1": model.law.tau1}
     common = provenance(
@@ -180,32 +168,31 @@ def _facts(job, means, seconds, petsc):
     )
     return {
         **common,
-        **job.origin,
+        **run.origin,
         "model": str(model),
-        "rate": job.rate,
-        "phi": job.phi,
+        "rate": run.rate,
+        "phi": run.phi,
         "mass": model.mass,
         "quality": float(np.sqrt(model.mass * potential.k)) / unit if model.mass else None,
         "friction": model.friction,
-        "particle_count": disks.n - job.held,
+        "particle_count": disks.n - run.held,
         "potential": potential.kind,
         "stiffness": potential.stiffness,
         "k": float(potential.k),
-        "step": job.scheme.step,
-        "method": job.scheme.method,
-        "tolerance": job.scheme.tolerance,
-        "discard": job.plan.discard,
+        "step": run.scheme.step,
+        "method": run.scheme.method,
+        "tolerance": run.scheme.tolerance,
+        "discard": run.plan.discard,
         **means.facts(),
     }
 
 
-def summary(job: Job, means: Means) -> str:
+def summary(run: FlowRun, to, means: Means) -> str:
     """What a user wants to read."""
-
-    walls = f" between walls of {job.held} disks" if job.held else ""
+    walls = f" between walls of {run.held} disks" if run.held else ""
     lines = [
-        f"{job.out}: {job.model}{walls}, phi = {job.phi:.6g}, rate {job.rate:g}, {job.scheme.method} with steps of "
-        f"{job.scheme.step:.3g}; means over strain {means.strain:.4g}",
+        f"{to}: {run.model}{walls}, phi = {run.phi:.6g}, rate {run.rate:g}, {run.scheme.method} with steps of "
+        f"{run.scheme.step:.3g}; means over strain {means.strain:.4g}",
         f"  sigma = {means.shear_stress} (elastic {means.parts[0]:.4g}, viscous {means.parts[1]:.4g}, kinetic "
         f"{means.parts[2]:.4g}), p = {means.pressure}, sigma/p = "
         f"{means.shear_stress.mean / means.pressure.mean:.4g}",

@@ -77,7 +77,7 @@ def correlate_lanes(results, lane: float, width: float) -> LaneCorrelation:
     edges = None
     for result in results:
         if "snapshots/velocities" not in result:
-            raise InputError(f"{result.path}: holds no snapshots: ask the flow for {named('snapshots')}")
+            raise InputError(f"{result.path}: holds no snapshots: run the flow with {named('snapshots')}")
         if "walls" in result.attributes:
             raise InputError(
                 f"{result.path}: a flow between walls is not homogeneous: g_y(x) is of flow without them"
@@ -97,11 +97,13 @@ def correlate_lanes(results, lane: float, width: float) -> LaneCorrelation:
             half, height = 0.5 * cells[0][0, 0], cells[0][1, 1]
             if not 2.0 * reach < height:
                 raise InputError(
-                    f"{named('lane')} {lane:g}: must be below the cell's height, {height / diameter:.4g} diameters"
+                    f"{named('lane')} {lane:g}: must be less than the cell's height, "
+                    f"{height / diameter:.4g} mean diameters"
                 )
             if not step <= half:
                 raise InputError(
-                    f"{named('bin')} {width:g}: must be at most half the cell's width, {half / diameter:.4g} diameters"
+                    f"{named('bin')} {width:g}: must be at most half of the cell's width, "
+                    f"{half / diameter:.4g} mean diameters"
                 )
             edges = step * np.arange(int(half / step + 1e-9) + 1)
         for x, u, cell in zip(positions, velocities, cells, strict=True):

@@ -67,7 +67,7 @@ class Means:
         if self.shear_stress.drifts or self.pressure.drifts:
             found.append(
                 "the tenths of the run differ by more than its fluctuations explain: slow changes, or not steady yet; "
-                "--discard more"
+                "discard more"
             )
         return found
 
@@ -84,6 +84,11 @@ class Means:
             "correlation_strain": self.correlation_strain,
             "energy_balance": self.energy_balance,
         }
+
+
+def left_out(strain: float, discard: float | None) -> float:
+    """Strain before the means of a run: what is asked for, or 1 and at most half of the run."""
+    return min(1.0, 0.5 * strain) if discard is None else discard
 
 
 def facts_of(**averages) -> dict:
@@ -106,7 +111,7 @@ def short(strain, spacing, *averages) -> list[str]:
     if least.enough:
         return []
     return [
-        f"strain {strain:.3g} after --discard is short for a correlation strain of about {spacing * least.time:.2g}: "
+        f"strain {strain:.3g} after discard is short for a correlation strain of about {spacing * least.time:.2g}: "
         f"worth {least.samples:.0f} independent values, fewer than {FEW:.0f}, so errors are widened and still rough; "
-        "a longer --strain helps"
+        "a longer strain helps"
     ]

@@ -1,12 +1,17 @@
-"""Models of steady shear: a damping law, a mass or none, and the time step that fits them."""
+"""Models of steady shear: a damping law, a mass or none, and the time step that fits them.
 
+MODELS is the table of those that have a name; the functions RD0(), CD0(), RD(mass=…) … of this module, the command's
+choices and its messages follow from it: a new model is one more row.
+"""
+
+import inspect
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.contacts.laws import Law
-from jampetsc.errors import InputError
+from jampetsc.contacts.laws import LARGEST, Law
+from jampetsc.errors import InputError, named
 
 # Vågberg, thesis sec. 4.3: weights of the law (see `contacts.laws`), and whether disks have a mass.
 MODELS = {
@@ -23,45 +28,121 @@ QUALITY = 0.3  # Q below which damping is stiff and backward Euler takes over fr
 
 @dataclass(frozen=True)
 class Model:
-    """What flows: law, mass m (0: overdamped), friction δ in units of k_d, name."""
+    """What flows.
+
+    law        damping law
+    mass       m of every disk, 0: overdamped
+    friction   δ, drag beside contact damping, in units of k_d
+    name       row of MODELS, if it is one
+    quality    Q = √(m k)/(k τ₁), which says the mass once the stiffness k is known, see `of_stiffness`
+
+    Raises InputError for values out of range and where overdamped motion has no unique velocities.
+    """
 
     law: Law
     mass: float = 0.0
     friction: float = 0.0
     name: str = ""
+    quality: float | None = None
 
     def __post_init__(self):
         law = self.law
-        if not (math.isfinite(self.mass) and self.mass >= 0):
-            raise InputError(f"--mass {self.mass:g}: must be positive; leave it out for overdamped disks")
-        if not (math.isfinite(self.friction) and self.friction >= 0):
-            raise InputError(f"--friction {self.friction:g}: must not be negative")
-        if law.exponent != 1.0:
-            raise InputError(f"--alpha {law.exponent:g}: flow has linear damping only; leave it out")
-        held = law.drag + self.friction > 0
-        if not self.mass and law.damps_contacts and (law.couples_rotations or not self._rigid) and not held:
-            why = (
-                "disks that roll have motions that no contact damps"
-                if law.couples_rotations
-                else "damping of one direction only leaves the other free"
+        for name in ("mass", "friction"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and 0 <= value <= LARGEST):
+                raise InputError(f"{named(name)} {value:g}: must lie between 0 and {LARGEST:g}")
+        if self.quality is not None and not (math.isfinite(self.quality) and 0 < self.quality <= LARGEST):
+            raise InputError(f"{named('quality')} {self.quality:g}: must be positive and at most {LARGEST:g}")
+        if self.quality is not None and self.mass:
+            raise InputError(
+                f"{named('quality')} {self.quality:g}: {named('mass')} says the same; leave one out"
             )
-            raise InputError(f"{self}: no overdamped limit, because {why}: give --mass")
-        if not self.mass and law.couples_rotations:
-            raise InputError(f"{self}: disks that roll need --mass, or --no-rotations")
+        if law.tau1 > LARGEST:
+            raise InputError(f"{named('tau1')} {law.tau1:g}: must be at most {LARGEST:g}")
+        if law.exponent != 1.0:
+            raise InputError(f"{named('alpha')} {law.exponent:g}: flow has linear damping only; leave it out")
         if self.friction and not law.damps_contacts:
-            raise InputError(f"--friction {self.friction:g}: belongs to contact damping, not to {self}")
+            raise InputError(
+                f"{named('friction')} {self.friction:g}: belongs to contact damping, not to {self}; leave it out"
+            )
+        if not self.massive:
+            self._check_overdamped()
+
+    def _check_overdamped(self):
+        """Raise InputError where forces do not decide the velocities."""
+        law = self.law
+        remedy = f"give {named('mass')}"
+        if law.couples_rotations:
+            raise InputError(
+                f"{self}: no overdamped limit, because disks that roll have motions that no contact damps: {remedy}, "
+                f"or turn {named('rotations')} off"
+            )
+        if law.damps_contacts and not (law.normal and law.transverse) and not self.drag:
+            raise InputError(
+                f"{self}: no overdamped limit, because damping of one direction only leaves the other free: {remedy}"
+            )
 
     @property
-    def _rigid(self):
-        return self.law.normal > 0 and self.law.transverse > 0
+    def massive(self) -> bool:
+        """Whether disks have a mass."""
+        return bool(self.mass or self.quality)
 
     @property
     def drag(self) -> float:
         """Weight of |u|² per disk, in units of kτ₁."""
         return self.law.drag + self.friction
 
+    def of_stiffness(self, k: float) -> "Model":
+        """The same with the mass Q² k τ₁² of its quality, where it has one."""
+        if self.quality is None:
+            return self
+        return replace(self, mass=self.quality**2 * k * self.law.tau1**2, quality=None)
+
     def __str__(self):
         return self.name or str(self.law)
+
+
+def model_of(name: str, *, mass=None, quality=None, friction=0.0, tau1=1.0) -> Model:
+    """The model of this name, see `Model`. Raises InputError for a name not in MODELS and as `Model`."""
+    if name not in MODELS:
+        raise InputError(f"{named('model')} {name}: choose one of {', '.join(MODELS)}")
+    law, massive = MODELS[name]
+    if massive and not mass and quality is None:
+        limit = (
+            f"; the overdamped limit is {name}0" if f"{name}0" in MODELS else "; it has no overdamped limit"
+        )
+        raise InputError(
+            f"{named('model')} {name}: give {named('mass')} or {named('quality')}, positive{limit}"
+        )
+    if not massive and (mass is not None or quality is not None):
+        given = "quality" if mass is None else "mass"
+        other = f", or take {name[:-1]}" if name[:-1] in MODELS else ""
+        raise InputError(f"{named(given)}: {named('model')} {name} is overdamped; leave it out{other}")
+    return Model(replace(law, tau1=tau1), mass or 0.0, friction, name, quality)
+
+
+def _maker(name):
+    """The function of a row of MODELS."""
+    law, massive = MODELS[name]
+
+    def make(**given):
+        bound = make.__signature__.bind(**given)
+        return model_of(name, **bound.arguments)
+
+    options = {"mass": None, "quality": None} if massive else {}
+    options |= ({"friction": 0.0} if law.damps_contacts else {}) | {"tau1": 1.0}
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    make.__signature__ = inspect.Signature(
+        [inspect.Parameter(option, keyword, default=default) for option, default in options.items()]
+    )
+    make.__name__ = make.__qualname__ = name
+    make.__doc__ = (
+        f"{law.label[0].upper()}{law.label[1:]} (Vågberg, thesis sec. 4.3), see `Model` and `model_of`."
+    )
+    return make
+
+
+globals().update({name: _maker(name) for name in MODELS})  # jampetsc.models.CD0() …
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,11 @@ import shutil
 from contextlib import suppress
 from pathlib import Path
 
+import h5py
 import numpy as np
 
 from jampetsc.analysis.order import bond_order
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.storage.atomic import follow
 from jampetsc.storage.hdf5 import (
     OutputFile,
@@ -23,7 +24,6 @@ from jampetsc.storage.hdf5 import (
     store,
     values,
 )
-from jampetsc.storage.result_file import ResultWriter
 
 FORMAT, CHECKPOINT = "jampetsc-flow", "jampetsc-flow-checkpoint"
 # name -> columns, per row; the first six are means over the strain since the row before, the others are looked up
@@ -83,23 +83,24 @@ class Record:
         }
 
     @classmethod
-    def of(cls, h5, columns=None) -> "Record":
-        """The record in an open file."""
-        record = cls(columns or SERIES | {name: size for name, size in BETWEEN_WALLS.items() if name in h5})
-        record.rows = {name: list(values(h5[name])) for name in record.columns}
-        if "snapshots" in h5:
-            record.snapshots = {name: list(values(h5[f"snapshots/{name}"])) for name in SNAPSHOTS}
+    def of(cls, arrays, columns=None) -> "Record":
+        """The record in a result, or in an open file."""
+        read = values if isinstance(arrays, h5py.File) else np.asarray
+        record = cls(
+            columns or SERIES | {name: size for name, size in BETWEEN_WALLS.items() if name in arrays}
+        )
+        record.rows = {name: list(read(arrays[name])) for name in record.columns}
+        if "snapshots/strain" in arrays:
+            record.snapshots = {name: list(read(arrays[f"snapshots/{name}"])) for name in SNAPSHOTS}
         return record
 
 
-def write_record(
-    path, record: Record, state: dict, settings: dict, facts: dict, format=FORMAT, held=0
-) -> None:
-    """The finished file: series, snapshots, their order, state, settings and `facts`, its attributes.
+def write_record(writer, record: Record, state: dict, settings: dict, facts: dict, held=0) -> None:
+    """Give a writer the finished result: series, snapshots, their order, state, settings and `facts`, attributes.
 
-    The first `held` disks are those of walls. Raises as ResultWriter.
+    The first `held` disks are those of walls. Collective as the writer is. Raises as ResultWriter.
     """
-    with ResultWriter(path, format) as writer:
+    with writer:
         for name, array in (record.datasets() | record.order(held)).items():
             writer.dataset(name, array)
         for name, value in state.items():
@@ -114,7 +115,9 @@ def checkpoint_of(out) -> Path:
 
 
 def write_checkpoint(out, record: Record, state: dict, settings: dict) -> None:
-    """Put the run so far beside `out`; complete or not at all."""
+    """Put the run so far beside `out`, if that is not None; complete or not at all."""
+    if out is None:
+        return
     with OutputFile(checkpoint_of(out)) as h5:
         set_attributes(h5, {"format": CHECKPOINT, "format_version": "1.0", "settings": json.dumps(settings)})
         for name, array in record.datasets().items():
@@ -123,39 +126,44 @@ def write_checkpoint(out, record: Record, state: dict, settings: dict) -> None:
             store(h5, f"state/{name}", value)
 
 
-def check_space(out, disks: int, snapshots: int) -> None:
-    """Raise InputError where the snapshots of a run, twice with the checkpoint, do not fit on the disk of `out`."""
-    needed = 2 * snapshots * (disks * 4 + 5) * 8
-    free = shutil.disk_usage(follow(out).parent).free
-    if needed > free:
-        raise InputError(
-            f"--snapshots {snapshots}: of {disks} disks need {needed / 1e9:.3g} GB with the checkpoint, and "
-            f"{free / 1e9:.3g} GB are free where {out} is to be: ask for fewer"
-        )
+def check_space(to, disks: int, snapshots: int) -> None:
+    """Raise InputError where the snapshots of a run do not fit on the disk where `to`, an Outlet, puts them."""
+    for out in {to.path, to.kept} - {None}:
+        needed = 2 * snapshots * (disks * 4 + 5) * 8  # twice with the checkpoint
+        free = shutil.disk_usage(follow(out).parent).free
+        if needed > free:
+            raise InputError(
+                f"{named('snapshots')} {snapshots}: of {disks} disks need {needed / 1e9:.3g} GB with the checkpoint, "
+                f"and {free / 1e9:.3g} GB are free where {out} is to be: ask for fewer"
+            )
 
 
 def remove_checkpoint(out) -> None:
     """Delete the checkpoint of a run that is finished."""
-    with suppress(FileNotFoundError):
-        checkpoint_of(out).unlink()
+    if out is not None:
+        with suppress(FileNotFoundError):
+            checkpoint_of(out).unlink()
 
 
-def read_record(path, format=FORMAT, columns=None):
-    """(record, state, settings, attributes) of a flow file or a checkpoint. Raises InputError."""
-    with open_file(path) as h5, reading(path):
-        attrs = attributes(h5)
-        check_format(path, attrs, format)
-        state = {name: values(data) for name, data in h5["state"].items()}
-        return Record.of(h5, columns), state, json.loads(attrs["settings"]), attrs
+def record_of(result):
+    """(record, state, settings, attributes) of a flow, a `storage.reader.Result`. Raises InputError."""
+    attrs, prefix = result.attributes, "state/"
+    with reading(result.path):
+        state = {name.removeprefix(prefix): result[name] for name in result if name.startswith(prefix)}
+        return Record.of(result), state, json.loads(attrs["settings"]), attrs
 
 
 def resumed(out, settings: dict, columns=None):
     """(record, state) of a checkpoint of the same job beside `out`, else None."""
-    path = checkpoint_of(out)
-    if not path.exists():
+    if out is None or not checkpoint_of(out).exists():
         return None
+    path = checkpoint_of(out)
     try:
-        record, state, kept, _ = read_record(path, CHECKPOINT, columns)
+        with open_file(path) as h5, reading(path):
+            attrs = attributes(h5)
+            check_format(path, attrs, CHECKPOINT)
+            if json.loads(attrs["settings"]) != settings:
+                return None
+            return Record.of(h5, columns), {name: values(data) for name, data in h5["state"].items()}
     except InputError:
         return None
-    return (record, state) if kept == settings else None

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.collective import by_rank_0
-from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.flows.means import UNBALANCED, Means
 from jampetsc.flows.record import BETWEEN_WALLS, SERIES, Record, resumed, write_checkpoint
 from jampetsc.flows.shearing import Shear
@@ -40,8 +40,8 @@ class Plan:
         many = strain / rate / step
         if many > MOST:
             raise InputError(
-                f"--strain {strain:g}: {many:.2g} time steps of {step:.3g}, at most {MOST:.0e}: give a larger --rate "
-                "or --step, or a smaller --strain"
+                f"{named('strain')} {strain:g}: {many:.2g} time steps of {step:.3g}, at most {MOST:.0e}: give a larger "
+                f"{named('rate')} or {named('step')}, or a smaller {named('strain')}"
             )
         if steps is None:
             steps = max(1, round(min(ROW, strain / FEWEST_ROWS) / (rate * step)))
@@ -49,12 +49,13 @@ class Plan:
         kept = plan.rows - plan.first_kept(rate * step)
         if snapshots > kept:
             raise InputError(
-                f"--snapshots {snapshots}: there are {kept} rows after --discard, at most one for each"
+                f"{named('snapshots')} {snapshots}: there are {kept} rows after {named('discard')}, at most one for "
+                "each"
             )
         return plan
 
     def first_kept(self, strain_step: float) -> int:
-        """Rows that --discard leaves out, with time steps of so much strain."""
+        """Rows that are left out of the means, with time steps of so much strain."""
         return int(self.discard / (self.steps * strain_step) + 1e-9)
 
     def snapshot_rows(self, first_kept):
@@ -66,8 +67,8 @@ class Plan:
 def run(shear: Shear, plan: Plan, out, settings: dict, record=None) -> Record:
     """Shear until the plan's last row, from a checkpoint beside `out` where there is one of these settings.
 
-    A kill loses at most INTERVAL seconds. Raises ConvergenceError where the time step is too long: a disk jumps,
-    or the energy balance is off by more than 5 % in the mean.
+    A kill loses at most INTERVAL seconds; all, where out is None. Raises ConvergenceError where the time step is too
+    long: a disk jumps, or the energy balance is off by more than 5 % in the mean.
     """
     comm = shear.together and shear.together.comm
     rank = comm.rank if comm else 0
@@ -133,7 +134,7 @@ def check_balance(record, discard, shear) -> Means | None:
     if means is not None and abs(means.mismatch) > UNBALANCED:
         raise ConvergenceError(
             f"strain {shear.strain:.4g}: work and dissipation differ by {100 * means.mismatch:.0f} % in the mean with "
-            f"time steps of {shear.scheme.step:.3g}: give a smaller --step"
+            f"time steps of {shear.scheme.step:.3g}: give a smaller {named('step')}"
         )
     return means
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from jampetsc.contacts.disks import PLACES, Disks
 from jampetsc.contacts.pairs import SKIN_START, PairList, deformed, tuned_skin
-from jampetsc.errors import ConvergenceError
+from jampetsc.errors import ConvergenceError, named
 from jampetsc.flows import steps as compiled
 from jampetsc.flows.models import Model, Scheme, stiffest
 from jampetsc.flows.resistance import centre_clusters, contact_graph, deepest_overlap
@@ -156,11 +156,12 @@ class Shear:
     def _refuse(self, status):
         if status == compiled.UNSOLVED:
             raise ConvergenceError(
-                f"strain {self.strain:.6g}: velocities not found to {self.scheme.tolerance:g}: raise --tolerance"
+                f"strain {self.strain:.6g}: velocities not found to {self.scheme.tolerance:g}: "
+                f"raise {named('tolerance')}"
             )
         raise ConvergenceError(
             f"strain {self.strain:.6g}: a disk moves by more than half a diameter in one step of "
-            f"{self.scheme.step:g}: give a smaller --step"
+            f"{self.scheme.step:g}: give a smaller {named('step')}"
         )
 
     def _start(self):

@@ -19,7 +19,7 @@ from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.kernel import bond_forces
 from jampetsc.contacts.neighbours import spatial_order
 from jampetsc.contacts.potentials import Potential
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.flows.models import MODELS, Model, Scheme
 from jampetsc.flows.record import LAYERS
 from jampetsc.flows.shearing import Shear
@@ -55,8 +55,8 @@ def between_walls(radii, phi: float, seed: int, potential: Potential) -> tuple[D
     height = (area + np.pi * np.sum(row**2)) / width
     if height < 2.0 * (row.max() + radii.max()):
         raise InputError(
-            f"--walls: rows of disks {height:.3g} apart, centre to centre, leave no room for a disk of diameter "
-            f"{2 * radii.max():.3g} between them: more disks are needed"
+            f"{named('walls')}: rows of disks {height:.3g} apart, centre to centre, leave no room for a disk of "
+            f"diameter {2 * radii.max():.3g} between them: more disks are needed"
         )
     places = generator.random((len(radii), 2)) * np.column_stack(
         (np.full(len(radii), width), height - 2 * radii)

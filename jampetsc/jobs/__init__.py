@@ -12,13 +12,18 @@ JOBS = {
     "matrices": "matrices:Matrices",
     "merge": "merge:Merge",
     "info": "info:Info",
+    "collapse": "collapse:Collapse",
     "sweep": "sweep:Sweep",
     "quasistatic": "quasistatic:Quasistatic",
+    "flow": "flow:Flow",
+    "shear": "shear:Shear",
+    "jam": "jam:Jam",
     "modes": "modes:Modes",
     "oscillate": "oscillate:Oscillate",
     "spectrum": "spectrum:Spectrum",
     "correlate": "correlate:Correlate",
     "study": "study:Study",
+    "trade": "trade:Trade",
 }
 
 

@@ -177,7 +177,10 @@ def asked(default=MISSING, help="", *, kind=None, place=OPTION, **told):
 
 
 def part(part: Part, default=MISSING):
-    """A field of a job that several options make up; without them `default`, or what no options make."""
+    """A field of a job that several options make up; without them `default`, or what no options make.
+
+    Of options `make` gets those that are not at their defaults.
+    """
     factory = MISSING if default is not MISSING else lambda: part.make({})
     default = {"default": default} if factory is MISSING else {"default_factory": factory}
     return dataclasses.field(**default, metadata={"asked": part})
@@ -221,6 +224,11 @@ def made(job, given: dict):
     values = {}
     for field, said in parts(job).items():
         mine = {one.name: one.read(given.pop(one.name)) for one in said.parameters if one.name in given}
+        mine = {
+            one.name: mine[one.name]
+            for one in said.parameters
+            if mine.get(one.name, one.default) != one.default
+        }
         if mine:
             values[field] = said.make(mine)
     missing = [named(one.name) for one in known.values() if one.required and one.name not in given | values]

@@ -33,12 +33,13 @@ def law_made(given: dict) -> Law:
 
 
 def law_told(law: Law) -> dict:
-    """The options that make a law, switches and what differs from the default; its weights where it is of no family."""
-    if not law.family:
-        return law.parameters
-    usual = {name: option.default for name, option in FAMILIES[law.family].options.items()}
-    told = {name: value for name, value in law.options if value is True or value != usual[name]}
-    return {"law": law.family, "tau1": law.tau1, **told}
+    """The options that make a law, those that differ from the default; its weights where it is of no family."""
+    if law.family:
+        usual = {name: option.default for name, option in FAMILIES[law.family].options.items()}
+        told = {name: value for name, value in law.options if value != usual[name]}
+        return {"law": law.family, "tau1": law.tau1, **told}
+    weights = ("normal", "transverse", "sliding", "drag", "eta_f")
+    return {"law": "own weights", "tau1": law.tau1} | {name: getattr(law, name) for name in weights}
 
 
 DAMPING = Part(law_parameters(DEFAULT), law_made, law_told, Law)

@@ -42,6 +42,8 @@ class Job:
                 object.__setattr__(self, field.name, self._read(field))
             elif said is not None and not isinstance(getattr(self, field.name), said.type):
                 value = getattr(self, field.name)
+                if value is None and field.default is None:
+                    continue
                 if not isinstance(value, str):
                     raise InputError(f"{named(field.name)} {value!r}: must be a {said.type.__name__}")
                 made = said.make({said.parameters[0].name: value})  # "stokes": a name stands for its defaults
@@ -91,19 +93,22 @@ class Job:
         return replace(self, **{name: _whole(one) for name, one in held.items()})
 
     def told(self) -> dict:
-        """{parameter: value} of all that is no file and not off, as JSON and command lines can hold it."""
-        return {name: value for name, value in self._values().items() if value is not False}
-
-    def _values(self):
-        """The same with switches that are off; those of another law are not there."""
+        """{parameter: value} as JSON and command lines hold it: all that is no file, switches that are not usual."""
         values = {}
         for name, parameter in parameters(type(self)).items():
             if hasattr(self, name) and parameter.place == OPTION and name not in parts(type(self)):
                 value = getattr(self, name)
                 values[name] = value if value is None else parameter.kind.tell(value)
         for name, part in parts(type(self)).items():
-            values |= part.tell(getattr(self, name))
-        return {name: value for name, value in values.items() if value is not None}
+            made = getattr(self, name)
+            values |= {} if made is None else part.tell(made)
+        known = parameters(type(self))
+        usual = {name: one.default for name, one in known.items() if isinstance(one.default, bool)}
+        return {
+            name: value
+            for name, value in values.items()
+            if value is not None and usual.get(name) is not value
+        }
 
     def words(self) -> list[str]:
         """The options of a command line that asks for the same."""
@@ -112,8 +117,8 @@ class Job:
             if parameter.place != OPTION:
                 continue
             if isinstance(parameter.default, bool):
-                words += [parameter.word] * (told.get(name, parameter.default) != parameter.default)
-            elif name in told and told[name] != parameter.default:
+                words += [parameter.word] * (name in told)
+            elif name in told and (parameter.default is None or not self.same(name, told[name], None)):
                 text = str(told[name])
                 words += [f"{parameter.word}={text}"] if text.startswith("-") else [parameter.word, text]
         return words
@@ -124,7 +129,7 @@ class Job:
         return ["jampetsc", self.NAME, *map(str, given), *(["--out", str(out)] if out else []), *self.words()]
 
     def same(self, name, one, other) -> bool:
-        """Whether two told values of a parameter mean the same, however they are written."""
+        """Whether two told values of a parameter mean the same, however they are written; None is the default."""
         parameter = parameters(type(self)).get(name)
         try:
             return parameter is not None and _canonical(parameter, one) == _canonical(parameter, other)
@@ -161,5 +166,5 @@ def _whole(one):
 
 
 def _canonical(parameter, told):
-    value = parameter.read(told)
+    value = parameter.read(parameter.default if told is None and not parameter.required else told)
     return value if value is None else parameter.kind.tell(value)

@@ -18,12 +18,19 @@ LAST_SEED = 2**63 - 1  # what a file can record
 MOST_SEEDS = 1_000_000
 
 
-def numbers(least, most, metavar="LIST", unit="") -> Kind:
+def numbers(least, most, metavar="LIST", unit="", even=False) -> Kind:
     """Several numbers within [least, most], read as an array (M,), increasing and without repeats.
 
     unit   what follows the limits in a message
+    even   whether low:high:count is an even grid, without lin:
     """
-    return Kind(lambda given: _numbers(given, least, most, unit), grid_told, metavar=metavar)
+
+    def read(given):
+        if even and isinstance(given, str) and ":" in given:
+            given = f"lin:{given.removeprefix('lin:')}"
+        return _numbers(given, least, most, unit)
+
+    return Kind(read, even_told if even else grid_told, metavar=metavar)
 
 
 def _numbers(given, least, most, unit):
@@ -59,6 +66,16 @@ def _written(text):
     if not (np.isfinite([low, high]).all() and low < high and 2 <= count <= MOST and (even or low > 0)):
         raise ValueError(f"need {'' if even else '0 < '}low < high and a count from 2 to {MOST}")
     return (np.linspace if even else np.geomspace)(low, high, count)
+
+
+def even_told(values) -> str:
+    """Numbers (M,) in the grammar of even grids."""
+    told = grid_told(values)
+    return (
+        told.removeprefix("lin:")
+        if told.startswith("lin:") or ":" not in told
+        else ",".join(map(repr, values.tolist()))
+    )
 
 
 def grid_told(values) -> str:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.laws import Law, Physics
+from jampetsc.contacts.laws import DEFAULT, Law, Physics, damping_law
 from jampetsc.errors import InputError
 from jampetsc.jobs.asking import FILE, asked, part
 from jampetsc.jobs.damping import DAMPING, PRESTRESS
@@ -65,3 +65,21 @@ class Matrices(Job):
         from jampetsc.mechanics.matrices import files_of
 
         return list(files_of(to.path).values())
+
+
+def assemble(packing, law=DEFAULT, *, prestress=True):
+    """K, B and the border of a packing, a `mechanics.matrices.Matrices`; `.to_scipy()` gathers them. Collective.
+
+    packing     Disks, or the name of a file
+    law         a damping law, or the name of a family of them
+    prestress   K keeps the f/r term of its contacts
+
+    Raises InputError for a packing that is not rigid, and for a law that there is not.
+    """
+    from jampetsc import session
+    from jampetsc.mechanics.matrices import matrices_of
+    from jampetsc.storage.packing_file import read_identified
+
+    comm = session.start("real").comm
+    physics = Physics(law if isinstance(law, Law) else damping_law(law), prestress)
+    return matrices_of(read_identified(PACKING.read(packing), comm)[0], physics, comm)

@@ -24,6 +24,11 @@ def radii_of(sizes: str, n: int):
     return np.where(np.arange(n) % 2 == 0, small, RATIO * small)
 
 
+def in_small_diameters(radii):
+    """The radii (N,) in units of the smallest diameter, as Vågberg has them."""
+    return radii * (0.5 / radii.min())
+
+
 @dataclass(frozen=True, eq=False)
 class Radii:
     """Radii of one's own.

@@ -8,7 +8,7 @@ last velocities finds a solution. Options have the prefix `flow_`.
 import numpy as np
 from scipy.sparse import csr_array
 
-from jampetsc.errors import ConvergenceError
+from jampetsc.errors import ConvergenceError, named
 from jampetsc.session import current
 from jampetsc.solvers import stopped
 
@@ -53,7 +53,7 @@ class ContactSolver:
             if reason <= 0:
                 raise ConvergenceError(
                     f"velocities not found by KSP (reason {reason}, {self.ksp.getIterationNumber()} iterations): "
-                    "choose another -flow_ksp_type or -flow_pc_type, or a larger --tolerance"
+                    f"choose another -flow_ksp_type or -flow_pc_type, or a larger {named('tolerance')}"
                 )
             u[:] = np.concatenate(self.comm.allgather(solution.getArray())).reshape(n, 2)
         finally:

@@ -8,11 +8,11 @@ import numpy as np
 
 from jampetsc.contacts.laws import FAMILIES, Physics, damping_law
 from jampetsc.errors import ConvergenceError, InputError, JampetscError
+from jampetsc.jobs.sweep import Sweep
 from jampetsc.speed_accuracy import processes
 from jampetsc.speed_accuracy.compare import Reference, certified, log_interpolate
 from jampetsc.speed_accuracy.table import Row
 from jampetsc.storage.reader import load
-from jampetsc.words.law import words_of
 
 GROUPS = ("accuracy", "method", "physics", "frequencies")
 ACCURACIES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
@@ -21,6 +21,11 @@ PHYSICS_ACCURACY = 1e-3  # well below what simpler physics changes, and certifie
 PER_DECADE = (0.5, 1, 2, 4)  # frequencies, solved one by one
 OPTIONS = Path(__file__).resolve().parents[2] / "options"
 OPTIONS_FILES = tuple(OPTIONS / f"{name}.opts" for name in ("iterative", "superlu_dist", "low_memory"))
+
+
+def words_of(physics, **options) -> list[str]:
+    """The options of a command line for a sweep under this physics."""
+    return Sweep("packing", physics.law, prestress=physics.prestress, **options).words()
 
 
 @dataclass(frozen=True)
@@ -65,9 +70,9 @@ class Bench:
         """
         rows = []
         for accuracy in TIGHTEST:
-            words = [*words_of(self.physics), "--accuracy", f"{accuracy:g}"]
+            words = words_of(self.physics, accuracy=accuracy)
             outcome, result = self.sweep(self.packing, words)
-            name = f"--accuracy {accuracy:g}"
+            name = f"accuracy {accuracy:g}"
             if result is None:
                 if outcome.status == InputError.exit_code:
                     raise InputError(outcome.error)
@@ -117,7 +122,7 @@ def plan(bench: Bench, groups, options_files) -> tuple[list[Choice], list[str]]:
         choices += [_accuracy(physics, a) for a in ACCURACIES if a > bench.reference_accuracy]
     if "method" in groups:
         missing = [path for path in options_files if not Path(path).is_file()]
-        left_out += [f"{path} is not there: left out; --options-files names others" for path in missing]
+        left_out += [f"{path} is not there: left out; options_files names others" for path in missing]
         choices.append(_method(physics, "direct, MUMPS", []))
         choices += [
             _method(physics, f"direct, {Path(path).name}", ["-options_file", path])
@@ -136,7 +141,7 @@ def plan(bench: Bench, groups, options_files) -> tuple[list[Choice], list[str]]:
             grids[bench.omega] = len(bench.reference.omega)
             choices += [_frequencies(physics, grid, count) for grid, count in grids.items()]
         else:
-            left_out.append("number of frequencies: left out, it needs a logarithmic grid in --omega")
+            left_out.append("number of frequencies: left out, it needs a logarithmic grid of omega")
     if bench.reference.window is None:
         left_out.append("critical window, 10 p/k < omega tau1 < 0.1: too few frequencies in it, no slopes")
     return choices, left_out
@@ -172,16 +177,16 @@ def deviation(reference, G) -> dict:
 
 
 def _accuracy(physics, accuracy):
-    name = f"--accuracy {accuracy:g}"
-    return Choice("accuracy", name, [*words_of(physics), "--accuracy", f"{accuracy:g}"], _judge_certified)
+    name = f"accuracy {accuracy:g}"
+    return Choice("accuracy", name, words_of(physics, accuracy=accuracy), _judge_certified)
 
 
 def _method(physics, name, words):
-    return Choice("method", name, [*words_of(physics), "--method", "direct", *words], _judge_certified)
+    return Choice("method", name, [*words_of(physics, method="direct"), *words], _judge_certified)
 
 
 def _physics(name, physics):
-    words = [*words_of(physics), "--accuracy", f"{PHYSICS_ACCURACY:g}"]
+    words = words_of(physics, accuracy=PHYSICS_ACCURACY)
     return Choice("physics", name, words, lambda reference, result: deviation(reference, result.G))
 
 
@@ -193,7 +198,7 @@ def _frequencies(physics, grid, count):
         note = "direct, log-log interpolation between them"
         return fields | {"error_storage": storage, "error_loss": loss, "note": note}
 
-    words = [*words_of(physics), "--method", "direct"]
+    words = words_of(physics, method="direct")
     return Choice("frequencies", f"{count} frequencies", words, judge, grid)
 
 

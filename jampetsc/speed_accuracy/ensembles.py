@@ -4,10 +4,9 @@ import numpy as np
 
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.speed_accuracy import processes
-from jampetsc.speed_accuracy.choices import PHYSICS_ACCURACY, Bench, deviation
+from jampetsc.speed_accuracy.choices import PHYSICS_ACCURACY, Bench, deviation, words_of
 from jampetsc.speed_accuracy.table import Row
 from jampetsc.storage.packing_file import read_packing
-from jampetsc.words.law import words_of
 
 SHARES = (1, 4, 16)  # so many packings of N over so many disks
 FIRST_SEED = 1001  # other packings than the one of the reference
@@ -38,7 +37,7 @@ def measure(bench: Bench, share: int) -> Row:
     seconds = process_seconds = made.seconds
     memory, factorisations, curves, errors = made.memory, 0, [], [made.error] if made.error else []
     for path in there:
-        outcome, result = bench.sweep(path, [*words_of(bench.physics), "--accuracy", f"{PHYSICS_ACCURACY:g}"])
+        outcome, result = bench.sweep(path, words_of(bench.physics, accuracy=PHYSICS_ACCURACY))
         process_seconds += outcome.seconds
         memory = max(memory, outcome.memory)
         if result is None:

@@ -6,12 +6,10 @@ import platform
 import shlex
 import sys
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 
 from jampetsc import launcher
-from jampetsc.contacts.laws import Physics
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.progress import Progress
 from jampetsc.speed_accuracy import choices, ensembles, processes
 from jampetsc.speed_accuracy.advice import advise
@@ -20,46 +18,29 @@ from jampetsc.storage.outputs import PICTURE, TABLE, check_output
 from jampetsc.storage.packing_file import read_identified, read_packing
 from jampetsc.storage.provenance import git_commit
 from jampetsc.version import VERSION
-from jampetsc.words.frequencies import parse_omega
 
 
-@dataclass(frozen=True)
-class Request:
-    """A trade as it was asked for. Frequencies as the word of --omega."""
-
-    packing: str
-    physics: Physics
-    omega: str
-    ranks: int | None  # None: without mpirun
-    groups: list[str]  # of choices.GROUPS
-    ensemble: bool
-    options_files: list[str] | None  # None: those that come with the program
-
-
-def measure(request: Request, out) -> str:
-    """Run all choices, write `out` (.csv) and the picture beside it (.png); returns table and advice as text.
+def measure(job, out) -> str:
+    """Run all choices of a `jobs.trade.Trade`, write `out` (.csv) and a picture beside it (.png); gives them as text.
 
     Choices that fail have a row that says why. Raises JampetscError if there is no reference.
     """
     picture = Path(out).with_suffix(".png")
-    _check(request, out, picture)
     load = _load()
     with (
         tempfile.TemporaryDirectory(prefix="jampetsc-trade-") as folder,
         Progress(None, "trade") as progress,
     ):
-        bench = choices.Bench(
-            request.packing, request.physics, request.omega, request.ranks, folder, progress
-        )
+        bench = choices.Bench(job.packing, job.physics, job.frequencies, job.ranks, folder, progress)
         rows = bench.find_reference()
-        todo, remarks = choices.plan(bench, request.groups, request.options_files or choices.OPTIONS_FILES)
-        shares, more = ensembles.plan(request.packing) if request.ensemble else ([], [])
+        todo, remarks = choices.plan(bench, job.choices, job.options_files or choices.OPTIONS_FILES)
+        shares, more = ensembles.plan(job.packing) if job.ensemble else ([], [])
         progress.note(
             f"{len(todo)} runs{f' and {sum(shares)} packings with one each' if shares else ''} to do"
         )
         rows += [bench.measure(choice) for choice in todo]
         rows += [ensembles.measure(bench, share) for share in shares]
-    table = Table(rows, _facts(request, bench.reference, load) + remarks + more)
+    table = Table(rows, _facts(job, bench.reference, load) + remarks + more)
     table.write(out)
     from jampetsc.plots.trade import plot_trade  # only now: matplotlib's memory is the runs' until then
 
@@ -68,28 +49,27 @@ def measure(request: Request, out) -> str:
     return "\n".join(lines)
 
 
-def _check(request, out, picture):
+def check(job, out) -> None:
     """Raise InputError for what can be known to be wrong before anything runs."""
     if launcher.several():
-        raise InputError("jampetsc trade starts its own processes: run it without mpirun and give --ranks")
-    processes.launcher(request.ranks)
-    parse_omega(request.omega)
-    inputs = [request.packing, *(request.options_files or ())]
+        raise InputError(f"trade starts its own processes: run it without mpirun and give {named('ranks')}")
+    processes.launcher(job.ranks)
+    inputs = [job.packing, *(job.options_files or ())]
     check_output(out, TABLE, inputs)
-    check_output(picture, PICTURE, inputs)
-    read_packing(request.packing)
+    check_output(Path(out).with_suffix(".png"), PICTURE, inputs)
+    read_packing(job.packing)
 
 
-def _facts(request, reference, load):
-    disks, (name, digest) = read_identified(request.packing)
+def _facts(job, reference, load):
+    disks, (name, digest) = read_identified(job.packing)
     attributes = reference.result.attributes
-    how = f"mpirun -n {request.ranks}" if request.ranks else "one process each"
+    how = f"mpirun -n {job.ranks}" if job.ranks else "one process each"
     versions = f"jampetsc {VERSION}, commit {git_commit() or 'unknown'}, PETSc {attributes['petsc_version']}"
     date = datetime.datetime.now().astimezone().isoformat(timespec="seconds")
     facts = [
         f"command: {shlex.join(['jampetsc', *sys.argv[1:]])}",
         f"packing: {name}, N = {disks.n}, p = {attributes['pressure']:.6g}, sha256 {digest}",
-        f"law: {request.physics}, tau1 = {request.physics.law.tau1:g}; frequencies {request.omega}",
+        f"law: {job.physics}, tau1 = {job.physics.law.tau1:g}; frequencies {job.frequencies}",
         f"runs: {how}; {platform.machine()}, {os.cpu_count()} cores, load average {load} at the start",
         f"program: {versions}; {date}",
         f"reference: certified to {reference.certified:.1e}; errors below that are not resolved",

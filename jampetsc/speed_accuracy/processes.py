@@ -9,7 +9,7 @@ import tempfile
 import time
 from dataclasses import dataclass
 
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.launcher import without_launcher
 
 _LAUNCHERS = ("mpirun", "mpiexec")
@@ -32,7 +32,7 @@ def launcher(ranks: int | None) -> list[str]:
         return []
     found = next((path for name in _LAUNCHERS if (path := shutil.which(name))), None)
     if found is None:
-        raise InputError(f"--ranks {ranks}: neither mpirun nor mpiexec is in PATH: leave out --ranks")
+        raise InputError(f"{named('ranks')} {ranks}: neither mpirun nor mpiexec is in PATH: leave it out")
     about = subprocess.run([found, "--version"], capture_output=True, text=True).stdout
     # Open MPI would refuse more ranks than cores, and put two runs on the same ones; MPICH does neither
     freely = ["--oversubscribe", "--bind-to", "none"] if re.search(r"Open ?(MPI|RTE)", about) else []

@@ -10,6 +10,8 @@ import numpy as np
 
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.analysis.relaxation import RelaxationSpectrum
+from jampetsc.contacts.disks import PLACES, Disks
+from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import InputError, named
 from jampetsc.storage import packing_file
 from jampetsc.storage.ensemble import TABLE, load_ensemble
@@ -303,6 +305,19 @@ def _sound_spectrum(path, G0, eta_inf, rates, weights):
     return spectrum
 
 
+class ShearedResult(Result):
+    """Series along shear, steady or quasistatic, their means, and the state at the end."""
+
+    @property
+    def last(self) -> Disks:
+        """The packing at the end."""
+        arrays = {name: np.asarray(self[f"state/{name}"], float) for name in (*PLACES, "radii")}
+        return Disks(
+            **arrays,
+            potential=Potential(*(self.attributes[name] for name in ("potential", "stiffness", "k"))),
+        )
+
+
 RESULTS = {  # format -> class; a new format needs a line here
     "jampetsc-sweep": SweepResult,
     "jampetsc-quasistatic": Result,
@@ -310,8 +325,8 @@ RESULTS = {  # format -> class; a new format needs a line here
     "jampetsc-spectrum": SpectrumResult,
     "jampetsc-correlation": Result,
     "jampetsc-oscillate": Result,
-    "jampetsc-flow": Result,
-    "jampetsc-shear": Result,
+    "jampetsc-flow": ShearedResult,
+    "jampetsc-shear": ShearedResult,
     "jampetsc-jam": Result,
     "jampetsc-velocity-correlation": Result,
     "jampetsc-collapse": Result,

@@ -34,9 +34,7 @@ class Request:
     def __init__(self, command, options: dict, overwrite=False, same=lambda name, one, other: False):
         self.overwrite, self.same = bool(overwrite), same
         self.options = {
-            name: value
-            for name, value in options.items()
-            if name not in NO_SETTINGS and value is not None and value is not False
+            name: value for name, value in options.items() if name not in NO_SETTINGS and value is not None
         }
         self.settings = {"command": command} | {n: _short(v) for n, v in self.options.items()}
 
@@ -69,7 +67,7 @@ def asked(args):
     Not so packings of `pack`, of which one command makes many: each says itself what it is (`words.packtasks`).
     """
     if not isinstance(args, Request | None):
-        given = vars(args)
+        given = {name: value for name, value in vars(args).items() if value is not False}
         args = None if args.command == "pack" else Request(args.command, given, given.get("overwrite"))
     token = _asked.set(args)
     try:

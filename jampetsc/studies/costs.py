@@ -81,17 +81,21 @@ def _units(task):
             return task.columns["n"] if job.all else job.count or 1
         case "oscillate":
             kind = MOVING if job.contacts == "moving" else NONLINEAR if job.alpha != 1.0 else 1
-            amplitudes = len(job.amplitude)
+            amplitudes = len(job.strain if job.stress is None else job.stress)
             return amplitudes * len(job.omega) * kind
         case "flow":
             step = job.step or min(0.2, 5e-3 / job.rate)
-            return job.strain / (job.rate * step) * (SOLVED if job.model.solves else 1)
+            return (
+                job.strain
+                / (job.rate * step)
+                * (SOLVED if job.model.law.damps_contacts and not job.model.mass else 1)
+            )
         case "shear":
             return job.strain / job.step
         case "jam":
-            samples, protocol = job.samples, job.protocol_asked
+            protocol = job.samples.protocol
             steps = protocol.strain / protocol.step / 30 if protocol.name == "shear" else 0
-            return len(samples) * (1 + steps + 40 * (protocol.name == "compress"))
+            return job.samples.count * (1 + steps + 40 * (protocol.name == "compress"))
         case "correlate":
             return len(task.inputs)
     return 1

@@ -25,11 +25,23 @@ def add_job(job, subparsers) -> None:
         _add(groups.get(heading, parser), name, one)
     if job.OUT:
         parser.add_argument("--out", metavar="FILE", required=job.OUT == "required", help=job.OUT_HELP)
+    add_common(parser, job.AGAIN or not job.OUT)
     parser.set_defaults(
         run=functools.partial(run, job),
         check=functools.partial(job_of, job),
         takes_petsc=functools.partial(takes_petsc, job),
     )
+
+
+def add_common(parser, again) -> None:
+    """Add the options that all commands have; again: there is no result that would have to be refused."""
+    told = parser.add_mutually_exclusive_group()
+    quiet = "do not tell how far the run has come"
+    told.add_argument("-q", "--quiet", action="store_true", default=None, help=quiet)
+    told.add_argument("-v", "--verbose", action="store_true", default=None, help="tell more of it")
+    if not again:
+        overwrite = "replace a finished result of other settings, which is refused otherwise"
+        parser.add_argument("--overwrite", action="store_true", default=None, help=overwrite)
 
 
 def _add(parser, name, one):
@@ -44,6 +56,7 @@ def _add(parser, name, one):
             dest=name,
             action="store_const",
             const=not one.default,
+            default=None,
             help=_help(one),
         )
     else:
@@ -51,7 +64,7 @@ def _add(parser, name, one):
             *filter(None, (one.word, one.also)),
             dest=name,
             type=functools.partial(_word, one),
-            default=None if one.required else one.default,
+            default=None,
             required=one.required,
             metavar=one.metavar or one.kind.metavar or (None if one.choices else name.upper()),
             choices=None,
@@ -105,9 +118,9 @@ def run(job, args, petsc_argv) -> int:
     from jampetsc.storage.outlet import Outlet
 
     asked = job_of(job, args)
-    out = getattr(args, "out", None) or asked.place
-    to = Outlet(out, out)
     try:
+        out = getattr(args, "out", None) or asked.place
+        to = Outlet(out, out)
         told = perform(
             asked,
             to,

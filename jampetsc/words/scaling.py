@@ -1,4 +1,4 @@
-"""What `jampetsc collapse` fits: files as points of an observable against φ and rate or size, `--fit` as a form."""
+"""What a collapse fits: results as points of an observable against φ and rate or size; what it has found, in words."""
 
 import math
 from dataclasses import dataclass
@@ -6,63 +6,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.analysis.averages import Average, mean_of_averages, mean_of_runs
-from jampetsc.analysis.collapse import BOUNDS, PARAMETERS, Form, Points
+from jampetsc.analysis.collapse import PARAMETERS, Points, names_of
 from jampetsc.analysis.collapse_errors import degrees_above
 from jampetsc.analysis.collapse_fit import ranges
 from jampetsc.analysis.jamming import share_of
 from jampetsc.analysis.statistics import mean_with_error
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.words.files import files_named
 
-OBSERVABLES = ("pressure", "shear_stress", "jammed")
 FORMATS = {False: ("jampetsc-flow",), True: ("jampetsc-jam", "jampetsc-shear")}  # by rate, by size
 ALIKE = (
     "model", "mass", "sizes", "potential", "stiffness", "protocol", "cooling_rate", "separated", "units", "k", "tau1"
 )  # fmt: skip
 SAME_PHI = 6  # decimals
 UNLIKELY = 0.01  # probability of χ² below which the form is wrong, or the errors are
-
-
-def names_of(finite_size: bool) -> dict:
-    """{the word of the command line: the parameter of `analysis.collapse`}."""
-    return {"phi_J": "phi_J", "y": "y", "nu" if finite_size else "znu": "kappa", "omega": "omega"}
-
-
-def form_of(args) -> Form:
-    """The form that --fit, --corrections, --degree and --spline say. Raises InputError."""
-    names, held, seen = names_of(args.finite_size), {}, set()
-    for word in args.fit.split(","):
-        name, equals, value = word.strip().partition("=")
-        if name not in names or name in seen:
-            what = "is there twice" if name in seen else f"is none of {', '.join(names)}"
-            raise InputError(f"--fit {args.fit}: {name or 'a name that is missing'} {what}")
-        seen.add(name)
-        if equals:
-            held[names[name]] = _number(args.fit, word, value, names[name])
-    asked = {names[name] for name in seen}
-    if args.corrections != ("omega" in asked):
-        remedy = "name omega, too" if args.corrections else "leave omega out, or give --corrections"
-        raise InputError(f"--fit {args.fit}: {remedy}")
-    missing = [word for word, name in names.items() if name not in asked and name != "omega"]
-    if missing:
-        raise InputError(f"--fit {args.fit}: name {missing[0]}, too, or hold it: {missing[0]}=VALUE")
-    form = Form(held, args.corrections, args.degree, args.spline)
-    if not form.free:
-        raise InputError(f"--fit {args.fit}: nothing is free: leave a value out")
-    if not 1 <= args.degree <= 12:
-        raise InputError(f"--degree {args.degree}: must lie in [1, 12]")
-    return form
-
-
-def _number(text, word, value, name):
-    try:
-        number = float(value)
-    except ValueError:
-        number = math.nan
-    low, high = BOUNDS.get(name, (0.0, 2.0))
-    if not low <= number <= high:
-        raise InputError(f"--fit {text}: {word}: write a number between {low:g} and {high:g}")
-    return number
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +63,11 @@ def read_points(results, observable: str, finite_size: bool) -> Data:
 def _check(result, first, finite_size):
     """That a file is of the kind that is scaled, and like the first."""
     if getattr(result, "format", "") not in FORMATS[finite_size]:
-        wanted = "jam and shear files" if finite_size else "flow files; --finite-size those of jam and shear"
+        wanted = (
+            "jam and shear files"
+            if finite_size
+            else f"flow files; with {named('finite_size')} those of jam and shear"
+        )
         name = getattr(result, "path", "a packing")
         raise InputError(f"{name}: is none of the files that are scaled: give {wanted}")
     for name in ALIKE:
@@ -140,7 +101,7 @@ def _rows(result, observable, finite_size):
         after = result["strain"] > float(a["discard"]) * (1 + 1e-12)
         return [(float(a["phi"]), scale, origin, _of_jammed(result, observable)[after])]
     if observable == "jammed":
-        raise InputError(f"{result.path}: --observable jammed goes with --finite-size")
+        raise InputError(f"{result.path}: {named('observable')} jammed goes with {named('finite_size')}")
     samples = a.get(f"{observable}_samples", math.inf)  # files of before do not tell
     return [(float(a["phi"]), scale, origin, (a[f"{observable}_mean"], a[f"{observable}_error"], samples))]
 
@@ -207,7 +168,7 @@ def notes_of(points: Points, fit, found, finite_size) -> list[str]:
     degrees = degrees_above(points, fit.form)
     notes = []
     if fit.probability < UNLIKELY:
-        notes.append("the form does not describe the data within their errors: cut, or --corrections")
+        notes.append("the form does not describe the data within their errors: cut, or fit corrections")
     if "phi_J" in found and not lowest < fit.parameters["phi_J"] < highest:
         notes.append(f"phi_J = {fit.parameters['phi_J']:.5g} is outside the data, {lowest:g} to {highest:g}")
     for name, one in found.items():
@@ -223,7 +184,7 @@ def notes_of(points: Points, fit, found, finite_size) -> list[str]:
             )
         if one.left_to_degree:
             notes.append(
-                f"{word} changes by {one.shift:.2g} with the degree, which is in its error: try a higher --degree"
+                f"{word} changes by {one.shift:.2g} with the degree, which is in its error: try a higher one"
             )
     if not degrees:
         notes.append("too few points for a higher degree: what it would change is not in the errors")

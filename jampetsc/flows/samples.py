@@ -1,0 +1,112 @@
+"""Many samples of which packings jam: seeds at several packing fractions, shared by the ranks, and their result."""
+
+import time
+from dataclasses import dataclass
+
+from jampetsc import session
+from jampetsc.collective import by_rank_0
+from jampetsc.contacts.potentials import Potential
+from jampetsc.flows.jamming import Protocol, samples
+from jampetsc.flows.record import Record, remove_checkpoint, resumed, write_checkpoint
+from jampetsc.flows.slowly import ENERGY_CUT
+from jampetsc.packing.sizes import in_small_diameters, radii_of
+from jampetsc.progress import Progress
+from jampetsc.storage.provenance import provenance
+
+FORMAT = "jampetsc-jam"
+ROUND = {"random": 20, "shear": 1, "compress": 2}  # seeds of a rank between two checkpoints
+STIFFNESS = "inverse-square-diameter"
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """What is to be made: samples of n disks by a protocol, of every seed at every φ."""
+
+    n: int
+    phis: tuple  # M packing fractions
+    seeds: range
+    protocol: Protocol
+    sizes: str = "bidisperse"
+    potential: str = "harmonic"
+    tolerance: float = 1e-6  # max|F|/(p d) of a minimum
+    units: str | None = None  # in words
+
+    @property
+    def tasks(self) -> list[tuple[float, int]]:
+        """[(φ, seed)] of all starts."""
+        return [(phi, seed) for phi in self.phis for seed in self.seeds]
+
+    @property
+    def count(self) -> int:
+        """Samples in all."""
+        return len(self.seeds) * len(self.phis) * self.protocol.rows
+
+    @property
+    def settings(self) -> dict:
+        """What decides the result, as plain values."""
+        seeds = {"seeds": [self.seeds.start, self.seeds.stop], "phi": list(self.phis)}
+        return seeds | self.facts | vars(self.protocol)
+
+    @property
+    def facts(self) -> dict:
+        """What is the same for all samples."""
+        names = {"particle_count": "n", "sizes": "sizes", "potential": "potential", "tolerance": "tolerance"}
+        return {fact: getattr(self, name) for fact, name in names.items()}
+
+
+def execute(asked: Samples, solver, to) -> Record:
+    """Make the samples, their result into the outlet `to`; the record of them, in the order of tasks. Collective.
+
+    solver: this rank's `solvers.local.NewtonSolver`.
+    """
+    began, running = time.perf_counter(), session.current()
+    comm, protocol = running.comm, asked.protocol
+    radii = in_small_diameters(radii_of(asked.sizes, asked.n))
+    potential = Potential(asked.potential, STIFFNESS)
+    columns = dict.fromkeys(protocol.columns, 0)
+    kept = by_rank_0(comm, lambda: resumed(to.kept, asked.settings, columns))
+    record = kept[0] if kept else Record(columns)
+    tasks, size = asked.tasks, ROUND[protocol.name] * comm.size
+    rounds, done = -(-len(tasks) // size), len(record) // protocol.rows
+    with Progress(rounds, "jam", comm.rank, done // size) as progress:
+        while done < len(tasks):
+            batch = tasks[done : done + size]
+            mine = [
+                samples(protocol, radii, *task, potential, solver, asked.tolerance)
+                for task in batch[comm.rank :: comm.size]
+            ]
+            found = [None] * len(batch)
+            for rank, some in enumerate(comm.allgather(mine)):
+                found[rank :: comm.size] = some
+            for one in found:
+                for row in one:
+                    record.add(**row)
+            done += len(batch)
+            state = {"samples": len(record)}
+            by_rank_0(comm, lambda state=state: write_checkpoint(to.kept, record, state, asked.settings))
+            progress.step(f"{len(record)} of {asked.count} samples, phi = {batch[-1][0]:.6g}")
+    with to.writer(FORMAT, comm) as writer:
+        for name in protocol.columns:
+            writer.dataset(name, record.series(name))
+        writer.attributes(**_facts(asked, running, time.perf_counter() - began))
+    by_rank_0(comm, lambda: remove_checkpoint(to.kept))
+    return record
+
+
+def _facts(asked, running, seconds):
+    common = provenance(
+        versions=session.versions(),
+        scalar_type=running.scalar_type,
+        petsc_options=running.options_told(),
+        ranks=running.size,
+        packing=(None, None),
+        law={},
+        wall_seconds=seconds,
+    )
+    own = {
+        "stiffness": STIFFNESS,
+        "units": asked.units,
+        "energy_cut": ENERGY_CUT,
+        "protocol": asked.protocol.name,
+    }
+    return common | own | asked.facts | asked.protocol.facts

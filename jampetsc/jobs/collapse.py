@@ -1,0 +1,202 @@
+"""Exponents near jamming, by collapse of flow, jam and shear results."""
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from jampetsc.errors import InputError, named
+from jampetsc.jobs.asking import FILES, Kind, asked
+from jampetsc.jobs.inputs import refuse_repeated
+from jampetsc.jobs.job import Job
+from jampetsc.jobs.kinds import RESULT, opened
+
+OBSERVABLES = ("pressure", "shear_stress", "jammed")
+SHARED = ("model", "mass", "sizes", "potential", "stiffness", "protocol", "units", "tau1")
+
+
+def _words(given):
+    return given if isinstance(given, str) else ",".join(map(str, given))
+
+
+def _range(given):
+    """Two packing fractions, or words A:B."""
+    try:
+        low, high = (float(one) for one in (given.split(":") if isinstance(given, str) else given))
+    except (TypeError, ValueError):
+        raise ValueError("write A:B, two packing fractions") from None
+    if not 0 < low < high:
+        raise ValueError("must be A:B with 0 < A < B")
+    return low, high
+
+
+@dataclass(frozen=True, eq=False)
+class Collapse(Job):
+    """Critical exponents from rates or sizes.
+
+    Fit the scaling of an observable O near jamming (Vågberg, thesis ch. 5). Of flows at several rates and phi of one N:
+
+      O = rate^(y/znu) [f0(x) + rate^(omega/z) f1(x)],   x = (phi - phi_J) / rate^(1/znu)
+
+    and with finite_size, of jam and shear results at several N and phi, L = sqrt(N):
+
+      O = L^(-y/nu) [f0(x) + L^(-omega) f1(x)],          x = (phi - phi_J) L^(1/nu)
+
+    f0 and |f1| are exponentials of polynomials or splines; f1 is there with corrections. Weighted least squares; errors
+    from the profile of chi^2 and from fits of higher degrees; the same fit with the largest rates, or smallest N, left
+    out one by one.
+    """
+
+    NAME: ClassVar = "collapse"
+    FORMAT: ClassVar = "jampetsc-collapse"
+    EPILOG: ClassVar = """\
+The name omega stands for omega/z with rates. A small probability of chi^2 says that the form is wrong, or the
+errors are.
+
+examples:
+  jampetsc collapse rd0-*.h5 --observable pressure --fit phi_J,y,znu --out p.h5
+  jampetsc collapse study --observable pressure --fit phi_J,y,znu,omega --corrections --out p.h5
+  jampetsc collapse study --where model=CD0 --observable pressure --fit phi_J,y,znu --out cd0.h5
+  jampetsc collapse f*.h5 --finite-size --observable jammed --fit phi_J,y=0,nu --out f.h5
+  jampetsc plot p.h5 --out p.png"""
+
+    results: Sequence = asked(
+        help="flows, or jam and shear results, or the folder of a study", kind=RESULT, place=FILES
+    )
+    observable: str = asked(help="what is scaled", choices=OBSERVABLES)
+    fit: str = asked(
+        help="phi_J,y,znu[,omega]; nu for znu with finite_size; y=1 holds y",
+        kind=Kind(_words, metavar="NAMES"),
+    )
+    finite_size: bool = asked(False, "scale with L = sqrt(N) instead of the rate")
+    corrections: bool = asked(False, "with f1, which needs omega in fit")
+    degree: int = asked(5, "of the polynomial ln f0", low=1, high=12, metavar="D")
+    spline: bool = asked(False, "a cubic spline over degree intervals instead")
+    where: str | None = asked(
+        None,
+        "of the folder of a study: the files whose rows in its table have these values",
+        metavar="COLUMN=VALUE,…",
+    )
+    cut: float | None = asked(
+        None, "largest rate, or smallest N, that is used", above=0.0, high=1e300, metavar="R"
+    )
+    range: tuple | None = asked(
+        None,
+        "packing fractions that are used (default: all)",
+        kind=Kind(_range, lambda ends: ":".join(map(repr, ends)), metavar="A:B"),
+    )
+
+    def check(self):
+        """Refuse names that are none, and what is held or free wrongly."""
+        _ = self.form
+
+    @property
+    def form(self):
+        """The `analysis.collapse.Form` to fit. Raises InputError."""
+        from jampetsc.analysis.collapse import form_named
+
+        return form_named(self.fit, self.finite_size, self.corrections, self.degree, self.spline)
+
+    @property
+    def scalar(self):
+        """PETSc has nothing to do."""
+
+    def _named(self) -> list:
+        """What is read: files, of the folder of a study those of its rows, and results in memory."""
+        from jampetsc.words.scaling import files_of
+
+        files = [one for one in self.results if isinstance(one, str)]
+        if self.where and not files:
+            raise InputError(f"{named('where')} {self.where}: chooses rows of a study, but none is given")
+        held = [one for one in self.results if not isinstance(one, str)]
+        return [*(files_of(files, self.finite_size, self.where) if files else []), *held]
+
+    def check_outputs(self, to):
+        """Refuse one result twice, and what may not be replaced."""
+        from jampetsc.storage.outputs import check_output
+
+        sources = self._named()
+        refuse_repeated(sources)
+        if to.path is not None:
+            check_output(to.path, self.FORMAT, [one for one in sources if isinstance(one, str)])
+
+    def work(self, to):
+        """Read, fit, write and tell what was found."""
+        from jampetsc.analysis.collapse_errors import drift
+        from jampetsc.words import scaling
+
+        began, form = time.perf_counter(), self.form
+        results = [opened(one) for one in self._named()]
+        data = scaling.read_points(results, self.observable, self.finite_size)
+        low, high = self.range or (0.0, math.inf)
+        largest = math.inf if self.cut is None else self.cut**-0.5 if self.finite_size else self.cut
+        used = data.points.within(low, high, largest)
+        if not used.any():
+            raise InputError(f"{results[0].path}: no points are left by {named('cut')} and {named('range')}")
+        points = data.points[used]
+        cuts = drift(points, form)
+        _, fit, found = cuts[0]
+        notes = scaling.notes_of(points, fit, found, self.finite_size)
+        with to.writer(self.FORMAT) as writer:
+            for name, values in self._arrays(points, data, used, cuts).items():
+                writer.dataset(name, values)
+            writer.attributes(**self._attributes(results, fit, found, notes, began))
+        return _summary(to, self, points, cuts, notes)
+
+    def _arrays(self, points, data, used, cuts):
+        from jampetsc.analysis.collapse_errors import arrays_of
+
+        found = arrays_of(points, cuts)
+        if self.finite_size:
+            found["drift/cut"] = _shown(found["drift/cut"], True)
+        size = {"size": 1 / points.scale} if self.finite_size else {"rate": points.scale}
+        return {"N": data.size[used], "runs": data.runs[used]} | size | found
+
+    def _attributes(self, results, fit, found, notes, began):
+        from jampetsc.storage.provenance import derived_from
+        from jampetsc.words.scaling import names_of
+
+        words = {name: word for word, name in names_of(self.finite_size).items()}
+        return {
+            **derived_from(results, time.perf_counter() - began),
+            **{name: results[0].attributes.get(name) for name in SHARED},
+            "observable": self.observable,
+            "scaling": "size" if self.finite_size else "rate",
+            "fitted": ",".join(words[name] for name in fit.form.free),
+            "functions": f"{'spline' if self.spline else 'polynomial'}, degree {self.degree}",
+            "corrections": self.corrections,
+            "chi2": fit.chi2,
+            "dof": fit.dof,
+            "probability": fit.probability,
+            **{words[name]: value for name, value in fit.parameters.items()},
+            **{
+                f"{words[name]}_{what}": getattr(one, what)
+                for name, one in found.items()
+                for what in ("error", "low", "high", "shift")
+            },
+            "notes": "; ".join(notes),
+        }
+
+
+def _shown(scale, finite_size):
+    """A cut as it is asked for: a rate, or N."""
+    return scale**-2 if finite_size else scale
+
+
+def _summary(to, job, points, cuts, notes) -> str:
+    """What a user wants to read."""
+    from jampetsc.words.scaling import text_of
+
+    (_, fit, found), *others = cuts
+    lines = [
+        f"{to}: {job.observable} at {len(points)} points, {text_of(fit.parameters, found, job.finite_size)}",
+        f"  chi2/dof = {fit.chi2 / fit.dof:.3g} with {fit.dof} degrees of freedom, probability {fit.probability:.2g}",
+    ]
+    what = "N >=" if job.finite_size else "rates <="
+    for cut, one, some in others:
+        lines.append(
+            f"  {what} {_shown(cut, job.finite_size):.4g}: {text_of(one.parameters, some, job.finite_size)}, "
+            f"chi2/dof = {one.chi2 / one.dof:.3g}"
+        )
+    return "\n".join(lines + [f"  note: {note}" for note in notes])

@@ -1,0 +1,220 @@
+"""Steady shear at a rate."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from jampetsc.contacts.disks import Disks
+from jampetsc.contacts.laws import Law
+from jampetsc.errors import InputError, named
+from jampetsc.flows.models import MODELS, Model
+from jampetsc.jobs.asking import FILE, asked, part
+from jampetsc.jobs.kinds import HELD, input_told
+from jampetsc.jobs.model import MODEL
+from jampetsc.jobs.starts import GROUP, FromStart
+
+TOLERANCE = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Flow(FromStart):
+    """Steady shear at a rate: stress, pressure, energy balance.
+
+    Shears soft disks steadily under Lees–Edwards conditions, by one of Vågberg's six models (thesis sec. 4.3) or a
+    damping law, overdamped or massive. Starts from a packing, from random disks of a number and a packing fraction, or
+    goes on from an earlier flow as it was begun.
+    """
+
+    NAME: ClassVar = "flow"
+    FORMAT: ClassVar = "jampetsc-flow"
+    OUT: ClassVar = "optional"
+    OUT_HELP: ClassVar = "result file (default for a flow file that goes on: itself)"
+    EPILOG: ClassVar = """examples
+  jampetsc flow --n 1024 --phi 0.8433 --model RD0 --rate 1e-3 --strain 20 --out rd0.h5
+  jampetsc flow packing.h5 --model CD0 --rate 1e-4 --strain 5 --out cd0.h5 --snapshots 100
+  jampetsc flow --n 256 --phi 0.78 --model CDn --mass 1 --rate 1e-3 --strain 40 --out cdn.h5
+  jampetsc flow rd0.h5 --strain 20                                 twenty more
+
+A run that was killed goes on when the same command is given again. One run with contact damping and many disks may
+use several ranks, or solvers of PETSc's with the prefix -flow_, e.g. -flow_pc_type gamg; independent runs are faster
+side by side."""
+    SOLVERS: ClassVar = ("flow_",)
+    GIVEN = (*FromStart.GIVEN, "walls")
+
+    start: Disks | None = asked(
+        None, "packing to start from, or flow that goes on", kind=HELD, place=FILE, metavar="START"
+    )
+    model: Model | Law | str | None = part(MODEL, None)
+    rate: float | None = asked(None, "shear rate γ̇", above=0.0, high=1.0, metavar="R")
+    strain: float = asked(help="how far to shear", above=0.0, metavar="S")
+    walls: bool = asked(False, "between sliding rough walls, rows of disks", group=GROUP)
+    snapshots: int | None = asked(
+        None,
+        "states to keep, evenly after what is discarded (0: also the start)",
+        low=0,
+        metavar="K",
+        group="run",
+    )
+    step: float | None = asked(
+        None, "time step (default: what suits the model)", above=0.0, metavar="DT", group="run"
+    )
+    tolerance: float | None = asked(
+        None,
+        f"of the velocities of contact damping (default {TOLERANCE:g})",
+        low=1e-14,
+        high=0.1,
+        metavar="T",
+        group="run",
+    )
+
+    def __post_init__(self):
+        if isinstance(self.model, Law):  # overdamped
+            object.__setattr__(self, "model", Model(self.model))
+        super().__post_init__()
+
+    def check(self):
+        """Refuse what does not go together."""
+        self.check_discard()
+        earlier = self._in_memory
+        if earlier is not None:
+            if earlier.format != self.FORMAT:
+                raise InputError(f"{earlier.path}: is no flow: give a packing, or a flow to go on from")
+            self._refuse_settled(earlier.path)
+        elif self.start is None or self._settled:
+            super().check()
+            if self.rate is None:
+                raise InputError(f"{named('rate')}: must be given: how fast to shear?{self._on}")
+            if self.model is None:
+                known = f"{', '.join(MODELS)}, or {named('law')} with its options"
+                raise InputError(f"{named('model')}: must be given: {known}{self._on}")
+
+    @property
+    def _in_memory(self):
+        """The result in memory that it goes on from, if it does."""
+        return None if self.start is None or isinstance(self.start, str | Disks) else self.start
+
+    @property
+    def _on(self):
+        """What a flow that goes on needs, for messages."""
+        return (
+            "" if self.start is None else f"; a flow goes on as it was begun, given {named('strain')} alone"
+        )
+
+    @property
+    def _settled(self):
+        """Parameters of a flow that begins: one that goes on keeps its own."""
+        return [name for name in self.told() if name not in ("strain", "last")]
+
+    def _refuse_settled(self, path):
+        for name in self._settled:
+            raise InputError(f"{named(name)}: {path} goes on as it was begun; leave it out (or start anew)")
+
+    @property
+    def scalar(self):
+        """Real where there may be velocities to solve for."""
+        return "real" if self.model is None or self.model.law.damps_contacts else None
+
+    @property
+    def place(self):
+        """The file that it goes on from."""
+        if not self._begun:
+            raise InputError(f"{named('out')}: must be given: where to write the result?")
+        return self.start
+
+    @property
+    def _begun(self):
+        """Whether the start is a flow."""
+        from jampetsc.flows.job import is_flow
+
+        return self._in_memory is not None or (isinstance(self.start, str) and is_flow(self.start))
+
+    def check_outputs(self, to):
+        """A flow file may go on in its own place."""
+        from jampetsc.storage.outputs import check_place, is_same
+
+        if (
+            to.path is not None
+            and isinstance(self.start, str)
+            and is_same(to.path, self.start)
+            and self._begun
+        ):
+            check_place(to.path, self.FORMAT)
+            self.check_last(to)
+        else:
+            super().check_outputs(to)
+
+    @property
+    def _petsc(self):
+        """The session that finds velocities, None where this process does without PETSc."""
+        from jampetsc import session
+
+        running = None if self.scalar is None else session.current()
+        return running if running and (running.size > 1 or running.has_options("flow_")) else None
+
+    def work(self, to):
+        """Shear. Collective."""
+        from jampetsc import launcher, streams
+        from jampetsc.collective import by_rank_0
+        from jampetsc.flows import job as flows
+
+        petsc = self._petsc
+        comm = petsc and petsc.comm
+        if by_rank_0(comm, lambda: self._begun):
+            run = by_rank_0(comm, self._farther)
+        else:
+            run = self._fresh(comm)
+        if launcher.several() and self.scalar is None:
+            streams.say(
+                f"jampetsc: note: {run.model} has nothing to solve for: one rank does it; independent runs use more\n"
+            )
+        return flows.summary(run, to, flows.execute(run, to, self.last, petsc and _together(run)))
+
+    def _farther(self):
+        """The earlier flow, farther."""
+        from jampetsc.flows.job import continued
+        from jampetsc.jobs.kinds import opened
+
+        earlier = opened(self.start)
+        self._refuse_settled(earlier.path)
+        return continued(earlier, self.strain)
+
+    def _fresh(self, comm):
+        """The flow from its beginning."""
+        from jampetsc.flows.job import begun
+
+        if not self._settled:
+            raise InputError(
+                f"{input_told(self.start)}: is no flow to go on from: give {named('model')} and {named('rate')}"
+            )
+        disks, origin = self.disks(comm)
+        return begun(
+            disks,
+            origin,
+            self.model.of_stiffness(disks.potential.k),
+            self.rate,
+            self.strain,
+            discard=self.discard,
+            snapshots=self.snapshots or 0,
+            step=self.step,
+            tolerance=self.tolerance or TOLERANCE,
+        )
+
+    def random(self, radii, seed):
+        """See `FromStart`; `walls` in the attributes is the number of disks, the first ones, that make up the walls."""
+        if not self.walls:
+            return super().random(radii, seed)
+        from jampetsc.flows.walls import between_walls
+
+        disks, held = between_walls(radii, self.phi, seed, self.made_potential)
+        return disks, {"walls": held}
+
+
+def _together(run):
+    """What finds velocities with PETSc. Raises InputError where there is nothing to find."""
+    if not run.solves:
+        raise InputError(
+            f"{run.model} by {run.scheme.method}: has nothing to solve for: leave PETSc's options and mpirun out"
+        )
+    from jampetsc.flows.together import Together
+    from jampetsc.solvers import resistance
+
+    return Together(resistance.ContactSolver(run.scheme.tolerance))

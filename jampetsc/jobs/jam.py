@@ -1,0 +1,138 @@
+"""Which of many packings jam."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from jampetsc.contacts.potentials import EXPONENTS
+from jampetsc.errors import InputError
+from jampetsc.jobs.asking import asked
+from jampetsc.jobs.job import Job
+from jampetsc.jobs.kinds import SEEDS, Numbers, numbers
+from jampetsc.jobs.starts import PHIS, UNITS
+from jampetsc.packing.sizes import FEWEST, MOST, SIZES
+
+PROTOCOLS = ("random", "shear", "compress")  # of `flows.jamming`
+MANY = 1_000_000  # samples of one run
+
+
+@dataclass(frozen=True, eq=False)
+class Jam(Job):
+    """The fraction of packings that jam, and their pressures.
+
+    Makes many samples at each packing fraction, jammed or not, with their energies and pressures (Vågberg et al., PRE
+    83, 030303 (2011); thesis sec. 4.7). random: uniformly random disks, quenched. shear: minima along quasistatic shear
+    of such disks, some strain apart. compress: a liquid, cooled, quenched, sheared where a strain is given, then
+    compressed or decompressed to the phi_J of that sample; how far large and small disks have separated is told, too.
+    """
+
+    NAME: ClassVar = "jam"
+    FORMAT: ClassVar = "jampetsc-jam"
+    EPILOG: ClassVar = """examples
+  jampetsc jam --n 64 --phi 0.83:0.85:9 --seeds 1:500 --out f64.h5
+  mpirun -n 2 jampetsc jam --n 256 --phi 0.84,0.8425 --seeds 1:100 --out f256.h5
+  jampetsc jam --n 64 --phi 0.84 --seeds 1:4 --protocol shear --strain 4 --out qs64.h5
+  jampetsc jam --n 64 --phi 0.84 --seeds 1:40 --protocol compress --cooling-rate 1e-3 --out slow64.h5
+
+A run that was killed goes on when the same command is given again. Options of the Newton steps have the prefix
+-newton_."""
+    SOLVERS: ClassVar = ("newton_",)
+
+    n: int = asked(help="number of disks", low=FEWEST, high=MOST, metavar="N")
+    phi: Numbers = asked(
+        help="packing fractions: M from A to B evenly, or a list with commas",
+        kind=numbers(*PHIS, "A:B:M|LIST", "; disks jam near 0.84", even=True),
+    )
+    seeds: str | range = asked(help="samples of each, A to B included", kind=SEEDS)
+    sizes: str = asked(SIZES[0], "half of each radius 1:1.4, or all alike", choices=SIZES)
+    potential: str = asked("harmonic", "energy of an overlap", choices=EXPONENTS)
+    tolerance: float = asked(1e-6, "max|F|/(p d) of a minimum", low=1e-13, high=1e-2, metavar="T")
+    protocol: str = asked("random", "how samples are made", choices=PROTOCOLS)
+    separated: bool = asked(False, "large disks start on one side of the cell, small on the other")
+    step: float | None = asked(
+        None,
+        "strain of one step (default 1e-3)",
+        low=1e-8,
+        high=0.1,
+        metavar="DG",
+        group="shear and compress",
+    )
+    strain: float | None = asked(
+        None,
+        "how far each seed is sheared (default 2; compress: not)",
+        low=1e-8,
+        high=1e4,
+        metavar="S",
+        group="shear and compress",
+    )
+    discard: float | None = asked(
+        None, "strain before the first sample (default 1)", low=0.0, high=1e4, metavar="S", group="shear"
+    )
+    every: float | None = asked(
+        None, "strain between samples (default 0.02)", low=1e-8, high=1e4, metavar="S", group="shear"
+    )
+    temperature: float | None = asked(
+        None, "of the liquid, in k_e (default 1e-3)", low=1e-8, high=10.0, metavar="T", group="compress"
+    )
+    cooling_rate: float | None = asked(
+        None,
+        "by how much ln T falls per sweep (default 1e-2)",
+        low=1e-6,
+        high=10.0,
+        metavar="R",
+        group="compress",
+    )
+    sweeps: int | None = asked(
+        None, "sweeps before that (default 200)", low=0, high=10_000_000, metavar="S", group="compress"
+    )
+
+    def check(self):
+        """Refuse options of other protocols and too many samples."""
+        count = self.samples.count
+        if count > MANY:
+            raise InputError(f"{count} samples: at most {MANY} in one result")
+
+    @property
+    def samples(self):
+        """The `flows.samples.Samples` asked for."""
+        from jampetsc.flows.jamming import Protocol
+        from jampetsc.flows.samples import Samples
+
+        names = ("step", "strain", "discard", "every", "temperature", "cooling_rate", "sweeps")
+        options = {name: getattr(self, name) for name in names}
+        protocol = Protocol.of(self.protocol, separated=self.separated, **options)
+        phis = tuple(self.phi.tolist())
+        return Samples(self.n, phis, self.seeds, protocol, self.sizes, self.potential, self.tolerance, UNITS)
+
+    def work(self, to):
+        """Make the samples. Collective."""
+        from jampetsc.flows.samples import execute
+        from jampetsc.solvers import local
+
+        solver = local.NewtonSolver()
+        try:
+            return _summary(self.n, execute(self.samples, solver, to), to)
+        finally:
+            solver.destroy()
+
+
+def _summary(n, record, to) -> str:
+    """A line for every φ."""
+    import numpy as np
+
+    from jampetsc.analysis.jamming import at_densities
+
+    columns = {name: record.series(name) for name in record.columns}
+    lines = [f"{to}: {len(record)} samples of {n} disks"]
+    for one in at_densities(columns):
+        if one.jammed is None:
+            lines.append(f"  phi = {one.phi:.6g}: no minimum found")
+            continue
+        error = 0.5 * (one.jammed.high - one.jammed.low)
+        mean = f", p of the jammed {one.pressure:.4g}" if np.isfinite(one.pressure) else ""
+        others = "".join(f", {name} {value:.5g} ± {error:.2g}" for name, (value, error) in one.means.items())
+        lines.append(
+            f"  phi = {one.phi:.6g}: jammed {one.jammed.value:.3f} ± {error:.2g} (as of "
+            f"{one.jammed.independent:.0f} independent samples){mean}{others}"
+        )
+    lost = int(np.count_nonzero(~np.isfinite(columns["jammed"])))
+    return "\n".join(lines + ([f"  {lost} samples reached no minimum: nan in the result"] if lost else []))

@@ -1,0 +1,64 @@
+"""Quasistatic shear."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from jampetsc.errors import InputError, named
+from jampetsc.jobs.asking import asked
+from jampetsc.jobs.starts import FromStart
+
+MOST = 1e8  # steps
+FARTHEST = 1e4  # strain
+
+
+@dataclass(frozen=True, eq=False)
+class Shear(FromStart):
+    """Quasistatic shear: affine step, minimise, repeat.
+
+    Shears soft disks in small affine steps, each followed to the minimum of the energy (Vågberg, thesis sec. 4.7).
+    """
+
+    NAME: ClassVar = "shear"
+    FORMAT: ClassVar = "jampetsc-shear"
+    EPILOG: ClassVar = """examples
+  jampetsc shear --n 64 --phi 0.845 --step 1e-3 --strain 8 --out qs.h5
+  jampetsc shear packing.h5 --step 1e-3 --strain 1 --out qs.h5
+
+A run that was killed goes on when the same command is given again. Options of the Newton steps of its quenches have the
+prefix -newton_."""
+    SOLVERS: ClassVar = ("newton_",)
+
+    step: float = asked(help="strain of one step", above=0.0, high=0.1, metavar="DG")
+    strain: float = asked(help="how far to shear", above=0.0, high=FARTHEST, metavar="S")
+    tolerance: float = asked(
+        1e-6, "max|F|/(p d) of a minimum", low=1e-13, high=1e-2, metavar="T", group="run"
+    )
+
+    def check(self):
+        """Refuse what does not go together."""
+        super().check()
+        if self.strain < self.step:
+            raise InputError(
+                f"{named('strain')} {self.strain:g}: must lie in [{named('step')}, {FARTHEST:g}]"
+            )
+        if self.strain / self.step > MOST:
+            raise InputError(
+                f"{named('step')} {self.step:g}: {self.strain / self.step:.2g} steps, at most {MOST:.0e}: give a "
+                "larger one"
+            )
+
+    def work(self, to):
+        """Shear."""
+        from jampetsc import session
+        from jampetsc.flows.slowjob import SlowRun, execute
+        from jampetsc.solvers import local
+
+        size = session.current().size
+        if size > 1:
+            raise InputError(f"shear on {size} ranks: one run is one process; a study runs many")
+        run = SlowRun(*self.disks(), self.step, self.strain, self.tolerance, self.discard)
+        solver = local.NewtonSolver()
+        try:
+            return execute(run, solver, to, self.last)
+        finally:
+            solver.destroy()
