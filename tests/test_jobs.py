@@ -3,7 +3,10 @@
 import dataclasses
 import inspect
 import os
+import subprocess
+import sys
 
+import launch
 import numpy as np
 import pytest
 from samples import SAMPLES, physics, published, put
@@ -12,7 +15,7 @@ import jampetsc
 from jampetsc import ContactDamping, StokesDrag, cli
 from jampetsc.errors import InputError
 from jampetsc.jobs import JOBS, job_class
-from jampetsc.jobs.asking import made, parameters
+from jampetsc.jobs.asking import made, parameters, parts
 from jampetsc.jobs.correlate import Correlate
 from jampetsc.jobs.modes import Modes
 from jampetsc.jobs.oscillate import Oscillate
@@ -81,12 +84,16 @@ def test_a_function_says_what_it_takes(name):
     )
     for parameter in signature.parameters.values():
         assert f"\n{parameter.name} : " in function.__doc__
-        if parameter.name in known and known[parameter.name].place == "option":
+        if (
+            parameter.name in known
+            and parameter.name not in parts(job)
+            and known[parameter.name].place == "option"
+        ):
             assert parameter.kind == parameter.KEYWORD_ONLY and parameter.annotation != parameter.empty
             assert known[parameter.name].help in function.__doc__
     assert function.__name__ == name and function.__doc__.startswith(inspect.cleandoc(job.__doc__)[:30])
     with pytest.raises(TypeError, match="typo"):
-        function("p.h5", typo=1)
+        function("p.h5", typo=1, **{"omega": 1.0} if name == "oscillate" else {})
 
 
 @pytest.mark.parametrize("name", JOBS)
@@ -183,7 +190,69 @@ def test_frequencies_of_a_power_law_go_as_far_as_their_power_does(alpha, omega, 
             Oscillate("p.h5", omega=omega, strain=1e-3, alpha=alpha)
 
 
+def test_what_the_package_gives_by_name():
+    assert {name for name in JOBS if name != "import"} | {"load", "import_packing"} < set(jampetsc.__all__)
+    assert all(
+        callable(getattr(jampetsc, name))
+        for name in jampetsc.__all__
+        if name not in ("models", "__version__")
+    )
+    with pytest.raises(AttributeError, match="has no attribute 'swep'"):
+        jampetsc.swep  # noqa: B018
+    code = "import jampetsc, sys; assert not {'numpy', 'h5py', 'petsc4py', 'mpi4py'} & set(sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=launch.environment(), capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+
+
 # Answers
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_a_function_gives_what_its_command_writes(session, shared_path):
+    packing, out = put(shared_path / "p.h5", published(), session.comm), shared_path / "command.h5"
+    words = ["--beta", "0.1", "--no-prestress", "--omega", "0.01,1.0"]
+    assert cli.dispatch(["sweep", str(packing), "--out", str(out), *words]) == 0
+    session.comm.Barrier()
+    command, disks = jampetsc.load(out), jampetsc.load(packing)
+    law = ContactDamping(np.float64(0.1))
+    for source in (str(packing), disks, jampetsc.Packing(disks.positions, disks.radii, disks.cell)):
+        function = jampetsc.sweep(source, law, prestress=False, omega=np.array([0.01, 1.0]))
+        np.testing.assert_allclose(function.G, command.G, rtol=1e-9)
+        assert function.law == command.law and function.attributes["ranks"] == session.size
+    kept = jampetsc.sweep(packing, law, prestress=False, omega=[0.01, 1.0], out=shared_path / "kept.h5")
+    told = kept.attributes["argv"].split()
+    assert told[:4] == ["jampetsc", "sweep", str(packing), "--out"]
+    again = job_of(Sweep, cli.command_parser(told[1:])[0].parse_args(told[1:]))
+    assert again.told() == Sweep(packing, law, prestress=False, omega=[0.01, 1.0]).told()
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_what_needs_no_petsc_is_done_by_one_rank(session, monkeypatch):
+    ranks, work = [], Spectrum.work
+    monkeypatch.setattr(Spectrum, "work", lambda *words: ranks.append(session.rank) or work(*words))
+    found = jampetsc.spectrum(jampetsc.sweep(published(), omega=[1e-3, 1.0]))
+    assert ranks == [0] * (session.rank == 0)
+    assert len(set(session.comm.allgather(found.attributes["run_id"]))) == 1
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+def test_flows_and_studies_are_functions_too(session, shared_path):
+    flow = jampetsc.flow(n=16, phi=0.9, model="RD0", rate=1e-2, strain=0.2, discard=0.1, snapshots=2)
+    farther = jampetsc.flow(flow, strain=0.3, out=shared_path / "farther.h5")
+    assert farther["strain"][-1] > flow["strain"][-1]
+    assert jampetsc.correlate(flow, bin=0.5)["pairs"].sum() > 0
+    assert jampetsc.jam(n=16, phi=0.9, seeds="1:2")["pressure"].shape == (2,)
+    tables = {
+        "pack": {"n": 16, "pressure": 1e-2, "seeds": "1:2", "stabilise": "shear"},
+        "quasistatic": {"beta": 0.1},
+    }
+    table = jampetsc.study(tables, out=shared_path / "study")
+    assert set(table["state"]) == {"done"} and table.where(command="quasistatic")["G0"].min() > 0
 
 
 def arrays_of(result):

@@ -112,7 +112,7 @@ class Job:
 
     def words(self) -> list[str]:
         """The options of a command line that asks for the same."""
-        told, words = self._values(), []
+        told, words = self.told(), []
         for name, parameter in parameters(type(self)).items():
             if parameter.place != OPTION:
                 continue
