@@ -315,6 +315,14 @@ def test_an_answer_in_memory_is_that_of_the_file(session, shared_path, monkeypat
     found["spectrum"].save("saved.h5")  # by all ranks together
     session.comm.Barrier()
     assert jampetsc.load("saved.h5").spectrum.G0 == found["spectrum"].spectrum.G0
+    found["sweep"].save("s.h5")  # still knows its packing
+    session.comm.Barrier()
+    again = jampetsc.correlate(found["sweep"], lane=[1, 2])
+    np.testing.assert_allclose(again["C"], found["correlate"]["C"], rtol=1e-12)
+    with pytest.raises(InputError, match="its packing was in memory: give it with packing"):
+        jampetsc.correlate(jampetsc.load("s.h5"))
+    with pytest.raises(InputError, match="is the input"):
+        jampetsc.correlate(found["sweep"], out="s.h5")
     session.comm.Barrier()
 
 
