@@ -16,23 +16,21 @@ import sys
 import time
 
 from jampetsc import launcher, progress, session, solver_options, streams
-from jampetsc.commands import COMMANDS, add_command
 from jampetsc.errors import InputError, JampetscError, option
+from jampetsc.jobs import JOBS, job_class
 from jampetsc.version import VERSION
+from jampetsc.words.jobs import add_job
 
 REMEDIES = {errno.ENOSPC: ": free some space, or write elsewhere", errno.EACCES: ": check its permissions"}
 MORE_MEMORY = "use more nodes, or a smaller packing"
-PETSC_OPTION = re.compile(r"-[A-Za-z]")
 OWN = ("-h", "-q", "-v")  # short options of the program's own
 NEAR = 0.75  # likeness of a name to what may have been meant
-THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")  # read when numpy is imported
 PATIENCE = 2.0  # seconds that a rank in trouble waits for the others to report the same
 
 
 def main(argv=None):
     """Run `jampetsc argv` and return the exit status. Errors are printed once, by one rank."""
-    for variable in THREAD_VARIABLES:
-        os.environ.setdefault(variable, "1")
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # OpenBLAS reads it, too, when numpy is imported
     streams.prepare()
     try:
         status = dispatch(sys.argv[1:] if argv is None else argv)
@@ -68,7 +66,7 @@ def dispatch(argv):
         unknown = [word for word in words if _is_unknown(word, commands.choices.get(words[0]))]
         if unknown and "required" in str(error):  # it is missing because it was misspelt
             raise InputError(_unknown(unknown[0], commands.choices[words[0]])) from None
-        taken = [token for token in petsc_argv if not PETSC_OPTION.match(token)]
+        taken = [token for token in petsc_argv if not solver_options.OPTION.match(token)]
         missing = taken and "required" in str(error)
         hint = f"; PETSc's options took {', '.join(taken)}: put them last" if missing else ""
         raise InputError(f"{error}{hint}") from None
@@ -79,7 +77,7 @@ def dispatch(argv):
             f"{args.command} {petsc_argv[0]}: single-dash options are PETSc's, which has nothing to do here; "
             "the program's own begin with --"
         )
-    solver_options.check(args.command, petsc_argv)
+    solver_options.check(args.command, job_class(args.command).SOLVERS, petsc_argv)
     progress.tell(-1 if args.quiet else 1 if args.verbose else 0)
     try:
         return _run(args, argv, petsc_argv)
@@ -89,13 +87,9 @@ def dispatch(argv):
 
 def _run(args, argv, petsc_argv):
     """Run the command as it was asked for."""
-    from jampetsc.storage.request import asked  # not before --help
-
     if not args.takes_petsc(args):
-        with asked(args):
-            return args.run(args, petsc_argv) if _chosen(argv) else 0
-    with asked(args):
-        status = args.run(args, petsc_argv)
+        return args.run(args, petsc_argv) if _chosen(argv) else 0
+    status = args.run(args, petsc_argv)
     if petsc_argv:
         session.current().tell_unused()
     return status
@@ -110,7 +104,7 @@ def split_petsc(argv):
     words, petsc = [], []
     value_may_follow = False
     for token in argv:
-        option = bool(PETSC_OPTION.match(token)) and token not in OWN
+        option = bool(solver_options.OPTION.match(token)) and token not in OWN
         value = value_may_follow and not token.startswith("--")
         (petsc if option or value else words).append(token)
         value_may_follow = option
@@ -145,11 +139,11 @@ def command_parser(words):
     parser.add_argument("--version", action="version", version=f"jampetsc {VERSION}")
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     asked = words[0] if words else ""
-    if asked and asked not in COMMANDS and not asked.startswith("-"):
-        raise InputError(f"{asked}: no such command{_did_you_mean(asked, COMMANDS)} (see jampetsc --help)")
-    names = [asked] if asked in COMMANDS else [] if asked == "--version" else COMMANDS
-    for name in names:
-        add_command(name, subparsers)
+    if asked and asked not in JOBS and not asked.startswith("-"):
+        raise InputError(f"{asked}: no such command{_did_you_mean(asked, JOBS)} (see jampetsc --help)")
+    whole = asked in JOBS
+    for name in [asked] if whole else [] if asked == "--version" else JOBS:
+        add_job(job_class(name), subparsers, whole)
     return parser, subparsers
 
 
@@ -188,7 +182,7 @@ def _chosen(request):
     `request` is a command line. Where mpirun started several ranks MPI is started to compare them, and ended:
     nobody waits for the one that works. What this process has started before stays as it is.
     """
-    before, MPI = _mpi(), _start_mpi()
+    before, MPI = "mpi4py.MPI" in sys.modules, _mpi()
     if not MPI:
         return True
     requests = MPI.COMM_WORLD.allgather((request, os.getcwd()))
@@ -200,7 +194,7 @@ def _chosen(request):
 
 def _fail(message, status):
     """Print `message` once and return `status`; abort the job if some rank is not failing within PATIENCE, too."""
-    MPI = _start_mpi()  # a rank that left before another has printed would end the job without a word
+    MPI = _mpi()  # a rank that left before another has printed would end the job without a word
     if not MPI:
         _print_error(message)
         return status
@@ -217,16 +211,11 @@ def _fail(message, status):
     return status
 
 
-def _start_mpi():
-    """`_mpi()`, which is started first where mpirun may have started several ranks."""
+def _mpi():
+    """mpi4py's MPI where this is one of several ranks or something has started it, and nothing ended it, else None."""
     if launcher.several():
         with contextlib.suppress(ImportError):
             importlib.import_module("mpi4py.MPI")
-    return _mpi()
-
-
-def _mpi():
-    """mpi4py's MPI if something has loaded and started it, and nothing ended it, else None."""
     MPI = sys.modules.get("mpi4py.MPI")
     return MPI if MPI and MPI.Is_initialized() and not MPI.Is_finalized() else None
 

@@ -27,15 +27,12 @@ def forget_outdated(package: Path = PACKAGE) -> None:
     Where that folder is not ours to write, numba keeps its files elsewhere; there an installation replaces all modules
     at once.
     """
-    digest = hashlib.sha256()
-    for content in sources(package).values():
-        digest.update(hashlib.sha256(content).digest())
+    digest = hashlib.sha256(b"\0".join(sources(package).values())).hexdigest()
     stamp = package / "__pycache__" / "compiled-from"
     with suppress(OSError):
-        if stamp.exists() and stamp.read_text() == digest.hexdigest():
+        if stamp.exists() and stamp.read_text() == digest:
             return
-        for pattern in ("*.nbi", "*.nbc"):
-            for kept in package.rglob(f"__pycache__/{pattern}"):
-                kept.unlink(missing_ok=True)
+        for kept in package.rglob("__pycache__/*.nb[ic]"):
+            kept.unlink(missing_ok=True)
         stamp.parent.mkdir(exist_ok=True)
-        stamp.write_text(digest.hexdigest())
+        stamp.write_text(digest)

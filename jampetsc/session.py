@@ -20,6 +20,7 @@ from pathlib import Path
 
 from jampetsc import builds, launcher, streams
 from jampetsc.errors import InputError
+from jampetsc.shipped_files import located
 from jampetsc.solver_options import is_petscs_own, names_given
 
 QUIET = "-no_signal_handler"
@@ -32,14 +33,15 @@ def start(scalar=None, petsc_argv=()):
     """Start MPI, PETSc and SLEPc and return the Session. Collective.
 
     scalar      "real", "complex", or None for either (real preferred)
-    petsc_argv  PETSc's own options, as on a command line: ["-options_file", "a.opts", "-log_view"]
+    petsc_argv  PETSc's own options, as on a command line: ["-options_file", "a.opts", "-log_view"];
+                `jampetsc:NAME` is an options file that comes with the package
 
     Raises InputError when no build has that scalar type, when the user's own has the other one, when SLEPc
     belongs to another PETSc, or for an options file that cannot be read. A second call returns the running
     session.
     """
     global _session
-    petsc_argv = [str(token) for token in petsc_argv]
+    petsc_argv = [located(str(token)) for token in petsc_argv]
     if _session is None:
         names = names_given(petsc_argv)
         with builds.selected(scalar):
@@ -177,11 +179,9 @@ class Session:
                 database.delValue(name)  # not the user's to correct
             database.setValue("options_left", True)
 
-    @contextlib.contextmanager
     def stage(self, name):
-        """A log stage: what runs inside is summed under `name` by -log_view. Collective."""
-        with self.PETSc.Log.Stage(name):
-            yield
+        """A log stage, a context: what runs inside is summed under `name` by -log_view. Collective."""
+        return self.PETSc.Log.Stage(name)
 
     def collect(self):
         """Free the PETSc objects that python has dropped, even if on some ranks only. Collective.

@@ -1,7 +1,7 @@
 """A program of the tests, also under mpirun: python tests/run_killed_study.py COUNT MOMENT ARGUMENTS…
 
 `jampetsc ARGUMENTS`, killed by SIGKILL when a rank keeps the record of its task number COUNT: "before" that, "within",
-so that its line is torn, or "after" it.
+so that it is torn, or "after" it.
 """
 
 import os
@@ -9,23 +9,23 @@ import signal
 import sys
 
 from jampetsc import cli
-from jampetsc.studies.journal import Journal
+from jampetsc.studies import run
 
 
 def main(count, moment, arguments):
-    append, kept = Journal.append, []
+    keep, kept = run.keep_record, []
 
-    def append_and_die(self, record):
+    def keep_and_die(folder, record):
         kept.append(record)
         last = len(kept) == count
         if not (last and moment == "before"):
-            append(self, record)
+            keep(folder, record)
         if last and moment == "within":
-            os.truncate(self.path, self._end - 5)
+            os.truncate(folder / "journal" / record["task"], 80)
         if last:
             os.kill(os.getpid(), signal.SIGKILL)
 
-    Journal.append = append_and_die
+    run.keep_record = keep_and_die
     return cli.main(arguments)
 
 

@@ -14,7 +14,6 @@ import pytest
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.storage.atomic import (
     NewFile,
-    append_durably,
     check_writable,
     remove_abandoned,
     write_error,
@@ -228,18 +227,6 @@ def test_the_file_that_a_link_stands_for_is_what_is_written(tmp_path):
         check_writable(tmp_path / "none.csv")
     with pytest.raises(InputError, match=r"cannot be written \(No such file or directory\)"):
         write_whole(tmp_path / "none.csv", b"1,2")
-
-
-def test_a_line_is_put_behind_what_counts_and_on_the_disk(tmp_path, monkeypatch):
-    path = tmp_path / "journal"
-    path.write_bytes(b"whole\ntorn line that is longer than what follows")
-    synced = []
-    monkeypatch.setattr(os, "fsync", lambda handle: synced.append(os.pread(handle, 99, 0)))
-    append_durably(path, 6, b"next\n")
-    assert synced == [b"whole\nnext\n"]
-    assert path.read_bytes() == b"whole\nnext\n"
-    with pytest.raises(InputError, match=r"none: cannot be written \(No such file or directory\)"):
-        append_durably(tmp_path / "none", 0, b"next\n")
 
 
 def write_result(path):

@@ -326,6 +326,16 @@ def test_nothing_is_left_of_a_killed_command(tmp_path, number, ranks):
         assert running.returncode == -number
 
 
+def test_what_waits_for_a_process_of_its_own_takes_it_along(tmp_path):
+    write_packing(tmp_path / "p.h5", published())
+    line = [sys.executable, "-m", "jampetsc", "trade", "p.h5", "--out", "t.csv", "--omega", "1e-6:1:100000"]
+    environment = launch.environment() | {"JAMPETSC_TEST": str(tmp_path)}
+    with subprocess.Popen(line, cwd=tmp_path, env=environment, stderr=subprocess.DEVNULL) as running:
+        assert until(lambda: len(processes_of(tmp_path)) == 2)
+        running.send_signal(signal.SIGTERM)
+    assert running.returncode == 128 + signal.SIGTERM and not processes_of(tmp_path)
+
+
 def test_one_of_two_ranks_takes_the_other_along(tmp_path):
     """Though neither can listen: both are hours inside one instruction of python."""
     words = ("probe", tmp_path / "pid", "--do", "be_deaf", "--scalar", "real")
@@ -406,14 +416,6 @@ def test_every_error_has_its_line_and_status(monkeypatch, capsys, error, status,
     monkeypatch.setattr(cli, "dispatch", Failing(error))
     assert cli.main(["probe"]) == status
     assert capsys.readouterr() == ("", "".join(f"jampetsc: error: {line}\n" for line in lines))
-
-
-@pytest.mark.parametrize("name", ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"])
-def test_threads_are_the_callers_to_choose(monkeypatch, name):
-    for given, found in (({}, "1"), ({name: "4"}, "4")):
-        monkeypatch.setattr(os, "environ", dict(given))
-        monkeypatch.setattr(cli, "dispatch", lambda words: 0)
-        assert cli.main([]) == 0 and os.environ[name] == found
 
 
 @pytest.mark.scalar("real")
@@ -506,14 +508,20 @@ def test_a_bug_on_one_rank_ends_the_job(rank):
 
 
 def test_one_thread_per_rank_unless_told_otherwise():
-    code = "import os; from jampetsc import cli; cli.main(['x']); print(os.environ['OPENBLAS_NUM_THREADS'])"
+    code = (
+        "import os; from jampetsc import cli; cli.main(['x']); import numpy as np; a = np.ones((600, 600)); a @ a; "
+        "print(os.environ['OMP_NUM_THREADS'], len(os.listdir('/proc/self/task')))"
+    )
     environment = {name: value for name, value in launch.environment().items() if "THREADS" not in name}
-    python = [launch.sys.executable, "-c", code]
-    found = [
-        subprocess.run(python, env=environment | given, capture_output=True, text=True, timeout=60).stdout
-        for given in ({}, {"OPENBLAS_NUM_THREADS": "4"})
-    ]
-    assert found == ["1\n", "4\n"]
+    for given, threads in ({}, 1), ({"OMP_NUM_THREADS": "2"}, min(2, len(os.sched_getaffinity(0)))):
+        done = subprocess.run(
+            [launch.sys.executable, "-c", code],
+            env=environment | given,
+            capture_output=True,
+            text=True,
+            timeout=60,
+        )
+        assert done.stdout == f"{given.get('OMP_NUM_THREADS', '1')} {threads}\n"
 
 
 def test_a_file_name_that_is_no_utf8_can_be_reported():

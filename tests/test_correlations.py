@@ -33,7 +33,7 @@ from jampetsc.plots.correlation import (
     plot_correlation,
     plot_lengths,
 )
-from jampetsc.storage.packing_file import packing_identity, write_packing
+from jampetsc.storage.packing_file import read_identified, write_packing
 from jampetsc.storage.provenance import derived_from
 from jampetsc.storage.reader import load
 from jampetsc.storage.result_file import ResultWriter
@@ -277,7 +277,7 @@ def write_sweep(
     fields = np.zeros((len(omega), n, 2), complex)
     for field, m in zip(fields, lengths, strict=True):
         field[:, 1] = wave(points, cell, m, phase=seed) + 1j * wave(points, cell, 2 * m, phase=seed)
-    file, sha256 = packing_identity(packing)
+    file, sha256 = read_identified(packing)[1]
     path = folder / f"{name}.h5"
     with ResultWriter(path, "jampetsc-sweep") as writer:
         for key, values in (("omega", omega), ("G", np.ones(len(omega)) * G), ("error_bound", omega)):

@@ -204,6 +204,10 @@ def test_a_flow_is_one_file_of_many_frames(tmp_path, monkeypatch):
         velocity = result["snapshots/velocities"][row]
         np.testing.assert_array_equal(columns["velo"][:, :2], velocity)
         np.testing.assert_array_equal((shown["vx"], shown["vy"]), velocity.T)
+        assert disks.strain == result["snapshots/strain"][row] and np.array_equal(disks.velocities, velocity)
+        np.testing.assert_array_equal((shown["ix"], shown["iy"]), disks.images.T)
+        np.testing.assert_array_equal(columns["image"], np.pad(disks.images, ((0, 0), (0, 1))))
+        np.testing.assert_array_equal(columns["unwrapped"][:, :2], disks.unwrapped)
         assert float(facts["strain"]) == result["snapshots/strain"][row] and facts["rate"] == "0.01"
         places = np.column_stack((shown["x"], shown["y"]))
         pairs = [all_pairs(p, disks.radii, c) for p, c in ((places, cell), (disks.positions, disks.cell))]

@@ -15,7 +15,7 @@ from jampetsc.plots import style
 from jampetsc.plots.floppy import groups_of, plot_medians, plot_viscosities
 from jampetsc.plots.lowmodes import plot_lowest
 from jampetsc.plots.vibrations import chosen_modes, density_of_states, plot_modes, plot_states
-from jampetsc.storage.packing_file import packing_identity, write_packing
+from jampetsc.storage.packing_file import read_identified, write_packing
 from jampetsc.storage.reader import load
 from jampetsc.storage.result_file import ResultWriter
 
@@ -48,7 +48,7 @@ def write_quasistatic(path, pressure=1e-3, packing=None, prestress=True, law="co
         writer.dataset("nonaffine", rng.normal(size=(16, 2)))
         writer.dataset("no_prestress/nonaffine", rng.normal(size=(16, 2)))
         if packing is not None:
-            attributes |= dict(zip(("packing", "packing_sha256"), packing_identity(packing), strict=True))
+            attributes |= dict(zip(("packing", "packing_sha256"), read_identified(packing)[1], strict=True))
         writer.attributes(**attributes)
     return str(path)
 
@@ -66,7 +66,7 @@ def write_modes(path, pressure=1e-3, packing=None, complete=True):
             writer.dataset(f"cumulative/{name}", np.linspace(0.1, 1, 30) ** power)
         attributes = {"pressure": pressure, "k": 2.0, "complete": complete, "prestress": False}
         if packing is not None:
-            attributes |= dict(zip(("packing", "packing_sha256"), packing_identity(packing), strict=True))
+            attributes |= dict(zip(("packing", "packing_sha256"), read_identified(packing)[1], strict=True))
         writer.attributes(**attributes)
     return str(path)
 

@@ -4,6 +4,7 @@ import json
 import re
 from dataclasses import replace
 
+import h5py
 import launch
 import numpy as np
 import pytest
@@ -172,7 +173,7 @@ def test_a_finished_run_goes_on_to_the_last_bit(tmp_path, name):
 
 
 def test_snapshots_go_on_with_the_run(tmp_path, monkeypatch):
-    """As many as before over all that is kept then; room for both is asked for."""
+    """At the same strain from each other; room for all is asked for."""
     out, room = tmp_path / "flow.h5", []
     common = "flow --n 16 --phi 0.9 --model RD0 --rate 0.1 --strain 0.1 --discard 0 --snapshots 4".split()
     assert flow(*common, "--out", out) == 0
@@ -181,11 +182,20 @@ def test_snapshots_go_on_with_the_run(tmp_path, monkeypatch):
     assert flow("flow", out, "--strain", 0.1) == 0
     after = jampetsc.load(out)
     assert np.array_equal(after["snapshots/strain"][:4], before)
-    assert (
-        before[0] == 0.0
-        and after["snapshots/strain"][4:] == pytest.approx([0.135, 0.2])
-        and room == [(16, 8)]
-    )
+    assert after["snapshots/strain"] == pytest.approx([0, 0.035, 0.065, 0.1, 0.135, 0.165, 0.2])
+    assert room == [(16, 7)] and len(after["snapshots/images"]) == 7
+    third = after.snapshot(2).positions
+    with h5py.File(out, "a") as h5:  # as older files are
+        settings = json.loads(h5.attrs["settings"])
+        settings["plan"] = {"steps": settings["plan"]["steps"], "rows": 40, "discard": 0.0, "snapshots": 7}
+        h5.attrs["settings"] = json.dumps(settings)
+        for name in ("snapshots/images", "snapshots/radii", "state/images"):
+            del h5[name]
+    assert flow("flow", out, "--strain", 0.1) == 0
+    older = jampetsc.load(out)
+    assert older["snapshots/strain"][7:] == pytest.approx([0.235, 0.265, 0.3])
+    assert "snapshots/images" not in older and older.snapshot().images is None
+    assert np.array_equal(older.snapshot(2).positions, third)
 
 
 def test_what_solves_for_velocities(tmp_path):
@@ -272,7 +282,9 @@ BAD = [
     ("--step 1e-300", "at most 1e+12"),
     ("--strain nan", "must be positive"),
     ("--discard nan", "must lie in"),
-    ("--snapshots 1000000000000", "rows after --discard, at most one for each"),
+    ("--snapshots 1000000000000", "rows after discard, at most one for each"),
+    ("--snapshots 2 --snapshot-every 0.1", "--snapshot-every: leave out --snapshots"),
+    ("--snapshot-spacing log", "--snapshot-spacing: how many?"),
     ("--strain 3e7 --rate 1 --snapshots 1000000000", "are free where"),
     ("--phi nan", "must lie in"),
     ("--seed -1", "must lie in"),

@@ -3,7 +3,6 @@
 import re
 import shutil
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -97,37 +96,15 @@ def test_everything_that_decides_a_sweep_identifies_its_checkpoint(packing):
     assert len(set(map(str, keys))) == len(keys) and str(replace(job, started=0.0).key(1)) == str(keys[0])
 
 
-def lose(first, last):
-    """Loses these lines of a journal, of which the first is the header."""
-
-    def edit(journal):
-        lines = journal.read_bytes().splitlines(keepends=True)
-        journal.write_bytes(b"".join(lines[:first] + lines[last + 1 :]))
-
-    return edit
-
-
-def lose_fields(step):
-    return lambda journal: next(Path(f"{journal}.d").glob(f"*-{step:05d}-rank-0000.npz")).unlink()
-
-
-GAPS = {  # what is lost of a checkpoint of three steps -> how many count
-    "the first step": (lose(1, 1), 0),
-    "the second step": (lose(2, 2), 1),
-    "the fields of the second": (lose_fields(1), 1),
-}
-
-
-@pytest.mark.parametrize("gap", GAPS)
-def test_what_follows_a_gap_is_not_built_upon(packing, whole, three_steps, tmp_path, gap):
+@pytest.mark.parametrize("lost", [0, 1])
+def test_what_follows_a_gap_is_not_built_upon(packing, whole, three_steps, tmp_path, lost):
     """Certified is what the bound says: an error of the resumed run stays within it."""
-    out, journal, (edit, count) = tmp_path / "sweep.h5", tmp_path / "sweep.h5.resume", GAPS[gap]
-    shutil.copy(three_steps, journal)
-    shutil.copytree(f"{three_steps}.d", f"{journal}.d")
-    edit(journal)
+    out, steps = tmp_path / "sweep.h5", tmp_path / "sweep.h5.resume"
+    shutil.copytree(three_steps, steps)
+    (steps / f"0000{lost}-rank-0000").unlink()
     done = sweep(0, 99, packing, out)
     assert done.returncode == 0, done.stderr
-    assert (f"{count} shifts are finished" in done.stderr) == (count > 0)
+    assert (f"{lost} shifts are finished" in done.stderr) == (lost > 0)
     found, exact = jampetsc.load(out), whole
     assert np.all(np.abs(found.G - exact.G) <= found.error_bound + exact.error_bound)
     assert np.all(found.error_bound <= 2e-10 * np.abs(found.G))

@@ -63,7 +63,7 @@ def test_a_killed_run_goes_on(session, tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         run(tmp_path / "out.h5")
     monkeypatch.setattr(record, "write_checkpoint", save)
-    shutil.copy(tmp_path / "out.h5.resume", tmp_path / "other.h5.resume")
+    shutil.copytree(tmp_path / "out.h5.resume", tmp_path / "other.h5.resume")
     parts = run(tmp_path / "out.h5")
     other = run(tmp_path / "other.h5", "--protocol", "compress", "--cooling-rate", "1", "--seeds", "3:3")
     assert len(other["phi_J"]) == 2  # begun anew: the checkpoint was of another protocol

@@ -1,5 +1,7 @@
 """`assemble` and `jampetsc matrices`: G* of what they give, by numpy, is that of a sweep and of the dense reference."""
 
+import importlib.util
+
 import numpy as np
 import pytest
 import samples
@@ -53,6 +55,19 @@ def test_moduli_of_the_matrices_are_those_of_a_sweep(session, shared_path, words
     sweep = jampetsc.load(shared_path / "s.h5")
     for omega in OMEGA:
         same(modulus(whole, omega), sweep.modulus(omega))
+
+
+@pytest.mark.scalar("real")
+def test_a_model_for_pymor_has_the_same_moduli(session, packing):
+    matrices = jampetsc.assemble(packing, beta=0.1)
+    if importlib.util.find_spec("pymor") is None:
+        with pytest.raises(InputError, match="needs the package pymor: pip install"):
+            matrices.to_pymor()
+        return
+    model, whole = matrices.to_pymor(), matrices.to_scipy()
+    for omega in OMEGA:
+        (found,) = model.transfer_function.eval_tf(1j * omega).ravel()
+        assert found * 1j * omega == pytest.approx(modulus(whole, omega), rel=1e-10)
 
 
 @pytest.mark.scalar("real")

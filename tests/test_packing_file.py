@@ -1,6 +1,6 @@
 """Packing files: exact, complete or absent, and every defect named."""
 
-import shutil
+import hashlib
 import signal
 import tempfile
 from pathlib import Path
@@ -15,7 +15,7 @@ from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import InputError
 from jampetsc.storage.atomic import check_writable
 from jampetsc.storage.packing_file import (
-    packing_identity,
+    is_known_as,
     read_identified,
     read_packing,
     write_packing,
@@ -156,12 +156,17 @@ def test_a_file_cut_anywhere_is_refused(path):
             read_packing(path)
 
 
-def test_identity_is_name_and_sha256(tmp_path, path):
-    name, digest = packing_identity(path)
-    assert (name, len(digest)) == ("p.h5", 64)
-    assert packing_identity(shutil.copy(path, tmp_path / "q.h5")) == ("q.h5", digest)
-    with pytest.raises(InputError, match="cannot be read"):
-        packing_identity(tmp_path / "none.h5")
+def test_identity_is_name_and_hash_of_the_arrays(tmp_path, path, disks):
+    """As a packing in memory has it; results of older versions know a packing by the bytes of its file."""
+    found, identity = read_identified(path)
+    assert identity == ("p.h5", disks.fingerprint) == ("p.h5", found.fingerprint)
+    write_packing(tmp_path / "q.h5", disks.with_record(seed=99))
+    assert read_identified(tmp_path / "q.h5")[1] == ("q.h5", disks.fingerprint)
+    for known in (disks.fingerprint, hashlib.sha256(path.read_bytes()).hexdigest()):
+        assert is_known_as(path, known) and is_known_as(tmp_path / "q.h5", known) == (known == identity[1])
+    assert not is_known_as(path, None)
+    with pytest.raises(InputError, match="no such file"):
+        is_known_as(tmp_path / "none.h5", identity[1])
 
 
 def test_outputs_that_cannot_be_written_are_refused_beforehand(tmp_path, disks):
@@ -230,8 +235,7 @@ def test_arrays_and_hash_are_of_one_file_while_it_is_replaced(path, tmp_path):
     seen = set()
     while len(seen) < 20:
         found, identity = read_identified(path)
-        write_packing(tmp_path / "again.h5", found)
-        assert identity == ("p.h5", packing_identity(tmp_path / "again.h5")[1])
+        assert identity == ("p.h5", found.fingerprint)
         seen.add(found.record["seed"])
     process.kill()
     process.communicate()

@@ -21,7 +21,7 @@ from jampetsc.plots.curves import Curve, group_curves
 from jampetsc.plots.fields import ARROWS, _spread, plot_fields
 from jampetsc.plots.moduli import plot_collapse, plot_moduli
 from jampetsc.plots.packing import plot_packing
-from jampetsc.storage.packing_file import packing_identity, write_packing
+from jampetsc.storage.packing_file import read_identified, write_packing
 from jampetsc.storage.result_file import ResultWriter
 from jampetsc.words.pictures import open_files
 
@@ -48,7 +48,7 @@ def write_sweep(
             writer.dataset(name, values)
         attributes = {"law": "contact", "beta": 1.0, "pressure": pressure, "k": 1.0, "tau1": 1.0} | attributes
         if packing is not None:
-            attributes |= dict(zip(("packing", "packing_sha256"), packing_identity(packing), strict=True))
+            attributes |= dict(zip(("packing", "packing_sha256"), read_identified(packing)[1], strict=True))
         writer.attributes(**attributes)
         if fields is not None:
             writer.dataset("fields/omega", fields[0])

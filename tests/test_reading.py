@@ -1,14 +1,7 @@
 """Reading files: regular ones, in the end what there was when nobody replaced them, and no more than they hold."""
 
-import ast
-import contextlib
 import errno
-import hashlib
-import io
 import os
-import resource
-import shutil
-import signal
 import stat
 import sys
 from datetime import datetime
@@ -18,17 +11,15 @@ from types import SimpleNamespace
 import h5py
 import numpy as np
 import pytest
-from samples import JAXMD, published
+from samples import published
 
 import jampetsc
 from jampetsc import cli
 from jampetsc.errors import InputError, JampetscError
-from jampetsc.storage import fields, regular, trial
+from jampetsc.storage import fields, regular
 from jampetsc.storage.hdf5 import (
     attributes,
     check_format,
-    checksummed,
-    from_stream,
     open_file,
     opening,
     reading,
@@ -37,112 +28,15 @@ from jampetsc.storage.hdf5 import (
     values,
 )
 from jampetsc.storage.outputs import PICTURE, TABLE, check_output
-from jampetsc.storage.packing_file import packing_identity, read_packing, write_packing
+from jampetsc.storage.packing_file import read_packing, write_packing
 from jampetsc.storage.provenance import LONGEST, command_line, derived_from, git_commit, recorded_as
 from jampetsc.storage.reader import StoredArray
 from jampetsc.storage.regular import kind, open_regular
 from jampetsc.storage.result_file import ResultWriter
 
 
-@pytest.fixture
-def untried(tmp_path, monkeypatch):
-    """Files without checksums are read without their trial, which takes a process."""
-    monkeypatch.setattr(trial.sys, "executable", str(tmp_path))  # a folder, which cannot be run
-
-
 def handles():
     return len(os.listdir("/proc/self/fd"))
-
-
-# What lies in another file
-
-
-def through_link(h5, name):
-    h5[name] = h5py.ExternalLink("other.h5", name)
-
-
-def through_two_links(h5, name):
-    h5["other"] = h5py.ExternalLink("other.h5", "/")
-    h5[name] = h5py.SoftLink(f"/other/{name}")
-
-
-def round_in_circles(h5, name):
-    h5[name] = h5py.SoftLink(f"/{name}")
-
-
-def in_raw_bytes(h5, name):
-    values = np.arange(3.0)
-    values.tofile("values.bin")
-    h5.create_dataset(name, data=values, external=[("values.bin", 0, values.nbytes)])
-
-
-ELSEWHERE = [through_link, through_two_links, round_in_circles, in_raw_bytes]
-READERS = {  # what reads -> (file, one of its datasets)
-    "read_packing": ("p.h5", "radii"),
-    "info p.h5": ("p.h5", "cell"),
-    "flow p.h5 --rate 0.1 --strain 1 --out o.h5": ("p.h5", "positions"),
-    "pack --from p.h5 --phi 0.9 --out o.h5": ("p.h5", "positions_low"),
-    "import jaxmd.nc --out o.h5": ("jaxmd.nc", "rad"),
-    "load": ("s.h5", "G"),
-    "merge s.h5 --out o.h5": ("s.h5", "error_bound"),
-    "plot s.h5 --out o.png": ("s.h5", "omega"),
-    "spectrum s.h5 --out o.h5": ("s.h5", "reduced/rates"),
-    "correlate f.h5 --out o.h5": ("f.h5", "snapshots/cell"),
-    "flow f.h5 --strain 1 --out o.h5": ("f.h5", "state/radii"),
-    "merge joint.h5 --out o.h5": ("joint.parts/0123456789ab-rank-0000.h5", "rows"),
-}
-
-
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory):
-    """A folder of a packing, a sweep, a flow, a joint file and a packing of another program."""
-    folder = tmp_path_factory.mktemp("whole")
-    write_packing(folder / "p.h5", published())
-    shutil.copy(JAXMD, folder / "jaxmd.nc")
-    with ResultWriter(folder / "s.h5", "jampetsc-sweep") as writer:
-        for name in ("omega", "G", "error_bound", "reduced/rates"):
-            writer.dataset(name, np.arange(1.0, 4.0))
-    with ResultWriter(folder / "f.h5", "jampetsc-flow") as writer:
-        for name in ("strain", "snapshots/cell", "state/radii"):
-            writer.dataset(name, np.arange(1.0, 4.0))
-    part = folder / READERS["merge joint.h5 --out o.h5"][0]
-    part.parent.mkdir()
-    with h5py.File(part, "w") as h5:
-        h5["rows"] = np.arange(3.0)
-        h5.attrs.update(run_id="0123456789ab", rank=0)
-    layout = h5py.VirtualLayout((3,), float)
-    layout[:] = h5py.VirtualSource(str(part.relative_to(folder)), "rows", (3,))
-    with h5py.File(folder / "joint.h5", "w") as h5:
-        h5.attrs.update(format="jampetsc-quasistatic", run_id="0123456789ab")
-        h5.create_virtual_dataset("rows", layout)
-        h5["part_files/names"] = [str(part.relative_to(folder))]
-    return folder
-
-
-@pytest.mark.parametrize("put", ELSEWHERE, ids=lambda put: put.__name__)
-@pytest.mark.parametrize("reader", READERS)
-def test_what_lies_in_a_file_that_no_hash_covers_is_not_read(
-    reader, put, whole, tmp_path, monkeypatch, untried
-):
-    """The bytes there could change, and what was computed from them would name a hash that stays."""
-    shutil.copytree(whole, tmp_path, dirs_exist_ok=True)
-    monkeypatch.chdir(tmp_path)
-    path, name = READERS[reader]
-    shutil.copy(path, "other.h5")
-    with h5py.File(path, "r+") as h5:
-        del h5[name]
-        put(h5, name)
-    if reader.startswith("merge joint"):
-        with h5py.File("joint.h5", "r+") as h5:
-            h5["part_files/sizes"] = [os.stat(path).st_size]
-    with pytest.raises(
-        InputError, match=rf"{path}: .*(is a link|values in another file).*copy it into this file"
-    ):
-        if reader in ("load", "read_packing"):
-            {"load": jampetsc.load, "read_packing": read_packing}[reader](path)
-        else:
-            cli.dispatch(reader.split())
-    assert not os.path.exists("o.h5")
 
 
 # What is no regular file
@@ -206,30 +100,12 @@ def test_no_child_has_the_files_of_its_parent(tmp_path):
 
 
 @pytest.mark.parametrize("block", [0, 512, 1024, 4096])
-def test_hdf5_may_begin_behind_a_block_of_the_user(tmp_path, block, untried):
+def test_hdf5_may_begin_behind_a_block_of_the_user(tmp_path, block):
     path = tmp_path / "x.h5"
     with h5py.File(path, "w", userblock_size=block) as h5:
         h5["x"] = np.arange(5)
     with open_file(path) as h5:
         assert values(h5["x"]).tolist() == [0, 1, 2, 3, 4]
-
-
-def test_what_cannot_be_hdf5_is_not_tried(tmp_path, monkeypatch):
-    monkeypatch.setattr(trial.sys, "executable", str(tmp_path / "tried"))
-    (tmp_path / "tried").write_text("#!/bin/sh\nkill -9 $$\n")
-    (tmp_path / "tried").chmod(0o755)
-    signature = b"\x89HDF\r\n\x1a\n"
-    for place, said in (
-        (0, "does not survive it"),
-        (512, "does not survive"),
-        (100, "not an HDF5"),
-        (1536, "not an"),
-    ):
-        (tmp_path / "x.h5").write_bytes(bytes(place) + signature + bytes(3000))
-        before = handles()
-        with pytest.raises(InputError, match=said):
-            open_file(tmp_path / "x.h5")
-        assert handles() == before  # closed again
 
 
 def test_without_permission(tmp_path, monkeypatch):
@@ -247,46 +123,6 @@ def test_without_permission(tmp_path, monkeypatch):
     ):
         monkeypatch.setattr("jampetsc.storage.outputs.check_writable", lambda out: None)
         check_output(path, "jampetsc-sweep")
-
-
-def test_a_dataset_is_not_larger_than_its_file_unless_it_is_compressed(tmp_path, untried):
-    path, zeros = tmp_path / "x.h5", np.zeros(1 << 18)
-    with h5py.File(path, "w") as h5:
-        h5.create_dataset("packed", data=zeros, compression="gzip", compression_opts=9, chunks=zeros.shape)
-        h5.create_dataset(
-            "filled", shape=(1 << 18,), fillvalue=0.0, **checksummed((1 << 18,), np.dtype(float))
-        )
-    with open_file(path) as h5:
-        assert path.stat().st_size < 1 << 18
-        assert np.array_equal(values(h5["packed"]), zeros)
-        with pytest.raises(
-            ValueError, match=r"^dataset /filled says that it is \(262144,\), more than the file holds"
-        ):
-            values(h5["filled"])
-
-
-def test_no_compression_makes_more_than_a_thousand_of_one(tmp_path, untried):
-    """Deflate ends at 1032; a dataset of which nothing was written says what it likes."""
-    path = tmp_path / "x.h5"
-    for times, sound in ((900, True), (3000, False)):
-        with h5py.File(path, "w") as h5:
-            h5["rest"] = np.zeros(10_000, np.uint8)
-            size = h5.id.get_filesize()
-            h5.create_dataset("x", (times * (size + 2000),), np.uint8, compression="gzip", chunks=(1 << 20,))
-        with open_file(path) as h5:
-            if sound:
-                assert not values(h5["x"], slice(0, 9)).any()
-            else:
-                with pytest.raises(ValueError, match="more than the file holds"):
-                    values(h5["x"], slice(0, 9))
-
-
-def test_checksums_cover_a_megabyte_at_most():
-    for shape in ((10, 3), (1 << 20, 2), (3, 1 << 20), (2, 1 << 12, 1 << 12)):
-        chunks = checksummed(shape, np.dtype(float))["chunks"]
-        assert 8 * np.prod(chunks) <= 1 << 20 and len(chunks) == len(shape)
-        assert 8 * np.prod(chunks) >= min(8 * np.prod(shape), 1 << 19)
-    assert checksummed((), np.dtype(float)) == {} == checksummed((3, 0), np.dtype(float))
 
 
 def test_attributes_are_plain_values(tmp_path):
@@ -365,7 +201,7 @@ def test_whatever_libraries_raise_on_a_damaged_file_is_damage(error):
         raise error("odd words")
 
 
-@pytest.mark.parametrize("error", [MemoryError, KeyboardInterrupt, JampetscError])
+@pytest.mark.parametrize("error", [KeyboardInterrupt, JampetscError])
 def test_what_is_no_fault_of_the_file_is_raised_as_it_is(error):
     with pytest.raises(error), reading("x"):
         raise error
@@ -445,179 +281,6 @@ def test_a_part_that_goes_while_it_is_read_is_noticed(tmp_path, monkeypatch):
         array[...]
 
 
-# Files without checksums have their trial first
-
-
-@pytest.fixture
-def child(tmp_path, monkeypatch):
-    """A function that says how the child ends; the file `told` has the words that it was given."""
-    program = tmp_path / "child"
-
-    def ends(line):
-        program.write_text(
-            f'#!/bin/sh\necho "$@" >> {tmp_path}/told\n[ -f /dev/stdin ] || cat >> {tmp_path}/heard\n{line}\n'
-        )
-        program.chmod(0o755)
-
-    monkeypatch.setattr(trial.sys, "executable", str(program))
-    monkeypatch.setattr(trial, "_passed", set())
-    return ends
-
-
-@pytest.mark.parametrize(
-    ("line", "failure"),
-    [
-        ("exit 0", None),
-        ("exit 1", None),  # what is wrong in an orderly way the reader says
-        ("exit 42", "it says that it is larger than any memory"),
-        ("kill -SEGV $$", f"libhdf5 does not survive it: signal {int(signal.SIGSEGV)}"),
-        ("kill -XCPU $$", "libhdf5 comes to no end with it"),
-    ],
-)
-def test_how_a_trial_may_end(tmp_path, child, line, failure):
-    child(line)
-    (tmp_path / "x.h5").write_bytes(bytes(1000))
-    for count in (1, 2):  # what passed is not tried again
-        with open(tmp_path / "x.h5", "rb") as file:
-            file.seek(10)
-            assert trial.failure_of(file) == failure
-            assert file.tell() == 10
-        assert len((tmp_path / "told").read_text().splitlines()) == (count if failure else 1)
-
-
-def test_the_child_of_a_trial_is_no_rank_and_has_one_thread(tmp_path, child, monkeypatch):
-    child(f'echo "[$OMPI_COMM_WORLD_SIZE] [$OPENBLAS_NUM_THREADS] [$MARK]" > {tmp_path}/environment')
-    for name, value in (("OMPI_COMM_WORLD_SIZE", "2"), ("OPENBLAS_NUM_THREADS", "8"), ("MARK", "kept")):
-        monkeypatch.setenv(name, value)
-    assert trial.failure_of(io.BytesIO(b"any")) is None
-    assert (tmp_path / "environment").read_text() == "[] [1] [kept]\n"
-
-
-def test_a_file_that_changes_has_a_new_trial(tmp_path, child):
-    child("exit 0")
-    path = tmp_path / "x.h5"
-
-    def trials():
-        with open(path, "rb") as file:
-            assert trial.failure_of(file) is None
-        return len((tmp_path / "told").read_text().splitlines())
-
-    path.write_bytes(bytes(1000))
-    os.utime(path, ns=(5, 5))
-    assert (trials(), trials()) == (1, 1)
-    os.utime(path, ns=(5, 6))
-    assert (trials(), trials()) == (2, 2)
-    os.truncate(path, 999)
-    os.utime(path, ns=(5, 6))
-    assert trials() == 3
-    path.rename(tmp_path / "old")
-    path.write_bytes(bytes(999))
-    os.utime(path, ns=(5, 6))
-    assert trials() == 4
-
-
-def test_bytes_in_memory_have_their_trial_from_the_beginning(tmp_path, child):
-    child("exit 0")
-    file = io.BytesIO(b"all of it")
-    file.seek(5)
-    for content in (b"all of it", b"all of it", b"other"):
-        file = io.BytesIO(content)
-        file.seek(3)
-        assert trial.failure_of(file) is None
-    assert (tmp_path / "heard").read_bytes() == b"all of itother"
-
-
-def test_limits_of_a_trial_grow_with_the_file(tmp_path, child):
-    child("exit 0")
-    for size, seconds in ((1000, 10), (100_000_000, 12)):
-        (tmp_path / "x.h5").touch()
-        os.truncate(tmp_path / "x.h5", size)
-        child("exit 0")
-        with open(tmp_path / "x.h5", "rb") as file:
-            trial.failure_of(file)
-        told = (tmp_path / "told").read_text().splitlines()[-1]
-        assert told == f"-m jampetsc.storage.trial {seconds} {(4 << 30) + 2 * size}"
-
-
-def tried(path, seconds, memory):
-    """(exit status, limits) of a child that has this file as its standard input, forked here to be fast."""
-    read, write = os.pipe()
-    child = os.fork()
-    if child == 0:
-        with contextlib.suppress(BaseException):
-            os.dup2(os.open(path, os.O_RDONLY), 0)
-            status = trial._child(seconds, memory)
-            limits = [
-                resource.getrlimit(getattr(resource, f"RLIMIT_{name}")) for name in ("CPU", "AS", "CORE")
-            ]
-            os.write(write, repr((status, limits)).encode())
-        os._exit(0)
-    os.close(write)
-    os.waitpid(child, 0)
-    with os.fdopen(read) as told:
-        return ast.literal_eval(told.read())
-
-
-def test_a_trial_has_its_limits(tmp_path):
-    """Of the processor's time one that can be told, and a later one that cannot be passed; no core is dumped."""
-    path = tmp_path / "x.h5"
-    with h5py.File(path, "w") as h5:
-        h5["x"] = np.arange(3)
-    assert tried(path, 7, 1 << 40) == (0, [(7, 12), (1 << 40, 1 << 40), (0, 0)])
-    path.write_bytes(b"no HDF5 at all")
-    assert tried(path, 7, 1 << 40)[0] == 0  # the reader will say so
-
-
-def test_a_trial_that_lacks_memory_says_so(tmp_path, monkeypatch):
-    path = tmp_path / "x.h5"
-    with h5py.File(path, "w", libver="v110") as h5:
-        h5.create_dataset("x", (1 << 24,), float)
-    os.truncate(path, 1 << 28)  # which could hold it
-    monkeypatch.setattr(trial, "_PIECE", 1 << 30)
-    pages = int(Path("/proc/self/statm").read_text().split()[0])
-    in_use = pages * os.sysconf("SC_PAGE_SIZE")
-    assert tried(path, 60, in_use + (1 << 25))[0] == 42
-
-
-def test_a_trial_reads_every_row(tmp_path, monkeypatch):
-    """Of a large dataset one piece after another."""
-    monkeypatch.setattr(trial, "_PIECE", 40)
-    seen = []
-    monkeypatch.setattr("jampetsc.storage.hdf5.values", lambda item, rows=...: seen.append((item.name, rows)))
-    with h5py.File(tmp_path / "x.h5", "w") as h5:
-        h5["a"], h5["one"], h5["none"] = np.zeros((7, 2)), 3.0, np.zeros((0, 2))
-        h5.visititems(lambda name, item: trial._read(item))
-    assert [(name, rows) for name, rows in seen if name != "/a"] == [("/one", ...)]
-    assert [row for name, rows in seen if name == "/a" for row in range(7)[rows]] == list(range(7))
-    assert all(16 * len(range(7)[rows]) <= 40 for name, rows in seen if name == "/a")
-
-
-def test_a_trial_looks_at_the_sources_of_virtual_datasets_and_at_all_attributes():
-    """Whose descriptions libhdf5 may not survive; what they name is other files."""
-    looked = []
-
-    class Attributes:
-        def items(self):
-            looked.append("attributes")
-            return [("unit", "d")]
-
-    group = SimpleNamespace(attrs=Attributes())
-    virtual = SimpleNamespace(
-        attrs=Attributes(), is_virtual=True, virtual_sources=lambda: looked.append("sources")
-    )
-    trial._read(group)
-    trial._read(virtual)
-    assert looked == ["attributes", "attributes", "sources"]
-    damaged = SimpleNamespace(is_virtual=True, virtual_sources=virtual.virtual_sources)  # without attributes
-    trial._read(damaged)
-    assert looked[3:] == ["sources"]
-
-
-def test_where_no_process_can_be_started_a_file_passes(tmp_path, monkeypatch):
-    monkeypatch.setattr(trial.sys, "executable", str(tmp_path))  # a folder: no permission to run it
-    assert trial.failure_of(io.BytesIO(b"never tried")) is None
-
-
 # What may be written where
 
 
@@ -656,7 +319,7 @@ def test_an_input_is_named_where_it_has_another_name(tmp_path):
         ("a.h5", b"\x89HDF\r\n\x1a\n", "a damaged HDF5 file"),
     ],
 )
-def test_what_is_there_already(tmp_path, untried, name, content, held):
+def test_what_is_there_already(tmp_path, name, content, held):
     (tmp_path / name).write_bytes(content)
     if held is None:
         check_output(tmp_path / name, TABLE)
@@ -665,7 +328,7 @@ def test_what_is_there_already(tmp_path, untried, name, content, held):
         check_output(tmp_path / name, TABLE)
 
 
-def test_hdf5_of_another_program_is_not_replaced(tmp_path, untried):
+def test_hdf5_of_another_program_is_not_replaced(tmp_path):
     for name, attrs in (("a.h5", {}), ("b.h5", {"format": "NXdata"}), ("c.h5", {"format": 3})):
         with h5py.File(tmp_path / name, "w") as h5:
             h5.attrs.update(attrs)
@@ -691,16 +354,7 @@ def test_the_record_does_not_rule_what_a_packing_is(tmp_path):
     assert not {"k", "potential", "format"} & found.record.keys()
 
 
-def test_the_hash_is_of_every_byte(tmp_path):
-    (tmp_path / "a").write_bytes(bytes(3 << 20))
-    (tmp_path / "b").write_bytes(bytes((3 << 20) - 1) + b"x")
-    for name in "ab":
-        assert (
-            packing_identity(tmp_path / name)[1] == hashlib.sha256((tmp_path / name).read_bytes()).hexdigest()
-        )
-
-
-def test_odd_contents_of_a_packing(tmp_path, untried):
+def test_odd_contents_of_a_packing(tmp_path):
     path = tmp_path / "p.h5"
     write_packing(path, published())
     with h5py.File(path, "r+") as h5:
@@ -774,17 +428,6 @@ def test_a_commit_that_is_no_text(tmp_path):
     (tmp_path / ".git" / "HEAD").write_bytes(b"\xff")
     assert git_commit(tmp_path) is None
     assert git_commit(tmp_path / "none") is None
-
-
-def test_the_place_in_a_stream_is_of_no_matter(tmp_path):
-    write_packing(tmp_path / "p.h5", published())
-    content = io.BytesIO((tmp_path / "p.h5").read_bytes())
-    content.seek(7)
-    with from_stream(content) as h5:
-        assert len(h5["radii"]) == published().n
-
-
-# What sweeps hold
 
 
 class Fields:

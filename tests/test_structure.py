@@ -109,14 +109,14 @@ def test_one_door_to_petsc():
 
 
 def test_one_door_to_hdf5():
-    """What is read has been looked at by `storage.hdf5`; `storage.trial` is the process that looks first."""
+    """What is read has been looked at by `storage.hdf5`."""
     opening = {
         name(path)
         for path in MODULES
         for node in nodes(path)
         if isinstance(node, ast.Call) and ast.unparse(node.func) in ("h5py.File", "File")
     }
-    assert opening == {"storage.hdf5", "storage.trial"}
+    assert opening == {"storage.hdf5"}
 
 
 def test_no_module_knows_a_law_by_its_name():

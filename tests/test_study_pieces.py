@@ -15,16 +15,16 @@ from samples import published
 
 from jampetsc import cli, commands
 from jampetsc.analysis.statistics import half_width
-from jampetsc.errors import InputError, JampetscError
+from jampetsc.errors import InputError
 from jampetsc.storage import checksums
-from jampetsc.storage.packing_file import packing_identity, write_packing
+from jampetsc.storage.packing_file import read_identified, write_packing
 from jampetsc.storage.provenance import command_line
 from jampetsc.storage.result_file import ResultWriter
 from jampetsc.studies import lock as locks
 from jampetsc.studies import run as study_run
 from jampetsc.studies import tasks as study_tasks
 from jampetsc.studies.costs import Costs, in_words
-from jampetsc.studies.journal import Journal, records_of
+from jampetsc.studies.journal import records_of
 from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.lock import Lock
 from jampetsc.studies.numbers import numbers_of
@@ -421,35 +421,32 @@ def test_one_rank_does_everything_apart(monkeypatch):
 # What a study says and does beside its tasks
 
 
-def work(rank=0, records=None, refresh=None, tasks=3):
-    """A study's work on a rank; what it journals is in the list `kept`."""
-    kept = []
-    made = study_run._Work(
-        SimpleNamespace(rank=rank), SimpleNamespace(records=records or {}), SimpleNamespace(append=kept.append),
-        [None] * tasks, refresh,
-    )  # fmt: skip
-    return made, kept
+def work(rank=0, records=None, refresh=None, tasks=3, folder=None):
+    """A study's work on a rank."""
+    runner = SimpleNamespace(records=records or {}, folder=folder)
+    return study_run._Work(SimpleNamespace(rank=rank), runner, [None] * tasks, refresh)
 
 
 @pytest.mark.parametrize(("rank", "every", "count"), [(0, -1.0, 2), (0, 1000.0, 0), (1, -1.0, 0)])
 def test_the_table_is_written_now_and_then_by_rank_0(monkeypatch, rank, every, count):
     monkeypatch.setattr(study_run, "REFRESH", every)
     calls = []
-    one, _ = work(rank, refresh=lambda: calls.append(1))
+    one = work(rank, refresh=lambda: calls.append(1))
     before = one.refreshed
     one._now_and_then()
     one._now_and_then()
     assert len(calls) == count and (one.refreshed > before) == (count > 0)
 
 
-def test_a_record_that_is_not_new_is_not_kept_again():
+def test_a_record_that_is_not_new_is_not_kept_again(tmp_path):
+    (tmp_path / "journal").mkdir()
     old = {"task": "a", "state": "done", "row": {"command": "sweep"}, "seconds": 3.0}
-    one, kept = work(records={"a": old})
+    one = work(records={"a": old}, folder=tmp_path)
     one._keep(old)
-    assert kept == one.made == []
+    assert records_of(tmp_path) == {} and one.made == []
     for new in (dict(old), dict(old, task="b", state="failed", seconds=99.0)):
         one._keep(new)
-    assert kept == one.made and len(kept) == 2
+    assert list(records_of(tmp_path).values()) == one.made and len(one.made) == 2
     assert one.costs.of(asked("sweep")) == 3.0  # of what is done alone
 
 
@@ -457,7 +454,7 @@ def test_a_study_says_how_far_it_is(capsys, monkeypatch):
     clock = [10.0]
     monkeypatch.setattr(study_run, "time", SimpleNamespace(monotonic=lambda: clock[0]))
     records = {"z": {"task": "z", "state": "done", "row": {"command": "sweep"}, "seconds": 30.0}}
-    one, _ = work(records=records, tasks=4)
+    one = work(records=records, tasks=4)
     task = SimpleNamespace(file="a.h5")
     one._tell(task, {"state": "done", "seconds": 2.0}, 1, 0, [asked("sweep")] * 3, 2)
     one.before, clock[0] = (1, 1), 10.9
@@ -670,30 +667,6 @@ def test_a_study_needs_a_folder(tmp_path):
 # What became of tasks
 
 
-def test_a_journal_that_cannot_be_kept_or_read_is_one_line(tmp_path):
-    (tmp_path / "journal").touch()
-    with pytest.raises(JampetscError, match=r"journal/rank-0000: writing failed: File exists"):
-        Journal(tmp_path, 0).append({"task": "a", "time": 1})
-    (tmp_path / "journal").unlink()
-    (tmp_path / "journal" / "rank-0001").mkdir(parents=True)
-    with pytest.raises(JampetscError, match=r"journal/rank-0001: cannot be written \(Is a directory\)"):
-        records_of(tmp_path)
-
-
-def test_a_line_without_its_end_is_torn(tmp_path):
-    for name in "ab":
-        Journal(tmp_path, 0).append({"task": name, "time": 1})
-    path = tmp_path / "journal" / "rank-0000"
-    path.write_bytes(path.read_bytes()[:-1])
-    assert list(records_of(tmp_path)) == ["a"]
-
-
-def test_of_two_records_at_one_time_the_later_line_counts(tmp_path):
-    for state in ("failed", "done"):
-        Journal(tmp_path, 0).append({"task": "a", "time": 1, "state": state})
-    assert records_of(tmp_path)["a"]["state"] == "done"
-
-
 def test_rows_are_in_the_order_of_the_study_then_what_was_done_before():
     def made(state):
         return {"state": state, "why": "no", "seconds": 0.12345, "row": {"command": "pack"}}
@@ -731,7 +704,7 @@ def runner(tmp_path):
     for task in found:
         (tmp_path / task.file).write_text(task.name)
         names = [one.name for one in task.inputs]
-        record = {"task": task.name, "state": "done", "inputs": names, "time": 1.0, "row": {}}
+        record = {"task": task.name, "state": "done", "inputs": names, "row": {}}
         made.records[task.name] = record | {"files": made._files([*names, task.name])}
     return made, found
 
@@ -741,7 +714,7 @@ def test_what_is_left(runner):
     pack, sweep_, mean = (of(found, name)[0] for name in ("pack", "sweep", "correlate"))
 
     def left():
-        return runner.left(found)[:2]
+        return runner.left(found)
 
     assert left() == ([], [])
     other = (runner.folder / sweep_.file).read_bytes()
@@ -806,7 +779,7 @@ def test_a_file_is_taken_over_only_from_the_same_command_line_and_packing(tmp_pa
     task = of(tasks(PACK + "[modes]\n"), "modes")[0]
     (there,), path = task.inputs, tmp_path / task.file
     write_packing(tmp_path / there.file, published())
-    digest = packing_identity(tmp_path / there.file)[1]
+    digest = read_identified(tmp_path / there.file)[1][1]
     runner = Runner(tmp_path, parsers(), {})
 
     def is_there(words, of=digest):
@@ -818,9 +791,8 @@ def test_a_file_is_taken_over_only_from_the_same_command_line_and_packing(tmp_pa
     assert is_there(task.words)
     assert not is_there([*task.words, "--count", "3"]) and not is_there(task.words, "another")
     assert not runner._is_there(there, there.words, [])  # a packing, at which `pack` looks
-    (tmp_path / f"{task.file}.resume.d").mkdir()
-    (tmp_path / f"{task.file}.resume.d" / "x").touch()
-    (tmp_path / f"{task.file}.resume").touch()
+    (tmp_path / f"{task.file}.resume").mkdir()
+    (tmp_path / f"{task.file}.resume" / "00000-rank-0000").touch()
     (tmp_path / "other.h5.resume").touch()
     assert is_there(task.words)
     assert {one.name for one in tmp_path.iterdir()} == {task.file, there.file, "other.h5.resume"}

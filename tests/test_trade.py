@@ -163,19 +163,6 @@ def test_a_run_that_fails_says_why(clean):
     assert 10 < outcome.memory < 2000  # MB
 
 
-def test_runs_of_a_trade_are_no_ranks(monkeypatch):
-    for name in ("OMPI_COMM_WORLD_SIZE", "PMIX_RANK", "MARK"):
-        monkeypatch.setenv(name, "2")
-    for name in ("OMPI_ALLOW_RUN_AS_ROOT", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM"):
-        monkeypatch.delenv(name, raising=False)
-    for user, allowed in ((0, {"1"}), (1000, {None})):
-        monkeypatch.setattr(os, "geteuid", lambda: user)  # noqa: B023
-        found = processes._environment()
-        assert found["MARK"] == "2" and not {"OMPI_COMM_WORLD_SIZE", "PMIX_RANK"} & found.keys()
-        roots = ("OMPI_ALLOW_RUN_AS_ROOT", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM")
-        assert {found.get(name) for name in roots} == allowed
-
-
 def test_no_mpirun_is_said(monkeypatch):
     monkeypatch.setenv("PATH", "/nowhere")
     with pytest.raises(InputError, match="ranks 2: neither mpirun nor mpiexec"):
@@ -212,10 +199,6 @@ def test_simpler_physics_of_each_law():
     assert others["without pre-stress"] == Physics(damping_law("stokes", tau1=2.0), prestress=False)
 
 
-def test_the_options_files_are_there():
-    assert all(path.is_file() for path in choices.OPTIONS_FILES)
-
-
 # Runs that end otherwise
 
 
@@ -235,35 +218,6 @@ def test_the_options_files_are_there():
 )
 def test_why_a_run_failed(text, status, reason):
     assert processes._reason(text, status) == reason
-
-
-def test_a_run_that_is_given_up_is_stopped_even_if_it_is_deaf(monkeypatch):
-    kind, deaf = (
-        subprocess.Popen(
-            ["sh", "-c", f"{trap} echo ready; exec 1>&-; while :; do sleep 0.02; done"],
-            stdout=subprocess.PIPE,
-        )
-        for trap in ("", "trap '' TERM;")
-    )
-    for process, signal, patience in ((kind, 15, 30.0), (deaf, 9, 0.05)):
-        monkeypatch.setattr(processes, "_PATIENCE", patience)
-        assert process.stdout.read() == b"ready\n"
-        processes._stop(process)
-        assert process.returncode == -signal
-        process.stdout.close()
-
-
-def test_an_interrupt_stops_the_run_that_is_waited_for(monkeypatch, clean):
-    stopped, stop = [], processes._stop
-
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(os, "wait4", interrupted)
-    monkeypatch.setattr(processes, "_stop", lambda process: stopped.append(process) or stop(process))
-    with pytest.raises(KeyboardInterrupt):
-        processes.run(["--version"])
-    assert stopped[0].returncode is not None
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from jampetsc.jobs.inputs import refuse_one_packing, refuse_repeated
 from jampetsc.packing.minimise import settle
 from jampetsc.packing.protocols import Target, random_start
 from jampetsc.packing.sizes import radii_of
-from jampetsc.storage.packing_file import packing_identity, read_packing, write_packing
+from jampetsc.storage.packing_file import read_identified, read_packing, write_packing
 from jampetsc.storage.reader import load
 from jampetsc.studies.table import table_text
 from jampetsc.words import flowing, packtasks, picture
@@ -107,12 +107,12 @@ def test_a_flow_is_asked_for_as_told(tmp_path):
     line += f" --out {tmp_path}/f.h5"
     job = flow._fresh(words(line), jobs, None, [])
     assert (job.rate, job.model.mass, job.model.friction, job.model.law.tau1) == (1e-2, 3.0, 0.125, 2.0)
-    assert (job.plan.snapshots, job.plan.discard, job.scheme.tolerance) == (0, 0.25, 1e-4)
+    assert (job.plan.every, job.plan.discard, job.scheme.tolerance) == (0, 0.25, 1e-4)
     assert job.plan.steps * job.plan.rows * job.scheme.step * 1e-2 == pytest.approx(0.5, rel=0.05)
     words_ = words(f"{line} --tolerance 1e-6 --step 0.01 --snapshots 3 --discard 0.125")
     more = flow._fresh(words_, jobs, None, [])
     assert (more.scheme.tolerance, more.scheme.step) == (1e-6, 0.01)
-    assert (more.plan.snapshots, more.plan.discard) == (3, 0.125)
+    assert (more.plan.snapshots(1), more.plan.discard) == (3, 0.125)
 
 
 def test_a_quality_knows_the_stiffness_of_the_packing(tmp_path):
@@ -263,7 +263,7 @@ def test_a_packing_to_start_from_is_told_with_its_checksum(tmp_path):
     write_packing(tmp_path / "p.h5", published())
     line = f"flow {tmp_path}/p.h5 --model RD0 --rate 1e-2 --strain 0.02 --out {tmp_path}/f.h5"
     disks, origin = flowing.start_of(words(line))
-    name, digest = packing_identity(tmp_path / "p.h5")
+    name, digest = read_identified(tmp_path / "p.h5")[1]
     assert origin == {"packing": name, "packing_sha256": digest, "units": "those of the packing"}
     assert disks.fingerprint == published().fingerprint
 

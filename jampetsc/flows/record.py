@@ -1,12 +1,10 @@
 """The flow file: series over strain, snapshots, means with errors, and the state from which the run goes on.
 
-A checkpoint is such a file too, of another format and without means, at `<out>.resume`.
+A checkpoint holds the same but the means, see `storage.checkpoint`.
 """
 
 import json
 import shutil
-from contextlib import suppress
-from pathlib import Path
 
 import h5py
 import numpy as np
@@ -14,24 +12,17 @@ import numpy as np
 from jampetsc.analysis.order import bond_order
 from jampetsc.errors import InputError, named
 from jampetsc.storage.atomic import follow
-from jampetsc.storage.hdf5 import (
-    OutputFile,
-    attributes,
-    check_format,
-    open_file,
-    reading,
-    set_attributes,
-    store,
-    values,
-)
+from jampetsc.storage.checkpoint import Checkpoint, discard, folder_of
+from jampetsc.storage.hdf5 import reading, values
 
-FORMAT, CHECKPOINT = "jampetsc-flow", "jampetsc-flow-checkpoint"
+FORMAT = "jampetsc-flow"
+STATE = "state/"  # before the names of what a run goes on from
 # name -> columns, per row; the first six are means over the strain since the row before, the others are looked up
 SERIES = {
     "strain": 0, "time": 0, "shear_stress": 3, "pressure": 3, "energy": 0, "dissipation": 0,
     "coordination": 0, "clusters": 0, "largest_cluster": 0, "deepest_overlap": 0,
 }  # fmt: skip
-SNAPSHOTS = ("strain", "positions", "velocities", "cell")
+SNAPSHOTS = ("strain", "positions", "velocities", "cell", "images", "spins")  # spins where disks roll
 ON_WALLS = {"wall_shear_stress": 0, "wall_pressure": 0}  # of a run between walls, looked up
 LAYERS = 20  # of equal height between walls
 BETWEEN_WALLS = ON_WALLS | {"velocity_profile": LAYERS}
@@ -44,6 +35,7 @@ class Record:
         self.columns = columns or SERIES
         self.rows = {name: [] for name in self.columns}
         self.snapshots = {name: [] for name in SNAPSHOTS}
+        self.radii = None  # (N,) of the disks in the snapshots
 
     def __len__(self):
         return len(next(iter(self.rows.values())))
@@ -53,11 +45,13 @@ class Record:
         for name, column in self.rows.items():
             column.append(row[name])
 
-    def snapshot(self, strain, disks, velocities) -> None:
-        """Keep positions, non-affine velocities and cell of this moment."""
-        kept = (strain, disks.positions, velocities, disks.cell)
+    def snapshot(self, strain, disks, velocities, spins=None) -> None:
+        """Keep positions, images, non-affine velocities, angular ones where disks roll, and cell of this moment."""
+        kept = (strain, disks.positions, velocities, disks.cell, disks.images, spins)
         for name, value in zip(SNAPSHOTS, kept, strict=True):
-            self.snapshots[name].append(value)
+            if name in self.snapshots and value is not None:
+                self.snapshots[name].append(value)
+        self.radii = disks.radii
 
     def series(self, name):
         """(T,) or (T, 3) array of a column."""
@@ -68,7 +62,8 @@ class Record:
         """Everything, as the file has it."""
         found = {name: self.series(name) for name in self.columns}
         if self.snapshots["strain"]:
-            found |= {f"snapshots/{name}": np.array(kept) for name, kept in self.snapshots.items()}
+            found |= {f"snapshots/{name}": np.array(kept) for name, kept in self.snapshots.items() if kept}
+            found["snapshots/radii"] = self.radii
         return found
 
     def order(self, held=0) -> dict:
@@ -90,8 +85,11 @@ class Record:
             columns or SERIES | {name: size for name, size in BETWEEN_WALLS.items() if name in arrays}
         )
         record.rows = {name: list(read(arrays[name])) for name in record.columns}
-        if "snapshots/strain" in arrays:
-            record.snapshots = {name: list(read(arrays[f"snapshots/{name}"])) for name in SNAPSHOTS}
+        if "snapshots/strain" in arrays:  # without images, and radii beside them, in older files
+            held = {name: f"snapshots/{name}" for name in SNAPSHOTS}
+            record.snapshots = {name: list(read(arrays[at])) for name, at in held.items() if at in arrays}
+            beside = "snapshots/radii" in arrays
+            record.radii = read(arrays["snapshots/radii" if beside else f"{STATE}radii"])
         return record
 
 
@@ -108,28 +106,17 @@ def write_record(writer, record: Record, state: dict, settings: dict, facts: dic
         writer.attributes(settings=json.dumps(settings), **facts)
 
 
-def checkpoint_of(out) -> Path:
-    """Where a run that writes `out` keeps its checkpoint."""
-    path = follow(out)
-    return path.with_name(f"{path.name}.resume")
-
-
 def write_checkpoint(out, record: Record, state: dict, settings: dict) -> None:
     """Put the run so far beside `out`, if that is not None; complete or not at all."""
-    if out is None:
-        return
-    with OutputFile(checkpoint_of(out)) as h5:
-        set_attributes(h5, {"format": CHECKPOINT, "format_version": "1.0", "settings": json.dumps(settings)})
-        for name, array in record.datasets().items():
-            store(h5, name, array)
-        for name, value in state.items():
-            store(h5, f"state/{name}", value)
+    if out is not None:
+        state = {f"{STATE}{name}": value for name, value in state.items()}
+        Checkpoint(out, settings).save(0, {}, record.datasets() | state)
 
 
 def check_space(to, disks: int, snapshots: int) -> None:
     """Raise InputError where the snapshots of a run do not fit on the disk where `to`, an Outlet, puts them."""
     for out in {to.path, to.kept} - {None}:
-        needed = 2 * snapshots * (disks * 4 + 5) * 8  # twice with the checkpoint
+        needed = 2 * snapshots * (disks * 7 + 5) * 8  # twice with the checkpoint
         free = shutil.disk_usage(follow(out).parent).free
         if needed > free:
             raise InputError(
@@ -141,29 +128,22 @@ def check_space(to, disks: int, snapshots: int) -> None:
 def remove_checkpoint(out) -> None:
     """Delete the checkpoint of a run that is finished."""
     if out is not None:
-        with suppress(FileNotFoundError):
-            checkpoint_of(out).unlink()
+        discard(folder_of(out))
 
 
 def record_of(result):
     """(record, state, settings, attributes) of a flow, a `storage.reader.Result`. Raises InputError."""
-    attrs, prefix = result.attributes, "state/"
+    attrs = result.attributes
     with reading(result.path):
-        state = {name.removeprefix(prefix): result[name] for name in result if name.startswith(prefix)}
+        state = {name.removeprefix(STATE): result[name] for name in result if name.startswith(STATE)}
         return Record.of(result), state, json.loads(attrs["settings"]), attrs
 
 
 def resumed(out, settings: dict, columns=None):
     """(record, state) of a checkpoint of the same job beside `out`, else None."""
-    if out is None or not checkpoint_of(out).exists():
+    checkpoint = Checkpoint(out, settings)
+    if not checkpoint.done:
         return None
-    path = checkpoint_of(out)
-    try:
-        with open_file(path) as h5, reading(path):
-            attrs = attributes(h5)
-            check_format(path, attrs, CHECKPOINT)
-            if json.loads(attrs["settings"]) != settings:
-                return None
-            return Record.of(h5, columns), {name: values(data) for name, data in h5["state"].items()}
-    except InputError:
-        return None
+    arrays = checkpoint.fields(0)
+    state = {name.removeprefix(STATE): array for name, array in arrays.items() if name.startswith(STATE)}
+    return Record.of(arrays, columns), state

@@ -11,7 +11,8 @@ from jampetsc.errors import InputError, named
 from jampetsc.jobs.asking import FILES, Kind, asked, shown
 from jampetsc.jobs.inputs import refuse_one_packing, refuse_repeated
 from jampetsc.jobs.job import Job
-from jampetsc.jobs.kinds import FREQUENCIES, PACKING, PHASES, RESULT, Numbers, opened
+from jampetsc.jobs.kinds import FREQUENCIES, PACKING, RESULT, Numbers, opened
+from jampetsc.storage.fields import PHASES
 
 LANES = (0.5, 0.25, 1.0)
 NARROWEST, WIDEST = 0.01, 1e6  # lanes
@@ -101,9 +102,9 @@ class Correlate(Job):
         refuse_repeated(self.results)
 
     @property
-    def files(self):
+    def paths(self):
         """The packing is one of them."""
-        return [*super().files, *([self.packing] if isinstance(self.packing, str) else [])]
+        return [*super().paths, *([self.packing] if isinstance(self.packing, str) else [])]
 
     def check_outputs(self, to):
         """Refuse a file that holds another kind of correlation."""
@@ -112,7 +113,7 @@ class Correlate(Job):
 
         if to.path is not None:
             flows = getattr(opened(self.results[0]), "format", "") == FLOW
-            check_output(to.path, lanes.FORMAT if flows else self.FORMAT, self.files)
+            check_output(to.path, lanes.FORMAT if flows else self.FORMAT, self.paths)
 
     def work(self, to):
         """Correlate."""

@@ -222,7 +222,9 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         wanted = [origin | _asked(task) for task in tasks]
         left = by_rank_0(
             comm,
-            lambda: [i for i, task in enumerate(tasks) if not is_there(task.path, wanted[i], overwrite)],
+            lambda: [
+                i for i, task in enumerate(tasks) if not is_there(task.path, wanted[i], overwrite, self.from_)
+            ],
         )
         mine = left[running.rank :: running.size]
         team = Team(self.threads or own_cores(comm, bool(mine)))
@@ -282,18 +284,21 @@ def _asked(task) -> dict:
     return {f"requested_{name}": getattr(task.target, name)} | seed
 
 
-def is_there(path, wanted, overwrite=False) -> bool:
+def is_there(path, wanted, overwrite=False, source=None) -> bool:
     """Whether the packing that is wanted, by entries of its record, is at a path already.
+
+    source   the packing that was changed, which files of older versions know by its bytes
 
     Raises InputError if that holds something else that is not to be replaced.
     """
-    from jampetsc.storage.packing_file import read_packing
+    from jampetsc.storage.packing_file import is_known_as, read_packing
 
     if path is None or not path.exists():
         return False
     found = read_packing(path).record
     for name, value in wanted.items():
-        if found.get(name) != value:
+        older = name == "source_sha256" and isinstance(source, str) and is_known_as(source, found.get(name))
+        if found.get(name) != value and not older:
             if overwrite:
                 return False
             raise InputError(

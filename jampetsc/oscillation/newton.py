@@ -29,32 +29,17 @@ DEFAULTS = {
 }
 
 
-def make_snes(comm):
-    """A SNES with the options of this room. Collective."""
-    session = current()
-    session.set_defaults({PREFIX + name: value for name, value in DEFAULTS.items()})
-    snes = session.PETSc.SNES().create(comm)
-    snes.setOptionsPrefix(PREFIX)
-    return snes
-
-
-def configure(snes) -> None:
-    """Take the options. Raises InputError for a method that does not solve with the derivative."""
-    snes.setFromOptions()
-    if snes.getType() not in NEWTON:
-        raise InputError(
-            f"-{PREFIX}snes_type {snes.getType()}: what is solved here needs one of {', '.join(NEWTON)}"
-        )
-
-
 class Newton:
     """The solver for one Equations. Collective.
 
     iterations, linear_iterations   of all solves so far
+
+    Raises InputError where the options choose a method that does not solve with the derivative.
     """
 
     def __init__(self, equations: Equations):
-        PETSc = current().PETSc
+        session = current()
+        PETSc = session.PETSc
         self.equations = equations
         comm = equations.contacts.network.comm
         self.iterations = self.linear_iterations = 0
@@ -64,14 +49,20 @@ class Newton:
         sizes = ((equations.size, None), (equations.size, None))
         self.jacobian = PETSc.Mat().createPython(sizes, _Derivative(self), comm=comm)
         self.x, self.left = self.jacobian.createVecs()
-        self.snes = snes = make_snes(comm)
+        session.set_defaults({PREFIX + name: value for name, value in DEFAULTS.items()})
+        self.snes = snes = PETSc.SNES().create(comm)
+        snes.setOptionsPrefix(PREFIX)
         snes.setFunction(self._function, self.left)
         snes.setJacobian(self._linearise, self.jacobian)
         ksp = snes.getKSP()
         ksp.setPCSide(PETSc.PC.Side.RIGHT)
         ksp.getPC().setType("python")
         ksp.getPC().setPythonContext(_Eliminated(self))
-        configure(snes)
+        snes.setFromOptions()
+        if snes.getType() not in NEWTON:
+            raise InputError(
+                f"-{PREFIX}snes_type {snes.getType()}: what is solved here needs one of {', '.join(NEWTON)}"
+            )
 
     def solve(self, values, tolerance: float):
         """The solution (size,) from a start (size,), to a residual of this size.

@@ -44,7 +44,12 @@ class FrequencySolver:
         self.compatibility = build_compatibility(pencil)
         self.functional = Functional(self.compatibility)
         self.form = ComplexForm(pencil.K, pencil.B)
-        self.ksp, self.reuse = _solver(self.form.A)
+        session = current()
+        session.set_defaults(DEFAULTS)
+        self.ksp = mumps.make_ksp(session.comm, PREFIX)
+        self.ksp.setOperators(self.form.A)
+        # whether the factor of an earlier frequency serves until it no longer converges
+        self.reuse = session.PETSc.Options(PREFIX).getBool("ksp_reuse_preconditioner", False)
         self.hold = self.x = None
         self.factorised = False
         self.iterations = 0
@@ -93,7 +98,7 @@ class FrequencySolver:
         if reason < 0:
             raise ConvergenceError(
                 f"ω = {omega:g}: KSP stopped with {stopped.name(reason)} after "
-                f"{self.ksp.getIterationNumber()} iterations; try another options file, such as options/mumps.opts"
+                f"{self.ksp.getIterationNumber()} iterations; try -options_file jampetsc:mumps"
             )
         if self.pencil.network.sum(np.count_nonzero(~np.isfinite(solution))):
             raise ConvergenceError(f"ω = {omega:g}: KSP gave what is no number; try another options file")
@@ -172,16 +177,3 @@ class FrequencySolver:
 def _enough(result: Certified) -> float:
     """An error so small that there is nothing to gain from a smaller one."""
     return max(DIGITS * min(abs(result.G.real), abs(result.G.imag)), min(result.rounding))
-
-
-def _solver(matrix):
-    """(KSP for a matrix, its options read; whether the factor of an earlier frequency serves until it no longer
-    converges).
-    """
-    session = current()
-    session.set_defaults(DEFAULTS)
-    ksp = session.PETSc.KSP().create(matrix.getComm())
-    ksp.setOptionsPrefix(PREFIX)
-    ksp.setOperators(matrix)
-    ksp.setFromOptions()
-    return ksp, session.PETSc.Options(PREFIX).getBool("ksp_reuse_preconditioner", False)

@@ -4,6 +4,7 @@ import datetime
 import os
 import platform
 import shlex
+import signal
 import sys
 import tempfile
 from pathlib import Path
@@ -26,6 +27,8 @@ def measure(job, out) -> str:
     Choices that fail have a row that says why. Raises JampetscError if there is no reference.
     """
     picture = Path(out).with_suffix(".png")
+    # the run it waits for is stopped, too
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     load = _load()
     with (
         tempfile.TemporaryDirectory(prefix="jampetsc-trade-") as folder,

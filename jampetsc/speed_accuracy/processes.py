@@ -13,7 +13,6 @@ from jampetsc.errors import InputError, named
 from jampetsc.launcher import without_launcher
 
 _LAUNCHERS = ("mpirun", "mpiexec")
-_PATIENCE = 10.0  # seconds that a run gets to clean up when it is stopped
 
 
 @dataclass(frozen=True)
@@ -45,12 +44,17 @@ def run(words, ranks: int | None = None) -> Outcome:
     with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as errors:
         began = time.perf_counter()
         process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=output, stderr=errors, env=_environment()
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=errors,
+            env=without_launcher(os.environ),
         )
         try:
             _, status, usage = os.wait4(process.pid, 0)  # for the memory of this run alone
         except BaseException:
-            _stop(process)
+            process.terminate()
+            process.wait()
             raise
         process.returncode = os.waitstatus_to_exitcode(status)
         seconds = time.perf_counter() - began
@@ -58,23 +62,6 @@ def run(words, ranks: int | None = None) -> Outcome:
         text = errors.read().decode(errors="replace")
     error = _reason(text, process.returncode) if process.returncode else ""
     return Outcome(process.returncode, seconds, usage.ru_maxrss / 1024.0, error)
-
-
-def _environment():
-    """This process's environment without what an mpirun above it left there."""
-    clean = without_launcher(os.environ)
-    if os.geteuid() == 0:  # in a container, where Open MPI wants to be told twice
-        clean |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
-    return clean
-
-
-def _stop(process):
-    process.terminate()
-    try:
-        process.wait(_PATIENCE)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
 
 
 def _reason(text, status):

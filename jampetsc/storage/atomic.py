@@ -44,22 +44,6 @@ def write_whole(path, content: bytes) -> None:
         file.discard()
 
 
-def append_durably(path, end: int, line: bytes) -> None:
-    """Put `line` behind the first `end` bytes of a file: on return it survives a kill. Raises JampetscError.
-
-    What lies beyond does not count: torn, if the last write failed or was killed, or broken off.
-    """
-    try:
-        with open(path, "r+b") as file:
-            file.truncate(end)
-            file.seek(end)
-            file.write(line)
-            file.flush()
-            os.fsync(file.fileno())
-    except OSError as error:
-        raise write_error(path, error) from None
-
-
 def write_error(path, error: OSError) -> JampetscError:
     """The one-line error for a failed write to `path`."""
     if error.errno in _FULL:

@@ -4,6 +4,7 @@ import csv
 import difflib
 import io
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +30,18 @@ CHOICES = (
     "accuracy",
 )
 NO_AVERAGE = ("seed", "seconds")
+STATISTICS = {"mean": mean_with_error, "median": median_with_error}
+
+
+@dataclass(frozen=True, eq=False)
+class AverageCurve:
+    """A mean or median over packings, point by point; errors are halves of 68 % intervals, nan for one packing."""
+
+    key: dict  # column -> value that its rows agree in
+    omega: np.ndarray  # (M,) the frequencies, or what else it is a function of
+    value: np.ndarray  # (M, …), complex for G*
+    error: np.ndarray  # (M, …), of G* those of G' and G'' as a complex number
+    count: int  # packings
 
 
 class Ensemble(Mapping):
@@ -100,6 +113,43 @@ class Ensemble(Mapping):
         """Medians, as `mean`."""
         return Averages(self, by, "median")
 
+    def mean_curve(self, name="G", by=(), over="omega") -> list[AverageCurve]:
+        """Means of a dataset of the files, one curve for the rows that agree in the columns `by`.
+
+        over   the dataset that it is a function of, the same in all files of a curve
+
+        Raises InputError where it is not the same, or where two rows of a curve are of one packing.
+        """
+        return self._curves(name, by, over, mean_with_error)
+
+    def median_curve(self, name="G", by=(), over="omega") -> list[AverageCurve]:
+        """Medians, as `mean_curve`."""
+        return self._curves(name, by, over, median_with_error)
+
+    def _curves(self, name, by, over, statistic):
+        found = []
+        for key, rows in self.groups((by,) if isinstance(by, str) else tuple(by)):
+            _require_independent(key, rows, name)
+            results = rows.results()
+            at = results[0][over]
+            for result in results:
+                if result[over].shape != at.shape or not np.allclose(result[over], at, rtol=SAME, atol=0.0):
+                    raise InputError(
+                        f"{result.path}: other {over} than {results[0].path}: an average needs the same"
+                    )
+            values = np.array([result[name] for result in results])
+            if np.iscomplexobj(values):
+                (value, error), (loss, loss_error) = (statistic(part) for part in (values.real, values.imag))
+                value, error = value + 1j * loss, error + 1j * loss_error
+            else:
+                value, error = statistic(values)
+            found.append(AverageCurve(key, at, value, error, len(results)))
+        return found
+
+    def to_pandas(self):
+        """The table as a pandas.DataFrame. Raises InputError where pandas is not installed."""
+        return _frame(self)
+
     def groups(self, by) -> list:
         """[({column: value}, rows as an Ensemble)] for the values that occur in the columns `by`, sorted; done rows."""
         done = self._taken(self["state"] == "done")
@@ -157,7 +207,7 @@ class Averages(Mapping):
         values = column[known]
         if not len(values):
             return np.nan, np.nan, 0, 0
-        value, error = {"mean": mean_with_error, "median": median_with_error}[self.statistic](values)
+        value, error = STATISTICS[self.statistic](values)
         return float(value), float(error), len(values), int(np.count_nonzero(values < 0))
 
     def __iter__(self):
@@ -165,6 +215,11 @@ class Averages(Mapping):
 
     def __len__(self):
         return len(list(iter(self)))
+
+    def to_pandas(self):
+        """A pandas.DataFrame of the averages, errors in columns `…_error`. Raises InputError without pandas."""
+        errors = {f"{name}_error": self.error[name] for name in self._names if name not in self.by}
+        return _frame({**self, **errors})
 
 
 class _Part(Mapping):
@@ -181,6 +236,14 @@ class _Part(Mapping):
 
     def __len__(self):
         return len(self._averages)
+
+
+def _frame(columns):
+    try:
+        import pandas
+    except ImportError:
+        raise InputError("to_pandas: needs the package pandas: pip install pandas") from None
+    return pandas.DataFrame(dict(columns))
 
 
 def _require_independent(key, rows, name):

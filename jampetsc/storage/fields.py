@@ -6,8 +6,12 @@ import numpy as np
 
 from jampetsc.contacts.disks import Disks
 from jampetsc.errors import InputError, named
-from jampetsc.storage.packing_file import read_identified
+from jampetsc.storage.packing_file import is_known_as, read_packing
 
+PHASES = (
+    "stress",
+    "strain",
+)  # that a field is in phase with, the default first; files hold fields per strain
 _HUGE = 1e100  # displacements per unit strain that no packing has
 _SAME = 0.01  # a frequency asked for may differ from the stored one by this fraction: 0.0316 means 10^-1.5
 
@@ -30,10 +34,10 @@ def packing_of(result, given=None) -> Disks:
     if not given and (name is None or not path.is_file()):
         what = f"packing {name} is not beside it" if name else "packing was in memory"
         raise InputError(f"{result.path}: its {what}: give it with {named('packing')}")
-    disks, (_, sha256) = read_identified(path)
-    if recorded is not None and sha256 != recorded:
+    disks = read_packing(path)
+    if recorded is not None and not is_known_as(path, recorded):
         raise InputError(
-            f"{path}: is not the packing that {result.path.name} was made from (sha256 {sha256[:12]}… "
+            f"{path}: is not the packing that {result.path.name} was made from (sha256 {disks.fingerprint[:12]}… "
             f"instead of {recorded[:12]}…): give that one with {named('packing')}"
         )
     return disks

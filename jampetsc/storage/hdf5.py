@@ -1,12 +1,12 @@
 """HDF5 as jampetsc writes and reads it.
 
 Every defect of a file becomes one line: what file, what is wrong, what to do. Files are written with the checksums that
-HDF5 has for metadata and for data, which protect them in other programs, and with our own (see `checksums`), which are
-looked at before libhdf5 sees a byte.
+HDF5 has for metadata and for data, which protect them in other programs, and with a hash of every byte (see
+`checksums`), which is looked at before libhdf5 is. A file of another program gets what h5py gives.
 """
 
 import glob
-import math
+import io
 import os
 from contextlib import contextmanager
 
@@ -15,11 +15,9 @@ import numpy as np
 
 from jampetsc.errors import InputError
 from jampetsc.storage.atomic import NewFile, remove_abandoned
-from jampetsc.storage.checksums import SIGNATURE, Damaged, Verified, seal
+from jampetsc.storage.checksums import Damaged, seal, verify
 from jampetsc.storage.regular import open_regular
-from jampetsc.storage.trial import failure_of
 
-_CHUNK = 1 << 20  # bytes that one checksum of data covers, at most
 _DAMAGE = (
     OSError,
     RuntimeError,
@@ -29,7 +27,6 @@ _DAMAGE = (
     ArithmeticError,
     AttributeError,
 )
-_DENSEST = 1100  # a compressed dataset is at most so many times as large as its file: deflate ends at 1032
 
 
 class OutputFile(NewFile):
@@ -79,20 +76,9 @@ def _create(stream) -> h5py.File:
 
 
 def store(h5, name, array) -> h5py.Dataset:
-    """A dataset of this name with the values of `array`, data under checksums."""
+    """A dataset of this name with the values of `array`, under checksums unless it is a single number or empty."""
     array = np.asarray(array)
-    return h5.create_dataset(name, data=array, **checksummed(array.shape, array.dtype))
-
-
-def checksummed(shape, dtype) -> dict:
-    """What makes `create_dataset` put data of this shape and type under checksums; nothing for single numbers."""
-    if not all(shape) or not shape:
-        return {}
-    chunk = list(shape)
-    for axis in range(len(chunk)):
-        rest = math.prod(chunk) // chunk[axis] * dtype.itemsize
-        chunk[axis] = min(chunk[axis], max(1, _CHUNK // rest))
-    return {"chunks": tuple(chunk), "fletcher32": True}
+    return h5.create_dataset(name, data=array, fletcher32=bool(array.ndim and array.size) or None)
 
 
 def open_file(path) -> h5py.File:
@@ -104,70 +90,28 @@ def open_file(path) -> h5py.File:
         return from_stream(open_regular(path))
 
 
-class Elsewhere(OSError):
-    """Some of what an HDF5 file shows lies in another file, which no hash of this one covers."""
-
-
 def from_stream(file) -> h5py.File:
-    """The HDF5 in a binary file, which it keeps open, to read only what its checksums confirm.
-
-    Raises Damaged, Elsewhere, or OSError where it is no HDF5; a file without checksums has its trial first.
-    """
+    """The HDF5 in an open file, which goes with it. Raises Damaged, or OSError where it is no HDF5."""
+    file = _Source(file.detach())
     try:
-        verified = Verified(file)
-        if not verified.sealed and _begins(file) and (failure := failure_of(file)):
-            raise Damaged(failure)
-        h5 = h5py.File(verified, "r")
-        _require_all_inside(h5)
-        return h5
+        verify(file)
+        return h5py.File(file, "r")
     except BaseException:
         file.close()
         raise
 
 
-def _require_all_inside(h5):
-    """Raise Elsewhere for a link that is more than a name, or a dataset with its values in another file.
+class _Source(io.BufferedReader):
+    """A file that is closed when nobody has it any more: libhdf5 does not close what it reads from."""
 
-    Links inside the file are refused with those out of it: they may lead on to one. Of virtual datasets, which lie in
-    part files, `values` and `parts.PartList.read` see to it.
-    """
-
-    def look(name, link):
-        if link.type != h5py.h5l.TYPE_HARD:
-            return f"{name.decode(errors='replace')} is a link"
-        item = h5py.h5o.open(h5.id, name)
-        if isinstance(item, h5py.h5d.DatasetID) and item.get_create_plist().get_external_count():
-            return f"dataset {name.decode(errors='replace')} has its values in another file"
-        return None
-
-    try:
-        found = h5.id.links.visit(look, info=True)
-    except (*_DAMAGE, SystemError) as error:  # SystemError: of an error inside `look`
-        raise Damaged(" ".join(str(error.__cause__ or error).split())) from None
-    if found:
-        raise Elsewhere(found)
-
-
-def _begins(file) -> bool:
-    """Whether there is the header of HDF5 where the library looks for it: at 0, 512, 1024, …"""
-    size, place = file.seek(0, os.SEEK_END), 0
-    while place < size:
-        file.seek(place)
-        if file.read(len(SIGNATURE)) == SIGNATURE:
-            return True
-        place = 2 * place or 512
-    return False
+    def __del__(self):
+        self.close()
 
 
 def values(data: h5py.Dataset, selection=...):
-    """What a dataset holds, or some of it. Raises ValueError if it says that it is larger than its file can be."""
+    """What a dataset holds, or some of it. Raises ValueError for one that lies in other files."""
     if data.is_virtual:
         raise ValueError(f"dataset {data.name} lies in other files")
-    plist = data.id.get_create_plist()
-    filters = {plist.get_filter(n)[0] for n in range(plist.get_nfilters())}
-    most = data.file.id.get_filesize() * (_DENSEST if filters - {h5py.h5z.FILTER_FLETCHER32} else 1)
-    if math.prod(data.shape) * data.dtype.itemsize > most:
-        raise ValueError(f"dataset {data.name} says that it is {data.shape}, more than the file holds")
     return data[selection]
 
 
@@ -187,8 +131,6 @@ def opening(path):
 def _explain(error) -> str:
     if isinstance(error, Damaged):
         return f"damaged ({error}): copy or make it again"
-    if isinstance(error, Elsewhere):
-        return f"{error}, and what lies elsewhere may change unseen: copy it into this file"
     if "truncated file" in str(error):
         return "truncated: it was not written or copied completely; copy or make it again"
     if "signature not found" in str(error):
@@ -203,6 +145,8 @@ def reading(path):
         yield
     except InputError:
         raise
+    except MemoryError as error:
+        raise InputError(f"{path}: holds or claims more than there is memory for ({error})") from None
     except _DAMAGE as error:
         text = " ".join(str(error).strip("'\"").split())
         raise InputError(f"{path}: damaged ({text}): copy or make it again") from None

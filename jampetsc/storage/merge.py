@@ -9,7 +9,6 @@ from jampetsc.storage.hdf5 import (
     OutputFile,
     attributes,
     check_format,
-    checksummed,
     open_file,
     reading,
     store,
@@ -74,9 +73,7 @@ def _copy_dataset(item, parts, target, name):
     if not item.is_virtual:
         store(target, name, values(item))
         return
-    copied = target.create_dataset(
-        name, shape=item.shape, dtype=item.dtype, **checksummed(item.shape, item.dtype)
-    )
+    copied = target.create_dataset(name, shape=item.shape, dtype=item.dtype, fletcher32=True)
     rows = max(1, _BLOCK_BYTES * len(parts.sizes) * item.shape[0] // item.nbytes)
     for start in range(0, item.shape[0], rows):
         copied[start : start + rows] = parts.read(item, slice(start, start + rows))

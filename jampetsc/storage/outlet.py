@@ -59,7 +59,7 @@ class Outlet:
         """What a run of the job `key` has finished and finishes, see `storage.checkpoint`. Collective over comm."""
         from jampetsc.storage.checkpoint import Checkpoint
 
-        return Forgetful() if self.kept is None else Checkpoint(self.kept, key, comm, ordered=ordered)
+        return Checkpoint(self.kept, key, comm, ordered=ordered)
 
     def share(self, comm) -> None:
         """Give every rank what rank 0 has found in memory. Collective."""
@@ -83,28 +83,3 @@ class Outlet:
         if isinstance(found, Result):
             found.packing = self._packing
         return found
-
-
-class Forgetful:
-    """A checkpoint that ends with the run: records in memory, nothing from before and nothing for later."""
-
-    journal = None
-
-    def __init__(self):
-        self.done, self._fields = {}, {}
-
-    @property
-    def next(self) -> int:
-        """Index of the step after the last one."""
-        return max(self.done, default=-1) + 1
-
-    def save(self, index, record, local_fields=None) -> None:
-        """Keep a finished step, as `Checkpoint.save`."""
-        self.done[int(index)], self._fields[int(index)] = dict(record), local_fields
-
-    def fields(self, index) -> dict:
-        """This rank's rows of the fields of a finished step."""
-        return self._fields[index]
-
-    def remove(self) -> None:
-        """Nothing is left."""

@@ -6,7 +6,6 @@ Datasets `positions` (N, 2), `radii` (N,), `cell` (2, 2) rows a1, a2, and the pa
 """
 
 import hashlib
-import io
 from pathlib import Path
 
 import h5py
@@ -20,7 +19,6 @@ from jampetsc.storage.hdf5 import (
     OutputFile,
     attributes,
     check_format,
-    from_stream,
     open_file,
     opening,
     reading,
@@ -73,37 +71,45 @@ def source_told(source) -> str:
 
 
 def read_identified(path, comm=None) -> tuple[Disks, tuple[str, str]]:
-    """The packing at `path` and its identity: name and sha256 of the file, by which results refer to it.
+    """The packing at `path` and its identity, by which results refer to it: name of the file, `Disks.fingerprint`.
 
-    Disks, on all ranks the same, are taken as they are; their identity is no name and the hash of their arrays.
+    Disks, on all ranks the same, are taken as they are, without a name.
 
-    Collective: rank 0 of the mpi4py communicator `comm` reads the bytes once, for hash and arrays alike. A file that is
-    replaced meanwhile gives one packing or the other, on all ranks. None: one process reads for itself.
+    Collective: rank 0 of the mpi4py communicator `comm` reads the file, once. One that is replaced meanwhile gives one
+    packing or the other, on all ranks. None: one process reads for itself.
 
     Raises InputError, on all ranks, naming the file, what is wrong with it and the remedy.
     """
     if isinstance(path, Disks):
         return path, (None, path.fingerprint)
-    first, found = comm is None or comm.rank == 0, (None, None)
+    disks, found = None, None
     with agreed(comm):
-        if first:
-            found = _read(path)
-    if comm is None:
-        return found
-    disks, identity = found
-    arrays = from_rank_0(comm, {name: getattr(disks, name) for name in _ARRAYS} if first else None)
-    potential, record, identity = comm.bcast((disks.potential, disks.record, identity) if first else None)
-    return Disks(**arrays, potential=potential, record=record), identity
+        if comm is None or comm.rank == 0:
+            disks = _read(path)
+            found = {name: getattr(disks, name) for name in _ARRAYS}
+    name = Path(path).name
+    if comm is not None:
+        arrays = from_rank_0(comm, found)
+        potential, record, name = comm.bcast((disks.potential, disks.record, name) if disks else None)
+        disks = Disks(**arrays, potential=potential, record=record)
+    return disks, (name, disks.fingerprint)
 
 
 def _read(path):
-    check_packing(path)  # before all of what may be a large result is read
-    with opening(path):
-        with open_regular(path) as file:
-            content = file.read()
-        with from_stream(io.BytesIO(content)) as h5:
-            disks = packing_from(h5, path)
-    return disks, (Path(path).name, hashlib.sha256(content).hexdigest())
+    with open_file(path) as h5:
+        return packing_from(h5, path)
+
+
+def is_known_as(path, sha256: str | None) -> bool:
+    """Whether the packing at `path` is the one that a result knows by the attribute `packing_sha256`.
+
+    That is the fingerprint of its disks; results of older versions have the sha256 of the bytes of its file. Raises
+    InputError where there is no packing.
+    """
+    if read_packing(path).fingerprint == sha256:
+        return True
+    with opening(path), open_regular(path) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest() == sha256
 
 
 def check_packing(path) -> None:
@@ -150,18 +156,3 @@ def _array(h5, path, name):
         if data.dtype.kind not in "fiu":
             raise InputError(f"{path}: dataset {name} holds {data.dtype}: must be real numbers")
         return values(data).astype(float)
-
-
-def packing_identity(path) -> tuple[str, str]:
-    """(name, sha256) of a packing file as in `read_identified`, without a look at what it holds.
-
-    Raises InputError if it cannot be read.
-    """
-    digest = hashlib.sha256()
-    try:
-        with open_regular(path) as file:
-            while block := file.read(1 << 20):
-                digest.update(block)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    return Path(path).name, digest.hexdigest()

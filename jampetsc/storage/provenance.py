@@ -37,7 +37,7 @@ def provenance(*, versions, scalar_type, petsc_options, ranks, packing, law, wal
     """Attributes of a result, for `ResultWriter.attributes(**…)`.
 
     versions: {"petsc": "3.18.5", "slepc": …, "mumps": …}; petsc_options: the options as one string;
-    packing: (name, sha256) from `packing_identity`; law: {"law": "contact", "beta": 1.0, …}, entries of None
+    packing: (name, hash) from `read_identified`; law: {"law": "contact", "beta": 1.0, …}, entries of None
     left out; argv: the full command line (default: as `command_line` has it).
     """
     unknown = set(law) - {"law", *LAW_PARAMETERS}

@@ -15,7 +15,7 @@ import numpy as np
 from jampetsc.collective import agreed
 from jampetsc.errors import JampetscError
 from jampetsc.storage.atomic import follow, remove_abandoned, write_error
-from jampetsc.storage.hdf5 import OutputFile, checksummed, set_attributes, store
+from jampetsc.storage.hdf5 import OutputFile, set_attributes, store
 from jampetsc.storage.outputs import check_place
 from jampetsc.storage.parts import GROUP, part_name, parts_of, remove_if_empty
 from jampetsc.storage.request import recorded
@@ -134,7 +134,8 @@ class ResultWriter:
                         shape=(0, *local.shape),
                         dtype=local.dtype,
                         maxshape=(None, *local.shape),
-                        **checksummed((1, *local.shape), local.dtype),
+                        chunks=(1, *local.shape),
+                        fletcher32=True,
                     )
                 data = self._part.h5[name]
                 data.resize(layout.shape[0], axis=0)

@@ -1,62 +1,28 @@
 """What became of the tasks of a study, kept on disk task by task: a study that is killed loses no finished one.
 
-Every rank appends to a journal of its own, `FOLDER/journal/rank-0007`, one line per task with a checksum: a line
-that a kill tore does not count.
+`FOLDER/journal` has a file for each task, put there whole with a hash of its content (`storage.checkpoint.keep`).
 """
 
-import json
-import zlib
 from pathlib import Path
+from urllib.parse import quote
 
-from jampetsc.storage.atomic import append_durably, write_error
+from jampetsc.storage.atomic import remove_abandoned
+from jampetsc.storage.checkpoint import keep, kept
 
 NAME = "journal"
 
 
-class Journal:
-    """The journal of one rank, to append to."""
-
-    def __init__(self, folder, rank):
-        self.path = Path(folder) / NAME / f"rank-{rank:04d}"
-        self._end = None  # length of its sound beginning, in bytes
-
-    def append(self, record: dict) -> None:
-        """Keep a record; on return it survives a kill. Raises JampetscError where it cannot be written."""
-        try:
-            if self._end is None:
-                self.path.parent.mkdir(exist_ok=True)
-                self.path.touch()
-                self._end = _sound(self.path.read_bytes())[1]
-        except OSError as error:
-            raise write_error(self.path, error) from None
-        text = json.dumps(record).encode()
-        line = b"%08x %s\n" % (zlib.crc32(text), text)
-        append_durably(self.path, self._end, line)
-        self._end += len(line)
+def keep_record(folder, record: dict) -> None:
+    """Keep the record of a task; on return it survives a kill. Raises JampetscError where it cannot be written."""
+    keep(Path(folder) / NAME / quote(record["task"], safe=""), record)
 
 
 def records_of(folder) -> dict:
-    """{task: its last record} of all journals of a study; the last is the one with the latest `time`."""
-    found = {}
-    for path in sorted((Path(folder) / NAME).glob("rank-*")):
-        try:
-            content = path.read_bytes()
-        except OSError as error:
-            raise write_error(path, error) from None
-        for record in _sound(content)[0]:
-            name = record["task"]
-            if name not in found or record["time"] >= found[name]["time"]:
-                found[name] = record
-    return found
+    """{task: its record} of a study."""
+    places = sorted((Path(folder) / NAME).glob("[!.]*"))
+    return {found[0]["task"]: found[0] for found in map(kept, places) if found is not None}
 
 
-def _sound(content: bytes):
-    """(records, their length in bytes) of the lines up to the first that is torn."""
-    records, end = [], 0
-    for line in content.splitlines(keepends=True):
-        checksum, _, text = line.rstrip(b"\n").partition(b" ")
-        if not line.endswith(b"\n") or checksum != b"%08x" % zlib.crc32(text):
-            break
-        records.append(json.loads(text))
-        end += len(line)
-    return records, end
+def tidy(folder) -> None:
+    """Remove what killed processes have left."""
+    remove_abandoned(Path(folder) / NAME)

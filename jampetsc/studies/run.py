@@ -13,7 +13,7 @@ from jampetsc.storage.outputs import is_same
 from jampetsc.studies.board import BROKEN, DONE, Board
 from jampetsc.studies.costs import Costs, in_words
 from jampetsc.studies.journal import NAME as JOURNAL
-from jampetsc.studies.journal import Journal, records_of
+from jampetsc.studies.journal import keep_record, records_of, tidy
 from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.lock import Lock
 from jampetsc.studies.table import rows_of, table_text
@@ -38,13 +38,13 @@ def run(tasks, folder, path, source: bytes | dict, session) -> list[dict]:
     lock = Lock(folder)
     by_rank_0(comm, lambda: _open(folder, path, lock))
     try:
-        runner, journal = Runner(folder, {}, own_cores(comm)), Journal(folder, comm.rank)
+        runner = Runner(folder, {}, own_cores(comm))
 
         def look():
             runner.records = records_of(folder)
             return runner.left(tasks), runner.records
 
-        (left, changed, adopted), records = by_rank_0(comm, look)
+        (left, changed), records = by_rank_0(comm, look)
         runner.records = records
         void = {name: records.get(name) for name in left}
         left = [task for task in tasks if task.name in void]
@@ -53,13 +53,10 @@ def run(tasks, folder, path, source: bytes | dict, session) -> list[dict]:
             now = records_of(folder).items()
             _write_table(folder, tasks, {name: one for name, one in now if one != void.get(name)}, runner)
 
-        work = _Work(session, runner, journal, left, refresh)
+        work = _Work(session, runner, left, refresh)
         with work.progress:
             if changed:
                 work.progress.note(told_of(changed))
-            with agreed(comm):
-                for record in adopted if comm.rank == 0 else ():
-                    journal.append(record)
             for together, some in _phases(left, session):
                 (work.together if together else work.apart)(some)
         new = comm.gather(work.made)
@@ -117,6 +114,7 @@ def _open(folder, path, lock):
     except OSError as error:
         raise write_error(made, error) from None
     lock.take()
+    tidy(folder)
 
 
 def _phases(tasks, session):
@@ -148,8 +146,8 @@ def _most_disks(session):
 class _Work:
     """What is left of a study, done by this rank and the others."""
 
-    def __init__(self, session, runner, journal, tasks, refresh):
-        self.session, self.runner, self.journal = session, runner, journal
+    def __init__(self, session, runner, tasks, refresh):
+        self.session, self.runner = session, runner
         self.costs = Costs(runner.records.values())
         self.made = []  # records of this rank
         self.progress = Progress(len(tasks), "study", rank=0)
@@ -210,7 +208,7 @@ class _Work:
 
     def _keep(self, record):
         if record is not self.runner.records.get(record["task"]):
-            self.journal.append(record)
+            keep_record(self.runner.folder, record)
             self.made.append(record)
             if record["state"] == "done":
                 self.costs.learn(record["row"], record["seconds"])

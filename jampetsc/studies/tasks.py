@@ -3,25 +3,22 @@
 import contextlib
 import dataclasses
 import functools
-import glob
-import math
 import os
-import shutil
 import time
 
 from jampetsc import progress, session
 from jampetsc.collective import by_rank_0
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.jobs.perform import perform
+from jampetsc.storage.checkpoint import discard, folder_of
 from jampetsc.storage.checksums import identity_of
 from jampetsc.storage.outlet import Outlet
-from jampetsc.storage.packing_file import packing_identity
+from jampetsc.storage.packing_file import is_known_as
 from jampetsc.storage.parts import parts_of
 from jampetsc.storage.provenance import command_line, derived_from
 from jampetsc.storage.reader import load
 from jampetsc.studies.numbers import numbers_of
 
-LATER = 1e-3  # seconds between two records of a task, at least
 ASIDE = ".replaced"  # behind the name of a file that was put in the place of one that the study made
 
 
@@ -35,44 +32,26 @@ class Runner:
         self.folder, self.records, self.cores = folder, records, cores
 
     def left(self, tasks):
-        """What there is to do before any task is done: three lists.
+        """What there is to do before any task is done: two lists.
 
         Names of tasks that are left: all that is not done, or whose files are not what they were, and what reads these.
         What a task reads may be the same when it is made anew: `run` looks once more. Then files that are not what was
-        made, and records of an older program that were given the hashes that it did not keep.
+        made.
         """
-        left, changed, adopted = {}, [], []
+        left, changed = {}, []
         failed = [task for task in tasks if self.records.get(task.name, {}).get("state") == "failed"]
         suspects = {one.file for task in failed for one in task.inputs}  # may be what it failed by
         identity = functools.cache(lambda name: identity_of(self.folder / name, every_byte=name in suspects))
         for task in tasks:
             record = self.records.get(task.name)
-            if _done(record) and "files" not in record and (found := self._adopted(task, record)):
-                self.records[task.name] = record = found
-                adopted.append(record)
             if _done(record):
                 read = {f"{name}.h5" for name in record["inputs"]}
-                files = record.get("files", {task.file: ""})
-                if any(identity(name) != one for name, one in files.items() if name not in read):
+                if any(identity(name) != one for name, one in record["files"].items() if name not in read):
                     changed.append(task.file)
             current = _current(record, task.inputs, identity)
             if not current or any(one.name in left for one in task.inputs):
                 left[task.name] = None
-        return list(left), changed, adopted
-
-    def _adopted(self, task, record):
-        """A record without hashes, as older programs made them, with those of now; None if it is not of these files."""
-        path = self.folder / task.file
-        try:
-            if task.command == "pack":
-                row, before = row_of(task, numbers_of(path)), record["row"]
-                same = all(_same(row[name], before[name]) for name in row.keys() & before.keys())
-            else:
-                same = _made_from(load(path), task, [self.folder / f"{name}.h5" for name in record["inputs"]])
-            files = self._files([*record["inputs"], task.name])
-            return record | {"files": files, "time": record["time"] + LATER} if same else None
-        except (InputError, AttributeError):
-            return None
+        return list(left), changed
 
     def _files(self, names):
         """{file: identity} of what these tasks have left, the parts of the last one's file included."""
@@ -92,8 +71,7 @@ class Runner:
         """
         began = time.perf_counter()
         known, names = self.records.get(task.name), [one.name for one in there]
-        when = max(time.time(), known["time"] + LATER if known else 0.0)  # also if a clock was set back
-        record = {"task": task.name, "inputs": names, "time": when, "row": {}}
+        record = {"task": task.name, "inputs": names, "row": {}}
         try:
             if not there and task.inputs:
                 raise InputError(f"{task.inputs[0].file} failed")
@@ -167,14 +145,8 @@ def _current(record, inputs, identity) -> bool:
     return (
         _done(record)
         and {one.name for one in inputs} == set(record["inputs"])
-        and "files" in record
         and all(identity(name) == one for name, one in record["files"].items())
     )
-
-
-def _same(one, other) -> bool:
-    """Whether two cells of a row are the same, numbers but for rounding."""
-    return one == other or (isinstance(one, float) and math.isclose(one, other, rel_tol=1e-9))
 
 
 def _made_from(result, task, paths) -> bool:
@@ -182,13 +154,12 @@ def _made_from(result, task, paths) -> bool:
     if not paths:
         return True
     if task.inputs[0].command == "pack":
-        return result.attributes["packing_sha256"] == packing_identity(paths[0])[1]
+        return is_known_as(paths[0], result.attributes["packing_sha256"])
     runs = derived_from([load(path) for path in paths], 0.0)["source_runs"]
     return result.attributes["source_runs"] == runs
 
 
 def _tidied(path):
     """Remove the checkpoint that a run leaves when it is killed with its file just made; True."""
-    for left in path.parent.glob(f"{glob.escape(path.name)}.resume*"):
-        shutil.rmtree(left) if left.is_dir() else left.unlink()
+    discard(folder_of(path))
     return True
