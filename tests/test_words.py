@@ -4,12 +4,9 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from jampetsc.words.law import physics_from, words_of
-from jampetsc.words.packtasks import plan
 from samples import published
 
 from jampetsc import cli
-from jampetsc.commands import flow, jam
 from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import InputError
 from jampetsc.flows import job as jobs
@@ -20,7 +17,6 @@ from jampetsc.packing.sizes import radii_of
 from jampetsc.storage.packing_file import read_identified, write_packing
 from jampetsc.storage.reader import load
 from jampetsc.studies.table import table_text
-from jampetsc.words import flowing, picture
 from jampetsc.words.files import files_named
 
 
