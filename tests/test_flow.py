@@ -161,7 +161,7 @@ def test_stress_does_not_depend_on_origin_images_tilt_or_skin(name):
     assert tilted.cell[1, 0] < 0 < cell[1, 0]
     wide = shear(name, disks, step=step)
     wide.skin = 0.9
-    wide._list(wide.reference)
+    wide.list(wide.reference)
     runs = {"origin": shifted, "images": moved, "tilt": tilted}
     for what, start in runs.items():
         change = np.abs(history(shear(name, start, step=step)) / reference - 1).max()

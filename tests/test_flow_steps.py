@@ -181,7 +181,7 @@ def test_a_list_is_stale_by_the_shear_after_a_step(name, method):
     disks = Disks.from_positions(places, np.full(4, 0.5), 9.0 * np.eye(2))
     run = Shear(disks, Model(law, mass), 1.0, Scheme(0.1, method, 1e-12))
     run.skin = 0.12  # the larger singular value of the deformation is 1.105 at 0.2, 1.161 at 0.3
-    run._list(run.reference)
+    run.list(run.reference)
     assert run._run(9) == (2 if method == "heun" else 3, compiled.STALE)
     assert not run.offsets.any() and run.seen[TALLY.index("steps")] == (2 if method == "heun" else 3)
 

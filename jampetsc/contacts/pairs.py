@@ -153,6 +153,49 @@ def deformed(disks: Disks, offsets, strain, shear) -> Disks:
     return Disks(base, offset, disks.radii, cell_base, cell_offset, disks.potential, disks.record)
 
 
+class ListedDisks:
+    """Disks since their pairs were listed: `reference` then, moved by `offsets` (N, 2) since, and the cell by `box`.
+
+    skin: of the first list, in mean diameters
+    """
+
+    def __init__(self, disks: Disks, skin: float = SKIN_START):
+        self.diameter = 2.0 * float(np.mean(disks.radii))
+        self.largest = 2.0 * float(disks.radii.max())  # σ_max
+        self.skin = skin * self.diameter
+        self.list(disks)
+
+    def list(self, disks: Disks):
+        """Go on from these disks, with a list of their pairs."""
+        self.reference = disks
+        self.pairs = PairList.build(disks, self.skin)
+        self.offsets = np.zeros((disks.n, 2))
+
+    def fold(self):
+        """Put the moves into the coordinates and list the pairs anew."""
+        self.list(self.disks)
+
+    @property
+    def box(self):
+        """Strain and shear (ε, g) of the cell since the list was made."""
+        return 0.0, 0.0
+
+    @property
+    def disks(self) -> Disks:
+        """The packing as it is now."""
+        return deformed(self.reference, self.offsets, *self.box)
+
+    def stale(self, far: float | None = None) -> bool:
+        """Whether the list may miss a contact; far = max |o|, where it is known."""
+        if far is None:
+            far = float(np.hypot(*self.offsets.T).max())
+        return bool(is_stale(far, *self.box, self.largest, self.skin))
+
+    def tune(self, steps: float, rebuild: float = REBUILD):
+        """Choose the skin of the next list, this one having served for so many evaluations: see `tuned_skin`."""
+        self.skin = tuned_skin(self.skin, steps, self.diameter, rebuild)
+
+
 @numba.njit(cache=True, fastmath=False, error_model="numpy")
 def _deformed(base, offset, moves, growth, mixing, grid):
     """(base, offset) of x + o + (F − 1)(x + o), all (N, 2), with F − 1 = [[growth, mixing], [0, growth]]."""

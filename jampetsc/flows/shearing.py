@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jampetsc.contacts.disks import PLACES, Disks
-from jampetsc.contacts.pairs import SKIN_START, PairList, deformed, tuned_skin
+from jampetsc.contacts.pairs import ListedDisks, deformed
 from jampetsc.errors import ConvergenceError
 from jampetsc.flows import steps as compiled
 from jampetsc.flows.models import Model, Scheme, stiffest
@@ -27,7 +27,7 @@ class Survey:
     deepest: float  # largest δ/σ
 
 
-class Shear:
+class Shear(ListedDisks):
     """N disks sheared at a rate γ̇ under Lees–Edwards conditions.
 
     After `advance` the packing is `disks`, in a cell with tilt |γ| ≤ ½ Lx/Ly, at total strain `strain`; `velocities`
@@ -58,10 +58,7 @@ class Shear:
         self.divides = bool(
             weights and not model.mass and scheme.step * stiffest(disks) <= 2.0 * min(weights)
         )
-        self.largest = 2.0 * float(disks.radii.max())
-        self.diameter = 2.0 * float(disks.radii.mean())
         self.inertia = 0.5 * model.mass * disks.radii**2  # uniform disks
-        self.skin = SKIN_START * self.diameter
         self.steps = 0  # time steps done in all
         self.since = 0  # of them, since the list was made
         self.rebuilds = 0
@@ -70,17 +67,21 @@ class Shear:
         self.accelerations = np.zeros((n, 2))
         self.spins, self.spin_rates = np.zeros(n), np.zeros(n)
         self.seen = np.zeros(len(compiled.TALLY))
-        self._list(disks.folded())
+        super().__init__(disks.folded())
         if held and model.mass:  # at rest when the walls begin to slide
             middle = 0.5 * disks.cell[1, 1]
             self.velocities[held:, 0] = rate * (middle - self.reference.positions[held:, 1])
         self.started = False
 
-    def _list(self, disks):
-        self.reference = disks  # at γ_ref, where the list was made
-        self.pairs = PairList.build(disks, self.skin)
-        self.offsets = np.zeros((disks.n, 2))
+    def list(self, disks):
+        """See `ListedDisks`; the disks are those at γ_ref."""
+        super().list(disks)
         self.since = 0
+
+    @property
+    def box(self):
+        """See `ListedDisks`."""
+        return 0.0, self.shear
 
     @property
     def strain(self) -> float:
@@ -95,7 +96,7 @@ class Shear:
     @property
     def disks(self) -> Disks:
         """The packing as it is now, folded."""
-        return deformed(self.reference, self.offsets, 0.0, self.shear).folded()
+        return super().disks.folded()
 
     def advance(self, steps: int) -> None:
         """So many time steps. Raises ConvergenceError where the time step is too long for them.
@@ -121,15 +122,15 @@ class Shear:
             self.steps += done
             self.since += done
             if status == compiled.STALE and self.since:
-                self.skin = tuned_skin(self.skin, self.since * self._effort, self.diameter, REBUILD)
+                self.tune(self.since * self._effort, REBUILD)
                 self.rebuilds += 1
-                self._list(self.disks)
+                self.fold()
             elif status != compiled.DONE:
                 self._refuse(status)
 
     def _divide(self):
         """One time step in parts, halved until no disk moves by more than REACH in one; each part on a new list."""
-        self._list(self.disks)
+        self.fold()
         seen, sums, at, part = self.seen, np.zeros_like(self.seen), 0.0, 0.5
         while at < 1.0:
             before = self.velocities.copy()
@@ -141,7 +142,7 @@ class Shear:
             if done and farthest <= REACH * self.largest:
                 sums += part * self.seen
                 at += part
-                self._list(
+                self.list(
                     deformed(self.reference, self.offsets, 0.0, part * self.rate * self.scheme.step).folded()
                 )
                 self.substeps += 1
@@ -251,7 +252,7 @@ class Shear:
     def restore(self, state: dict) -> None:
         """Go on from what `state` gave."""
         self.skin = float(state["skin"])
-        self._list(replace(self.reference, **{name: np.asarray(state[name], float) for name in PLACES}))
+        self.list(replace(self.reference, **{name: np.asarray(state[name], float) for name in PLACES}))
         for name in (*self.ARRAYS, "seen"):
             setattr(self, name, np.array(state[name], float))
         self.steps, self.since, self.rebuilds = (int(state[name]) for name in ("steps", "since", "rebuilds"))
