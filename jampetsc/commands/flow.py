@@ -11,9 +11,8 @@ EPILOG = """examples
   jampetsc flow --n 256 --phi 0.78 --model CDn --mass 1 --rate 1e-3 --strain 40 --out cdn.h5
   jampetsc flow rd0.h5 --strain 20                                 twenty more
 
-A run that was killed goes on when the same command is given again. One run with contact damping and many disks may
-use several ranks, or solvers of PETSc's with the prefix -flow_, e.g. -flow_pc_type gamg; independent runs are faster
-side by side."""
+A run that was killed goes on when the same command is given again. Many disks use several cores, with the same result
+to the last bit; independent runs are faster side by side."""
 
 
 def add_parser(subparsers) -> None:
@@ -58,14 +57,8 @@ def add_parser(subparsers) -> None:
         "--tolerance", type=float, metavar="T", help="of the velocities of contact damping (default 1e-4)"
     )
     run_.add_argument("--last", metavar="FILE", help="write the last state as a packing, too")
-    parser.set_defaults(run=run, check=check, takes_petsc=_may_solve)
-
-
-def _may_solve(args):
-    """Whether the run may have velocities to solve for, so that PETSc has something to do."""
-    from jampetsc.contacts.laws import damping_law
-
-    return args.model not in ("RD0", "RD") and (args.law is None or damping_law(args.law).damps_contacts)
+    run_.add_argument("--threads", type=int, metavar="T", help="at most so many (default: the cores there are)")
+    parser.set_defaults(run=run, check=check)
 
 
 def check(args):
@@ -78,69 +71,42 @@ def check(args):
 
 
 def run(args, petsc_argv) -> int:
-    """Shear and write. Collective."""
-    from jampetsc import launcher, session, streams
-    from jampetsc.collective import by_rank_0
+    """Shear and write."""
+    from jampetsc import launcher, streams
+    from jampetsc.contacts.threads import Team, cores
 
     _check(args)
-    running = None
-    if _may_solve(args) and (petsc_argv or launcher.several()):
-        running = session.start("real", petsc_argv)
-        if running.size == 1 and not petsc_argv:  # a rank that works alone
-            running = None
-    comm = running and running.comm
     from jampetsc.flows import job as jobs
     from jampetsc.storage.outputs import check_output, check_place, is_same
 
-    if args.start is not None and by_rank_0(comm, lambda: jobs.is_flow(args.start)):
+    if args.start is not None and jobs.is_flow(args.start):
         _refuse_settled(args)
-        job = by_rank_0(comm, lambda: jobs.continued(args.start, args.strain, args.out))
+        job = jobs.continued(args.start, args.strain, args.out)
         inputs = [args.start]
     else:
         inputs = [*filter(None, (args.start, args.radii))]
-        job = _fresh(args, jobs, comm, inputs)
+        job = _fresh(args, jobs, inputs)
     if job.before and is_same(job.out, args.start):  # a flow file may go on in its own place
-        by_rank_0(comm, lambda: check_place(job.out, jobs.FORMAT))
+        check_place(job.out, jobs.FORMAT)
     else:
-        by_rank_0(comm, lambda: check_output(job.out, jobs.FORMAT, inputs))
+        check_output(job.out, jobs.FORMAT, inputs)
     if args.last is not None:
-        by_rank_0(comm, lambda: check_output(args.last, "jampetsc-packing", inputs, [job.out]))
-    if launcher.several() and running is None:
-        streams.say(
-            f"jampetsc: note: {job.model} has nothing to solve for: one rank does it; independent runs use more\n"
-        )
-    means = jobs.execute(job, args.last, _together(job, running))
-    if running is None or running.rank == 0:
-        print(jobs.summary(job, means))
+        check_output(args.last, "jampetsc-packing", inputs, [job.out])
+    if launcher.several():
+        streams.say("jampetsc: note: one rank does one flow, with --threads; independent runs use more ranks\n")
+    print(jobs.summary(job, jobs.execute(job, args.last, Team(args.threads or cores()))))
     return 0
 
 
-def _together(job, running):
-    """What finds velocities with PETSc where it was started. Raises InputError where there is nothing to find."""
-    if running is None:
-        return None
-    if not job.solves:
-        raise InputError(
-            f"{job.model} by {job.scheme.method}: has nothing to solve for: leave PETSc's options and mpirun out"
-        )
-    from jampetsc.flows.together import Together
-    from jampetsc.solvers import resistance
-    from jampetsc.solvers.rehearsal import rehearse
-
-    rehearse(resistance.rehearse)
-    return Together(resistance.ContactSolver(job.scheme.tolerance))
-
-
-def _fresh(args, jobs, comm, inputs):
+def _fresh(args, jobs, inputs):
     """The job of the words, from its beginning."""
-    from jampetsc.collective import by_rank_0
     from jampetsc.storage.outputs import check_output
 
     check(args)
     if args.out is None:
         raise InputError("--out is missing: where to write the result?")
-    by_rank_0(comm, lambda: check_output(args.out, jobs.FORMAT, inputs))
-    disks, origin = start_of(args, comm)
+    check_output(args.out, jobs.FORMAT, inputs)
+    disks, origin = start_of(args)
     return jobs.fresh(
         disks,
         origin,
@@ -167,6 +133,8 @@ def _check(args):
         raise InputError(f"--rate {args.rate:g}: must be at most 1, a strain of one per unit of time")
     if args.discard is not None and not 0 <= args.discard < args.strain:
         raise InputError(f"--discard {args.discard:g}: must lie in [0, --strain)")
+    if args.threads is not None and args.threads < 1:
+        raise InputError(f"--threads {args.threads}: must be at least 1")
     if args.snapshots is not None and args.snapshots < 0:
         raise InputError(f"--snapshots {args.snapshots}: must not be negative")
     if args.tolerance is not None and not 1e-14 <= args.tolerance <= 0.1:
@@ -180,6 +148,7 @@ def _refuse_settled(args):
         "strain",
         "out",
         "last",
+        "threads",
         "overwrite",
         "quiet",
         "tau1",

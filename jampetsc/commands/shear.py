@@ -35,6 +35,7 @@ def add_parser(subparsers) -> None:
         "--tolerance", type=float, default=1e-6, metavar="T", help="max|F|/(p d) of a minimum (default 1e-6)"
     )
     run_.add_argument("--last", metavar="FILE", help="write the last state as a packing, too")
+    run_.add_argument("--threads", type=int, metavar="T", help="of quenches, at most (default: the cores there are)")
     parser.set_defaults(run=run, check=check, takes_petsc=lambda args: True)
 
 
@@ -64,6 +65,8 @@ def run(args, petsc_argv) -> int:
 def check(args):
     """Raise InputError for numbers out of range."""
     check_start(args)
+    if args.threads is not None and args.threads < 1:
+        raise InputError(f"--threads {args.threads}: must be at least 1")
     if not 0 < args.step <= 0.1:
         raise InputError(f"--step {args.step:g}: must lie in (0, 0.1]")
     if not args.step <= args.strain <= 1e4:

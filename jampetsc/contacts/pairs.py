@@ -35,7 +35,6 @@ from jampetsc.contacts.neighbours import neighbour_pairs
 
 SKIN_START = 0.3  # skin of the first list in units of d,
 SKIN_RANGE = (0.02, 0.5)  # and between which it is tuned
-FAR = 1e300  # moved so far, no pairs are near any more
 REBUILD = 10.0  # evaluations that a new list costs
 WIDTH = 0.6  # share that skin/d = 1 adds to the cost of an evaluation
 
@@ -90,41 +89,10 @@ def is_stale(far, strain, shear, largest, skin):
 
 
 @numba.njit(cache=True, fastmath=False, error_model="numpy")
-def near_pairs(pairs, o, shear, skin):
-    """The pairs (i, j, r0, sigma) of a list that are closer than σ + skin at offsets o (N, 2) and `shear`, in order."""
-    i, j, r0, sigma = pairs
-    r0x, r0y = r0[0], r0[1]
-    near, count = np.empty(len(j), np.uint32), np.uint64(0)
-    # which are near is hard to predict: they are collected without a branch
-    for p in range(np.uint64(len(j))):
-        a, b = i[p], j[p]
-        y = r0y[p] + (o[b, 1] - o[a, 1])
-        x = r0x[p] + (o[b, 0] - o[a, 0]) + shear * y
-        reach = sigma[p] + skin
-        near[count] = p
-        count += np.uint64(x * x + y * y < reach * reach)
-    near_i, near_j = np.empty(count, np.uint32), np.empty(count, np.uint32)
-    near_r0, near_sigma = np.empty((2, count)), np.empty(count)
-    for c in range(count):
-        p = near[c]
-        near_i[c], near_j[c] = i[p], j[p]
-        near_r0[0, c], near_r0[1, c] = r0x[p], r0y[p]
-        near_sigma[c] = sigma[p]
-    return near_i, near_j, near_r0, near_sigma
-
-
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
-def nearest(pairs, near, o, shear, listed):
-    """The near pairs of a list: those of `near` while they serve, then others.
-
-    near = (near pairs, bound on how far a disk has moved since they were chosen, `shear` then), at first
-    (pairs, FAR, 0); listed = (σ_max, skin of the list, skin of near pairs).
-    """
-    _, moved, then = near
+def are_worn(moved, shear, then, largest, skin):
+    """Whether near pairs within `skin`, chosen at the shear `then`, may miss a contact; moved: since then."""
     stretch = np.sqrt(1.0 + 0.25 * then * then) + 0.5 * abs(then)
-    if is_stale(stretch * moved, 0.0, shear - then, listed[0], listed[2]):
-        return near_pairs(pairs, o, shear, listed[2]), 0.0, shear
-    return near
+    return is_stale(stretch * moved, 0.0, shear - then, largest, skin)
 
 
 def tuned_skin(skin: float, steps: float, diameter: float, rebuild: float = REBUILD) -> float:

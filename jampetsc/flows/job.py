@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from jampetsc import session
-from jampetsc.collective import by_rank_0
 from jampetsc.contacts.disks import PLACES, Disks
 from jampetsc.contacts.laws import Law
 from jampetsc.contacts.potentials import Potential
@@ -125,15 +124,14 @@ def is_flow(path) -> bool:
         return check_format(path, attributes(h5)) == FORMAT
 
 
-def execute(job: Job, last=None, together=None) -> Means:
-    """Run the job and write its file, and the last state as a packing where `last` names one. Collective.
+def execute(job: Job, last=None, team=None) -> Means:
+    """Run the job and write its file, and the last state as a packing where `last` names one.
 
-    together: `flows.together.Together` on several ranks, or where PETSc is to find velocities.
+    team: the `contacts.threads.Team` that does the steps.
     Raises ConvergenceError as `flows.run.run`, and where disks never touch.
     """
     began = time.perf_counter()
-    comm = together and together.comm
-    shear = Shear(job.disks, job.model, job.rate, job.scheme, together, job.held)
+    shear = Shear(job.disks, job.model, job.rate, job.scheme, team, job.held)
     record = Record()
     if job.before is not None:
         record, state = job.before
@@ -146,11 +144,11 @@ def execute(job: Job, last=None, together=None) -> Means:
             f"phi = {job.phi:.4g}: no two disks touched within the strain of {shear.strain:.3g}: "
             "choose a larger --phi, or a longer --strain"
         )
-    facts = _facts(job, means, time.perf_counter() - began, together and session.current())
+    facts = _facts(job, means, time.perf_counter() - began)
     facts |= {"substeps": shear.substeps}
     # in case one of the files cannot be written
-    by_rank_0(comm, lambda: write_checkpoint(job.out, record, shear.state(), settings))
-    by_rank_0(comm, lambda: _write(job, record, shear, facts, last))
+    write_checkpoint(job.out, record, shear.state(), settings)
+    _write(job, record, shear, facts, last)
     return means
 
 
@@ -164,16 +162,16 @@ def _write(job, record, shear, facts, last):
     remove_checkpoint(job.out)
 
 
-def _facts(job, means, seconds, petsc):
-    """Attributes of the file; petsc: the Session that found velocities, or None."""
+def _facts(job, means, seconds):
+    """Attributes of the file."""
     disks, model, potential = job.disks, job.model, job.disks.potential
     unit = potential.k * model.law.tau1
     law = model.law.parameters if model.law.family else {"tau1": model.law.tau1}
     common = provenance(
         versions=session.versions(),
-        scalar_type=petsc and petsc.scalar_type,
-        petsc_options=petsc and petsc.options_told(),
-        ranks=petsc.size if petsc else 1,
+        scalar_type=None,
+        petsc_options=None,
+        ranks=1,
         packing=(None, None),
         law=law,
         wall_seconds=seconds,

@@ -228,11 +228,11 @@ class SlowShear(ListedDisks):
         disks, n = self.reference, self.reference.n
         contacts, stiffness = compiled.contacts_at(self.pairs.arrays, self.offsets, self.shear, self._law)
         self.affine_modulus = stiffness / self.area
-        energy = sums[0] / disks.potential.alpha
+        energy = sums.energy / disks.potential.alpha
         return Look(
             energy,
-            -sums[2] / self.area,
-            0.5 * (sums[1] + sums[3]) / self.area,
+            -sums.elastic_xy / self.area,
+            0.5 * (sums.elastic_xx + sums.elastic_yy) / self.area,
             energy / n > ENERGY_CUT * disks.potential.k,
             2.0 * contacts / n,
         )

@@ -50,7 +50,7 @@ class Descent(ListedDisks):
     def list(self, disks):
         """See `ListedDisks`; the moves are those in `space`."""
         super().list(disks)
-        self.domains = into_domains(self.pairs, disks.n)
+        self.domains = into_domains(self.pairs, borders(disks.n))
         self.space.offsets[:] = 0.0
         self.space.box[:] = 0.0
         self.offsets = self.space.offsets[: disks.n]
