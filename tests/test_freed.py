@@ -9,11 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from samples import SAMPLES, physics, put
-from sheared import crowd, shear
 from sweeps import Sweep
 
-from jampetsc.flows.shearing import Shear
-from jampetsc.flows.together import Together
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.examine import examine
 from jampetsc.mechanics.minimum import negative_modes
@@ -28,10 +25,9 @@ from jampetsc.response.job import Job
 from jampetsc.response.modes import lowest_modes
 from jampetsc.response.quasistatic import solve
 from jampetsc.response.viscosity import Viscosity
-from jampetsc.solvers import eigen, inertia, rehearsal, resistance, shifted
+from jampetsc.solvers import eigen, inertia, rehearsal, shifted
 from jampetsc.solvers.cholesky import NotPositiveDefinite
 from jampetsc.solvers.inertia import count_below
-from jampetsc.solvers.resistance import ContactSolver
 from jampetsc.solvers.shifted import ShiftedFactor
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]
@@ -90,21 +86,13 @@ def counts(session):
     pencil.destroy()
 
 
-def flow(session):
-    solver = ContactSolver(1e-8)
-    disks = crowd(16)
-    run = shear("CD0", disks)
-    Shear(disks, run.model, run.rate, run.scheme, Together(solver)).advance(3)
-    solver.destroy()
-
-
 def rehearsals(session):
     matrix = session.PETSc.Mat().createAIJ(16, nnz=1, comm=session.comm)
     for row in range(*matrix.getOwnershipRange()):
         matrix.setValue(row, row, 2.0)
     matrix.assemble()
     matrix.setOption(session.PETSc.Mat.Option.SYMMETRIC, True)
-    for module in (eigen, shifted, direct_solver, resistance, inertia):
+    for module in (eigen, shifted, direct_solver, inertia):
         module.rehearse(matrix)
     matrix.destroy()
     given, session.options_given = session.options_given, lambda: True  # else nothing is rehearsed
@@ -146,7 +134,6 @@ def oscillate(session):
 
 RUNS = {
     "oscillate": oscillate,
-    "flow": flow,
     "rehearsals": rehearsals,
     "jobs": jobs,
     "rational, shifts": sweep("shifts", physics()),

@@ -13,8 +13,8 @@ from jampetsc.contacts.pairs import (
     SKIN_RANGE,
     WIDTH,
     PairList,
-    deformed,
     are_worn,
+    deformed,
     is_stale,
     tuned_skin,
 )  # fmt: skip

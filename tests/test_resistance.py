@@ -29,7 +29,9 @@ def dense(disks, weights, hold, held=0):
     return matrix
 
 
-@pytest.fixture(params=[(0.4, 1, 1.0), (0.86, 1, 1.0), (0.86, 3, 2.5)], ids=["loose", "dense", "three domains"])
+@pytest.fixture(
+    params=[(0.4, 1, 1.0), (0.86, 1, 1.0), (0.86, 3, 2.5)], ids=["loose", "dense", "three domains"]
+)
 def placed(request):
     """(disks of now, pairs, offsets, shear since the list was made, domains); in the last case one is a giant."""
     phi, number, giant = request.param

@@ -297,36 +297,6 @@ def test_words_of_a_law_mean_that_law(physics):
     assert physics_from(args) == physics
 
 
-@pytest.mark.parametrize(
-    ("model", "solves"), [("CD0", True), ("CD --mass 1", False), ("CDn --mass 1", False)]
-)
-def test_ranks_are_for_flows_that_have_velocities_to_solve_for(tmp_path, model, solves):
-    line = f"flow --n 16 --phi 0.7 --model {model} --rate 1e-2 --strain 0.02 --out {tmp_path}/f.h5"
-    job = flow._fresh(words(line), jobs, None, [])
-    assert job.solves == solves and flow._together(job, None) is None
-    if not solves:
-        with pytest.raises(
-            InputError, match="has nothing to solve for: leave PETSc's options and mpirun out"
-        ):
-            flow._together(job, object())
-
-
-@pytest.mark.parametrize(
-    ("words_", "may"),
-    [
-        ("--model RD0", False),
-        ("--model RD --mass 1", False),
-        ("--model CD0", True),
-        ("--model CDt --mass 1", True),
-        ("--law stokes --mass 1", False),
-        ("--law contact --mass 1", True),
-    ],
-)
-def test_options_of_petsc_go_with_flows_that_may_solve(words_, may):
-    args = words(f"flow --n 16 --phi 0.7 {words_} --rate 1e-2 --strain 0.02 --out f.h5")
-    assert args.takes_petsc(args) == may
-
-
 @pytest.mark.parametrize("seed", [None, 0, 3])
 def test_a_random_start_is_that_of_its_seed(seed):
     line = "flow --n 16 --phi 0.5 --model RD0 --rate 1e-2 --strain 0.02 --out f.h5"

@@ -57,7 +57,9 @@ def add_parser(subparsers) -> None:
         "--tolerance", type=float, metavar="T", help="of the velocities of contact damping (default 1e-4)"
     )
     run_.add_argument("--last", metavar="FILE", help="write the last state as a packing, too")
-    run_.add_argument("--threads", type=int, metavar="T", help="at most so many (default: the cores there are)")
+    run_.add_argument(
+        "--threads", type=int, metavar="T", help="at most so many (default: the cores there are)"
+    )
     parser.set_defaults(run=run, check=check)
 
 
@@ -93,7 +95,9 @@ def run(args, petsc_argv) -> int:
     if args.last is not None:
         check_output(args.last, "jampetsc-packing", inputs, [job.out])
     if launcher.several():
-        streams.say("jampetsc: note: one rank does one flow, with --threads; independent runs use more ranks\n")
+        streams.say(
+            "jampetsc: note: one rank does one flow, with --threads; independent runs use more ranks\n"
+        )
     print(jobs.summary(job, jobs.execute(job, args.last, Team(args.threads or cores()))))
     return 0
 

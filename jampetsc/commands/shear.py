@@ -35,7 +35,9 @@ def add_parser(subparsers) -> None:
         "--tolerance", type=float, default=1e-6, metavar="T", help="max|F|/(p d) of a minimum (default 1e-6)"
     )
     run_.add_argument("--last", metavar="FILE", help="write the last state as a packing, too")
-    run_.add_argument("--threads", type=int, metavar="T", help="of quenches, at most (default: the cores there are)")
+    run_.add_argument(
+        "--threads", type=int, metavar="T", help="of quenches, at most (default: the cores there are)"
+    )
     parser.set_defaults(run=run, check=check, takes_petsc=lambda args: True)
 
 

@@ -53,24 +53,55 @@ def borders(n: int):
 
 
 def into_domains(pairs: PairList, disks) -> Domains:
-    """The pairs of a half list by domain, whose `borders` are these."""
+    """The pairs of a half list by domain, whose `borders` are these; those of a domain in the order of the list."""
     if len(disks) == 2:
         begin, end = np.zeros(1, np.int64), np.array([len(pairs.i)])
         return Domains(disks, begin, end, end, *pairs.arrays)
-    home_i, home_j = (np.searchsorted(disks, end, side="right") - 1 for end in (pairs.i, pairs.j))
-    inner = np.flatnonzero(home_i == home_j)
-    outer = np.flatnonzero(home_i != home_j)
-    # 2 d: within domain d; 2 d + 1: across its border
-    key = np.concatenate((2 * home_i[inner], 2 * home_i[outer] + 1, 2 * home_j[outer] + 1))
-    order = np.argsort(key, kind="stable")
-    ends = np.searchsorted(key[order], np.arange(len(disks) * 2 - 1))
-    i = np.concatenate((pairs.i[inner], pairs.i[outer], pairs.j[outer]))[order]
-    j = np.concatenate((pairs.j[inner], pairs.j[outer], pairs.i[outer]))[order]
-    r0 = np.hstack((pairs.r0[:, inner], pairs.r0[:, outer], -pairs.r0[:, outer]))
-    r0 = np.ascontiguousarray(r0[:, order])
-    sigma = np.concatenate((pairs.sigma[inner], pairs.sigma[outer], pairs.sigma[outer]))[order]
-    # whole arrays, as one domain has: numba would compile all that takes them once more for arrays with gaps
-    return Domains(disks, ends[:-1:2].copy(), ends[1::2].copy(), ends[2::2].copy(), i, j, r0, sigma)
+    return Domains(disks, *_by_domain(disks, *pairs.arrays))
+
+
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
+def _by_domain(disks, i, j, r0, sigma):
+    """What a Domains has beside the borders `disks`."""
+    number = len(disks) - 1
+    home = np.empty(disks[number], np.uint32)
+    for d in range(number):
+        home[disks[d] : disks[d + 1]] = d
+    # of every domain: pairs inside of it, and pairs across its border
+    place = np.zeros((number, 2), np.int64)
+    for p in range(np.uint64(len(i))):
+        a, b = home[i[p]], home[j[p]]
+        if a == b:
+            place[a, 0] += 1
+        else:
+            place[a, 1] += 1
+            place[b, 1] += 1
+    begin, across, end = np.empty(number, np.int64), np.empty(number, np.int64), np.empty(number, np.int64)
+    count = 0
+    for d in range(number):
+        begin[d], across[d] = count, count + place[d, 0]
+        count = across[d] + place[d, 1]
+        end[d] = count
+        place[d, 0], place[d, 1] = begin[d], across[d]
+    to_i, to_j = np.empty(count, np.uint32), np.empty(count, np.uint32)
+    to_r0, to_sigma = np.empty((2, count)), np.empty(count)
+    for p in range(np.uint64(len(i))):
+        a, b = home[i[p]], home[j[p]]
+        outer = 0 if a == b else 1
+        q = place[a, outer]
+        place[a, outer] = q + 1
+        to_i[q], to_j[q], to_r0[0, q], to_r0[1, q], to_sigma[q] = i[p], j[p], r0[0, p], r0[1, p], sigma[p]
+        if outer == 1:
+            q = place[b, 1]
+            place[b, 1] = q + 1
+            to_i[q], to_j[q], to_r0[0, q], to_r0[1, q], to_sigma[q] = (
+                j[p],
+                i[p],
+                -r0[0, p],
+                -r0[1, p],
+                sigma[p],
+            )
+    return begin, across, end, to_i, to_j, to_r0, to_sigma
 
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)

@@ -73,7 +73,7 @@ class Shear(ListedDisks):
         self.spins, self.spin_rates = np.zeros(n), np.zeros(n)
         self.seen = np.zeros(len(compiled.TALLY))
         self._borders = np.minimum(borders(n), n)
-        self.order, self._since_sorted = np.arange(n), np.inf  # strain
+        self.order, self._sorted_at = np.arange(n), -np.inf  # strain
         sums = np.zeros((2, len(self._borders) - 1, compiled.SUMMED + 2))
         self._room = np.empty((2, n, 2)), np.empty((n, 2)), sums
         self._ahead, self._direction = np.empty((n, 2)), np.empty((3, n, 2))
@@ -96,14 +96,13 @@ class Shear(ListedDisks):
 
     def fold(self):
         """See `ListedDisks`."""
-        self._since_sorted += self.shear
         self.list(self._sorted(self.here))
 
     def _sorted(self, disks):
         """The disks, and what belongs to them, in an order in which domains are compact, from time to time."""
-        if len(self._borders) == 2 or abs(self._since_sorted) < SORTED:
+        if len(self._borders) == 2 or abs(self.strain - self._sorted_at) < SORTED:
             return disks
-        self._since_sorted, held = 0.0, self.held
+        self._sorted_at, held = self.strain, self.held
         order = np.append(np.arange(held), held + spatial_order(disks.positions[held:], disks.cell))
         for name in (*self.ARRAYS[1:], "inertia", "order"):
             setattr(self, name, getattr(self, name)[order])
@@ -318,14 +317,14 @@ class Shear(ListedDisks):
         arrays |= {name: getattr(reference, name) for name in PLACES}
         counts = {name: getattr(self, name) for name in ("steps", "since", "rebuilds", "substeps")}
         arrays |= {"seen": self.seen.copy(), "skin": self.skin, "started": self.started, **counts}
-        return arrays | {"order": self.order, "since_sorted": self._since_sorted}
+        return arrays | {"order": self.order, "sorted_at": self._sorted_at}
 
     def restore(self, state: dict) -> None:
         """Go on from what `state` gave."""
         self.skin = float(state["skin"])
         # older files have no order: disks are as they were given
         disks, self.order = self.disks, np.asarray(state.get("order", np.arange(len(self.order))), int)
-        self._since_sorted = float(state.get("since_sorted", np.inf))
+        self._sorted_at = float(state.get("sorted_at", -np.inf))
         places = {name: np.asarray(state[name], float) for name in PLACES}
         self.list(replace(disks, **places).reordered(self.order))
         self.inertia = 0.5 * self.model.mass * self.reference.radii**2

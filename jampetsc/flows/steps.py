@@ -409,15 +409,12 @@ def massive_steps(me, threads, counter, space, task, a_last, turning, steps):
     for a in range(begin, stop):
         for axis in range(2):
             predicted[a, axis] = u[a, axis] + 0.5 * dt * a_last[a, axis]
-    if turning is None:
-        rolling, rolling_on = None, None
-    else:
+    if turning is not None:
         spin, spin_last, inertia, now, then_on, torques = (
             turning.spins, turning.rates, turning.inertia, turning.now, turning.after, turning.torques,
         )  # fmt: skip
         for a in range(begin, stop):
             now[a] = spin[a] + 0.5 * dt * spin_last[a]
-        rolling, rolling_on = (now, turning.radii, torques), (then_on, turning.radii, torques)
     meet(counter, threads)
     moved, then = FAR, 0.0
     while done < steps and status == DONE:
@@ -430,7 +427,11 @@ def massive_steps(me, threads, counter, space, task, a_last, turning, steps):
         for d in mine:
             own = slice(disks[d], disks[d + 1])
             motion = predicted, task.rate, task.weights
-            bonds = domain_forces(space.near, d, o, 0.0, g, task.law, forces, motion, rolling)
+            if turning is None:
+                bonds = domain_forces(space.near, d, o, 0.0, g, task.law, forces, motion, None)
+            else:
+                rolling = now, turning.radii, torques
+                bonds = domain_forces(space.near, d, o, 0.0, g, task.law, forces, motion, rolling)
             forces[disks[d] : held] = 0.0
             far, longest, xy, squares = kick(
                 o[own], forces[own], predicted[own], task, g + 0.5 * task.rate * dt,
@@ -450,7 +451,6 @@ def massive_steps(me, threads, counter, space, task, a_last, turning, steps):
         if me == 0:
             tell(task, sums, space.seen)
         o, ahead, predicted, after, turn = ahead, o, after, predicted, 1 - turn
-        rolling, rolling_on = rolling_on, rolling
         if turning is not None:
             now, then_on = then_on, now
         done += 1
