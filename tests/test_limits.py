@@ -125,8 +125,6 @@ def test_a_grid_of_frequencies_is_logarithmic():
     np.testing.assert_allclose(parse_omega("1e-2:1e2:5"), [0.01, 0.1, 1, 10, 100])
 
 
-
-
 # Words that do not go together
 
 
@@ -154,5 +152,3 @@ def test_words_that_do_not_go_together(line, message):
     with pytest.raises(InputError) as refused:
         checked(line)
     assert str(refused.value).startswith(message)
-
-
