@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import jampetsc
-from jampetsc import cli, commands
+from jampetsc import cli
 from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.plan import plan
 from jampetsc.words.frequencies import parse_omega
@@ -27,7 +27,7 @@ STUDIES = sorted(path.name for path in FIGURES.iterdir())
 
 @pytest.fixture(scope="module")
 def parsers():
-    return commands.parsers_of(cli.Parser, [*KINDS, "plot", "collapse"])
+    return {name: cli.command_parser([name])[1].choices[name] for name in (*KINDS, "plot", "collapse")}
 
 
 def shown(name, *words, **environment):
@@ -55,8 +55,7 @@ def is_program(picture):
 def test_a_figure_asks_for_what_there_is(parsers, name):
     for words in ([], ["--paper"]):
         studies, pictures = shown(name, *words)
-        kinds = {kind: parsers[kind] for kind in KINDS}
-        tasks = [task for part, study in studies.items() for task in plan(part, study.encode(), kinds)]
+        tasks = [task for part, study in studies.items() for task in plan(part, study.encode())]
         columns = {"command", "file"}.union(*({*task.columns, "law", "model"} for task in tasks))
         formats = {"pack": "packing"}
         made = {formats.get(task.command, task.command) for task in tasks}
@@ -137,8 +136,7 @@ def test_figures_of_motion_are_those_of_the_paper(words):
 def asked(parsers, name):
     """(tasks of the study of a figure at the paper's size, {name of a picture: its parsed words})."""
     studies, pictures = shown(name, "--paper")
-    kinds = {kind: parsers[kind] for kind in KINDS}
-    (tasks,) = (plan(part, study.encode(), kinds) for part, study in studies.items())
+    (tasks,) = (plan(part, study.encode()) for part, study in studies.items())
     plots = [parsers["plot"].parse_args(words[1:]) for words in pictures]
     return tasks, {os.path.basename(args.out).removesuffix(".png"): args for args in plots}
 

@@ -5,14 +5,14 @@ import functools
 import numpy as np
 import pytest
 
-from jampetsc import cli, commands
+from jampetsc import cli
 from jampetsc.errors import InputError
 from jampetsc.words.frequencies import parse_omega
 
 
 @functools.cache
 def parser(command):
-    return commands.parsers_of(cli.Parser, [command])[command]
+    return cli.command_parser([command])[1].choices[command]
 
 
 def checked(line):

@@ -9,8 +9,8 @@ from samples import polydisperse
 
 import jampetsc
 from jampetsc import solver_options
-from jampetsc.commands import COMMANDS
 from jampetsc.errors import InputError
+from jampetsc.jobs import JOBS, job_class
 from jampetsc.solver_options import check, names_given
 from jampetsc.storage.packing_file import write_packing
 
@@ -56,7 +56,7 @@ def test_what_is_said_knows_every_solver_and_every_command():
              "osc_": "oscillation.newton", "osc_factor_": "oscillation.preconditioner"}  # fmt: skip
     prefixes = {importlib.import_module(f"jampetsc.{home}").PREFIX for home in homes.values()}
     assert prefixes == set(solver_options.SOLVERS) == set(homes)
-    assert set(solver_options.COMMANDS) <= set(COMMANDS)
+    assert {one for name in JOBS for one in job_class(name).SOLVERS} == set(solver_options.SOLVERS)
 
 
 @pytest.mark.parametrize("path", sorted((launch.ROOT / "options").glob("*.opts")), ids=lambda path: path.stem)
