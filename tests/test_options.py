@@ -5,12 +5,12 @@ from functools import cache
 import numpy as np
 import pytest
 from dense import Reference
+from jampetsc.words.law import words_of
 from launch import ROOT, run
 from samples import physics, polydisperse
 
 import jampetsc
 from jampetsc.storage.packing_file import write_packing
-from jampetsc.words.law import words_of
 
 OMEGA = "1e-10:1e4:15"
 PROGRAM = "../jampetsc/__main__.py"

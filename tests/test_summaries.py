@@ -7,13 +7,10 @@ import pytest
 from samples import published
 
 from jampetsc import cli
-from jampetsc.analysis import jamming
 from jampetsc.analysis.collapse_errors import Estimate
-from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.contacts.laws import Physics, damping_law
 from jampetsc.errors import InputError
-from jampetsc.flows.record import Record
-from jampetsc.jobs import collapse, correlate, jam, modes, oscillate, quasistatic, study, sweep
+from jampetsc.jobs import collapse, correlate, modes, oscillate, quasistatic, study, sweep
 from jampetsc.words import describe
 
 PHYSICS = Physics(damping_law())
@@ -87,21 +84,6 @@ def test_a_study_tells_what_failed_and_what_is_unstable():
     ]
     exactly = study._summary("t.csv", [], failures[: study.MANY], "3 s")
     assert "more, see" not in exactly and exactly.count("failed: no") == study.MANY
-
-
-def test_samples_tell_their_share_pressure_and_what_is_lost():
-    record = Record({name: 0 for name in ("phi", "seed", "jammed", "pressure", "phi_J")})
-    for phi, seed, jammed, pressure, at in (
-        (0.84, 1, 1, 2e-3, 0.83), (0.84, 2, 0, 5.0, 0.85), (0.84, 3, 1, 4e-3, np.nan), (0.85, 1, np.nan, 1.0, np.nan),
-        (0.84, 4, np.nan, 1.0, np.nan),
-    ):  # fmt: skip
-        record.add(phi=phi, seed=seed, jammed=jammed, pressure=pressure, phi_J=at)
-    lines = jam._summary(SimpleNamespace(out="j.h5", n=16), record).split("\n")
-    assert lines[0] == "j.h5: 5 samples of 16 disks"
-    assert lines[1].startswith("  phi = 0.84: jammed 0.667 ± ") and ", p of the jammed 0.003" in lines[1]
-    assert lines[1].endswith(", phi_J 0.84 ± 0.018")
-    assert lines[2] == "  phi = 0.85: no minimum found"
-    assert lines[3] == "  2 samples reached no minimum: nan in the file"
 
 
 def test_lengths_are_told_with_their_errors():
@@ -298,27 +280,6 @@ def test_lanes_of_other_widths_are_compared_with_errors_of_both():
     assert correlate._summary("c.h5", 2, np.ones(1), "strain", [0.5], found).startswith("c.h5: 2 packings, ")
 
 
-def test_the_error_of_a_share_is_half_its_interval_and_what_is_told_is_of_its_phi():
-    record = Record({name: 0 for name in ("phi", "seed", "jammed", "pressure", "phi_J", "segregation")})
-    for n in range(8):
-        phi = 0.84 if n < 4 else 0.85
-        record.add(
-            phi=phi, seed=n, jammed=1.0, pressure=1e-3 * (n + 1), phi_J=0.83 + 1e-3 * n, segregation=0.1 * n
-        )
-    lines = jam._summary(SimpleNamespace(out="j.h5", n=16), record).split("\n")
-    share = jamming.independent_share(np.ones(4))
-    for line, first in zip(lines[1:], (0, 4), strict=True):
-        assert (
-            f"jammed 1.000 ± {0.5 * (1 - share.low):.2g} (as of 4 independent samples), "
-            f"p of the jammed {1e-3 * (first + 2.5):.4g}" in line in line
-        )
-        error = mean_with_error([0, 1, 2, 3])[1]
-        values = [
-            f"{0.8315 + 1e-3 * first:.5g} ± {1e-3 * error:.2g}",
-            f"{0.15 + 0.1 * first:.5g} ± {0.1 * error:.2g}",
-        ]
-        assert line.endswith(f", phi_J {values[0]}, segregation {values[1]}")
-    assert len(lines) == 3
 
 
 def test_the_worst_error_of_the_loss_is_over_the_loss():
@@ -375,67 +336,3 @@ def test_what_a_trade_refuses(tmp_path, monkeypatch, words, message):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match=message):
         cli.dispatch(["trade", "p.h5", *words])
-
-
-class Begun(Exception):
-    """With the settings that identify a run to its checkpoint."""
-
-
-def settings_of(line, monkeypatch):
-    def resumed(out, settings, columns):
-        raise Begun(settings, tuple(columns))
-
-    monkeypatch.setattr("jampetsc.flows.record.resumed", resumed)
-    words = ["jam", *line.split(), "--out", "j.h5"]
-    args = cli.command_parser(words)[0].parse_args(words)
-    with pytest.raises(Begun) as begun:
-        jam._samples(args, *jam.check(args), None, None)
-    return begun.value.args
-
-
-@pytest.mark.parametrize(
-    "more",
-    [
-        "--n 17",
-        "--phi 0.85",
-        "--seeds 1:3",
-        "--sizes monodisperse",
-        "--potential hertzian",
-        "--tolerance 1e-7",
-        "--protocol shear",
-        "--protocol compress",
-    ],
-)
-def test_a_checkpoint_of_samples_serves_the_same_words_alone(more, monkeypatch):
-    plain = "--n 16 --phi 0.84 --seeds 1:2"
-    assert settings_of(f"{plain} {more}", monkeypatch)[0] != settings_of(plain, monkeypatch)[0]
-    assert settings_of(f"{plain} --sizes bidisperse --tolerance 1e-6", monkeypatch) == settings_of(
-        plain, monkeypatch
-    )
-
-
-@pytest.mark.parametrize(
-    "more",
-    [
-        "shear --step 0.002",
-        "shear --strain 3",
-        "shear --discard 0.5",
-        "shear --every 0.03",
-        "compress --temperature 0.01",
-        "compress --cooling-rate 0.1",
-        "compress --sweeps 7",
-    ],
-)
-def test_a_checkpoint_knows_the_options_of_its_protocol(more, monkeypatch):
-    plain = "--n 16 --phi 0.84 --seeds 1:2 --protocol"
-    settings = [settings_of(f"{plain} {words}", monkeypatch)[0] for words in (more, more.split()[0])]
-    assert len(settings[0]) == len(settings[1]) and settings[0] != settings[1]
-
-
-@pytest.mark.parametrize("lost", [0, 1, 3])
-def test_samples_that_are_lost_are_counted(lost):
-    record = Record({name: 0 for name in ("phi", "seed", "jammed", "pressure")})
-    for n in range(4):
-        record.add(phi=0.84, seed=n, jammed=np.nan if n < lost else 1.0, pressure=1e-3)
-    lines = jam._summary(SimpleNamespace(out="j.h5", n=16), record).split("\n")
-    assert lines[2:] == [f"  {lost} samples reached no minimum: nan in the file"] * (lost > 0)

@@ -1,6 +1,5 @@
 """What the words of the command line mean: those that contradict each other, or mean nothing, are refused."""
 
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -8,7 +7,6 @@ import pytest
 from samples import published
 
 from jampetsc import cli
-from jampetsc.commands import flow, jam
 from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import InputError
 from jampetsc.flows import job as jobs
@@ -19,7 +17,6 @@ from jampetsc.packing.sizes import radii_of
 from jampetsc.storage.packing_file import read_identified, write_packing
 from jampetsc.storage.reader import load
 from jampetsc.studies.table import table_text
-from jampetsc.words import flowing, picture
 from jampetsc.words.files import files_named
 
 
@@ -60,38 +57,6 @@ def words(line):
 # What is asked for is what the words say
 
 
-def test_a_flow_is_asked_for_as_told(tmp_path):
-    line = "flow --n 16 --phi 0.7 --law contact --beta 0.5 --tau1 2 --mass 3 --friction 0.125 --rate 1e-2 --strain 0.5"
-    line += f" --out {tmp_path}/f.h5"
-    job = flow._fresh(words(line), jobs, None, [])
-    assert (job.rate, job.model.mass, job.model.friction, job.model.law.tau1) == (1e-2, 3.0, 0.125, 2.0)
-    assert (job.plan.every, job.plan.discard, job.scheme.tolerance) == (0, 0.25, 1e-4)
-    assert job.plan.steps * job.plan.rows * job.scheme.step * 1e-2 == pytest.approx(0.5, rel=0.05)
-    words_ = words(f"{line} --tolerance 1e-6 --step 0.01 --snapshots 3 --discard 0.125")
-    more = flow._fresh(words_, jobs, None, [])
-    assert (more.scheme.tolerance, more.scheme.step) == (1e-6, 0.01)
-    assert (more.plan.snapshots(1), more.plan.discard) == (3, 0.125)
-
-
-def test_a_quality_knows_the_stiffness_of_the_packing(tmp_path):
-    write_packing(tmp_path / "p.h5", replace(published(), potential=Potential(k=4.0)))
-    line = f"flow {tmp_path}/p.h5 --model RD --quality 3 --tau1 0.5 --rate 1e-3 --strain 0.1 --out {tmp_path}/f.h5"
-    assert flow._fresh(words(line), jobs, None, []).model.mass == pytest.approx(9.0 * 4.0 * 0.25)
-
-
-def test_samples_that_jam_are_asked_for_as_told():
-    tasks, protocol = jam.check(words("jam --n 16 --out j.h5 --phi 0.84:0.8:3 --seeds 4:5"))
-    assert tasks == [(pytest.approx(phi), seed) for phi in (0.84, 0.82, 0.8) for seed in (4, 5)]
-    assert protocol.name == "random" and protocol.rows == 1
-    line = "jam --n 16 --out j.h5 --phi 0.85,0.8,0.8 --seeds 0:0 --protocol"
-    tasks, protocol = jam.check(words(f"{line} shear --step 0.01 --strain 2 --every 0.25"))
-    assert tasks == [(0.8, 0), (0.85, 0)]
-    assert (protocol.step, protocol.strain, protocol.discard, protocol.every) == (0.01, 2.0, 1.0, 0.25)
-    _, protocol = jam.check(words(f"{line} compress --temperature 1e-2 --sweeps 0"))
-    assert (protocol.temperature, protocol.cooling_rate, protocol.sweeps) == (1e-2, 1e-2, 0)
-    jam.check(
-        words(f"{line} shear --step 0.1 --every {0.3 - 0.2}")
-    )  # a step but for rounding, 0.09999999999999998
 
 
 def test_no_two_results_of_one_packing_but_of_unknown_ones():
@@ -138,62 +103,6 @@ def test_an_option_of_a_picture_lies_between_its_limits(value, within):
 
 
 @pytest.mark.parametrize(
-    ("model", "solves"), [("CD0", True), ("CD --mass 1", False), ("CDn --mass 1", False)]
-)
-def test_ranks_are_for_flows_that_have_velocities_to_solve_for(tmp_path, model, solves):
-    line = f"flow --n 16 --phi 0.7 --model {model} --rate 1e-2 --strain 0.02 --out {tmp_path}/f.h5"
-    job = flow._fresh(words(line), jobs, None, [])
-    assert job.solves == solves and flow._together(job, None) is None
-    if not solves:
-        with pytest.raises(
-            InputError, match="has nothing to solve for: leave PETSc's options and mpirun out"
-        ):
-            flow._together(job, object())
-
-
-@pytest.mark.parametrize(
-    ("words_", "may"),
-    [
-        ("--model RD0", False),
-        ("--model RD --mass 1", False),
-        ("--model CD0", True),
-        ("--model CDt --mass 1", True),
-        ("--law stokes --mass 1", False),
-        ("--law contact --mass 1", True),
-    ],
-)
-def test_options_of_petsc_go_with_flows_that_may_solve(words_, may):
-    args = words(f"flow --n 16 --phi 0.7 {words_} --rate 1e-2 --strain 0.02 --out f.h5")
-    assert args.takes_petsc(args) == may
-
-
-@pytest.mark.parametrize("seed", [None, 0, 3])
-def test_a_random_start_is_that_of_its_seed(seed):
-    line = "flow --n 16 --phi 0.5 --model RD0 --rate 1e-2 --strain 0.02 --out f.h5"
-    disks, origin = flowing.start_of(words(line + ("" if seed is None else f" --seed {seed}")))
-    assert origin["seed"] == (1 if seed is None else seed)
-    radii = radii_of("bidisperse", 16)
-    again = settle(
-        random_start(radii * (0.5 / radii.min()), 0.5, origin["seed"], disks.potential), flowing.SETTLED
-    )
-    assert again.fingerprint == disks.fingerprint
-
-
-def test_disks_between_walls_are_told_with_how_many_make_them_up():
-    line = "flow --n 32 --phi 0.5 --model RD0 --rate 1e-2 --strain 0.02 --walls --out f.h5"
-    disks, origin = flowing.start_of(words(line))
-    assert 0 < origin["walls"] < disks.n and disks.n >= 32
-    plain, origin = flowing.start_of(words(line.replace("--walls ", "")))
-    assert plain.n == 32 and "walls" not in origin
-
-
-def test_a_packing_to_start_from_is_told_with_its_checksum(tmp_path):
-    write_packing(tmp_path / "p.h5", published())
-    line = f"flow {tmp_path}/p.h5 --model RD0 --rate 1e-2 --strain 0.02 --out {tmp_path}/f.h5"
-    disks, origin = flowing.start_of(words(line))
-    name, digest = read_identified(tmp_path / "p.h5")[1]
-    assert origin == {"packing": name, "packing_sha256": digest, "units": "those of the packing"}
-    assert disks.fingerprint == published().fingerprint
 
 
 def test_a_flow_that_goes_on_elsewhere_leaves_what_it_goes_on_from(tmp_path):
@@ -212,23 +121,3 @@ def test_a_flow_that_goes_on_elsewhere_leaves_what_it_goes_on_from(tmp_path):
     assert load(tmp_path / "g.h5")["strain"][-1] == pytest.approx(0.04, rel=0.1)
 
 
-@pytest.mark.parametrize(
-    "more",
-    [
-        "--rate 0.1",
-        "--model RD0",
-        "--seed 1",
-        "--discard 0.1",
-        "--step 0.01",
-        "--snapshots 1",
-        "--tolerance 1e-5",
-        "--mass 1",
-        "--law stokes",
-        "--n 16",
-        "--walls",
-    ],
-)
-def test_a_flow_that_goes_on_has_its_settings(more):
-    with pytest.raises(InputError, match=rf"{more.split()[0]}: f\.h5 goes on as it was begun; leave it out"):
-        flow._refuse_settled(words(f"flow f.h5 --strain 1 {more}"))
-    flow._refuse_settled(words("flow f.h5 --strain 1 --out g.h5 --last p.h5"))

@@ -132,11 +132,14 @@ def _read_as(names, what):
         from jampetsc.storage.reader import Result
 
         classes = tuple({"Disks": Disks, "Result": Result}[name] for name in names)
-        if isinstance(given, classes) and getattr(given, "file", None) is None:
+        if isinstance(given, Result):
+            if isinstance(given, classes) and (given.file is None or given.packing is not None):
+                return given  # also one that was saved, for the packing that it knows
+            place = given.file
+        elif isinstance(given, classes):
             return given
-        place = (
-            given.file if isinstance(given, Result) else getattr(given, "path", given)
-        )  # of a study's table
+        else:
+            place = getattr(given, "path", given)  # of a study's table
         try:
             return os.fspath(place)
         except TypeError:
