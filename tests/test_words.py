@@ -21,7 +21,7 @@ from jampetsc.words.files import files_named
             "sweep p.h5 --out s.png",
             r"--out s\.png: would be an HDF5 file by that name: give it the ending \.h5",
         ),
-        ("plot c.h5 --log-exponent -1e2 --out c.png", "c.h5: no such file"),
+        ("plot c.h5 --log-exponent -1e2 --out c.png", "--log-exponent -100: must lie in"),
     ],
 )
 def test_words_that_mean_nothing(line, message, tmp_path, monkeypatch):
