@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from drawn import bands, bars, figure_of, lines
-from jampetsc.commands.correlate import _open
 from matplotlib.image import imread
 
 from jampetsc import cli

@@ -9,11 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from samples import SAMPLES, physics, put, run_of
-from sheared import crowd, shear
 from sweeps import Sweep
 
-from jampetsc.flows.shearing import Shear
-from jampetsc.flows.together import Together
 from jampetsc.jobs.oscillate import Oscillate
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.examine import examine
@@ -29,7 +26,6 @@ from jampetsc.response.quasistatic import solve
 from jampetsc.response.viscosity import Viscosity
 from jampetsc.solvers.cholesky import NotPositiveDefinite
 from jampetsc.solvers.inertia import count_below
-from jampetsc.solvers.resistance import ContactSolver
 from jampetsc.solvers.shifted import ShiftedFactor
 from jampetsc.storage.outlet import Outlet
 
@@ -89,14 +85,6 @@ def counts(session):
     pencil.destroy()
 
 
-def flow(session):
-    solver = ContactSolver(1e-8)
-    disks = crowd(16)
-    run = shear("CD0", disks)
-    Shear(disks, run.model, run.rate, run.scheme, Together(solver)).advance(3)
-    solver.destroy()
-
-
 def jobs(session):
     folder = session.comm.bcast(tempfile.mkdtemp())
     packing = Path(folder) / "p.h5"
@@ -126,7 +114,6 @@ def oscillate(session):
 
 RUNS = {
     "oscillate": oscillate,
-    "flow": flow,
     "jobs": jobs,
     "rational, shifts": sweep("shifts", physics()),
     "rational, matrix": sweep("matrix", physics()),

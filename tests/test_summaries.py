@@ -280,8 +280,6 @@ def test_lanes_of_other_widths_are_compared_with_errors_of_both():
     assert correlate._summary("c.h5", 2, np.ones(1), "strain", [0.5], found).startswith("c.h5: 2 packings, ")
 
 
-
-
 def test_the_worst_error_of_the_loss_is_over_the_loss():
     """Bounds of |G*|, G' and G'' of which each part's own is worst at another frequency."""
     G = np.array([1 + 0.5j, 4 + 1j])

@@ -15,6 +15,7 @@ Numbers = str | Sequence[float]
 MOST = 100_000  # numbers of a grid
 LAST_SEED = 2**63 - 1  # what a file can record
 MOST_SEEDS = 1_000_000
+MOST_THREADS = 256
 
 
 def numbers(least, most, metavar="LIST", unit="", even=False) -> Kind:
