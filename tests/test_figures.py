@@ -13,9 +13,9 @@ import pytest
 
 import jampetsc
 from jampetsc import cli
+from jampetsc.jobs.kinds import FREQUENCIES
 from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.plan import plan
-from jampetsc.words.frequencies import parse_omega
 
 sys.path.insert(0, str(launch.ROOT / "benchmarks"))
 from claims import motion  # noqa: F401  it enters its claims
@@ -116,7 +116,7 @@ def test_figures_of_motion_are_those_of_the_paper(words):
     contact, stokes = tables["sweep"]
     assert "law" not in contact and contact["omega"] == contact["fields"] == "1e-9,1e-3,1e3"  # twelve decades
     assert (stokes["law"], stokes["eta-f"]) == ("stokes", 0) and stokes["omega"] == stokes["fields"]
-    omega = parse_omega(stokes["fields"])
+    omega = FREQUENCIES.read(stokes["fields"])
     assert (
         all(np.isclose(omega, 10**power).any() for power in (-6.5, -5.5)) and len(tables["pack"][0]["n"]) == 2
     )
@@ -170,7 +170,7 @@ def test_packings_of_moduli_are_quenched_at_a_pressure_in_a_cell_of_fixed_shape(
     assert set(packs) == AT_ALL or name == "bt-fig8"
     for task in tasks:  # G* from below the lowest crossover, ω ~ p, to the viscous end
         if task.command == "sweep":
-            omega = parse_omega(task.choice.args.omega)
+            omega = task.choice.job.omega
             assert omega.min() <= 1e-3 * min(DECADES) and omega.max() >= 1e3 and 71 <= len(omega) <= 141
 
 
