@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from drawn import bands, bars, figure_of, lines
+from jampetsc.words.pictures import PICTURES
 from matplotlib.image import imread
 
 from jampetsc import cli
@@ -37,7 +38,6 @@ from jampetsc.storage.packing_file import read_identified, write_packing
 from jampetsc.storage.provenance import derived_from
 from jampetsc.storage.reader import load
 from jampetsc.storage.result_file import ResultWriter
-from jampetsc.words.pictures import PICTURES
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import samples
 from drawn import bands, figure_of, lines
+from jampetsc.words.pictures import open_files
 from matplotlib.image import imread
 
 from jampetsc import cli
@@ -23,7 +24,6 @@ from jampetsc.plots.moduli import plot_collapse, plot_moduli
 from jampetsc.plots.packing import plot_packing
 from jampetsc.storage.packing_file import read_identified, write_packing
 from jampetsc.storage.result_file import ResultWriter
-from jampetsc.words.pictures import open_files
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 
