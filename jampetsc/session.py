@@ -174,9 +174,9 @@ class Session:
     def tell_unused(self):
         """Have PETSc, when it ends, print the solvers' options that rank 0 has not asked for: its -options_left."""
         database = self.PETSc.Options()
+        for name in self._defaults:
+            database.delValue(name)  # not the user's to correct
         if self._for_solvers and "options_left" not in self.options():
-            for name in self._defaults:
-                database.delValue(name)  # not the user's to correct
             database.setValue("options_left", True)
 
     def stage(self, name):
@@ -191,17 +191,6 @@ class Session:
         gc.collect()
         if hasattr(self.PETSc, "garbage_cleanup"):  # petsc4py ≥ 3.18
             self.PETSc.garbage_cleanup(self.comm)
-
-
-def least(comm, values):
-    """Collective. The smallest of each entry over all ranks, put into the array `values`, which is returned.
-
-    Takes no memory that grows with the number of ranks, as a gather of the arrays would.
-    """
-    from mpi4py import MPI
-
-    comm.Allreduce(MPI.IN_PLACE, values, op=MPI.MIN)
-    return values
 
 
 def versions():

@@ -11,6 +11,7 @@ from jampetsc import cli
 from jampetsc.analysis.statistics import mean_with_error, median_interval, median_with_error
 from jampetsc.errors import InputError
 from jampetsc.storage.ensemble import CHOICES, load_ensemble
+from jampetsc.storage.reader import load
 from jampetsc.storage.result_file import ResultWriter
 from jampetsc.studies.table import table_text
 
@@ -221,7 +222,7 @@ def test_rows_without_the_name_of_a_packing_are_independent(tmp_path):
 def test_a_folder_without_a_table_is_none_of_a_study(tmp_path):
     message = r"table\.csv: cannot be read \(No such file or directory\): is .*none the folder of a study\?"
     with pytest.raises(InputError, match=message):
-        load_ensemble(tmp_path / "none")
+        load_ensemble(tmp_path / "none", load)
 
 
 @pytest.mark.parametrize("name", [name for name in CHOICES if name != "command"])

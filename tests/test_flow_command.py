@@ -136,19 +136,18 @@ def test_another_command_leaves_the_checkpoint_alone(tmp_path, short, monkeypatc
     assert jampetsc.load(out).attributes["rate"] == 2e-2
 
 
-def test_everything_that_decides_a_run_identifies_its_checkpoint(tmp_path):
+def test_everything_that_decides_a_run_identifies_its_checkpoint():
     disks = crowd(16)
 
     def settings(disks=disks, name="CD0", held=0, **more):
-        words = {"rate": 1e-2, "strain": 0.5} | more
-        job = jobs.fresh(disks, {"walls": held}, model(name), out=tmp_path / "x.h5", **words)
-        return json.dumps(job.settings, sort_keys=True)
+        given = {"rate": 1e-2, "strain": 0.5} | more
+        return json.dumps(jobs.begun(disks, {"walls": held}, model(name), **given).settings, sort_keys=True)
 
     others = [{"disks": crowd(16, seed=2)}, {"name": "unequal"}, {"held": 4}]
     numbers = {"rate": 2e-2, "strain": 0.6, "discard": 0.1, "snapshots": 3, "step": 0.01, "tolerance": 1e-6}
     found = [settings(**one) for one in [{}, *others, *({name: x} for name, x in numbers.items())]]
     assert len(set(found)) == 10 and settings() == found[0]
-    job = jobs.fresh(disks, {}, model("CD0"), 1e-2, 0.5, tmp_path / "x.h5")
+    job = jobs.begun(disks, {}, model("CD0"), 1e-2, 0.5)
     assert replace(job, before=([0, 0], {})).settings != job.settings  # it goes on from another place
 
 
@@ -178,7 +177,7 @@ def test_snapshots_go_on_with_the_run(tmp_path, monkeypatch):
     common = "flow --n 16 --phi 0.9 --model RD0 --rate 0.1 --strain 0.1 --discard 0 --snapshots 4".split()
     assert flow(*common, "--out", out) == 0
     before = jampetsc.load(out)["snapshots/strain"]
-    monkeypatch.setattr(jobs, "check_space", lambda path, disks, snapshots: room.append((disks, snapshots)))
+    monkeypatch.setattr(jobs, "check_space", lambda to, disks, snapshots: room.append((disks, snapshots)))
     assert flow("flow", out, "--strain", 0.1) == 0
     after = jampetsc.load(out)
     assert np.array_equal(after["snapshots/strain"][:4], before)
@@ -196,17 +195,6 @@ def test_snapshots_go_on_with_the_run(tmp_path, monkeypatch):
     assert older["snapshots/strain"][7:] == pytest.approx([0.235, 0.265, 0.3])
     assert "snapshots/images" not in older and older.snapshot().images is None
     assert np.array_equal(older.snapshot(2).positions, third)
-
-
-def test_what_solves_for_velocities(tmp_path):
-    """PETSc's solvers may be asked for where a time step solves, with or without mass."""
-    found = {}
-    for name, mass in (("RD0", 0.0), ("CD0", 0.0), ("RD", 0.01), ("CD", 0.01), ("CD", 1.0)):
-        chosen = replace(model(name), mass=mass)
-        found[name, mass] = jobs.fresh(crowd(16), {}, chosen, 1e-2, 0.5, tmp_path / "x.h5").solves
-    assert found == {
-        ("RD0", 0.0): False, ("CD0", 0.0): True, ("RD", 0.01): True, ("CD", 0.01): True, ("CD", 1.0): False,
-    }  # fmt: skip
 
 
 def test_a_packing_keeps_its_own_units(tmp_path):
@@ -255,43 +243,18 @@ def test_a_law_of_the_linear_part(tmp_path):
     assert jampetsc.load(rolling).law["beta"] == 2
 
 
-BAD = [
-    ("--rate 0", "--rate 0: must be positive"),
-    ("--rate -1", "must be positive"),
-    ("--rate nan", "must be positive"),
-    ("--rate 3", "at most 1"),
-    ("--strain 0", "must be positive"),
-    ("--discard 0.6", "must lie in"),
-    ("--phi 1.1", "must lie in"),
+BAD = [  # (what is given, parameter or words that are told); ranges: test_flow_jobs
     ("--n 16 --phi 0.1 --strain 0.05 --discard 0.04", "no two disks touched"),
-    ("--step 0", "must be positive"),
-    ("--step 900", "smaller --step"),
+    ("--step 900", "--step"),
     ("--step 0.8", "work and dissipation differ"),  # nothing blows up
-    ("--model CDn", "give its --mass"),
-    ("--model CDt --mass 0", "no overdamped limit"),
-    ("--model RD --mass 0", "the overdamped limit is --model RD0"),
-    ("--mass 1", "is overdamped"),
-    ("--law stokes", "--model RD0 and --law: give one"),
-    ("--model CD --mass 1 --quality 1", "leave one out"),
-    ("--friction 0.1", "belongs to contact damping"),
-    ("--n 3", "must lie in"),
-    ("--snapshots -1", "must not be negative"),
-    ("--tolerance 3", "must lie in"),
-    ("--strain 1e300", "at most 1e+12"),
-    ("--rate 1e-300", "at most 1e+12"),
-    ("--step 1e-300", "at most 1e+12"),
-    ("--strain nan", "must be positive"),
-    ("--discard nan", "must lie in"),
-    ("--snapshots 1000000000000", "rows after discard, at most one for each"),
+    ("--strain 1e300", "--strain 1e+300"),
+    ("--rate 1e-300", "time steps of"),
+    ("--snapshots 1000000000000", "--snapshots 1000000000000"),
     ("--snapshots 2 --snapshot-every 0.1", "--snapshot-every: leave out --snapshots"),
     ("--snapshot-spacing log", "--snapshot-spacing: how many?"),
     ("--strain 3e7 --rate 1 --snapshots 1000000000", "are free where"),
-    ("--phi nan", "must lie in"),
-    ("--seed -1", "must lie in"),
-    ("--tau1 1e300", "at most 1e+12"),
-    ("--model CD --mass 1e300", "at most 1e+12"),
-    ("--model CD0 --friction -1", "must not be negative"),
-    ("--walls --radii none.txt", "leave out --n"),
+    ("--discard 0.6", "--discard 0.6: must lie"),
+    ("--walls --radii none.txt", "none.txt: cannot be read"),
 ]
 
 
@@ -316,8 +279,8 @@ def test_bad_starts(tmp_path, capsys):
         ((packing, *rest, "--out", packing), "is the input"),
         ((packing, *rest, "--n", 16, "--out", out), "--n: belongs to"),
         ((tmp_path / "none.h5", *rest, "--out", out), "no such file"),
-        ((*rest, "--out", out), "--n is missing"),
-        (("--n", 64, "--phi", 0.8, *rest), "--out is missing"),
+        ((*rest, "--out", out), "--phi: must be given"),
+        (("--n", 64, "--phi", 0.8, *rest), "--out: must be given"),
     ]:
         assert flow("flow", *words) == 2
         assert message in capsys.readouterr().err
@@ -354,7 +317,7 @@ def test_radii_of_no_size(tmp_path, capsys):
 def test_a_flow_file_goes_on_as_it_was_begun(tmp_path, capsys):
     out = tmp_path / "out.h5"
     assert flow(*SMALL, "--out", out) == 0
-    assert flow("flow", out, "--strain", 1, "--rate", 0.1) == 2
+    assert flow("flow", out, "--strain", 1, "--rate", 0.1, "--model", "RD0") == 2
     assert "goes on as it was begun" in capsys.readouterr().err
 
 
@@ -386,9 +349,9 @@ def test_ranks_and_petsc_give_the_same(tmp_path):
 
 def test_options_that_petsc_does_not_know(tmp_path):
     done = launch.run(
-        0, "../jampetsc/__main__.py", *CONTACTS, "--out", tmp_path / "x.h5", "-flow_ksp_tipe", "cg"
+        0, "../jampetsc/__main__.py", *CONTACTS, "--out", tmp_path / "x.h5", "-flo_ksp_type", "cg"
     )
-    assert done.returncode == 2 and "-flow_ksp_tipe" in done.stderr
+    assert done.returncode == 2 and "-flo_ksp_type" in done.stderr
     done = launch.run(
         0, "../jampetsc/__main__.py", *SMALL, "--out", tmp_path / "x.h5", "-flow_ksp_type", "cg"
     )
@@ -407,8 +370,8 @@ def test_given_radii(tmp_path, capsys):
     assert result.attributes["sizes"] == "radii of radii" and "length" in result.attributes["units"]
     capsys.readouterr()
     for more, message in [
-        (["--n", 40, "--out", out], "leave out --n"),
-        (["--sizes", "monodisperse", "--out", out], "leave out --n"),
+        (["--n", 40, "--out", out], "--n: "),
+        (["--sizes", "monodisperse", "--out", out], "--sizes: "),
         (["--out", listed], "is the input"),
     ]:
         assert flow(*words, *more) == 2

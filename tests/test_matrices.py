@@ -17,9 +17,9 @@ from jampetsc.mechanics.matrices import NAMES, SPARSE, Matrices
 OMEGA = (1e-3, 1.0)
 WORDS = {  # options of the command -> those of `assemble`
     "": {},
-    "--beta 0.1 --no-prestress": {"beta": 0.1, "prestress": False},
-    "--no-rotations": {"rotations": False},
-    "--law stokes --tau1 0.5": {"law": "stokes", "tau1": 0.5},
+    "--beta 0.1 --no-prestress": {"law": jampetsc.ContactDamping(beta=0.1), "prestress": False},
+    "--no-rotations": {"law": jampetsc.ContactDamping(rotations=False)},
+    "--law stokes --tau1 0.5": {"law": jampetsc.StokesDrag(tau1=0.5)},
     "--law stokes --no-prestress": {"law": "stokes", "prestress": False},
 }
 
@@ -120,7 +120,7 @@ def test_files_hold_what_assemble_gives(session, packing, shared_path, ending):
     for _ in range(2):  # the second time in the place of the first
         assert cli.dispatch(["matrices", str(packing), "--out", str(out), "--beta", "0.5"]) == 0
     session.comm.Barrier()
-    found, whole = read(out), jampetsc.assemble(packing, beta=0.5).to_scipy()
+    found, whole = read(out), jampetsc.assemble(packing, jampetsc.ContactDamping(beta=0.5)).to_scipy()
     for name in NAMES:
         one, other = (getattr(m, name) for m in (found, whole))
         if name in SPARSE:

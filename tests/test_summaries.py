@@ -7,17 +7,11 @@ import pytest
 from samples import published
 
 from jampetsc import cli
-from jampetsc.analysis import jamming
 from jampetsc.analysis.collapse_errors import Estimate
-from jampetsc.analysis.statistics import mean_with_error
-from jampetsc.commands import collapse, jam, pack, study
 from jampetsc.contacts.laws import Physics, damping_law
-from jampetsc.errors import ConvergenceError, InputError
-from jampetsc.flows.record import Record
-from jampetsc.jobs import correlate, modes, oscillate, quasistatic, sweep
-from jampetsc.packing.protocols import Target
-from jampetsc.storage.packing_file import write_packing
-from jampetsc.words import describe, packtasks
+from jampetsc.errors import InputError
+from jampetsc.jobs import collapse, correlate, modes, oscillate, quasistatic, study, sweep
+from jampetsc.words import describe
 
 PHYSICS = Physics(damping_law())
 
@@ -79,23 +73,6 @@ def test_modes_tell_how_they_were_counted():
     assert lines[-1].startswith("  the response to shear is affine, or not unique")
 
 
-def test_a_packing_tells_when_rounding_forbids_its_tolerance():
-    disks = published().with_record(
-        pressure=1e-3, phi=0.84, coordination=4.0, rattlers=1, max_force=1e-12, tolerance=1e-10, evaluations=7
-    )
-    text = pack._summary("p.h5", disks, 1.234)
-    assert text.startswith(
-        f"p.h5: N = {disks.n}, p = 0.001, phi = 0.840000, Z = 4.0000, 1 rattlers, max|F|/p = 1.0e-09, "
-    )
-    assert text.split("\n")[0].endswith("7 force evaluations, 1.23 s")
-    diameter = 2 * disks.radii.mean()
-    for factor, note in ((0.999, False), (1.001, True)):
-        limit = disks.with_record(max_force=factor * 1e-13 * diameter)
-        assert (
-            "is what rounding leaves, more than --tolerance 1e-10" in pack._summary("p.h5", limit, 1.0)
-        ) == note
-
-
 def test_a_study_tells_what_failed_and_what_is_unstable():
     rows = [{"G0": -1.0}, {"G0": 1.0}, {"G0": 0.0}, {}]
     failures = [{"file": f"{n}.h5", "state": "failed: no"} for n in range(study.MANY + 2)]
@@ -107,21 +84,6 @@ def test_a_study_tells_what_failed_and_what_is_unstable():
     ]
     exactly = study._summary("t.csv", [], failures[: study.MANY], "3 s")
     assert "more, see" not in exactly and exactly.count("failed: no") == study.MANY
-
-
-def test_samples_tell_their_share_pressure_and_what_is_lost():
-    record = Record({name: 0 for name in ("phi", "seed", "jammed", "pressure", "phi_J")})
-    for phi, seed, jammed, pressure, at in (
-        (0.84, 1, 1, 2e-3, 0.83), (0.84, 2, 0, 5.0, 0.85), (0.84, 3, 1, 4e-3, np.nan), (0.85, 1, np.nan, 1.0, np.nan),
-        (0.84, 4, np.nan, 1.0, np.nan),
-    ):  # fmt: skip
-        record.add(phi=phi, seed=seed, jammed=jammed, pressure=pressure, phi_J=at)
-    lines = jam._summary(SimpleNamespace(out="j.h5", n=16), record).split("\n")
-    assert lines[0] == "j.h5: 5 samples of 16 disks"
-    assert lines[1].startswith("  phi = 0.84: jammed 0.667 ± ") and ", p of the jammed 0.003" in lines[1]
-    assert lines[1].endswith(", phi_J 0.84 ± 0.018")
-    assert lines[2] == "  phi = 0.85: no minimum found"
-    assert lines[3] == "  2 samples reached no minimum: nan in the file"
 
 
 def test_lengths_are_told_with_their_errors():
@@ -239,75 +201,6 @@ def test_a_record_that_is_not_of_these_positions(off, told):
     assert "note: the file records negative_modes = 0, but not of these disks: it counts for nothing" in text
 
 
-# What is there already
-
-
-ARGS = SimpleNamespace(
-    stabilise="volume",
-    tolerance=1e-10,
-    sizes=None,
-    radii=None,
-    n=16,
-    potential=None,
-    stiffness=None,
-    phi=None,
-    source=None,
-)
-
-
-def test_a_packing_that_is_there_is_the_one_that_is_asked_for_or_refused(tmp_path):
-    request = packtasks.request_of(ARGS, None)
-    task = packtasks.Task(tmp_path / "p.h5", 3, Target(1e-3, stabilise="volume", tolerance=1e-10))
-    wanted = packtasks.entries(task, request)
-    assert wanted == {
-        "stabilise": "volume", "tolerance": 1e-10, "sizes": "bidisperse", "requested_n": 16,
-        "requested_potential": "harmonic", "requested_stiffness": "constant", "requested_pressure": 1e-3, "seed": 3,
-    }  # fmt: skip
-    assert not packtasks.complete(task, request)
-    write_packing(task.path, published().with_record(**wanted))
-    assert packtasks.complete(task, request)
-    for name in wanted:
-        write_packing(task.path, published().with_record(**{k: v for k, v in wanted.items() if k != name}))
-        with pytest.raises(
-            InputError,
-            match=rf"is there already with {name} = None, not .*: choose another --out, or give --overwrite",
-        ):
-            packtasks.complete(task, request)
-
-
-def test_what_is_asked_of_a_packing_that_is_changed():
-    asked = packtasks.request_of(SimpleNamespace(**vars(ARGS) | {"potential": "hertzian"}), ("a.h5", "ab"))
-    assert asked == {"stabilise": "volume", "tolerance": 1e-10, "source": "a.h5", "source_sha256": "ab"}
-    task = packtasks.Task("p.h5", None, Target(phi=0.9, tolerance=1e-10))
-    assert packtasks.entries(task, {}) == {"requested_phi": 0.9}
-    other = SimpleNamespace(
-        **vars(ARGS)
-        | {"potential": "hertzian", "stiffness": "inverse-square-diameter", "n": None, "radii": "a/r.txt"}
-    )
-    told = packtasks.request_of(other, None)
-    assert (
-        told["requested_potential"] == "hertzian" and told["requested_stiffness"] == "inverse-square-diameter"
-    )
-    assert told["requested_n"] == 0 and told["sizes"] == "radii of r.txt"
-
-
-def test_what_cannot_be_begun_with():
-    apart = published()
-    apart = apart.from_positions(apart.positions, 0.5 * apart.radii, apart.cell)
-    for args, message in (
-        ({"n": 15, "source": "p.h5"}, r"--n 15: p\.h5 has 16 disks; leave --n out with --from"),
-        ({"source": "p.h5"}, r"p\.h5: no disks touch, so there is no pressure to change"),
-    ):
-        with pytest.raises(InputError, match=message):
-            packtasks.starter(SimpleNamespace(**vars(ARGS) | args), None, apart)
-    denser = packtasks.starter(SimpleNamespace(**vars(ARGS) | {"phi": 0.9}), None, apart)(
-        None, Target(phi=0.9)
-    )
-    assert denser.phi == pytest.approx(0.9)
-    same = packtasks.starter(ARGS, None, published())(None, Target(1e-3))
-    assert same.phi == published().phi and same.record == {}
-
-
 def test_a_quasistatic_response_tells_its_parts():
     flow = SimpleNamespace(parts={"contacts": 0.25, "fluid": 0.5}, eta0=0.75)
     median = {
@@ -349,14 +242,14 @@ def found_with(*errors):
 
 def test_a_collapse_tells_its_parameters_those_of_every_cut_and_notes():
     for finite_size, scales in ((False, (1e-2, 1e-3)), (True, (0.5, 0.125))):
-        args = SimpleNamespace(out="c.h5", observable="pressure", finite_size=finite_size)
+        job = SimpleNamespace(observable="pressure", finite_size=finite_size)
         cut = fit_of(y=1.5)
         cut.chi2 = 10.0
         cuts = [
             (scales[0], fit_of(), found_with(0.01, 0.2, 1.0)),
             (scales[1], cut, found_with(1e-3, 0.1, np.inf)),
         ]
-        lines = collapse._summary(args, range(7), cuts, ["one", "two"]).split("\n")
+        lines = collapse._summary("c.h5", job, range(7), cuts, ["one", "two"]).split("\n")
         nu, what = ("nu", "N >= 64") if finite_size else ("znu", "rates <= 0.001")
         assert lines == [
             f"c.h5: pressure at 7 points, phi_J = 0.8433 ± 0.01, y = 1.1 ± 0.2, {nu} = 3.5 ± 1",
@@ -385,51 +278,6 @@ def test_lanes_of_other_widths_are_compared_with_errors_of_both():
     ]
     found.results = results[:1]
     assert correlate._summary("c.h5", 2, np.ones(1), "strain", [0.5], found).startswith("c.h5: 2 packings, ")
-
-
-def test_the_error_of_a_share_is_half_its_interval_and_what_is_told_is_of_its_phi():
-    record = Record({name: 0 for name in ("phi", "seed", "jammed", "pressure", "phi_J", "segregation")})
-    for n in range(8):
-        phi = 0.84 if n < 4 else 0.85
-        record.add(
-            phi=phi, seed=n, jammed=1.0, pressure=1e-3 * (n + 1), phi_J=0.83 + 1e-3 * n, segregation=0.1 * n
-        )
-    lines = jam._summary(SimpleNamespace(out="j.h5", n=16), record).split("\n")
-    share = jamming.independent_share(np.ones(4))
-    for line, first in zip(lines[1:], (0, 4), strict=True):
-        assert (
-            f"jammed 1.000 ± {0.5 * (1 - share.low):.2g} (as of 4 independent samples), "
-            f"p of the jammed {1e-3 * (first + 2.5):.4g}" in line in line
-        )
-        error = mean_with_error([0, 1, 2, 3])[1]
-        values = [
-            f"{0.8315 + 1e-3 * first:.5g} ± {1e-3 * error:.2g}",
-            f"{0.15 + 0.1 * first:.5g} ± {0.1 * error:.2g}",
-        ]
-        assert line.endswith(f", phi_J {values[0]}, segregation {values[1]}")
-    assert len(lines) == 3
-
-
-@pytest.mark.parametrize("error", [ConvergenceError("stuck"), InputError("p1.h5: no room")])
-def test_a_packing_that_fails_leaves_the_others_alone(tmp_path, error, capsys):
-    """What did not converge is told with its remedy, anything else as it is; the next packing is made all the same."""
-    asked = []
-
-    def start(seed, target):
-        asked.append(seed)
-        if seed != 2:
-            raise error
-        return published()
-
-    tasks = [
-        packtasks.Task(tmp_path / f"p{seed}.h5", seed, Target(1e-3, tolerance=1e-6)) for seed in (1, 3, 2)
-    ]
-    request = packtasks.request_of(ARGS, None)
-    failures = pack._make(tasks[:2], start, request, None, None, SimpleNamespace(rank=0))
-    assert asked == [1, 3] and [path for path, _ in failures] == [str(task.path) for task in tasks[:2]]
-    remedy = ": use another --seed, or a larger --tolerance" if isinstance(error, ConvergenceError) else ""
-    assert {(type(one), str(one)) for _, one in failures} == {(type(error), f"{error}{remedy}")}
-    assert not list(tmp_path.iterdir())
 
 
 def test_the_worst_error_of_the_loss_is_over_the_loss():
@@ -486,67 +334,3 @@ def test_what_a_trade_refuses(tmp_path, monkeypatch, words, message):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match=message):
         cli.dispatch(["trade", "p.h5", *words])
-
-
-class Begun(Exception):
-    """With the settings that identify a run to its checkpoint."""
-
-
-def settings_of(line, monkeypatch):
-    def resumed(out, settings, columns):
-        raise Begun(settings, tuple(columns))
-
-    monkeypatch.setattr("jampetsc.flows.record.resumed", resumed)
-    words = ["jam", *line.split(), "--out", "j.h5"]
-    args = cli.command_parser(words)[0].parse_args(words)
-    with pytest.raises(Begun) as begun:
-        jam._samples(args, *jam.check(args), None, None)
-    return begun.value.args
-
-
-@pytest.mark.parametrize(
-    "more",
-    [
-        "--n 17",
-        "--phi 0.85",
-        "--seeds 1:3",
-        "--sizes monodisperse",
-        "--potential hertzian",
-        "--tolerance 1e-7",
-        "--protocol shear",
-        "--protocol compress",
-    ],
-)
-def test_a_checkpoint_of_samples_serves_the_same_words_alone(more, monkeypatch):
-    plain = "--n 16 --phi 0.84 --seeds 1:2"
-    assert settings_of(f"{plain} {more}", monkeypatch)[0] != settings_of(plain, monkeypatch)[0]
-    assert settings_of(f"{plain} --sizes bidisperse --tolerance 1e-6", monkeypatch) == settings_of(
-        plain, monkeypatch
-    )
-
-
-@pytest.mark.parametrize(
-    "more",
-    [
-        "shear --step 0.002",
-        "shear --strain 3",
-        "shear --discard 0.5",
-        "shear --every 0.03",
-        "compress --temperature 0.01",
-        "compress --cooling-rate 0.1",
-        "compress --sweeps 7",
-    ],
-)
-def test_a_checkpoint_knows_the_options_of_its_protocol(more, monkeypatch):
-    plain = "--n 16 --phi 0.84 --seeds 1:2 --protocol"
-    settings = [settings_of(f"{plain} {words}", monkeypatch)[0] for words in (more, more.split()[0])]
-    assert len(settings[0]) == len(settings[1]) and settings[0] != settings[1]
-
-
-@pytest.mark.parametrize("lost", [0, 1, 3])
-def test_samples_that_are_lost_are_counted(lost):
-    record = Record({name: 0 for name in ("phi", "seed", "jammed", "pressure")})
-    for n in range(4):
-        record.add(phi=0.84, seed=n, jammed=np.nan if n < lost else 1.0, pressure=1e-3)
-    lines = jam._summary(SimpleNamespace(out="j.h5", n=16), record).split("\n")
-    assert lines[2:] == [f"  {lost} samples reached no minimum: nan in the file"] * (lost > 0)

@@ -1,46 +1,28 @@
 """What the words of the command line mean: those that contradict each other, or mean nothing, are refused."""
 
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from jampetsc.words.packtasks import plan
 from samples import published
 
 from jampetsc import cli
-from jampetsc.commands import flow, jam, pack
 from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import InputError
 from jampetsc.flows import job as jobs
 from jampetsc.jobs.inputs import refuse_one_packing, refuse_repeated
 from jampetsc.packing.minimise import settle
-from jampetsc.packing.protocols import Target, random_start
+from jampetsc.packing.protocols import random_start
 from jampetsc.packing.sizes import radii_of
-from jampetsc.storage.packing_file import read_identified, read_packing, write_packing
+from jampetsc.storage.packing_file import read_identified, write_packing
 from jampetsc.storage.reader import load
 from jampetsc.studies.table import table_text
-from jampetsc.words import flowing, packtasks, picture
 from jampetsc.words.files import files_named
 
 
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("pack --n 64 --pressure 1e-3 --out k{foo}.h5", r"--out k\{foo\}\.h5: \{foo\} stands for nothing"),
-        ("pack --n 64 --pressure 1e-3 --out k{seed.h5", r"\{seed\.h5 stands for nothing: only \{seed\} and"),
-        ("pack --n 64 --phi 0.86 --out k{pressure}.h5", r"\{pressure\} has no meaning with --phi"),
-        (
-            "pack --n 64 --pressure 1e-3 --seed 9223372036854775808 --out k.h5",
-            "--seed 9223372036854775808: must lie in",
-        ),
-        (
-            "pack --n 64 --pressure 1e-3 --seeds 1:9999999999 --out {seed}.h5",
-            "9999999999 packings: at most 1000000",
-        ),
-        ("pack --n 64 --pressure -1e-4 --out k.h5", r"--pressure -1e-4: must lie in \[1e-08, 1\]"),
-        ("pack --n 64 --pressure 1e-3, --out k.h5", "--pressure 1e-3,: must be a number, or several"),
-        ("pack --n 64 --presure 1e-3 --out k.h5", "--presure: no such option; did you mean --pressure"),
         ("sweep p.h5 --ouput s.h5", "--ouput: no such option; did you mean --out"),
         (
             "sweep p.h5 --out s.png",
@@ -54,15 +36,6 @@ def test_words_that_mean_nothing(line, message, tmp_path, monkeypatch):
     with pytest.raises(InputError, match=message):
         cli.dispatch(line.split())
     assert not list(tmp_path.iterdir())
-
-
-def test_pressure_is_in_units_of_the_k_of_the_packing():
-    line = ["pack", "--from", "soft.h5", "--pressure", "1e-3,1e-2", "--out", "p{pressure}.h5"]
-    tasks = plan(cli.command_parser(line)[0].parse_args(line), 1e-6)
-    assert [(task.path.name, task.target.pressure) for task in tasks] == [
-        ("p1e-3.h5", pytest.approx(1e-9)),
-        ("p1e-2.h5", pytest.approx(1e-8)),
-    ]
 
 
 def test_one_file_under_two_names(tmp_path):
@@ -84,56 +57,6 @@ def words(line):
 # What is asked for is what the words say
 
 
-def test_packings_are_asked_for_as_told():
-    line = "pack --n 16 --pressure 1e-2,1e-3 --seeds 0:2 --out s{seed}-p{pressure}.h5"
-    line += " --tolerance 1e-8 --stabilise shear"
-    radii, tasks = pack.check(words(line))
-    assert len(radii) == 16 and [task.path.name for task in tasks[:3]] == [
-        "s0-p1e-2.h5", "s0-p1e-3.h5", "s1-p1e-2.h5",
-    ]  # fmt: skip
-    assert [task.seed for task in tasks] == [0, 0, 1, 1, 2, 2]
-    for task, pressure in zip(tasks, (1e-2, 1e-3) * 3, strict=True):
-        target = task.target
-        assert (target.pressure, target.stabilise, target.tolerance) == (pressure, "shear", 1e-8)
-        assert target.phi is None
-    _, (task,) = pack.check(words("pack --n 16 --phi 0.9 --out p.h5 --tolerance 1e-9"))
-    assert (task.seed, task.target.phi, task.target.tolerance) == (1, 0.9, 1e-9)
-    _, (task,) = pack.check(words("pack --n 16 --phi 0.9 --out p.h5 --seed 0"))
-    assert task.seed == 0 and packtasks.entries(task, {})["seed"] == 0
-
-
-def test_a_flow_is_asked_for_as_told(tmp_path):
-    line = "flow --n 16 --phi 0.7 --law contact --beta 0.5 --tau1 2 --mass 3 --friction 0.125 --rate 1e-2 --strain 0.5"
-    line += f" --out {tmp_path}/f.h5"
-    job = flow._fresh(words(line), jobs, None, [])
-    assert (job.rate, job.model.mass, job.model.friction, job.model.law.tau1) == (1e-2, 3.0, 0.125, 2.0)
-    assert (job.plan.every, job.plan.discard, job.scheme.tolerance) == (0, 0.25, 1e-4)
-    assert job.plan.steps * job.plan.rows * job.scheme.step * 1e-2 == pytest.approx(0.5, rel=0.05)
-    words_ = words(f"{line} --tolerance 1e-6 --step 0.01 --snapshots 3 --discard 0.125")
-    more = flow._fresh(words_, jobs, None, [])
-    assert (more.scheme.tolerance, more.scheme.step) == (1e-6, 0.01)
-    assert (more.plan.snapshots(1), more.plan.discard) == (3, 0.125)
-
-
-def test_a_quality_knows_the_stiffness_of_the_packing(tmp_path):
-    write_packing(tmp_path / "p.h5", replace(published(), potential=Potential(k=4.0)))
-    line = f"flow {tmp_path}/p.h5 --model RD --quality 3 --tau1 0.5 --rate 1e-3 --strain 0.1 --out {tmp_path}/f.h5"
-    assert flow._fresh(words(line), jobs, None, []).model.mass == pytest.approx(9.0 * 4.0 * 0.25)
-
-
-def test_samples_that_jam_are_asked_for_as_told():
-    tasks, protocol = jam.check(words("jam --n 16 --out j.h5 --phi 0.84:0.8:3 --seeds 4:5"))
-    assert tasks == [(pytest.approx(phi), seed) for phi in (0.84, 0.82, 0.8) for seed in (4, 5)]
-    assert protocol.name == "random" and protocol.rows == 1
-    line = "jam --n 16 --out j.h5 --phi 0.85,0.8,0.8 --seeds 0:0 --protocol"
-    tasks, protocol = jam.check(words(f"{line} shear --step 0.01 --strain 2 --every 0.25"))
-    assert tasks == [(0.8, 0), (0.85, 0)]
-    assert (protocol.step, protocol.strain, protocol.discard, protocol.every) == (0.01, 2.0, 1.0, 0.25)
-    _, protocol = jam.check(words(f"{line} compress --temperature 1e-2 --sweeps 0"))
-    assert (protocol.temperature, protocol.cooling_rate, protocol.sweeps) == (1e-2, 1e-2, 0)
-    jam.check(
-        words(f"{line} shear --step 0.1 --every {0.3 - 0.2}")
-    )  # a step but for rounding, 0.09999999999999998
 
 
 def test_no_two_results_of_one_packing_but_of_unknown_ones():
@@ -166,36 +89,6 @@ def test_files_of_a_study_are_of_rows_that_are_done(tmp_path):
     assert files_named(["other.h5"], None, chosen) == (["other.h5"], False)
 
 
-def test_a_file_of_radii_is_read_no_farther_than_it_must(tmp_path, monkeypatch):
-    monkeypatch.setattr(packtasks, "MOST", 20)
-    for count, said in ((20, None), (21, "21 disks: must lie in"), (40, "21 disks")):
-        (tmp_path / "r.txt").write_text("1\n" * count)
-        args = SimpleNamespace(radii=str(tmp_path / "r.txt"), n=None, sizes=None)
-        if said is None:
-            assert len(packtasks.radii_asked(args)) == 20
-        else:
-            with pytest.raises(InputError, match=said):
-                packtasks.radii_asked(args)
-
-
-def test_radii_are_read_from_a_file_alone(tmp_path):
-    args = SimpleNamespace(radii=str(tmp_path), n=None, sizes=None)
-    with pytest.raises(InputError) as refused:
-        packtasks.radii_asked(args)
-    assert str(refused.value).startswith(f"{tmp_path}: ") and "as radii" not in str(refused.value)
-
-
-def test_a_changed_packing_leaves_its_record_behind():
-    old = published().with_record(protocol="old", pressure=1.0)
-    args = SimpleNamespace(n=None, phi=None, source="p.h5")
-    assert packtasks.starter(args, None, old)(None, Target(1e-3)).record == {}
-    wider = packtasks.starter(SimpleNamespace(n=16, phi=0.7, source="p.h5"), None, old)(None, Target(phi=0.7))
-    assert wider.phi == pytest.approx(0.7) and wider.record == {}
-    touching = published()
-    apart = touching.from_positions(touching.positions, 0.5 * touching.radii, touching.cell)
-    assert packtasks.starter(SimpleNamespace(n=16, phi=0.9, source="p.h5"), None, apart)
-
-
 @pytest.mark.parametrize(
     ("value", "within"),
     [(None, True), (0.0, True), (10.0, True), (-0.1, False), (10.1, False), (float("nan"), False)],
@@ -210,73 +103,6 @@ def test_an_option_of_a_picture_lies_between_its_limits(value, within):
 
 
 @pytest.mark.parametrize(
-    ("model", "solves"), [("CD0", True), ("CD --mass 1", False), ("CDn --mass 1", False)]
-)
-def test_ranks_are_for_flows_that_have_velocities_to_solve_for(tmp_path, model, solves):
-    line = f"flow --n 16 --phi 0.7 --model {model} --rate 1e-2 --strain 0.02 --out {tmp_path}/f.h5"
-    job = flow._fresh(words(line), jobs, None, [])
-    assert job.solves == solves and flow._together(job, None) is None
-    if not solves:
-        with pytest.raises(
-            InputError, match="has nothing to solve for: leave PETSc's options and mpirun out"
-        ):
-            flow._together(job, object())
-
-
-@pytest.mark.parametrize(
-    ("words_", "may"),
-    [
-        ("--model RD0", False),
-        ("--model RD --mass 1", False),
-        ("--model CD0", True),
-        ("--model CDt --mass 1", True),
-        ("--law stokes --mass 1", False),
-        ("--law contact --mass 1", True),
-    ],
-)
-def test_options_of_petsc_go_with_flows_that_may_solve(words_, may):
-    args = words(f"flow --n 16 --phi 0.7 {words_} --rate 1e-2 --strain 0.02 --out f.h5")
-    assert args.takes_petsc(args) == may
-
-
-@pytest.mark.parametrize("seed", [None, 0, 3])
-def test_a_random_start_is_that_of_its_seed(seed):
-    line = "flow --n 16 --phi 0.5 --model RD0 --rate 1e-2 --strain 0.02 --out f.h5"
-    disks, origin = flowing.start_of(words(line + ("" if seed is None else f" --seed {seed}")))
-    assert origin["seed"] == (1 if seed is None else seed)
-    radii = radii_of("bidisperse", 16)
-    again = settle(
-        random_start(radii * (0.5 / radii.min()), 0.5, origin["seed"], disks.potential), flowing.SETTLED
-    )
-    assert again.fingerprint == disks.fingerprint
-
-
-def test_disks_between_walls_are_told_with_how_many_make_them_up():
-    line = "flow --n 32 --phi 0.5 --model RD0 --rate 1e-2 --strain 0.02 --walls --out f.h5"
-    disks, origin = flowing.start_of(words(line))
-    assert 0 < origin["walls"] < disks.n and disks.n >= 32
-    plain, origin = flowing.start_of(words(line.replace("--walls ", "")))
-    assert plain.n == 32 and "walls" not in origin
-
-
-def test_a_packing_to_start_from_is_told_with_its_checksum(tmp_path):
-    write_packing(tmp_path / "p.h5", published())
-    line = f"flow {tmp_path}/p.h5 --model RD0 --rate 1e-2 --strain 0.02 --out {tmp_path}/f.h5"
-    disks, origin = flowing.start_of(words(line))
-    name, digest = read_identified(tmp_path / "p.h5")[1]
-    assert origin == {"packing": name, "packing_sha256": digest, "units": "those of the packing"}
-    assert disks.fingerprint == published().fingerprint
-
-
-@pytest.mark.parametrize(
-    "line", ["pack --radii r.h5 --pressure 1e-3 --out r.h5", "pack --radii r.h5 --phi 0.9 --out ./r.h5"]
-)
-def test_radii_are_not_lost(line, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "r.h5").write_text("1\n" * 16)
-    with pytest.raises(InputError, match=r"r\.h5: is the input, which would be lost"):
-        cli.dispatch(line.split())
-    assert (tmp_path / "r.h5").read_text() == "1\n" * 16
 
 
 def test_a_flow_that_goes_on_elsewhere_leaves_what_it_goes_on_from(tmp_path):
@@ -295,51 +121,3 @@ def test_a_flow_that_goes_on_elsewhere_leaves_what_it_goes_on_from(tmp_path):
     assert load(tmp_path / "g.h5")["strain"][-1] == pytest.approx(0.04, rel=0.1)
 
 
-@pytest.mark.parametrize(
-    "more",
-    [
-        "--rate 0.1",
-        "--model RD0",
-        "--seed 1",
-        "--discard 0.1",
-        "--step 0.01",
-        "--snapshots 1",
-        "--tolerance 1e-5",
-        "--mass 1",
-        "--law stokes",
-        "--n 16",
-        "--walls",
-    ],
-)
-def test_a_flow_that_goes_on_has_its_settings(more):
-    with pytest.raises(InputError, match=rf"{more.split()[0]}: f\.h5 goes on as it was begun; leave it out"):
-        flow._refuse_settled(words(f"flow f.h5 --strain 1 {more}"))
-    flow._refuse_settled(words("flow f.h5 --strain 1 --out g.h5 --last p.h5"))
-
-
-@pytest.mark.parametrize(("seed", "fresh"), [(None, False), (0, True), (5, True)])
-def test_a_packing_is_made_from_where_its_task_says(tmp_path, monkeypatch, seed, fresh, capsys):
-    asked = []
-
-    def make(start, target, solver, **how):
-        asked.append((start, target, solver, how["fresh"], how["team"]))
-        return published().with_record(
-            pressure=1e-3,
-            phi=0.8,
-            coordination=4.0,
-            rattlers=0,
-            max_force=1e-12,
-            tolerance=1e-6,
-            evaluations=3,
-        )
-
-    monkeypatch.setattr("jampetsc.packing.protocols.make_packing", make)
-    task = packtasks.Task(tmp_path / "p.h5", seed, Target(1e-3, tolerance=1e-6))
-    start = lambda seed, target: ("start", seed, target)  # noqa: E731
-    assert pack._make([task], start, {"stabilise": "volume"}, "solver", "team", SimpleNamespace(rank=0)) == []
-    assert asked == [(("start", seed, task.target), task.target, "solver", fresh, "team")]
-    record = read_packing(tmp_path / "p.h5").record
-    assert record["requested_pressure"] == 1e-3 and record["stabilise"] == "volume"
-    assert record.get("seed") == seed and capsys.readouterr().out.startswith(
-        f"{tmp_path}/p.h5: N = 16, p = 0.001"
-    )

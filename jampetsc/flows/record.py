@@ -6,14 +6,13 @@ A checkpoint holds the same but the means, see `storage.checkpoint`.
 import json
 import shutil
 
-import h5py
 import numpy as np
 
 from jampetsc.analysis.order import bond_order
 from jampetsc.errors import InputError, named
 from jampetsc.storage.atomic import follow
 from jampetsc.storage.checkpoint import Checkpoint, discard, folder_of
-from jampetsc.storage.hdf5 import reading, values
+from jampetsc.storage.hdf5 import reading
 
 FORMAT = "jampetsc-flow"
 STATE = "state/"  # before the names of what a run goes on from
@@ -79,17 +78,18 @@ class Record:
 
     @classmethod
     def of(cls, arrays, columns=None) -> "Record":
-        """The record in a result, or in an open file."""
-        read = values if isinstance(arrays, h5py.File) else np.asarray
+        """The record in a result or a checkpoint, a mapping of names to arrays."""
         record = cls(
             columns or SERIES | {name: size for name, size in BETWEEN_WALLS.items() if name in arrays}
         )
-        record.rows = {name: list(read(arrays[name])) for name in record.columns}
+        record.rows = {name: list(np.asarray(arrays[name])) for name in record.columns}
         if "snapshots/strain" in arrays:  # without images, and radii beside them, in older files
             held = {name: f"snapshots/{name}" for name in SNAPSHOTS}
-            record.snapshots = {name: list(read(arrays[at])) for name, at in held.items() if at in arrays}
+            record.snapshots = {
+                name: list(np.asarray(arrays[at])) for name, at in held.items() if at in arrays
+            }
             beside = "snapshots/radii" in arrays
-            record.radii = read(arrays["snapshots/radii" if beside else f"{STATE}radii"])
+            record.radii = np.asarray(arrays["snapshots/radii" if beside else f"{STATE}radii"])
         return record
 
 
@@ -141,6 +141,8 @@ def record_of(result):
 
 def resumed(out, settings: dict, columns=None):
     """(record, state) of a checkpoint of the same job beside `out`, else None."""
+    if out is None:
+        return None
     checkpoint = Checkpoint(out, settings)
     if not checkpoint.done:
         return None

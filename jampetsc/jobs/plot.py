@@ -3,6 +3,7 @@
 import functools
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import ClassVar
 
 from jampetsc.errors import InputError, named
@@ -135,17 +136,21 @@ class Plot(Job):
 
     def work(self, to):
         """Draw the picture; what it shows."""
-        from jampetsc.jobs.kinds import opened
         from jampetsc.plots.draw import draw
-        from jampetsc.storage.ensemble import Ensemble
+        from jampetsc.storage.ensemble import TABLE
+        from jampetsc.storage.reader import load
         from jampetsc.words.files import wanted_of
 
-        wanted, items = wanted_of(self.where), [opened(one) for one in self.files]
-        if wanted and not any(isinstance(item, Ensemble) for item in items):
+        wanted = wanted_of(self.where)
+        studies = [isinstance(one, str) and (Path(one) / TABLE).exists() for one in self.files]
+        if wanted and not any(studies):
             raise InputError(
                 f"{named('where')} {self.where}: chooses rows of a study, but {self.files[0]} is none: leave it out"
             )
-        items = [item.where(**wanted) if isinstance(item, Ensemble) else item for item in items]
+        items = [
+            load(one).where(**wanted) if wanted and study else one
+            for one, study in zip(self.files, studies, strict=True)
+        ]
         chosen = {name: getattr(self, name) for name in ("size", "xlim", "ylim", "style")}
         chosen["label"] = self.label or ()
         out = None if to.path is None else str(to.path)

@@ -5,7 +5,7 @@ import numpy as np
 from jampetsc.analysis.scaling import BORDER, critical_exponents, local_slope, low_frequency_limit
 from jampetsc.analysis.statistics import log_median, mean_with_error
 from jampetsc.errors import InputError
-from jampetsc.plots.curves import curve_of, group_curves
+from jampetsc.plots.curves import Curve, curve_of, group_curves
 from jampetsc.plots.floppy import PRESTRESS, QUANTITIES, groups_of, unstable, values_of
 from jampetsc.plots.page import band, points
 from jampetsc.plots.picture import count, picture
@@ -30,9 +30,9 @@ _PANELS = (  # what it is, limits that have a name, range, whether only above ω
 @picture("exponents", "sweep", "quasistatic")
 def plot_exponents(results, page):
     """Of sweeps `draw_exponents`, against ω; of quasistatic files `draw_pressure_exponents`, against p."""
-    if hasattr(results[0], "format") and results[0].format.endswith("quasistatic"):
-        return draw_pressure_exponents(results, page)
-    return draw_exponents([curve_of(result) for result in results], page)
+    if isinstance(results[0], Curve) or "omega" in results[0]:
+        return draw_exponents([curve_of(result) for result in results], page)
+    return draw_pressure_exponents(results, page)
 
 
 def draw_exponents(curves, page) -> str:

@@ -62,9 +62,9 @@ def _label(axis, steps):
 
 
 def _labels(axis):
-    low, high = sorted(axis.get_view_interval())
-    ticks = zip(axis.get_majorticklocs(), axis.get_majorticklabels(), strict=True)
-    return [label for value, label in ticks if low <= value <= high]
+    """The labels in sight."""
+    (low, high), along = sorted(axis.get_view_interval()), "xy".index(axis.axis_name)
+    return [label for label in axis.get_majorticklabels() if low <= label.get_position()[along] <= high]
 
 
 def draw_guide(ax, x, y, exponent, symbol, above) -> None:

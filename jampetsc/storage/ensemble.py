@@ -48,10 +48,11 @@ class Ensemble(Mapping):
     """Rows of the table of a study: column -> (rows,) array, nan or "" where a task has no such number.
 
     path   the folder; the columns `command`, `state` and `file` are always there
+    load   what opens a file of it
     """
 
-    def __init__(self, path, columns: dict):
-        self.path, self._columns = Path(path), columns
+    def __init__(self, path, columns: dict, load):
+        self.path, self._columns, self._load = Path(path), columns, load
 
     def __getitem__(self, name):
         if name not in self._columns:
@@ -96,14 +97,13 @@ class Ensemble(Mapping):
         return self._taken(chosen)
 
     def _taken(self, rows):
-        return Ensemble(self.path, {name: column[rows] for name, column in self._columns.items()})
+        columns = {name: column[rows] for name, column in self._columns.items()}
+        return Ensemble(self.path, columns, self._load)
 
     def results(self) -> list:
         """What `jampetsc.load` gives for the files of the rows that are done."""
-        from jampetsc.storage.reader import load
-
         done = self["state"] == "done"
-        return [load(self.path / name) for name in self["file"][done]]
+        return [self._load(self.path / name) for name in self["file"][done]]
 
     def mean(self, by=()) -> "Averages":
         """Means over the rows that agree in the columns `by`, a name or several, with errors."""
@@ -277,8 +277,8 @@ def _same(column, value):
     return column == str(value)
 
 
-def load_ensemble(folder) -> Ensemble:
-    """The table of the study in a folder. Raises InputError where it is none."""
+def load_ensemble(folder, load) -> Ensemble:
+    """The table of the study in a folder, whose files `load` opens. Raises InputError where it is none."""
     path = Path(folder) / TABLE
     try:
         with open_regular(path) as file:
@@ -292,7 +292,8 @@ def load_ensemble(folder) -> Ensemble:
         raise InputError(f"{path}: is not the table of a study: run `jampetsc study` again") from None
     if not {"command", "state", "file"} <= set(header) or any(len(row) != len(header) for row in rows):
         raise InputError(f"{path}: is not the table of a study: run `jampetsc study` again")
-    return Ensemble(folder, {name: _column([row[n] for row in rows]) for n, name in enumerate(header)})
+    columns = {name: _column([row[n] for row in rows]) for n, name in enumerate(header)}
+    return Ensemble(folder, columns, load)
 
 
 def _column(cells):

@@ -356,7 +356,7 @@ def load(path):
     Raises InputError naming the file, what is wrong with it and the remedy.
     """
     if (Path(path) / TABLE).exists():
-        return load_ensemble(path)
+        return load_ensemble(path, load)
     return undisturbed(path, _load)
 
 

@@ -1,0 +1,340 @@
+"""Flow, shear and jam as jobs: the range of every number, what does not go together, and what comes of it."""
+
+import inspect
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from samples import published
+from sheared import crowd
+
+import jampetsc
+from jampetsc.analysis.jamming import independent_share
+from jampetsc.contacts.laws import ContactDamping, Law
+from jampetsc.contacts.potentials import Potential
+from jampetsc.errors import InputError
+from jampetsc.flows import models
+from jampetsc.flows.jamming import PROTOCOLS
+from jampetsc.flows.record import Record
+from jampetsc.jobs import flow, jam, starts
+from jampetsc.jobs.asking import made
+from jampetsc.jobs.flow import Flow
+from jampetsc.jobs.jam import Jam
+from jampetsc.jobs.shear import Shear
+from jampetsc.packing.minimise import settle
+from jampetsc.packing.protocols import random_start
+from jampetsc.packing.sizes import radii_of
+from jampetsc.storage.outlet import Outlet
+from jampetsc.storage.packing_file import packing_identity, write_packing
+
+NAN, INF, LAST = float("nan"), float("inf"), 2**63 - 1
+FLOW = {"n": 16, "phi": 0.8, "model": "RD0", "rate": 1e-2, "strain": 0.5}
+SHEAR = {"n": 16, "phi": 0.8, "step": 0.01, "strain": 1.0}
+JAM = {"n": 16, "phi": 0.84, "seeds": "1:2"}
+QS = JAM | {"protocol": "shear"}
+COOL = JAM | {"protocol": "compress"}
+
+RANGES = [  # (job, what is given beside, parameter, values within, values beyond)
+    (Flow, FLOW, "n", [16], [15, 10_000_001, 16.5]),
+    (Flow, FLOW, "phi", [0.1, 1.0], [0.099, 1.01, NAN]),
+    (Flow, FLOW, "seed", [0, LAST], [-1, LAST + 1]),
+    (Flow, FLOW, "rate", [1e-9, 1.0], [0.0, 1.01, -0.1, NAN, INF]),
+    (Flow, FLOW, "strain", [1e-9], [0.0, -1.0, NAN]),
+    (Flow, FLOW, "step", [1e-9], [0.0, NAN]),
+    (Flow, FLOW, "tolerance", [1e-14, 0.1], [0.99e-14, 0.11, 0.0, NAN]),
+    (Flow, FLOW, "discard", [0.0, 0.499], [0.5, -0.01, NAN]),
+    (Flow, FLOW, "snapshots", [0, 1], [-1, 0.5]),
+    (Flow, FLOW, "model", ["CD0"], ["CD1"]),
+    (Flow, FLOW | {"model": "RD"}, "mass", [1e-9, 1e12], [0.0, -1.0, NAN, INF, 1e300]),
+    (Flow, FLOW | {"model": "RD"}, "quality", [1e-9, 1e12], [0.0, -1.0, NAN, INF]),
+    (Flow, FLOW | {"model": "CD0"}, "friction", [0.0, 1.0], [-1e-9, NAN, INF]),
+    (Flow, FLOW, "tau1", [1e-3, 1e12], [0.0, NAN, 1e300]),
+    (Shear, SHEAR, "step", [1e-8, 0.1], [0.0, 0.101, -0.1, NAN]),
+    (Shear, SHEAR, "strain", [0.01, 1e4], [0.0099, 1.01e4, NAN]),
+    (Shear, SHEAR | {"strain": 100}, "step", [1e-6], [0.99e-6]),
+    (Shear, SHEAR, "discard", [0.0, 0.99], [1.0, -0.01, NAN]),
+    (Shear, SHEAR, "tolerance", [1e-13, 1e-2], [0.99e-13, 1.01e-2, NAN]),
+    (Jam, JAM, "n", [16], [15, 10_000_001]),
+    (Jam, JAM, "tolerance", [1e-13, 1e-2], [0.99e-13, 1.01e-2, NAN]),
+    (Jam, JAM, "phi", [0.1, "1.0", "0.1:1:3", "0.8,0.8", [0.9, 0.8]],
+     [0.099, "1.01", NAN, "0.8:0.9:0", "0.8:0.9", "a", "0.9:0.8:3"]),
+    (Jam, JAM, "seeds", ["0:0", f"{LAST}:{LAST}", "1:200000", range(3, 5)], ["2:1", "-1:2", "1:1000001", "3"]),
+    (Jam, QS | {"every": 0.1, "strain": 0.3, "discard": 0.1}, "step", [1e-8, 0.1], [0.99e-8, 0.11]),
+    (Jam, QS | {"step": 0.01}, "every", [0.01, 1.0], [0.0099]),
+    (Jam, QS | {"step": 0.01, "every": 0.5}, "strain", [1.5, 1e4], [1.49, 1.01e4]),
+    (Jam, QS | {"step": 0.01, "every": 100, "strain": 1e4}, "discard", [0.0, 9900.0], [-0.01]),
+    (Jam, COOL, "temperature", [1e-8, 10.0], [0.99e-8, 10.1]),
+    (Jam, COOL, "cooling_rate", [1e-6, 10.0], [0.99e-6, 10.1]),
+    (Jam, COOL, "sweeps", [0, 10_000_000], [-1, 10_000_001]),
+]  # fmt: skip
+REFUSED = [  # (job, what is given, parameter that is named first)
+    (Flow, {"n": 16, "phi": 0.8, "model": "RD0", "strain": 1.0}, "rate"),
+    (Flow, {"n": 16, "phi": 0.8, "rate": 1e-2, "strain": 1.0}, "model"),
+    (Flow, {"n": 16, "model": "RD0", "rate": 1e-2, "strain": 1.0}, "phi"),
+    (Flow, {"phi": 0.8, "model": "RD0", "rate": 1e-2, "strain": 1.0}, "n"),
+    (Flow, FLOW | {"law": "contact"}, "model"),
+    (Flow, FLOW | {"eta_f": 0.5}, "model"),
+    (Flow, FLOW | {"mass": 1.0}, "mass"),
+    (Flow, FLOW | {"quality": 1.0}, "quality"),
+    (Flow, FLOW | {"model": "RD"}, "model"),
+    (Flow, FLOW | {"model": "CDt"}, "model"),
+    (Flow, FLOW | {"model": "CD", "mass": 1.0, "quality": 1.0}, "quality"),
+    (Flow, FLOW | {"friction": 0.1}, "friction"),
+    (Flow, FLOW | {"radii": np.ones(16)}, "n"),
+    (Flow, FLOW | {"start": "p.h5"}, "n"),
+    (Flow, {"start": "p.h5", "model": "RD0", "rate": 1e-2, "strain": 1.0, "walls": True}, "walls"),
+    (Shear, {"start": "p.h5", "step": 1e-2, "strain": 1.0, "seed": 1}, "seed"),
+    (Jam, JAM | {"step": 1e-2}, "step"),
+    (Jam, QS | {"temperature": 1.0}, "temperature"),
+    (Jam, QS | {"step": 0.05}, "every"),
+    (Jam, QS | {"strain": 1.01}, "strain"),
+    (Jam, COOL | {"step": 1e-3}, "step"),
+    (Jam, COOL | {"strain": 1e-4}, "step"),
+]
+
+
+@pytest.mark.parametrize(("job", "given", "name", "within", "beyond"), RANGES)
+def test_the_ends_of_a_range_belong_to_it_and_what_lies_beyond_is_refused(job, given, name, within, beyond):
+    if name == "tau1" or name == "friction":
+        given = given | {"model": "CD0"}
+    for value in within:
+        made(job, given | {name: value})
+    for value in beyond:
+        with pytest.raises(InputError) as refused:
+            made(job, given | {name: value})
+        assert str(refused.value).startswith(name) and "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(("job", "given", "name"), REFUSED)
+def test_what_does_not_go_together_is_refused(job, given, name):
+    with pytest.raises(InputError) as refused:
+        made(job, given)
+    assert str(refused.value).startswith((f"{name}:", f"{name} "))
+
+
+def test_a_seventh_model_is_one_row(monkeypatch):
+    """Function, option and message follow from the table."""
+    monkeypatch.setitem(models.MODELS, "RDt", (Law("drag and sliding", drag=1.0, transverse=1.0), True))
+    made_ = models._maker("RDt")(mass=2.0, tau1=3.0)
+    assert (made_.name, made_.mass, made_.law.transverse, made_.law.tau1) == ("RDt", 2.0, 1.0, 3.0)
+    with pytest.raises(InputError, match="RDt: give mass or quality"):
+        models.model_of("RDt")
+
+
+def test_models_have_functions_with_the_options_that_they_have():
+    signatures = {
+        name: set(inspect.signature(getattr(jampetsc.models, name)).parameters) for name in models.MODELS
+    }
+    massive, friction = {"mass", "quality"}, {"friction"}
+    assert signatures == {
+        "RD0": {"tau1"}, "CD0": {"tau1"} | friction, "RD": {"tau1"} | massive,
+        **{name: {"tau1"} | massive | friction for name in ("CD", "CDn", "CDt")},
+    }  # fmt: skip
+    with pytest.raises(TypeError):
+        jampetsc.models.RD0(mass=1.0)
+    with pytest.raises(InputError, match="CDn: give mass"):
+        jampetsc.models.CDn()
+
+
+def test_a_model_is_told_as_it_is_asked_for():
+    """By name, by options, as an object and as a law: the same job, whose words mean it again."""
+    own = {"n": 16, "phi": 0.7, "rate": 1e-2, "strain": 0.5}
+    law = {"law": "contact", "rotations": False, "beta": 0.5, "tau1": 2.0, "friction": 0.125}
+    same = [
+        (
+            made(Flow, own | {"model": "CD", "quality": 0.1}),
+            Flow(**own, model=jampetsc.models.CD(quality=0.1)),
+        ),
+        (made(Flow, own | {"model": "CD0"}), Flow(**own, model="CD0")),
+        (
+            made(Flow, own | law),
+            Flow(**own, model=models.Model(ContactDamping(0.5, rotations=False, tau1=2.0), friction=0.125)),
+        ),
+        (made(Flow, own | {"law": "stokes", "rotations": True}), Flow(**own, model=jampetsc.StokesDrag())),
+    ]
+    for one, other in same:
+        assert one.told() == other.told() and one.model == other.model
+        told = {name: value for name, value in one.told().items()}
+        assert made(Flow, told).model == one.model
+    assert "--no-rotations" in same[2][0].line() and "--no-rotations" not in same[3][0].line()
+
+
+def test_a_flow_is_asked_for_as_told():
+    job = made(Flow, FLOW | {"model": None, "law": "contact", "mass": 3.0, "friction": 0.125, "tau1": 2.0})
+    run = job._fresh(None)
+    assert (run.rate, run.model.mass, run.model.friction, run.model.law.tau1) == (1e-2, 3.0, 0.125, 2.0)
+    assert (run.plan.snapshots, run.plan.discard, run.scheme.tolerance) == (0, 0.25, 1e-4)
+    assert run.plan.steps * run.plan.rows * run.scheme.step * 1e-2 == pytest.approx(0.5, rel=0.05)
+    more = replace(job, tolerance=1e-6, step=0.01, snapshots=3, discard=0.125)._fresh(None)
+    assert (more.scheme.tolerance, more.scheme.step) == (1e-6, 0.01)
+    assert (more.plan.snapshots, more.plan.discard) == (3, 0.125)
+
+
+def test_a_quality_knows_the_stiffness_of_the_packing():
+    stiff = replace(published(), potential=Potential(k=4.0))
+    job = Flow(stiff, jampetsc.models.RD(quality=3.0, tau1=0.5), rate=1e-3, strain=0.1)
+    assert job._fresh(None).model.mass == pytest.approx(9.0 * 4.0 * 0.25)
+
+
+@pytest.mark.parametrize(
+    ("model", "scalar", "solves"),
+    [
+        (models.RD0(), None, False),
+        (models.RD(mass=1.0), None, False),
+        (models.CD0(), "real", True),
+        (models.CD(mass=0.01), "real", True),
+        (models.CDt(mass=1.0), "real", False),
+        (jampetsc.StokesDrag(), None, False),
+    ],
+)
+def test_petsc_is_for_flows_that_have_velocities_to_solve_for(model, scalar, solves):
+    job = Flow(**FLOW | {"model": model})
+    run = job._fresh(None)
+    assert job.scalar == scalar and run.solves == solves
+    if not solves:
+        with pytest.raises(InputError, match="has nothing to solve for"):
+            flow._together(run)
+
+
+@pytest.mark.parametrize("seed", [None, 0, 3])
+def test_a_random_start_is_that_of_its_seed(seed):
+    disks, origin = Flow(**FLOW, seed=seed).disks()
+    assert origin == {"seed": 1 if seed is None else seed, "sizes": "bidisperse", "units": starts.UNITS}
+    radii = radii_of("bidisperse", 16)
+    again = random_start(radii * (0.5 / radii.min()), 0.8, origin["seed"], disks.potential)
+    assert settle(again, starts.SETTLED).fingerprint == disks.fingerprint
+    assert disks.radii.min() == 0.5 and disks.potential.kind == "harmonic" and disks.phi == pytest.approx(0.8)
+    other, _ = Shear(**SHEAR, seed=2, potential="hertzian").disks()
+    assert other.potential.kind == "hertzian" and not np.allclose(other.positions, disks.positions)
+
+
+def test_radii_of_ones_own_keep_their_unit():
+    job = Shear(phi=0.8, radii=np.linspace(1.0, 2.0, 20), step=0.01, strain=0.1)
+    disks, origin = job.disks()
+    assert (
+        np.allclose(np.sort(disks.radii), np.linspace(1.0, 2.0, 20)) and origin["units"] == starts.OWN_UNITS
+    )
+
+
+def test_disks_between_walls_are_told_with_how_many_make_them_up():
+    disks, origin = Flow(**FLOW | {"n": 32, "phi": 0.5, "walls": True}).disks()
+    assert 0 < origin["walls"] < disks.n and disks.n >= 32
+
+
+def test_a_packing_to_start_from_is_told_with_its_checksum(tmp_path):
+    write_packing(tmp_path / "p.h5", published())
+    disks, origin = Flow(tmp_path / "p.h5", "RD0", rate=1e-2, strain=0.02).disks()
+    name, digest = packing_identity(tmp_path / "p.h5")
+    assert origin == {"packing": name, "packing_sha256": digest, "units": "those of the packing"}
+    assert disks.fingerprint == published().fingerprint
+
+
+def test_what_stays_in_memory_leaves_no_files(tmp_path, monkeypatch):
+    """A flow goes on from one in memory as from its file, to the last bit, and its last state is a packing."""
+    monkeypatch.chdir(tmp_path)
+    job = {"model": jampetsc.models.CDn(mass=1.0), "rate": 1e-2, "discard": 0.1}
+    one = jampetsc.flow(n=16, phi=0.86, strain=0.3, snapshots=2, **job)
+    farther = jampetsc.flow(one, strain=0.3)
+    assert not list(tmp_path.iterdir())
+    assert len(farther["snapshots/strain"]) == 4 and len(one["snapshots/strain"]) == 2
+    one.save(tmp_path / "one.h5")
+    from_file = jampetsc.flow(one, strain=0.3)
+    assert [path.name for path in tmp_path.iterdir()] == ["one.h5"]
+    for name in ("strain", "shear_stress", "energy"):
+        assert np.array_equal(farther[name], from_file[name])
+    assert farther.last.fingerprint == from_file.last.fingerprint
+    for other in (farther, jampetsc.load("one.h5")):
+        with pytest.raises(InputError, match="goes on as it was begun; leave it out"):
+            jampetsc.flow(other, "RD0", strain=0.1, rate=0.1)
+    with pytest.raises(InputError, match=r"one\.h5: is a jampetsc-flow file"):
+        jampetsc.shear("one.h5", step=0.1, strain=0.1)
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"rate": 0.1}, {"model": "RD0"}, {"seed": 1}, {"discard": 0.1}, {"step": 0.01}, {"snapshots": 1},
+        {"tolerance": 1e-5}, {"model": models.RD(mass=1)}, {"n": 16}, {"walls": True},
+    ],
+)  # fmt: skip
+def test_a_flow_that_goes_on_has_its_settings(more):
+    asked = {"start": "f.h5", "strain": 1.0, "model": "CD0", "rate": 0.1} | more
+    if more.keys() & {"n", "seed", "walls"}:
+        with pytest.raises(InputError, match=f"{next(iter(more))}: belongs to f.h5"):
+            Flow(**asked)
+    else:
+        with pytest.raises(InputError, match="goes on as it was begun; leave it out"):
+            Flow(**asked)._refuse_settled("f.h5")
+    Flow("f.h5", strain=1.0, last="p.h5")._refuse_settled("f.h5")
+
+
+def test_samples_that_jam_are_asked_for_as_told():
+    asked = Jam(n=16, phi="0.8:0.84:3", seeds="4:5").samples
+    assert asked.tasks == [(pytest.approx(phi), seed) for phi in (0.8, 0.82, 0.84) for seed in (4, 5)]
+    assert asked.protocol.name == "random" and asked.protocol.rows == 1 and asked.count == 6
+    one = {"n": 16, "phi": [0.85, 0.8, 0.8], "seeds": "0:0"}
+    asked = Jam(**one, protocol="shear", step=0.01, strain=2, every=0.25).samples
+    assert asked.tasks == [(0.8, 0), (0.85, 0)] and asked.count == 8
+    protocol = asked.protocol
+    assert (protocol.step, protocol.strain, protocol.discard, protocol.every) == (0.01, 2.0, 1.0, 0.25)
+    protocol = Jam(**one, protocol="compress", temperature=1e-2, sweeps=0).samples.protocol
+    assert (protocol.temperature, protocol.cooling_rate, protocol.sweeps) == (1e-2, 1e-2, 0)
+    Jam(**one, protocol="shear", step=0.1, every=0.3 - 0.2)  # a step but for rounding
+    job = Jam(n=16, phi="0.8:0.84:3", seeds="4:5")
+    assert (
+        job.told()["phi"] == "0.8:0.84:3" and made(Jam, job.told()).samples.settings == job.samples.settings
+    )
+    assert tuple(PROTOCOLS) == jam.PROTOCOLS
+
+
+def test_samples_of_one_result_are_counted_with_their_rows(monkeypatch):
+    monkeypatch.setattr(jam, "MANY", 6)
+    Jam(n=16, phi=[0.8, 0.9], seeds="1:3")
+    Jam(n=16, phi=0.8, seeds="1:2", protocol="shear", strain=1.06)
+    for given in ({"seeds": "1:7"}, {"phi": "0.8:0.9:4"}, {"protocol": "shear"}):
+        with pytest.raises(InputError, match="samples: at most 6"):
+            Jam(**JAM | given)
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"n": 17}, {"phi": 0.85}, {"seeds": "1:3"}, {"sizes": "monodisperse"}, {"potential": "hertzian"},
+        {"tolerance": 1e-7}, QS, COOL, QS | {"step": 0.002}, QS | {"strain": 3}, QS | {"discard": 0.5},
+        QS | {"every": 0.03}, COOL | {"temperature": 0.01}, COOL | {"cooling_rate": 0.1}, COOL | {"sweeps": 7},
+        {"separated": True},
+    ],
+)  # fmt: skip
+def test_a_checkpoint_of_samples_serves_the_same_job_alone(more):
+    plain = {name: value for name, value in (JAM | more).items() if name in ("protocol", *JAM)} | JAM
+    settings = [Jam(**given).samples.settings for given in (JAM | more, plain)]
+    assert settings[0] != settings[1] or more.keys() <= plain.keys()
+    assert Jam(**JAM | more).samples.settings != Jam(**JAM).samples.settings
+    assert Jam(**JAM, sizes="bidisperse", tolerance=1e-6).samples.settings == Jam(**JAM).samples.settings
+
+
+@pytest.mark.parametrize("lost", [0, 1, 3])
+def test_samples_tell_their_share_pressure_and_what_is_lost(lost):
+    record = Record({name: 0 for name in ("phi", "seed", "jammed", "pressure", "phi_J")})
+    for n in range(4):
+        jammed, at = np.nan if n < lost else 1.0, 0.83 + 0.01 * n
+        record.add(phi=0.84, seed=n, jammed=jammed, pressure=2e-3 * (n + 1), phi_J=at if n else np.nan)
+    record.add(phi=0.84, seed=5, jammed=0.0, pressure=9.0, phi_J=np.nan)
+    record.add(phi=0.85, seed=1, jammed=np.nan, pressure=1.0, phi_J=np.nan)
+    lines = jam._summary(16, record, Outlet("j.h5")).split("\n")
+    share = independent_share(np.r_[np.ones(4 - lost), 0.0])
+    pressure = 1e-3 * (lost + 1 + 4)
+    assert lines[0] == "j.h5: 6 samples of 16 disks"
+    assert lines[1] == (
+        f"  phi = 0.84: jammed {share.value:.3f} ± {0.5 * (share.high - share.low):.2g} (as of {5 - lost} independent "
+        f"samples), p of the jammed {pressure:.4g}, phi_J 0.85 ± 0.0076"
+    )
+    assert lines[2:] == [
+        "  phi = 0.85: no minimum found",
+        f"  {lost + 1} samples reached no minimum: nan in the result",
+    ]
+
+
+def test_a_start_that_is_refused_is_told_without_its_arrays():
+    with pytest.raises(InputError, match="<16 disks>: is no flow"):
+        jampetsc.flow(crowd(16), strain=1.0)
