@@ -4,17 +4,10 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from samples import published
 
 from jampetsc import cli
-from jampetsc.contacts.potentials import Potential
 from jampetsc.errors import InputError
-from jampetsc.flows import job as jobs
 from jampetsc.jobs.inputs import refuse_one_packing, refuse_repeated
-from jampetsc.packing.minimise import settle
-from jampetsc.packing.protocols import random_start
-from jampetsc.packing.sizes import radii_of
-from jampetsc.storage.packing_file import read_identified, write_packing
 from jampetsc.storage.reader import load
 from jampetsc.studies.table import table_text
 from jampetsc.words.files import files_named
@@ -57,8 +50,6 @@ def words(line):
 # What is asked for is what the words say
 
 
-
-
 def test_no_two_results_of_one_packing_but_of_unknown_ones():
     def result(name, sha256):
         return SimpleNamespace(path=Path(name), attributes={"packing_sha256": sha256} if sha256 else {})
@@ -89,22 +80,6 @@ def test_files_of_a_study_are_of_rows_that_are_done(tmp_path):
     assert files_named(["other.h5"], None, chosen) == (["other.h5"], False)
 
 
-@pytest.mark.parametrize(
-    ("value", "within"),
-    [(None, True), (0.0, True), (10.0, True), (-0.1, False), (10.1, False), (float("nan"), False)],
-)
-def test_an_option_of_a_picture_lies_between_its_limits(value, within):
-    args = SimpleNamespace(log_exponent=value)
-    if within:
-        assert picture.within(args, "log_exponent", 0, 10, 3.5) == (3.5 if value is None else value)
-    else:
-        with pytest.raises(InputError, match=f"--log-exponent {value:g}: must lie between 0 and 10"):
-            picture.within(args, "log_exponent", 0, 10, 3.5)
-
-
-@pytest.mark.parametrize(
-
-
 def test_a_flow_that_goes_on_elsewhere_leaves_what_it_goes_on_from(tmp_path):
     line = f"flow --n 16 --phi 0.5 --model RD0 --rate 0.1 --strain 0.02 --out {tmp_path}/f.h5"
     assert cli.dispatch(line.split()) == 0
@@ -119,5 +94,3 @@ def test_a_flow_that_goes_on_elsewhere_leaves_what_it_goes_on_from(tmp_path):
     assert cli.dispatch(f"flow {tmp_path}/f.h5 --strain 0.02 --out {tmp_path}/g.h5".split()) == 0
     assert (tmp_path / "f.h5").read_bytes() == before
     assert load(tmp_path / "g.h5")["strain"][-1] == pytest.approx(0.04, rel=0.1)
-
-
