@@ -146,7 +146,8 @@ def test_manners_of_every_command(command):
     options = [option for action in parser._actions for option in action.option_strings]
     assert "--help" in options
     for option in options:
-        assert option.startswith("--") and option == option.lower() and "_" not in option
+        assert option in ("-h", "-q", "-v") or option.startswith("--")
+        assert option == option.lower() and "_" not in option
     assert not parser.allow_abbrev
     for action in parser._actions:
         assert action.help and action.help is not argparse.SUPPRESS, f"{action.dest} has no help"

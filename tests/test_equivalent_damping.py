@@ -17,9 +17,7 @@ from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.analysis.scaling import fit_power_law
 from jampetsc.contacts.laws import Physics, damping_law
 from jampetsc.contacts.potentials import Potential
-from jampetsc.errors import InputError
 from jampetsc.jobs import sweep as sweep_job
-from jampetsc.jobs.sweep import Sweep
 from jampetsc.storage.packing_file import write_packing
 from jampetsc.storage.reader import load
 
@@ -105,23 +103,6 @@ def test_exponents_of_the_moduli(alpha):
         found = [fit_power_law(omega[near], part).exponent for part in (G.real, G.imag)]
         found += [fit_power_law(stresses, part).exponent for part in (H.real, H.imag)]
         np.testing.assert_allclose(found, exponents, atol=0.02)
-
-
-@pytest.mark.parametrize(
-    ("alpha", "stress", "law", "message"),
-    [
-        (0.0, 1e-3, "contact", "alpha 0: must lie in"),
-        (float("nan"), 1e-3, "contact", "alpha nan: must lie"),
-        (0.5, -1.0, "contact", "stress -1: must lie in"),
-        (0.5, None, "contact", "alpha 0.5: .* give stress"),
-        (None, 1e-3, "contact", "stress 0.001: .* give alpha too"),
-        (0.5, 1e-3, "stokes", "alpha: belongs to law contact"),
-    ],
-)
-def test_power_laws_that_cannot_be(alpha, stress, law, message):
-    with pytest.raises(InputError, match=message):
-        Sweep("p.h5", law, alpha=alpha, stress=stress)
-    assert Sweep("p.h5").damping is None
 
 
 # The sweep

@@ -9,7 +9,7 @@ from launch import ROOT, run
 from samples import physics, polydisperse
 
 import jampetsc
-from jampetsc.speed_accuracy.choices import words_of
+from jampetsc.jobs.sweep import Sweep
 from jampetsc.storage.packing_file import write_packing
 
 OMEGA = "1e-10:1e4:15"
@@ -40,9 +40,9 @@ def test_every_file_is_tested():
 @pytest.mark.parametrize("name", FOR_SWEEPS)
 def test_sweep_by_each_file(name, law, packing, tmp_path):
     out = tmp_path / "sweep.h5"
-    words = words_of(law)
+    words = Sweep(packing, law.law, method="direct", omega=OMEGA).words()
     file = f"jampetsc:{name}"
-    done = run(0, PROGRAM, "sweep", packing, "--out", out, "--method", "direct", "--omega", OMEGA, *words,
+    done = run(0, PROGRAM, "sweep", packing, "--out", out, *words,
                "-options_file", file)  # fmt: skip
     assert done.returncode == 0, done.stderr
     sweep = jampetsc.load(out)
