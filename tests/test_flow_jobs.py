@@ -25,7 +25,7 @@ from jampetsc.packing.minimise import settle
 from jampetsc.packing.protocols import random_start
 from jampetsc.packing.sizes import radii_of
 from jampetsc.storage.outlet import Outlet
-from jampetsc.storage.packing_file import packing_identity, write_packing
+from jampetsc.storage.packing_file import read_identified, write_packing
 
 NAN, INF, LAST = float("nan"), float("inf"), 2**63 - 1
 FLOW = {"n": 16, "phi": 0.8, "model": "RD0", "rate": 1e-2, "strain": 0.5}
@@ -224,7 +224,7 @@ def test_disks_between_walls_are_told_with_how_many_make_them_up():
 def test_a_packing_to_start_from_is_told_with_its_checksum(tmp_path):
     write_packing(tmp_path / "p.h5", published())
     disks, origin = Flow(tmp_path / "p.h5", "RD0", rate=1e-2, strain=0.02).disks()
-    name, digest = packing_identity(tmp_path / "p.h5")
+    name, digest = read_identified(tmp_path / "p.h5")[1]
     assert origin == {"packing": name, "packing_sha256": digest, "units": "those of the packing"}
     assert disks.fingerprint == published().fingerprint
 
