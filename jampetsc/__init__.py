@@ -26,6 +26,7 @@ _HOMES = {  # of what is no job
     "assemble": "jampetsc.jobs.matrices",
     "import_packing": "jampetsc.storage.importers",
     "load": "jampetsc.storage.reader",
+    "plot": "jampetsc.plots.draw",
 }
 _MODULES = {"models": "jampetsc.flows.models"}  # models.CD0() and others, of flow
 _FUNCTIONS = [name for name in JOBS if name != "import"]  # which is python's own word: import_packing

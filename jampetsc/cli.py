@@ -16,9 +16,10 @@ import sys
 import time
 
 from jampetsc import launcher, progress, session, solver_options, streams
-from jampetsc.commands import COMMANDS, add_command
 from jampetsc.errors import InputError, JampetscError, option
+from jampetsc.jobs import JOBS, job_class
 from jampetsc.version import VERSION
+from jampetsc.words.jobs import add_job
 
 REMEDIES = {errno.ENOSPC: ": free some space, or write elsewhere", errno.EACCES: ": check its permissions"}
 MORE_MEMORY = "use more nodes, or a smaller packing"
@@ -76,7 +77,7 @@ def dispatch(argv):
             f"{args.command} {petsc_argv[0]}: single-dash options are PETSc's, which has nothing to do here; "
             "the program's own begin with --"
         )
-    solver_options.check(args.command, petsc_argv)
+    solver_options.check(args.command, job_class(args.command).SOLVERS, petsc_argv)
     progress.tell(-1 if args.quiet else 1 if args.verbose else 0)
     try:
         return _run(args, argv, petsc_argv)
@@ -86,13 +87,9 @@ def dispatch(argv):
 
 def _run(args, argv, petsc_argv):
     """Run the command as it was asked for."""
-    from jampetsc.storage.request import asked  # not before --help
-
     if not args.takes_petsc(args):
-        with asked(args):
-            return args.run(args, petsc_argv) if _chosen(argv) else 0
-    with asked(args):
-        status = args.run(args, petsc_argv)
+        return args.run(args, petsc_argv) if _chosen(argv) else 0
+    status = args.run(args, petsc_argv)
     if petsc_argv:
         session.current().tell_unused()
     return status
@@ -142,11 +139,11 @@ def command_parser(words):
     parser.add_argument("--version", action="version", version=f"jampetsc {VERSION}")
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     asked = words[0] if words else ""
-    if asked and asked not in COMMANDS and not asked.startswith("-"):
-        raise InputError(f"{asked}: no such command{_did_you_mean(asked, COMMANDS)} (see jampetsc --help)")
-    names = [asked] if asked in COMMANDS else [] if asked == "--version" else COMMANDS
-    for name in names:
-        add_command(name, subparsers)
+    if asked and asked not in JOBS and not asked.startswith("-"):
+        raise InputError(f"{asked}: no such command{_did_you_mean(asked, JOBS)} (see jampetsc --help)")
+    whole = asked in JOBS
+    for name in [asked] if whole else [] if asked == "--version" else JOBS:
+        add_job(job_class(name), subparsers, whole)
     return parser, subparsers
 
 

@@ -20,6 +20,7 @@ from pathlib import Path
 
 from jampetsc import builds, launcher, streams
 from jampetsc.errors import InputError
+from jampetsc.shipped_files import located
 from jampetsc.solver_options import is_petscs_own, names_given
 
 QUIET = "-no_signal_handler"
@@ -32,14 +33,15 @@ def start(scalar=None, petsc_argv=()):
     """Start MPI, PETSc and SLEPc and return the Session. Collective.
 
     scalar      "real", "complex", or None for either (real preferred)
-    petsc_argv  PETSc's own options, as on a command line: ["-options_file", "a.opts", "-log_view"]
+    petsc_argv  PETSc's own options, as on a command line: ["-options_file", "a.opts", "-log_view"];
+                `jampetsc:NAME` is an options file that comes with the package
 
     Raises InputError when no build has that scalar type, when the user's own has the other one, when SLEPc
     belongs to another PETSc, or for an options file that cannot be read. A second call returns the running
     session.
     """
     global _session
-    petsc_argv = [str(token) for token in petsc_argv]
+    petsc_argv = [located(str(token)) for token in petsc_argv]
     if _session is None:
         names = names_given(petsc_argv)
         with builds.selected(scalar):
@@ -172,9 +174,9 @@ class Session:
     def tell_unused(self):
         """Have PETSc, when it ends, print the solvers' options that rank 0 has not asked for: its -options_left."""
         database = self.PETSc.Options()
+        for name in self._defaults:
+            database.delValue(name)  # not the user's to correct
         if self._for_solvers and "options_left" not in self.options():
-            for name in self._defaults:
-                database.delValue(name)  # not the user's to correct
             database.setValue("options_left", True)
 
     def stage(self, name):
@@ -189,17 +191,6 @@ class Session:
         gc.collect()
         if hasattr(self.PETSc, "garbage_cleanup"):  # petsc4py ≥ 3.18
             self.PETSc.garbage_cleanup(self.comm)
-
-
-def least(comm, values):
-    """Collective. The smallest of each entry over all ranks, put into the array `values`, which is returned.
-
-    Takes no memory that grows with the number of ranks, as a gather of the arrays would.
-    """
-    from mpi4py import MPI
-
-    comm.Allreduce(MPI.IN_PLACE, values, op=MPI.MIN)
-    return values
 
 
 def versions():

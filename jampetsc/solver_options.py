@@ -21,18 +21,6 @@ SOLVERS = {  # prefix: parts of PETSc and SLEPc that read the words after it
     "osc_": "snes ksp",
     "osc_factor_": "pc mat",
 }
-COMMANDS = {  # command: prefixes of the solvers that it may come to use
-    "pack": ("newton_",),
-    "jam": ("newton_",),
-    "shear": ("newton_",),
-    "flow": ("flow_",),
-    "sweep": ("shift_", "freq_", "inertia_"),
-    "quasistatic": ("shift_", "inertia_"),
-    "modes": ("modes_", "shift_", "inertia_"),
-    "oscillate": ("osc_", "osc_factor_", "shift_", "inertia_"),
-    "info": ("inertia_",),
-    "study": tuple(SOLVERS),
-}
 # What PETSc reads for itself, when it starts or ends, and of objects that have no prefix.
 PETSCS_OWN = tuple(
     "binary_ blas_ check_ checkfunctionlist checkstack citations cuda_ debugger_ default_device device_ display draw_ "
@@ -49,9 +37,8 @@ def is_petscs_own(name: str) -> bool:
     return name.lower().startswith(PETSCS_OWN)
 
 
-def check(command: str, petsc_argv) -> None:
+def check(command: str, prefixes, petsc_argv) -> None:
     """Raise InputError for words that PETSc cannot take, and for an option that no solver of a command has."""
-    prefixes = COMMANDS.get(command, ())
     for name in names_given(petsc_argv):
         if not name.lower().startswith(prefixes) and not is_petscs_own(name):
             raise InputError(f"PETSc option -{name}: {_what_instead(command, name, prefixes)}")
@@ -92,7 +79,10 @@ def _names_in(file):
 
 def _what_instead(command, name, prefixes):
     """Why an option is none of a command, and what may have been meant."""
-    others = [one for one, own in COMMANDS.items() if one != "study" and name.lower().startswith(own)]
+    from jampetsc.jobs import JOBS, job_class  # which are made of what is below them
+
+    own = {one: job_class(one).SOLVERS for one in JOBS if one != "study"}
+    others = [one for one, its in own.items() if name.lower().startswith(its)]
     if others:
         return f"is one of jampetsc {' and '.join(others)}, and {command} has no use for it: leave it out"
     if not prefixes:

@@ -1,19 +1,24 @@
-"""What a picture shows, as numbers: the figure of a plot instead of its file."""
-
-import sys
+"""What a picture shows, as numbers: the axes of a plot instead of its file."""
 
 import numpy as np
-import pytest
+
+from jampetsc.plots.page import Page
+from jampetsc.plots.style import drawn_in
 
 
-def figure_of(plot, *what, **settings):
-    """The figure that a function of `jampetsc.plots` draws."""
-    found = []
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys.modules[plot.__module__], "save", lambda fig, path: found.append(fig))
-        plot(*what, path="no.png", **settings)
-    (figure,) = found
-    return figure
+def figure_of(plot, results, **settings):
+    """The figure that a picture of `jampetsc.plots` draws of these results, or of one."""
+    axes = plot(results if isinstance(results, list | tuple) else [results], **settings)
+    return np.ravel(axes)[0].figure
+
+
+def drawn_by(draw, *what, **settings):
+    """The figure that a function which draws on a page makes."""
+    with drawn_in():
+        page = Page()
+        draw(*what, page=page, **settings)
+        page.finish()
+    return page.figure
 
 
 def require_inside(fig):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from drawn import bars, figure_of, lines
 
+import jampetsc
 from jampetsc import cli
 from jampetsc.analysis import collapse_errors, collapse_fit, jamming
 from jampetsc.analysis.averages import Average, mean_of_averages
@@ -16,7 +17,8 @@ from jampetsc.analysis.statistics import half_width, mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.plots.branches import plot_branches
 from jampetsc.plots.scaling import plot_scaling
-from jampetsc.storage.reader import load
+from jampetsc.storage.memory import MemoryWriter
+from jampetsc.storage.reader import Result, load
 from jampetsc.storage.result_file import ResultWriter
 from jampetsc.studies.table import table_text
 from jampetsc.words.scaling import ALIKE, notes_of, read_points, text_of
@@ -238,6 +240,22 @@ def test_the_command_on_a_study(study, tmp_path, capsys):
         assert message in capsys.readouterr().err
     assert cli.main(["plot", str(out), "--out", str(picture)]) == 0
     assert picture.stat().st_size > 20_000
+
+
+def test_flows_in_memory_are_scaled_as_their_files_are(study):
+    flows = [load(path) for path in sorted(study.glob("0.84*-*.h5"))]
+    held = []
+    for flow in flows:
+        writer = MemoryWriter(flow.format)
+        writer.attributes(**flow.attributes)
+        held.append(Result.of(writer))
+    how = {"observable": "pressure", "fit": ["phi_J", "y=1.1", "znu"], "degree": 1, "range": (0.8, 0.9)}
+    one, other = jampetsc.collapse(*held, **how), jampetsc.collapse(*flows, **how)
+    assert one.file is None and set(one) == set(other)
+    assert all(np.array_equal(one[name], other[name]) for name in one)
+    assert one.attributes["source_runs"] == other.attributes["source_runs"]
+    with pytest.raises(InputError, match="is given already"):
+        jampetsc.collapse(held[0], held[0], **how)
 
 
 @pytest.mark.parametrize("scale", ["rate", "size"])
@@ -892,7 +910,9 @@ def test_two_branches_are_drawn_against_the_distance():
     order = [1, 0, 3, 2]  # of each rate those above φ_J first
     for (distance, y, down, up), n in zip(bars(ax), order, strict=True):
         assert np.allclose([distance[0], y[0], down[0], up[0]], [abs(x[n]), f0[n], 0.2, 0.2])
-    below, above = (line.get_xydata().T for line in ax.get_lines()[:2])
+    below, above = (
+        line.get_xydata().T for line in [line for line in ax.get_lines() if len(line.get_xdata()) == 5]
+    )
     assert np.allclose(below, [[0.5, 0.4, 0.3, 0.2, 0.1], [1, 2, 3, 4, 5]]) and np.allclose(
         above[1], [7, 8, 9, 10, 11]
     )
@@ -901,7 +921,7 @@ def test_two_branches_are_drawn_against_the_distance():
     sized = Held(result, attributes | {"scaling": "size"})
     sized.path = "f.h5"
     with pytest.raises(InputError, match=r"f\.h5: is a collapse of sizes"):
-        plot_branches(sized, "x.png")
+        plot_branches([sized])
 
 
 class Held(dict):

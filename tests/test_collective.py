@@ -8,7 +8,6 @@ import pytest
 
 from jampetsc import collective
 from jampetsc.errors import ConvergenceError, InputError, JampetscError
-from jampetsc.session import least
 
 NOTHING = None  # in the place of a communicator: one process
 
@@ -69,13 +68,6 @@ def test_what_is_not_foreseen_stays_with_its_rank(session):
     with pytest.raises(ZeroDivisionError):
         with collective.agreed(session.comm):
             raise ZeroDivisionError
-
-
-@pytest.mark.scalar("real")
-def test_the_smallest_of_every_entry(session):
-    values = np.array([session.rank, -session.rank, 7.0])
-    found = least(session.comm, values)
-    assert found is values and values.tolist() == [0.0, 1.0 - session.size, 7.0]
 
 
 def test_one_process_needs_no_communicator():

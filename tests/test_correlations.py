@@ -1,11 +1,11 @@
 """Correlations of displacements: loops over pairs, fields of known C, and the command line."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from drawn import bands, bars, figure_of, lines
+from jampetsc.commands.correlate import _open
 from matplotlib.image import imread
 
 from jampetsc import cli
@@ -23,13 +23,11 @@ from jampetsc.analysis.correlations import (
 )
 from jampetsc.analysis.medium import dragged, solid, stokes
 from jampetsc.analysis.medium import first_root as first_root_of
-from jampetsc.commands.correlate import _open
 from jampetsc.contacts.disks import Disks
 from jampetsc.errors import InputError
 from jampetsc.plots.correlation import (
     CorrelationCurve,
     correlation_curve,
-    plot_comparison,
     plot_correlation,
     plot_lengths,
 )
@@ -37,7 +35,6 @@ from jampetsc.storage.packing_file import read_identified, write_packing
 from jampetsc.storage.provenance import derived_from
 from jampetsc.storage.reader import load
 from jampetsc.storage.result_file import ResultWriter
-from jampetsc.words.pictures import PICTURES
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 
@@ -363,7 +360,7 @@ def test_pictures_show_lengths_over_the_cell_with_the_errors_of_their_own_part()
             "size": 20.0,
         },
     )
-    over, collapsed = figure_of(plot_lengths, [one], exponent=0.65).axes[:2]
+    over, collapsed = figure_of(plot_lengths, [one], log_exponent=0.65).axes[:2]
     for part, length in enumerate(([4.0, 3.0], [2.0, 1.0])):
         y, error = np.array(length), one.bounds[part]
         np.testing.assert_allclose(bars(over)[part], [one.omega, y / 20, error / 20, error / 20])
@@ -438,10 +435,10 @@ def test_the_collapse_of_lengths_is_told_in_numbers(tmp_path, capsys):
         "correlation lengths of 2 files, in phase with the stress; l (-ln p)^-0.5 differs by"
         in capsys.readouterr().out
     )
-    with pytest.raises(InputError, match="--log-exponent 11: must lie between -10 and 10"):
+    with pytest.raises(InputError, match="log_exponent 11: must lie between -10 and 10"):
         cli.dispatch(["plot", *files, "--log-exponent", "11", "--out", str(tmp_path / "p.png")])
     with pytest.raises(
-        InputError, match=r"--log-exponent 1\.0: belongs to length pictures, not to correlation"
+        InputError, match=r"log_exponent 1\.0: belongs to length pictures, not to correlation"
     ):
         cli.dispatch(
             ["plot", *files, "--kind", "correlation", "--log-exponent", "1", "--out", str(tmp_path / "p.png")]
@@ -687,7 +684,7 @@ def test_files_are_compared_at_their_own_row_of_a_frequency(tmp_path):
     other = correlation_curve(
         correlation_file(tmp_path / "b.h5", omega=(1e-4, 1e-3, 1e-2), particle_count=256)
     )
-    fig = figure_of(plot_comparison, [first, other], [1e-2])
+    fig = figure_of(plot_correlation, [first, other], omega=[1e-2])
     for number, ax in enumerate(fig.axes[:4]):
         part, scale = number % 2, 1.0 if number < 2 else 1 / 8
         drawn = lines(ax, 4)
@@ -707,7 +704,7 @@ def test_files_are_compared_at_their_own_row_of_a_frequency(tmp_path):
 
 def test_of_several_files_at_several_frequencies_colours_tell_these_and_dashes_the_files(tmp_path):
     curves = [correlation_curve(correlation_file(tmp_path / f"{n}.h5", particle_count=n)) for n in (64, 256)]
-    fig = figure_of(plot_comparison, curves, [1e-3, 1e-2])
+    fig = figure_of(plot_correlation, curves, omega=[1e-3, 1e-2])
     drawn = [line for line in fig.axes[3].get_lines() if len(line.get_xdata()) == 4]
     for line, (curve, row) in zip(drawn, [(c, row) for c in curves for row in (0, 1)], strict=True):
         np.testing.assert_allclose(line.get_ydata(), curve.C[0, row, 1])
@@ -777,7 +774,7 @@ def test_lanes_of_a_random_medium_have_its_roots():
 def test_errors_that_nobody_knows_have_no_entry(tmp_path):
     curve = correlation_curve(correlation_file(tmp_path / "a.h5", low=-0.1))
     bare = replace(curve, errors=np.full_like(curve.errors, np.nan))
-    fig = figure_of(plot_comparison, [bare], [1e-2])
+    fig = figure_of(plot_correlation, [bare], omega=[1e-2])
     assert "standard error" not in [text.get_text() for text in fig.axes[1].get_legend().get_texts()]
     assert all(np.allclose(low, high) for ax in fig.axes for _, low, high in bands(ax))
     assert fig.axes[0].get_ylim() == pytest.approx((-0.5, 1.05))
@@ -804,57 +801,42 @@ def test_of_few_frequencies_other_lanes_are_shown_of_many_a_bar(tmp_path, count,
     assert fig.axes[0].get_xlabel() == r"$\delta/L$"
 
 
-def said_of(kind, items, monkeypatch, **options):
-    """What a picture says, and what it was given to draw."""
-    drawn = []
-    for name in ("plot_correlation", "plot_comparison", "plot_lengths"):
-        monkeypatch.setattr(
-            f"jampetsc.plots.correlation.{name}", lambda *it, name=name: drawn.append((name, *it))
-        )
-    args = SimpleNamespace(**{"out": "x.png", "omega": None, "log_exponent": None} | options)
-    return PICTURES[kind].draw(args, items), drawn[0]
-
-
-def test_several_correlations_are_compared_at_the_lowest_frequency_or_the_one_asked_for(
-    tmp_path, monkeypatch
-):
+def test_several_correlations_are_compared_at_the_lowest_frequency_or_the_one_asked_for(tmp_path):
     files = [
         correlation_file(tmp_path / f"{n}.h5", omega=(1e-2, 1e-3, 1e-1), pressure=p)
         for n, p in enumerate((1e-3, 1e-2))
     ]
-    said, (name, curves, omega, _) = said_of("correlation", files, monkeypatch)
-    assert (name, len(curves), omega) == ("plot_comparison", 2, [1e-3])
-    assert said == "correlation in 2 files at omega tau1 = 0.001, in phase with the strain"
-    said, (name, curves, omega, _) = said_of("correlation", files[:1], monkeypatch, omega="0.1")
-    assert (name, len(curves), omega) == ("plot_comparison", 1, [0.1]) and "in 1 file at" in said
-    said, (name, *_) = said_of("correlation", files[:1], monkeypatch)
-    assert (name, said) == ("plot_correlation", "correlation at 3 frequencies, in phase with the strain")
-    said, (name, curve, _) = said_of("correlation", files[:1], monkeypatch, omega="0.1,0.001")
-    assert name == "plot_correlation" and curve.omega.tolist() == [1e-3, 1e-1]
-    assert curve.C.tolist() == correlation_curve(files[0]).C[:, [1, 2]].tolist()
-    said, (name, *_, omega, _) = said_of("correlation", files, monkeypatch, omega="0.1,0.01")
-    assert (name, list(omega)) == ("plot_comparison", [1e-2, 1e-1]) and "omega tau1 = 0.01, 0.1" in said
+    for some, omega, panels, said in (
+        (files, None, 4, "correlation in 2 files at omega tau1 = 0.001, in phase with the strain"),
+        (files[:1], [0.1], 4, "correlation in 1 file at omega tau1 = 0.1, in phase with the strain"),
+        (files[:1], None, 2, "correlation at 3 frequencies, in phase with the strain"),
+        (files, [0.1, 0.01], 4, "correlation in 2 files at omega tau1 = 0.1, 0.01, in phase with the strain"),
+    ):
+        drawn = plot_correlation.draw(some, omega=omega)
+        assert (len(drawn.axes), drawn.text) == (panels, said)
+    two = figure_of(plot_correlation, files[:1], omega=[0.001, 0.1]).axes[0]
+    C = correlation_curve(files[0]).C
+    np.testing.assert_allclose([y for _, y, *_ in lines(two, 4)][::2], C[0, [1, 2], 0])
     other = correlation_file(tmp_path / "other.h5", omega=(1e-2, 1e-3, 1e-1), phase="stress")
-    for kind in ("correlation", "length"):
+    for picture in (plot_correlation, plot_lengths):
         with pytest.raises(InputError, match=r"other\.h5: in phase with the stress, 0\.h5 with the strain"):
-            said_of(kind, [files[0], other], monkeypatch)
+            picture([files[0], other])
 
 
-def test_the_spread_of_lengths_is_told_of_those_within_the_cell(tmp_path, monkeypatch):
+def test_the_spread_of_lengths_is_told_of_those_within_the_cell(tmp_path):
     files = [
         correlation_file(tmp_path / f"{n}.h5", omega=(1e-3, 1e-2, 1e-1), pressure=p, **{"L": L})
         for n, (p, L) in enumerate(((1e-3, 40.0), (1.1e-3, 30.0)))
     ]
     curves = [correlation_curve(file) for file in files]
-    said, (name, *_, exponent) = said_of("length", files, monkeypatch, log_exponent=0.3)
+    said = plot_lengths.draw(files, log_exponent=0.3).text
     spread, whole = (
         length_spread([(c.omega, c.G, size(c), c.pressure, 0.3) for c in curves], stokes_collapse)
         for size in (lambda c: c.size, lambda c: 1e9)
     )
-    assert (name, exponent) == ("plot_lengths", 0.3) and spread != whole
+    assert spread != whole
     assert said == (
         "correlation lengths of 2 files, in phase with the strain; l (-ln p)^0.3 differs by "
         f"{100 * spread:.2g} % (rms) at equal omega/p^(1/2)"
     )
-    said, (*_, exponent) = said_of("length", files[:1], monkeypatch)
-    assert said == "correlation lengths of 1 file, in phase with the strain" and exponent == 0.65
+    assert plot_lengths.draw(files[:1]).text == "correlation lengths of 1 file, in phase with the strain"

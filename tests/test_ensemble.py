@@ -1,5 +1,6 @@
 """The table of a study read back: arrays, choices of rows, averages over packings and their errors."""
 
+import importlib.util
 import re
 
 import numpy as np
@@ -10,6 +11,8 @@ from jampetsc import cli
 from jampetsc.analysis.statistics import mean_with_error, median_interval, median_with_error
 from jampetsc.errors import InputError
 from jampetsc.storage.ensemble import CHOICES, load_ensemble
+from jampetsc.storage.reader import load
+from jampetsc.storage.result_file import ResultWriter
 from jampetsc.studies.table import table_text
 
 MODULI = {1: -0.5, 2: 1.0, 3: 4.0}
@@ -219,7 +222,7 @@ def test_rows_without_the_name_of_a_packing_are_independent(tmp_path):
 def test_a_folder_without_a_table_is_none_of_a_study(tmp_path):
     message = r"table\.csv: cannot be read \(No such file or directory\): is .*none the folder of a study\?"
     with pytest.raises(InputError, match=message):
-        load_ensemble(tmp_path / "none")
+        load_ensemble(tmp_path / "none", load)
 
 
 @pytest.mark.parametrize("name", [name for name in CHOICES if name != "command"])
@@ -241,3 +244,58 @@ def test_a_list_of_any_kind_chooses_rows(folder):
 def test_zero_is_not_below_zero(tmp_path):
     table = written(tmp_path, "command,state,file,G0\na,done,1.h5,0\na,done,2.h5,-1e-300\n")
     assert table.mean().below_zero["G0"].tolist() == [1]
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    """A study of three packings at each of two pressures, and sweeps under two laws."""
+    folder = tmp_path_factory.mktemp("swept")
+    rows = []
+    for number, (p, s, beta) in enumerate(
+        (p, s, b) for p in (1e-2, 1e-3) for s in (1, 2, 3) for b in (1.0, 0.1)
+    ):
+        with ResultWriter(folder / f"{number}.h5", "jampetsc-sweep") as writer:
+            writer.dataset("omega", np.array([1e-3, 1.0]))
+            writer.dataset("G", p * beta * np.array([s + 1j, s**2 - 2j * s]))
+            writer.dataset("error_bound", np.zeros(2))
+        told = {"command": "sweep", "state": "done", "file": f"{number}.h5", "packing": f"p{p}{s}.h5"}
+        rows.append(told | {"pressure": p, "seed": s, "beta": beta})
+    (folder / "table.csv").write_text(table_text(rows))
+    return folder
+
+
+def test_averages_of_curves_are_those_of_their_points(swept):
+    table = jampetsc.load(swept).where(beta=1.0)
+    for curves, middle in (
+        (table.mean_curve("G", by="pressure"), [2 + 1j, 14 / 3 - 4j]),
+        (table.median_curve(by=["pressure"]), [2 + 1j, 4 - 4j]),
+    ):
+        assert [curve.key for curve in curves] == [{"pressure": 1e-3}, {"pressure": 1e-2}]
+        for curve in curves:
+            assert curve.count == 3 and curve.omega.tolist() == [1e-3, 1.0]
+            np.testing.assert_allclose(curve.value, curve.key["pressure"] * np.array(middle), rtol=1e-12)
+    one = table.mean_curve("G", by="pressure")[1].error
+    expected = [mean_with_error([1e-2, 2e-2, 3e-2])[1], mean_with_error([0.02, 0.04, 0.06])[1]]
+    np.testing.assert_allclose([one[0].real, one[1].imag], expected, rtol=1e-12)
+    (real,) = table.where(pressure=1e-2).mean_curve("error_bound")
+    assert real.value.dtype == float and real.key == {}
+    with pytest.raises(InputError, match=r"G of pressure 0\.001: .* are of one packing"):
+        jampetsc.load(swept).mean_curve("G", by="pressure")
+    with pytest.raises(InputError, match="other G than"):
+        jampetsc.load(swept).where(beta=1.0).mean_curve(over="G")
+
+
+def test_tables_for_pandas(folder):
+    table = jampetsc.load(folder)
+    means = table.where(command="quasistatic", beta=1.0).mean(by="pressure")
+    if importlib.util.find_spec("pandas") is None:
+        for one in (table, means):
+            with pytest.raises(InputError, match="needs the package pandas: pip install"):
+                one.to_pandas()
+        return
+    assert table.to_pandas()["G0"][0] == table["G0"][0] and len(table.to_pandas()) == 13
+    frame = means.to_pandas()
+    assert (
+        frame["G0"].tolist() == means["G0"].tolist()
+        and frame["G0_error"].tolist() == means.error["G0"].tolist()
+    )

@@ -13,7 +13,6 @@ from jampetsc.plots.averages import average_curves
 from jampetsc.plots.curves import curve_of, group_curves
 from jampetsc.storage.reader import load
 from jampetsc.studies.table import table_text
-from jampetsc.words.pictures import of_studies
 
 OMEGA = np.geomspace(1e-4, 1, 9)
 
@@ -93,18 +92,6 @@ def test_pictures_of_a_study(folder, capsys, kind):
     assert (folder / "x.png").stat().st_size > 5000
 
 
-def test_of_files_that_a_picture_shows_either_way_a_study_gives_one_kind(tmp_path):
-    rows = [
-        {"command": name, "state": "done", "file": f"{name}.h5", "seconds": 1}
-        for name in ("flow", "correlate", "jam", "shear")
-    ]
-    (tmp_path / "table.csv").write_text(table_text(rows))
-    assert of_studies([tmp_path], ["lanes"])[0] == [str(tmp_path / "correlate.h5")]
-    assert of_studies([tmp_path], ["fraction"])[0] == [
-        str(tmp_path / f"{name}.h5") for name in ("jam", "shear")
-    ]
-
-
 @pytest.mark.parametrize(
     ("kind", "says"),
     [
@@ -124,8 +111,8 @@ def test_some_rows_of_a_study_are_chosen_by_their_values(folder, capsys):
     assert plot("--kind", "loss", "--where", "command=sweep,file=sweep-0.01-3.h5") == 0
     assert "G'' of 1 sweep," in capsys.readouterr().out
     for where, says in (
-        ("file=none", "a study with nothing where file=none: nothing for a picture"),
-        ("state=failed", "a study with nothing where state=failed: nothing for a picture"),
+        ("file=none", "a study with nothing: nothing for a picture"),
+        ("state=failed", "a study with nothing: nothing for a picture"),
         ("beta=1", "no column beta"),
         ("file", "--where file: write column=value"),
     ):

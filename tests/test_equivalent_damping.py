@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import samples
 from dense import Reference
+from jampetsc.words.law import damping_from
 from scipy.integrate import quad
 
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
@@ -22,7 +23,6 @@ from jampetsc.errors import InputError
 from jampetsc.jobs import sweep as sweep_job
 from jampetsc.storage.packing_file import write_packing
 from jampetsc.storage.reader import load
-from jampetsc.words.law import damping_from
 
 OMEGA = np.geomspace(1e-16, 1e12, 281)
 ALPHAS = (0.1, 0.5, 2 / 3, 1.5, 2.0, 5.0)

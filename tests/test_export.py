@@ -179,20 +179,41 @@ def test_motion_is_shown_on_the_packing(session, shared_path, monkeypatch):
     for words, message in {
         "modes.h5 --mode 4 --out m.xyz": "--mode 4: modes.h5 holds modes 1 to 3",
         "modes.h5 --mode 0 --out m.xyz": "--mode 0: modes.h5 holds modes 1 to 3",
-        "s.h5 --out f.xyz": "s.h5: give --field OMEGA: it has fields at omega = 0.001, 1",
+        "s.h5 --out f.xyz": "s.h5: give --field: it has fields at omega = 0.001, 1",
         "s.h5 --field 0.1 --out f.xyz": "no fields at omega = 0.1",
-        "s.h5 --field 0 --out f.xyz": "--field 0: must be a positive frequency",
+        "s.h5 --field 0 --out f.xyz": "--field 0: must be positive",
         "s.h5 --mode 1 --out f.xyz": "--mode: is of modes files, and s.h5 is a sweep file",
     }.items():
         with pytest.raises(InputError, match=re.escape(message)):
             export(words)
 
 
+@pytest.mark.scalar("real")
+def test_what_lies_in_memory_is_told_and_exported_as_its_file_is(session, shared_path, monkeypatch):
+    """On several ranks, each of which holds its own rows of the field."""
+    monkeypatch.chdir(shared_path)
+    disks = samples.isostatic()
+    sweep = jampetsc.sweep(disks, omega=1.0, fields=[1.0])
+    told = jampetsc.info(sweep).splitlines()
+    with pytest.raises(InputError, match=r"out: must be given"):
+        jampetsc.export(sweep, field=1.0)
+    assert str(jampetsc.export(sweep, field=1.0, out="memory.dump")) == "memory.dump"
+    sweep.save("s.h5")
+    jampetsc.export("s.h5", field=1.0, packing=disks, out="file.dump")
+    session.comm.Barrier()
+    assert (shared_path / "memory.dump").read_bytes() == (shared_path / "file.dump").read_bytes()
+    of_file = jampetsc.info("s.h5").splitlines()
+    assert told[0].startswith("sweep in memory: sweep of ") and len(of_file) == len(told)
+    assert len([1 for one, other in zip(told, of_file, strict=True) if one != other]) <= 4  # name, files, run
+    merged = jampetsc.merge("s.h5")
+    assert merged.modulus(1.0) == sweep.modulus(1.0)
+    assert merged["particles"].size == session.comm.allreduce(sweep["particles"].size)
+
+
 def test_a_flow_is_one_file_of_many_frames(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     flow = "flow --n 16 --phi 0.9 --seed 1 --model RD0 --rate 1e-2 --strain 1.0 --discard 0.3 --snapshots 3 --out f.h5"
-    args = cli.command_parser(["flow"])[0].parse_args(flow.split())
-    assert args.run(args, []) == 0
+    assert cli.dispatch(flow.split()) == 0
     result = jampetsc.load("f.h5")
     export("f.h5 --out f.xyz")
     export("f.h5 --out f.dump")
@@ -204,6 +225,10 @@ def test_a_flow_is_one_file_of_many_frames(tmp_path, monkeypatch):
         velocity = result["snapshots/velocities"][row]
         np.testing.assert_array_equal(columns["velo"][:, :2], velocity)
         np.testing.assert_array_equal((shown["vx"], shown["vy"]), velocity.T)
+        assert disks.strain == result["snapshots/strain"][row] and np.array_equal(disks.velocities, velocity)
+        np.testing.assert_array_equal((shown["ix"], shown["iy"]), disks.images.T)
+        np.testing.assert_array_equal(columns["image"], np.pad(disks.images, ((0, 0), (0, 1))))
+        np.testing.assert_array_equal(columns["unwrapped"][:, :2], disks.unwrapped)
         assert float(facts["strain"]) == result["snapshots/strain"][row] and facts["rate"] == "0.01"
         places = np.column_stack((shown["x"], shown["y"]))
         pairs = [all_pairs(p, disks.radii, c) for p, c in ((places, cell), (disks.positions, disks.cell))]

@@ -16,7 +16,6 @@ from jampetsc import cli, commands
 from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.plan import plan
 from jampetsc.words.frequencies import parse_omega
-from jampetsc.words.pictures import PICTURES
 
 sys.path.insert(0, str(launch.ROOT / "benchmarks"))
 from claims import motion  # noqa: F401  it enters its claims
@@ -72,7 +71,7 @@ def test_a_figure_asks_for_what_there_is(parsers, name):
             args = parsers[picture[0]].parse_args(picture[1:])
             if picture[0] == "collapse" or picture[1].endswith(".h5"):
                 continue
-            assert made.intersection(PICTURES[args.kind].of), args.kind
+            assert made.intersection(pictures()[args.kind].of), args.kind
             assert not args.where or {word.split("=")[0] for word in args.where.split(",")} <= columns
 
 

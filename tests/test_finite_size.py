@@ -11,7 +11,7 @@ from jampetsc.analysis.finite_size import logarithm_of_size, size_scaling
 from jampetsc.analysis.statistics import half_width, log_median, median_interval
 from jampetsc.errors import InputError
 from jampetsc.plots.curves import Curve
-from jampetsc.plots.exponents import plot_exponents, plot_pressure_exponents
+from jampetsc.plots.exponents import plot_exponents
 from jampetsc.plots.finite_size import plot_finite_size
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
@@ -123,7 +123,7 @@ def test_the_fluid_is_in_one_panel_and_out_of_the_next():
     with_fluid = files(lambda n, p: drag(n, p) + 3.0, law="stokes", fluid=3.0)
     for one in with_fluid:  # 10 % more or less of the drag, not of the fluid
         one.attributes["no_prestress_eta0"] = 3.0 + (one.attributes["no_prestress_eta0"] - 3.0)
-    fig = figure_of(plot_finite_size, with_fluid, power=1.09)
+    fig = figure_of(plot_finite_size, with_fluid, size_power=1.09)
     assert [ax.get_ylabel() for ax in fig.axes] == [
         r"$\eta_0\,/\,N^{1.09}$ $[k\tau_1]$",
         r"$(\eta_0-\eta_F)\,/\,N^{1.09}$ $[k\tau_1]$",
@@ -135,7 +135,7 @@ def test_the_fluid_is_in_one_panel_and_out_of_the_next():
     with pytest.raises(
         InputError, match=r"q\.h5: law contact, q\.h5 has stokes: finite-size pictures show one"
     ):
-        plot_finite_size([*with_fluid, file(64, 1e-3, 1.0)], "x.png")
+        plot_finite_size([*with_fluid, file(64, 1e-3, 1.0)])
 
 
 def test_a_line_in_the_logarithm_of_size_where_there_are_three():
@@ -174,7 +174,7 @@ def test_frequencies_of_local_exponents_are_the_same():
     one, other = curve(1e-4, 0.01), curve(1e-4, 0.01, 1)
     other.omega[:] *= 2
     with pytest.raises(InputError, match=r"s\.h5: other frequencies than s\.h5"):
-        plot_exponents([one, other], "x.png")
+        plot_exponents([one, other])
 
 
 def test_local_exponents_in_the_pressure_and_their_limits():
@@ -184,7 +184,7 @@ def test_local_exponents_in_the_pressure_and_their_limits():
         for c in (-0.5, 1.0, 2.0):
             one = file(64, p, p**-0.5, stressed=p**0.25, G0=c * p**0.5)
             some.append(one)
-    fig = figure_of(plot_pressure_exponents, some)
+    fig = figure_of(plot_exponents, some)
     require_inside(fig)
     assert [ax.get_lines()[0].get_ydata()[0] for ax in fig.axes] == [0.5, -0.5, 1.0, 0.25, -0.25, -0.25]
     medians = [(quarter, quarter) for quarter in (0.25, -0.25, -0.25)]
@@ -193,9 +193,9 @@ def test_local_exponents_in_the_pressure_and_their_limits():
             np.testing.assert_allclose(x, np.sqrt(PRESSURES[1:] * PRESSURES[:-1]))
             np.testing.assert_allclose(y, slope, atol=1e-9)
             assert (low == high).all() or np.allclose(low, high)
-    single = figure_of(plot_pressure_exponents, [one for one in some if one.attributes["G0"] > 0][::2])
+    single = figure_of(plot_exponents, [one for one in some if one.attributes["G0"] > 0][::2])
     for ax in single.axes:  # one packing a point has no error
         assert [len(y) for _, y, *_ in lines(ax)] == [2, 3, 3]
         assert not any(container.lines[2] for container in ax.containers)
     with pytest.raises(InputError, match=r"q\.h5: one pressure: local exponents need files at several"):
-        plot_pressure_exponents(some[:3], "x.png")
+        plot_exponents(some[:3])

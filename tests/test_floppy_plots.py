@@ -5,14 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from drawn import bands, bars, figure_of, lines
-from matplotlib.image import imread
 from samples import published
 
 from jampetsc import cli
 from jampetsc.analysis.statistics import median_interval
 from jampetsc.errors import InputError
 from jampetsc.plots import style
-from jampetsc.plots.floppy import groups_of, plot_medians, plot_viscosities
+from jampetsc.plots.floppy import plot_medians, plot_viscosities
 from jampetsc.plots.lowmodes import plot_lowest
 from jampetsc.plots.vibrations import chosen_modes, density_of_states, plot_modes, plot_states
 from jampetsc.storage.packing_file import read_identified, write_packing
@@ -81,26 +80,6 @@ def plot(*words):
     return cli.main(["plot", *map(str, words)])
 
 
-def test_pictures_of_quasistatic_files(tmp_path, packing, capsys):
-    files = [write_quasistatic(tmp_path / f"q{n}.h5", 10.0**-n, packing) for n in (2, 3, 4)]
-    for kind, words in (("medians", files), ("viscosities", files), ("response", files[:1])):
-        out = tmp_path / f"{kind}.png"
-        assert plot(*words, "--kind", kind, "--out", out) == 0
-        assert imread(out).std() > 0.05
-        assert str(out) in capsys.readouterr().out
-    assert plot(*files, "--out", tmp_path / "default.png") == 0
-    assert "medians of floppy motion in 3 files" in capsys.readouterr().out
-
-
-def test_pictures_of_modes(tmp_path, packing):
-    files = [write_modes(tmp_path / f"m{n}.h5", 10.0**-n, packing) for n in (2, 3)]
-    for words in ([*files], [files[0], "--mode", "1,30"], [*files, "--kind", "states"]):
-        out = tmp_path / "modes.png"
-        assert plot(*words, "--out", out) == 0
-        assert imread(out).std() > 0.05
-        out.unlink()
-
-
 def test_what_lines_of_medians_and_viscosities_are(tmp_path):
     """Filled: without pre-stress, and η₀; open: with it, and η_∞. k = 2 and τ₁ = 4."""
     files = [load(write_quasistatic(tmp_path / f"q{n}.h5", 10.0**-n, tau1=4.0)) for n in (4, 3)]
@@ -131,15 +110,6 @@ def test_what_lines_of_modes_are(tmp_path):
     assert (nonaffine[2], modulus[2]) == ("-", "--")
 
 
-def test_the_response_without_pre_stress_is_named_so(tmp_path, packing, monkeypatch):
-    shown = []
-    monkeypatch.setattr("jampetsc.plots.fields.plot_panels", lambda disks, panels, *_: shown.extend(panels))
-    path = write_quasistatic(tmp_path / "q.h5", packing=packing)
-    assert plot(path, "--kind", "response", "--out", tmp_path / "x.png") == 0
-    for (title, field), name in zip(shown, ("no_prestress/nonaffine", "nonaffine"), strict=True):
-        assert np.array_equal(field, load(path)[name]) and title.startswith("no ") == name.startswith("no_")
-
-
 def test_density_of_states_is_normalised(tmp_path):
     """∫ D dω is the number of modes over that of degrees of freedom: 30 of 32 here, in both files."""
     files = [load(write_modes(tmp_path / f"m{n}.h5")) for n in (1, 2)]
@@ -148,13 +118,6 @@ def test_density_of_states_is_normalised(tmp_path):
     widths = edges * (10 ** (1 / 8) - 1)
     assert np.sum(density * widths) == pytest.approx(30 / 32, rel=1e-12)
     assert omega.min() > 0.04 and omega.max() < 1.6
-
-
-def test_chosen_modes(tmp_path):
-    result = load(write_modes(tmp_path / "m.h5"))
-    ((title, field),) = chosen_modes(result, "2")
-    assert "mode 2" in title
-    np.testing.assert_array_equal(field, result["modes"][1])
 
 
 @pytest.mark.parametrize(
@@ -182,32 +145,7 @@ def test_refusals(tmp_path, capsys, words, says):
 def test_viscosities_need_contact_damping(tmp_path):
     stokes = load(write_quasistatic(tmp_path / "q.h5", law="stokes"))
     with pytest.raises(InputError, match="law stokes: has no beta"):
-        plot_viscosities([stokes], tmp_path / "out.png")
-
-
-@pytest.mark.parametrize("kind", ["medians", "viscosities"])
-def test_a_file_without_what_is_to_be_drawn(tmp_path, kind):
-    with ResultWriter(tmp_path / "bare.h5", "jampetsc-quasistatic") as writer:
-        writer.attributes(pressure=1e-3, law="contact", beta=1.0)
-    wanted = "no_prestress_normal_median" if kind == "medians" else "eta0"
-    with pytest.raises(InputError, match=rf"bare\.h5: attribute {wanted} is missing: make the file again"):
-        cli.dispatch(["plot", str(tmp_path / "bare.h5"), "--kind", kind, "--out", str(tmp_path / "p.png")])
-    assert not (tmp_path / "p.png").exists()
-
-
-def test_sizes_are_kept_apart(tmp_path, capsys):
-    """One median over packings of N = 16 and N = 64 is of neither."""
-    words = [(10.0**-p, n, seed) for n in (64, 16) for p in (2, 3) for seed in (1, 2)]
-    files = [write_quasistatic(tmp_path / f"{p:g}-{n}-{s}.h5", p, n=n) for p, n, s in words]
-    groups = groups_of([load(path) for path in files])
-    assert groups == {
-        (16, 5e-4): [6, 7],
-        (16, 5e-3): [4, 5],
-        (64, 5e-4): [2, 3],
-        (64, 5e-3): [0, 1],
-    }  # p/k, k = 2
-    for kind in ("medians", "viscosities"):
-        assert plot(*files, "--kind", kind, "--out", tmp_path / f"{kind}.png") == 0
+        plot_viscosities([stokes])
 
 
 def quasistatic_of(medians, size=16, pressure=1e-3, k=1.0, bare=None, **more):
@@ -224,17 +162,6 @@ def quasistatic_of(medians, size=16, pressure=1e-3, k=1.0, bare=None, **more):
 
 class Scan(dict):
     """With what a file holds of β."""
-
-
-def test_files_without_pre_stress_have_filled_symbols_alone():
-    some = [quasistatic_of([p, 2 * p, 3 * p], pressure=p) for p in (1e-3, 1e-2)]
-    ax = figure_of(plot_medians, some).axes[0]
-    drawn = lines(ax, 2)
-    assert len(drawn) == 6  # a line and its guide for each quantity
-    for number, factor in enumerate((1, 2, 3)):
-        x, y, dash, face = drawn[2 * number]
-        assert (dash, face != "white") == ("-", True)
-        np.testing.assert_allclose((x, y), [[1e-3, 1e-2], [factor * 1e-3, factor * 1e-2]])
 
 
 def test_lines_run_through_medians_and_small_points_are_files():
@@ -307,15 +234,6 @@ def test_viscosities_are_medians_over_files_in_units_of_k_and_tau1():
     assert [text.get_text() for text in legend.get_texts()][:2] == ["$10^{-3}$, $N=16$", "$10^{-3}$, $N=64$"]
 
 
-def test_the_response_of_a_file_without_pre_stress(tmp_path, packing, monkeypatch):
-    shown = []
-    monkeypatch.setattr("jampetsc.plots.fields.plot_panels", lambda disks, panels, *_: shown.extend(panels))
-    path = write_quasistatic(tmp_path / "q.h5", packing=packing, prestress=False)
-    assert plot(path, "--kind", "response", "--out", tmp_path / "x.png") == 0
-    ((title, field),) = shown
-    assert title == "no pre-stress" and np.array_equal(field, load(path)["nonaffine"])
-
-
 def modes_of(values, floppiness=None, pressure=1e-3, **more):
     """A result with these eigenvalues of 4 disks."""
     result = Scan(eigenvalues=np.array(values), particles=np.arange(4))
@@ -374,21 +292,7 @@ def test_what_the_lowest_modes_carry_against_pressure(tmp_path):
         (write_lowest(tmp_path / "o.h5", 1e-3, ()), "does not tell what its modes carry of slow shear"),
     ):
         with pytest.raises(InputError, match=message):
-            plot_lowest([files[0], other], "x.png")
-
-
-def test_shares_of_modes_have_a_marker_here_and_there():
-    one = modes_of(np.arange(1.0, 101.0), 1 + np.arange(100.0))
-    one["cumulative/modulus"], one["cumulative/nonaffine"] = (
-        np.linspace(0.01, 1, 100),
-        np.linspace(0.01, 0.9, 100),
-    )
-    below = figure_of(plot_modes, [one]).axes[1]
-    marked = [(x, y, face) for x, y, _, face in lines(below) if len(x) not in (100, 2)]
-    assert len(marked) == 2 and marked[0][2] == "k" and marked[1][2] == "white"
-    for (x, y, _), name in zip(marked, ("nonaffine", "modulus"), strict=True):
-        assert x.tolist() == [1, 3, 7, 13, 26, 51, 100]  # even on a log axis
-        np.testing.assert_allclose(y, one[f"cumulative/{name}"][x.astype(int) - 1])
+            plot_lowest([files[0], other])
 
 
 def test_titles_of_modes_are_their_own_eigenvalues():
@@ -414,23 +318,3 @@ def test_states_are_pooled_by_pressure():
     np.testing.assert_allclose(drawn[1][1], [2 / 8 / width])
     np.testing.assert_allclose(drawn[0][1], [2 / 16 / width])
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["$10^{-3}$", "$10^{-2}$"]
-
-
-@pytest.mark.parametrize("floppiness", [5.0, 10.0])
-def test_a_single_mode_has_a_picture(floppiness):
-    """Its floppiness is the only one: the bar of its colour has no length but what matplotlib gives it."""
-    fig = figure_of(plot_modes, [modes_of([4.0], [floppiness])])
-    np.testing.assert_allclose(fig.axes[0].collections[0].get_offsets(), [(1, 2.0)])
-    low, high = fig.axes[2].get_ylim()
-    assert low < floppiness < high
-
-
-def test_colours_reach_over_the_floppiness_of_all_files():
-    some = [
-        modes_of([1.0, 4.0], floppiness, p) for floppiness, p in (([2.0, 3.0], 1e-3), ([20.0, 200.0], 1e-2))
-    ]
-    fig = figure_of(plot_modes, some)
-    assert fig.axes[2].get_ylim() == pytest.approx((2.0, 200.0))
-    shades = np.concatenate([one.get_facecolors() for one in fig.axes[0].collections])
-    expected = style.sequential()(np.log10(np.array([2.0, 3.0, 20.0, 200.0]) / 2.0) / 2.0)
-    np.testing.assert_allclose(shades, expected)

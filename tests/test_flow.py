@@ -185,6 +185,31 @@ def test_a_long_run_stays_folded():
     assert run.reference.area == pytest.approx(area, rel=1e-12) and run.reference.radii is radii
 
 
+def test_unwrapped_coordinates_go_on_through_every_image():
+    """Disks that do not touch go with the affine flow, however often all is folded; others never jump."""
+    cell = np.array([[1.0, 0.0], [0.3, 2.0]])
+    start = Disks.from_positions([[0.9, 0.3], [-0.4, 1.1], [0.2, 1.7]], [0.1, 0.1, 0.1], cell)
+    layers = shear("RD0", start, rate=0.05, step=0.2, method="euler")
+    crowded = shear("CD0", crowd(32, tilt=0.0), rate=0.05, step=0.2, method="euler")
+    before, low = crowded.disks.unwrapped, crowded.disks.positions.min()
+    for _ in range(73):
+        for run in (layers, crowded):
+            run.advance(10)
+        affine = start.positions + layers.strain * start.positions[:, 1:] * [1.0, 0.0]
+        np.testing.assert_allclose(layers.disks.unwrapped, affine, rtol=0, atol=1e-12)
+        now = crowded.disks.unwrapped
+        assert np.hypot(*(now - before - 0.1 * before[:, 1:] * [1.0, 0.0]).T).max() < 1.5
+        before = now
+    assert layers.strain == pytest.approx(7.3)
+    assert layers.disks.images[:, 0].max() >= 7 and np.abs(crowded.disks.images).max() >= 4
+    disks = crowded.disks
+    again = Disks.from_positions(disks.unwrapped, disks.radii, disks.cell).folded().positions
+    np.testing.assert_allclose(again, disks.positions, atol=1e-10)
+    assert low >= 0.0
+    with pytest.raises(InputError, match="images are not counted"):
+        _ = start.unwrapped
+
+
 @pytest.mark.parametrize("name", ROWS)
 @pytest.mark.parametrize("boundary", [(0, 0), (1, 0), (0, 1), (1, -1)])
 @pytest.mark.parametrize("tilt", [0.0, 0.49, -0.49])

@@ -4,6 +4,7 @@ import json
 import re
 from dataclasses import replace
 
+import h5py
 import launch
 import numpy as np
 import pytest
@@ -171,7 +172,7 @@ def test_a_finished_run_goes_on_to_the_last_bit(tmp_path, name):
 
 
 def test_snapshots_go_on_with_the_run(tmp_path, monkeypatch):
-    """As many as before over all that is kept then; room for both is asked for."""
+    """At the same strain from each other; room for all is asked for."""
     out, room = tmp_path / "flow.h5", []
     common = "flow --n 16 --phi 0.9 --model RD0 --rate 0.1 --strain 0.1 --discard 0 --snapshots 4".split()
     assert flow(*common, "--out", out) == 0
@@ -180,11 +181,20 @@ def test_snapshots_go_on_with_the_run(tmp_path, monkeypatch):
     assert flow("flow", out, "--strain", 0.1) == 0
     after = jampetsc.load(out)
     assert np.array_equal(after["snapshots/strain"][:4], before)
-    assert (
-        before[0] == 0.0
-        and after["snapshots/strain"][4:] == pytest.approx([0.135, 0.2])
-        and room == [(16, 8)]
-    )
+    assert after["snapshots/strain"] == pytest.approx([0, 0.035, 0.065, 0.1, 0.135, 0.165, 0.2])
+    assert room == [(16, 7)] and len(after["snapshots/images"]) == 7
+    third = after.snapshot(2).positions
+    with h5py.File(out, "a") as h5:  # as older files are
+        settings = json.loads(h5.attrs["settings"])
+        settings["plan"] = {"steps": settings["plan"]["steps"], "rows": 40, "discard": 0.0, "snapshots": 7}
+        h5.attrs["settings"] = json.dumps(settings)
+        for name in ("snapshots/images", "snapshots/radii", "state/images"):
+            del h5[name]
+    assert flow("flow", out, "--strain", 0.1) == 0
+    older = jampetsc.load(out)
+    assert older["snapshots/strain"][7:] == pytest.approx([0.235, 0.265, 0.3])
+    assert "snapshots/images" not in older and older.snapshot().images is None
+    assert np.array_equal(older.snapshot(2).positions, third)
 
 
 def test_a_packing_keeps_its_own_units(tmp_path):
@@ -240,6 +250,8 @@ BAD = [  # (what is given, parameter or words that are told); ranges: test_flow_
     ("--strain 1e300", "--strain 1e+300"),
     ("--rate 1e-300", "time steps of"),
     ("--snapshots 1000000000000", "--snapshots 1000000000000"),
+    ("--snapshots 2 --snapshot-every 0.1", "--snapshot-every"),
+    ("--snapshot-spacing log", "--snapshot-spacing"),
     ("--strain 3e7 --rate 1 --snapshots 1000000000", "are free where"),
     ("--discard 0.6", "--discard 0.6: must lie"),
     ("--walls --radii none.txt", "none.txt: cannot be read"),

@@ -67,6 +67,19 @@ def test_functions_take_what_functions_give(session):
 
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(2)
+def test_a_packing_is_minimised_in_its_cell(session, packing):
+    rest = jampetsc.load(packing)
+    moved = rest.positions + 1e-3 * np.random.default_rng(1).normal(size=(rest.n, 2))
+    start = jampetsc.Packing(moved, rest.radii, rest.cell)
+    found = start.minimise(tolerance=1e-8)
+    assert np.array_equal(found.cell, start.cell) and found.record["negative_modes"] == 0
+    assert (
+        found.record["max_force"] < 1e-7 * found.pressure and found.record["energy"] < start.record["energy"]
+    )
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
 def test_what_needs_no_petsc_is_done_by_one_rank(session, shared_path, monkeypatch):
     if session.rank == 0:
         with ResultWriter(shared_path / "s.h5", "jampetsc-sweep") as writer:

@@ -177,8 +177,7 @@ def test_a_packing_off_balance_is_no_minimum(capsys, session, shared_path):
 @pytest.mark.scalar("real")
 def test_matrices_below_jamming_are_refused(capsys, session, shared_path):
     status, lines, (error,) = matrices(capsys, session, shared_path, honeycomb())
-    assert status == 2
-    assert entry(lines, "contacts").startswith("12 ")
+    assert (status, lines) == (2, [])
     assert "12 contacts between 8 disks leave at least 2 floppy modes: below jamming" in error
 
 

@@ -4,11 +4,9 @@ import functools
 
 import numpy as np
 import pytest
-from jampetsc.words.packtasks import radii_asked, seeds_of
 
 from jampetsc import cli, commands
 from jampetsc.errors import InputError
-from jampetsc.packing.sizes import SIZES
 from jampetsc.words.frequencies import parse_omega
 
 
@@ -127,30 +125,10 @@ def test_a_grid_of_frequencies_is_logarithmic():
     np.testing.assert_allclose(parse_omega("1e-2:1e2:5"), [0.01, 0.1, 1, 10, 100])
 
 
-def test_seeds_include_both_ends():
-    assert list(seeds_of("3:5")) == [3, 4, 5] and list(seeds_of("7:7")) == [7]
-    assert len(seeds_of("1:1000000")) == 1_000_000 and seeds_of(f"{LAST}:{LAST}")[0] == LAST
-    for text in ("1:1000001", f"{LAST}:{LAST + 1}"):
-        with pytest.raises(InputError, match=r"at most 1000000 at a time|must lie in"):
-            seeds_of(text)
-
-
 # Words that do not go together
 
 
 TOGETHER = [
-    (f"{PACK} --phi 0.9", "argument --phi: not allowed with argument --pressure"),
-    (f"{PHI} --phi 0.9 --stabilise shear", "--stabilise shear: needs --pressure"),
-    (
-        "pack --n 16 --pressure 1e-2,1e-3 --out p.h5",
-        "--out p.h5: one name for 2 packings: put {pressure} into it",
-    ),
-    (
-        "pack --n 16 --pressure 1e-2 --seeds 1:2 --out p.h5",
-        "--out p.h5: one name for 2 packings: put {seed} into it",
-    ),
-    ("pack --pressure 1e-2 --out p.h5", "--n is missing: how many disks?"),
-    (f"{PACK} --radii r.txt", "--radii r.txt: gives number and sizes of the disks"),
     (f"{SWEEP} --stress 1e-3", "--stress 0.001: belongs to power-law damping: give --alpha too"),
     (f"{SWEEP} --alpha 0.5", "--alpha 0.5: power-law damping depends on the amplitude: give --stress"),
     (f"{SWEEP} --alpha 0.5 --stress 1e-3 --law stokes", "--alpha 0.5: belongs to --law contact"),
@@ -166,44 +144,11 @@ TOGETHER = [
         "--law stokes: no contact dissipates; oscillate takes --law contact",
     ),
     (f"{OSC} --strain 1 --alpha 0", "--alpha 0: must be above 0, which would be dry friction"),
-    ("info p.h5 --beta 0.1", "contact damping, beta = 0.1"),
 ]
 
 
 @pytest.mark.parametrize(("line", "message"), TOGETHER)
 def test_words_that_do_not_go_together(line, message):
     with pytest.raises(InputError) as refused:
-        checked(line) if not line.startswith("info") else cli.dispatch(line.split())
+        checked(line)
     assert str(refused.value).startswith(message)
-
-
-def test_radii_by_their_sizes():
-    """Bidisperse 1:1.4, half and half, unless told otherwise; mean diameter 1."""
-    for words, ratio in (([], 1.4), (["--sizes", SIZES[0]], 1.4), (["--sizes", SIZES[1]], None)):
-        radii = radii_asked(parser("pack").parse_args(["--n", "16", "--phi", "0.9", "--out", "p.h5", *words]))
-        assert len(radii) == 16 and radii.mean() == pytest.approx(0.5)
-        assert (radii.max() / radii.min() == pytest.approx(1.4)) == (ratio is not None)
-
-
-@pytest.mark.filterwarnings("error")
-def test_radii_of_a_file(tmp_path):
-    def radii(*values):
-        (tmp_path / "r.txt").write_text("\n".join(map(str, values)))
-        args = parser("pack").parse_args(
-            ["--radii", str(tmp_path / "r.txt"), "--phi", "0.9", "--out", "p.h5"]
-        )
-        return radii_asked(args)
-
-    assert radii(*[1e-6] * 8, *[1e6] * 8).tolist() == [1e-6] * 8 + [1e6] * 8
-    for values, message in (
-        ([1.0] * 15, "r.txt: 15 disks: must lie in"),
-        ([1.0] * 15 + [0.99e-6], "r.txt: radii from 9.9e-07 to 1: must lie in"),
-        ([1.0] * 15 + [1.01e6], "r.txt: radii from 1 to 1.01e.06: must lie in"),
-        ([1.0] * 15 + [0.0], "r.txt: radii must be positive numbers, one per line"),
-        ([1.0] * 15 + ["inf"], "r.txt: radii must be positive numbers"),
-        (["1 2"] * 16, "r.txt: radii must be positive numbers, one per line"),
-        (["x"] * 16, "r.txt: cannot be read as radii"),
-        ([], "r.txt: 0 disks"),
-    ):
-        with pytest.raises(InputError, match=message):
-            radii(*values)

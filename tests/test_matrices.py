@@ -1,5 +1,7 @@
 """`assemble` and `jampetsc matrices`: G* of what they give, by numpy, is that of a sweep and of the dense reference."""
 
+import importlib.util
+
 import numpy as np
 import pytest
 import samples
@@ -15,9 +17,9 @@ from jampetsc.mechanics.matrices import NAMES, SPARSE, Matrices
 OMEGA = (1e-3, 1.0)
 WORDS = {  # options of the command -> those of `assemble`
     "": {},
-    "--beta 0.1 --no-prestress": {"beta": 0.1, "prestress": False},
-    "--no-rotations": {"rotations": False},
-    "--law stokes --tau1 0.5": {"law": "stokes", "tau1": 0.5},
+    "--beta 0.1 --no-prestress": {"law": jampetsc.ContactDamping(beta=0.1), "prestress": False},
+    "--no-rotations": {"law": jampetsc.ContactDamping(rotations=False)},
+    "--law stokes --tau1 0.5": {"law": jampetsc.StokesDrag(tau1=0.5)},
     "--law stokes --no-prestress": {"law": "stokes", "prestress": False},
 }
 
@@ -53,6 +55,19 @@ def test_moduli_of_the_matrices_are_those_of_a_sweep(session, shared_path, words
     sweep = jampetsc.load(shared_path / "s.h5")
     for omega in OMEGA:
         same(modulus(whole, omega), sweep.modulus(omega))
+
+
+@pytest.mark.scalar("real")
+def test_a_model_for_pymor_has_the_same_moduli(session, packing):
+    matrices = jampetsc.assemble(packing, beta=0.1)
+    if importlib.util.find_spec("pymor") is None:
+        with pytest.raises(InputError, match="needs the package pymor: pip install"):
+            matrices.to_pymor()
+        return
+    model, whole = matrices.to_pymor(), matrices.to_scipy()
+    for omega in OMEGA:
+        (found,) = model.transfer_function.eval_tf(1j * omega).ravel()
+        assert found * 1j * omega == pytest.approx(modulus(whole, omega), rel=1e-10)
 
 
 @pytest.mark.scalar("real")
@@ -105,7 +120,7 @@ def test_files_hold_what_assemble_gives(session, packing, shared_path, ending):
     for _ in range(2):  # the second time in the place of the first
         assert cli.dispatch(["matrices", str(packing), "--out", str(out), "--beta", "0.5"]) == 0
     session.comm.Barrier()
-    found, whole = read(out), jampetsc.assemble(packing, beta=0.5).to_scipy()
+    found, whole = read(out), jampetsc.assemble(packing, jampetsc.ContactDamping(beta=0.5)).to_scipy()
     for name in NAMES:
         one, other = (getattr(m, name) for m in (found, whole))
         if name in SPARSE:

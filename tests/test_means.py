@@ -145,27 +145,49 @@ def test_a_balance_is_off_on_either_side(lost, balanced):
     ],
 )
 def test_rows_of_a_run(given, steps, rows):
-    plan = Plan.of(*given, 0.0, 0)
+    plan = Plan.of(*given, 0.0)
     assert (plan.steps, plan.rows) == (steps, rows)
-    assert Plan.of(*given, 0.0, 0, steps=3 * steps).steps == 3 * steps
+    assert Plan.of(*given, 0.0, steps=3 * steps).steps == 3 * steps
 
 
 def test_more_steps_or_snapshots_than_there_can_be():
     with pytest.raises(InputError, match=r"strain 1.01: 1e\+12 time steps of 1e-12, at most 1e\+12"):
-        Plan.of(1.0, 1e-12, 1.01, 0.0, 0)
+        Plan.of(1.0, 1e-12, 1.01, 0.0)
     row = 0.1
     assert Plan.of(0.1, 1.0, 1.0, 3 * row, 7).first_kept(row) == 3  # 0.3/0.1 is less than 3
-    with pytest.raises(InputError, match="snapshots 8: there are 7 rows after discard, at most one for each"):
-        Plan.of(0.1, 1.0, 1.0, 3 * row, 8)
+    for refused, words in (
+        ("snapshots 8: there are 7 rows after discard, at most one for each", {"snapshots": 8}),
+        ("snapshots 2: need 3 or more", {"snapshots": 2, "spacing": "log"}),
+        (
+            "snapshot-every 0.09: must be at least the strain of a row, 0.1, and at most .* 0.7",
+            {"every": 0.09},
+        ),
+        ("snapshot-every 0.71: must be", {"every": 0.71}),
+    ):
+        with pytest.raises(InputError, match=refused):
+            Plan.of(0.1, 1.0, 1.0, 3 * row, **words)
 
 
-def test_snapshots_are_spread_over_what_is_kept():
-    plan = Plan(steps=1, rows=10, discard=0.0, snapshots=3)
-    assert plan.snapshot_rows(4) == {6, 8, 10}
-    assert replace(plan, snapshots=6).snapshot_rows(4) == {5, 6, 7, 8, 9, 10}
-    assert replace(plan, snapshots=1).snapshot_rows(4) == {10}
-    assert plan.snapshot_rows(0) == {0, 5, 10}  # where nothing is discarded the start is one of them
-    assert replace(plan, snapshots=1).snapshot_rows(0) == {10}
+@pytest.mark.parametrize(
+    ("discard", "words", "rows", "further"),
+    [
+        (0.4, {"snapshots": 3}, [6, 8, 10], [12, 14]),
+        (0.4, {"snapshots": 6}, [5, 6, 7, 8, 9, 10], [11, 12, 13, 14, 15]),
+        (0.4, {"snapshots": 1}, [10], []),
+        (0.0, {"snapshots": 3}, [0, 5, 10], [15]),  # where nothing is discarded the start is one of them
+        (0.0, {"snapshots": 1}, [10], []),
+        (0.4, {"every": 0.25}, [6, 9], [12, 14]),  # 2.5 rows, to even ones
+        (0.0, {"snapshots": 5, "spacing": "log"}, [0, 1, 2, 5, 10], []),
+        (0.2, {"snapshots": 5, "spacing": "log"}, [2, 3, 4, 6, 10], []),
+    ],
+)
+def test_snapshots_after_what_is_discarded_go_on_as_they_began(discard, words, rows, further):
+    plan = Plan.of(0.1, 1.0, 1.0, discard, **words)
+    first = plan.first_kept(0.1)
+    assert sorted(plan.snapshot_rows(first)) == rows
+    assert sorted(replace(plan, rows=15).snapshot_rows(first)) == rows + further
+    if words.keys() == {"snapshots"}:  # as older files say it
+        assert Plan.stored({"steps": 1, "rows": 10, "discard": discard, **words}, 0.1) == plan
 
 
 def test_a_row_is_what_a_run_has_seen():
@@ -203,15 +225,15 @@ def test_time_left_in_words():
 
 
 def test_snapshots_need_room_twice(tmp_path, monkeypatch):
-    """Positions and velocities of 10 disks, strain and cell, in doubles, in the file and in the checkpoint."""
-    needed = 2 * 7 * (10 * 2 * 2 + 1 + 4) * 8
+    """Positions, images, velocities and spins of 10 disks, strain and cell, in the file and in the checkpoint."""
+    needed = 2 * 7 * (10 * (3 * 2 + 1) + 1 + 4) * 8
     usage = shutil.disk_usage(tmp_path)
     for free, fits in ((needed, True), (needed - 1, False)):
         monkeypatch.setattr(records.shutil, "disk_usage", lambda path, free=free: usage._replace(free=free))
         if fits:
             check_space(Outlet(tmp_path / "x.h5"), 10, 7)
         else:
-            with pytest.raises(InputError, match="snapshots 7: of 10 disks need"):
+            with pytest.raises(InputError, match="7 snapshots: of 10 disks need"):
                 check_space(Outlet(tmp_path / "x.h5"), 10, 7)
 
 

@@ -5,12 +5,12 @@ from functools import cache
 import numpy as np
 import pytest
 from dense import Reference
+from jampetsc.words.law import words_of
 from launch import ROOT, run
 from samples import physics, polydisperse
 
 import jampetsc
 from jampetsc.storage.packing_file import write_packing
-from jampetsc.words.law import words_of
 
 OMEGA = "1e-10:1e4:15"
 PROGRAM = "../jampetsc/__main__.py"
@@ -41,7 +41,7 @@ def test_every_file_is_tested():
 def test_sweep_by_each_file(name, law, packing, tmp_path):
     out = tmp_path / "sweep.h5"
     words = words_of(law)
-    file = ROOT / "options" / f"{name}.opts"
+    file = f"jampetsc:{name}"
     done = run(0, PROGRAM, "sweep", packing, "--out", out, "--method", "direct", "--omega", OMEGA, *words,
                "-options_file", file)  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -77,7 +77,7 @@ def modes(packing):
 
 @pytest.mark.parametrize("name", FOR_MODES)
 def test_modes_by_each_file(name, packing, modes, tmp_path):
-    found = modes_of(packing, tmp_path / "modes.h5", "-options_file", ROOT / "options" / f"{name}.opts")
+    found = modes_of(packing, tmp_path / "modes.h5", "-options_file", f"jampetsc:{name}")
     assert [one.attributes["method"] for one in (modes, found)] == ["krylovschur", "krylovschur"]
     np.testing.assert_allclose(found["eigenvalues"], modes["eigenvalues"], rtol=1e-9)
 

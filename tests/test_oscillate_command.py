@@ -72,7 +72,6 @@ def test_a_file_from_one_rank_and_two(packing, tmp_path):
         ("--stress 1e-5 --steps 20", "--steps 20: must be a multiple of 8"),
         ("--stress 1e-5 --law stokes", "--law stokes: no contact dissipates"),
         ("--stress 1e-5 -osc_snes_type nrichardson", "-osc_snes_type nrichardson: what is solved here needs"),
-        ("--stress 1e-5 -osc_ksp_typ cg", "-osc_ksp_typ (did you mean -osc_ksp_type?)"),
     ],
 )
 def test_refused(packing, tmp_path, words, message):

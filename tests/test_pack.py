@@ -1,7 +1,9 @@
-"""`jampetsc pack` as a user types it: files, ensembles over ranks, continuation, and what bad input gets."""
+"""Packings as a user asks for them: in memory and in files, ensembles over ranks, continuation, and bad input."""
 
 import subprocess
 import sys
+import tempfile
+from dataclasses import replace
 
 import h5py
 import launch
@@ -9,11 +11,14 @@ import numpy as np
 import pytest
 from samples import published
 
+import jampetsc
 from jampetsc import cli
-from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import measure
 from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.jobs import pack as job
+from jampetsc.packing.protocols import Target, changed
+from jampetsc.packing.sizes import Radii
 from jampetsc.storage.packing_file import read_packing, write_packing
 
 
@@ -41,130 +46,22 @@ def test_one_packing(tmp_path):
     assert disks.record["max_force"] == state.max_force
 
 
-def test_a_tolerance_that_rounding_forbids_is_told(tmp_path):
-    done = pack(tmp_path, "--n", 24, "--pressure", "1e-7", "--seed", 2, "--out", "a.h5")
-    disks = read_packing(tmp_path / "a.h5")
-    residual = disks.record["max_force"] / (disks.record["pressure"] * 2 * disks.radii.mean())
-    assert residual > 1e-10
-    assert (
-        f"max|F|/(p d) = {residual:.1e} is what rounding leaves, more than --tolerance 1e-10" in done.stdout
-    )
-
-
 def test_ensemble_is_the_same_on_any_number_of_ranks(tmp_path):
     words = ("--n", 32, "--pressure", "1e-2,1e-3", "--seeds", "1:3", "--out", "p{pressure}-{seed}.h5")
     for ranks in (0, 2):
         (tmp_path / str(ranks)).mkdir()
         done = pack(tmp_path / str(ranks), *words, ranks=ranks)
         assert done.returncode == 0, done.stderr
-        assert len(done.stdout.splitlines()) == 6
+        told = [line.partition(":")[0] for line in done.stdout.splitlines()]
+        assert told == [f"p{p}-{seed}.h5" for seed in (1, 2, 3) for p in ("1e-2", "1e-3")]
     names = sorted(path.name for path in (tmp_path / "0").iterdir())
-    assert len(names) == 6
+    assert names == sorted(told)
     for name in names:
         assert content(tmp_path / "0" / name) == content(tmp_path / "2" / name)
     (tmp_path / "2" / names[0]).unlink()
     again = pack(tmp_path / "2", *words, ranks=2)
     assert again.returncode == 0 and "5 of 6 packings are there already" in again.stdout
     assert content(tmp_path / "0" / names[0]) == content(tmp_path / "2" / names[0])
-
-
-def test_from_a_packing(tmp_path):
-    first = ("--n", 48, "--pressure", "1e-2", "--potential", "hertzian", "--out", "a.h5")
-    assert pack(tmp_path, *first).returncode == 0
-    done = pack(tmp_path, "--from", "a.h5", "--pressure", "1e-4", "--out", "b.h5")
-    assert done.returncode == 0, done.stderr
-    a, b = read_packing(tmp_path / "a.h5"), read_packing(tmp_path / "b.h5")
-    assert b.potential == a.potential and np.array_equal(a.radii, b.radii)
-    assert measure(b).pressure == pytest.approx(1e-4, rel=1e-10)
-    assert b.record["source"] == "a.h5" and "seed" not in b.record
-    done = pack(tmp_path, "--from", "a.h5", "--phi", "0.95", "--out", "c.h5")
-    assert done.returncode == 0, done.stderr
-    assert read_packing(tmp_path / "c.h5").phi == pytest.approx(0.95, rel=1e-12)
-
-
-def test_radii_from_a_file(tmp_path):
-    radii = np.random.default_rng(1).uniform(0.4, 0.6, 40)
-    np.savetxt(tmp_path / "radii.txt", radii, fmt="%.17g")
-    done = pack(tmp_path, "--radii", "radii.txt", "--pressure", "1e-2", "--out", "a.h5")
-    assert done.returncode == 0, done.stderr
-    assert np.array_equal(np.sort(read_packing(tmp_path / "a.h5").radii), np.sort(radii))
-
-
-def test_a_failed_seed_does_not_stop_the_others(tmp_path):
-    """At φ = 0.8 some small packings are jammed and others are not: those are named, the others written."""
-    done = pack(tmp_path, "--n", 16, "--phi", "0.8", "--seeds", "1:12", "--out", "{seed}.h5")
-    made = len(list(tmp_path.iterdir()))
-    assert done.returncode == 3 and 0 < made < 12
-    assert f"{12 - made} of 12 packings failed" in done.stderr and len(done.stderr.splitlines()) == 1
-    assert len(done.stdout.splitlines()) == made
-
-
-GOOD = {"--n": "64", "--pressure": "1e-3", "--out": "a.h5"}
-BAD = [
-    ({"--n": "15"}, "15 disks"),
-    ({"--n": None}, "--n is missing"),
-    ({"--n": "many"}, "--n"),
-    ({"--pressure": "2"}, "--pressure 2: must lie in"),
-    ({"--pressure": "1e-9"}, "--pressure 1e-9"),
-    ({"--pressure": "nan"}, "--pressure nan"),
-    ({"--pressure": "1e-3,low"}, "--pressure low: must be a number"),
-    ({"--pressure": "1e-3,1e-4"}, "put {pressure} into it"),
-    ({"--pressure": None, "--phi": "0.5"}, "--phi 0.5"),
-    ({"--phi": "0.9"}, "not allowed with"),
-    ({"--pressure": None, "--phi": "0.9", "--stabilise": "shear"}, "needs --pressure"),
-    ({"--seed": "-1"}, "--seed -1"),
-    ({"--seeds": "1"}, "FIRST:LAST"),
-    ({"--seeds": "3:1", "--out": "{seed}.h5"}, "--seeds 3:1"),
-    ({"--seeds": "1:2"}, "put {seed} into it"),
-    ({"--tolerance": "0.1"}, "--tolerance 0.1"),
-    ({"--potential": "soft"}, "soft"),
-    ({"--radii": "none.txt"}, "leave out --n"),
-    ({"--n": None, "--radii": "none.txt"}, "none.txt: cannot be read"),
-    ({"--n": None, "--radii": "words.txt"}, "words.txt"),
-    ({"--n": None, "--radii": "negative.txt"}, "negative.txt: radii must be positive"),
-    ({"--sizes": "monodisperse", "--from": "none.h5"}, "--sizes: belongs to the packing"),
-    ({"--n": None, "--from": "none.h5"}, "none.h5"),
-    ({"--n": None, "--from": "words.txt"}, "words.txt"),
-    ({"--out": "nowhere/a.h5"}, "nowhere"),
-    ({"--out": "."}, "folder"),
-    ({"--out": "words.txt"}, "words.txt"),
-]
-
-
-@pytest.mark.parametrize(("change", "said"), BAD, ids=[said for _, said in BAD])
-def test_bad_input_gets_one_line(change, said, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "words.txt").write_text("one two\n")
-    (tmp_path / "negative.txt").write_text("0.5\n-0.5\n" * 10)
-    line = [
-        word for option, value in (GOOD | change).items() if value is not None for word in (option, value)
-    ]
-    with pytest.raises(InputError) as raised:
-        cli.dispatch(["pack", *line])
-    assert said in str(raised.value) and "\n" not in str(raised.value)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["negative.txt", "words.txt"]
-
-
-def test_a_number_of_disks_beside_a_packing_must_be_its_own(tmp_path):
-    assert pack(tmp_path, "--n", 16, "--pressure", "1e-2", "--out", "a.h5").returncode == 0
-    onwards = ("--pressure", "5e-3", "--from", "a.h5", "--out", "b.h5")
-    wrong = pack(tmp_path, "--n", 17, *onwards)
-    assert wrong.returncode == 2 and "a.h5 has 16 disks" in wrong.stderr
-    assert pack(tmp_path, "--n", 16, *onwards).returncode == 0
-
-
-def test_another_packing_is_not_overwritten(tmp_path):
-    assert pack(tmp_path, "--n", 16, "--pressure", "1e-2", "--out", "a.h5").returncode == 0
-    before = (tmp_path / "a.h5").read_bytes()
-    done = pack(tmp_path, "--n", 16, "--pressure", "1e-3", "--out", "a.h5")
-    assert done.returncode == 2 and "requested_pressure = 0.01" in done.stderr
-    assert (tmp_path / "a.h5").read_bytes() == before
-
-
-def test_unknown_petsc_option(tmp_path):
-    done = pack(tmp_path, "--n", 16, "--pressure", "1e-2", "--out", "a.h5", "-newton_pc_tpye", "cholesky")
-    assert done.returncode == 2 and "newton_pc_tpye" in done.stderr
-    assert not list(tmp_path.iterdir())
 
 
 def test_mumps_instead_of_cholmod(tmp_path):
@@ -174,61 +71,110 @@ def test_mumps_instead_of_cholmod(tmp_path):
     assert measure(read_packing(tmp_path / "a.h5")).max_force <= 1e-13
 
 
+@pytest.fixture
+def empty(shared_path, monkeypatch):
+    """The working directory, and the one for temporary files; nothing may come to be in it."""
+    monkeypatch.chdir(shared_path)
+    monkeypatch.setattr(tempfile, "tempdir", str(shared_path))
+    yield shared_path
+    assert not list(shared_path.iterdir())
+
+
 @pytest.mark.scalar("real")
-def test_one_packing_that_fails_says_so_itself_and_several_are_counted(session, shared_path):
-    line = ["pack", "--n", "24", "--phi", "0.8", "--out", str(shared_path / "p{seed}.h5")]
-    with pytest.raises(InputError, match=r"^phi = 0\.8: the disks do not touch"):
-        cli.dispatch([*line, "--seed", "1"])
-    with pytest.raises(
-        ConvergenceError, match=r"^2 of 2 packings failed, the others are on disk: .*p1\.h5: .*p2"
-    ):
-        cli.dispatch([*line, "--seeds", "1:2"])
+def test_packings_in_memory_are_those_of_files(session, empty):
+    """One; a list of several, each on every rank; and one that is made of another."""
+    one = jampetsc.pack(n=24, pressure=1e-3, seed=2)
+    assert measure(one).pressure == pytest.approx(1e-3, rel=1e-10) and one.record["requested_n"] == 24
+    many = jampetsc.pack(n=24, pressure=[1e-2, 1e-3], seeds=[2, 3])
+    asked = [(disks.record["seed"], disks.record["requested_pressure"]) for disks in many]
+    assert asked == [(2, 1e-2), (2, 1e-3), (3, 1e-2), (3, 1e-3)]
+    assert many[1].fingerprint == one.fingerprint and many[1].record == one.record
+    assert [session.comm.bcast(disks.fingerprint) for disks in many] == [disks.fingerprint for disks in many]
+    (alone,) = jampetsc.pack(n=24, pressure=1e-3, seeds="2:2")
+    assert alone.fingerprint == one.fingerprint
+    softer = jampetsc.pack(from_=one, pressure=1e-4)
+    assert measure(softer).pressure == pytest.approx(1e-4, rel=1e-10) and np.array_equal(
+        softer.radii, one.radii
+    )
+    assert softer.record["source_sha256"] == one.fingerprint and "seed" not in softer.record
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_files_of_several_are_loaded_as_a_list(session, shared_path, monkeypatch):
+    monkeypatch.chdir(shared_path)
+    found = jampetsc.pack(n=16, phi=0.95, seeds="1:2", tolerance=1e-6, out="{seed}.h5")
+    assert [disks.record["seed"] for disks in found] == [1, 2]
+    assert found[1].fingerprint == read_packing("2.h5").fingerprint
+    assert {"request", "argv"}.isdisjoint(found[0].record)  # the same whatever else was made beside it
 
 
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(1)
-def test_a_pressure_is_in_units_of_the_k_of_the_packing_that_is_changed(session, tmp_path):
-    disks = published()
-    stiff = Disks.from_positions(
-        disks.positions, disks.radii, disks.cell, Potential("harmonic", "constant", 2.0)
+def test_a_packing_file_is_changed_with_its_potential_and_record(session, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    first = jampetsc.pack(n=48, pressure=1e-2, potential="hertzian", out="a.h5")
+    for aim in ({"pressure": 1e-4}, {"phi": 0.95}):
+        found = jampetsc.pack(from_="a.h5", n=48, **aim, out="b.h5", overwrite=True)
+        assert found.potential == first.potential and np.array_equal(found.radii, first.radii)
+        assert found.record["source"] == "a.h5" and "seed" not in found.record
+    assert found.phi == pytest.approx(0.95, rel=1e-12)
+    with pytest.raises(InputError, match=r"^n 47: a\.h5 has 48 disks"):
+        jampetsc.pack(from_="a.h5", n=47, pressure=1e-3)
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+def test_a_pressure_is_in_units_of_the_k_of_the_packing_that_is_changed(session):
+    found = jampetsc.pack(
+        from_=replace(published(), potential=Potential("harmonic", "constant", 2.0)), pressure=2e-3
     )
-    write_packing(tmp_path / "p.h5", stiff)
-    line = ["pack", "--from", str(tmp_path / "p.h5"), "--pressure", "2e-3", "--out", str(tmp_path / "q.h5")]
-    assert cli.dispatch(line) == 0
-    found = read_packing(tmp_path / "q.h5")
-    assert found.record["requested_pressure"] == 4e-3 and measure(found).pressure == pytest.approx(
-        4e-3, rel=1e-9
-    )
+    assert found.record["requested_pressure"] == 4e-3
+    assert measure(found).pressure == pytest.approx(4e-3, rel=1e-9)
+
+
+def test_a_changed_packing_leaves_its_record_behind():
+    old = published().with_record(protocol="old", pressure=1.0)
+    same, wider = changed(old, Target(1e-3)), changed(old, Target(phi=0.7))
+    assert same.record == wider.record == {} and same.fingerprint == old.fingerprint
+    assert wider.phi == pytest.approx(0.7)
+    apart = replace(old, radii=0.5 * old.radii)
+    assert changed(apart, Target(phi=0.9)).phi == pytest.approx(0.9)
+    with pytest.raises(InputError, match="no disks touch, so there is no pressure to change"):
+        changed(apart, Target(1e-3))
 
 
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(2)
 def test_radii_are_those_that_one_rank_has_read(session, shared_path, tmp_path):
     """Every rank reads a file of its own, as if it were replaced meanwhile; packings are of the first one's disks."""
-    radii = np.linspace(0.5, 0.6 + 0.1 * session.rank, 16)
-    np.savetxt(tmp_path / "r.txt", radii)
-    out = shared_path / "p{seed}.h5"
-    line = [
-        "pack",
-        "--radii",
-        str(tmp_path / "r.txt"),
-        "--phi",
-        "0.95",
-        "--seeds",
-        "1:2",
-        "--tolerance",
-        "1e-6",
-    ]
-    assert cli.dispatch([*line, "--out", str(out)]) == 0
-    for seed in (1, 2):
-        found = read_packing(shared_path / f"p{seed}.h5")
-        np.testing.assert_allclose(np.sort(found.radii), np.linspace(0.5, 0.6, 16))
-        assert found.record["seed"] == seed
+    np.savetxt(tmp_path / "r.txt", np.linspace(0.5, 0.6 + 0.1 * session.rank, 16))
+    how = {"phi": 0.95, "seeds": "1:2", "tolerance": 1e-6}
+    found = jampetsc.pack(radii=tmp_path / "r.txt", **how, out=shared_path / "p{seed}.h5")
+    for disks in (*found, *jampetsc.pack(radii=np.linspace(0.5, 0.6, 16), **how)):
+        np.testing.assert_allclose(np.sort(disks.radii), np.linspace(0.5, 0.6, 16))
+    assert found[0].record["sizes"] == "radii of r.txt"
+
+
+@pytest.mark.scalar("real")
+def test_a_packing_that_fails_leaves_the_others_alone(session, shared_path, monkeypatch):
+    """At φ = 0.8 some small packings are jammed and others are not: those are named, the others written."""
+    monkeypatch.chdir(shared_path)
+    with pytest.raises(
+        ConvergenceError, match=r"of 6 packings failed, the others are on disk: \w+\.h5: phi"
+    ) as told:
+        jampetsc.pack(n=16, phi=0.8, seeds="1:6", out="{seed}.h5")
+    session.comm.Barrier()
+    made = {path.name for path in shared_path.iterdir()}
+    assert 0 < len(made) < 6 and str(told.value).startswith(f"{6 - len(made)} of 6 ")
+    assert all((f"{seed}.h5: phi" in str(told.value)) != (f"{seed}.h5" in made) for seed in range(1, 7))
+    with pytest.raises(InputError, match=r"^phi = 0\.8: the disks do not touch"):
+        jampetsc.pack(n=24, phi=0.8, seed=1)
 
 
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(1)
-def test_packings_that_are_there_are_counted_and_left(session, tmp_path, capsys):
+def test_packings_that_are_there_are_counted_left_or_refused(session, tmp_path, capsys):
     line = [*"pack --n 16 --phi 0.95 --seeds 1:3 --tolerance 1e-6 --out".split(), str(tmp_path / "{seed}.h5")]
     assert cli.dispatch(line) == 0 and "already" not in capsys.readouterr().out
     (tmp_path / "2.h5").unlink()
@@ -236,6 +182,122 @@ def test_packings_that_are_there_are_counted_and_left(session, tmp_path, capsys)
     assert cli.dispatch(line) == 0
     first, made = capsys.readouterr().out.splitlines()
     assert first == "2 of 3 packings are there already" and made.startswith(f"{tmp_path}/2.h5: N = 16, ")
+    assert cli.dispatch(line) == 0 and capsys.readouterr().out == "3 of 3 packings are there already\n"
+    with pytest.raises(
+        InputError, match=r"1\.h5: is there already with requested_phi = 0\.95, not 0\.96: .*--out.*"
+    ):
+        cli.dispatch([*line, "--phi", "0.96"])
     assert (tmp_path / "1.h5").read_bytes() == kept
-    assert cli.dispatch(line) == 0
-    assert capsys.readouterr().out == "3 of 3 packings are there already\n"
+    assert cli.dispatch([*line, "--phi", "0.96", "--overwrite"]) == 0
+    assert read_packing(tmp_path / "1.h5").record["requested_phi"] == 0.96
+
+
+def test_a_packing_that_is_there_is_the_one_that_is_asked_for(tmp_path):
+    (task,) = job.Pack(n=16, pressure=1e-3, seed=3).tasks(str(tmp_path / "p.h5"))
+    wanted = {"sizes": "bidisperse", "requested_n": 16, **job._asked(task)}
+    assert wanted["requested_pressure"] == 1e-3 and wanted["seed"] == 3
+    assert not job.is_there(task.path, wanted)
+    write_packing(task.path, published().with_record(**wanted))
+    assert job.is_there(task.path, wanted)
+    for name in wanted:
+        write_packing(task.path, published().with_record(**{k: v for k, v in wanted.items() if k != name}))
+        with pytest.raises(InputError, match=f"is there already with {name} = None, not .*out.*overwrite"):
+            job.is_there(task.path, wanted)
+        assert not job.is_there(task.path, wanted, overwrite=True)
+
+
+def test_packings_are_asked_for_as_told():
+    asked = job.Pack(n=16, pressure="1e-2,1e-3", seeds="0:2", tolerance=1e-8, stabilise="shear")
+    tasks = asked.tasks("s{seed}-p{pressure}.h5")
+    assert [task.path.name for task in tasks[:3]] == ["s0-p1e-2.h5", "s0-p1e-3.h5", "s1-p1e-2.h5"]
+    assert [task.seed for task in tasks] == [0, 0, 1, 1, 2, 2]
+    for task, pressure in zip(tasks, (1e-2, 1e-3) * 3, strict=True):
+        assert task.target == Target(pressure, stabilise="shear", tolerance=1e-8)
+    for seed, meant in ((None, 1), (0, 0)):
+        (task,) = job.Pack(n=16, phi=0.9, seed=seed).tasks(None)
+        assert (task.path, task.seed, task.target.phi) == (None, meant, 0.9)
+    soft = job.Pack(from_="soft.h5", pressure=[1e-3, 1e-2]).tasks("p{pressure}.h5", k=1e-6)
+    assert [(task.path.name, task.seed) for task in soft] == [("p0.001.h5", None), ("p0.01.h5", None)]
+    assert [task.target.pressure for task in soft] == pytest.approx([1e-9, 1e-8])
+
+
+@pytest.mark.parametrize(("factor", "note"), [(0.999, False), (1.001, True)])
+def test_a_packing_tells_when_rounding_forbids_its_tolerance(factor, note):
+    disks = published()
+    force = factor * 1e-13 * 2 * disks.radii.mean()
+    disks = disks.with_record(
+        pressure=1e-3, phi=0.84, coordination=4.0, rattlers=1, max_force=force, tolerance=1e-10, evaluations=7
+    )
+    text = job._told("p.h5", disks, 1.234)
+    assert text.startswith(
+        f"p.h5: N = {disks.n}, p = 0.001, phi = 0.840000, Z = 4.0000, 1 rattlers, max|F|/p = "
+    )
+    assert "7 force evaluations, 1.23 s" in text and ("is what rounding leaves" in text) == note
+
+
+GOOD = {"--n": "64", "--pressure": "1e-3", "--out": "a.h5"}
+BAD = [  # options that are changed, what is named
+    ({"--n": "15"}, "--n 15"), ({"--n": None}, "--n is missing"), ({"--n": "many"}, "--n many"),
+    ({"--pressure": "2"}, "--pressure 2"), ({"--pressure": "1e-9"}, "1e-9"), ({"--pressure": "nan"}, "nan"),
+    ({"--pressure": "-1e-4"}, "--pressure -1e-4"), ({"--pressure": "1e-3,"}, "--pressure 1e-3,"),
+    ({"--pressure": "1e-3,low"}, "--pressure 1e-3,low"), ({"--pressure": None}, "--pressure is missing"),
+    ({"--presure": "1e-3"}, "--presure: no such option; did you mean --pressure"),
+    ({"--pressure": "1e-3,1e-4"}, "put {pressure} into it"), ({"--pressure": None, "--phi": "0.5"}, "--phi 0.5"),
+    ({"--phi": "0.9"}, "--phi: not together with --pressure"),
+    ({"--pressure": None, "--phi": "0.9", "--stabilise": "shear"}, "--stabilise shear: needs --pressure"),
+    ({"--seed": "-1"}, "--seed -1"), ({"--seed": "9223372036854775808"}, "--seed 9223372036854775808"),
+    ({"--seed": "1", "--seeds": "1:2"}, "--seeds: not together with --seed"),
+    ({"--seeds": "1"}, "FIRST:LAST"), ({"--seeds": "3:1", "--out": "{seed}.h5"}, "--seeds 3:1"),
+    ({"--seeds": "1:9999999999", "--out": "{seed}.h5"}, "9999999999 seeds: at most 1000000"),
+    ({"--seeds": "1:2"}, "put {seed} into it"), ({"--tolerance": "0.1"}, "--tolerance 0.1"),
+    ({"--out": "k{foo}.h5"}, "--out k{foo}.h5: {foo} stands for nothing"), ({"--out": "k{seed.h5"}, "{seed.h5 stands"),
+    ({"--pressure": None, "--phi": "0.86", "--out": "k{pressure}.h5"}, "{pressure} has no meaning with --phi"),
+    ({"--potential": "soft"}, "--potential soft"), ({"--radii": "r.h5"}, "--n: r.h5 gives"),
+    ({"--n": None, "--radii": "none.txt"}, "none.txt: cannot be read"), ({"--n": None, "--radii": "."}, ".: is a"),
+    ({"--n": None, "--radii": "words.txt"}, "words.txt"), ({"--n": None, "--radii": "r.h5", "--out": "./r.h5"}, "r.h5"),
+    ({"--n": None, "--radii": "negative.txt"}, "negative.txt: must be positive"),
+    ({"--n": None, "--sizes": "monodisperse", "--from": "none.h5"}, "--sizes: belongs to the packing"),
+    ({"--n": None, "--from": "none.h5"}, "none.h5"), ({"--n": None, "--from": "words.txt"}, "words.txt"),
+    ({"--out": "nowhere/a.h5"}, "nowhere"), ({"--out": "."}, "folder"), ({"--out": "words.txt"}, "words.txt"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("change", "said"), BAD, ids=[said for _, said in BAD])
+def test_bad_input_gets_one_line(change, said, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    given = {"words.txt": "one two\n", "negative.txt": "0.5\n-0.5\n" * 10, "r.h5": "1\n" * 16}
+    for name, text in given.items():
+        (tmp_path / name).write_text(text)
+    line = [
+        word for option, value in (GOOD | change).items() if value is not None for word in (option, value)
+    ]
+    with pytest.raises(InputError) as raised:
+        cli.dispatch(["pack", *line])
+    assert said in str(raised.value) and "\n" not in str(raised.value)
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == given
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ([1e-6] * 8 + [1e6] * 8, None), ([1.0] * 15, "15 disks: must lie in"), ([1.0] * 21, "21 disks"),
+        ([1.0] * 15 + [0.99e-6], "radii from 9.9e-07 to 1: must lie in"),
+        ([1.0] * 15 + [1.01e6], "radii from 1 to 1.01e+06: must lie in"), ([1.0] * 15 + [0.0], "must be positive"),
+        ([1.0] * 15 + ["inf"], "must be positive"), (["1 2"] * 16, "must be positive"),
+        (["x"] * 16, "cannot be read as radii"), ([], "0 disks"),
+    ],
+)  # fmt: skip
+def test_radii_of_a_file_and_of_an_array(values, said, tmp_path, monkeypatch):
+    monkeypatch.setattr("jampetsc.packing.sizes.MOST", 20)
+    path = tmp_path / "r.txt"
+    path.write_text("\n".join(map(str, values + ([1.0] * 40 if len(values) > 20 else []))))  # read no farther
+    if said is None:
+        assert Radii.read(path).values.tolist() == Radii(values).values.tolist() == values
+        return
+    with pytest.raises(InputError) as raised:
+        Radii.read(path)
+    assert str(raised.value).startswith(f"{path}: ") and said in str(raised.value)
+    if values != ["x"] * 16 and values != ["1 2"] * 16:
+        with pytest.raises(InputError, match=r"^radii: "):
+            Radii(values)

@@ -157,7 +157,12 @@ def test_what_nobody_asked_for_petsc_says_at_its_end(packing, tmp_path, ranks):
     assert len(left) == 1 and "-shift_pc_typ value: lu" in left[0]
 
 
-@pytest.mark.parametrize("words", ["-log_view :log", "-options_left no -freq_pc_type lu"])
-def test_petsc_is_not_asked_where_nothing_can_be_left_or_it_is_not_wanted(packing, tmp_path, words):
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [("-log_view :log", False), ("-options_left no -freq_pc_type lu", False), ("-options_left", True)],
+)
+def test_petsc_says_so_where_something_may_be_left_or_as_it_is_told(packing, tmp_path, words, said):
+    """Defaults of the program that no solver came to ask for are none of the user's."""
     done = run(packing, tmp_path, f"sweep PACKING --omega 1 --out o.h5 {words}")
-    assert done.returncode == 0 and "ption" not in done.stdout, done.stdout
+    assert done.returncode == 0 and "Option left" not in done.stdout
+    assert ("There are no unused options" in done.stdout) == said == ("ption" in done.stdout), done.stdout

@@ -92,6 +92,31 @@ def test_imports_go_downwards(room):
     assert not wrong, "\n".join(wrong)
 
 
+def runs(tree):
+    """Imports of a module as it runs: not those for the names of types alone."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            continue
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+            yield node.module
+        yield from runs(node)
+
+
+def test_no_modules_import_each_other():
+    """Inside a room neither, nor round three corners, nor inside functions."""
+    known = {f"jampetsc.{name(path)}".removesuffix(".__init__"): path for path in MODULES}
+    graph = {one: {*runs(ast.parse(path.read_text()))} & known.keys() - {one} for one, path in known.items()}
+    graph.pop("jampetsc")  # the package's door
+    while ends := {one for one, others in graph.items() if not others & graph.keys()}:
+        graph = {one: others for one, others in graph.items() if one not in ends}
+    while tops := graph.keys() - {other for others in graph.values() for other in others}:
+        graph = {one: others for one, others in graph.items() if one not in tops}
+    assert not graph, "circles among these"
+
+
 def test_one_door_to_petsc():
     wrong = []
     for path in MODULES:

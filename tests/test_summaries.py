@@ -8,12 +8,10 @@ from samples import published
 
 from jampetsc import cli
 from jampetsc.analysis.collapse_errors import Estimate
-from jampetsc.commands import collapse, correlate, modes, oscillate, pack, quasistatic, study, sweep
 from jampetsc.contacts.laws import Physics, damping_law
-from jampetsc.errors import ConvergenceError, InputError
-from jampetsc.packing.protocols import Target
-from jampetsc.storage.packing_file import write_packing
-from jampetsc.words import describe, packtasks
+from jampetsc.errors import InputError
+from jampetsc.jobs import collapse, correlate, modes, oscillate, quasistatic, study, sweep
+from jampetsc.words import describe
 
 PHYSICS = Physics(damping_law())
 
@@ -21,7 +19,7 @@ PHYSICS = Physics(damping_law())
 def sweep_job(**more):
     disks = SimpleNamespace(record={"pressure": 2e-3}, potential=SimpleNamespace(k=2.0))
     plain = {
-        "out": "s.h5",
+        "to": "s.h5",
         "physics": PHYSICS,
         "certified": True,
         "damping": None,
@@ -33,13 +31,13 @@ def sweep_job(**more):
 def test_a_sweep_tells_its_ends_and_its_worst_errors():
     G = np.array([1 + 0.1j, 2 + 4j, 5 + 8j])
     bounds = np.array([[9, 1e-3, 1e-3], [9, 4e-2, 1e-3], [9, 1e-3, 8e-2]])
-    lines = sweep.summary(sweep_job(), np.array([0.1, 1.0, 10.0]), G, bounds).split("\n")
+    lines = sweep._summary(sweep_job(), np.array([0.1, 1.0, 10.0]), G, bounds).split("\n")
     assert lines == [
         "s.h5: contact damping, beta = 1, 3 frequencies, certified to 2.0e-02 in G' and 1.0e-02 in G''",
         "  omega 0.1: G' = 1, G'' = 0.1",
         "  omega 10: G' = 5, G'' = 8",
     ]
-    one = sweep.summary(sweep_job(certified=False), np.ones(1), G[:1], bounds[:1]).split("\n")
+    one = sweep._summary(sweep_job(certified=False), np.ones(1), G[:1], bounds[:1]).split("\n")
     assert len(one) == 2 and "1 frequencies, estimated to" in one[0]
 
 
@@ -48,7 +46,7 @@ def test_a_strain_that_would_change_contacts(stress, told):
     """σ₀ k/|G| of the softest frequency against p/k = 1e-3."""
     damping = SimpleNamespace(alpha=0.5, stress=stress)
     G = np.array([4.0 + 0j, 2.0j])
-    text = sweep.summary(sweep_job(damping=damping), np.ones(2), G, np.ones((2, 3)))
+    text = sweep._summary(sweep_job(damping=damping), np.ones(2), G, np.ones((2, 3)))
     assert "equivalent linear frequencies 3 to 4; the stored" in text
     assert (f"strain amplitude up to {stress:.1e}, more than p/k = 1.0e-03" in text) == told
 
@@ -63,33 +61,16 @@ def test_modes_tell_how_they_were_counted():
             "normal": np.array([0.25, 0.0, 0.0]), "transverse": np.array([0.5, 0.125, 0.125]),
         }),
     )  # fmt: skip
-    assert modes.summary("m.h5", found).split("\n") == [
+    assert modes._summary("m.h5", found).split("\n") == [
         "m.h5: 3 modes, no pre-stress; inertia counts 3 below 2.5",
         "  eigenvalues 0.25 to 2, residuals ≤ 3.0e-09",
         "  floppiness (rms Δu⊥ / Δu∥) 5 to 1",
         "  together 87.5 % of |u_na|², 75 % of Δu⊥², 25 % of Δu∥², 37.5 % of G_affine − G0",
     ]
     found.complete, found.carried, found.network.prestress = True, None, True
-    lines = modes.summary("m.h5", found).split("\n")
+    lines = modes._summary("m.h5", found).split("\n")
     assert lines[0] == "m.h5: 3 modes, pre-stress; all there are"
     assert lines[-1].startswith("  the response to shear is affine, or not unique")
-
-
-def test_a_packing_tells_when_rounding_forbids_its_tolerance():
-    disks = published().with_record(
-        pressure=1e-3, phi=0.84, coordination=4.0, rattlers=1, max_force=1e-12, tolerance=1e-10, evaluations=7
-    )
-    text = pack._summary("p.h5", disks, 1.234)
-    assert text.startswith(
-        f"p.h5: N = {disks.n}, p = 0.001, phi = 0.840000, Z = 4.0000, 1 rattlers, max|F|/p = 1.0e-09, "
-    )
-    assert text.split("\n")[0].endswith("7 force evaluations, 1.23 s")
-    diameter = 2 * disks.radii.mean()
-    for factor, note in ((0.999, False), (1.001, True)):
-        limit = disks.with_record(max_force=factor * 1e-13 * diameter)
-        assert (
-            "is what rounding leaves, more than --tolerance 1e-10" in pack._summary("p.h5", limit, 1.0)
-        ) == note
 
 
 def test_a_study_tells_what_failed_and_what_is_unstable():
@@ -122,25 +103,9 @@ def test_lengths_are_told_with_their_errors():
     assert correlate._mean_pressure([]) == {}
 
 
-@pytest.mark.parametrize(("off", "refused"), [(0.009, False), (0.011, True)])
-def test_frequencies_that_are_common(off, refused):
-    sweeps = [
-        SimpleNamespace(path=SimpleNamespace(name="a.h5")),
-        SimpleNamespace(path=SimpleNamespace(name="b.h5")),
-    ]
-    frequencies = [np.array([1.0, 2.0]), np.array([1.0, 2.0 * (1 + off)])]
-    if refused:
-        with pytest.raises(InputError, match="fields at other frequencies"):
-            correlate._require_same_frequencies(sweeps, frequencies)
-    else:
-        correlate._require_same_frequencies(sweeps, frequencies)
-    with pytest.raises(InputError, match="fields at other frequencies"):
-        correlate._require_same_frequencies(sweeps, [frequencies[0], frequencies[0][:1]])
-
-
 def test_an_oscillation_tells_both_ends_of_its_frequencies():
     asked = SimpleNamespace(
-        out="o.h5",
+        alpha=1.0,
         physics=PHYSICS,
         amplitude=np.array([1e-6]),
         omega=np.array([0.1, 1.0, 10.0]),
@@ -150,7 +115,7 @@ def test_an_oscillation_tells_both_ends_of_its_frequencies():
         "G": np.array([[1 + 1j, 2 + 2j, 3 + 4j]]), "error": np.array([[1e-3, 1e-3, 1e-1]]),
         "energy_balance": np.array([[1e-9, -2e-8, 1e-9]]), "harmonics": np.array([[[0.1j, 0], [0.5, 0], [0.02, 0]]]),
     }  # fmt: skip
-    lines = oscillate.summary(asked, arrays).split("\n")
+    lines = oscillate._summary(asked, "o.h5", arrays).split("\n")
     assert "alpha = 1, 3 oscillations, estimated to 2.0e-02 of |G*|, energy balanced to 2e-08" in lines[0]
     assert lines[1:] == [
         "  strain 1e-06, omega 0.1: G' = 1, G'' = 1, third harmonic 10 %",
@@ -236,75 +201,6 @@ def test_a_record_that_is_not_of_these_positions(off, told):
     assert "note: the file records negative_modes = 0, but not of these disks: it counts for nothing" in text
 
 
-# What is there already
-
-
-ARGS = SimpleNamespace(
-    stabilise="volume",
-    tolerance=1e-10,
-    sizes=None,
-    radii=None,
-    n=16,
-    potential=None,
-    stiffness=None,
-    phi=None,
-    source=None,
-)
-
-
-def test_a_packing_that_is_there_is_the_one_that_is_asked_for_or_refused(tmp_path):
-    request = packtasks.request_of(ARGS, None)
-    task = packtasks.Task(tmp_path / "p.h5", 3, Target(1e-3, stabilise="volume", tolerance=1e-10))
-    wanted = packtasks.entries(task, request)
-    assert wanted == {
-        "stabilise": "volume", "tolerance": 1e-10, "sizes": "bidisperse", "requested_n": 16,
-        "requested_potential": "harmonic", "requested_stiffness": "constant", "requested_pressure": 1e-3, "seed": 3,
-    }  # fmt: skip
-    assert not packtasks.complete(task, request)
-    write_packing(task.path, published().with_record(**wanted))
-    assert packtasks.complete(task, request)
-    for name in wanted:
-        write_packing(task.path, published().with_record(**{k: v for k, v in wanted.items() if k != name}))
-        with pytest.raises(
-            InputError,
-            match=rf"is there already with {name} = None, not .*: choose another --out, or give --overwrite",
-        ):
-            packtasks.complete(task, request)
-
-
-def test_what_is_asked_of_a_packing_that_is_changed():
-    asked = packtasks.request_of(SimpleNamespace(**vars(ARGS) | {"potential": "hertzian"}), ("a.h5", "ab"))
-    assert asked == {"stabilise": "volume", "tolerance": 1e-10, "source": "a.h5", "source_sha256": "ab"}
-    task = packtasks.Task("p.h5", None, Target(phi=0.9, tolerance=1e-10))
-    assert packtasks.entries(task, {}) == {"requested_phi": 0.9}
-    other = SimpleNamespace(
-        **vars(ARGS)
-        | {"potential": "hertzian", "stiffness": "inverse-square-diameter", "n": None, "radii": "a/r.txt"}
-    )
-    told = packtasks.request_of(other, None)
-    assert (
-        told["requested_potential"] == "hertzian" and told["requested_stiffness"] == "inverse-square-diameter"
-    )
-    assert told["requested_n"] == 0 and told["sizes"] == "radii of r.txt"
-
-
-def test_what_cannot_be_begun_with():
-    apart = published()
-    apart = apart.from_positions(apart.positions, 0.5 * apart.radii, apart.cell)
-    for args, message in (
-        ({"n": 15, "source": "p.h5"}, r"--n 15: p\.h5 has 16 disks; leave --n out with --from"),
-        ({"source": "p.h5"}, r"p\.h5: no disks touch, so there is no pressure to change"),
-    ):
-        with pytest.raises(InputError, match=message):
-            packtasks.starter(SimpleNamespace(**vars(ARGS) | args), None, apart)
-    denser = packtasks.starter(SimpleNamespace(**vars(ARGS) | {"phi": 0.9}), None, apart)(
-        None, Target(phi=0.9)
-    )
-    assert denser.phi == pytest.approx(0.9)
-    same = packtasks.starter(ARGS, None, published())(None, Target(1e-3))
-    assert same.phi == published().phi and same.record == {}
-
-
 def test_a_quasistatic_response_tells_its_parts():
     flow = SimpleNamespace(parts={"contacts": 0.25, "fluid": 0.5}, eta0=0.75)
     median = {
@@ -320,7 +216,7 @@ def test_a_quasistatic_response_tells_its_parts():
         identity=1e-12,
     )
     outcome = SimpleNamespace(eta_inf=0.5, responses={"": response}, distributions={"": median})
-    lines = quasistatic.summary("q.h5", PHYSICS, outcome).split("\n")
+    lines = quasistatic._summary("q.h5", PHYSICS, outcome).split("\n")
     assert lines == [
         "q.h5: contact damping, beta = 1, eta_inf = 0.5",
         "  pre-stress: G0 = 0.5, bulk modulus 4, eta0 = 0.75 (contacts 0.25, fluid 0.5), omega* = 0.1",
@@ -346,14 +242,14 @@ def found_with(*errors):
 
 def test_a_collapse_tells_its_parameters_those_of_every_cut_and_notes():
     for finite_size, scales in ((False, (1e-2, 1e-3)), (True, (0.5, 0.125))):
-        args = SimpleNamespace(out="c.h5", observable="pressure", finite_size=finite_size)
+        job = SimpleNamespace(observable="pressure", finite_size=finite_size)
         cut = fit_of(y=1.5)
         cut.chi2 = 10.0
         cuts = [
             (scales[0], fit_of(), found_with(0.01, 0.2, 1.0)),
             (scales[1], cut, found_with(1e-3, 0.1, np.inf)),
         ]
-        lines = collapse._summary(args, range(7), cuts, ["one", "two"]).split("\n")
+        lines = collapse._summary("c.h5", job, range(7), cuts, ["one", "two"]).split("\n")
         nu, what = ("nu", "N >= 64") if finite_size else ("znu", "rates <= 0.001")
         assert lines == [
             f"c.h5: pressure at 7 points, phi_J = 0.8433 ± 0.01, y = 1.1 ± 0.2, {nu} = 3.5 ± 1",
@@ -372,46 +268,23 @@ def test_lanes_of_other_widths_are_compared_with_errors_of_both():
         )
 
     results = [result(0.5, 0.03), result(0.7, 0.04), result(np.nan, 0.1)]
-    lines = correlate._summary("c.h5", [1], np.array([1e-3]), "strain", [0.5, 1.0, 2.0], results, 20.0)
-    lines = lines.split("\n")
+    found = SimpleNamespace(results=results, length=40.0, diameter=2.0)
+    lines = correlate._summary("c.h5", 1, np.array([1e-3]), "strain", [0.5, 1.0, 2.0], found).split("\n")
     assert lines == [
         "c.h5: 1 packing, L = 20 d, lanes of 0.5 d, 9 pairs, in phase with the strain",
         "  omega 0.001: l/d Re 2 ± 0.2,  Im no root",
         "  lanes of 1 d: C differs by 0.2 (rms), with errors of 0.05",
         "  lanes of 2 d: C is not known",
     ]
-    assert correlate._summary("c.h5", [1, 2], np.ones(1), "strain", [0.5], results[:1], 1.0).startswith(
-        "c.h5: 2 packings, "
-    )
-
-
-@pytest.mark.parametrize("error", [ConvergenceError("stuck"), InputError("p1.h5: no room")])
-def test_a_packing_that_fails_leaves_the_others_alone(tmp_path, error, capsys):
-    """What did not converge is told with its remedy, anything else as it is; the next packing is made all the same."""
-    asked = []
-
-    def start(seed, target):
-        asked.append(seed)
-        if seed != 2:
-            raise error
-        return published()
-
-    tasks = [
-        packtasks.Task(tmp_path / f"p{seed}.h5", seed, Target(1e-3, tolerance=1e-6)) for seed in (1, 3, 2)
-    ]
-    request = packtasks.request_of(ARGS, None)
-    failures = pack._make(tasks[:2], start, request, None, None, SimpleNamespace(rank=0))
-    assert asked == [1, 3] and [path for path, _ in failures] == [str(task.path) for task in tasks[:2]]
-    remedy = ": use another --seed, or a larger --tolerance" if isinstance(error, ConvergenceError) else ""
-    assert {(type(one), str(one)) for _, one in failures} == {(type(error), f"{error}{remedy}")}
-    assert not list(tmp_path.iterdir())
+    found.results = results[:1]
+    assert correlate._summary("c.h5", 2, np.ones(1), "strain", [0.5], found).startswith("c.h5: 2 packings, ")
 
 
 def test_the_worst_error_of_the_loss_is_over_the_loss():
     """Bounds of |G*|, G' and G'' of which each part's own is worst at another frequency."""
     G = np.array([1 + 0.5j, 4 + 1j])
     bounds = np.array([[0.5, 1e-3, 2e-3], [0.5, 2e-3, 1e-3]])
-    (line, *_) = sweep.summary(sweep_job(), np.array([0.1, 1.0]), G, bounds).split("\n")
+    (line, *_) = sweep._summary(sweep_job(), np.array([0.1, 1.0]), G, bounds).split("\n")
     assert line.endswith("certified to 1.0e-03 in G' and 4.0e-03 in G''")
 
 

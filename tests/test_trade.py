@@ -10,7 +10,7 @@ from dataclasses import fields, replace
 import launch
 import numpy as np
 import pytest
-from drawn import figure_of, lines
+from drawn import drawn_by, lines
 from matplotlib.image import imread
 
 from jampetsc import cli, launcher
@@ -20,7 +20,7 @@ from jampetsc.contacts.laws import Physics, damping_law
 from jampetsc.errors import ConvergenceError, InputError, JampetscError
 from jampetsc.jobs.sweep import Sweep
 from jampetsc.jobs.trade import Trade
-from jampetsc.plots.trade import plot_trade
+from jampetsc.plots.trade import draw_trade, plot_trade
 from jampetsc.progress import Progress
 from jampetsc.speed_accuracy import choices, ensembles, measure, processes
 from jampetsc.speed_accuracy.advice import advise
@@ -197,10 +197,6 @@ def test_simpler_physics_of_each_law():
     others = dict(choices.simpler(Physics(damping_law("stokes", tau1=2.0))))
     assert others["contact damping, beta = 1"] == Physics(damping_law(tau1=2.0))
     assert others["without pre-stress"] == Physics(damping_law("stokes", tau1=2.0), prestress=False)
-
-
-def test_the_options_files_are_there():
-    assert all(path.is_file() for path in choices.OPTIONS_FILES)
 
 
 # Runs that end otherwise
@@ -839,7 +835,7 @@ def test_what_the_reference_does_not_resolve_is_told_as_its_bound():
 def test_points_of_the_picture_are_times_of_runs_and_errors_of_both_moduli():
     run = Row("method", "direct, MUMPS", 2.0, 5.0, **errors(1e-2, 3e-2))
     exact = Row("physics", "without rotations", 3.0, 5.0, **errors(1e-13, 1e-6))
-    points = lines(figure_of(plot_trade, [run, exact], 1e-12).axes[0], 1)
+    points = lines(drawn_by(draw_trade, [run, exact], 1e-12).axes[0], 1)
     for row, (filled, empty) in zip((run, exact), (points[:2], points[2:4]), strict=True):
         assert (filled[0], empty[0]) == (row.seconds, row.seconds)
         # what is not resolved is drawn at the bound of the reference

@@ -4,59 +4,24 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from jampetsc.words.law import physics_from, words_of
-from jampetsc.words.packtasks import plan
-from samples import published
 
 from jampetsc import cli
-from jampetsc.commands import oscillate, pack, sweep
-from jampetsc.contacts.laws import Physics, damping_law
 from jampetsc.errors import InputError
-from jampetsc.packing.protocols import Target
-from jampetsc.storage.packing_file import read_packing
+from jampetsc.jobs.inputs import refuse_one_packing, refuse_repeated
 from jampetsc.storage.reader import load
 from jampetsc.studies.table import table_text
-from jampetsc.words import packtasks, picture
-from jampetsc.words.files import files_named, refuse_one_packing, refuse_repeated
+from jampetsc.words import picture
+from jampetsc.words.files import files_named
 
 
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        (
-            "sweep p.h5 --out s.h5 --method direct --parallel shifts",
-            "--parallel shifts: belongs to --method rational",
-        ),
-        (
-            "sweep p.h5 --out s.h5 --method direct --parallel auto",
-            "--parallel auto: belongs to --method rational",
-        ),
-        ("sweep p.h5 --out s.h5 --fields=", "--fields : write low:high:count"),
-        ("sweep p.h5 --out s.h5 --fields ,", "--fields ,: write low:high:count"),
-        ("pack --n 64 --pressure 1e-3 --out k{foo}.h5", r"--out k\{foo\}\.h5: \{foo\} stands for nothing"),
-        ("pack --n 64 --pressure 1e-3 --out k{seed.h5", r"\{seed\.h5 stands for nothing: only \{seed\} and"),
-        ("pack --n 64 --phi 0.86 --out k{pressure}.h5", r"\{pressure\} has no meaning with --phi"),
-        (
-            "pack --n 64 --pressure 1e-3 --seed 9223372036854775808 --out k.h5",
-            "--seed 9223372036854775808: must lie in",
-        ),
-        (
-            "pack --n 64 --pressure 1e-3 --seeds 1:9999999999 --out {seed}.h5",
-            "9999999999 packings: at most 1000000",
-        ),
-        ("pack --n 64 --pressure -1e-4 --out k.h5", r"--pressure -1e-4: must lie in \[1e-08, 1\]"),
-        ("pack --n 64 --pressure 1e-3, --out k.h5", "--pressure 1e-3,: must be a number, or several"),
-        ("pack --n 64 --presure 1e-3 --out k.h5", "--presure: no such option; did you mean --pressure"),
         ("sweep p.h5 --ouput s.h5", "--ouput: no such option; did you mean --out"),
         (
             "sweep p.h5 --out s.png",
             r"--out s\.png: would be an HDF5 file by that name: give it the ending \.h5",
         ),
-        (
-            "modes p.h5 --out m.h5 --below 1e-30",
-            "--below 1e-30: must be above 1e-12; softer modes cannot be told",
-        ),
-        ("correlate f.h5 --out c.h5 --lane 1,0.5,1", "--lane 1,0.5,1: gives a width twice"),
         ("plot c.h5 --log-exponent -1e2 --out c.png", "c.h5: no such file"),
     ],
 )
@@ -65,15 +30,6 @@ def test_words_that_mean_nothing(line, message, tmp_path, monkeypatch):
     with pytest.raises(InputError, match=message):
         cli.dispatch(line.split())
     assert not list(tmp_path.iterdir())
-
-
-def test_pressure_is_in_units_of_the_k_of_the_packing():
-    line = ["pack", "--from", "soft.h5", "--pressure", "1e-3,1e-2", "--out", "p{pressure}.h5"]
-    tasks = plan(cli.command_parser(line)[0].parse_args(line), 1e-6)
-    assert [(task.path.name, task.target.pressure) for task in tasks] == [
-        ("p1e-3.h5", pytest.approx(1e-9)),
-        ("p1e-2.h5", pytest.approx(1e-8)),
-    ]
 
 
 def test_one_file_under_two_names(tmp_path):
@@ -93,83 +49,6 @@ def words(line):
 
 
 # What is asked for is what the words say
-
-
-def test_an_oscillation_is_asked_for_as_told():
-    plain = "oscillate d/p.h5 --out o.h5 --omega 2,1"
-    job = oscillate.check(words(f"{plain} --strain 1e-3,1e-6"))
-    assert (str(job.packing), str(job.out), job.contacts, job.cycles) == ("d/p.h5", "o.h5", "fixed", None)
-    assert job.omega.tolist() == [1.0, 2.0] and job.amplitude.tolist() == [1e-6, 1e-3]
-    assert not job.stress_controlled and job.steps == 64 and job.physics == Physics(damping_law())
-    assert job.physics.law.exponent == 1.0
-    more = f"{plain} --stress 1e-4 --alpha 0.5 --beta 0.25 --tau1 3 --steps 32"
-    job = oscillate.check(words(f"{more} --contacts moving --cycles 7"))
-    assert job.stress_controlled and job.amplitude.tolist() == [1e-4] and job.steps == 32
-    assert (job.contacts, job.cycles) == ("moving", 7)
-    assert (job.physics.law.exponent, job.physics.law.tau1) == (0.5, 3.0)
-    assert dict(job.physics.law.options)["beta"] == 0.25 and job.physics.prestress
-    assert oscillate.check(words(f"{more} --contacts moving --cycles auto")).cycles is None
-    assert not oscillate.check(words(f"{more} --no-prestress")).physics.prestress
-
-
-@pytest.mark.parametrize(
-    ("alpha", "omega", "within"),
-    [
-        (1.0, "1e-16", True), (1.0, "0.99e-16", False), (1.0, "1e12", True), (1.0, "1.01e12", False),
-        (2.0, "0.99e-16", False), (0.5, "1e-32", True), (0.5, "0.99e-32", False), (0.5, "1e24", True),
-        (0.5, "1.01e24", False), (0.05, "1e240", True), (0.05, "1.01e240", False),
-        (0.01, "1e-300", True), (0.01, "1e300", True),
-    ],
-)  # fmt: skip
-def test_frequencies_of_a_power_law_go_as_far_as_their_power_does(alpha, omega, within):
-    line = f"oscillate p.h5 --out o.h5 --strain 1e-3 --alpha {alpha} --omega {omega}"
-    if within:
-        assert oscillate.check(words(line)).omega == pytest.approx([float(omega)], rel=1e-12)
-    else:
-        with pytest.raises(InputError, match="frequencies must lie between"):
-            oscillate.check(words(line))
-
-
-@pytest.mark.parametrize(
-    ("omega", "tau1", "within"),
-    [("1e-299", "0.1", True), ("1e-299", "0.09", False), ("1e299", "10", True), ("1e299", "11", False)],
-)
-def test_a_frequency_times_its_damping_time_is_a_number(omega, tau1, within):
-    line = f"oscillate p.h5 --out o.h5 --strain 1e-3 --alpha 0.01 --omega {omega} --tau1 {tau1}"
-    if within:
-        oscillate.check(words(line))
-    else:
-        with pytest.raises(InputError, match=f"--tau1 {float(tau1):g}: their product must lie between"):
-            oscillate.check(words(line))
-
-
-def test_a_sweep_is_asked_for_as_told():
-    physics, damping, omega, fields = sweep.check(words("sweep p.h5 --out s.h5"))
-    assert physics == Physics(damping_law()) and damping is None and not len(fields)
-    assert (len(omega), omega[0], omega[-1]) == (141, pytest.approx(1e-10), pytest.approx(1e4))
-    line = "sweep p.h5 --out s.h5 --omega 1,3 --fields 3 --alpha 0.5 --stress 1e-4 --no-rotations --tau1 2"
-    physics, damping, omega, fields = sweep.check(words(line))
-    assert omega.tolist() == [1.0, 3.0] and fields.tolist() == [3.0]
-    assert (damping.alpha, damping.stress) == (0.5, 1e-4) and physics.law.exponent == 0.5
-    assert physics.law.tau1 == 2.0 and not dict(physics.law.options)["rotations"]
-
-
-def test_packings_are_asked_for_as_told():
-    line = "pack --n 16 --pressure 1e-2,1e-3 --seeds 0:2 --out s{seed}-p{pressure}.h5"
-    line += " --tolerance 1e-8 --stabilise shear"
-    radii, tasks = pack.check(words(line))
-    assert len(radii) == 16 and [task.path.name for task in tasks[:3]] == [
-        "s0-p1e-2.h5", "s0-p1e-3.h5", "s1-p1e-2.h5",
-    ]  # fmt: skip
-    assert [task.seed for task in tasks] == [0, 0, 1, 1, 2, 2]
-    for task, pressure in zip(tasks, (1e-2, 1e-3) * 3, strict=True):
-        target = task.target
-        assert (target.pressure, target.stabilise, target.tolerance) == (pressure, "shear", 1e-8)
-        assert target.phi is None
-    _, (task,) = pack.check(words("pack --n 16 --phi 0.9 --out p.h5 --tolerance 1e-9"))
-    assert (task.seed, task.target.phi, task.target.tolerance) == (1, 0.9, 1e-9)
-    _, (task,) = pack.check(words("pack --n 16 --phi 0.9 --out p.h5 --seed 0"))
-    assert task.seed == 0 and packtasks.entries(task, {})["seed"] == 0
 
 
 def test_no_two_results_of_one_packing_but_of_unknown_ones():
@@ -202,36 +81,6 @@ def test_files_of_a_study_are_of_rows_that_are_done(tmp_path):
     assert files_named(["other.h5"], None, chosen) == (["other.h5"], False)
 
 
-def test_a_file_of_radii_is_read_no_farther_than_it_must(tmp_path, monkeypatch):
-    monkeypatch.setattr(packtasks, "MOST", 20)
-    for count, said in ((20, None), (21, "21 disks: must lie in"), (40, "21 disks")):
-        (tmp_path / "r.txt").write_text("1\n" * count)
-        args = SimpleNamespace(radii=str(tmp_path / "r.txt"), n=None, sizes=None)
-        if said is None:
-            assert len(packtasks.radii_asked(args)) == 20
-        else:
-            with pytest.raises(InputError, match=said):
-                packtasks.radii_asked(args)
-
-
-def test_radii_are_read_from_a_file_alone(tmp_path):
-    args = SimpleNamespace(radii=str(tmp_path), n=None, sizes=None)
-    with pytest.raises(InputError) as refused:
-        packtasks.radii_asked(args)
-    assert str(refused.value).startswith(f"{tmp_path}: ") and "as radii" not in str(refused.value)
-
-
-def test_a_changed_packing_leaves_its_record_behind():
-    old = published().with_record(protocol="old", pressure=1.0)
-    args = SimpleNamespace(n=None, phi=None, source="p.h5")
-    assert packtasks.starter(args, None, old)(None, Target(1e-3)).record == {}
-    wider = packtasks.starter(SimpleNamespace(n=16, phi=0.7, source="p.h5"), None, old)(None, Target(phi=0.7))
-    assert wider.phi == pytest.approx(0.7) and wider.record == {}
-    touching = published()
-    apart = touching.from_positions(touching.positions, 0.5 * touching.radii, touching.cell)
-    assert packtasks.starter(SimpleNamespace(n=16, phi=0.9, source="p.h5"), None, apart)
-
-
 @pytest.mark.parametrize(
     ("value", "within"),
     [(None, True), (0.0, True), (10.0, True), (-0.1, False), (10.1, False), (float("nan"), False)],
@@ -243,30 +92,6 @@ def test_an_option_of_a_picture_lies_between_its_limits(value, within):
     else:
         with pytest.raises(InputError, match=f"--log-exponent {value:g}: must lie between 0 and 10"):
             picture.within(args, "log_exponent", 0, 10, 3.5)
-
-
-@pytest.mark.parametrize(
-    "physics",
-    [
-        Physics(damping_law()),
-        Physics(damping_law("contact", tau1=1 / 3, beta=0.1, rotations=False), False),
-        Physics(damping_law("stokes", tau1=2.0)),
-    ],
-)
-def test_words_of_a_law_mean_that_law(physics):
-    args = words(" ".join(["sweep", "p.h5", "--out", "s.h5", *words_of(physics)]))
-    assert physics_from(args) == physics
-
-
-@pytest.mark.parametrize(
-    "line", ["pack --radii r.h5 --pressure 1e-3 --out r.h5", "pack --radii r.h5 --phi 0.9 --out ./r.h5"]
-)
-def test_radii_are_not_lost(line, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "r.h5").write_text("1\n" * 16)
-    with pytest.raises(InputError, match=r"r\.h5: is the input, which would be lost"):
-        cli.dispatch(line.split())
-    assert (tmp_path / "r.h5").read_text() == "1\n" * 16
 
 
 def test_a_flow_that_goes_on_elsewhere_leaves_what_it_goes_on_from(tmp_path):
@@ -283,31 +108,3 @@ def test_a_flow_that_goes_on_elsewhere_leaves_what_it_goes_on_from(tmp_path):
     assert cli.dispatch(f"flow {tmp_path}/f.h5 --strain 0.02 --out {tmp_path}/g.h5".split()) == 0
     assert (tmp_path / "f.h5").read_bytes() == before
     assert load(tmp_path / "g.h5")["strain"][-1] == pytest.approx(0.04, rel=0.1)
-
-
-@pytest.mark.parametrize(("seed", "fresh"), [(None, False), (0, True), (5, True)])
-def test_a_packing_is_made_from_where_its_task_says(tmp_path, monkeypatch, seed, fresh, capsys):
-    asked = []
-
-    def make(start, target, solver, **how):
-        asked.append((start, target, solver, how["fresh"], how["team"]))
-        return published().with_record(
-            pressure=1e-3,
-            phi=0.8,
-            coordination=4.0,
-            rattlers=0,
-            max_force=1e-12,
-            tolerance=1e-6,
-            evaluations=3,
-        )
-
-    monkeypatch.setattr("jampetsc.packing.protocols.make_packing", make)
-    task = packtasks.Task(tmp_path / "p.h5", seed, Target(1e-3, tolerance=1e-6))
-    start = lambda seed, target: ("start", seed, target)  # noqa: E731
-    assert pack._make([task], start, {"stabilise": "volume"}, "solver", "team", SimpleNamespace(rank=0)) == []
-    assert asked == [(("start", seed, task.target), task.target, "solver", fresh, "team")]
-    record = read_packing(tmp_path / "p.h5").record
-    assert record["requested_pressure"] == 1e-3 and record["stabilise"] == "volume"
-    assert record.get("seed") == seed and capsys.readouterr().out.startswith(
-        f"{tmp_path}/p.h5: N = 16, p = 0.001"
-    )

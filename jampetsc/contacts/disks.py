@@ -47,6 +47,9 @@ class Disks:
     cell_offset: np.ndarray  # (2, 2)
     potential: Potential = field(default_factory=Potential)
     record: dict = field(default_factory=dict)  # how it was made: pressure, phi, seed, protocol, …
+    images: np.ndarray | None = (
+        None  # (N, 2) whole cell vectors that each disk has left behind, if they are counted
+    )
 
     def __repr__(self):
         told = f", pressure = {self.record['pressure']:.6g}" if "pressure" in self.record else ""
@@ -119,6 +122,16 @@ class Disks:
         return self.base + self.offset
 
     @property
+    def unwrapped(self):
+        """Coordinates that go on where a disk leaves the cell, x + k₁ a₁ + k₂ a₂ with `images` k, (N, 2).
+
+        Raises InputError where images are not counted.
+        """
+        if self.images is None:
+            raise InputError("unwrapped positions: images are not counted; the snapshots of a flow have them")
+        return self.positions + self.images @ self.cell
+
+    @property
     def cell(self):
         """Cell rows rounded to one double, (2, 2)."""
         return self.cell_base + self.cell_offset
@@ -150,6 +163,15 @@ class Disks:
         from jampetsc.contacts.state import find_contacts
 
         return find_contacts(self)
+
+    def minimise(self, **options) -> "Disks":
+        """The proved minimum of the energy in this cell that one comes to from here; `options` as `jampetsc.pack` has.
+
+        Collective. Raises as `jampetsc.pack`.
+        """
+        import jampetsc
+
+        return jampetsc.pack(from_=self, phi=self.phi, **options)
 
     @cached_property
     def _state(self):
@@ -203,7 +225,11 @@ class Disks:
         cell_base, cell_offset = whole @ self.cell_base, whole @ self.cell_offset
         image = np.floor(self.positions @ np.linalg.inv(cell_base + cell_offset))
         base, offset = self.base - image @ cell_base, self.offset - image @ cell_offset
-        return replace(self, base=base, offset=offset, cell_base=cell_base, cell_offset=cell_offset)
+        images = self.images
+        if images is not None:  # k₁ a₁ + k₂ a₂ in the vectors of the new cell, of which a₂ is shorter by m a₁
+            images = (images @ [[1.0, 0.0], [turns, 1.0]] + image).astype(int)
+        cell = {"cell_base": cell_base, "cell_offset": cell_offset}
+        return replace(self, base=base, offset=offset, images=images, **cell)
 
     def reordered(self, order) -> "Disks":
         """The same packing with its disks in another order."""

@@ -150,7 +150,9 @@ def deformed(disks: Disks, offsets, strain, shear) -> Disks:
     change = growth * cell
     change[:, 0] += mixing * cell[:, 1]
     cell_base, cell_offset = split(disks.cell_base, disks.cell_offset + change)
-    return Disks(base, offset, disks.radii, cell_base, cell_offset, disks.potential, disks.record)
+    return Disks(
+        base, offset, disks.radii, cell_base, cell_offset, disks.potential, disks.record, disks.images
+    )
 
 
 @numba.njit(cache=True, fastmath=False, error_model="numpy")

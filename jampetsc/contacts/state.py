@@ -1,12 +1,17 @@
 """Contacts of a packing: bond vectors to the last bit, overlaps, forces, rattlers, pressure and stress."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.neighbours import neighbour_pairs
 from jampetsc.errors import InputError
+
+if TYPE_CHECKING:
+    from jampetsc.contacts.disks import Disks
 
 TOUCH = 1e-6  # a contact that carries less than this fraction of p·d only just touches and does not count
 FORCELESS = 1e-14  # … nor does one whose force is within rounding of none, in units of k·d
@@ -30,7 +35,7 @@ class Contacts:
     def __len__(self):
         return len(self.i)
 
-    def __getitem__(self, selection) -> "Contacts":
+    def __getitem__(self, selection) -> Contacts:
         """The contacts of a mask or an index array."""
         return Contacts(*(getattr(self, f.name)[selection] for f in fields(self)))
 

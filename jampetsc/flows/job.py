@@ -1,7 +1,7 @@
 """One run of steady shear: what is sheared and how far, from its beginning or on from an earlier one; its result."""
 
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -82,9 +82,12 @@ def _weights(law):
 
 
 def begun(
-    disks, origin, model, rate, strain, *, discard=None, snapshots=0, step=None, tolerance=1e-4
+    disks, origin, model, rate, strain, *, discard=None, step=None, tolerance=1e-4, **snapshots
 ) -> FlowRun:
-    """A run from its beginning. Raises InputError for disks that lie inside one another, and as `Plan.of`."""
+    """A run from its beginning; `snapshots`, `every` and `spacing` as `Plan.of` takes them.
+
+    Raises InputError for disks that lie inside one another, and as `Plan.of`.
+    """
     contacts = find_contacts(disks)
     deepest = float(np.max(contacts.overlap / contacts.sigma, initial=0.0))
     if deepest > DEEPEST:
@@ -93,7 +96,7 @@ def begun(
             "quench it first with `jampetsc pack --from`"
         )
     scheme = scheme_for(model, disks, rate, step, tolerance)
-    plan = Plan.of(rate, scheme.step, strain, left_out(strain, discard), snapshots)
+    plan = Plan.of(rate, scheme.step, strain, left_out(strain, discard), **snapshots)
     return FlowRun(disks, model, rate, scheme, plan, origin)
 
 
@@ -102,10 +105,11 @@ def continued(earlier, strain) -> FlowRun:
     record, state, settings, attrs = record_of(earlier)
     settings["model"]["law"] = Law(**settings["model"]["law"])
     model, scheme = Model(**settings["model"]), Scheme(**settings["scheme"])
-    old = Plan(**settings["plan"])
+    strain_step = settings["rate"] * scheme.step
+    old = Plan.stored(settings["plan"], strain_step)
     disks = earlier.last
-    more = Plan.of(settings["rate"], scheme.step, strain, 0.0, 0, old.steps)
-    plan = Plan(old.steps, old.rows + more.rows, old.discard, old.snapshots)
+    more = Plan.of(settings["rate"], scheme.step, strain, 0.0, steps=old.steps)
+    plan = replace(old, rows=old.rows + more.rows)
     origin = {name: attrs[name] for name in KEPT if name in attrs}
     return FlowRun(disks, model, settings["rate"], scheme, plan, origin, (record, state))
 
@@ -125,7 +129,7 @@ def execute(run: FlowRun, to, last=None, together=None) -> Means:
     began = time.perf_counter()
     comm = together and together.comm
     record = run.before[0] if run.before else Record()
-    snapshots = run.plan.snapshots + len(record.snapshots["strain"])
+    snapshots = run.plan.snapshots(run.plan.first_kept(run.rate * run.scheme.step))
     by_rank_0(comm, lambda: check_space(to, run.disks.n, snapshots))
     shear = Shear(run.disks, run.model, run.rate, run.scheme, together, run.held)
     if run.before is not None:

@@ -21,7 +21,7 @@ SERIES = {
     "strain": 0, "time": 0, "shear_stress": 3, "pressure": 3, "energy": 0, "dissipation": 0,
     "coordination": 0, "clusters": 0, "largest_cluster": 0, "deepest_overlap": 0,
 }  # fmt: skip
-SNAPSHOTS = ("strain", "positions", "velocities", "cell")
+SNAPSHOTS = ("strain", "positions", "velocities", "cell", "images", "spins")  # spins where disks roll
 ON_WALLS = {"wall_shear_stress": 0, "wall_pressure": 0}  # of a run between walls, looked up
 LAYERS = 20  # of equal height between walls
 BETWEEN_WALLS = ON_WALLS | {"velocity_profile": LAYERS}
@@ -34,6 +34,7 @@ class Record:
         self.columns = columns or SERIES
         self.rows = {name: [] for name in self.columns}
         self.snapshots = {name: [] for name in SNAPSHOTS}
+        self.radii = None  # (N,) of the disks in the snapshots
 
     def __len__(self):
         return len(next(iter(self.rows.values())))
@@ -43,11 +44,13 @@ class Record:
         for name, column in self.rows.items():
             column.append(row[name])
 
-    def snapshot(self, strain, disks, velocities) -> None:
-        """Keep positions, non-affine velocities and cell of this moment."""
-        kept = (strain, disks.positions, velocities, disks.cell)
+    def snapshot(self, strain, disks, velocities, spins=None) -> None:
+        """Keep positions, images, non-affine velocities, angular ones where disks roll, and cell of this moment."""
+        kept = (strain, disks.positions, velocities, disks.cell, disks.images, spins)
         for name, value in zip(SNAPSHOTS, kept, strict=True):
-            self.snapshots[name].append(value)
+            if name in self.snapshots and value is not None:
+                self.snapshots[name].append(value)
+        self.radii = disks.radii
 
     def series(self, name):
         """(T,) or (T, 3) array of a column."""
@@ -58,7 +61,8 @@ class Record:
         """Everything, as the file has it."""
         found = {name: self.series(name) for name in self.columns}
         if self.snapshots["strain"]:
-            found |= {f"snapshots/{name}": np.array(kept) for name, kept in self.snapshots.items()}
+            found |= {f"snapshots/{name}": np.array(kept) for name, kept in self.snapshots.items() if kept}
+            found["snapshots/radii"] = self.radii
         return found
 
     def order(self, held=0) -> dict:
@@ -79,8 +83,13 @@ class Record:
             columns or SERIES | {name: size for name, size in BETWEEN_WALLS.items() if name in arrays}
         )
         record.rows = {name: list(np.asarray(arrays[name])) for name in record.columns}
-        if "snapshots/strain" in arrays:
-            record.snapshots = {name: list(np.asarray(arrays[f"snapshots/{name}"])) for name in SNAPSHOTS}
+        if "snapshots/strain" in arrays:  # without images, and radii beside them, in older files
+            held = {name: f"snapshots/{name}" for name in SNAPSHOTS}
+            record.snapshots = {
+                name: list(np.asarray(arrays[at])) for name, at in held.items() if at in arrays
+            }
+            beside = "snapshots/radii" in arrays
+            record.radii = np.asarray(arrays["snapshots/radii" if beside else f"{STATE}radii"])
         return record
 
 
@@ -107,7 +116,7 @@ def write_checkpoint(out, record: Record, state: dict, settings: dict) -> None:
 def check_space(to, disks: int, snapshots: int) -> None:
     """Raise InputError where the snapshots of a run do not fit on the disk where `to`, an Outlet, puts them."""
     for out in {to.path, to.kept} - {None}:
-        needed = 2 * snapshots * (disks * 4 + 5) * 8  # twice with the checkpoint
+        needed = 2 * snapshots * (disks * 7 + 5) * 8  # twice with the checkpoint
         free = shutil.disk_usage(follow(out).parent).free
         if needed > free:
             raise InputError(

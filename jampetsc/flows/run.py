@@ -1,7 +1,7 @@
 """A run of steady shear from its start, or from where it was stopped, to its file."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,16 +24,25 @@ BATCH = 20_000  # time steps between looks at signals
 
 @dataclass(frozen=True)
 class Plan:
-    """Rows and snapshots of a run: `steps` time steps to a row, `rows` of them in all."""
+    """Rows and snapshots of a run: `steps` time steps to a row, `rows` of them in all.
+
+    After what is discarded there is a snapshot every so many rows, `every`, or, with a `factor`, at once and after 1,
+    factor, factor², … rows. A run that goes on keeps to that.
+    """
 
     steps: int
     rows: int
     discard: float
-    snapshots: int
+    every: float = 0.0  # 0: no snapshots
+    factor: float = 0.0
 
     @classmethod
-    def of(cls, rate, step, strain, discard, snapshots, steps=None) -> "Plan":
+    def of(cls, rate, step, strain, discard, snapshots=0, steps=None, every=None, spacing="even") -> "Plan":
         """The plan that covers `strain`; `steps` to a row where an earlier part of the run has decided.
+
+        snapshots   how many: with `spacing` "even" the last one at the end, "log" at strains since `discard` that grow
+                    by a factor
+        every       instead: strain from one to the next
 
         Raises InputError for more time steps or snapshots than there can be.
         """
@@ -45,23 +54,61 @@ class Plan:
             )
         if steps is None:
             steps = max(1, round(min(ROW, strain / FEWEST_ROWS) / (rate * step)))
-        plan = cls(steps, max(1, int(np.ceil(strain / (steps * rate * step) - 1e-9))), discard, snapshots)
-        kept = plan.rows - plan.first_kept(rate * step)
+        row = steps * rate * step
+        plan = cls(steps, max(1, int(np.ceil(strain / row - 1e-9))), discard)
+        first = plan.first_kept(rate * step)
+        kept = plan.rows - first
         if snapshots > kept:
             raise InputError(
                 f"{named('snapshots')} {snapshots}: there are {kept} rows after {named('discard')}, at most one for "
                 "each"
             )
-        return plan
+        if spacing == "log" and snapshots:
+            if snapshots < 3:
+                raise InputError(f"{named('snapshots')} {snapshots}: need 3 or more for logarithmic spacing")
+            return replace(plan, factor=kept ** (1.0 / (snapshots - 2)))
+        if every is not None:
+            if not row <= every * (1 + 1e-9) <= kept * row * (1 + 2e-9):
+                raise InputError(
+                    f"{named('snapshot_every')} {every:g}: must be at least the strain of a row, {row:.3g}, and "
+                    f"at most what is left after {named('discard')}, {kept * row:.3g}"
+                )
+            return replace(plan, every=every / row)
+        return plan.spread(snapshots, first)
+
+    @classmethod
+    def stored(cls, values: dict, strain_step: float) -> "Plan":
+        """The plan that `asdict` made; older ones have the number of `snapshots`."""
+        snapshots = values.pop("snapshots", 0)
+        plan = cls(**values)
+        return plan.spread(snapshots, plan.first_kept(strain_step))
+
+    def spread(self, snapshots, first_kept) -> "Plan":
+        """With so many snapshots, evenly; where nothing is discarded the start is one of them."""
+        if not snapshots:
+            return self
+        return replace(self, every=(self.rows - first_kept) / max(1, snapshots - (not first_kept)))
 
     def first_kept(self, strain_step: float) -> int:
         """Rows that are left out of the means, with time steps of so much strain."""
         return int(self.discard / (self.steps * strain_step) + 1e-9)
 
-    def snapshot_rows(self, first_kept):
-        """Rows after which a snapshot is taken: evenly over those kept, the last included; 0: the start."""
-        start = not first_kept and self.snapshots > 1
-        return set(np.round(np.linspace(self.rows, first_kept, self.snapshots, endpoint=start)).astype(int))
+    def snapshots(self, first_kept: int) -> int:
+        """How many there are when the run is over; with a factor, as many at most: the first ones may share a row."""
+        kept = self.rows - first_kept
+        if self.factor:
+            return 2 + int(np.log(kept) / np.log(self.factor) + 1e-9)
+        last = int(kept / self.every + 1e-9) if self.every else 0
+        return last + (last > 1 and not first_kept)
+
+    def snapshot_rows(self, first_kept: int) -> set:
+        """Rows after which a snapshot is taken; 0: the start."""
+        count = self.snapshots(first_kept)
+        if self.factor:
+            after = np.r_[0.0, self.factor ** np.arange(count - 1)]
+        else:
+            after = self.every * (np.arange(count) + (count == 1 or first_kept > 0))
+        return set((first_kept + np.round(after)).astype(int).tolist())
 
 
 def run(shear: Shear, plan: Plan, out, settings: dict, record=None) -> Record:
@@ -78,19 +125,17 @@ def run(shear: Shear, plan: Plan, out, settings: dict, record=None) -> Record:
         shear.restore(state)
     record = record or Record(SERIES | (BETWEEN_WALLS if shear.held else {}))
     first, began = len(record), time.monotonic()
-    photographed = (
-        plan.snapshot_rows(plan.first_kept(shear.rate * shear.scheme.step)) if plan.snapshots else ()
-    )
+    photographed = plan.snapshot_rows(plan.first_kept(shear.rate * shear.scheme.step))
     saved, said = began, first * LINES // plan.rows
     with Progress(LINES, "flow", rank, said) as progress:
         if kept is not None:
             progress.note(f"{out}: goes on from strain {shear.strain:.6g}")
         if not len(record) and 0 in photographed:
-            record.snapshot(shear.strain, shear.disks, shear.velocities_now())
+            record.snapshot(shear.strain, shear.disks, shear.velocities_now(), shear.spins_now())
         while len(record) < plan.rows:
             _row(shear, plan.steps, record)
             if len(record) in photographed:
-                record.snapshot(shear.strain, shear.disks, shear.velocities_now())
+                record.snapshot(shear.strain, shear.disks, shear.velocities_now(), shear.spins_now())
             late = time.monotonic() - saved > INTERVAL
             if comm.bcast(late) if comm else late:
                 by_rank_0(comm, lambda: write_checkpoint(out, record, shear.state(), settings))

@@ -70,7 +70,7 @@ class Shear:
         self.accelerations = np.zeros((n, 2))
         self.spins, self.spin_rates = np.zeros(n), np.zeros(n)
         self.seen = np.zeros(len(compiled.TALLY))
-        self._list(disks.folded())
+        self._list(replace(disks, images=np.zeros((n, 2), int)).folded())
         if held and model.mass:  # at rest when the walls begin to slide
             middle = 0.5 * disks.cell[1, 1]
             self.velocities[held:, 0] = rate * (middle - self.reference.positions[held:, 1])
@@ -242,17 +242,26 @@ class Shear:
         compiled.residual_at(*place, np.zeros_like(u), forces, None)
         return forces / self.physics[0]
 
+    def spins_now(self) -> np.ndarray | None:
+        """Angular velocities (N,) at the same moment; None where disks do not roll."""
+        if not self.model.law.couples_rotations:
+            return None
+        return self.spins + 0.5 * self.scheme.step * self.spin_rates
+
     def state(self) -> dict:
         """Everything that goes on from here, as arrays and numbers; `restore` takes it back to the last bit."""
         arrays = {name: getattr(self, name).copy() for name in self.ARRAYS}
         arrays |= {name: getattr(self.reference, name) for name in PLACES}
         counts = {name: getattr(self, name) for name in ("steps", "since", "rebuilds", "substeps")}
-        return arrays | {"seen": self.seen.copy(), "skin": self.skin, "started": self.started, **counts}
+        arrays |= {"seen": self.seen.copy(), "images": self.reference.images}
+        return arrays | {"skin": self.skin, "started": self.started, **counts}
 
     def restore(self, state: dict) -> None:
         """Go on from what `state` gave."""
         self.skin = float(state["skin"])
-        self._list(replace(self.reference, **{name: np.asarray(state[name], float) for name in PLACES}))
+        places = {name: np.asarray(state[name], float) for name in PLACES}
+        images = state.get("images", self.reference.images)  # which older files do not have
+        self._list(replace(self.reference, images=images, **places))
         for name in (*self.ARRAYS, "seen"):
             setattr(self, name, np.array(state[name], float))
         self.steps, self.since, self.rebuilds = (int(state[name]) for name in ("steps", "since", "rebuilds"))

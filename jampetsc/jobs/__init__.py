@@ -22,8 +22,10 @@ JOBS = {
     "oscillate": "oscillate:Oscillate",
     "spectrum": "spectrum:Spectrum",
     "correlate": "correlate:Correlate",
+    "plot": "plot:Plot",
     "study": "study:Study",
     "trade": "trade:Trade",
+    "examples": "examples:Examples",
 }
 
 

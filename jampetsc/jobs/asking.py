@@ -17,7 +17,7 @@ import math
 import operator
 import types
 import typing
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import MISSING, dataclass
 from pathlib import Path
 
@@ -156,16 +156,21 @@ class Parameter:
 class Part:
     """Several options that make one object, such as a damping law.
 
-    parameters   those options
+    options      those options, or a function that gives them when they are first asked for
     make         {option: value, those that are given} → the object; raises InputError
     tell         the object → {option: value}, of which `make` makes the same
     type         class of the object
     """
 
-    parameters: tuple[Parameter, ...]
+    options: Sequence[Parameter] | Callable
     make: Callable
     tell: Callable
     type: type
+
+    @property
+    def parameters(self) -> Sequence[Parameter]:
+        """The options."""
+        return self.options() if callable(self.options) else self.options
 
 
 def asked(default=MISSING, help="", *, kind=None, place=OPTION, **told):

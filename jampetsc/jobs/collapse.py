@@ -16,8 +16,12 @@ OBSERVABLES = ("pressure", "shear_stress", "jammed")
 SHARED = ("model", "mass", "sizes", "potential", "stiffness", "protocol", "units", "tau1")
 
 
-def _words(given):
-    return given if isinstance(given, str) else ",".join(map(str, given))
+def _names(given):
+    """Names with commas between, or several."""
+    try:
+        return given if isinstance(given, str) else ",".join(map(str, given))
+    except TypeError:
+        raise ValueError("must be names with commas between") from None
 
 
 def _range(given):
@@ -67,7 +71,7 @@ examples:
     observable: str = asked(help="what is scaled", choices=OBSERVABLES)
     fit: str = asked(
         help="phi_J,y,znu[,omega]; nu for znu with finite_size; y=1 holds y",
-        kind=Kind(_words, metavar="NAMES"),
+        kind=Kind(_names, metavar="NAMES"),
     )
     finite_size: bool = asked(False, "scale with L = sqrt(N) instead of the rate")
     corrections: bool = asked(False, "with f1, which needs omega in fit")

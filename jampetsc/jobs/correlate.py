@@ -11,7 +11,8 @@ from jampetsc.errors import InputError, named
 from jampetsc.jobs.asking import FILES, Kind, asked, shown
 from jampetsc.jobs.inputs import refuse_one_packing, refuse_repeated
 from jampetsc.jobs.job import Job
-from jampetsc.jobs.kinds import FREQUENCIES, PACKING, PHASES, RESULT, Numbers, opened
+from jampetsc.jobs.kinds import FREQUENCIES, PACKING, RESULT, Numbers, opened
+from jampetsc.storage.fields import PHASES
 
 LANES = (0.5, 0.25, 1.0)
 NARROWEST, WIDEST = 0.01, 1e6  # lanes
@@ -112,7 +113,7 @@ class Correlate(Job):
 
         if to.path is not None:
             flows = getattr(opened(self.results[0]), "format", "") == FLOW
-            check_output(to.path, lanes.FORMAT if flows else self.FORMAT, self.files)
+            check_output(to.path, lanes.FORMAT if flows else self.FORMAT, self.paths)
 
     def work(self, to):
         """Correlate."""

@@ -53,7 +53,7 @@ class Export(Job):
 
         to.must_be_file()
         check_format(to.path)
-        check_output(to.path, exported(to.path), self.files)
+        check_output(to.path, exported(to.path), self.paths)
 
     def work(self, to):
         """Write the file and tell what it holds."""

@@ -49,9 +49,18 @@ side by side."""
     walls: bool = asked(False, "between sliding rough walls, rows of disks", group=GROUP)
     snapshots: int | None = asked(
         None,
-        "states to keep, evenly after what is discarded (0: also the start)",
+        "states to keep, after what is discarded; a run that goes on keeps their spacing",
         low=0,
         metavar="K",
+        group="run",
+    )
+    snapshot_every: float | None = asked(
+        None, "strain between them, instead of their number", above=0.0, metavar="S", group="run"
+    )
+    snapshot_spacing: str | None = asked(
+        None,
+        "log: states at strains that grow by a factor, for mean square displacements (default even)",
+        choices=("even", "log"),
         group="run",
     )
     step: float | None = asked(
@@ -74,6 +83,11 @@ side by side."""
     def check(self):
         """Refuse what does not go together."""
         self.check_discard()
+        every, spacing = named("snapshot_every"), named("snapshot_spacing")
+        if self.snapshot_every is not None and (self.snapshots is not None or self.snapshot_spacing == "log"):
+            raise InputError(f"{every}: leave out {named('snapshots')} and {spacing} log")
+        if self.snapshot_spacing is not None and not self.snapshots:
+            raise InputError(f"{spacing}: how many? give {named('snapshots')}")
         earlier = self._in_memory
         if earlier is not None:
             if earlier.format != self.FORMAT:
@@ -194,6 +208,8 @@ side by side."""
             self.strain,
             discard=self.discard,
             snapshots=self.snapshots or 0,
+            every=self.snapshot_every,
+            spacing=self.snapshot_spacing or "even",
             step=self.step,
             tolerance=self.tolerance or TOLERANCE,
         )

@@ -79,7 +79,7 @@ class Job:
         return [one for name in places for one in _several(getattr(self, name))]
 
     @property
-    def files(self) -> list[str]:
+    def paths(self) -> list[str]:
         """Those of `sources` that are files."""
         return [one for one in self.sources if isinstance(one, str | Path)]
 
@@ -139,7 +139,7 @@ class Job:
     def check_outputs(self, to: Outlet) -> None:
         """Raise InputError, before any work, unless all of its files may be written."""
         if to.path is not None:
-            check_output(to.path, self.FORMAT, self.files)
+            check_output(to.path, self.FORMAT, self.paths)
 
     def work(self, to: Outlet) -> str:
         """Do it and put what is found into the outlet `to`; what a user wants to read. Collective."""

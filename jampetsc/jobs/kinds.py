@@ -13,7 +13,6 @@ from jampetsc.response.limits import LARGEST, SMALLEST
 
 Numbers = str | Sequence[float]
 MOST = 100_000  # numbers of a grid
-PHASES = ("stress", "strain")  # of a field, the default first; files hold fields per strain
 LAST_SEED = 2**63 - 1  # what a file can record
 MOST_SEEDS = 1_000_000
 

@@ -40,7 +40,7 @@ class Matrices(Job):
 
         to.must_be_file()
         for path in files_of(to.path).values():
-            check_output(path, exported(path), self.files)
+            check_output(path, exported(path), self.paths)
 
     def work(self, to):
         """Assemble and write. Collective."""

@@ -54,7 +54,7 @@ class Spectrum(Job):
 
         suffix = "" if to.path is None else to.path.suffix.lower()
         if suffix in FORMATS:
-            check_output(to.path, PICTURE, self.files)
+            check_output(to.path, PICTURE, self.paths)
             return
         if to.path is not None and suffix not in HDF5:
             raise InputError(
@@ -78,9 +78,11 @@ class Spectrum(Job):
                 raise InputError(f"{source}: is not a sweep: spectra come from sweeps")
         if to.path is not None and to.path.suffix.lower() in FORMATS:
             from jampetsc.plots.spectrum import plot_relaxation, spectrum_curve
+            from jampetsc.plots.style import save
 
-            plot_relaxation([spectrum_curve(sweep, self.window) for sweep in sweeps], to.path)
-            return f"{to}: spectra, G(t) and J(t) of {len(sweeps)} sweep{'s' * (len(sweeps) > 1)}"
+            drawn = plot_relaxation.draw([spectrum_curve(sweep, self.window) for sweep in sweeps])
+            save(drawn.figure, to.path)
+            return f"{to}: {drawn.text}"
         return _write(sweeps[0], to, self.window)
 
 

@@ -79,7 +79,7 @@ class FromStart(Job):
         if self.last is not None:
             from jampetsc.storage.outputs import check_output
 
-            check_output(self.last, "jampetsc-packing", self.files, [to.path] if to.path else [])
+            check_output(self.last, "jampetsc-packing", self.paths, [to.path] if to.path else [])
 
     @property
     def files(self):

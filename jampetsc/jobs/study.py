@@ -8,6 +8,7 @@ from typing import ClassVar
 
 from jampetsc.jobs.asking import FILE, Kind, asked
 from jampetsc.jobs.job import Job
+from jampetsc.solver_options import SOLVERS
 
 MANY = 10  # failures that the summary tells
 FAILED = 3  # exit status where some tasks failed
@@ -36,6 +37,7 @@ class Study(Job):
     FORMAT: ClassVar = "table"
     OUT_HELP: ClassVar = "folder of all its files"
     AGAIN: ClassVar = True
+    SOLVERS: ClassVar = tuple(SOLVERS)
     EPILOG: ClassVar = """STUDY.toml, for instance:
 
   [pack]                         [[sweep]]

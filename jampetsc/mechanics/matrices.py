@@ -58,6 +58,34 @@ class Matrices:
             *(getattr(self, name) for name in (*NUMBERS, *ROWS)),
         )
 
+    def to_pymor(self):
+        """A pymor LTIModel from the rate γ̇ to the stress σ, the whole of it on every rank: H(iω) = G*/iω. Collective.
+
+        With v = ẋ and without the rows of `pins`
+
+            ẋ = v ,   0 = −K x − B v − k_γ γ − b_γ γ̇ ,   γ̇ = u ,   σ = (k_γᵀ x + b_γᵀ v + k_γγ γ + b_γγ γ̇)/V ,
+
+        2 (unknowns) + 1 states (x, v, γ). Raises InputError where pymor is not installed.
+        """
+        try:
+            from pymor.models.iosys import LTIModel
+        except ImportError:
+            raise InputError("to_pymor: needs the package pymor: pip install pymor") from None
+        from scipy.sparse import bmat, csc_matrix, eye
+
+        whole = self.to_scipy()
+        kept = np.setdiff1d(np.arange(len(whole.dofs)), whole.pins)
+        K, B = (matrix[kept][:, kept] for matrix in (whole.K, whole.B))
+        k, b = whole.k_gamma[kept], whole.b_gamma[kept]
+        one, null = eye(len(kept)), np.zeros(len(kept))
+        column = [csr_array(-vector[:, None]) for vector in (k, b)]
+        A = bmat([[None, one, None], [-K, -B, column[0]], [None, None, csr_array((1, 1))]])
+        E = bmat([[one, None, None], [None, 0 * K, None], [None, None, csr_array([[1.0]])]])
+        into = np.concatenate((null, -b, [1.0]))[:, None]
+        out = np.concatenate((k, b, [whole.k_gg]))[None] / whole.area
+        through = np.array([[whole.b_gg / whole.area]])
+        return LTIModel.from_matrices(csc_matrix(A), into, out, through, csc_matrix(E))
+
     def destroy(self):
         """Free the PETSc objects. Collective."""
         for name in (*SPARSE, *VECTORS):

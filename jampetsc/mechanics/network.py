@@ -23,7 +23,7 @@ from jampetsc.contacts.state import (
     virial_pressure,
 )
 from jampetsc.errors import InputError
-from jampetsc.session import least
+from jampetsc.session import current
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,11 +180,12 @@ def find_pieces(network: Network) -> Pieces:
     n, i, j = network.n, network.contacts.i, network.contacts.j
     edges = coo_array((np.ones(2 * len(i), bool), (np.r_[i, i + n], np.r_[j + n, j])), shape=(2 * n, 2 * n))
     _, piece = connected_components(edges, directed=False)
-    label = np.arange(2 * n)
+    label, MPI = np.arange(2 * n), current().MPI
     while True:
         lowest = np.full(piece.max() + 1, 2 * n)
         np.minimum.at(lowest, piece, label)
-        joined = least(network.comm, lowest[piece])
+        joined = lowest[piece]
+        network.comm.Allreduce(MPI.IN_PLACE, joined, op=MPI.MIN)
         if np.array_equal(joined, label):
             break
         label = joined

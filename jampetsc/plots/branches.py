@@ -3,46 +3,53 @@
 import numpy as np
 
 from jampetsc.errors import InputError
-from jampetsc.plots.logaxes import place_legend, set_log_axes
+from jampetsc.plots.page import points
+from jampetsc.plots.picture import picture
 from jampetsc.plots.scaling import SYMBOLS
-from jampetsc.plots.style import GREY, MARKERS, PAGE, colours, figure, number, save
+from jampetsc.plots.style import GREY, PAGE, hidden, looks, number
 
 HEIGHT = 4.0  # inches
 
 
-def plot_branches(result, path) -> None:
+@picture("branches", "collapse", single=True)
+def plot_branches(results, page):
     """Filled above φ_J, hollow below it, a colour for each rate; lines: the fitted f₀. Corrections are taken off.
 
     Raises InputError for a collapse with the size, which has no rates.
     """
+    (result,) = results
     a = result.attributes
     if a["scaling"] != "rate":
-        raise InputError(f"{result.path}: is a collapse of sizes: branches are of rates; take --kind scaling")
+        raise InputError(f"{result.path}: is a collapse of sizes: branches are of rates; draw it as scaling")
     rate, x = result["rate"], result["x"]
     unit = rate ** (float(a["y"]) / float(a["znu"]))
     y, error = (result["value"] - result["correction"]) / unit, result["error"] / unit
+    symbol = SYMBOLS[str(a["observable"])]
+    ax = page.panels(1, 1, PAGE, HEIGHT)
+    ax.set(xlabel=r"$|\phi-\phi_J|\,\dot\gamma^{-1/z\nu}$", ylabel=rf"${symbol}\,\dot\gamma^{{-y/z\nu}}$")
+    ax.set(xscale="log", yscale="log")
     scales = np.unique(rate)
-    with figure(PAGE, HEIGHT, layout="constrained") as fig:
-        ax = fig.subplots()
-        for side in (-1, 1):
-            along = side * result["curve/x"] > 0
-            ax.plot(np.abs(result["curve/x"][along]), result["curve/f0"][along], color=GREY, lw=0.9, zorder=1)
-        drawn = []
-        for one, colour, marker in zip(scales, colours(len(scales)), MARKERS * len(scales), strict=False):
-            for side, face, label in ((1, colour, rf"${number(one)}$"), (-1, "white", None)):
-                here = (rate == one) & (side * x > 0) & (y > 0)
-                if here.any():
-                    drawn.append((np.abs(x[here]), y[here]))
-                    look = {"color": colour, "marker": marker, "ls": "none", "markerfacecolor": face}
-                    ax.errorbar(*drawn[-1], error[here], elinewidth=0.6, label=label, **look)
-        set_log_axes(ax, drawn)
-        symbol = SYMBOLS[str(a["observable"])]
-        ax.set(
-            xlabel=r"$|\phi-\phi_J|\,\dot\gamma^{-1/z\nu}$",
-            ylabel=rf"${symbol}\,\dot\gamma^{{-y/z\nu}}$",
-        )
-        told = rf"$\phi_J={float(a['phi_J']):.4f}$, $y={float(a['y']):.3g}$, $z\nu={float(a['znu']):.3g}$"
-        ax.set_title(told, loc="right", pad=3)
-        handles, _ = ax.get_legend_handles_labels()
-        place_legend(fig, ax, "$\\dot\\gamma$; hollow: $\\phi<\\phi_J$", handles, drawn)
-        save(fig, path)
+    for one, look in zip(scales, looks(len(scales)), strict=True):
+        for side, face in ((1, look["color"]), (-1, "white")):
+            here, label = (rate == one) & (side * x > 0), rf"${number(one)}$"
+            if (y[here] > 0).any():
+                label = label if side > 0 else hidden(f"{label}, below phi_J")
+                points(
+                    ax,
+                    np.abs(x[here]),
+                    y[here],
+                    error[here],
+                    ls="none",
+                    markerfacecolor=face,
+                    label=label,
+                    **look,
+                )
+    kept = ax.dataLim.frozen()
+    for side in (-1, 1):
+        along = side * result["curve/x"] > 0
+        ax.plot(np.abs(result["curve/x"][along]), result["curve/f0"][along], color=GREY, lw=0.9, zorder=1)
+    ax.dataLim.set(kept)
+    told = rf"$\phi_J={float(a['phi_J']):.4f}$, $y={float(a['y']):.3g}$, $z\nu={float(a['znu']):.3g}$"
+    ax.set_title(told, loc="right", pad=3)
+    page.legend(ax, title="$\\dot\\gamma$; hollow: $\\phi<\\phi_J$")
+    return f"two branches of the {a['observable']} at {len(result['phi'])} points"

@@ -5,34 +5,29 @@ from dataclasses import dataclass, replace
 import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from jampetsc.analysis.correlations import LOG_EXPONENT, medium_collapse, stokes_collapse
+from jampetsc.analysis.correlations import LOG_EXPONENT, length_spread, medium_collapse, stokes_collapse
 from jampetsc.analysis.medium import dragged, first_root, solid
 from jampetsc.errors import InputError
 from jampetsc.plots.curves import Curve, group_curves
-from jampetsc.plots.logaxes import place_legend, set_log_axes
+from jampetsc.plots.page import HEIGHT, band, points
+from jampetsc.plots.picture import Option, count, picture
 from jampetsc.plots.style import (
+    DASHED,
+    DOTTED,
     PAGE,
     colours,
-    figure,
-    letter_panels,
+    entry,
+    hidden,
     number,
     power_or_number,
-    save,
     sequential,
 )
 from jampetsc.plots.units import units_of
 
-HEIGHT = 2.9  # inches, of a row of panels
-_DASHES = (
-    "-",
-    (0, (4, 1.6)),
-    (0, (1, 1.2)),
-    (0, (4, 1.2, 1, 1.2)),
-)  # of files, where colours tell frequencies
-_PARTS = (("Re", "-", 0), ("Im", (0, (4, 1.6)), 1))
+_DASHES = ("-", DASHED, DOTTED, (0, (4, 1.2, 1, 1.2)))  # of files, where colours tell frequencies
+_PARTS = (("Re", "-", 0), ("Im", DASHED, 1))
 SYMBOLS = {
     "stress": r"$u_y/\sigma$",
     "strain": r"$u_y/\gamma$",
@@ -40,6 +35,14 @@ SYMBOLS = {
 _LEGEND_ROWS = 5  # more frequencies than this get a colour bar instead
 _FEW = 3  # so many or fewer: bands and the other lane widths are drawn too
 _SAME = 0.01  # frequencies closer than this, relatively, are one
+OMEGA = Option(
+    "omega", "frequencies", "fields: at these frequencies (default: up to four); correlation: one at which to compare "
+    "files, or several of one file", "w1,w2,…",
+)  # fmt: skip
+LOG = Option(
+    "log_exponent", "number", "length: collapse of l (-ln p)^B against omega/p^(1/2) (default 0.65, as BT have it)",
+    "B", low=-10, high=10,
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +84,9 @@ class CorrelationCurve(Curve):
 
 
 def correlation_curve(result) -> CorrelationCurve:
-    """A correlation file in units of the mean diameter d, k and 1/τ₁."""
+    """A correlation file in units of the mean diameter d, k and 1/τ₁; a CorrelationCurve is one."""
+    if isinstance(result, CorrelationCurve):
+        return result
     units, d = units_of(result), float(result.attributes["mean_diameter"])
     length, error = result["length"][0] / d, result["length_error"][0] / d
     omega, modulus = result["omega"] * units.tau1, None
@@ -103,88 +108,101 @@ def correlation_curve(result) -> CorrelationCurve:
     )
 
 
-def plot_correlation(curve, path) -> None:
-    """C against δ/L of one file at all its frequencies: real part left, imaginary part right.
+@picture("correlation", "correlation", options=(OMEGA,))
+def plot_correlation(results, page, omega=None):
+    """C against δ/L of one file at all its frequencies, or at `omega` (F,) in 1/τ₁: real part left, imaginary right.
 
-    Of a few frequencies, bands are errors and thin lines the other lane widths: where these cannot be seen,
-    the width does not matter.
+    Of a few frequencies, bands are errors and thin lines the other lane widths: where these cannot be seen, the width
+    does not matter. Several files, or one at one frequency, are compared: against δ/d above and δ/L below; colours tell
+    the files apart, or frequencies where there are several, dashes the files then.
+
+    Raises InputError for a file without one of the frequencies, and for files in different phases.
     """
-    few = len(curve.omega) <= _FEW
-    with figure(PAGE, HEIGHT, layout="constrained") as fig:
-        axes = fig.subplots(1, 2, sharey=True)
-        shades = colours(len(curve.omega))
-        for ax, (name, _, part) in zip(axes, _PARTS, strict=True):
-            for n, shade in enumerate(shades):
-                _draw(ax, curve, n, part, shade, 1.0 / curve.size, others=few, band=few)
-            _label(ax, name, r"$\delta/L$", curve.phase)
-            top = ax.secondary_xaxis("top", functions=(lambda x: x * curve.size, lambda x: x / curve.size))
-            top.set_xlabel(r"$\delta/d$")
-            ax.tick_params(top=False)
-        _fit(axes, [curve])
-        letter_panels(axes)
-        if len(curve.omega) <= _LEGEND_ROWS:
-            handles = [
-                Line2D([], [], color=shade, label=f"${power_or_number(w)}$")
-                for shade, w in zip(shades, curve.omega, strict=True)
-            ]
-            handles += _explained([curve], others=True) if few else []
-            axes[1].legend(handles=handles, title=r"$\omega\tau_1$", title_fontsize=8.5, loc="upper right")
-        else:
-            norm = LogNorm(curve.omega.min(), curve.omega.max())
-            fig.colorbar(ScalarMappable(norm, sequential()), ax=axes, label=r"$\omega\tau_1$", pad=0.01)
-        save(fig, path)
-
-
-def plot_comparison(curves, omega, path) -> None:
-    """C of several files at frequencies omega (F,) in 1/τ₁: against δ/d above and δ/L below, real part left.
-
-    Colours tell the files apart; of several frequencies they tell these, dashes the files. Raises InputError for a file
-    without one of the frequencies.
-    """
-    chosen = [curve.at(curve.rows(omega)) for curve in curves]
-    several = len(omega) > 1
-    with figure(PAGE, 2 * HEIGHT, layout="constrained") as fig:
-        axes = fig.subplots(2, 2, sharey=True, sharex="row")
-        title, groups = group_curves(chosen)
-        shades = colours(len(omega))
-        looks = [(g, _DASHES[n % len(_DASHES)] if several else "-") for n, g in enumerate(groups)]
-        for line, unit in enumerate(("d", "L")):
-            for ax, (name, _, part) in zip(axes[line], _PARTS, strict=True):
-                for group, dash in looks:
-                    for curve in group.curves:
-                        scale = 1.0 if unit == "d" else 1.0 / curve.size
-                        for n in range(len(omega)):
-                            shade = shades[n] if several else group.colour
-                            _draw(ax, curve, n, part, shade, scale, dash=dash, band=not several)
-                _label(ax, name, rf"$\delta/{unit}$", curves[0].phase)
-        _fit(axes.flat, chosen)
-        letter_panels(axes.flat)
-        words = [title] if title else []
-        if several:
-            handles = [
-                Line2D([], [], color=shade, label=rf"$\omega\tau_1={power_or_number(w)}$")
-                for shade, w in zip(shades, omega, strict=True)
-            ]
-            handles += [Line2D([], [], color="0.2", linestyle=dash, label=g.label) for g, dash in looks]
-        else:
-            words.insert(0, rf"$\omega\tau_1={power_or_number(omega[0])}$")
-            handles = [Line2D([], [], color=g.colour, label=g.label) for g in groups]
-            handles += _explained(chosen, others=False)
-        axes[0, 1].legend(
-            handles=handles, title=",  ".join(words) or None, title_fontsize=8.5, loc="upper right"
+    curves = _curves(results)
+    if len(curves) > 1 or (omega is not None and np.size(omega) == 1):
+        return _comparison(curves, [curves[0].omega.min()] if omega is None else np.ravel(omega), page)
+    curve = curves[0] if omega is None else curves[0].at(curves[0].rows(omega))
+    few, shades = len(curve.omega) <= _FEW, colours(len(curve.omega))
+    axes = page.panels(1, 2, PAGE, HEIGHT, sharey=True)
+    for ax, (name, _, part) in zip(axes, _PARTS, strict=True):
+        for n, shade in enumerate(shades):
+            label = rf"$\omega\tau_1={power_or_number(curve.omega[n])}$"
+            _draw(ax, curve, n, part, shade, 1.0 / curve.size, label, others=few, spread=few)
+        _label(ax, name, r"$\delta/L$", curve.phase)
+        top = ax.secondary_xaxis("top", functions=(lambda x: x * curve.size, lambda x: x / curve.size))
+        top.set_xlabel(r"$\delta/d$")
+        ax.tick_params(top=False)
+    _fit(axes, [curve])
+    if len(curve.omega) <= _LEGEND_ROWS:
+        handles = [
+            entry(f"${power_or_number(w)}$", shade) for shade, w in zip(shades, curve.omega, strict=True)
+        ]
+        page.legend(
+            axes[1], handles + (_explained([curve], True) if few else []), r"$\omega\tau_1$", "upper right"
         )
-        save(fig, path)
+    else:
+        shown = ScalarMappable(LogNorm(curve.omega.min(), curve.omega.max()), sequential())
+        page.figure.colorbar(shown, ax=list(axes), label=r"$\omega\tau_1$", pad=0.01)
+    return f"correlation at {len(curve.omega)} frequencies, in phase with the {curve.phase}"
 
 
-def _draw(ax, curve, n, part, colour, scale, others=False, band=True, dash="-"):
+def _curves(results):
+    """Curves of the files. Raises InputError where real parts are in phase with different things."""
+    curves = [correlation_curve(result) for result in results]
+    for curve in curves:
+        if curve.phase != curves[0].phase:
+            raise InputError(
+                f"{curve.name}: in phase with the {curve.phase}, {curves[0].name} with the {curves[0].phase}: "
+                "choose one (of a study with --where phase=stress)"
+            )
+    return curves
+
+
+def _comparison(curves, omega, page):
+    chosen, several = [curve.at(curve.rows(omega)) for curve in curves], len(omega) > 1
+    title, groups = group_curves(chosen)
+    shades = colours(len(omega))
+    dashes = [_DASHES[n % len(_DASHES)] if several else "-" for n in range(len(groups))]
+    axes = page.panels(2, 2, PAGE, 2 * HEIGHT, sharey=True, sharex="row")
+    for ax, unit, (name, _, part) in zip(axes, "ddLL", _PARTS * 2, strict=True):
+        for group, dash in zip(groups, dashes, strict=True):
+            for curve in group.curves:
+                for n, w in enumerate(omega):
+                    shade, scale = (
+                        shades[n] if several else group.colour,
+                        1.0 if unit == "d" else 1 / curve.size,
+                    )
+                    label = rf"{group.label}, {curve.name}, $\omega\tau_1={power_or_number(w)}$"
+                    _draw(ax, curve, n, part, shade, scale, label, dash=dash, spread=not several)
+        _label(ax, name, rf"$\delta/{unit}$", curves[0].phase)
+    _fit(axes, chosen)
+    words = [title] if title else []
+    if several:
+        handles = [
+            entry(rf"$\omega\tau_1={power_or_number(w)}$", shade)
+            for shade, w in zip(shades, omega, strict=True)
+        ]
+        handles += [entry(g.label, linestyle=dash) for g, dash in zip(groups, dashes, strict=True)]
+    else:
+        words.insert(0, rf"$\omega\tau_1={power_or_number(omega[0])}$")
+        handles = [entry(g.label, g.colour) for g in groups] + _explained(chosen, others=False)
+    page.legend(axes[1], handles, ",  ".join(words) or None, "upper right")
+    told = ", ".join(f"{w:g}" for w in omega)
+    files = count(curves, "file", "files")
+    return f"correlation in {files} at omega tau1 = {told}, in phase with the {curves[0].phase}"
+
+
+def _draw(ax, curve, n, part, colour, scale, label, others=False, spread=True, dash="-"):
     x, C, error = scale * curve.delta[0], curve.C[0, n, part], curve.errors[0, n, part]
     known = np.isfinite(C)
-    ax.plot(x[known], C[known], color=colour, linestyle=dash, marker=".", markersize=2.5)
-    spread = np.where(np.isfinite(error) & band, error, 0.0)
-    ax.fill_between(x[known], (C - spread)[known], (C + spread)[known], color=colour, alpha=0.15, linewidth=0)
+    look = {"color": colour, "linestyle": dash, "marker": ".", "markersize": 2.5, "label": hidden(label)}
+    ax.plot(x[known], C[known], **look)
+    spread = np.where(np.isfinite(error) & spread, error, 0.0)
+    band(ax, x[known], (C - spread)[known], (C + spread)[known], label, color=colour, alpha=0.15)
     for lane in range(1, len(curve.C) if others else 1):
         known = np.isfinite(curve.C[lane, n, part])
-        ax.plot(scale * curve.delta[lane, known], curve.C[lane, n, part, known], color=colour, linewidth=0.4)
+        look = {"linewidth": 0.4, "label": hidden(rf"{label}, lanes of ${number(curve.lanes[lane])}\,d$")}
+        ax.plot(scale * curve.delta[lane, known], curve.C[lane, n, part, known], color=colour, **look)
 
 
 def _explained(curves, others):
@@ -195,7 +213,7 @@ def _explained(curves, others):
     widths = [width for curve in curves if others for width in curve.lanes[1:]]
     if widths:
         lanes = ", ".join(f"${number(width)}\\,d$" for width in widths)
-        entries.append(Line2D([], [], color="0.2", linewidth=0.4, label=f"lanes of {lanes}"))
+        entries.append(entry(f"lanes of {lanes}", linewidth=0.4))
     return entries
 
 
@@ -212,62 +230,70 @@ def _fit(axes, curves):
         ax.set_ylim(min(-0.5, lowest - 0.05), 1.05)
 
 
-def plot_lengths(curves, path, exponent=LOG_EXPONENT) -> None:
+@picture("length", "correlation", options=(LOG,))
+def plot_lengths(results, page, log_exponent=LOG_EXPONENT):
     """(a) l/L against ωτ₁; for Stokes drag two collapses: (b) l (−ln p)^exponent against ω/p^½ (BT), p in units of k,
     and (c) l against √(|G*|/ω), the length of an elastic medium (`analysis.medium`), where the files tell G*.
 
     Filled symbols: Re u_y; open ones: Im u_y. Dotted: L/4, and what random stresses give at low frequency, .169 L and
     .246 L. Raises InputError where no C has a root, a pressure is unknown, or files are in different phases.
     """
+    curves, exponent = _curves(results), log_exponent
     if not any(np.isfinite(part).any() for curve in curves for part in (curve.G.real, curve.G.imag)):
         raise InputError(f"{curves[0].name}: no correlation falls to zero, so there is no length to show")
     for curve in curves:
         if curve.pressure is None:
             raise InputError(f"{curve.name}: attribute pressure is missing: correlate sweeps that have it")
     panels = [
-        lambda curve, found, y: (curve.omega[found], y / curve.size),
-        lambda curve, found, y: stokes_collapse(curve.omega[found], y, curve.pressure, exponent),
+        (r"$\omega\tau_1$", r"$l/L$", lambda curve, found, y: (curve.omega[found], y / curve.size)),
+        (
+            r"$\omega\tau_1\,/\,(p/k)^{1/2}$",
+            rf"$(l/d)\,[-\ln(p/k)]^{{{exponent:g}}}$",
+            lambda curve, found, y: stokes_collapse(curve.omega[found], y, curve.pressure, exponent),
+        ),
     ]
-    if all(curve.modulus is not None for curve in curves):
-        panels.append(lambda curve, found, y: medium_collapse(curve.omega[found], y, curve.modulus[found]))
-    with figure(PAGE, HEIGHT + 0.2, layout="constrained") as fig:
-        axes = fig.subplots(1, len(panels))
-        title, groups = group_curves(curves)
-        lines = [[] for _ in panels]
+    medium = all(curve.modulus is not None for curve in curves)
+    if medium:
+        place = lambda curve, found, y: medium_collapse(curve.omega[found], y, curve.modulus[found])  # noqa: E731
+        panels.append((r"$(|G^*|/k\omega\tau_1)^{1/2}$", r"$l/d$", place))
+    axes = page.panels(1, len(panels), PAGE, HEIGHT + 0.2, subplot_kw={"xscale": "log", "yscale": "log"})
+    title, groups = group_curves(curves)
+    for ax, (x_label, y_label, place) in zip(axes, panels, strict=True):
+        ax.set(xlabel=x_label, ylabel=y_label)
         for group, curve in ((one, curve) for one in groups for curve in one.curves):
-            for _, dash, part in _PARTS:
+            for name, dash, part in _PARTS:
                 length = curve.G.imag if part else curve.G.real
                 found = np.isfinite(length) & (length > 0)
-                length, error = length[found], np.nan_to_num(curve.bounds[part][found])
-                face = "white" if part else group.colour
-                style = {"color": group.colour, "marker": group.marker, "markerfacecolor": face}
-                style |= {"linestyle": dash, "linewidth": 0.8, "elinewidth": 0.6}
-                if not len(length):
+                if not found.any():
                     continue
-                for ax, place, drawn in zip(axes, panels, lines, strict=True):
-                    x, y = place(curve, found, length)
-                    ax.errorbar(x, y, error * y / length, **style)
-                    drawn.append((x, y))
-        for ax, drawn in zip(axes, lines, strict=True):
-            set_log_axes(ax, drawn)
-        axes[0].axhline(0.25, color="0.4", linewidth=0.6, linestyle=":", zorder=0)
-        for factor, shade in ((solid, "0.2"), (dragged, "0.6")):
-            axes[0].axhline(first_root(factor), color=shade, linewidth=0.6, linestyle="--", zorder=0)
-        letter_panels(axes)
-        axes[0].set(xlabel=r"$\omega\tau_1$", ylabel=r"$l/L$")
-        axes[1].set(
-            xlabel=r"$\omega\tau_1\,/\,(p/k)^{1/2}$",
-            ylabel=rf"$(l/d)\,[-\ln(p/k)]^{{{exponent:g}}}$",
-        )
-        if len(panels) > 2:
-            axes[2].set(xlabel=r"$(|G^*|/k\omega\tau_1)^{1/2}$", ylabel=r"$l/d$")
-        handles = [Line2D([], [], color=g.colour, marker=g.marker, label=g.label) for g in groups]
-        for name, dash, part in _PARTS:
-            face, label = "white" if part else "0.2", f"{name} {SYMBOLS[curves[0].phase]}"
-            handles.append(Line2D([], [], color="0.2", marker="o", mfc=face, linestyle=dash, label=label))
-        handles += [
-            Line2D([], [], color="0.4", linewidth=0.6, linestyle=":", label="$L/4$"),
-            Line2D([], [], color="0.4", linewidth=0.6, linestyle="--", label="medium"),
-        ]
-        place_legend(fig, axes[0], title, handles, lines[0])
-        save(fig, path)
+                x, y = place(curve, found, length[found])
+                face = "white" if part else group.colour
+                points(
+                    ax, x, y, curve.bounds[part][found] * y / length[found], color=group.colour, marker=group.marker,
+                    markerfacecolor=face, linestyle=dash, linewidth=0.8, label=hidden(f"{name}, {group.label}"),
+                )  # fmt: skip
+    axes[0].axhline(0.25, color="0.4", linewidth=0.6, linestyle=":", zorder=0)
+    for factor, shade in ((solid, "0.2"), (dragged, "0.6")):
+        axes[0].axhline(first_root(factor), color=shade, linewidth=0.6, linestyle="--", zorder=0)
+    handles = [entry(g.label, g.colour, marker=g.marker) for g in groups]
+    for name, dash, part in _PARTS:
+        face, label = "white" if part else "0.2", f"{name} {SYMBOLS[curves[0].phase]}"
+        handles.append(entry(label, marker="o", mfc=face, linestyle=dash))
+    handles.append(entry("$L/4$", "0.4", linewidth=0.6, linestyle=":"))
+    handles.append(entry("medium", "0.4", linewidth=0.6, linestyle="--"))
+    page.legend(axes[0], handles, title)
+    return _lengths_in_words(curves, exponent, medium)
+
+
+def _lengths_in_words(curves, exponent, medium):
+    text = f"correlation lengths of {count(curves, 'file', 'files')}, in phase with the {curves[0].phase}"
+    try:
+        printed = [(c.omega, c.G, c.size, c.pressure, exponent) for c in curves]
+        spread = 100 * length_spread(printed, stokes_collapse)
+        text += f"; l (-ln p)^{exponent:g} differs by {spread:.2g} % (rms) at equal omega/p^(1/2)"
+        if medium:
+            spread = 100 * length_spread([(c.omega, c.G, c.size, c.modulus) for c in curves], medium_collapse)
+            text += f", l by {spread:.2g} % at equal |G*|/omega"
+    except InputError:  # one file, or files that share no scaled frequency
+        pass
+    return text

@@ -59,10 +59,12 @@ class Group:
 
 
 def curve_of(result) -> Curve:
-    """The curve of a SweepResult, brought to units of k and 1/τ₁ with its attributes `k` and `tau1`.
+    """The curve of a SweepResult, brought to units of k and 1/τ₁ with its attributes `k` and `tau1`; a Curve is one.
 
     Raises InputError for a file without any modulus, or with one beyond all measure.
     """
+    if isinstance(result, Curve):
+        return result
     units = units_of(result)
     order = np.argsort(result.omega)
     order = order[np.isfinite(result.G[order])]

@@ -1,18 +1,17 @@
 """Local exponents beside the limits that they approach: of G* against ω, of what slow shear gives against p."""
 
 import numpy as np
-from matplotlib.lines import Line2D
 
 from jampetsc.analysis.scaling import BORDER, critical_exponents, local_slope, low_frequency_limit
 from jampetsc.analysis.statistics import log_median, mean_with_error
 from jampetsc.errors import InputError
-from jampetsc.plots.curves import group_curves
-from jampetsc.plots.floppy import BARE, QUANTITIES, groups_of, value_of
-from jampetsc.plots.logaxes import set_ticks
-from jampetsc.plots.style import GREY, LOSS, MARKERS, PAGE, STORAGE, colours, figure, letter_panels, save
+from jampetsc.plots.curves import Curve, curve_of, group_curves
+from jampetsc.plots.floppy import PRESTRESS, QUANTITIES, groups_of, unstable, values_of
+from jampetsc.plots.page import band, points
+from jampetsc.plots.picture import count, picture
+from jampetsc.plots.style import GREY, LOSS, PAGE, STORAGE, entry, hidden, looks
 
 HEIGHT = 2.5  # inches of one row of panels
-_DASHES = (0, (4, 1.6))
 _FEWEST = 2  # pressures that make a slope
 _LIMITS = {
     "G0": ("G_0", 0.5),
@@ -20,9 +19,23 @@ _LIMITS = {
     "omega_star": (r"\omega^*", 1.0),
     **{f"{name}_median": known for name, known in QUANTITIES.items()},
 }  # exponents of p: BT 14-17, 19-22
+_PANELS = (  # what it is, limits that have a name, range, whether only above ω*
+    (r"$\frac{1}{2}\,d\,\ln|G^{*2}-G_0^2|\,/\,d\,\ln\omega$", (0.5, 1.0), (0.2, 1.2), True),
+    (r"$\arg(G^{*2}-G_0^2)\,/\,\pi$", (0.5,), (0.2, 1.0), True),
+    (f"{LOSS}/{STORAGE}", (1.0,), (0.0, 2.5), True),
+    (rf"$d\,\ln\,${LOSS}$\,/\,d\,\ln\omega$", (1.0, 0.5, BORDER), (0.3, 1.1), False),
+)
 
 
-def plot_exponents(curves, path) -> None:
+@picture("exponents", "sweep", "quasistatic")
+def plot_exponents(results, page):
+    """Of sweeps `draw_exponents`, against ω; of quasistatic files `draw_pressure_exponents`, against p."""
+    if isinstance(results[0], Curve) or "omega" in results[0]:
+        return draw_exponents([curve_of(result) for result in results], page)
+    return draw_pressure_exponents(results, page)
+
+
+def draw_exponents(curves, page) -> str:
     """What becomes Δ = ½ of each group of sweeps between ω* and 1/τ₁, against ωτ₁ (`scaling.critical_exponents`).
 
     Panels: ½ d ln|G*² − G₀²|/d ln ω and arg(G*² − G₀²)/π, both above ω* only; G''/G', 1 in the critical regime;
@@ -30,36 +43,24 @@ def plot_exponents(curves, path) -> None:
     errors as bands. Raises InputError for a sweep that does not begin in the quasistatic limit.
     """
     title, groups = group_curves(curves)
-    labels = (
-        r"$\frac{1}{2}\,d\,\ln|G^{*2}-G_0^2|\,/\,d\,\ln\omega$",
-        r"$\arg(G^{*2}-G_0^2)\,/\,\pi$",
-        f"{LOSS}/{STORAGE}",
-        rf"$d\,\ln\,${LOSS}$\,/\,d\,\ln\omega$",
-    )
-    with figure(PAGE, 2 * HEIGHT, layout="constrained") as fig:
-        axes = fig.subplots(2, 2, sharex=True)
-        for group in groups:
-            omega, samples, above = exponent_samples(group.curves)
-            for ax, values, limited in zip(axes.flat, samples, (True, True, True, False), strict=True):
-                shown = above if limited else slice(None)
-                mean, error = mean_with_error(values[:, shown])
-                ax.plot(omega[shown], mean, color=group.colour)
-                ax.fill_between(
-                    omega[shown], mean - error, mean + error, color=group.colour, alpha=0.25, linewidth=0
-                )
-        limits = ((0.5, 1.0), (0.5,), (1.0,), (1.0, 0.5, BORDER))
-        ranges = ((0.2, 1.2), (0.2, 1.0), (0.0, 2.5), (0.3, 1.1))
-        for ax, label, levels, low_high in zip(axes.flat, labels, limits, ranges, strict=True):
-            for level in levels:
-                ax.axhline(level, color=GREY, linewidth=0.8, linestyle=":", zorder=1)
-            ax.set(ylabel=label, ylim=low_high, xscale="log")
-        for ax in axes[-1]:
-            ax.set_xlabel(r"$\omega\tau_1$")
-        axes[0, 0].legend(
-            handles=[Line2D([], [], color=group.colour, label=group.label) for group in groups], title=title
-        )
-        letter_panels(axes.flat)
-        save(fig, path)
+    axes = page.panels(2, 2, PAGE, 2 * HEIGHT, sharex=True)
+    for ax, (label, levels, _, _) in zip(axes, _PANELS, strict=True):
+        for level in levels:
+            ax.axhline(level, color=GREY, linewidth=0.8, linestyle=":", zorder=1)
+        ax.set(ylabel=label, xscale="log")
+    for group in groups:
+        omega, samples, above = exponent_samples(group.curves)
+        for ax, values, (_, _, _, limited) in zip(axes, samples, _PANELS, strict=True):
+            shown = above if limited else slice(None)
+            mean, error = mean_with_error(values[:, shown])
+            ax.plot(omega[shown], mean, color=group.colour, label=hidden(group.label))
+            band(ax, omega[shown], mean - error, mean + error, group.label, color=group.colour)
+    for ax, (_, _, limits, _) in zip(axes, _PANELS, strict=True):
+        ax.set_ylim(limits)
+    for ax in axes[2:]:
+        ax.set_xlabel(r"$\omega\tau_1$")
+    page.legend(axes[0], [entry(group.label, group.colour) for group in groups], title)
+    return f"local exponents of G* against omega of {count(curves)}"
 
 
 def exponent_samples(curves):
@@ -87,7 +88,7 @@ def exponent_samples(curves):
     return omega, samples, omega > mean[0] / mean[1]
 
 
-def plot_pressure_exponents(results, path) -> None:
+def draw_pressure_exponents(results, page) -> str:
     """d ln X/d ln p between neighbouring pressures against p/k, with the limits of BT 14-17 and 19-21.
 
     X is G₀, η₀, ω* = G₀/η₀, and the medians of |Δu∥|, |Δu⊥| and |u_na| over contacts or disks. Filled: without
@@ -95,50 +96,26 @@ def plot_pressure_exponents(results, path) -> None:
     like any other; errors are those of medians. Raises InputError for fewer than two pressures.
     """
     groups = groups_of(results)
-    sizes = [size for size in sorted({size for size, _ in groups}) if _pressures(groups, size) >= _FEWEST]
+    levels = {size: np.array([p for n, p in groups if n == size]) for size, _ in groups}
+    sizes = [size for size in sorted(levels) if len(levels[size]) >= _FEWEST]
     if not sizes:
         raise InputError(f"{results[0].path}: one pressure: local exponents need files at several")
-    with figure(PAGE, 2 * HEIGHT, layout="constrained") as fig:
-        axes = fig.subplots(2, 3).ravel()
-        for ax, (name, (symbol, limit)) in zip(axes, _LIMITS.items(), strict=True):
-            ax.axhline(limit, color=GREY, linewidth=0.8, linestyle=":", zorder=1)
-            for size, shade, marker in zip(sizes, colours(len(sizes)), MARKERS, strict=False):
-                levels = np.array([level for n, level in groups if n == size])
-                for prefix, face, dash in ((f"{BARE}_", shade, "-"), ("", "white", _DASHES)):
-                    samples = [
-                        np.array([value_of(results[row], name, prefix) for row in groups[size, level]])
-                        for level in levels
-                    ]
-                    middle, slope, error = local_exponents_of(levels, samples)
-                    look = {"color": shade, "marker": marker, "markerfacecolor": face, "linestyle": dash}
-                    draw_points(ax, middle, slope, error, **look)
-            ax.set(xlabel="$p/k$", ylabel=rf"$d\,\ln {symbol}\,/\,d\,\ln p$", xscale="log")
-            ax.set_ylim(limit - 0.5, limit + 0.5)
-            low, high = np.log10([min(level for _, level in groups), max(level for _, level in groups)])
-            ax.set_xlim(10**low, 10**high)
-            set_ticks(ax.xaxis, low, high)
-        looks = [
-            (f"$N={size}$", shade, "-", shade) for size, shade in zip(sizes, colours(len(sizes)), strict=True)
-        ]
-        looks += [("no pre-stress", "0.2", "-", "0.2"), ("pre-stress", "0.2", _DASHES, "white")]
-        handles = [
-            Line2D([], [], color=colour, linestyle=dash, marker="o", mfc=face, mew=0.7, label=label)
-            for label, colour, dash, face in looks
-        ]
-        axes[2].legend(handles=handles)
-        letter_panels(axes)
-        save(fig, path)
-
-
-def draw_points(ax, x, y, error, **look):
-    """Points (m,) with bars where they have an error; those that are no numbers are left out."""
-    known = np.isfinite(y)
-    bars = error[known] if np.isfinite(error[known]).all() else None
-    ax.errorbar(x[known], y[known], bars, markeredgewidth=0.7, elinewidth=0.7, **look)
-
-
-def _pressures(groups, size):
-    return sum(n == size for n, _ in groups)
+    axes = page.panels(2, 3, PAGE, 2 * HEIGHT)
+    for ax, (name, (symbol, limit)) in zip(axes, _LIMITS.items(), strict=True):
+        ax.axhline(limit, color=GREY, linewidth=0.8, linestyle=":", zorder=1)
+        for size, look in zip(sizes, looks(len(sizes)), strict=True):
+            for prefix, words, face in PRESTRESS:
+                samples = values_of(results, groups, size, name, prefix)
+                label = hidden(f"$N={size}$, {words}")
+                points(ax, *local_exponents_of(levels[size], samples), label=label, **look, **face)
+        ax.set(xlabel="$p/k$", ylabel=rf"$d\,\ln {symbol}\,/\,d\,\ln p$", xscale="log")
+        ax.set(xlim=(min(p for _, p in groups), max(p for _, p in groups)), ylim=(limit - 0.5, limit + 0.5))
+    handles = [entry(f"$N={size}$", **look) for size, look in zip(sizes, looks(len(sizes)), strict=True)]
+    page.legend(
+        axes[2], handles + [entry(words, marker="o", mew=0.7, **face) for _, words, face in PRESTRESS]
+    )
+    of = count(results, "file", "files")
+    return f"local exponents of G0, eta0 and omega* against p of {of}{unstable(results)}"
 
 
 def local_exponents_of(levels, samples):

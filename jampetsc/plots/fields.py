@@ -1,14 +1,34 @@
-"""Displacement fields u(ω) of sheared packings as arrows (BT Fig. 1), rotations as colour."""
+"""Displacement fields u(ω), slow response, modes and velocities as arrows on the packing (BT Fig. 1)."""
 
 import matplotlib
 import numpy as np
 from matplotlib.cm import ScalarMappable
-from matplotlib.collections import EllipseCollection
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 
 from jampetsc.errors import InputError
-from jampetsc.plots.periodic import disk_images, extent, frame_cell, segment_images, wrap
-from jampetsc.plots.style import COLUMN, PAGE, figure, number, power_or_number, save
+from jampetsc.plots.correlation import OMEGA
+from jampetsc.plots.packing import circles
+from jampetsc.plots.periodic import (
+    cells,
+    disk_images,
+    frame_cell,
+    lay_out,
+    points_per_length,
+    segment_images,
+    wrap,
+)
+from jampetsc.plots.picture import PACKING, Option, picture
+from jampetsc.plots.style import COLUMN, PAGE, hidden, number, power_or_number
+from jampetsc.plots.vibrations import chosen_modes
+from jampetsc.storage.fields import (
+    PHASES,
+    chosen_frequencies,
+    field_at,
+    packing_of,
+    particle_rows,
+    phase_factor,
+)
+from jampetsc.storage.snapshots import snapshot
 
 ARROWS = 1600  # at most so many in a panel, evenly spread
 COLUMNS = 5  # frequencies in one picture
@@ -20,227 +40,179 @@ _REACH = 1.6  # length of a long arrow (90th percentile), in distances between a
 _STEPS = (1, 1.5, 2, 3, 5, 7)  # factors between arrows and displacements, times powers of ten
 _RANGE = 2.0  # rotations are coloured up to so many times their rms
 _SMALL = 7.5  # points
+FIELDS = (
+    OMEGA,
+    PACKING,
+    Option(
+        "phase", "word", "fields: when the stress is at its peak and when it is zero (default, as BT Fig. 1), or in "
+        "phase with the strain and with its rate", choices=PHASES,
+    ),
+    Option("total", "switch", "fields: with the affine part, about the middle of the cell"),
+)  # fmt: skip
 
 
-def plot_fields(
-    disks, omega, displacement, rotation, particles, path, phase="strain", symbol=r"\tilde u"
-) -> None:
-    """A field at two instants of its cycle, side by side for one ω, in two rows for more.
+@picture("fields", "sweep", options=FIELDS, single=True)
+def plot_fields(results, page, omega=None, packing=None, phase=PHASES[0], total=False):
+    """Displacement fields of a sweep at two instants of their cycle, side by side for one ω, in two rows for more.
 
-    omega (F,) in 1/τ₁; displacement (F, n, 2) complex, per strain amplitude, in the phase of the strain or stress;
-    rotation (F, n) complex or None; particles (n,) rows of `disks`; symbol: of the displacement, in TeX.
-    phase "strain": Re and Im, in phase with the strain and with its rate; "stress": Re and −Im, when the stress is at
-    its peak and a quarter of a period later, when it is zero (BT). Below each panel stands how many times the field its
-    arrows are.
-    Raises InputError for more frequencies than fit.
+    omega     (F,) as the file has them; None: up to four
+    packing   the file of the packing where it is not beside the sweep
+    phase     "strain": Re and Im, in phase with the strain and with its rate; "stress": Re and −Im, when the stress is
+              at its peak and a quarter of a period later, when it is zero (BT)
+    total     with the affine part u_x = γ y, y from the middle of the cell
+
+    Colours are rotations. Below each panel stands how many times the field its arrows are. Raises InputError for more
+    frequencies than fit, and for those that the file does not have.
     """
+    (sweep,) = results
+    fields = sweep.fields
+    rows = chosen_frequencies(sweep, omega)
+    disks = packing_of(sweep, packing)
+    particles = particle_rows(sweep, disks)
+    affine = np.zeros((len(particles), 2))
+    if total:
+        affine[:, 0] = wrap(disks.positions, disks.cell)[particles, 1] - 0.5 * disks.cell[1, 1]
+    turns = [phase_factor(sweep, fields.omega[row], phase) for row in rows]
+    found = [field_at(sweep, row) for row in rows]
+    motion = [turn * (affine + field) for turn, (field, _) in zip(turns, found, strict=True)]
+    spin = (
+        None if fields.rotation is None else [turn * one for turn, (_, one) in zip(turns, found, strict=True)]
+    )
+    omega = fields.omega[rows] * float(sweep.attributes.get("tau1", 1.0))
+    draw_fields(page, disks, omega, motion, spin, particles, phase, "u" if total else r"\tilde u")
+    told = ", ".join(f"{w:g}" for w in omega)
+    kind = "total" if total else "non-affine"
+    return f"{kind} displacement fields at omega tau1 = {told}, in phase with the {phase}"
+
+
+def draw_fields(page, disks, omega, displacement, rotation, particles, phase, symbol) -> None:
+    """Complex fields (F, n, 2) per strain amplitude and rotations (F, n) or None at two instants of each cycle."""
     if len(omega) > COLUMNS:
-        raise InputError(f"{len(omega)} frequencies: one picture holds {COLUMNS}; choose some with --omega")
-    page = _Page(disks.cell, len(omega), rotation is not None, len(particles) > ARROWS)
-    with figure(page.width, page.height) as fig:
-        picture = _Picture(disks, particles, page.points_per_length)
+        raise InputError(f"{len(omega)} frequencies: one picture holds {COLUMNS}; choose some with omega")
+    single, panels = len(omega) == 1, []
+    for part, (take, name) in enumerate(INSTANTS[phase]):
         for f, w in enumerate(omega):
-            for part, (take, name) in enumerate(INSTANTS[phase]):
-                ax = fig.add_axes(page.box(f, part))
-                words = picture.draw(
-                    ax,
-                    take(displacement[f]),
-                    None if rotation is None else take(rotation[f]),
-                    rf"{symbol}/\gamma",
-                )
-                page.annotate(
-                    ax, f, part, name.format(symbol), rf"$\omega\tau_1={power_or_number(w)}$", words
-                )
-        if rotation is not None:
-            bar = fig.colorbar(
-                ScalarMappable(Normalize(-_RANGE, _RANGE), _colours()), cax=fig.add_axes(page.bar_box)
-            )
-            bar.set_ticks((-_RANGE, 0, _RANGE))
-            bar.ax.set_title(r"$\theta/\theta_{\rm rms}$", fontsize=9, pad=5)
-            bar.ax.tick_params(length=2, labelsize=_SMALL)
-        if picture.note:
-            fig.text(0.5, 0.01, picture.note, ha="center", va="bottom", fontsize=_SMALL)
-        save(fig, path)
+            frequency, instant = rf"$\omega\tau_1={power_or_number(w)}$", name.format(symbol)
+            title = f"{instant},  {frequency}" if single else "" if part else frequency
+            spin = None if rotation is None else take(rotation[f])
+            panels.append((title, take(displacement[f]), spin, "" if single or f else instant))
+    rows, columns = (1, 2) if single else (2, len(omega))
+    axes = _draw(page, disks, panels, particles, rf"{symbol}/\gamma", rows, columns)
+    if rotation is not None:
+        shown = ScalarMappable(Normalize(-_RANGE, _RANGE), _colours())
+        settings = {"shrink": 0.5, "aspect": 18, "pad": 0.01, "ticks": (-_RANGE, 0, _RANGE)}
+        bar = page.figure.colorbar(shown, ax=axes, label=r"$\theta/\theta_{\rm rms}$", **settings)
+        bar.ax.tick_params(length=2, labelsize=_SMALL)
 
 
-def plot_panels(disks, panels, particles, path, symbol) -> None:
-    """Real fields on the packing, side by side: panels [(title, field (n, 2)), …], `symbol` their name in
-    TeX.
+@picture("response", "quasistatic", options=(PACKING,), single=True)
+def plot_response(results, page, packing=None):
+    """Displacements u_na per unit strain under slow shear, without pre-stress and with it."""
+    (result,) = results
+    fields = {"no pre-stress": "no_prestress/nonaffine", "pre-stress": "nonaffine"}
+    if not result.attributes["prestress"]:
+        fields = {"no pre-stress": "nonaffine"}
+    panels = [(title, result[name]) for title, name in fields.items()]
+    draw_panels(page, packing_of(result, packing), panels, result["particles"], r"u_{\rm na}/\gamma")
+    return f"quasistatic response, {' and '.join(fields)}"
+
+
+MODE = Option("mode", "integers", "draw these modes, counted from 1, on the packing", "i,j,…")
+
+
+@picture("mode", "modes", options=(PACKING, MODE), single=True)
+def plot_mode(results, page, packing=None, mode=(1,)):
+    """Modes on the packing, numbered from 1. Raises InputError for one that the file does not hold."""
+    (result,) = results
+    panels = chosen_modes(result, mode)
+    draw_panels(page, packing_of(result, packing), panels, result["particles"], r"\varphi")
+    return f"mode {','.join(map(str, np.ravel(mode)))}"
+
+
+@picture("velocities", "flow", single=True)
+def plot_velocities(results, page):
+    """Non-affine velocities u/γ̇ of the last snapshot."""
+    (result,) = results
+    disks = snapshot(result)
+    field = result["snapshots/velocities"][-1] / float(result.attributes["rate"])
+    strain = result["snapshots/strain"][-1]
+    draw_panels(page, disks, [(rf"$\gamma={strain:.4g}$", field)], np.arange(disks.n), r"u/\dot\gamma")
+    return f"non-affine velocities at strain {strain:.4g}"
+
+
+def draw_panels(page, disks, panels, particles, symbol) -> None:
+    """Real fields on the packing, side by side: panels [(title, field (n, 2)), …], `symbol` their name in TeX.
 
     particles (n,) rows of `disks`. Below each panel stands how many times the field its arrows are.
     Raises InputError for more panels than fit.
     """
     if len(panels) > COLUMNS:
         raise InputError(f"{len(panels)} fields: one picture holds {COLUMNS}; choose fewer")
-    page = _Row(disks.cell, len(panels), len(particles) > ARROWS)
-    with figure(page.width, page.height) as fig:
-        picture = _Picture(disks, particles, page.points_per_length)
-        for column, (title, field) in enumerate(panels):
-            ax = fig.add_axes(page.box(column))
-            words = picture.draw(ax, field, None, symbol)
-            ax.set_title(title, pad=3)
-            below = {"transform": ax.transAxes, "ha": "center", "va": "top", "fontsize": _SMALL}
-            ax.text(0.5, -0.04 / page.panel[1], words, **below)
-        if picture.note:
-            fig.text(0.5, 0.01, picture.note, ha="center", va="bottom", fontsize=_SMALL)
-        save(fig, path)
+    panels = [(title, field, None, "") for title, field in panels]
+    _draw(page, disks, panels, particles, symbol, 1, len(panels))
 
 
-class _Row:
-    """Panels in one row; lengths in inches, boxes in fractions of the figure."""
-
-    top, below, gap = 0.2, 0.2, 0.06
-
-    def __init__(self, cell, count, noted):
-        self.width = COLUMN if count <= 2 else PAGE
-        wide = (self.width - self.gap * (count + 1)) / count
-        width, height = extent(cell)
-        self.panel = wide, wide * min(height / width, _Page.tallest)
-        self.bottom = self.below * (2 if noted else 1)
-        self.height = self.top + self.panel[1] + self.bottom
-        self.points_per_length = 72 * min(self.panel[0] / width, self.panel[1] / height)
-
-    def box(self, column):
-        """Axes of panel number `column`."""
-        left = self.gap + column * (self.panel[0] + self.gap)
-        return (
-            left / self.width,
-            self.bottom / self.height,
-            self.panel[0] / self.width,
-            self.panel[1] / self.height,
-        )
+def _draw(page, disks, panels, particles, symbol, rows, columns):
+    """Panels [(title, field, rotations or None, name of the row), …] on cells of one size; gives the axes."""
+    axes = cells(page, [disks.cell], rows, columns, COLUMN if columns <= 2 else PAGE)
+    shown = _Fields(disks, particles)
+    outlines = []
+    for ax, (title, u, spin, row) in zip(axes, panels, strict=True):
+        ax.set_title(title, pad=3)
+        ax.set_ylabel(row, fontsize=9)
+        ax.set_xlabel(shown.scales(u, spin, symbol), fontsize=_SMALL, labelpad=3)
+        outlines.append(frame_cell(ax, disks.cell, linewidth=0.4))
+    if shown.note and page.own:
+        page.figure.supxlabel(shown.note, fontsize=_SMALL)
+    lay_out(page, rows, 0.15 if shown.note else 0.0)
+    for ax, outline, (_, u, spin, _) in zip(axes, outlines, panels, strict=True):
+        shown.draw(ax, outline, u, spin)
+    return axes
 
 
-class _Page:
-    """Where the panels lie; lengths in inches, boxes in fractions of the figure."""
-
-    top, below, side, gap, bar = (
-        0.2,
-        0.2,
-        0.18,
-        0.06,
-        0.42,
-    )  # header, line below a panel, row names, …, colour bar
-    tallest = 2.5  # cells higher than this many widths are shrunk to fit
-
-    def __init__(self, cell, count, coloured, noted):
-        self.single = count == 1
-        columns, self.rows = (2, 1) if self.single else (count, 2)
-        self.side = 0.0 if self.single else self.side
-        self.width = COLUMN if columns == 2 else PAGE
-        free = self.width - self.side - self.gap * (columns + 1) - (self.bar if coloured else 0.0)
-        width, height = extent(cell)
-        self.panel = free / columns, free / columns * min(height / width, self.tallest)
-        self.height = (
-            self.top
-            + self.rows * (self.panel[1] + self.below)
-            + (self.rows - 1) * self.gap
-            + (self.below if noted else 0.0)
-        )
-        self.points_per_length = 72 * min(self.panel[0] / width, self.panel[1] / height)
-
-    def box(self, f, part):
-        """Axes of frequency number f and part 0 (Re) or 1 (Im)."""
-        column, row = (part, 0) if self.single else (f, part)
-        left = self.side + self.gap + column * (self.panel[0] + self.gap)
-        bottom = self.height - self.top - (row + 1) * self.panel[1] - row * (self.below + self.gap)
-        return self._fractions(left, bottom, *self.panel)
-
-    @property
-    def bar_box(self):
-        """Axes of the colour bar."""
-        tall = min(1.4, self.panel[1])
-        middle = (
-            self.height
-            - self.top
-            - self.rows * self.panel[1] / 2
-            - (self.rows - 1) * (self.below + self.gap) / 2
-        )
-        return self._fractions(self.width - self.bar + 0.1, middle - tall / 2 - 0.08, 0.08, tall)
-
-    def _fractions(self, left, bottom, width, height):
-        return left / self.width, bottom / self.height, width / self.width, height / self.height
-
-    def annotate(self, ax, f, part, component, frequency, words):
-        """Write what a panel shows: ω above a column, component beside a row, scales below the panel."""
-        ax.text(
-            0.5, -0.04 / self.panel[1], words, transform=ax.transAxes, ha="center", va="top", fontsize=_SMALL
-        )
-        if self.single:
-            ax.set_title(f"{component},  {frequency}", pad=3)
-        elif part == 0:
-            ax.set_title(frequency, pad=3)
-        if not self.single and f == 0:
-            place = {"transform": ax.transAxes, "ha": "right", "va": "center", "rotation": 90}
-            ax.text(-0.05 / self.panel[0], 0.5, component, fontsize=9, **place)
-
-
-class _Picture:
+class _Fields:
     """What all panels share: the packing, and which disks carry an arrow."""
 
-    def __init__(self, disks, particles, points_per_length):
+    def __init__(self, disks, particles):
         self.disks, self.particles = disks, particles
         self.centres = wrap(disks.positions, disks.cell)
         self.images = disk_images(self.centres, disks.radii, disks.cell)
         self.arrows = _spread(self.centres[particles], disks.cell)
         self.spacing = np.sqrt(disks.area / max(len(self.arrows), 1))
-        self.points = points_per_length
         few = len(self.arrows) < len(particles)
         self.note = f"arrows on {len(self.arrows)} of {len(particles)} disks" if few else ""
 
-    def draw(self, ax, u, spin, symbol=r"\tilde u/\gamma"):
-        """Draw one field u (n, 2) and its rotations (n,) or None; returns the scales in words."""
-        outline = frame_cell(ax, self.disks.cell, linewidth=0.4)
-        self._disks(ax, spin).set_clip_path(outline)
+    def scales(self, u, spin, symbol) -> str:
+        """How many times the field u (n, 2) its arrows are, and the rms of its rotations, in words."""
         factor = _factor(u, self.spacing)
         words = rf"arrows ${number(factor)}\,{symbol}$" if factor else f"${symbol}=0$"
-        if factor:
-            self._arrows(ax, factor * u[self.arrows]).set_clip_path(outline)
-        if spin is not None:
-            words += rf",  $\theta_{{\rm rms}}={number(_rms(spin))}\,\gamma$"
-        return words
+        return words + (rf",  $\theta_{{\rm rms}}={number(_rms(spin))}\,\gamma$" if spin is not None else "")
 
-    def _arrows(self, ax, vectors):
+    def draw(self, ax, outline, u, spin) -> None:
+        """Draw one field u (n, 2) and its rotations (n,) or None within the outline of the cell."""
+        scale, (rows, places) = points_per_length(ax), self.images
+        faces = np.ones((self.disks.n, 4))
+        if spin is not None:
+            faces[self.particles] = _colours()(0.5 + spin / (2 * _RANGE * (_rms(spin) or 1.0)))
+        look = {"facecolors": faces[rows], "edgecolors": "0.72", "linewidths": min(0.3, 0.03 * scale)}
+        drawn = circles(ax, places, 2 * self.disks.radii[rows], zorder=1, **look)
+        drawn.set_rasterized(self.disks.n > ARROWS)
+        ax.add_collection(drawn, autolim=False)
+        drawn.set_clip_path(outline)
+        drawn.set_in_layout(False)
+        factor = _factor(u, self.spacing)
+        if factor:
+            arrows = self._arrows(ax, factor * u[self.arrows], scale)
+            arrows.set_clip_path(outline)
+            arrows.set_in_layout(False)
+
+    def _arrows(self, ax, vectors, scale):
         """Arrows that begin at their disks; one that leaves the cell goes on at the other side."""
         rows, starts = segment_images(self.centres[self.particles][self.arrows], vectors, self.disks.cell)
-        thin = min(0.7, max(0.3, 0.07 * self.spacing * self.points))
-        return ax.quiver(
-            *starts.T,
-            *vectors[rows].T,
-            angles="xy",
-            scale_units="xy",
-            scale=1.0,
-            units="dots",
-            width=thin * ax.figure.dpi / 72,
-            headwidth=4,
-            headlength=4.5,
-            headaxislength=4,
-            minlength=0.3,
-            color="black",
-            zorder=3,
-        )
-
-    def _disks(self, ax, spin):
-        rows, points = self.images
-        diameters = 2 * self.disks.radii[rows]
-        colours = np.ones((self.disks.n, 4))
-        if spin is not None:
-            colours[self.particles] = _colours()(0.5 + spin / (2 * _RANGE * (_rms(spin) or 1.0)))
-        collection = EllipseCollection(
-            diameters,
-            diameters,
-            np.zeros(len(rows)),
-            units="xy",
-            offsets=points,
-            transOffset=ax.transData,
-            facecolors=colours[rows],
-            edgecolors="0.72",
-            linewidths=min(0.3, 0.03 * self.points),
-            rasterized=self.disks.n > ARROWS,
-            zorder=1,
-        )
-        ax.add_collection(collection)
-        return collection
+        width = min(0.7, max(0.3, 0.07 * self.spacing * scale)) * ax.figure.dpi / 72
+        heads = {"headwidth": 4, "headlength": 4.5, "headaxislength": 4, "minlength": 0.3}
+        units = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "units": "dots", "width": width}
+        return ax.quiver(*starts.T, *vectors[rows].T, **units, **heads, zorder=3, label=hidden("arrows"))
 
 
 def _colours():

@@ -1,42 +1,41 @@
 """Finite-size scaling of η₀ (BT Fig. 8): η₀/N^a against pN², and √p (η₀ − η_F) against N, of quasistatic files."""
 
 import numpy as np
-from matplotlib.lines import Line2D
-from matplotlib.ticker import FixedLocator, FuncFormatter
+from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 
 from jampetsc.analysis.finite_size import FEWEST, logarithm_of_size
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError
-from jampetsc.plots.exponents import draw_points
-from jampetsc.plots.floppy import BARE, draw_intervals, groups_of, value_of
-from jampetsc.plots.logaxes import set_log_axes
+from jampetsc.plots.floppy import BARE, PRESTRESS, draw_intervals, groups_of, unstable, value_of
+from jampetsc.plots.page import points
+from jampetsc.plots.picture import Option, count, picture
 from jampetsc.plots.style import (
     GREY,
-    MARKERS,
     PAGE,
-    colours,
+    entry,
     exponent_text,
-    figure,
-    letter_panels,
+    hidden,
+    looks,
     power_or_number,
     power_text,
-    save,
 )
 from jampetsc.plots.units import units_of
 
 HEIGHT = 3.0  # inches
-POWER = 1.0  # a, of contact damping (BT)
 LARGE = 30.0  # pN² from which on a packing counts as large
 CRITICAL = 2e-3  # p/k up to which √p η₀ does
-_DASHES = (0, (4, 1.6))
+SIZE_POWER = Option(
+    "size_power", "number", "finite-size: eta0 over N^A against pN^2 (default 1)", "A", low=0, high=10
+)
 
 
-def plot_finite_size(results, path, power=POWER) -> None:
+@picture("finite-size", "quasistatic", options=(SIZE_POWER,))
+def plot_finite_size(results, page, size_power=1.0):
     """η₀/N^a against pN² with the slope −a/2 of what does not depend on N: medians over packings, 68 % intervals.
 
     Filled: without pre-stress; open: with. Under a law with a fluid a second panel has η₀ − η_F; the last √p (η₀ − η_F)
     without pre-stress against N where pN² > LARGE and p/k < CRITICAL, means with their errors, and A + B ln N for each
-    pressure with enough sizes. power is a.
+    pressure with enough sizes. size_power is a; 1, of contact damping (BT), if not told otherwise.
 
     Raises InputError for files of several laws, and where pressures are not positive.
     """
@@ -45,25 +44,18 @@ def plot_finite_size(results, path, power=POWER) -> None:
     fluid = any(fluid_of(result) > 0 for result in results)
     symbols = [r"\eta_0"] + [r"(\eta_0-\eta_F)"] * fluid
     sizes = sorted({size for size, _ in groups})
-    looks = dict(zip(sizes, zip(colours(len(sizes)), MARKERS, strict=False), strict=False))
-    with figure(PAGE, HEIGHT if fluid else 0.9 * HEIGHT, layout="constrained") as fig:
-        axes = fig.subplots(1, 1 + len(symbols))
-        for ax, symbol, subtracted in zip(axes, symbols, (False, True), strict=False):
-            _draw_collapse(ax, results, groups, looks, power, subtracted)
-            ax.set(xlabel="$N^2p/k$", ylabel=rf"${symbol}\,/\,{power_text('N', power)}$ $[k\tau_1]$")
-        _draw_sizes(axes[-1], results, groups, symbols[-1])
-        handles = [
-            Line2D([], [], color=shade, marker=marker, label=f"$N={size}$")
-            for size, (shade, marker) in looks.items()
-        ]
-        handles += [
-            Line2D([], [], color="0.2", marker="o", label="no pre-stress"),
-            Line2D([], [], color="0.2", marker="o", mfc="white", linestyle=_DASHES, label="pre-stress"),
-            Line2D([], [], color=GREY, linestyle="--", label=f"slope ${exponent_text(-power / 2)}$"),
-        ]
-        axes[0].legend(handles=handles, loc="lower left", handlelength=1.8)
-        letter_panels(axes)
-        save(fig, path)
+    styles = dict(zip(sizes, looks(len(sizes)), strict=True))
+    axes = page.panels(1, 1 + len(symbols), PAGE, HEIGHT if fluid else 0.9 * HEIGHT)
+    for ax, symbol, subtracted in zip(axes, symbols, (False, True), strict=False):
+        ylabel = rf"${symbol}\,/\,{power_text('N', size_power)}$ $[k\tau_1]$"
+        ax.set(xlabel="$N^2p/k$", ylabel=ylabel, xscale="log", yscale="log")
+        _draw_collapse(ax, results, groups, styles, size_power, subtracted)
+    _draw_sizes(page, axes[-1], results, groups, symbols[-1])
+    handles = [entry(f"$N={size}$", **look) for size, look in styles.items()]
+    handles += [entry(words, marker="o", mew=0.7, **face) for _, words, face in PRESTRESS]
+    handles.append(entry(f"slope ${exponent_text(-size_power / 2)}$", GREY, linestyle="--"))
+    page.legend(axes[0], handles, first="lower left", handlelength=1.8)
+    return f"eta0/N^{size_power:g} against pN^2 of {count(results, 'file', 'files')}{unstable(results)}"
 
 
 def _require_one_law(results):
@@ -88,35 +80,31 @@ def viscosity_of(result, prefix=f"{BARE}_", subtracted=False) -> float:
     return eta0 / (units.k * units.tau1)
 
 
-def _draw_collapse(ax, results, groups, looks, power, subtracted):
-    lines, bare = [], []
-    for size, (shade, marker) in looks.items():
-        levels = np.array([level for n, level in groups if n == size])
-        x = levels * size**2
-        for prefix, face, dash in ((f"{BARE}_", shade, "-"), ("", "white", _DASHES)):
+def _draw_collapse(ax, results, groups, styles, power, subtracted):
+    bare = []
+    for size, look in styles.items():
+        x = np.array([level for n, level in groups if n == size]) * size**2
+        for prefix, words, face in PRESTRESS:
             samples = [
-                np.array([viscosity_of(results[row], prefix, subtracted) for row in groups[size, level]])
-                / size**power
-                for level in levels
+                np.array([viscosity_of(results[row], prefix, subtracted) for row in rows]) / size**power
+                for (n, _), rows in groups.items()
+                if n == size
             ]
             y = np.array([np.median(sample) for sample in samples])
             if not np.isfinite(y).any():
                 continue
-            ax.plot(
-                x, y, color=shade, marker=marker, markerfacecolor=face, linestyle=dash, linewidth=0.8,
-                markeredgewidth=0.7,
-            )  # fmt: skip
-            draw_intervals(ax, x, samples, shade)
-            lines.append((x, y))
+            name = f"$N={size}$, {words}"
+            ax.plot(x, y, linewidth=0.8, markeredgewidth=0.7, label=hidden(name), **look | face)
+            draw_intervals(ax, x, samples, look["color"], name)
             if prefix:
                 bare.append((x, y))
-    set_log_axes(ax, lines)
     x, y = np.concatenate(bare, axis=1)
     large = x > LARGE
     if large.any():
         level = np.exp(np.mean(np.log(y[large] * x[large] ** (power / 2))))
-        guide = np.array([1.0, x.max()])
+        guide, kept = np.array([1.0, x.max()]), ax.dataLim.frozen()
         ax.plot(guide, level * guide ** (-power / 2), "--", color=GREY, linewidth=0.8, zorder=1)
+        ax.dataLim.set(kept)
 
 
 def large_points(groups):
@@ -132,23 +120,20 @@ def scaled_by_pressure(results, rows) -> tuple[float, float]:
     return tuple(float(value) for value in mean_with_error(scaled))
 
 
-def _draw_sizes(ax, results, groups, symbol):
-    points = large_points(groups)
-    levels = sorted({level for _, level in points})
-    for level, shade, marker in zip(levels, colours(len(levels)), MARKERS, strict=False):
-        n = np.array([size for size, p in points if p == level])
+def _draw_sizes(page, ax, results, groups, symbol):
+    large = large_points(groups)
+    levels = sorted({level for _, level in large})
+    ax.set(xscale="log", xlabel="$N$", ylabel=rf"$(p/k)^{{1/2}}\,{symbol}$ $[k\tau_1]$")
+    for level, look in zip(levels, looks(len(levels)), strict=True):
+        n = np.array([size for size, p in large if p == level])
         y, error = np.transpose([scaled_by_pressure(results, groups[size, level]) for size in n])
-        label = f"${power_or_number(level)}$"
-        draw_points(ax, n, y, error, color=shade, marker=marker, linestyle="none", label=label)
+        points(ax, n, y, error, linestyle="none", label=f"${power_or_number(level)}$", **look)
         known = np.isfinite(error) & (error > 0)
         if known.sum() >= FEWEST:
             line = logarithm_of_size(n[known], y[known], error[known])
-            ax.plot(n, line.constant + line.slope * np.log(n), color=shade, linewidth=0.8, zorder=1)
-    sizes = sorted({size for size, _ in points})
-    if points:
-        ax.legend(title="$p/k$", loc="lower right")
-    ax.set(xscale="log", xlabel="$N$", ylabel=rf"$(p/k)^{{1/2}}\,{symbol}$ $[k\tau_1]$")
-    ax.xaxis.set_major_locator(FixedLocator(sizes))
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"${value:g}$"))
-    ax.xaxis.set_minor_locator(FixedLocator([]))
+            ax.plot(n, line.constant + line.slope * np.log(n), color=look["color"], linewidth=0.8, zorder=1)
     ax.set_ylim(0.0, None)
+    page.legend(ax, title="$p/k$", named=False)
+    ax.xaxis.set_major_locator(FixedLocator(sorted({size for size, _ in large})))
+    ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    ax.xaxis.set_minor_locator(NullLocator())

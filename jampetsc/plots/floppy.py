@@ -3,24 +3,27 @@ files.
 """
 
 import numpy as np
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from jampetsc.analysis.statistics import median_interval
 from jampetsc.contacts.laws import having
 from jampetsc.errors import InputError
-from jampetsc.plots.logaxes import place_legend, set_log_axes
-from jampetsc.plots.style import COLUMN, GREY, MARKERS, colours, figure, power_or_number, save
+from jampetsc.plots.logaxes import power_law
+from jampetsc.plots.page import band
+from jampetsc.plots.picture import count, picture
+from jampetsc.plots.style import DASHED, GREY, entry, hidden, looks, power_or_number
 from jampetsc.plots.units import units_of
 
-HEIGHT = 2.9  # inches
 BARE = "no_prestress"
 QUANTITIES = {  # attribute -> (symbol, exponent expected, BT eqs. 19-21)
     "normal": (r"|\Delta u_\parallel|", 0.25),
     "transverse": (r"|\Delta u_\perp|", -0.25),
     "nonaffine": (r"|u_{\rm na}|", -0.25),
 }
-_DASHES = (0, (4, 1.6))
+PRESTRESS = (  # prefix of attributes, what it means, how it is drawn on top of a colour and a marker
+    (f"{BARE}_", "no pre-stress", {}),
+    ("", "pre-stress", {"markerfacecolor": "white", "linestyle": DASHED}),
+)
 
 
 def pressures_of(results):
@@ -43,7 +46,8 @@ def groups_of(results) -> dict:
     return dict(sorted(found.items()))
 
 
-def plot_medians(results, path) -> None:
+@picture("medians", "quasistatic")
+def plot_medians(results, page):
     """Medians of |Δu∥|, |Δu⊥| and |u_na| per unit strain against p/k, with slopes ±1/4 (BT eqs. 19-21).
 
     Filled: without pre-stress; open: with. Small points are files, lines run through the medians of those of
@@ -51,64 +55,58 @@ def plot_medians(results, path) -> None:
     """
     groups = groups_of(results)
     sizes = sorted({size for size, _ in groups})
-    shades = colours(len(QUANTITIES))
-    with figure(COLUMN, HEIGHT, layout="constrained") as fig:
-        ax = fig.add_subplot(xlabel="$p/k$", ylabel="median per unit strain")
-        lines, handles, band, single = [], [], [], False
-        for (name, (symbol, slope)), shade, mark in zip(QUANTITIES.items(), shades, MARKERS, strict=False):
-            one_size = {"marker": mark} if len(sizes) == 1 else {}
-            handles.append(Line2D([], [], label=f"${symbol}$", color=shade, markeredgewidth=0.7, **one_size))
-            for size, marker in zip(sizes, [mark] if len(sizes) == 1 else _cycle(len(sizes)), strict=True):
-                levels = np.array([level for n, level in groups if n == size])
-                look = {"color": shade, "marker": marker, "markeredgewidth": 0.7}
-                guide = None
-                for prefix, face, dash in ((f"{BARE}_", shade, "-"), ("", "white", _DASHES)):
-                    samples = [
-                        np.array(
-                            [value_of(results[row], f"{name}_median", prefix) for row in groups[size, level]]
-                        )
-                        for level in levels
-                    ]
-                    if not np.isfinite(np.concatenate(samples)).any():
-                        continue
-                    medians = np.array([np.nanmedian(some) for some in samples])
-                    ax.plot(levels, medians, linestyle=dash, markerfacecolor=face, **look)
-                    band = draw_intervals(ax, levels, samples, shade) or band
-                    if max(map(len, samples)) > 1:
-                        p, y = np.repeat(levels, [len(some) for some in samples]), np.concatenate(samples)
-                        ax.plot(p, y, ".", color=shade, markersize=2, markeredgewidth=0)
-                        single = True
-                    lines.append((levels, medians))
-                    guide = medians if guide is None else guide
-                if size == sizes[-1]:
-                    middle = np.exp(
-                        np.mean(np.log(guide)) + slope * (np.log(levels) - np.mean(np.log(levels)))
-                    )
-                    ax.plot(levels, middle, ":", color=GREY, linewidth=0.8, zorder=1)
-        set_log_axes(ax, lines)
-        if len(sizes) > 1:
-            handles += [
-                Line2D([], [], color="0.2", marker=marker, ls="none", label=f"$N={size}$")
-                for size, marker in zip(sizes, _cycle(len(sizes)), strict=True)
-            ]
-        handles += [
-            Line2D([], [], color="0.2", marker="o", label="no pre-stress"),
-            Line2D([], [], color="0.2", marker="o", mfc="white", linestyle=_DASHES, label="pre-stress"),
-            Line2D([], [], color=GREY, linestyle=":", linewidth=0.8, label=r"$p^{\pm 1/4}$"),
-        ]
-        if single:
-            handles.append(Line2D([], [], color="0.2", marker=".", ms=2, ls="none", label="single files"))
-        place_legend(fig, ax, "", handles + band, lines)
-        save(fig, path)
+    ax = page.panels()
+    ax.set(xlabel="$p/k$", ylabel="median per unit strain", xscale="log", yscale="log")
+    markers = [look["marker"] for look in looks(len(sizes))]
+    handles, bands, single = [], [], False
+    for (name, (symbol, slope)), look in zip(QUANTITIES.items(), looks(len(QUANTITIES)), strict=True):
+        handles.append(entry(f"${symbol}$", **(look if len(sizes) == 1 else {"color": look["color"]})))
+        for size, marker in zip(sizes, [look["marker"]] if len(sizes) == 1 else markers, strict=True):
+            levels, guide = np.array([level for n, level in groups if n == size]), None
+            for prefix, words, face in PRESTRESS:
+                samples = values_of(results, groups, size, f"{name}_median", prefix)
+                if not np.isfinite(np.concatenate(samples)).any():
+                    continue
+                label, medians = (
+                    f"${symbol}$, $N={size}$, {words}",
+                    np.array([np.nanmedian(some) for some in samples]),
+                )
+                drawn = look | {"marker": marker, "markeredgewidth": 0.7, "label": hidden(label)} | face
+                ax.plot(levels, medians, **drawn)
+                bands = draw_intervals(ax, levels, samples, look["color"], label) or bands
+                if max(map(len, samples)) > 1:
+                    p, y = np.repeat(levels, [len(some) for some in samples]), np.concatenate(samples)
+                    dots = {"markersize": 2, "markeredgewidth": 0, "label": hidden(f"{label}, single files")}
+                    ax.plot(p, y, ".", color=look["color"], **dots)
+                    single = True
+                guide = medians if guide is None else guide
+            if size == sizes[-1]:
+                power_law(ax, levels, guide, slope)
+    if len(sizes) > 1:
+        handles += [entry(f"$N={size}$", marker=m, ls="none") for size, m in zip(sizes, markers, strict=True)]
+    handles += [entry(words, marker="o", mew=0.7, **face) for _, words, face in PRESTRESS]
+    handles.append(entry(r"$p^{\pm 1/4}$", GREY, linestyle=":", linewidth=0.8))
+    if single:
+        handles.append(entry("single files", marker=".", ms=2, ls="none"))
+    page.legend(ax, handles + bands)
+    return f"medians of floppy motion in {count(results, 'file', 'files')}"
 
 
-def draw_intervals(ax, x, samples, shade) -> list:
+def values_of(results, groups, size, name, prefix) -> list:
+    """An attribute of the files of each pressure of one N, [(files,), …], as `value_of`."""
+    return [
+        np.array([value_of(results[row], name, prefix) for row in rows])
+        for (n, _), rows in groups.items()
+        if n == size
+    ]
+
+
+def draw_intervals(ax, x, samples, shade, name="") -> list:
     """Where the medians of M samples lie, a band over x (M,); its legend entry, if each has the three that it takes."""
     known = [sample[np.isfinite(sample)] for sample in samples]
     if not all(len(sample) > 2 for sample in known):
         return []
-    low, high = np.transpose([median_interval(sample) for sample in known])
-    ax.fill_between(x, low, high, color=shade, alpha=0.25, linewidth=0)
+    band(ax, x, *np.transpose([median_interval(sample) for sample in known]), name, color=shade)
     return [Patch(facecolor="0.2", alpha=0.25, label="68 % interval")]
 
 
@@ -120,7 +118,14 @@ def value_of(result, name, prefix=f"{BARE}_"):
     return attributes[f"{prefix}{name}"]
 
 
-def plot_viscosities(results, path) -> None:
+def unstable(results) -> str:
+    """How many of quasistatic files have G₀ < 0 under pre-stress, in words."""
+    negative = sum(result.attributes["G0"] < 0 for result in results if result.attributes["prestress"])
+    return f"; G0 < 0 in {negative} of them, which count like the others" if negative else ""
+
+
+@picture("viscosities", "quasistatic")
+def plot_viscosities(results, page):
     """η₀ (filled) and η_∞ (open) in kτ₁ against β, a colour for each pressure and N; with the scans over β of the
     files.
 
@@ -133,34 +138,23 @@ def plot_viscosities(results, path) -> None:
             )
     groups = groups_of(results)
     several = len({size for size, _ in groups}) > 1
-    with figure(COLUMN, HEIGHT, layout="constrained") as fig:
-        ax = fig.add_subplot(xlabel=r"$\beta$", ylabel=r"$\eta_0,\ \eta_\infty\ [k\tau_1]$")
-        lines, handles, band = [], [], []
-        looks = zip(groups.items(), colours(len(groups)), _cycle(len(groups)), strict=True)
-        for ((size, level), rows), shade, marker in looks:
-            files = [results[row] for row in rows]
-            points = np.array([row for one in files for row in _rows(one)])
-            betas = np.unique(points[:, 0])
-            medians = np.array([np.median(points[points[:, 0] == beta, 1:], axis=0) for beta in betas])
-            look = {"color": shade, "marker": marker, "markeredgewidth": 0.7}
-            for column, face, dash in ((0, shade, "-"), (1, "white", _DASHES)):
-                ax.plot(betas, medians[:, column], linestyle=dash, markerfacecolor=face, **look)
-                samples = [points[points[:, 0] == beta, 1 + column] for beta in betas]
-                band = draw_intervals(ax, betas, samples, shade) or band
-                lines.append((betas, medians[:, column]))
-            label = f"${power_or_number(level)}$" + (f", $N={size}$" if several else "")
-            handles.append(Line2D([], [], label=label, **look))
-        set_log_axes(ax, lines)
-        handles += [
-            Line2D([], [], color="0.2", marker="o", label=r"$\eta_0$"),
-            Line2D([], [], color="0.2", marker="o", mfc="white", linestyle=_DASHES, label=r"$\eta_\infty$"),
-        ]
-        place_legend(fig, ax, "$p/k$", handles + band, lines)
-        save(fig, path)
-
-
-def _cycle(count):
-    return [MARKERS[n % len(MARKERS)] for n in range(count)]
+    ax = page.panels()
+    ax.set(xlabel=r"$\beta$", ylabel=r"$\eta_0,\ \eta_\infty\ [k\tau_1]$", xscale="log", yscale="log")
+    handles, bands = [], []
+    columns = ((r"$\eta_0$", {}), (r"$\eta_\infty$", {"markerfacecolor": "white", "linestyle": DASHED}))
+    for ((size, level), rows), look in zip(groups.items(), looks(len(groups)), strict=True):
+        points = np.array([row for one in rows for row in _rows(results[one])])
+        betas = np.unique(points[:, 0])
+        label = f"${power_or_number(level)}$" + (f", $N={size}$" if several else "")
+        handles.append(entry(label, **look))
+        for column, (symbol, face) in enumerate(columns, 1):
+            name, samples = f"{symbol}, {label}", [points[points[:, 0] == beta, column] for beta in betas]
+            medians = [np.median(some) for some in samples]
+            ax.plot(betas, medians, markeredgewidth=0.7, label=hidden(name), **look | face)
+            bands = draw_intervals(ax, betas, samples, look["color"], name) or bands
+    handles += [entry(symbol, marker="o", mew=0.7, **face) for symbol, face in columns]
+    page.legend(ax, handles + bands, "$p/k$")
+    return f"eta0 and eta_inf against beta of {count(results, 'file', 'files')}"
 
 
 def _rows(result):

@@ -7,9 +7,10 @@ import numpy as np
 
 from jampetsc.analysis.averages import mean_of_runs
 from jampetsc.errors import InputError
-from jampetsc.plots.logaxes import set_log_axes, set_ticks
-from jampetsc.plots.shearing import kind_of, labels_of
-from jampetsc.plots.style import GREY, MARKERS, PAGE, colours, figure, letter_panels, number, save
+from jampetsc.plots.page import points
+from jampetsc.plots.picture import count, picture
+from jampetsc.plots.shearing import draw_series, kind_of, labels_of
+from jampetsc.plots.style import DASHED, GREY, PAGE, entry, hidden, looks, number
 from jampetsc.plots.units import flow_units
 
 HEIGHT = 2.3  # inches of one row of panels
@@ -67,68 +68,60 @@ def _ratio(one, other):
     return value, np.abs(value) * np.hypot(one[1] / one[0], other[1] / other[0])
 
 
-def plot_flow_curves(results, path) -> None:
+@picture("flow", "flow")
+def plot_flow(results, page):
+    """Flow curves of runs at several rates, as `draw_flow_curves`; σ and p over the strain of runs at one rate."""
+    rates = {float(result.attributes["rate"]) for result in results}
+    return draw_flow_curves(results, page) if len(rates) > 1 else draw_series(results, page)
+
+
+def draw_flow_curves(results, page) -> str:
     """σ, p, σ/p, σ/γ̇ (filled) and p/γ̇ (hollow), local exponents of both, and Z against the rate.
 
     Rates at which the mean stress or pressure is not positive are left out of all but Z. Raises InputError where no
     kind has two rates.
     """
-    curves = flow_curves(results)
+    curves, units = flow_curves(results), flow_units(results)
     if not any(len(curve["pressure"][0]) >= _FEWEST for curve in curves.values()):
         raise InputError(f"{results[0].path}: flow curves need several rates of one model, phi and N")
-    units = flow_units(results)
-    with figure(PAGE, 2 * HEIGHT, layout="constrained") as fig:
-        axes = fig.subplots(2, 3)
-        lines, exponents = ([], [], [], []), []
-        looks = zip(labels_of(list(curves)), colours(len(curves)), MARKERS * len(curves), strict=False)
-        for curve, (label, colour, marker) in zip(curves.values(), looks, strict=True):
-            style = {"color": colour, "marker": marker}
-            bars = {"capsize": 1.5, "elinewidth": 0.6, **style}
-            axes[1, 2].errorbar(*curve["coordination"], **bars)
-            rates = curve["pressure"][0]
-            shown = (curve["shear_stress"][1] > 0) & (curve["pressure"][1] > 0)
-            stress, pressure = ([part[shown] for part in curve[name][1:]] for name in QUANTITIES[:2])
-            rates = rates[shown]
-            viscosities = [(value / rates, error / rates) for value, error in (stress, pressure)]
-            panels = (stress, pressure, _ratio(stress, pressure), viscosities[0])
-            for ax, kept, (y, error) in zip(axes.flat, lines, panels, strict=False):
-                ax.errorbar(rates, y, error, label=label, **bars)
-                kept.append((rates, y))
-            axes[1, 0].errorbar(rates, *viscosities[1], markerfacecolor="white", ls=(0, (4, 1.6)), **bars)
-            lines[3].append((rates, viscosities[1][0]))
-            for both, face in ((stress, colour), (pressure, "white")):
-                exponents.append((style | {"markerfacecolor": face}, *local_exponents(rates, *both)))
-        texts = [units.label(r"\sigma", "stress"), units.label("p", "stress"), r"$\sigma/p$"]
-        texts += [units.label(r"\sigma/\dot\gamma,\ p/\dot\gamma", "viscosity")]
-        for ax, kept, text in zip(axes.flat, lines, texts, strict=False):
-            if any(len(x) for x, _ in kept):
-                set_log_axes(ax, [(x, y) for x, y in kept if len(x)])
-            ax.set_ylabel(text)
-        every = np.concatenate([curve["pressure"][0] for curve in curves.values()])
-        for ax in axes.flat:
-            ax.set(
-                xlabel=units.label(r"\dot\gamma", "rate"),
-                xscale="log",
-                xlim=(every.min() / 1.3, 1.3 * every.max()),
-            )
-            set_ticks(ax.xaxis, *np.log10(ax.get_xlim()))
-        axes[1, 1].set_ylabel(r"$d\ln\sigma/d\ln\dot\gamma,\ d\ln p/d\ln\dot\gamma$")
-        axes[1, 2].set_ylabel("$Z$")
-        _draw_exponents(axes[1, 1], exponents)
-        note = {"color": GREY, "va": "bottom", "transform": axes[1, 0].transAxes}
-        axes[1, 0].text(0.03, 0.02, r"filled: $\sigma$, hollow: $p$", **note)
-        axes[0, 0].legend(fontsize=7, handlelength=1.2, labelspacing=0.2)
-        letter_panels(axes.flat)
-        save(fig, path)
+    labels = [units.label(r"\sigma", "stress"), units.label("p", "stress"), r"$\sigma/p$"]
+    labels += [units.label(r"\sigma/\dot\gamma,\ p/\dot\gamma", "viscosity")]
+    labels += [r"$d\ln\sigma/d\ln\dot\gamma,\ d\ln p/d\ln\dot\gamma$", "$Z$"]
+    axes = page.panels(2, 3, PAGE, 2 * HEIGHT)
+    every = np.concatenate([curve["pressure"][0] for curve in curves.values()])
+    for ax, text in zip(axes, labels, strict=True):
+        ax.set(xlabel=units.label(r"\dot\gamma", "rate"), ylabel=text, xscale="log")
+        ax.set_xlim(every.min() / 1.3, 1.3 * every.max())
+    for ax in axes[:4]:
+        ax.set_yscale("log")
+    exponents = []
+    for name, look, curve in zip(labels_of(list(curves)), looks(len(curves)), curves.values(), strict=True):
+        points(axes[5], *curve["coordination"], label=hidden(name), **look)
+        rates = curve["pressure"][0]
+        shown = (curve["shear_stress"][1] > 0) & (curve["pressure"][1] > 0)
+        stress, pressure = ([part[shown] for part in curve[quantity][1:]] for quantity in QUANTITIES[:2])
+        rates = rates[shown]
+        for ax, both in zip(axes, (stress, pressure, _ratio(stress, pressure)), strict=False):
+            points(ax, rates, *both, label=name, **look)
+        for symbol, both, filled in ((r"$\sigma$", stress, True), ("$p$", pressure, False)):
+            named = look | {"label": hidden(f"{name}, {symbol}")}
+            named |= {} if filled else {"markerfacecolor": "white"}
+            value, error = (part / rates for part in both)
+            points(axes[3], rates, value, error, ls="-" if filled else DASHED, **named)
+            exponents.append((named, *local_exponents(rates, *both)))
+    _draw_exponents(axes[4], exponents)
+    page.legend(axes[0], fontsize=7, handlelength=1.2, labelspacing=0.2)
+    both = [entry(r"$\sigma$", marker="o"), entry("$p$", marker="o", mfc="white", mew=0.7, ls=DASHED)]
+    page.legend(axes[3], both, fontsize=7, named=False)
+    return f"flow curves of {count(results, 'run', 'runs')} at {len(set(every))} rates"
 
 
 def _draw_exponents(ax, curves):
     """Local exponents with errors, in limits of the values, and lines at those that have a name and are in sight."""
-    for style, x, y, _ in curves:
-        ax.plot(x, y, **style)
-    low, high = ax.get_ylim()
-    for style, *curve in curves:
-        ax.errorbar(*curve, fmt="none", ecolor=style["color"], elinewidth=0.6)
+    values = np.concatenate([y for _, _, y, _ in curves])
+    low, high = np.array([values.min(), values.max()]) + np.array([-0.06, 0.06]) * max(np.ptp(values), 0.1)
+    for look, x, y, error in curves:
+        points(ax, x, y, error, **look)
     ax.set_ylim(low, high)
     for value, regime in ((1, "Newtonian"), (2, "Bagnoldian")):
         if low < value < high:
@@ -137,7 +130,8 @@ def _draw_exponents(ax, curves):
             ax.annotate(regime, (1, value), (-2, 1), ("axes fraction", "data"), **place)
 
 
-def plot_against_phi(results, path) -> None:
+@picture("phi", "flow")
+def plot_against_phi(results, page):
     """σ, p and Z against φ, a line for every rate of a kind. Raises InputError where none has two φ."""
     curves = flow_curves(results, "phi")
     if not any(len(curve["pressure"][0]) >= _FEWEST for curve in curves.values()):
@@ -145,21 +139,12 @@ def plot_against_phi(results, path) -> None:
     units = flow_units(results)
     kinds = [kind for kind, _ in curves]
     words = labels_of(kinds) if len(set(kinds)) > 1 else [""] * len(kinds)
-    with figure(PAGE, HEIGHT * 1.2, layout="constrained") as fig:
-        axes = fig.subplots(1, 3)
-        looks = zip(words, colours(len(curves)), MARKERS * len(curves), strict=False)
-        for ((_, rate), curve), (word, colour, marker) in zip(curves.items(), looks, strict=True):
+    texts = [units.label(r"\sigma", "stress"), units.label("p", "stress"), "$Z$"]
+    axes = page.panels(1, 3, PAGE, HEIGHT * 1.2)
+    for ax, name, text in zip(axes, QUANTITIES, texts, strict=True):
+        ax.set(xlabel=r"$\phi$", ylabel=text, yscale="linear" if name == "coordination" else "log")
+        for ((_, rate), curve), word, look in zip(curves.items(), words, looks(len(curves)), strict=True):
             label = (f"{word}, " if word else "") + f"${number(rate * units.tau1)}$"
-            bars = {"color": colour, "marker": marker, "capsize": 1.5, "elinewidth": 0.6, "label": label}
-            for ax, name in zip(axes, QUANTITIES, strict=True):
-                phi, y, error = curve[name]
-                shown = (y > 0) | (name == "coordination")
-                ax.errorbar(phi[shown], y[shown], error[shown], **bars)
-        texts = [units.label(r"\sigma", "stress"), units.label("p", "stress"), "$Z$"]
-        for ax, text in zip(axes, texts, strict=True):
-            ax.set(xlabel=r"$\phi$", ylabel=text)
-        for ax in axes[:2]:
-            ax.set_yscale("log")
-        axes[2].legend(title=units.label(r"\dot\gamma", "rate"))
-        letter_panels(axes)
-        save(fig, path)
+            points(ax, *curve[name], label=label, **look)
+    page.legend(axes[2], title=units.label(r"\dot\gamma", "rate"))
+    return f"stress, pressure and coordination of {count(results, 'run', 'runs')} against phi"

@@ -9,7 +9,9 @@ import numpy as np
 
 from jampetsc.analysis.jamming import FEWEST, Share, density, memory, share_of
 from jampetsc.errors import InputError
-from jampetsc.plots.style import COLUMN, GREY, MARKERS, PAGE, colours, figure, letter_panels, number, save
+from jampetsc.plots.page import points
+from jampetsc.plots.picture import count, picture
+from jampetsc.plots.style import COLUMN, GREY, PAGE, colours, looks, number
 from jampetsc.plots.units import flow_units
 
 HEIGHT = 2.7  # inches of one row of panels
@@ -121,27 +123,24 @@ def _labels(kinds):
     return found
 
 
-def plot_fraction(results, path) -> None:
+@picture("fraction", "jam", "shear", mixed=True)
+def plot_fraction(results, page):
     """f(φ), the share of samples that jam, a line for every N and protocol; bars are one standard error."""
     samples = samples_of(results)
+    ax = page.panels(1, 1, COLUMN, HEIGHT)
+    ax.set(xlabel=r"$\phi$", ylabel=r"$f(\phi)$", ylim=(-0.04, 1.04))
+    ax.axhline(0.5, color=GREY, lw=0.5, ls=":")
     labels = _labels([one.kind for one in samples])
-    with figure(COLUMN, HEIGHT, layout="constrained") as fig:
-        ax = fig.add_subplot(xlabel=r"$\phi$", ylabel=r"$f(\phi)$", ylim=(-0.04, 1.04))
-        ax.axhline(0.5, color=GREY, lw=0.5, ls=":")
-        shades = colours(len(samples))
-        for one, label, colour, marker in zip(samples, labels, shades, MARKERS * len(samples), strict=False):
-            phis = np.array(sorted(one.runs))
-            shares = [one.share(phi) for phi in phis]
-            value = np.array([share.value for share in shares])
-            bars = [value - [s.low for s in shares], [s.high for s in shares] - value]
-            ax.errorbar(
-                phis, value, bars, color=colour, marker=marker, capsize=1.5, elinewidth=0.6, label=label
-            )
-        ax.legend(loc="upper left" if len(samples) < 5 else "best")
-        save(fig, path)
+    for one, label, look in zip(samples, labels, looks(len(samples)), strict=True):
+        phis = sorted(one.runs)
+        value, low, high = np.transpose([(s.value, s.low, s.high) for s in map(one.share, phis)])
+        points(ax, phis, value, [value - low, high - value], label=label, **look)
+    page.legend(ax, first="upper left")
+    return f"f(phi), the share of samples that jam, of {count(results, 'file', 'files')}"
 
 
-def plot_pressures(results, path) -> None:
+@picture("pressures", "jam", "shear", mixed=True)
+def plot_pressures(results, page):
     """P(p) of the jammed samples, a line for every φ, a panel for every N and protocol; bars are errors of counting.
 
     Raises InputError where no φ has enough jammed samples, and for more kinds than fit.
@@ -155,40 +154,29 @@ def plot_pressures(results, path) -> None:
         raise InputError(f"{results[0].path}: fewer than {FEWEST} jammed samples at every phi: make more")
     if len(curves) > PANELS:
         raise InputError(f"{len(curves)} kinds of samples: one picture shows P(p) of {PANELS}; choose some")
-    labels = _labels([one.kind for one, _ in curves])
-    columns = min(len(curves), 2)
+    units, columns = flow_units(results), min(len(curves), 2)
     rows = -(-len(curves) // columns)
-    with figure(PAGE if columns == 2 else COLUMN, HEIGHT * rows, layout="constrained") as fig:
-        axes = fig.subplots(rows, columns, squeeze=False).ravel()
-        units = flow_units(results)
-        for ax, (one, some), label in zip(axes, curves, labels, strict=False):
-            for phi, colour in zip(some, colours(len(some)), strict=True):
-                edges, height, error = one.density(phi, units.k)
-                middle = 0.5 * (edges[1:] + edges[:-1])
-                text = rf"$\phi={phi:.6g}$"
-                ax.errorbar(
-                    middle,
-                    height,
-                    error,
-                    color=colour,
-                    marker="o",
-                    ms=2.4,
-                    capsize=1,
-                    elinewidth=0.5,
-                    label=text,
-                )
-            ax.set(xlabel=units.label("p", "stress"), ylabel=r"$P(p)$", xlim=(0, None), ylim=(0, None))
-            ax.set_title(label, pad=3)
-            ax.ticklabel_format(axis="x", style="sci", scilimits=(-2, 3), useMathText=True)
-            ax.legend()
-        for ax in axes[len(curves) :]:
-            ax.set_axis_off()
-        if len(curves) > 1:
-            letter_panels(fig.axes[: len(curves)])
-        save(fig, path)
+    axes = np.ravel(
+        page.panels(rows, columns, PAGE if columns == 2 else COLUMN, HEIGHT * rows, count=len(curves))
+    )
+    for ax, (one, some), label in zip(axes, curves, _labels([one.kind for one, _ in curves]), strict=True):
+        for phi, colour in zip(some, colours(len(some)), strict=True):
+            _density(
+                ax, *one.density(phi, units.k), label=rf"$\phi={phi:.6g}$", color=colour, marker="o", ms=2.4
+            )
+        ax.set(xlabel=units.label("p", "stress"), ylabel=r"$P(p)$", xlim=(0, None), ylim=(0, None))
+        ax.set_title(label, pad=3)
+        ax.ticklabel_format(axis="x", style="sci", scilimits=(-2, 3), useMathText=True)
+        page.legend(ax, first="upper right")
+    return f"P(p) of the jammed samples of {count(results, 'file', 'files')}"
 
 
-def plot_jamming_densities(results, path) -> None:
+def _density(ax, edges, height, error, **look):
+    ax.errorbar(0.5 * (edges[1:] + edges[:-1]), height, error, elinewidth=0.6, **look)
+
+
+@picture("phi_J", "jam")
+def plot_jamming_densities(results, page):
     """Distribution of φ_J over samples, a line for every kind and φ they were cooled at; bars are errors of counting.
 
     Raises InputError for samples that were not brought to their φ_J, and for fewer than make a density.
@@ -205,23 +193,12 @@ def plot_jamming_densities(results, path) -> None:
         )
     labels = _labels([kind for kind, _, _ in curves])
     several = len({phi for _, phi, _ in curves}) > 1
-    with figure(COLUMN, HEIGHT, layout="constrained") as fig:
-        ax = fig.add_subplot(xlabel=r"$\phi_J$", ylabel=r"$P(\phi_J)$")
-        looks = zip(labels, colours(len(curves)), MARKERS * len(curves), strict=False)
-        for (_, phi, values), (label, colour, marker) in zip(curves, looks, strict=True):
-            edges, height, error = density(values)
-            text = label + (rf", cooled at $\phi={phi:.6g}$" if several else "")
-            ax.errorbar(
-                0.5 * (edges[1:] + edges[:-1]),
-                height,
-                error,
-                color=colour,
-                marker=marker,
-                capsize=1.5,
-                elinewidth=0.6,
-                label=text,
-            )
-            ax.axvline(values.mean(), color=colour, lw=0.6, ls=":")
-        ax.set_ylim(0, None)
-        ax.legend(title="dotted: means")
-        save(fig, path)
+    ax = page.panels(1, 1, COLUMN, HEIGHT)
+    ax.set(xlabel=r"$\phi_J$", ylabel=r"$P(\phi_J)$")
+    for (_, phi, values), label, look in zip(curves, labels, looks(len(curves)), strict=True):
+        text = label + (rf", cooled at $\phi={phi:.6g}$" if several else "")
+        _density(ax, *density(values), label=text, **look)
+        ax.axvline(values.mean(), color=look["color"], lw=0.6, ls=":")
+    ax.set_ylim(0, None)
+    page.legend(ax, title="dotted: means")
+    return f"distribution of phi_J of {count(results, 'file', 'files')}"

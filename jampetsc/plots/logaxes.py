@@ -1,62 +1,74 @@
-"""Log-log axes readable over one decade or twenty: limits, ticks, guide slopes, a legend beside the data."""
+"""Log axes: ticks of short ones, guide slopes, and corners that are clear of data."""
+
+from itertools import pairwise
 
 import numpy as np
-from matplotlib.ticker import FixedLocator, FuncFormatter, LogFormatterMathtext, MaxNLocator, NullFormatter
+from matplotlib.path import Path
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from jampetsc.analysis.scaling import local_slope
-from jampetsc.plots.style import GREY, power_text, tick_text
+from jampetsc.plots.style import GREY, number, power_text
 
-_TICKS = 7  # labelled decades at most
-_SHORT_AXIS = 2.0  # decades
+_SHORT = 2.0  # decades, below which powers of ten are too few
+_LABELS = 7  # of powers of ten at most
+_STEPS = ((1, 2, 5), (1, 3), (1,))  # labels in a decade, as many as there is room for
 _CLOSE = 0.12  # a guide is drawn where the data's slope is this close to it
 _SHORTEST, _LONGEST = 0.6, 2.5  # decades of a guide
 _CORNERS = (
-    "lower right",
-    "upper left",
-    "center right",
-    "lower left",
-    "upper right",
-    "upper center",
-    "lower center",
-)
+    "lower right", "upper left", "center right", "lower left", "upper right", "upper center", "lower center"
+)  # fmt: skip
 
 
-def set_log_axes(ax, lines) -> None:
-    """Log scales, limits around the positive points of `lines` [(x, y), …], ticks at powers of ten."""
-    ax.set(xscale="log", yscale="log")
-    for axis, values in ((ax.xaxis, [x for x, _ in lines]), (ax.yaxis, [y for _, y in lines])):
-        low, high = (f(f(v) for v in values) for f in (min, max))
-        low, high = np.log10(low), np.log10(high)
-        margin = max(0.04 * (high - low), 0.1)
-        axis.axes.set(**{f"{axis.axis_name}lim": (10 ** (low - margin), 10 ** (high + margin))})
-        set_ticks(axis, low - margin, high + margin)
-
-
-def set_ticks(axis, low, high):
-    """Ticks from 10^low to 10^high: labels at powers of ten, if these are few also between them."""
-    floors = np.arange(np.floor(low), np.floor(high) + 1)
-    decades = np.arange(np.ceil(low), np.floor(high) + 1)
-    between = np.concatenate([np.log10(np.arange(1, 10)) + d for d in floors])
-    step = int(np.ceil(len(decades) / _TICKS))
-    if high - low < _SHORT_AXIS:
-        labelled = np.concatenate([np.log10([1, 2, 5]) + d for d in floors])
-        labelled = labelled[(labelled >= low) & (labelled <= high)]
-        if len(labelled) < 2:  # so short that even steps will do
-            even = MaxNLocator(4, steps=(1, 2, 5, 10)).tick_values(10.0**low, 10.0**high)
-            labelled = np.log10(even[(even >= 10.0**low) & (even <= 10.0**high)])
-    else:
-        labelled = decades[np.mod(decades, step) == 0]
-    axis.set_major_locator(FixedLocator(10.0**labelled))
-    axis.set_minor_locator(FixedLocator(10.0 ** (between if step == 1 else decades)))
-    if high - low < _SHORT_AXIS:
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"${tick_text(value)}$"))
-    else:
-        axis.set_major_formatter(LogFormatterMathtext())
+def set_ticks(axis) -> bool:
+    """Ticks of a log axis: few powers of ten, on less than two decades also between them; whether those may be many."""
+    if axis.get_scale() != "log" or isinstance(axis.get_major_locator(), FixedLocator):
+        return False
+    low, high = np.log10(sorted(axis.get_view_interval()))
     axis.set_minor_formatter(NullFormatter())
+    if high - low >= _SHORT:
+        step = int(np.ceil((np.floor(high) - np.ceil(low) + 1) / _LABELS))
+        axis.set_major_locator(LogLocator(10.0**step, numticks=99))
+        between = {"base": 10.0} if step > 1 else {"subs": range(2, 10)}
+        axis.set_minor_locator(LogLocator(**between, numticks=99))
+        return False
+    axis.set_minor_locator(LogLocator(subs=range(2, 10)))
+    return _label(axis, _STEPS[0])
 
 
-def draw_guide(ax, x, y, exponent, symbol, lines, above) -> None:
-    """A line of slope `exponent` over the longest stretch where y(x) follows it, above or below all `lines`.
+def thin_ticks(axis) -> None:
+    """Take labels of a short log axis that is laid out away until they stand apart."""
+    for steps in _STEPS:
+        if not _label(axis, steps):
+            return
+        boxes = [label.get_window_extent().padded(0.03 * axis.figure.dpi) for label in _labels(axis)]
+        if not any(one.overlaps(other) for one, other in pairwise(boxes)):
+            return
+
+
+def _label(axis, steps):
+    """Label steps of each decade, written alike; even steps, and false, where there are less than two of them."""
+    low, high = sorted(axis.get_view_interval())
+    decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.log10(high))
+    shown = [value for value in np.outer(decades, steps).ravel() if low <= value <= high]
+    many = len(shown) > 1
+    plain = all(1e-3 <= value < 1e4 for value in shown or (low, high))
+    axis.set_major_locator(LogLocator(subs=steps) if many else MaxNLocator(4, steps=(1, 2, 5, 10)))
+    axis.set_major_formatter(
+        FuncFormatter(lambda value, _: f"${value:g}$" if plain else f"${number(value)}$")
+    )
+    if not many:
+        axis.set_minor_locator(NullLocator())
+    return many
+
+
+def _labels(axis):
+    """The labels in sight."""
+    (low, high), along = sorted(axis.get_view_interval()), "xy".index(axis.axis_name)
+    return [label for label in axis.get_majorticklabels() if low <= label.get_position()[along] <= high]
+
+
+def draw_guide(ax, x, y, exponent, symbol, above) -> None:
+    """A line of slope `exponent` over the longest stretch where y(x) follows it, above or below all lines of `ax`.
 
     Nothing is drawn where there is no such stretch: a guide marks a regime, it does not claim one.
     """
@@ -64,25 +76,27 @@ def draw_guide(ax, x, y, exponent, symbol, lines, above) -> None:
     if window is None:
         return
     u = np.linspace(*window, 50)
-    heights = np.array([np.interp(u, np.log10(a), np.log10(b), left=np.nan, right=np.nan) for a, b in lines])
-    edge = np.nanmax(heights, axis=0) if above else np.nanmin(heights, axis=0)
-    span = np.log10(ax.get_ylim()[1] / ax.get_ylim()[0])
-    gap = max(0.035 * span, 0.12)
-    level = np.max(edge - exponent * u) + gap if above else np.min(edge - exponent * u) - gap
-    v = exponent * u + level
+    drawn = [np.log10(line.get_data()) for line in ax.get_lines() if len(line.get_xdata())]
+    heights = np.array([np.interp(u, *one, left=np.nan, right=np.nan) for one in drawn])
+    sign = 1 if above else -1
+    gap = max(0.035 * np.ptp(np.log10(ax.get_ylim())), 0.12)
+    v = exponent * u + sign * (np.max(sign * (_edge(heights, sign) - exponent * u)) + gap)
     ax.plot(10**u, 10**v, color=GREY, linewidth=0.8, solid_capstyle="butt", zorder=1.5)
     middle = len(u) // 2
     ax.annotate(
         f"${power_text(symbol, exponent)}$",
         (10 ** u[middle], 10 ** v[middle]),
-        xytext=(-2, 2) if above else (2, -2),
+        xytext=(-2 * sign, 2 * sign),
         textcoords="offset points",
         ha="right" if above else "left",
         va="bottom" if above else "top",
         color="0.25",
     )
-    top, bottom = 10 ** (v.max() + 1.5 * gap), 10 ** (v.min() - 0.5 * gap)
-    ax.set_ylim(min(ax.get_ylim()[0], bottom), max(ax.get_ylim()[1], top))
+    ax.update_datalim([(10 ** u[0], 10 ** (v.max() + gap)), (10 ** u[0], 10 ** (v.min() - 0.5 * gap))])
+
+
+def _edge(heights, sign):
+    return np.nanmax(heights, axis=0) if sign > 0 else np.nanmin(heights, axis=0)
 
 
 def _regime(x, y, exponent):
@@ -101,42 +115,36 @@ def _regime(x, y, exponent):
     return first + spare, last - spare
 
 
-def place_legend(fig, ax, title, handles, lines):
-    """The legend in the corner that covers no data, or above the axes if every corner does."""
-    settings = {"handles": handles, "title": title, "title_fontsize": 8.5}
-    fig.draw_without_rendering()  # once: lays out the axes, which a legend inside them does not move
-    for corner in _CORNERS:
-        legend = ax.legend(loc=corner, **settings)
-        if not _covers(ax, legend, lines):
-            return legend
-    letter = 14 / 72 if ax.get_title(loc="left") else 0.0  # inches that the letter of a panel takes
-    base = 1.01 + letter * fig.dpi / ax.get_window_extent().height
-    settings |= {"loc": "lower left", "bbox_to_anchor": (0, base), "borderaxespad": 0, "borderpad": 0}
-    room = fig.bbox.x1 - ax.get_window_extent().x0
-    for columns in (4, 3, 2, 1):
-        legend = ax.legend(ncol=columns, columnspacing=1.2, **settings)
-        legend.set_in_layout(False)  # the figure grows for it instead of the axes shrinking
-        box = legend.get_window_extent()
-        if box.width <= room:
-            break
-    height = fig.get_figheight()
-    fig.set_figheight(height + letter + box.height / fig.dpi)
-    fig.get_layout_engine().set(rect=(0, 0, 1, height / fig.get_figheight()))
-    return legend
+def power_law(ax, x, y, exponent, **look) -> None:
+    """A dotted line ∝ x^exponent through the geometric middle of the points (x, y); limits stay as they are."""
+    log, kept = np.log(x), ax.dataLim.frozen()
+    line = np.exp(np.mean(np.log(y)) + exponent * (log - np.mean(log)))
+    ax.plot(x, line, **{"color": GREY, "linewidth": 0.8, "linestyle": ":", "zorder": 1} | look)
+    ax.dataLim.set(kept)
 
 
-def _covers(ax, legend, lines):
-    """Whether the legend lies on a data line or a guide."""
-    box = legend.get_window_extent().padded(2.0 * ax.figure.dpi / 72)
-    drawn = [line.get_xydata().T for line in ax.get_lines()]
-    for x, y in [*lines, *drawn]:
-        points = ax.transData.transform(np.column_stack((x, y)))
-        points = points[np.isfinite(points).all(axis=1)]
-        if len(points) == 0:
-            continue
-        steps = np.arange(0, len(points) - 1 + 1e-9, 0.02) if len(points) < 200 else np.arange(len(points))
-        x, y = (np.interp(steps, np.arange(len(points)), points[:, axis]) for axis in range(2))
-        if ((x > box.x0) & (x < box.x1) & (y > box.y0) & (y < box.y1)).any():
-            return True
-    texts = [text.get_window_extent() for text in ax.texts]
-    return any(box.overlaps(text) for text in texts)
+def clear_corner(ax, first, settings) -> str | None:
+    """The corner in which a legend with these settings lies on no line, bar or text of `ax`; None where all do."""
+    drawn, texts = _drawn(ax), [text.get_window_extent() for text in ax.texts]
+    for corner in dict.fromkeys((first, *_CORNERS)):
+        box = ax.legend(loc=corner, **settings).get_window_extent().padded(2.0 * ax.figure.dpi / 72)
+        if not any(_covers(box, *one) for one in drawn) and not any(map(box.overlaps, texts)):
+            return corner
+    return None
+
+
+def _drawn(ax):
+    """[(path in pixels, whether its corners are joined by a line)] of all lines and error bars of `ax`."""
+    found = []
+    for line in ax.get_lines():
+        path = line.get_transform().transform_path(line.get_path()).cleaned(remove_nans=True)
+        path = Path(path.vertices[:-1], path.codes[:-1])  # without what says that it ends
+        if len(path):
+            found.append((path, line.get_linestyle() not in ("None", "", " ")))
+    for bars in (bar for container in ax.containers for bar in container.lines[2]):
+        found += [(bars.get_transform().transform_path(path), True) for path in bars.get_paths()]
+    return found
+
+
+def _covers(box, path, joined):
+    return box.count_contains(path.vertices) or (joined and path.intersects_bbox(box, filled=False))

@@ -1,19 +1,21 @@
 """What the lowest modes are and what they carry of slow shear, against pressure: floppiness, shares, medians."""
 
 import numpy as np
-from matplotlib.lines import Line2D
 
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.plots.floppy import QUANTITIES, groups_of
-from jampetsc.plots.logaxes import place_legend, set_log_axes, set_ticks
-from jampetsc.plots.style import GREY, MARKERS, PAGE, colours, figure, letter_panels, save
+from jampetsc.plots.logaxes import power_law
+from jampetsc.plots.page import points
+from jampetsc.plots.picture import count, picture
+from jampetsc.plots.style import DASHED, DOTTED, GREY, MARKERS, PAGE, colours, entry, hidden
 
 HEIGHT = 3.1  # inches
-_DASHES = ("-", (0, (4, 1.6)), (0, (1, 1.2)))
+_DASHES = ("-", DASHED, DOTTED)
 
 
-def plot_lowest(results, path) -> None:
+@picture("lowest-modes", "modes")
+def plot_lowest(results, page):
     """Means over the files of one pressure, with errors, against p/k:
 
     (a) floppiness, rms Δu⊥ over rms Δu∥, of the lowest 10, 50 and 200 modes together, with slope −½ (λ ~ p);
@@ -31,8 +33,8 @@ def plot_lowest(results, path) -> None:
                 f"{result.path}: does not tell what its modes carry of slow shear: find 10 or more, and anew "
                 "if the file is an older one"
             )
-    count = results[0]["lowest/count"]
-    if any(list(result["lowest/count"]) != list(count) for result in results):
+    counts = results[0]["lowest/count"]
+    if any(list(result["lowest/count"]) != list(counts) for result in results):
         raise InputError(f"{results[0].path}: files with other numbers of modes: find as many in each")
     p = np.array([level for _, level in groups])
 
@@ -43,53 +45,40 @@ def plot_lowest(results, path) -> None:
         errors = np.nan_to_num(errors)
         return (np.exp(means), np.exp(means) * errors) if log else (means, errors)
 
-    with figure(PAGE, HEIGHT, layout="constrained") as fig:
-        axes = fig.subplots(1, 3)
-        lines = [[], [], []]
-
-        def draw(panel, values, **look):
-            axes[panel].errorbar(p, *values, elinewidth=0.6, markeredgewidth=0.7, **look)
-            lines[panel].append((p, values[0]))
-
-        for m, dash, marker in zip(count, _DASHES, MARKERS, strict=False):
-            draw(0, averages(lambda one, m=m: _floppiness(one, m)), color="0.2", ls=dash, marker=marker)
-        for (name, _), shade in zip(QUANTITIES.items(), colours(len(QUANTITIES)), strict=True):
-            for m, dash, marker in zip(count, _DASHES, MARKERS, strict=False):
-                share = averages(lambda one, m=m, name=name: one[f"cumulative/{name}"][m - 1], log=False)
-                draw(1, share, color=shade, ls=dash, marker=marker)
-            whole = averages(lambda one, name=name: one.attributes[f"{name}_median"])
-            alone = averages(lambda one, name=name: one[f"lowest/{name}_median"][-1])
-            draw(2, whole, color=shade, marker="o", ls="-")
-            draw(2, alone, color=shade, marker="o", mfc="white", ls=_DASHES[1])
-        for panel, slopes in ((0, [-0.5]), (2, [slope for _, slope in QUANTITIES.values()])):
-            for slope, (_, y) in zip(slopes, lines[panel][:: 1 if panel == 0 else 2], strict=False):
-                guide = np.exp(np.mean(np.log(y)) + slope * (np.log(p) - np.mean(np.log(p))))
-                axes[panel].plot(p, guide, ":", color=GREY, linewidth=0.8, zorder=1)
-        for panel in (0, 2):
-            set_log_axes(axes[panel], lines[panel])
-        axes[1].set(xscale="log", xlim=axes[0].get_xlim(), ylim=(-0.03, 1.03))
-        set_ticks(axes[1].xaxis, *np.log10(axes[0].get_xlim()))
-        letter_panels(axes)
-        axes[0].set(xlabel="$p/k$", ylabel="floppiness of the lowest modes")
-        axes[1].set(xlabel="$p/k$", ylabel="share of the lowest modes")
-        axes[2].set(xlabel="$p/k$", ylabel="median per unit strain")
-        handles = [
-            Line2D([], [], color="0.2", ls=dash, marker=marker, label=f"lowest {m}")
-            for m, dash, marker in zip(count, _DASHES, MARKERS, strict=False)
-        ]
-        handles += [
-            Line2D([], [], color=shade, label=f"${symbol}$")
-            for (symbol, _), shade in zip(QUANTITIES.values(), colours(len(QUANTITIES)), strict=True)
-        ]
-        handles += [
-            Line2D([], [], color="0.2", marker="o", label="(c) whole"),
-            Line2D(
-                [], [], color="0.2", marker="o", mfc="white", ls=_DASHES[1], label=f"(c) lowest {count[-1]}"
-            ),
-            Line2D([], [], color=GREY, ls=":", lw=0.8, label=r"$p^{-1/2}$, $p^{\pm 1/4}$"),
-        ]
-        place_legend(fig, axes[0], "", handles, lines[0])
-        save(fig, path)
+    axes = page.panels(1, 3, PAGE, HEIGHT)
+    for ax, what in zip(
+        axes, ("floppiness of the lowest modes", "share of the lowest modes", ""), strict=True
+    ):
+        ax.set(xlabel="$p/k$", ylabel=what or "median per unit strain", xscale="log")
+        ax.set_yscale("linear" if what.startswith("share") else "log")
+    axes[1].set_ylim(-0.03, 1.03)
+    of_modes = [  # modes together -> how they are drawn
+        (m, {"linestyle": dash, "marker": marker, "label": hidden(f"lowest {m}")})
+        for m, dash, marker in zip(counts, _DASHES, MARKERS, strict=False)
+    ]
+    shades = colours(len(QUANTITIES))
+    for m, look in of_modes:
+        points(axes[0], p, *averages(lambda one, m=m: _floppiness(one, m)), color="0.2", **look)
+    power_law(axes[0], p, axes[0].containers[0].lines[0].get_ydata(), -0.5)
+    for (name, (symbol, slope)), shade in zip(QUANTITIES.items(), shades, strict=True):
+        for m, look in of_modes:
+            share = averages(lambda one, m=m, name=name: one[f"cumulative/{name}"][m - 1], log=False)
+            points(axes[1], p, *share, color=shade, **look | {"label": hidden(f"${symbol}$, lowest {m}")})
+        whole = averages(lambda one, name=name: one.attributes[f"{name}_median"])
+        alone = averages(lambda one, name=name: one[f"lowest/{name}_median"][-1])
+        look = {"color": shade, "marker": "o"}
+        points(axes[2], p, *whole, label=hidden(f"${symbol}$, whole"), **look)
+        look |= {"mfc": "white", "ls": DASHED, "label": hidden(f"${symbol}$, lowest {counts[-1]}")}
+        points(axes[2], p, *alone, **look)
+        power_law(axes[2], p, whole[0], slope)
+    handles = [entry(**look | {"label": f"lowest {m}"}) for m, look in of_modes]
+    named = zip(QUANTITIES.values(), shades, strict=True)
+    handles += [entry(f"${symbol}$", shade) for (symbol, _), shade in named]
+    handles += [entry("(c) whole", marker="o")]
+    handles += [entry(f"(c) lowest {counts[-1]}", marker="o", mfc="white", ls=DASHED)]
+    handles += [entry(r"$p^{-1/2}$, $p^{\pm 1/4}$", GREY, ls=":", lw=0.8)]
+    page.legend(axes[0], handles)
+    return f"what the lowest modes carry of slow shear, of {count(results, 'packing', 'packings')}"
 
 
 def _floppiness(result, count):

@@ -1,129 +1,172 @@
 """G' and G'' against ω for one or many sweeps (BT Fig. 3a), and their critical collapse (BT Fig. 3b)."""
 
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from jampetsc.analysis.scaling import LAMBDA, MU, collapse
+from jampetsc.analysis.scaling import LAMBDA, MU, collapse, collapse_spread
+from jampetsc.analysis.statistics import few_words
 from jampetsc.errors import InputError
-from jampetsc.plots.curves import group_curves
-from jampetsc.plots.logaxes import draw_guide, place_legend, set_log_axes
-from jampetsc.plots.style import COLUMN, LOSS, STORAGE, figure, power_text, save, sequential
+from jampetsc.plots.averages import BANDS, STATISTICS, average_curves
+from jampetsc.plots.curves import curve_of, group_curves
+from jampetsc.plots.logaxes import draw_guide
+from jampetsc.plots.page import band
+from jampetsc.plots.picture import Option, count, picture
+from jampetsc.plots.style import DASHED, LOSS, STORAGE, entry, hidden, power_text, sequential
 
-HEIGHT = 2.9  # inches
 _FEW = 16  # so many frequencies or fewer: a marker on each
 _SPACED = 8  # markers along a longer curve
 _LEGEND_ROWS = 7  # more pressures than this get a colour bar instead
-_DASHES = (0, (4, 1.6))
-BOTH = (STORAGE, LOSS)
+_BOTH = (STORAGE, LOSS)
+STATISTIC = Option(
+    "statistic", "word", "moduli, storage, loss, collapse: what is drawn of packings alike (of a study: mean)",
+    choices=tuple(STATISTICS),
+)  # fmt: skip
+EXPONENTS = (
+    Option("mu", "number", "collapse: moduli over p^MU (default 0.5)", "MU", low=0, high=10),
+    Option(
+        "lambda",
+        "number",
+        "collapse: frequency over p^LAMBDA (default 1; 0 leaves it)",
+        "LAMBDA",
+        low=0,
+        high=10,
+    ),
+)
 
 
-def plot_moduli(curves, path, band="", parts=BOTH) -> None:
-    """G'/k (solid, filled) and G''/k (dashed, open) against ωτ₁, with `bounds` as bands; band: what these are.
+@picture("moduli", "sweep", options=(STATISTIC,))
+def plot_moduli(results, page, statistic=None):
+    """G'/k (solid, filled) and G''/k (dashed, open) against ωτ₁; bands: bounds, or errors of the `statistic`."""
+    return _one_or_both(results, page, statistic, _BOTH, "G' and G''")
 
-    parts   (STORAGE,) or (LOSS,) for one of the two
-    """
+
+@picture("storage", "sweep", options=(STATISTIC,))
+def plot_storage(results, page, statistic=None):
+    """G'/k against ωτ₁."""
+    return _one_or_both(results, page, statistic, (STORAGE,), "G'")
+
+
+@picture("loss", "sweep", options=(STATISTIC,))
+def plot_loss(results, page, statistic=None):
+    """G''/k against ωτ₁."""
+    return _one_or_both(results, page, statistic, (LOSS,), "G''")
+
+
+def _one_or_both(results, page, statistic, parts, words):
+    curves, what, text = averaged(results, statistic)
     y = ",  ".join(f"{part}$/k$" for part in parts)
-    _plot(curves, path, r"$\omega\tau_1$", y, None, r"\omega", band, parts)
+    _draw(page, curves, (r"$\omega\tau_1$", y), None, r"\omega", what, parts)
+    return f"{words} of {count(results)}{text}"
 
 
-def plot_collapse(curves, path, mu=MU, lam=LAMBDA, band="") -> None:
-    """G'/p^μ and G''/p^μ against ω/p^λ, for ωτ₁ ≤ 1 where criticality ends; p in units of k. band as above.
+@picture("collapse", "sweep", options=(*EXPONENTS, STATISTIC))
+def plot_collapse(results, page, statistic=None, mu=MU, **more):
+    """G'/p^μ and G''/p^μ against ω/p^λ, for ωτ₁ ≤ 1 where criticality ends; p in units of k.
 
     λ = 0 leaves the frequency as it is, and all of it, as where sliding costs nothing (BT Fig. 4a).
 
     Raises InputError if a sweep's pressure is unknown or not positive, or it has no frequency up to 1/τ₁.
     """
+    lam = more.get("lambda", LAMBDA)  # which python keeps for itself
+    curves, what, averages = averaged(results, statistic)
     x = rf"$\omega\tau_1\,/\,{power_text('(p/k)', lam)}$" if lam else r"$\omega\tau_1$"
     y = rf"{STORAGE}, {LOSS}  $[\,k\,{power_text('(p/k)', mu)}\,]$"
     critical, symbol = (mu / lam, "x") if lam else (None, r"\omega")
-    _plot([_scaled(curve, mu, lam) for curve in curves], path, x, y, critical, symbol, band)
+    _draw(page, [_scaled(curve, mu, lam) for curve in curves], (x, y), critical, symbol, what, _BOTH)
+    text = f"collapse of {count(results)} with mu = {mu:g}, lambda = {lam:g}{averages}"
+    try:
+        spread = collapse_spread([(c.omega, c.G, c.pressure) for c in curves], mu, lam)
+    except InputError:  # one sweep, or sweeps that share no scaled frequency: there is no spread to tell
+        return text
+    return f"{text}; they differ by {100 * spread:.2g} % (rms) below omega tau1 = 0.1"
+
+
+def averaged(results, statistic):
+    """(curves, what their bands are, words) of sweeps: as they are, or the mean or median of those alike."""
+    curves = [curve_of(result) for result in results]
+    if statistic is None:
+        return curves, "", ""
+    fewest = min(Counter(str(curve.description) for curve in curves).values())
+    negative = sum(bool((curve.G.real < 0).any()) for curve in curves)
+    below = f"; G' < 0 somewhere in {negative} of them, which count like the others" if negative else ""
+    words = {"mean": "arithmetic means", "median": "medians"}[statistic]
+    what = BANDS[statistic] + (f"\n{STORAGE} < 0 in {negative} of {len(curves)}" if negative else "")
+    text = f", {words} over packings with errors{below}{few_words(fewest, 'packing')}"
+    return average_curves(curves, statistic), what, text
 
 
 def _scaled(curve, mu, lam):
-    require_pressure(curve)
-    low = curve.omega <= (1.0 if lam else np.inf)
-    if not low.any():
-        raise InputError(
-            f"{curve.name}: lowest frequency {curve.omega[0]:g}: critical scaling needs some up to 1/τ₁"
-        )
-    x, g = collapse(curve.omega[low], curve.G[low], curve.pressure, mu, lam)
-    return replace(curve, omega=x, G=g, bounds=curve.bounds[..., low] / curve.pressure**mu)
-
-
-def require_pressure(curve) -> None:
-    """Raise InputError unless the curve's pressure is known and positive."""
     if curve.pressure is None:
         raise InputError(
             f"{curve.name}: attribute pressure is missing: a collapse needs it; run the sweep again"
         )
     if not curve.pressure > 0:
         raise InputError(f"{curve.name}: pressure {curve.pressure:g}: must be positive to scale with it")
+    low = curve.omega <= (1.0 if lam else np.inf)
+    if not low.any():
+        lowest = f"lowest frequency {curve.omega[0]:g}"
+        raise InputError(f"{curve.name}: {lowest}: critical scaling needs some up to 1/τ₁")
+    x, g = collapse(curve.omega[low], curve.G[low], curve.pressure, mu, lam)
+    return replace(curve, omega=x, G=g, bounds=curve.bounds[..., low] / curve.pressure**mu)
 
 
-def _plot(curves, path, x_label, y_label, critical, symbol, band, parts=BOTH):
+def _draw(page, curves, labels, critical, symbol, what, parts):
     """critical: exponent of the regime between the crossovers, if it gets a guide as the viscous one does."""
-    with figure(COLUMN, HEIGHT, layout="constrained") as fig:
-        ax = fig.add_subplot(xlabel=x_label, ylabel=y_label)
-        title, groups = group_curves(curves)
-        lines = [
-            line for n, g in enumerate(groups) for curve in g.curves for line in _draw(ax, g, curve, n, parts)
-        ]
-        if not lines:
-            what = "neither G' nor G''" if parts == BOTH else "no modulus"
-            raise InputError(f"{curves[0].name}: {what} is positive anywhere: nothing to show on log axes")
-        set_log_axes(ax, lines)
-        negative = sum(bool((curve.G.real <= 0).any()) for curve in curves)
-        if negative and STORAGE in parts:  # unstable to shear, as small packings with pre-stress can be
-            what = f"{STORAGE} < 0 (not shown) in {negative} of {len(curves)} sweeps"
-            ax.text(0.02, 0.98, what, transform=ax.transAxes, va="top", fontsize=7.5)
-        # Low pressure has the longest critical branch, high pressure the longest viscous one.
+    ax = page.panels()
+    ax.set(xscale="log", yscale="log", xlabel=labels[0], ylabel=labels[1])
+    title, groups = group_curves(curves)
+    drawn = [_curve(ax, g, curve, n, parts) for n, g in enumerate(groups) for curve in g.curves]
+    if not any(drawn):
+        positive = "neither G' nor G''" if parts == _BOTH else "no modulus"
+        raise InputError(f"{curves[0].name}: {positive} is positive anywhere: nothing to show on log axes")
+    negative = sum(bool((curve.G.real <= 0).any()) for curve in curves)
+    if negative and STORAGE in parts:  # unstable to shear, as small packings with pre-stress can be
+        words = f"{STORAGE} < 0 (not shown) in {negative} of {len(curves)} sweeps"
+        ax.text(0.02, 0.98, words, transform=ax.transAxes, va="top", fontsize=7.5)
+    if parts == _BOTH:  # low pressure has the longest critical branch, high pressure the longest viscous one
         lowest, highest = groups[0].curves[0], groups[-1].curves[0]
-        if parts == BOTH and critical:
-            draw_guide(ax, lowest.omega, lowest.G.imag, critical, symbol, lines, above=True)
-        if parts == BOTH:
-            draw_guide(ax, highest.omega, highest.G.imag, 1.0, symbol, lines, above=False)
-        if len(groups) > _LEGEND_ROWS and title:
-            _pressure_bar(fig, ax, groups)
-            title, groups = "", []
-        handles = _handles(groups, parts) + ([Patch(facecolor="0.2", alpha=0.25, label=band)] if band else [])
-        place_legend(fig, ax, title, handles, lines)
-        save(fig, path)
+        if critical:
+            draw_guide(ax, lowest.omega, lowest.G.imag, critical, symbol, above=True)
+        draw_guide(ax, highest.omega, highest.G.imag, 1.0, symbol, above=False)
+    entries = [entry(g.label, g.colour, marker=g.marker, markeredgewidth=0.7) for g in groups]
+    if len(groups) > _LEGEND_ROWS and title:
+        pressures = [group.curves[0].pressure for group in groups]
+        colours = ScalarMappable(LogNorm(min(pressures), max(pressures)), sequential())
+        bar = page.figure.colorbar(colours, ax=ax, pad=0.02, aspect=30, label="$p/k$")
+        bar.ax.tick_params(which="both", length=2)
+        title, entries = "", []
+    if len(parts) > 1:
+        entries += [
+            entry(STORAGE, marker="o"),
+            entry(LOSS, marker="o", mfc="white", mew=0.7, linestyle=DASHED),
+        ]
+    page.legend(ax, entries + ([Patch(facecolor="0.2", alpha=0.25, label=what)] if what else []), title)
 
 
-def _draw(ax, group, curve, number, shown_parts):
-    """The lines of one sweep, each as (x, y) of the points that log axes can show."""
-    solitary = len(group.curves) == 1
-    lines = []
-    parts = ((STORAGE, curve.G.real, "-", group.colour), (LOSS, curve.G.imag, _DASHES, "white"))
+def _curve(ax, group, curve, number, shown_parts):
+    """Draw one sweep; whether log axes can show anything of it."""
+    solitary, found = len(group.curves) == 1, False
+    parts = ((STORAGE, curve.G.real, "-", group.colour), (LOSS, curve.G.imag, DASHED, "white"))
     for (part, values, dash, face), bound in zip(parts, curve.bounds, strict=True):
         positive = values > 0
         if part not in shown_parts or not positive.any():
             continue
+        found, name = True, f"{part}, {group.label}, {curve.name}"
         shown = np.where(positive, values, np.nan)
         ax.plot(
-            curve.omega,
-            shown,
-            linestyle=dash,
-            color=group.colour,
-            marker=group.marker,
-            markerfacecolor=face,
-            markeredgewidth=0.7,
-            markevery=_marker_rows(curve.omega, number),
-            linewidth=1.1 if solitary else 0.7,
-            alpha=1.0 if solitary else 0.8,
-        )
+            curve.omega, shown, linestyle=dash, color=group.colour, marker=group.marker, markerfacecolor=face,
+            markeredgewidth=0.7, markevery=_marker_rows(curve.omega, number), linewidth=1.1 if solitary else 0.7,
+            alpha=1.0 if solitary else 0.8, label=hidden(name),
+        )  # fmt: skip
         below, above = np.broadcast_to(bound, (2, len(values)))
         lower = np.maximum(values - below, 1e-12 * np.nanmin(shown))  # to the edge of the picture
-        ax.fill_between(
-            curve.omega, lower, values + above, where=positive, color=group.colour, alpha=0.25, linewidth=0
-        )
-        lines.append((curve.omega[positive], values[positive]))
-    return lines
+        band(ax, curve.omega, lower, values + above, name, where=positive, color=group.colour)
+    return found
 
 
 def _marker_rows(omega, number):
@@ -133,26 +176,3 @@ def _marker_rows(omega, number):
     phase = (0.5 + 0.37 * number) % 1.0
     wanted = np.log(omega[0]) + (np.arange(_SPACED) + phase) / _SPACED * np.log(omega[-1] / omega[0])
     return sorted({int(np.abs(np.log(omega) - w).argmin()) for w in wanted})
-
-
-def _pressure_bar(fig, ax, groups):
-    """The colours of many pressures as a bar."""
-    pressures = [group.curves[0].pressure for group in groups]
-    bar = fig.colorbar(
-        ScalarMappable(LogNorm(min(pressures), max(pressures)), sequential()), ax=ax, pad=0.02, aspect=30
-    )
-    bar.set_label("$p/k$")
-    bar.ax.tick_params(which="both", length=2)
-
-
-def _handles(groups, parts):
-    """Legend entries: one for each group, then what the line styles mean."""
-
-    def handle(label, colour, marker, face, dash):
-        return Line2D(
-            [], [], color=colour, marker=marker, mfc=face, mew=0.7, linestyle=dash, linewidth=1.1, label=label
-        )
-
-    entries = [handle(g.label, g.colour, g.marker, g.colour, "-") for g in groups]
-    styles = {STORAGE: ("0.2", "-"), LOSS: ("white", _DASHES)}
-    return entries + [handle(part, "0.2", "o", *styles[part]) for part in parts if len(parts) > 1]

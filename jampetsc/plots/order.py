@@ -3,14 +3,16 @@
 import numpy as np
 
 from jampetsc.errors import InputError
+from jampetsc.plots.picture import count, picture
 from jampetsc.plots.shearing import kind_of, labels_of
-from jampetsc.plots.style import MARKERS, PAGE, colours, figure, letter_panels, save
+from jampetsc.plots.style import PAGE, hidden, looks
 
 HEIGHT = 2.7  # inches
 PARTS = (("local", r"$\langle|\psi_6|\rangle$"), ("global", r"$|\langle\psi_6\rangle|$"))
 
 
-def plot_order(results, path) -> None:
+@picture("order", "flow")
+def plot_order(results, page):
     """⟨|ψ₆|⟩ and |⟨ψ₆⟩| of the disks against the strain, kind by kind: thin lines runs, thick ones their mean.
 
     Raises InputError for files without snapshots, and for runs of one kind with snapshots at other strains.
@@ -20,25 +22,20 @@ def plot_order(results, path) -> None:
         if "snapshots/psi6_local" not in result:
             raise InputError(f"{result.path}: holds no six-fold order: run `jampetsc flow` with --snapshots")
         kinds.setdefault(kind_of(result), []).append(result)
-    with figure(PAGE, HEIGHT, layout="constrained") as fig:
-        axes = fig.subplots(1, 2)
-        looks = zip(labels_of(list(kinds)), colours(len(kinds)), MARKERS * len(kinds), strict=False)
-        for runs, (label, colour, marker) in zip(kinds.values(), looks, strict=True):
+        first = kinds[kind_of(result)][0]
+        if not np.array_equal(result["snapshots/strain"], first["snapshots/strain"]):
+            raise InputError(
+                f"{result.path}: snapshots at other strains than {first.path.name}: a mean needs the same"
+            )
+    axes = page.panels(1, 2, PAGE, HEIGHT)
+    for ax, (part, text) in zip(axes, PARTS, strict=True):
+        for runs, label, look in zip(kinds.values(), labels_of(list(kinds)), looks(len(kinds)), strict=True):
             strain = runs[0]["snapshots/strain"]
-            for run in runs:
-                if not np.array_equal(run["snapshots/strain"], strain):
-                    raise InputError(
-                        f"{run.path}: snapshots at other strains than {runs[0].path.name}: a mean needs the same"
-                    )
-            for ax, (part, _) in zip(axes, PARTS, strict=True):
-                values = np.array([run[f"snapshots/psi6_{part}"] for run in runs])
-                if len(runs) > 1:
-                    ax.plot(strain, values.T, color=colour, lw=0.3, alpha=0.6)
-                every = max(1, len(strain) // 10)
-                ax.plot(strain, values.mean(0), color=colour, marker=marker, markevery=every, label=label)
-        for ax, (_, text) in zip(axes, PARTS, strict=True):
-            ax.set(xlabel=r"$\gamma$", ylabel=text, ylim=(0, 1))
-            ax.margins(x=0.01)
-        axes[1].legend(title=f"thin: {len(results)} runs" if len(results) > len(kinds) else None)
-        letter_panels(axes)
-        save(fig, path)
+            values = np.array([run[f"snapshots/psi6_{part}"] for run in runs])
+            for run, one in zip(runs, values, strict=True) if len(runs) > 1 else ():
+                ax.plot(strain, one, color=look["color"], lw=0.3, alpha=0.6, label=hidden(run.path.name))
+            ax.plot(strain, values.mean(0), markevery=max(1, len(strain) // 10), label=label, **look)
+        ax.set(xlabel=r"$\gamma$", ylabel=text, ylim=(0, 1))
+        ax.margins(x=0.01)
+    page.legend(axes[1], title=f"thin: {len(results)} runs" if len(results) > len(kinds) else None)
+    return f"six-fold order of {count(results, 'run', 'runs')} over the strain"

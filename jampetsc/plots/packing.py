@@ -1,31 +1,81 @@
-"""A packing with its disks, rattlers, contacts and forces."""
+"""Packings with their disks, contacts and forces: as a file has them, in snapshots of a flow, at the end of shear."""
 
 import numpy as np
 from matplotlib.collections import EllipseCollection, LineCollection
 
+from jampetsc.contacts.disks import PLACES, Disks
+from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import find_contacts, measure, virial_pressure
 from jampetsc.errors import InputError
 from jampetsc.flows.walls import phi_between
-from jampetsc.plots.periodic import disk_images, extent, frame_cell, segment_images, wrap
-from jampetsc.plots.style import COLUMN, PAGE, figure, power_or_number, save
+from jampetsc.plots.periodic import (
+    cells,
+    disk_images,
+    frame_cell,
+    lay_out,
+    points_per_length,
+    segment_images,
+    wrap,
+)
+from jampetsc.plots.picture import picture
+from jampetsc.plots.shearing import kind_of, labels_of
+from jampetsc.plots.style import COLUMN, PAGE, hidden, power_or_number
+from jampetsc.storage.snapshots import snapshot
 
 MANY = 5000  # disks beyond which vector files get the contents as pixels, and outlines go
 _MEAN_WIDTH, _WIDEST = 0.09, 2.0  # width of the line of a mean force in mean diameters, and at most in points
-_CAPTION, _HEADER = 0.38, 0.22  # inches
 PANELS = 4  # snapshots side by side
-_TALLEST = 2.5  # heights beyond this many widths are shrunk to fit
 
 
-def plot_packing(disks, path) -> None:
+@picture("packing", "packing", single=True)
+def plot_packing(results, page):
     """Disks grey, rattlers hollow, contacts as lines whose width is proportional to the force.
 
     Contacts and disks that cross the boundary appear on both sides of the cell, cut at its edge.
     """
+    (disks,) = results
     state = measure(disks)
     rattlers = int(np.count_nonzero(state.rattlers))
     hollow = f"{rattlers} rattler{'' if rattlers == 1 else 's'}" if rattlers else ""
     caption = _caption(disks, state.contacts, state.pressure, state.coordination, hollow)
-    _draw([("", disks, state.contacts, state.rattlers, caption)], path)
+    _draw(page, [("", disks, state.contacts, state.rattlers, caption)])
+    return f"packing of {disks.n} disks"
+
+
+@picture("minimum", "shear", single=True)
+def plot_minimum(results, page):
+    """The last minimum of quasistatic shear, as `plot_packing`."""
+    disks = last_minimum(results[0])
+    plot_packing.function([disks], page)
+    return f"{disks.n} disks at strain {results[0]['strain'][-1]:.4g}"
+
+
+def last_minimum(result) -> Disks:
+    """The last minimum of a shear file, to the last bit."""
+    a = result.attributes
+    potential = Potential(str(a["potential"]), str(a["stiffness"]), float(a["k"]))
+    return Disks(**{name: result[f"state/{name}"] for name in (*PLACES, "radii")}, potential=potential)
+
+
+@picture("snapshot", "flow")
+def plot_snapshots(results, page):
+    """Disks under shear, side by side: the last snapshot of each file, and the first where it is the start.
+
+    Forces do not balance: every contact is drawn, and disks that touch nothing are hollow. As many disks as the record
+    of a packing says, the first ones, are those of walls: dark. Raises InputError for more panels than fit.
+    """
+    titles = labels_of([kind_of(result) for result in results]) if len(results) > 1 else [""]
+    panels, shown = [], []
+    for title, result in zip(titles, results, strict=True):
+        snapshot(result)  # there is one
+        strain = result["snapshots/strain"]
+        rows = (0, -1) if strain[0] == 0 else (-1,)
+        for row in rows:
+            disks, at = snapshot(result, row), rf"$\gamma={strain[row]:.4g}$" if len(rows) > 1 else ""
+            panels.append(flowing(", ".join(filter(None, (title, at))), disks))
+            shown.append(f"{disks.n - disks.record.get('walls', 0)} disks at strain {strain[row]:.4g}")
+    _draw(page, panels)
+    return f"contacts of {', '.join(shown)}"
 
 
 def touching(disks):
@@ -35,106 +85,76 @@ def touching(disks):
     return contacts, number, (number == 0) & (np.arange(disks.n) >= disks.record.get("walls", 0))
 
 
-def plot_flowing(panels, path) -> None:
-    """Disks under shear, side by side: panels [(title, disks), …].
+def flowing(title, disks):
+    """A panel of disks that are not at rest."""
+    contacts, number, alone = touching(disks)
+    walls = disks.record.get("walls", 0)
+    pressure = virial_pressure(contacts.force, contacts.distance, disks.area)
+    hollow = f"{np.count_nonzero(alone)} without contact" if alone.any() else ""
+    caption = _caption(disks, contacts, pressure, float(number[walls:].mean()), hollow)
+    return title, disks, contacts, alone, caption
 
-    Forces do not balance: every contact is drawn, and disks that touch nothing are hollow. As many disks as the record
-    of a packing says, the first ones, are those of walls: dark. Raises InputError for more panels than fit.
-    """
+
+def _draw(page, panels):
+    """Panels [(title, disks, contacts, mask of hollow disks, caption), …] side by side, in columns of one width."""
     if len(panels) > PANELS:
         raise InputError(f"{len(panels)} snapshots: one picture shows {PANELS}; choose some")
-    drawn = []
-    for title, disks in panels:
-        contacts, number, alone = touching(disks)
-        walls = disks.record.get("walls", 0)
-        pressure = virial_pressure(contacts.force, contacts.distance, disks.area)
-        hollow = f"{np.count_nonzero(alone)} without contact" if alone.any() else ""
-        caption = _caption(disks, contacts, pressure, float(number[walls:].mean()), hollow)
-        drawn.append((title, disks, contacts, alone, caption))
-    _draw(drawn, path)
-
-
-def _draw(panels, path):
-    """Panels [(title, disks, contacts, mask of hollow disks, caption), …] side by side, in columns of one width."""
     count, largest = len(panels), max(disks.n for _, disks, *_ in panels)
-    inches = COLUMN if count > 1 or largest <= MANY else PAGE
-    sizes = [extent(disks.cell) for _, disks, *_ in panels]
-    tall = inches * min(max(height / width for width, height in sizes), _TALLEST)
-    header = _HEADER if any(title for title, *_ in panels) else 0.0
-    whole = header + tall + _CAPTION
-    with figure(count * inches, whole) as fig:
-        for column, ((title, disks, contacts, hollow, caption), size) in enumerate(
-            zip(panels, sizes, strict=True)
-        ):
-            points_per_length = 72 * 0.98 * min(inches / size[0], tall / size[1])
-            left, middle = (column + 0.01) / count, (column + 0.5) / count
-            ax = fig.add_axes((left, _CAPTION / whole, 0.98 / count, tall / whole))
-            cell = frame_cell(ax, disks.cell)
-            centres = wrap(disks.positions, disks.cell)
-            shown = [
-                _disks(ax, disks, centres, hollow),
-                _forces(ax, disks, centres, contacts, points_per_length),
-            ]
-            for collection in filter(None, shown):
-                collection.set_clip_path(cell)
-                collection.set_rasterized(disks.n > MANY)
-            fig.text(middle, 0.5 * _CAPTION / whole, caption, ha="center", va="center", linespacing=1.4)
-            if title:
-                fig.text(middle, 1 - 0.5 * header / whole, title, ha="center", va="center")
-        save(fig, path)
+    width = count * (COLUMN if count > 1 or largest <= MANY else PAGE)
+    axes = cells(page, [disks.cell for _, disks, *_ in panels], 1, count, width)
+    for ax, (title, *_, caption) in zip(axes, panels, strict=True):
+        ax.set_title(title)
+        ax.set_xlabel(caption, linespacing=1.4)
+    outlines = [frame_cell(ax, disks.cell) for ax, (_, disks, *_) in zip(axes, panels, strict=True)]
+    lay_out(page, 1)
+    for ax, outline, (_, disks, contacts, hollow, _) in zip(axes, outlines, panels, strict=True):
+        centres = wrap(disks.positions, disks.cell)
+        drawn = [_disks(disks, centres, hollow, ax)]
+        if len(contacts):
+            drawn.append(_forces(disks, centres, contacts, points_per_length(ax)))
+        for collection in drawn:
+            ax.add_collection(collection, autolim=False)
+            collection.set_clip_path(outline)
+            collection.set_in_layout(False)
+            collection.set_rasterized(disks.n > MANY)
 
 
-def _disks(ax, disks, centres, hollow):
-    rows, points = disk_images(centres, disks.radii, disks.cell)
+def _disks(disks, centres, hollow, ax):
+    rows, places = disk_images(centres, disks.radii, disks.cell)
     hollow = hollow[rows]
     faces = np.where(hollow[:, None], (1.0, 1.0, 1.0, 1.0), (0.88, 0.88, 0.88, 1.0))
     faces[rows < disks.record.get("walls", 0)] = (0.45, 0.45, 0.45, 1.0)
-    diameters = 2 * disks.radii[rows]
-    collection = EllipseCollection(
-        diameters,
-        diameters,
-        np.zeros(len(rows)),
-        units="xy",
-        offsets=points,
-        transOffset=ax.transData,
-        facecolors=faces,
-        edgecolors=np.where(hollow[:, None], (0.35, 0.35, 0.35, 1.0), (0.6, 0.6, 0.6, 1.0)),
-        linewidths=0.3 if disks.n <= MANY else 0.1,
-        zorder=1,
-    )
-    ax.add_collection(collection)
-    return collection
+    edges = np.where(hollow[:, None], (0.35, 0.35, 0.35, 1.0), (0.6, 0.6, 0.6, 1.0))
+    look = {
+        "facecolors": faces,
+        "edgecolors": edges,
+        "linewidths": 0.3 if disks.n <= MANY else 0.1,
+        "zorder": 1,
+    }
+    return circles(ax, places, 2 * disks.radii[rows], **look)
 
 
-def _forces(ax, disks, centres, contacts, points_per_length):
-    """Contacts as lines, the mean force as wide as a fixed part of a disk; None without contacts."""
-    if not len(contacts):
-        return None
+def circles(ax, places, diameters, **look) -> EllipseCollection:
+    """Circles (M,) at places (M, 2)."""
+    look |= {"offsets": places, "transOffset": ax.transData, "label": hidden("disks")}
+    return EllipseCollection(diameters, diameters, np.zeros(len(places)), units="xy", **look)
+
+
+def _forces(disks, centres, contacts, scale):
+    """Contacts as lines, the mean force as wide as a fixed part of a disk."""
     rows, starts = segment_images(centres[contacts.i], contacts.r, disks.cell)
-    mean_width = min(_WIDEST, _MEAN_WIDTH * 2 * np.mean(disks.radii) * points_per_length)
-    collection = LineCollection(
-        np.stack((starts, starts + contacts.r[rows]), axis=1),
-        linewidths=mean_width * contacts.force[rows] / np.mean(contacts.force),
-        colors="0.05",
-        capstyle="round",
-        zorder=2,
-    )
-    ax.add_collection(collection)
-    return collection
+    mean_width = min(_WIDEST, _MEAN_WIDTH * 2 * np.mean(disks.radii) * scale)
+    segments = np.stack((starts, starts + contacts.r[rows]), axis=1)
+    widths = mean_width * contacts.force[rows] / np.mean(contacts.force)
+    look = {"colors": "0.05", "capstyle": "round", "zorder": 2, "label": hidden("contacts")}
+    return LineCollection(segments, linewidths=widths, **look)
 
 
 def _caption(disks, contacts, pressure, coordination, hollow):
     walls = disks.record.get("walls", 0)
     parts = [f"$N={disks.n - walls}$", rf"$\phi={phi_between(disks, walls):.4f}$"]
+    below = [r"line width $\propto$ contact force" if len(contacts) else "no load-bearing contacts"]
     if len(contacts):
-        parts += [
-            f"$p/k={power_or_number(pressure / disks.potential.k)}$",
-            f"$Z={coordination:.3f}$",
-        ]
-    lines = r"line width $\propto$ contact force" if len(contacts) else "no load-bearing contacts"
-    return (
-        "   ".join(parts)
-        + f"\n{lines}"
-        + (f";  hollow: {hollow}" if hollow else "")
-        + (";  dark: walls" if walls else "")
-    )
+        parts += [f"$p/k={power_or_number(pressure / disks.potential.k)}$", f"$Z={coordination:.3f}$"]
+    below += [f"hollow: {hollow}"] * bool(hollow) + ["dark: walls"] * bool(walls)
+    return "   ".join(parts) + "\n" + ";  ".join(below)

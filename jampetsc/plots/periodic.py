@@ -3,6 +3,8 @@
 import numpy as np
 from matplotlib.patches import Polygon
 
+TALLEST = 2.5  # heights beyond this many widths are shrunk to fit
+CAPTION = 0.42  # inches above and below a panel
 _SHIFTS = np.array([(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)])
 
 
@@ -36,6 +38,26 @@ def _images(low, high, anchors, cell):
     return np.concatenate(rows), np.concatenate(points)
 
 
+def cells(page, shapes, rows, columns, width, **settings) -> list:
+    """Axes for cells [(2, 2), …] of one picture, none of them higher than TALLEST times its width."""
+    ratio = max(height / wide for wide, height in map(extent, shapes))
+    height = rows * (width / columns * min(ratio, TALLEST) + CAPTION)
+    axes = page.panels(rows, columns, width, height, letters=False, **settings)
+    return list(np.ravel(axes))
+
+
+def lay_out(page, rows, note=0.0) -> None:
+    """Give framed axes their place on paper, which widths of lines follow; `note`: inches of what stands below them.
+
+    A figure loses the height that they do not need.
+    """
+    page.figure.draw_without_rendering()
+    if page.own and page.size is None:
+        tallest = max(ax.get_tightbbox().height for ax in page.axes) / page.figure.dpi
+        page.figure.set_figheight(min(rows * (tallest + 0.12) + note, page.figure.get_figheight()))
+        page.figure.draw_without_rendering()
+
+
 def frame_cell(ax, cell, linewidth=0.6) -> Polygon:
     """Draw the outline of the cell and fit the axes to it; returns it as a clip path for the contents."""
     corners = np.array([(0.0, 0.0), cell[0], cell[0] + cell[1], cell[1]])
@@ -43,9 +65,16 @@ def frame_cell(ax, cell, linewidth=0.6) -> Polygon:
     ax.add_patch(outline)
     margin = 0.01 * np.ptp(corners, axis=0)
     (x0, y0), (x1, y1) = corners.min(axis=0) - margin, corners.max(axis=0) + margin
-    ax.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal")
-    ax.set_axis_off()
+    ax.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal", xticks=(), yticks=())
+    ax.spines[:].set_visible(False)
     return outline
+
+
+def points_per_length(ax) -> float:
+    """How long a unit of length is on paper, in points; of axes that are laid out."""
+    ax.apply_aspect()
+    (x0, _), (x1, _) = ax.transData.transform([(0, 0), (1, 0)])
+    return (x1 - x0) * 72 / ax.figure.dpi
 
 
 def extent(cell):

@@ -7,8 +7,9 @@ import numpy as np
 
 from jampetsc.errors import InputError
 from jampetsc.plots.flowcurves import flow_curves, local_exponents
+from jampetsc.plots.picture import count, picture
 from jampetsc.plots.shearing import kind_of
-from jampetsc.plots.style import GREY, MARKERS, PAGE, colours, figure, letter_panels, save
+from jampetsc.plots.style import GREY, PAGE, entry, hidden, looks
 
 HEIGHT = 2.1  # inches of one row of panels
 
@@ -45,34 +46,28 @@ def regimes(results) -> dict:
     }
 
 
-def plot_regimes(results, path) -> None:
+@picture("regimes", "flow")
+def plot_regimes(results, page):
     """Exponents of σ at the lowest rates, and the share of the largest cluster, against Q; a line for each φ.
 
     Raises InputError as `regimes`.
     """
     maps = regimes(results)
     phis = sorted({phi for some in maps.values() for phi in some})
-    looks = dict(zip(phis, zip(colours(len(phis)), MARKERS * len(phis), strict=False), strict=True))
-    with figure(PAGE, 2 * HEIGHT, layout="constrained") as fig:
-        axes = fig.subplots(2, len(maps), squeeze=False, sharex=True, sharey="row")
-        for (slope, share), (model, some) in zip(axes.T, sorted(maps.items()), strict=True):
-            for value in (1, 2):
-                slope.axhline(value, color=GREY, lw=0.6, ls=":")
-            for phi, (quality, exponent, error, cluster, *_) in some.items():
-                colour, marker = looks[phi]
-                style = {"color": colour, "marker": marker, "label": rf"${phi:g}$"}
-                slope.errorbar(quality, exponent, error, capsize=1.5, elinewidth=0.6, **style)
-                share.plot(quality, cluster, **style)
-            slope.set_title(model, loc="right", pad=3)
-            share.set(xlabel="$Q$", xscale="log", ylim=(0, 1.05))
-        axes[0, 0].set_ylabel(r"$d\ln\sigma/d\ln\dot\gamma$")
-        axes[1, 0].set_ylabel("largest cluster$/N$")
-        handles, names = [], []
-        for ax in axes[1]:
-            for handle, name in zip(*ax.get_legend_handles_labels(), strict=True):
-                if name not in names:
-                    handles.append(handle)
-                    names.append(name)
-        axes[1, 0].legend(handles, names, title=r"$\phi$", title_fontsize=8.5, loc="lower left")
-        letter_panels(axes.flat)
-        save(fig, path)
+    styles = dict(zip(phis, looks(len(phis)), strict=True))
+    axes = page.panels(2, len(maps), PAGE, 2 * HEIGHT, sharex=True, sharey="row").reshape(2, -1)
+    for (slope, share), (model, some) in zip(axes.T, sorted(maps.items()), strict=True):
+        for value in (1, 2):
+            slope.axhline(value, color=GREY, lw=0.6, ls=":")
+        for phi, (quality, exponent, error, cluster, *_) in some.items():
+            look = styles[phi] | {"label": hidden(rf"${phi:g}$")}
+            slope.errorbar(quality, exponent, error, elinewidth=0.6, **look)
+            share.plot(quality, cluster, **look)
+        slope.set_title(model, loc="right", pad=3)
+        share.set(xlabel="$Q$", xscale="log", ylim=(0, 1.05))
+    axes[0, 0].set_ylabel(r"$d\ln\sigma/d\ln\dot\gamma$")
+    axes[1, 0].set_ylabel("largest cluster$/N$")
+    page.legend(
+        axes[1, 0], [entry(rf"${phi:g}$", **look) for phi, look in styles.items()], r"$\phi$", "lower left"
+    )
+    return f"exponents and clusters of {count(results, 'run', 'runs')} against Q"

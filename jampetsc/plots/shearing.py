@@ -1,11 +1,12 @@
-"""Pictures of steady shear: series over strain, g_y(x) and snapshots; what tells runs apart.
+"""Pictures of steady shear: series over strain and g_y(x); what tells runs apart.
 
 Quantities are in the units that the files tell (`units.flow_units`): Vågberg's where `jampetsc flow` made the disks.
 """
 
 from jampetsc.flows.lanes import BIN, FORMAT, LANE, correlate_lanes
-from jampetsc.plots.logaxes import place_legend
-from jampetsc.plots.style import GREY, MARKERS, PAGE, colours, figure, letter_panels, number, save
+from jampetsc.plots.page import band
+from jampetsc.plots.picture import count, picture
+from jampetsc.plots.style import DASHED, GREY, PAGE, colours, entry, hidden, looks, number
 from jampetsc.plots.units import flow_units
 
 HEIGHT = 2.7  # inches of one row of panels
@@ -33,25 +34,24 @@ def labels_of(kinds) -> list[str]:
     return [", ".join(filter(None, some)) or one[0] for some, one in zip(shown, parts, strict=True)]
 
 
-def plot_series(results, path) -> None:
+def draw_series(results, page) -> str:
     """σ and p over the strain, of one file or several, with the means of the steady part."""
     units = flow_units(results)
-    with figure(PAGE, HEIGHT, layout="constrained") as fig:
-        axes = fig.subplots(1, 2)
+    axes = page.panels(1, 2, PAGE, HEIGHT)
+    for ax, (name, symbol) in zip(axes, _QUANTITIES, strict=True):
         for result, colour in zip(results, colours(len(results)), strict=True):
             strain, discard = result["strain"], float(result.attributes["discard"])
-            for ax, (name, _) in zip(axes, _QUANTITIES, strict=True):
-                ax.plot(strain, result[name].sum(1) / units.k, color=colour, lw=0.6, label=result.path.stem)
-                mean = result.attributes[f"{name}_mean"] / units.k
-                ax.plot([discard, strain[-1]], [mean, mean], color=colour, lw=1.6, ls=(0, (4, 2)))
-        for ax, (_, symbol) in zip(axes, _QUANTITIES, strict=True):
-            ax.set(xlabel=r"$\gamma$", ylabel=units.label(symbol, "stress"), ylim=(0, None))
-            ax.margins(x=0)
-        if 1 < len(results) <= NAMED:
-            axes[0].legend()
-        axes[1].text(0.98, 0.04, "dashed: means", color=GREY, ha="right", transform=axes[1].transAxes)
-        letter_panels(axes)
-        save(fig, path)
+            ax.plot(strain, result[name].sum(1) / units.k, color=colour, lw=0.6, label=result.path.stem)
+            mean = result.attributes[f"{name}_mean"] / units.k
+            label = hidden(f"{result.path.stem}, mean")
+            ax.plot([discard, strain[-1]], [mean, mean], color=colour, lw=1.6, ls=DASHED, label=label)
+        ax.set(xlabel=r"$\gamma$", ylabel=units.label(symbol, "stress"), ylim=(0, None))
+        ax.margins(x=0)
+    handles = [entry("means", GREY, lw=1.6, ls=DASHED)]
+    if 1 < len(results) <= NAMED:
+        handles = axes[0].get_legend_handles_labels()[0] + handles
+    page.legend(axes[1], handles)
+    return f"stress and pressure of {count(results, 'run', 'runs')} over the strain"
 
 
 def lanes_of(results) -> list:
@@ -74,18 +74,16 @@ def lanes_of(results) -> list:
     return found
 
 
-def plot_lanes(results, path) -> None:
+@picture("lanes", "velocity-correlation", "flow")
+def plot_lanes(results, page):
     """g_y against x of one or several files, with bands of one standard error."""
     curves = lanes_of(results)
-    with figure(PAGE, HEIGHT, layout="constrained") as fig:
-        ax = fig.subplots()
-        ax.axhline(0.0, color=GREY, lw=0.6)
-        looks = zip(colours(len(curves)), MARKERS * len(curves), strict=False)
-        for (label, x, g, error), (colour, marker) in zip(curves, looks, strict=True):
-            ax.fill_between(x, g - error, g + error, color=colour, alpha=0.25, lw=0)
-            ax.plot(x, g, color=colour, marker=marker, label=label)
-        ax.set(xlabel=flow_units(results).label("x", "length"), ylabel="$g_y(x)$")
-        ax.margins(x=0.02)
-        handles, _ = ax.get_legend_handles_labels()
-        place_legend(fig, ax, "bands: one standard error", handles, [(x, g) for _, x, g, _ in curves])
-        save(fig, path)
+    ax = page.panels(1, 1, PAGE, HEIGHT)
+    ax.axhline(0.0, color=GREY, lw=0.6)
+    for (label, x, g, error), look in zip(curves, looks(len(curves)), strict=True):
+        band(ax, x, g - error, g + error, label, color=look["color"])
+        ax.plot(x, g, label=label, **look)
+    ax.set(xlabel=flow_units(results).label("x", "length"), ylabel="$g_y(x)$")
+    ax.margins(x=0.02)
+    page.legend(ax, title="bands: one standard error")
+    return f"g_y of {count(results, 'file', 'files')}"

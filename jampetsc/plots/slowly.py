@@ -1,17 +1,16 @@
 """Quasistatic shear: energy, stress, pressure and coordination along the strain, jammed states marked."""
 
 import numpy as np
-from matplotlib.lines import Line2D
 
-from jampetsc.contacts.disks import PLACES, Disks
-from jampetsc.contacts.potentials import Potential
-from jampetsc.plots.style import GREY, PAGE, colours, figure, letter_panels, save
+from jampetsc.plots.picture import count, picture
+from jampetsc.plots.style import DASHED, GREY, PAGE, colours, entry, hidden
 from jampetsc.plots.units import flow_units
 
 HEIGHT = 2.3  # inches of one row of panels
 
 
-def plot_slow_shear(results, path) -> None:
+@picture("strain", "shear")
+def plot_slow_shear(results, page):
     """U/N on a log scale, σ, p and Z over γ of one run or several; unjammed states are light, means dashed."""
     units = flow_units(results)
     panels = (
@@ -20,59 +19,44 @@ def plot_slow_shear(results, path) -> None:
         ("pressure", units.label("p", "stress"), units.k),
         ("coordination", "$Z$", 1.0),
     )
-    with figure(PAGE, 2 * HEIGHT, layout="constrained") as fig:
-        axes = fig.subplots(2, 2, sharex=True)
-        loose = False
+    axes = page.panels(2, 2, PAGE, 2 * HEIGHT, sharex=True)
+    axes[0].set_yscale("log")
+    loose, plastic = (
+        [bool(seen(result).any()) for result in results]
+        for seen in (lambda result: result["jammed"] != 1, lambda result: result.get("plastic", np.zeros(1)))
+    )
+    for ax, (name, text, unit) in zip(axes, panels, strict=True):
         for result, colour in zip(results, colours(len(results)), strict=True):
             a, strain = result.attributes, result["strain"]
-            jammed, discard = result["jammed"] == 1, float(a["discard"])
-            loose = loose or not jammed.all()
-            for ax, (name, _, unit) in zip(axes.flat, panels, strict=True):
-                values = result[name] / unit
-                if name == "energy":
-                    values = values / float(a["particle_count"])
-                _draw(ax, strain, values, jammed, colour)
-                if name != "energy":
-                    mean = float(a[f"{name}_mean"]) / unit
-                    ax.plot([discard, strain[-1]], [mean, mean], color=colour, lw=1.3, ls=(0, (4, 2)))
-            if "plastic" in result:
-                events = strain[result["plastic"] == 1]
-                place = axes[0, 1].get_xaxis_transform()
-                axes[0, 1].plot(events, np.full(len(events), 0.02), "|", color=colour, ms=4, transform=place)
-        axes[0, 0].set_yscale("log")
-        cut = float(results[0].attributes["energy_cut"])
-        if loose:
-            axes[0, 0].axhline(cut, color=GREY, lw=0.6, ls=":")
-        for ax, (_, text, _) in zip(axes.flat, panels, strict=True):
-            ax.set_ylabel(text)
-            ax.margins(x=0)
-        for ax in axes[1]:
-            ax.set_xlabel(r"$\gamma$")
-        handles = [Line2D([], [], color="0.2", lw=0.7, label="jammed")]
-        if loose:
-            handles.append(
-                Line2D([], [], color="0.2", alpha=0.5, marker=".", ms=1.5, ls="none", label="not jammed")
-            )
-        if any("plastic" in result and result["plastic"].any() for result in results):
-            handles.append(
-                Line2D([], [], color="0.2", marker="|", ms=4, ls="none", label="plastic events, in (b)")
-            )
-        handles.append(Line2D([], [], color="0.2", lw=1.3, ls=(0, (4, 2)), label="means"))
-        axes[0, 0].legend(handles=handles)
-        letter_panels(axes.flat)
-        save(fig, path)
+            per = float(a["particle_count"]) if name == "energy" else 1.0
+            _draw(ax, strain, result[name] / unit / per, result["jammed"] == 1, colour, result.path.stem)
+            if name != "energy":
+                mean, span = float(a[f"{name}_mean"]) / unit, [float(a["discard"]), strain[-1]]
+                label = hidden(f"{result.path.stem}, mean")
+                ax.plot(span, [mean, mean], color=colour, lw=1.3, ls=DASHED, label=label)
+        ax.set_ylabel(text)
+        ax.margins(x=0)
+    for result, colour, some in zip(results, colours(len(results)), plastic, strict=True):
+        events = result["strain"][result["plastic"] == 1] if some else []
+        below = {"transform": axes[1].get_xaxis_transform(), "ms": 4}
+        axes[1].plot(events, np.full(len(events), 0.02), "|", color=colour, **below)
+    if any(loose):
+        axes[0].axhline(float(results[0].attributes["energy_cut"]), color=GREY, lw=0.6, ls=":")
+    for ax in axes[2:]:
+        ax.set_xlabel(r"$\gamma$")
+    handles = [entry("jammed", lw=0.7)]
+    if any(loose):
+        handles.append(entry("not jammed", alpha=0.5, marker=".", ms=1.5, ls="none"))
+    if any(plastic):
+        handles.append(entry("plastic events, in (b)", marker="|", ms=4, ls="none"))
+    page.legend(axes[0], [*handles, entry("means", lw=1.3, ls=DASHED)])
+    return f"energy, stress, pressure and coordination of {count(results, 'run', 'runs')} over the strain"
 
 
-def _draw(ax, strain, values, jammed, colour):
+def _draw(ax, strain, values, jammed, colour, name):
     """A line through jammed states, dots for the others."""
-    ax.plot(strain, np.where(jammed, values, np.nan), color=colour, lw=0.6)
-    ax.plot(strain[~jammed], values[~jammed], ".", color=colour, ms=1.5, alpha=0.5, markeredgewidth=0)
+    ax.plot(strain, np.where(jammed, values, np.nan), color=colour, lw=0.6, label=hidden(f"{name}, jammed"))
+    loose = {"ms": 1.5, "alpha": 0.5, "markeredgewidth": 0, "label": hidden(f"{name}, not jammed")}
+    ax.plot(strain[~jammed], values[~jammed], ".", color=colour, **loose)
     single = jammed & ~np.r_[False, jammed[:-1]] & ~np.r_[jammed[1:], False]
     ax.plot(strain[single], values[single], "_", color=colour, ms=2)
-
-
-def last_minimum(result) -> Disks:
-    """The last minimum of a shear file, to the last bit."""
-    a = result.attributes
-    potential = Potential(str(a["potential"]), str(a["stiffness"]), float(a["k"]))
-    return Disks(**{name: result[f"state/{name}"] for name in (*PLACES, "radii")}, potential=potential)

@@ -3,14 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.lines import Line2D
 
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.analysis.transient import Transient, transient
 from jampetsc.errors import InputError
 from jampetsc.plots.curves import Curve, group_curves
-from jampetsc.plots.logaxes import set_log_axes
-from jampetsc.plots.style import PAGE, figure, letter_panels, number, save
+from jampetsc.plots.picture import count, picture
+from jampetsc.plots.style import DASHED, PAGE, entry, hidden, number
 from jampetsc.plots.units import units_of
 
 HEIGHT = 5.0  # inches
@@ -27,10 +26,12 @@ class SpectrumCurve(Curve):
 
 
 def spectrum_curve(result, window=None) -> SpectrumCurve:
-    """The spectrum of a SweepResult or SpectrumResult, brought to units of k and 1/τ₁.
+    """The spectrum of a SweepResult or SpectrumResult, brought to units of k and 1/τ₁; a SpectrumCurve is one.
 
     Raises InputError for a sweep that holds none.
     """
+    if isinstance(result, SpectrumCurve):
+        return result
     units = units_of(result)
     k, tau1 = units.k, units.tau1
     found, (slowest, fastest) = result.spectrum, result.frequency_range
@@ -51,36 +52,39 @@ def spectrum_curve(result, window=None) -> SpectrumCurve:
     )
 
 
-def plot_relaxation(curves, path) -> None:
+@picture("spectrum", "spectrum", "sweep")
+def plot_relaxation(results, page):
     """Four panels: H(τ), its cumulative weight, G(t) and J(t), in units of k and τ₁.
 
     Raises InputError where no spectrum holds a mode.
     """
+    curves = [spectrum_curve(result) for result in results]
     if not any(len(curve.spectrum.rates) for curve in curves):
         raise InputError(f"{curves[0].name}: no relaxation modes: G* = G0 + i omega eta, nothing to draw")
-    with figure(PAGE, HEIGHT, layout="constrained") as fig:
-        title, groups = group_curves(curves)
-        axes = fig.subplots(2, 2)
-        for ax, draw, x, y in zip(
-            axes.flat,
-            (_spectrum, _cumulative, _relaxation, _creep),
-            (r"$\tau/\tau_1$", r"$\tau/\tau_1$", r"$t/\tau_1$", r"$t/\tau_1$"),
-            (r"$H/k$", r"$\sum_{\tau_m\leq\tau}\,g_m/k$", r"$G(t)/k$", r"$J(t)\,k$"),
-            strict=True,
-        ):
-            ax.set(xlabel=x, ylabel=y)
-            lines = [
-                line for g in groups for curve in g.curves for line in draw(ax, g.colour, curve, len(curves))
-            ]
-            set_log_axes(ax, [line for line in lines if len(line[0])])
-        axes[0, 1].set_yscale("linear")
-        axes[0, 1].set_ylim(0.0, 1.05 * max(curve.spectrum.weights.sum() for curve in curves))
-        letter_panels(axes.flat)
-        _notes(axes, curves)
-        handles = [Line2D([], [], color=g.colour, label=g.label) for g in groups]
-        if len(groups) > 1 or title:
-            axes[0, 1].legend(handles=handles, title=title, title_fontsize=8.5, loc="lower right")
-        save(fig, path)
+    title, groups = group_curves(curves)
+    axes = page.panels(2, 2, PAGE, HEIGHT, subplot_kw={"xscale": "log", "yscale": "log"})
+    axes[1].set_yscale("linear")
+    panels = (
+        (_spectrum, r"$\tau/\tau_1$", r"$H/k$"),
+        (_cumulative, r"$\tau/\tau_1$", r"$\sum_{\tau_m\leq\tau}\,g_m/k$"),
+        (_relaxation, r"$t/\tau_1$", r"$G(t)/k$"),
+        (_creep, r"$t/\tau_1$", r"$J(t)\,k$"),
+    )
+    for ax, (draw, x, y) in zip(axes, panels, strict=True):
+        ax.set(xlabel=x, ylabel=y)
+        for group in groups:
+            for curve in group.curves:
+                draw(
+                    ax,
+                    curve,
+                    len(curves),
+                    {"color": group.colour, "label": hidden(f"{group.label}, {curve.name}")},
+                )
+    axes[1].set_ylim(0.0, 1.05 * max(curve.spectrum.weights.sum() for curve in curves))
+    _notes(page, axes, curves)
+    if len(groups) > 1 or title:
+        page.legend(axes[1], [entry(g.label, g.colour) for g in groups], title)
+    return f"relaxation spectrum, G(t) and J(t) of {count(results, 'spectrum', 'spectra')}"
 
 
 def _positive(x, y):
@@ -88,57 +92,56 @@ def _positive(x, y):
     return x[shown], y[shown]
 
 
-def _spectrum(ax, colour, curve, count):
+def _spectrum(ax, curve, count, look):
     """H averaged over its window; for few spectra also the mean of H between modes, as steps."""
     t, spectrum = curve.transient, curve.spectrum
     tau, H = _positive(t.tau, np.where(t.H >= _SHARE * t.H.max(initial=0.0), t.H, 0.0))
-    ax.plot(tau, H, color=colour)
+    ax.plot(tau, H, **look)
     if count <= _FEW and len(spectrum.rates) > 1:
         times, between = spectrum.between()
-        ax.stairs(np.maximum(between, 1e-300), times, baseline=None, color=colour, linewidth=0.5)
+        kept = ax.dataLim.frozen()
+        ax.stairs(np.maximum(between, 1e-300), times, baseline=None, color=look["color"], linewidth=0.5)
+        ax.dataLim.set(kept)
         middle, between = _positive(np.sqrt(times[1:] * times[:-1]), between)
-        kept = between >= _SHARE * between.max()
-        return [(tau, H), (middle[kept], between[kept])]
-    return [(tau, H)]
+        seen = between >= _SHARE * between.max()
+        ax.update_datalim(np.column_stack((middle[seen], between[seen])))
 
 
-def _cumulative(ax, colour, curve, count):
+def _cumulative(ax, curve, count, look):
     """Weight of all modes up to τ: steps at the modes, whose number is that of the reduced pencil."""
     times, weights = 1.0 / curve.spectrum.rates, curve.spectrum.weights
-    total = np.cumsum(weights)
-    ax.step(times, total, where="post", color=colour, marker="." if count <= _FEW else None, markersize=3)
-    return [(times, total)]
+    ax.step(
+        times, np.cumsum(weights), where="post", marker="." if count <= _FEW else None, markersize=3, **look
+    )
 
 
-def _relaxation(ax, colour, curve, count):
-    time, G = _positive(curve.transient.time, curve.transient.G)
-    ax.plot(time, G, color=colour)
-    return [(time, G)]
+def _relaxation(ax, curve, count, look):
+    ax.plot(*_positive(curve.transient.time, curve.transient.G), **look)
 
 
-def _creep(ax, colour, curve, count):
-    time, J = _positive(curve.transient.creep_time, curve.transient.J)
+def _creep(ax, curve, count, look):
     stable = curve.transient.retardation.growth_rate == 0
-    ax.plot(time, J, color=colour, linestyle="-" if stable else (0, (3, 1.5)))
-    return [(time, J)]
+    ax.plot(
+        *_positive(curve.transient.creep_time, curve.transient.J), linestyle="-" if stable else DASHED, **look
+    )
 
 
-def _notes(axes, curves):
+def _notes(page, axes, curves):
     """What the curves do not show by themselves."""
     small = {"fontsize": 7.5, "va": "top", "ha": "right"}
     windows = sorted({round(curve.transient.window, 2) for curve in curves})
     text = f"averaged over {windows[0]:g}" + (f" to {windows[-1]:g}" if len(windows) > 1 else "") + " decades"
-    handles = [Line2D([], [], color="0.2", label=text)]
+    handles = [entry(text)]
     if len(curves) <= _FEW and any(len(curve.spectrum.rates) > 1 for curve in curves):
-        handles.append(Line2D([], [], color="0.2", linewidth=0.5, label="mean between nodes"))
-    axes[0, 0].legend(handles=handles, loc="lower left")
+        handles.append(entry("mean between nodes", linewidth=0.5))
+    axes[0].legend(handles=handles, loc="lower left")
     viscous = [curve.spectrum.eta_inf for curve in curves if curve.spectrum.eta_inf > 0]
     if viscous:
         text = r"without $\eta_\infty\,\delta(t)$"
         if max(viscous) < 1.005 * min(viscous):
             text += rf", $\eta_\infty={number(viscous[0])}\,k\tau_1$"
-        axes[1, 0].text(0.97, 0.97, text, transform=axes[1, 0].transAxes, **small)
+        axes[2].text(0.97, 0.97, text, transform=axes[2].transAxes, **small)
     unstable = sum(curve.transient.retardation.growth_rate > 0 for curve in curves)
     if unstable:
         text = rf"$G_0<0$ in {unstable} of {len(curves)}: creep diverges (dashed)"
-        axes[1, 1].text(0.03, 0.97, text, transform=axes[1, 1].transAxes, **{**small, "ha": "left"})
+        axes[3].text(0.03, 0.97, text, transform=axes[3].transAxes, **{**small, "ha": "left"})

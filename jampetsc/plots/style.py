@@ -6,22 +6,21 @@ Figures are made without pyplot: no display, no global state, and the same bytes
 import io
 import os
 import re
-import string
 from contextlib import contextmanager
 from pathlib import Path
 
 import matplotlib
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
-from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from jampetsc.errors import InputError
 from jampetsc.storage.atomic import write_whole
-from jampetsc.storage.outputs import PICTURE, check_output
+from jampetsc.storage.outputs import PICTURE, TABLE, check_output
 
 COLUMN, PAGE = 3.4, 7.0  # inches: one and two columns of a journal
 GREY = "0.45"
+DASHED, DOTTED = (0, (4, 1.6)), (0, (1, 1.2))
 STORAGE, LOSS = "$G$\u2032", "$G$\u2033"  # mathtext sets its own primes too small and too far off
 MARKERS = "osD^vP<X>*ph"
 FORMATS = {  # what to leave out so that the same data give the same file
@@ -57,6 +56,8 @@ STYLE = {
     "svg.hashsalt": "jampetsc",
     "pdf.fonttype": 42,  # text stays text
     "axes.unicode_minus": True,
+    "errorbar.capsize": 1.0,
+    "legend.title_fontsize": 8.5,
 }
 
 
@@ -72,17 +73,6 @@ def sequential():
     """
     plasma = matplotlib.colormaps["plasma"]
     return LinearSegmentedColormap.from_list("plasma-dark", plasma(np.linspace(0.0, 0.64, 256)))
-
-
-def letter_panels(axes) -> None:
-    """(a), (b), … above the panels of a picture, in the order of `axes`."""
-    for ax, letter in zip(axes, string.ascii_lowercase, strict=False):
-        ax.set_title(f"({letter})", loc="left", pad=3)
-
-
-def tick_text(value) -> str:
-    """A label of an axis: plain decimals where they are short, so that neighbours are written alike."""
-    return f"{value:g}" if 1e-3 <= abs(value) < 1e4 else number(value)
 
 
 def number(value, digits=2) -> str:
@@ -118,29 +108,68 @@ def power_text(base, exponent) -> str:
     return base if exponent == 1 else f"{base}^{{{exponent_text(exponent)}}}"
 
 
+def looks(count) -> list[dict]:
+    """A colour and a marker for each of `count` kinds of points, as keywords of matplotlib."""
+    return [{"color": shade, "marker": MARKERS[n % len(MARKERS)]} for n, shade in enumerate(colours(count))]
+
+
+def entry(label, color="0.2", **look) -> Line2D:
+    """An entry of a legend that stands for no single line."""
+    return Line2D([], [], color=color, label=label, **look)
+
+
+def hidden(name) -> str:
+    """The label of what a legend does not name, and a table of numbers does (`plots.numbers`)."""
+    return f"_:{name}"
+
+
 @contextmanager
-def figure(width, height, **settings):
-    """A new Figure of this size in inches in the package's style, whatever the user's matplotlibrc says."""
+def drawn_in(style=None):
+    """Within it pictures have the package's style, whatever the user's matplotlibrc says.
+
+    style   settings on top of it: a file of matplotlib, or {name: value}
+
+    Raises InputError for a file that is no style.
+    """
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(STYLE)
-        fig = Figure(figsize=(width, height), **settings)
-        FigureCanvasAgg(fig)
-        yield fig
+        use(style)
+        yield
+
+
+def use(style) -> None:
+    """Put the settings of a style, a file or {name: value} or None, on top of those that hold. Raises InputError."""
+    if style is None:
+        return
+    try:
+        if not isinstance(style, dict):
+            style = matplotlib.rc_params_from_file(style, use_default_template=False)
+        matplotlib.rcParams.update(style)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(f"style {style}: {str(error).splitlines()[0]}: give a file of matplotlib") from None
 
 
 def check_picture(path, inputs=()) -> None:
     """Raise InputError unless a picture of a known kind may be put at `path`; inputs: files that the run reads."""
     if Path(path).suffix.lower() not in FORMATS:
-        raise InputError(f"--out {path}: give it the ending {' or '.join(FORMATS)}")
+        raise InputError(f"out {path}: give it the ending {' or '.join(FORMATS)}")
     check_output(path, PICTURE, inputs)
+
+
+def check_table(path, inputs=()) -> None:
+    """Raise InputError unless a table of numbers may be put at `path`; inputs: files that the run reads."""
+    if Path(path).suffix.lower() != ".csv":
+        raise InputError(f"csv {path}: give it the ending .csv")
+    check_output(path, TABLE, inputs)
 
 
 def save(fig, path) -> None:
     """Write the picture in the format of its ending, complete or not at all. Raises JampetscError."""
     suffix = Path(os.path.realpath(path)).suffix.lower()
     image = io.BytesIO()
-    fig.savefig(image, format=suffix[1:], metadata=FORMATS[suffix])
+    with drawn_in():
+        fig.savefig(image, format=suffix[1:], metadata=FORMATS[suffix])
     content = image.getvalue()
     if suffix == ".svg":
         content = _numbered_clips(content)

@@ -2,12 +2,11 @@
 
 import math
 
-from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from matplotlib.transforms import Bbox
 
-from jampetsc.plots.style import GREY, LOSS, PAGE, STORAGE, colours, figure, number, save
+from jampetsc.plots.page import Page
+from jampetsc.plots.style import GREY, LOSS, PAGE, STORAGE, colours, drawn_in, entry, number, save
 
 HEIGHT = 4.2  # inches
 _GROUPS = {  # group -> (marker, shade from dark to light, in the legend)
@@ -18,10 +17,17 @@ _GROUPS = {  # group -> (marker, shade from dark to light, in the legend)
     "ensemble": ("P", 1, "mean over other packings (a deviation)"),
 }
 _JOINED = ("accuracy", "frequencies")  # rows that are one setting turned up
-_SHORT_AXIS = 2.0  # decades
 
 
 def plot_trade(rows, certified, path) -> None:
+    """Write `draw_trade` to a file. Raises JampetscError."""
+    with drawn_in():
+        page = Page()
+        draw_trade(rows, certified, page)
+        save(page.figure, path)
+
+
+def draw_trade(rows, certified, page) -> None:
     """Largest relative error of G' (filled) and of G'' (open) against the seconds of the run, log-log.
 
     rows: of `jampetsc.speed_accuracy.table.Row`; those without a time or an error are left out. certified: relative
@@ -31,38 +37,28 @@ def plot_trade(rows, certified, path) -> None:
     groups = [group for group in _GROUPS if any(row.group == group for row in shown)]
     shades = colours(len(_GROUPS))
     colour = {group: shades[shade] for group, (_, shade, _) in _GROUPS.items()}
-    with figure(PAGE, HEIGHT, layout="constrained") as fig:
-        ax = fig.add_subplot(xscale="log", yscale="log", xlabel="time of the run [s]")
-        ax.set_ylabel(f"largest relative error of {STORAGE}, {LOSS}")
-        for group in groups:
-            members = [row for row in shown if row.group == group]
-            if group in _JOINED:
-                heights = [max(row.error, certified) for row in members]
-                ax.plot(
-                    [row.seconds for row in members], heights, color=colour[group], linewidth=0.7, zorder=1
-                )
-            for row in members:
-                _draw(ax, row, colour[group], certified)
-        if shown:
-            _make_room(ax)
-        handles = _handles(groups, colour)
-        if any(min(row.error_storage, row.error_loss) < certified for row in shown):
-            what = "errors below are not resolved"
-            handles.append(ax.axhline(certified, color=GREY, linewidth=0.6, linestyle=":", label=what))
-        ax.legend(handles=handles, loc="lower left", bbox_to_anchor=(0, 1), ncol=3, columnspacing=1.2)
-        _write_names(fig, ax, shown, certified)
-        save(fig, path)
-
-
-def _make_room(ax):
-    """Wider limits, for the names beside the points; ticks of seconds as plain numbers."""
-    ax.margins(x=0.06, y=0.1)
-    left, right = (math.log10(limit) for limit in ax.get_xlim())
-    width = max(right - left, 0.5)
-    ax.set_xlim(10 ** (left - 0.05 * width), 10 ** (left + 1.15 * width))
-    ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if width < _SHORT_AXIS else (1,)))
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    ax.xaxis.set_minor_formatter(NullFormatter())
+    ax = page.panels(1, 1, PAGE, HEIGHT)
+    ax.set(xscale="log", yscale="log", xlabel="time of the run [s]")
+    ax.set_ylabel(f"largest relative error of {STORAGE}, {LOSS}")
+    for group in groups:
+        members = [row for row in shown if row.group == group]
+        if group in _JOINED:
+            heights = [max(row.error, certified) for row in members]
+            ax.plot([row.seconds for row in members], heights, color=colour[group], linewidth=0.7, zorder=1)
+        for row in members:
+            _draw(ax, row, colour[group], certified)
+    if shown:  # room for the names beside the points
+        ax.margins(x=0.06, y=0.1)
+        left, right = (math.log10(limit) for limit in ax.get_xlim())
+        width = max(right - left, 0.5)
+        ax.set_xlim(10 ** (left - 0.05 * width), 10 ** (left + 1.15 * width))
+    handles = _handles(groups, colour)
+    if any(min(row.error_storage, row.error_loss) < certified for row in shown):
+        what = "errors below are not resolved"
+        handles.append(ax.axhline(certified, color=GREY, linewidth=0.6, linestyle=":", label=what))
+    ax.legend(handles=handles, loc="lower left", bbox_to_anchor=(0, 1), ncol=3, columnspacing=1.2)
+    page.finish()
+    _write_names(page.figure, ax, shown, certified)
 
 
 def _draw(ax, row, colour, floor):
@@ -124,11 +120,7 @@ def _names(rows):
 
 
 def _handles(groups, colour):
-    def handle(label, marker, shade, face):
-        return Line2D(
-            [], [], linestyle="", marker=marker, color=shade, mfc=face, mew=0.8, ms=4.5, label=label
-        )
-
-    entries = [handle(_GROUPS[g][2], _GROUPS[g][0], colour[g], colour[g]) for g in groups]
+    dot = {"linestyle": "", "mew": 0.8, "ms": 4.5}
+    entries = [entry(_GROUPS[g][2], colour[g], marker=_GROUPS[g][0], **dot) for g in groups]
     filled, empty = f"{STORAGE} (filled)", f"{LOSS} (open)"
-    return [*entries, handle(filled, "o", "0.2", "0.2"), handle(empty, "o", "0.2", "white")]
+    return [*entries, entry(filled, marker="o", **dot), entry(empty, marker="o", mfc="white", **dot)]

@@ -34,6 +34,11 @@ def units_of(result) -> Units:
     return Units(found["k"], found["tau1"], None if pressure is None else pressure / found["k"])
 
 
+_VAGBERG = (  # energy, stress, rate, viscosity and length
+    r"k_{\rm e}", r"k_{\rm e}/d_{\rm s}^2", r"k_{\rm e}/k_{\rm d}d_{\rm s}^2", r"k_{\rm d}", r"d_{\rm s}"
+)  # fmt: skip
+
+
 @dataclass(frozen=True)
 class FlowUnits:
     """What numbers of flow, shear and jam files are divided by, and the units' names in TeX without dollars."""
@@ -61,21 +66,9 @@ def flow_units(results) -> FlowUnits:
     for result in results:
         a, own = result.attributes, units_of(result)
         if str(a.get("units", "")).startswith("k_e"):
-            texts = (
-                r"k_{\rm e}",
-                r"k_{\rm e}/d_{\rm s}^2",
-                r"k_{\rm e}/k_{\rm d}d_{\rm s}^2",
-                r"k_{\rm d}",
-                r"d_{\rm s}",
-            )
+            texts = _VAGBERG
         elif a.get("stiffness") == "inverse-square-diameter":
-            texts = (
-                r"k_{\rm e}",
-                r"k_{\rm e}",
-                r"1/\tau_1",
-                r"k_{\rm e}\tau_1",
-                "",
-            )  # over the packing's unit of area
+            texts = (r"k_{\rm e}", r"k_{\rm e}", r"1/\tau_1", r"k_{\rm e}\tau_1", "")  # over the unit of area
         else:
             texts = ("k", "k", r"1/\tau_1", r"k\tau_1", "")  # times the packing's unit of area
         found = FlowUnits(own.k, own.tau1, *texts)

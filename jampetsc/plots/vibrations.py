@@ -3,26 +3,14 @@
 import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
-from matplotlib.lines import Line2D
 
 from jampetsc.errors import InputError
 from jampetsc.plots.floppy import pressures_of
-from jampetsc.plots.logaxes import place_legend, set_log_axes, set_ticks
-from jampetsc.plots.style import (
-    COLUMN,
-    GREY,
-    MARKERS,
-    colours,
-    figure,
-    letter_panels,
-    power_or_number,
-    save,
-    sequential,
-)
+from jampetsc.plots.picture import count, picture
+from jampetsc.plots.style import COLUMN, DASHED, GREY, entry, hidden, looks, power_or_number, sequential
 from jampetsc.plots.units import units_of
 
 BINS = 8  # per decade of frequency, of the density of states
-_DASHES = (0, (4, 1.6))
 
 
 def eigenvalues(result):
@@ -41,7 +29,8 @@ def _labels(results):
     return p, [f"${power_or_number(float(f'{one:.3g}'))}$" for one in p]
 
 
-def plot_modes(results, path) -> None:
+@picture("modes", "modes")
+def plot_modes(results, page):
     """Above: frequency of each mode against its number, floppiness (rms Δu⊥/Δu∥) in colour. Below: the
     cumulative shares of Σ|u_na|² (solid) and of G_affine − G₀ (dashed) that the modes carry. A marker for
     each file.
@@ -49,75 +38,49 @@ def plot_modes(results, path) -> None:
     _, labels = _labels(results)
     finite = [result["floppiness"][np.isfinite(result["floppiness"])] for result in results]
     norm = LogNorm(min(f.min() for f in finite), max(f.max() for f in finite))
-    with figure(COLUMN, 4.4, layout="constrained") as fig:
-        above, below = fig.subplots(2, 1, sharex=True, height_ratios=(1.4, 1))
-        lines = []
-        for result, marker in zip(results, _markers(results), strict=True):
-            values = eigenvalues(result)
-            shown = values > 0
-            number = 1 + np.flatnonzero(shown)
-            colour = sequential()(norm(np.minimum(result["floppiness"][shown], norm.vmax)))
-            above.scatter(
-                number, np.sqrt(values[shown]), c=colour, marker=marker, s=8, linewidths=0, zorder=3
-            )
-            lines.append((number, np.sqrt(values[shown])))
-            if "cumulative/modulus" in result:
-                every = _spaced(len(values))
-                below.plot(1 + np.arange(len(values)), result["cumulative/nonaffine"], "k-", lw=0.8)
-                below.plot(1 + np.arange(len(values)), result["cumulative/modulus"], "k", ls=_DASHES, lw=0.8)
-                for name, face in (("nonaffine", "k"), ("modulus", "white")):
-                    share = result[f"cumulative/{name}"]
-                    below.plot(1 + every, share[every], marker, mec="k", mfc=face, mew=0.6, ls="none")
-        set_log_axes(above, lines)
-        above.set(ylabel=r"$\omega_m\ [\sqrt{k/m}]$")
-        above.tick_params(labelbottom=False)
-        below.set(xlabel="mode number", ylabel="cumulative share", ylim=(0, 1.3), yticks=(0, 0.5, 1))
-        below.axhline(1.0, color=GREY, linewidth=0.5, zorder=0)
-        letter_panels((above, below))
-        bar = fig.colorbar(ScalarMappable(norm, sequential()), ax=above, pad=0.02, aspect=25)
-        bar.set_label(r"$\langle\Delta u_\perp^2\rangle^{1/2}/\,\langle\Delta u_\parallel^2\rangle^{1/2}$")
-        set_ticks(bar.ax.yaxis, *np.log10((norm.vmin, norm.vmax)))
-        bar.ax.tick_params(which="both", length=2)
-        handles = [
-            Line2D([], [], ls="none", marker=marker, color="0.3", label=label)
-            for marker, label in zip(_markers(results), labels, strict=True)
-        ]
-        above.legend(handles=handles, title="$p/k$", loc="lower right", title_fontsize=8.5)
-        below.legend(
-            handles=[
-                Line2D([], [], color="k", lw=0.8, label=r"$\Sigma|u_{\rm na}|^2$"),
-                Line2D([], [], color="k", lw=0.8, ls=_DASHES, label=r"$G_{\rm aff}-G_0$"),
-            ],
-            loc="upper left",
-            ncol=2,
-        )
-        save(fig, path)
+    above, below = page.panels(2, 1, COLUMN, 4.4, sharex=True, height_ratios=(1.4, 1))
+    above.set(xscale="log", yscale="log", ylabel=r"$\omega_m\ [\sqrt{k/m}]$")
+    for result, look, name in zip(results, looks(len(results)), labels, strict=True):
+        values, marker = eigenvalues(result), look["marker"]
+        shown = values > 0
+        floppiness = np.minimum(result["floppiness"][shown], norm.vmax)
+        drawn = {"marker": marker, "s": 8, "linewidths": 0, "zorder": 3, "label": hidden(name)}
+        number = 1 + np.flatnonzero(shown)
+        above.scatter(number, np.sqrt(values[shown]), c=floppiness, cmap=sequential(), norm=norm, **drawn)
+        if "cumulative/modulus" in result:
+            number = 1 + np.arange(len(values))
+            spaced = list(np.unique(np.geomspace(1, len(values), 8).astype(int)) - 1)  # even on a log axis
+            for share, face, dash in (("nonaffine", "k", "-"), ("modulus", "white", DASHED)):
+                dots = {"marker": marker, "mec": "k", "mfc": face, "mew": 0.6, "markevery": spaced}
+                name_of = hidden(f"{share}, {name}")
+                below.plot(number, result[f"cumulative/{share}"], "k", ls=dash, lw=0.8, label=name_of, **dots)
+    below.set(xlabel="mode number", ylabel="cumulative share", ylim=(0, 1.3), yticks=(0, 0.5, 1))
+    below.axhline(1.0, color=GREY, linewidth=0.5, zorder=0)
+    bar = page.figure.colorbar(ScalarMappable(norm, sequential()), ax=above, pad=0.02, aspect=25)
+    bar.set_label(r"$\langle\Delta u_\perp^2\rangle^{1/2}/\,\langle\Delta u_\parallel^2\rangle^{1/2}$")
+    bar.ax.tick_params(which="both", length=2)
+    files = zip(looks(len(results)), labels, strict=True)
+    page.legend(
+        above, [entry(label, "0.3", ls="none", marker=look["marker"]) for look, label in files], "$p/k$"
+    )
+    shares = [
+        entry(r"$\Sigma|u_{\rm na}|^2$", "k", lw=0.8),
+        entry(r"$G_{\rm aff}-G_0$", "k", lw=0.8, ls=DASHED),
+    ]
+    below.legend(handles=shares, loc="upper left", ncol=2)
+    return f"modes of {count(results, 'packing', 'packings')}"
 
 
-def chosen_modes(result, text):
-    """[(title, field (n, 2)), …] of modes numbered from 1, "3" or "1,2,5". Raises InputError."""
-    m = result.stored("modes").shape[0]
-    try:
-        numbers = [int(word) for word in text.split(",")]
-    except ValueError:
-        raise InputError(f"--mode {text}: write numbers with commas, such as 1,2,5") from None
-    beyond = [n for n in numbers if not 1 <= n <= m]
+def chosen_modes(result, numbers):
+    """[(title, field (n, 2)), …] of modes numbered from 1. Raises InputError."""
+    stored, values = result.stored("modes"), eigenvalues(result)
+    numbers = np.ravel(numbers).tolist()
+    beyond = [n for n in numbers if not 1 <= n <= stored.shape[0]]
     if beyond:
-        raise InputError(f"--mode {beyond[0]}: {result.path.name} holds modes 1 to {m}")
-    values = eigenvalues(result)
-    stored = result.stored("modes")
+        raise InputError(f"mode {beyond[0]}: {result.path.name} holds modes 1 to {stored.shape[0]}")
     return [
         (rf"mode {n}, $\lambda/k={power_or_number(max(values[n - 1], 0.0))}$", stored[n - 1]) for n in numbers
     ]
-
-
-def _markers(results):
-    return [MARKERS[n % len(MARKERS)] for n in range(len(results))]
-
-
-def _spaced(count):
-    """A few rows evenly spaced on a log axis."""
-    return np.unique(np.geomspace(1, count, 8).astype(int)) - 1
 
 
 def density_of_states(results):
@@ -133,7 +96,8 @@ def density_of_states(results):
     return np.sqrt(edges[1:] * edges[:-1])[filled], (counts / np.diff(edges) / states)[filled]
 
 
-def plot_states(results, path) -> None:
+@picture("states", "modes")
+def plot_states(results, page):
     """Density of states D(ω) of complete spectra, those of one pressure pooled.
 
     Without pre-stress a plateau begins at ω* ∝ Δz ∝ p^½ (Silbert, Liu & Nagel 2005; Wyart 2005). Raises
@@ -144,21 +108,12 @@ def plot_states(results, path) -> None:
             raise InputError(
                 f"{result.path}: holds {len(result['eigenvalues'])} modes only: run modes with --all"
             )
-    p, _ = _labels(results)
-    levels = np.unique(p)
-    with figure(COLUMN, 2.9, layout="constrained") as fig:
-        ax = fig.add_subplot(xlabel=r"$\omega_m\ [\sqrt{k/m}]$", ylabel=r"$D(\omega_m)$")
-        lines, handles = [], []
-        for n, (level, shade) in enumerate(zip(levels, colours(len(levels)), strict=True)):
-            x, y = density_of_states([result for result, q in zip(results, p, strict=True) if q == level])
-            marker = MARKERS[n % len(MARKERS)]
-            ax.plot(x, y, color=shade, marker=marker, markersize=2.8)
-            handles.append(
-                Line2D(
-                    [], [], color=shade, marker=marker, label=f"${power_or_number(float(f'{level:.3g}'))}$"
-                )
-            )
-            lines.append((x, y))
-        set_log_axes(ax, lines)
-        place_legend(fig, ax, "$p/k$", handles, lines)
-        save(fig, path)
+    p, names = _labels(results)
+    levels, first = np.unique(p, return_index=True)
+    ax = page.panels()
+    ax.set(xscale="log", yscale="log", xlabel=r"$\omega_m\ [\sqrt{k/m}]$", ylabel=r"$D(\omega_m)$")
+    for level, row, look in zip(levels, first, looks(len(levels)), strict=True):
+        pooled = [result for result, q in zip(results, p, strict=True) if q == level]
+        ax.plot(*density_of_states(pooled), markersize=2.8, label=names[row], **look)
+    page.legend(ax, title="$p/k$")
+    return f"density of states of {count(results, 'packing', 'packings')}"

@@ -98,7 +98,7 @@ class FrequencySolver:
         if reason < 0:
             raise ConvergenceError(
                 f"ω = {omega:g}: KSP stopped with {stopped.name(reason)} after "
-                f"{self.ksp.getIterationNumber()} iterations; try another options file, such as options/mumps.opts"
+                f"{self.ksp.getIterationNumber()} iterations; try -options_file jampetsc:mumps"
             )
         if self.pencil.network.sum(np.count_nonzero(~np.isfinite(solution))):
             raise ConvergenceError(f"ω = {omega:g}: KSP gave what is no number; try another options file")

@@ -86,7 +86,7 @@ def explain(code, what: str) -> Failure:
     if code in WORKSPACE or code in MEMORY:
         remedy = (
             f"out of memory (MUMPS INFOG(1) = {code}); use more ranks or nodes, or -options_file "
-            "options/low_memory.opts"
+            "jampetsc:low_memory"
         )
     elif code in OUT_OF_CORE:
         remedy = "MUMPS could not write its files (INFOG(1) = -90); free space in, or set, MUMPS_OOC_TMPDIR"

@@ -9,6 +9,7 @@ import numpy as np
 from jampetsc.contacts.laws import FAMILIES, Physics, damping_law
 from jampetsc.errors import ConvergenceError, InputError, JampetscError
 from jampetsc.jobs.sweep import Sweep
+from jampetsc.shipped_files import located
 from jampetsc.speed_accuracy import processes
 from jampetsc.speed_accuracy.compare import Reference, certified, log_interpolate
 from jampetsc.speed_accuracy.table import Row
@@ -19,8 +20,9 @@ ACCURACIES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 TIGHTEST = (1e-12, 1e-11, *reversed(ACCURACIES))  # what the reference tries, until one can be certified
 PHYSICS_ACCURACY = 1e-3  # well below what simpler physics changes, and certified at all frequencies
 PER_DECADE = (0.5, 1, 2, 4)  # frequencies, solved one by one
-OPTIONS = Path(__file__).resolve().parents[2] / "options"
-OPTIONS_FILES = tuple(OPTIONS / f"{name}.opts" for name in ("iterative", "superlu_dist", "low_memory"))
+OPTIONS_FILES = tuple(
+    Path(located(f"jampetsc:{name}")) for name in ("iterative", "superlu_dist", "low_memory")
+)
 
 
 def words_of(physics, **options) -> list[str]:

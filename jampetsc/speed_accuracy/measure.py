@@ -27,8 +27,7 @@ def measure(job, out) -> str:
     Choices that fail have a row that says why. Raises JampetscError if there is no reference.
     """
     picture = Path(out).with_suffix(".png")
-    # the run it waits for is stopped, too
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # as by the system, but stops the run in hand
     load = _load()
     with (
         tempfile.TemporaryDirectory(prefix="jampetsc-trade-") as folder,

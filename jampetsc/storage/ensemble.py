@@ -4,6 +4,7 @@ import csv
 import difflib
 import io
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -29,16 +30,29 @@ CHOICES = (
     "accuracy",
 )
 NO_AVERAGE = ("seed", "seconds")
+STATISTICS = {"mean": mean_with_error, "median": median_with_error}
+
+
+@dataclass(frozen=True, eq=False)
+class AverageCurve:
+    """A mean or median over packings, point by point; errors are halves of 68 % intervals, nan for one packing."""
+
+    key: dict  # column -> value that its rows agree in
+    omega: np.ndarray  # (M,) the frequencies, or what else it is a function of
+    value: np.ndarray  # (M, …), complex for G*
+    error: np.ndarray  # (M, …), of G* those of G' and G'' as a complex number
+    count: int  # packings
 
 
 class Ensemble(Mapping):
     """Rows of the table of a study: column -> (rows,) array, nan or "" where a task has no such number.
 
     path   the folder; the columns `command`, `state` and `file` are always there
+    load   what opens a file of it
     """
 
-    def __init__(self, path, columns: dict):
-        self.path, self._columns = Path(path), columns
+    def __init__(self, path, columns: dict, load):
+        self.path, self._columns, self._load = Path(path), columns, load
 
     def __getitem__(self, name):
         if name not in self._columns:
@@ -83,14 +97,13 @@ class Ensemble(Mapping):
         return self._taken(chosen)
 
     def _taken(self, rows):
-        return Ensemble(self.path, {name: column[rows] for name, column in self._columns.items()})
+        columns = {name: column[rows] for name, column in self._columns.items()}
+        return Ensemble(self.path, columns, self._load)
 
     def results(self) -> list:
         """What `jampetsc.load` gives for the files of the rows that are done."""
-        from jampetsc.storage.reader import load
-
         done = self["state"] == "done"
-        return [load(self.path / name) for name in self["file"][done]]
+        return [self._load(self.path / name) for name in self["file"][done]]
 
     def mean(self, by=()) -> "Averages":
         """Means over the rows that agree in the columns `by`, a name or several, with errors."""
@@ -99,6 +112,43 @@ class Ensemble(Mapping):
     def median(self, by=()) -> "Averages":
         """Medians, as `mean`."""
         return Averages(self, by, "median")
+
+    def mean_curve(self, name="G", by=(), over="omega") -> list[AverageCurve]:
+        """Means of a dataset of the files, one curve for the rows that agree in the columns `by`.
+
+        over   the dataset that it is a function of, the same in all files of a curve
+
+        Raises InputError where it is not the same, or where two rows of a curve are of one packing.
+        """
+        return self._curves(name, by, over, mean_with_error)
+
+    def median_curve(self, name="G", by=(), over="omega") -> list[AverageCurve]:
+        """Medians, as `mean_curve`."""
+        return self._curves(name, by, over, median_with_error)
+
+    def _curves(self, name, by, over, statistic):
+        found = []
+        for key, rows in self.groups((by,) if isinstance(by, str) else tuple(by)):
+            _require_independent(key, rows, name)
+            results = rows.results()
+            at = results[0][over]
+            for result in results:
+                if result[over].shape != at.shape or not np.allclose(result[over], at, rtol=SAME, atol=0.0):
+                    raise InputError(
+                        f"{result.path}: other {over} than {results[0].path}: an average needs the same"
+                    )
+            values = np.array([result[name] for result in results])
+            if np.iscomplexobj(values):
+                (value, error), (loss, loss_error) = (statistic(part) for part in (values.real, values.imag))
+                value, error = value + 1j * loss, error + 1j * loss_error
+            else:
+                value, error = statistic(values)
+            found.append(AverageCurve(key, at, value, error, len(results)))
+        return found
+
+    def to_pandas(self):
+        """The table as a pandas.DataFrame. Raises InputError where pandas is not installed."""
+        return _frame(self)
 
     def groups(self, by) -> list:
         """[({column: value}, rows as an Ensemble)] for the values that occur in the columns `by`, sorted; done rows."""
@@ -157,7 +207,7 @@ class Averages(Mapping):
         values = column[known]
         if not len(values):
             return np.nan, np.nan, 0, 0
-        value, error = {"mean": mean_with_error, "median": median_with_error}[self.statistic](values)
+        value, error = STATISTICS[self.statistic](values)
         return float(value), float(error), len(values), int(np.count_nonzero(values < 0))
 
     def __iter__(self):
@@ -165,6 +215,11 @@ class Averages(Mapping):
 
     def __len__(self):
         return len(list(iter(self)))
+
+    def to_pandas(self):
+        """A pandas.DataFrame of the averages, errors in columns `…_error`. Raises InputError without pandas."""
+        errors = {f"{name}_error": self.error[name] for name in self._names if name not in self.by}
+        return _frame({**self, **errors})
 
 
 class _Part(Mapping):
@@ -181,6 +236,14 @@ class _Part(Mapping):
 
     def __len__(self):
         return len(self._averages)
+
+
+def _frame(columns):
+    try:
+        import pandas
+    except ImportError:
+        raise InputError("to_pandas: needs the package pandas: pip install pandas") from None
+    return pandas.DataFrame(dict(columns))
 
 
 def _require_independent(key, rows, name):
@@ -214,8 +277,8 @@ def _same(column, value):
     return column == str(value)
 
 
-def load_ensemble(folder) -> Ensemble:
-    """The table of the study in a folder. Raises InputError where it is none."""
+def load_ensemble(folder, load) -> Ensemble:
+    """The table of the study in a folder, whose files `load` opens. Raises InputError where it is none."""
     path = Path(folder) / TABLE
     try:
         with open_regular(path) as file:
@@ -229,7 +292,8 @@ def load_ensemble(folder) -> Ensemble:
         raise InputError(f"{path}: is not the table of a study: run `jampetsc study` again") from None
     if not {"command", "state", "file"} <= set(header) or any(len(row) != len(header) for row in rows):
         raise InputError(f"{path}: is not the table of a study: run `jampetsc study` again")
-    return Ensemble(folder, {name: _column([row[n] for row in rows]) for n, name in enumerate(header)})
+    columns = {name: _column([row[n] for row in rows]) for n, name in enumerate(header)}
+    return Ensemble(folder, columns, load)
 
 
 def _column(cells):

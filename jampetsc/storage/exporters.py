@@ -78,7 +78,7 @@ def _thickness(frame):
 
 def _spatial(vectors):
     """Vectors (N, 2) in three dimensions, (N, 3)."""
-    return np.column_stack((vectors, np.zeros(len(vectors))))
+    return np.column_stack((vectors, np.zeros(len(vectors), vectors.dtype)))
 
 
 def _xyz(frame: Frame, number) -> bytes:
@@ -106,8 +106,10 @@ def _dump(frame: Frame, number) -> bytes:
     half = _thickness(frame) / 2
     columns = {"id": np.arange(1, n + 1), "type": types_of(frame.disks.radii)}
     columns |= dict(zip("xyz", _spatial(frame.disks.positions).T, strict=True)) | frame.columns
+    columns.pop("unwrapped", None)  # xu and yu, which readers take for x and y: these and ix, iy say it
     heads, rows = _table(columns, columns.values())
-    names = " ".join({"velocity_x": "vx", "velocity_y": "vy"}.get(name, name) for name in heads)
+    own = {"velocity_x": "vx", "velocity_y": "vy", "image_x": "ix", "image_y": "iy", "spin": "omegaz"}
+    names = " ".join(own.get(name, name) for name in heads)
     head = (
         f"ITEM: TIMESTEP\n{number}\nITEM: NUMBER OF ATOMS\n{n}\nITEM: BOX BOUNDS xy xz yz pp pp ff\n"
         f"{min(0.0, bx)!r} {ax + max(0.0, bx)!r} {bx!r}\n0.0 {by!r} 0.0\n{-half!r} {half!r} 0.0\n"
@@ -231,6 +233,8 @@ def _gsd_frame(hoomd, frame, number):
     made.particles.types = [f"size {size}" for size in range(1, types.max() + 1)]
     if "velocity" in frame.columns:
         made.particles.velocity = _spatial(frame.columns["velocity"])
+    if "image" in frame.columns:
+        made.particles.image = _spatial(frame.columns["image"])
     made.bonds.types, made.bonds.typeid = ["bond"], np.zeros(len(c), int)
     made.bonds.group = np.column_stack((c.i, c.j))
     made.log = {f"particles/{name}": values for name, values in frame.columns.items()}

@@ -42,22 +42,25 @@ def packing_frame(disks: Disks, vectors=None, facts=None) -> Frame:
         **{f"stress_{name}": np.ascontiguousarray(stress[:, a, b]) for name, a, b in _COMPONENTS},
         **(vectors or {}),
     }
-    return Frame(disks.folded(), columns, contacts, bearing, {"pressure": state.pressure, **(facts or {})})
+    folded = disks.folded()
+    if folded.images is not None:
+        columns |= {"image": folded.images, "unwrapped": folded.unwrapped}
+    return Frame(folded, columns, contacts, bearing, {"pressure": state.pressure, **(facts or {})})
 
 
 def flow_frames(result):
-    """The snapshots of a flow file, one after another, with `velocity`, that without the affine flow (γ̇y, 0).
+    """The snapshots of a flow file, one after another, with `velocity`, that without the affine flow (γ̇y, 0), and
+    `spin` where disks roll; `image`, the cells that a disk has crossed, and its `unwrapped` position.
 
     Raises InputError where the file holds none.
     """
     snapshot(result)
-    rate = float(result.attributes["rate"])
-    for row, strain in enumerate(result["snapshots/strain"]):
+    for row in range(len(result.stored("snapshots/strain"))):
         disks = snapshot(result, row)
-        vectors = {"velocity": result.stored("snapshots/velocities")[row]}
+        vectors = {"velocity": disks.velocities} | ({} if disks.spins is None else {"spin": disks.spins})
         if "walls" in disks.record:
             vectors["wall"] = (np.arange(disks.n) < disks.record["walls"]).astype(int)
-        yield packing_frame(disks, vectors, {"strain": float(strain), "rate": rate})
+        yield packing_frame(disks, vectors, {"strain": float(disks.strain), "rate": disks.rate})
 
 
 def mode_frame(result, number: int, packing=None) -> Frame:

@@ -41,7 +41,7 @@ class MemoryArray:
         return MemoryArray(np.concatenate(comm.allgather(self[...]), axis=self.axis))
 
     def __getitem__(self, selection):
-        return np.array(self._whole()[selection])  # of its own, as if it were read
+        return self._whole()[selection].copy()  # of its own, as if it were read
 
     def __len__(self):
         return self.shape[0]

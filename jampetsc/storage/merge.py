@@ -74,6 +74,8 @@ def _copy_dataset(item, parts, target, name):
         store(target, name, values(item))
         return
     copied = target.create_dataset(name, shape=item.shape, dtype=item.dtype, fletcher32=True)
-    rows = max(1, _BLOCK_BYTES * len(parts.sizes) * item.shape[0] // item.nbytes)
-    for start in range(0, item.shape[0], rows):
-        copied[start : start + rows] = parts.read(item, slice(start, start + rows))
+    for box in parts.boxes(item):
+        with parts.open(box) as source:
+            rows = max(1, _BLOCK_BYTES * box.shape[0] // source.nbytes)
+            for start in range(0, box.shape[0], rows):
+                copied[box.place(start, start + rows)] = values(source, slice(start, start + rows))

@@ -90,17 +90,19 @@ class PartList:
                 raise self._changed(name)
 
     @contextmanager
-    def open(self, name):
-        """The h5py.File of a part, which must be the one that was written with the joint file."""
-        path = self.path.parent / name
+    def open(self, box):
+        """The dataset of a part that holds the rows of a box; the part must be the one written with the joint file."""
+        path = self.path.parent / box.part
         with opening(path):
             file = open_regular(path)
-            if self._seals and seal_of(file) != self._seals[name]:
+            if self._seals and seal_of(file) != self._seals[box.part]:
                 file.close()
-                raise self._changed(name)
+                raise self._changed(box.part)
             h5 = from_stream(file)
         with h5, reading(path):
-            yield h5
+            if h5[box.name].shape != box.shape:
+                raise InputError(f"{self.shown}: part {box.part} holds other rows: damaged")
+            yield h5[box.name]
 
     def _changed(self, name):
         return InputError(
@@ -108,27 +110,30 @@ class PartList:
         )
 
     def read(self, data: h5py.Dataset, selection=...):
-        """What a dataset of the joint file holds, or some of it: integers, slices and … as in numpy.
+        """What a dataset of the joint file holds, or some of it: what numpy takes. Of each part those entries along the
+        first axis are read that are asked for, if another axis lies on the parts.
 
         Raises InputError where the parts do not make up the whole, ValueError as `hdf5.values`.
         """
         if not data.is_virtual:
             return values(data, selection)
-        boxes = [_Box(source) for source in data.virtual_sources()]
+        boxes = self.boxes(data)
+        axis = next(
+            (n for n, (a, b) in enumerate(zip(boxes[0].first, boxes[-1].first, strict=True)) if a < b), 0
+        )
+        lead, rest = _split(selection, data.shape) if axis else (slice(None), selection)
+        pieces = []
+        for box in boxes:
+            with self.open(box) as rows:
+                pieces.append(values(rows, lead))
+        return np.concatenate(pieces, axis)[rest]
+
+    def boxes(self, data: h5py.Dataset) -> list:
+        """Where the rows of the parts lie in a virtual dataset, in their order. Raises InputError as `read`."""
+        boxes = sorted(map(_Box, data.virtual_sources()), key=lambda box: box.first)
         if any(box.part not in self.sizes for box in boxes) or sum(box.size for box in boxes) != data.size:
             raise InputError(f"{self.shown}: {data.name}: its parts do not make up the whole: damaged")
-        wanted = _ranges(selection, data.shape)
-        if wanted is None:
-            return self.read(data)[selection]
-        whole = np.empty([len(wanted_rows) for wanted_rows, _ in wanted], data.dtype)
-        for box in boxes:
-            target, source = box.overlap([rows for rows, _ in wanted])
-            if target is not None:
-                with self.open(box.part) as part:
-                    if part[box.name].shape != box.shape:
-                        raise InputError(f"{self.shown}: part {box.part} holds other rows: damaged")
-                    whole[target] = values(part[box.name], source)
-        return whole[tuple(0 if single else slice(None) for _, single in wanted)]
+        return boxes
 
     def remove(self) -> None:
         """Delete the parts, and their folder once it is empty."""
@@ -149,41 +154,23 @@ class _Box:
         self.shape = tuple(b - a + 1 for a, b in zip(first, last, strict=True))
         self.size = math.prod(self.shape)
 
-    def overlap(self, wanted):
-        """(slices of what is wanted, slices of this part) that are the same; (None, None) if there are none."""
-        target, source = [], []
-        for rows, first, count in zip(wanted, self.first, self.shape, strict=True):
-            begin = max(0, -(-(first - rows.start) // rows.step))
-            end = min(len(rows), (first + count - 1 - rows.start) // rows.step + 1)
-            if begin >= end:
-                return None, None
-            target.append(slice(begin, end))
-            source.append(slice(rows[begin] - first, rows[end - 1] - first + 1, rows.step))
-        return tuple(target), tuple(source)
+    def place(self, start, stop):
+        """Where rows start to stop of the part's first axis lie."""
+        return tuple(
+            slice(a + start, a + min(stop, n)) if axis == 0 else slice(a, a + n)
+            for axis, (a, n) in enumerate(zip(self.first, self.shape, strict=True))
+        )
 
 
-def _ranges(selection, shape):
-    """[(range of rows, whether it is a single one)] per axis; None for what only numpy can do."""
-    words = list(selection) if isinstance(selection, tuple) else [selection]
-    if not all(isinstance(word, int | np.integer | slice) or word is ... for word in words):
-        return None
-    dots = [n for n, word in enumerate(words) if word is ...] or [len(words)]
-    missing = len(shape) - len(words) + (dots[0] < len(words))
-    words[dots[0] : dots[0] + 1] = [slice(None)] * missing
-    if len(dots) > 1 or len(words) != len(shape):
-        return None
-    ranges = []
-    for word, count in zip(words, shape, strict=True):
-        if isinstance(word, slice):
-            rows = range(count)[word]
-            if rows.step < 0:
-                return None
-        else:
-            rows = range(count)[word : word + 1 or None]
-            if not rows:
-                raise IndexError(f"index {word} is out of range for {count} rows")
-        ranges.append((rows, not isinstance(word, slice)))
-    return ranges
+def _split(selection, shape):
+    """(slice of the first axis, what is then left to select)."""
+    first, *rest = selection if isinstance(selection, tuple) and selection else (selection,)
+    if isinstance(first, int | np.integer):
+        row = range(shape[0])[first]
+        return slice(row, row + 1), (0, *rest)
+    if isinstance(first, slice) and (first.step or 1) > 0:
+        return first, (slice(None), *rest)
+    return slice(None), selection
 
 
 def remove_if_empty(folder: Path) -> None:

@@ -20,6 +20,7 @@ from jampetsc.storage.memory import MemoryWriter
 from jampetsc.storage.parts import GROUP, PartList
 from jampetsc.storage.provenance import law_of
 from jampetsc.storage.result_file import ResultWriter
+from jampetsc.storage.snapshots import Snapshot, snapshot
 
 _SLOWEST = 1e-100  # rates beyond this and its inverse are no rates of relaxation
 _SAME = 1e-12  # two frequencies that differ by less, relatively, are the same
@@ -281,6 +282,30 @@ class SweepResult(Result):
         return float(solved.min()), float(solved.max())
 
 
+class ShearedResult(Result):
+    """Series along shear, steady or quasistatic, their means, and the state at the end."""
+
+    @property
+    def last(self) -> Disks:
+        """The packing at the end."""
+        arrays = {name: np.asarray(self[f"state/{name}"], float) for name in (*PLACES, "radii")}
+        return Disks(
+            **arrays,
+            potential=Potential(*(self.attributes[name] for name in ("potential", "stiffness", "k"))),
+        )
+
+
+class FlowResult(ShearedResult):
+    """Steady shear: with snapshots."""
+
+    def snapshot(self, row=-1) -> Snapshot:
+        """A snapshot, the last one if no other is asked for, as a packing with `velocities`, `spins` and `unwrapped`.
+
+        Raises InputError where the file holds none, or not so many.
+        """
+        return snapshot(self, row)
+
+
 class SpectrumResult(Result):
     """Relaxation and retardation spectrum of a packing, H(τ), G(t) and J(t)."""
 
@@ -305,19 +330,6 @@ def _sound_spectrum(path, G0, eta_inf, rates, weights):
     return spectrum
 
 
-class ShearedResult(Result):
-    """Series along shear, steady or quasistatic, their means, and the state at the end."""
-
-    @property
-    def last(self) -> Disks:
-        """The packing at the end."""
-        arrays = {name: np.asarray(self[f"state/{name}"], float) for name in (*PLACES, "radii")}
-        return Disks(
-            **arrays,
-            potential=Potential(*(self.attributes[name] for name in ("potential", "stiffness", "k"))),
-        )
-
-
 RESULTS = {  # format -> class; a new format needs a line here
     "jampetsc-sweep": SweepResult,
     "jampetsc-quasistatic": Result,
@@ -325,7 +337,7 @@ RESULTS = {  # format -> class; a new format needs a line here
     "jampetsc-spectrum": SpectrumResult,
     "jampetsc-correlation": Result,
     "jampetsc-oscillate": Result,
-    "jampetsc-flow": ShearedResult,
+    "jampetsc-flow": FlowResult,
     "jampetsc-shear": ShearedResult,
     "jampetsc-jam": Result,
     "jampetsc-velocity-correlation": Result,
@@ -341,7 +353,7 @@ def load(path):
     Raises InputError naming the file, what is wrong with it and the remedy.
     """
     if (Path(path) / TABLE).exists():
-        return load_ensemble(path)
+        return load_ensemble(path, load)
     return undisturbed(path, _load)
 
 

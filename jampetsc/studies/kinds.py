@@ -36,7 +36,9 @@ KINDS = {
     "correlate": Kind(
         SEEDS,
         of=("sweep", "flow"),
-        suits=lambda job: getattr(job, "fields", None) is not None or bool(getattr(job, "snapshots", None)),
+        suits=lambda job: any(
+            getattr(job, name, None) is not None for name in ("fields", "snapshots", "snapshot_every")
+        ),
         needs="sweeps with fields, or flows with snapshots",
     ),
 }

@@ -145,7 +145,7 @@ def result(path, loaded) -> str:
             ", ".join(f"{name} {a[f'{name}_version']}" for name in LIBRARIES if f"{name}_version" in a),
         ),
         ("git commit", str(a.get("git_commit", "unknown"))),
-        ("files", _files(path) if loaded.file else "none: in memory"),
+        ("files", _files(len(parts_of(path).sizes)) if loaded.file else "none: in memory"),
     ]
     if "G" in loaded:
         rows += _moduli(loaded)
@@ -161,8 +161,7 @@ def result(path, loaded) -> str:
     return table(rows)
 
 
-def _files(path):
-    parts = len(parts_of(path).sizes)
+def _files(parts):
     return f"joint file and {parts} parts, all there" if parts else "one, complete"
 
 

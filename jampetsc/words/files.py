@@ -17,7 +17,7 @@ def files_named(paths, where, chosen) -> tuple[list[str], bool]:
     from jampetsc.storage.ensemble import TABLE
     from jampetsc.storage.reader import load
 
-    files, study, wanted = [], False, _wanted(where)
+    files, study, wanted = [], False, wanted_of(where)
     for path in paths:
         if not (Path(path) / TABLE).exists():
             files.append(path)
@@ -32,8 +32,8 @@ def files_named(paths, where, chosen) -> tuple[list[str], bool]:
     return files, study
 
 
-def _wanted(where):
-    """{column: value} of column=value,…. Raises InputError."""
+def wanted_of(where) -> dict:
+    """{column: value} of column=value,…, nothing of None. Raises InputError."""
     pairs = [word.partition("=") for word in where.split(",")] if where else []
     if not all(name and equals and value for name, equals, value in pairs):
         raise InputError(

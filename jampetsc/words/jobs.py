@@ -8,8 +8,8 @@ from jampetsc.jobs.asking import FILES, OPTION, made, parameters, shown
 from jampetsc.jobs.job import Job
 
 
-def add_job(job, subparsers) -> None:
-    """Add the command of a class of jobs to an argparse parser of commands."""
+def add_job(job, subparsers, whole=True) -> None:
+    """Add the command of a class of jobs to an argparse parser of commands; whole: with its options."""
     first, _, rest = job.__doc__.strip().partition("\n")
     parser = subparsers.add_parser(
         job.NAME,
@@ -17,6 +17,9 @@ def add_job(job, subparsers) -> None:
         description="\n".join([first.strip(), textwrap.dedent(rest).rstrip()]),
         epilog=job.EPILOG,
     )
+    parser.set_defaults(command=job.NAME)
+    if not whole:
+        return
     groups = {}
     for name, one in parameters(job).items():
         heading = one.group or ("" if one.place != OPTION else "options")
@@ -25,23 +28,18 @@ def add_job(job, subparsers) -> None:
         _add(groups.get(heading, parser), name, one)
     if job.OUT:
         parser.add_argument("--out", metavar="FILE", required=job.OUT == "required", help=job.OUT_HELP)
-    add_common(parser, job.AGAIN or not job.OUT)
+    told = parser.add_mutually_exclusive_group()
+    quiet = "do not tell how far the run has come"
+    told.add_argument("-q", "--quiet", action="store_true", default=None, help=quiet)
+    told.add_argument("-v", "--verbose", action="store_true", default=None, help="tell more of it")
+    if job.OUT and not job.AGAIN:
+        overwrite = "replace a finished result of other settings, which is refused otherwise"
+        parser.add_argument("--overwrite", action="store_true", default=None, help=overwrite)
     parser.set_defaults(
         run=functools.partial(run, job),
         check=functools.partial(job_of, job),
         takes_petsc=functools.partial(takes_petsc, job),
     )
-
-
-def add_common(parser, again) -> None:
-    """Add the options that all commands have; again: there is no result that would have to be refused."""
-    told = parser.add_mutually_exclusive_group()
-    quiet = "do not tell how far the run has come"
-    told.add_argument("-q", "--quiet", action="store_true", default=None, help=quiet)
-    told.add_argument("-v", "--verbose", action="store_true", default=None, help="tell more of it")
-    if not again:
-        overwrite = "replace a finished result of other settings, which is refused otherwise"
-        parser.add_argument("--overwrite", action="store_true", default=None, help=overwrite)
 
 
 def _add(parser, name, one):

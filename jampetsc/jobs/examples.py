@@ -1,0 +1,48 @@
+"""Example programs, options files and scripts that come with the package."""
+
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from jampetsc.errors import InputError, named
+from jampetsc.jobs.asking import asked
+from jampetsc.jobs.job import Job
+
+
+@dataclass(frozen=True, eq=False)
+class Examples(Job):
+    """Copy the example programs, options files of PETSc and Slurm scripts that come with jampetsc.
+
+    Into a new folder: examples/ (programs in Python), options/ (files of PETSc options, also known as
+    -options_file jampetsc:NAME) and slurm/ (scripts for a cluster).
+    """
+
+    NAME: ClassVar = "examples"
+    FORMAT: ClassVar = "no file"
+    OUT: ClassVar = ""
+    AGAIN: ClassVar = True
+    GIVES: ClassVar = "str, the files"
+    EPILOG: ClassVar = "Example: jampetsc examples --copy jampetsc-examples"
+
+    copy: Path = asked(help="folder to make; it must not be there yet", metavar="DIR")
+
+    @property
+    def scalar(self):
+        """PETSc has nothing to do."""
+
+    def check_outputs(self, to):
+        """The folder must be new."""
+        if self.copy.exists():
+            raise InputError(f"{named('copy')} {self.copy}: is there already: name a new folder")
+
+    def work(self, to):
+        """Copy the files and say where they are."""
+        from jampetsc.shipped_files import FOLDER
+
+        shutil.copytree(FOLDER, self.copy, ignore=shutil.ignore_patterns("__pycache__"))
+        return "\n".join(str(path) for path in sorted(self.copy.glob("*/*")))
+
+    def answer(self, to, told):
+        """The files."""
+        return told

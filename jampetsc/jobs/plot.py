@@ -1,0 +1,159 @@
+"""Pictures of what files hold."""
+
+import functools
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from jampetsc.errors import InputError, named
+from jampetsc.jobs.asking import FILES, NUMBER, SWITCH, WORD, Kind, Parameter, Part, asked, part
+from jampetsc.jobs.job import Job
+from jampetsc.jobs.kinds import FREQUENCIES, HELD
+
+
+def _given(options) -> dict:
+    """The options that are given."""
+    return {name: value for name, value in options.items() if value is not False}
+
+
+@functools.cache
+def _options() -> tuple[Parameter, ...]:
+    """What the kinds of pictures may be asked for, one Parameter for every option of a picture."""
+    from jampetsc.plots.draw import pictures
+
+    options = dict.fromkeys(option for one in pictures().values() for option in one.options)
+    kinds = {"switch": SWITCH, "number": NUMBER, "frequencies": FREQUENCIES, "integers": INTEGERS}
+    return tuple(
+        Parameter(
+            option.name,
+            option.help,
+            kinds.get(option.type, WORD),
+            False if option.type == "switch" else None,
+            low=option.low if option.low > -math.inf else None,
+            high=option.high if option.high < math.inf else None,
+            choices=tuple(option.choices or ()),
+            metavar=option.metavar or "",
+            group="of some kinds",
+        )
+        for option in options
+    )
+
+
+def _integers(given):
+    try:
+        return [int(word) for word in (given.split(",") if isinstance(given, str) else given)]
+    except (TypeError, ValueError):
+        raise ValueError("write numbers with commas, such as 1,2,5") from None
+
+
+def _size(given):
+    try:
+        width, height = (float(word) for word in (given.split(",") if isinstance(given, str) else given))
+    except (TypeError, ValueError):
+        raise ValueError("write the width and the height in inches, such as 3.4,2.9") from None
+    if not (0.5 <= width <= 100 and 0.5 <= height <= 100):
+        raise ValueError("must be from 0.5 to 100 inches")
+    return width, height
+
+
+def _limits(text):
+    try:
+        pairs = [tuple(float(one) for one in pair.split(":")) if pair else None for pair in text.split(",")]
+    except ValueError:
+        pairs = [()]
+    if not all(pair is None or (len(pair) == 2 and pair[0] < pair[1]) for pair in pairs):
+        raise ValueError("write low:high, such as 1e-6:1; with commas for each panel")
+    return pairs[0] if len(pairs) == 1 else pairs
+
+
+INTEGERS = Kind(_integers, lambda numbers: ",".join(map(str, numbers)))
+LIMITS = Kind(_limits, str, metavar="LOW:HIGH")
+PANELS = "of all panels, or with commas of each; nothing leaves one"
+
+
+@dataclass(frozen=True, eq=False)
+class Plot(Job):
+    """Draw sweeps, packings, flows and whatever else a file holds.
+
+    G' and G'' of one or many sweeps, their scaling collapse, relaxation spectra with stress relaxation and creep,
+    correlations of displacements and their length, a packing with its contacts and forces, displacement fields of a
+    sweep, quasistatic responses, modes, or steady shear: series of one rate, flow curves of several, snapshots,
+    velocities and their correlation; quasistatic shear along the strain; the share of samples that jam, f(phi), and
+    their pressures, P(p). Frequencies are shown in 1/τ₁, moduli and pressures in k.
+    """
+
+    NAME: ClassVar = "plot"
+    FORMAT: ClassVar = "picture"
+    OUT_HELP: ClassVar = "picture to write: .png, .pdf or .svg"
+    AGAIN: ClassVar = True
+    EPILOG: ClassVar = """examples:
+  jampetsc plot p1e-2.h5 p1e-3.h5 p1e-4.h5 --out moduli.png      G', G'' of three sweeps
+  jampetsc plot p1e-2.h5 p1e-3.h5 p1e-4.h5 --kind collapse --out collapse.pdf
+  jampetsc plot packing.h5 --out packing.svg
+  jampetsc plot sweep.h5 --kind fields --omega 1e-6,1e-3,1 --out fields.png      --total with the affine part
+  jampetsc plot correlation.h5 --out correlation.png             C(delta) at all its frequencies
+  jampetsc plot stokes.h5 contact.h5 --omega 1e-3 --out compared.png
+  jampetsc plot p1e-2.h5 p1e-3.h5 --kind length --out length.png  of correlations
+  jampetsc plot q-p*.h5 --kind medians --out medians.png         of quasistatic files
+  jampetsc plot q-n*.h5 --kind finite-size --out sizes.png       eta0/N against pN^2
+  jampetsc plot ensemble --kind exponents --out exponents.png    local exponents of G* and their limits
+  jampetsc plot ensemble --kind collapse --out collapse.png      means over the packings of a study
+  jampetsc plot ensemble --where law=stokes --out stokes.png     of those under Stokes drag
+  jampetsc plot rd0-*.h5 --out flow.png                          flow curves of runs at several rates
+  jampetsc plot rd0.h5 --kind snapshot --out snapshot.png        or velocities
+  jampetsc plot f64.h5 f256.h5 --out f.png                       f(phi) of jam files, with errors
+  jampetsc plot f64.h5 qs.h5 --kind pressures --out p.png        P(p), of quasistatic shear too
+  jampetsc plot p.h5 --out collapse.png                          of `jampetsc collapse`, with residuals
+  jampetsc plot modes.h5 --mode 1,2,5 --out modes.png            on the packing
+  jampetsc plot rd0-*.h5 --size 7,4 --style paper.mplstyle --csv flow.csv --out flow.pdf"""
+
+    files: tuple = asked(help="sweeps, or one packing, or the folder of a study", kind=HELD, place=FILES)
+    kind: str | None = asked(None, "what to draw (default: follows from the files and options)")
+    where: str | None = asked(
+        None,
+        "of the folder of a study: the files whose rows in its table have these values",
+        metavar="COLUMN=VALUE,…",
+    )
+    csv: str | None = asked(None, "write the numbers that are drawn, too: .csv", metavar="FILE")
+    size: tuple | None = asked(None, "width and height in inches", kind=Kind(_size, metavar="W,H"))
+    xlim: tuple | None = asked(None, PANELS, kind=LIMITS)
+    ylim: tuple | None = asked(None, PANELS, kind=LIMITS)
+    label: tuple | None = asked(
+        None,
+        "words that replace those of the legend, in its order",
+        kind=Kind(lambda given: tuple(given.split(",")), ",".join, metavar="TEXT,…"),
+    )
+    style: str | None = asked(None, "style of matplotlib (.mplstyle) on top of the program's", metavar="FILE")
+    options: dict = part(Part(_options, _given, dict, dict))
+
+    @property
+    def scalar(self):
+        """PETSc has nothing to do."""
+
+    def check_outputs(self, to):
+        """`draw` looks at them when it knows what it draws."""
+
+    def work(self, to):
+        """Draw the picture; what it shows."""
+        from jampetsc.plots.draw import draw
+        from jampetsc.storage.ensemble import TABLE
+        from jampetsc.storage.reader import load
+        from jampetsc.words.files import wanted_of
+
+        wanted = wanted_of(self.where)
+        studies = [isinstance(one, str) and (Path(one) / TABLE).exists() for one in self.files]
+        if wanted and not any(studies):
+            raise InputError(
+                f"{named('where')} {self.where}: chooses rows of a study, but {self.files[0]} is none: leave it out"
+            )
+        items = [
+            load(one).where(**wanted) if wanted and study else one
+            for one, study in zip(self.files, studies, strict=True)
+        ]
+        chosen = {name: getattr(self, name) for name in ("size", "xlim", "ylim", "style")}
+        chosen["label"] = self.label or ()
+        out = None if to.path is None else str(to.path)
+        return (
+            f"{out}: {draw(items, self.kind, out=out, csv=self.csv, chosen=chosen, **self.options)[1].text}"
+        )

@@ -1,0 +1,182 @@
+"""Any kind of picture of any files: which kinds there are, and which of them suits what is given."""
+
+import difflib
+import importlib
+import os
+
+import numpy as np
+
+from jampetsc.contacts.disks import Disks
+from jampetsc.errors import InputError
+from jampetsc.plots import numbers, style
+from jampetsc.plots.picture import PICTURES, Drawn, Picture
+from jampetsc.storage.atomic import write_whole
+from jampetsc.storage.ensemble import Ensemble
+from jampetsc.storage.reader import load
+
+MODULES = (  # with pictures; a file shows by itself the first that suits it and the options given
+    "moduli", "spectrum", "correlation", "floppy", "exponents", "finite_size", "vibrations", "lowmodes", "flowcurves",
+    "slowly", "regimes", "order", "profiles", "shearing", "jamming", "scaling", "branches", "fields", "packing",
+)  # fmt: skip
+COMMANDS = {  # format -> the command, where they have two names
+    "correlation": "correlate",
+    "velocity-correlation": "correlate",
+    "packing": "pack",
+}
+
+
+def pictures() -> dict[str, Picture]:
+    """{kind: picture} of all there are."""
+    for module in MODULES:
+        importlib.import_module(f"jampetsc.plots.{module}")
+    order = [f"jampetsc.plots.{module}" for module in MODULES]  # one imports the other
+    return dict(sorted(PICTURES.items(), key=lambda item: order.index(item[1].function.__module__)))
+
+
+def plot(
+    results,
+    kind=None,
+    ax=None,
+    *,
+    out=None,
+    csv=None,
+    size=None,
+    xlim=None,
+    ylim=None,
+    label=(),
+    style=None,
+    **more,
+):
+    """Draw what files hold; gives the axes back, one or (panels,) of them.
+
+    results      a file or the folder of a study, what `jampetsc.load` has given for one, or several in a list
+    kind         of picture, see `jampetsc plot --help`; None: follows from the files and options
+    ax           axes to draw on, as many as the picture has panels; None: those of a new figure
+    out          file to write the picture to: .png, .pdf or .svg
+    csv          file to write the numbers to that are drawn
+    size         (width, height) of a new figure in inches
+    xlim, ylim   (low, high) for all panels, or one for each
+    label        words that replace those of the legend, in its order
+    style        a style file of matplotlib, or {name: value}, on top of the package's style
+    more         options of the kind: statistic="median", omega=[1e-3], …; None is not given
+
+    Raises InputError for files that no picture shows, and for options that the kind does not have.
+    """
+    items = list(results) if isinstance(results, list | tuple) else [results]
+    chosen = {"size": size, "xlim": xlim, "ylim": ylim, "label": label, "style": style}
+    axes = draw(items, kind, ax, out=out, csv=csv, chosen=chosen, **more)[1].axes
+    return axes[0] if len(axes) == 1 else np.array(axes)
+
+
+def draw(items, kind=None, ax=None, *, out=None, csv=None, chosen=None, **options) -> tuple[str, Drawn]:
+    """(kind, what was drawn): as `plot`; chosen: size, xlim and so on."""
+    options = {name: value for name, value in options.items() if value is not None}
+    kinds = asked_kinds(kind, options)
+    given = [load(os.fspath(item)) if isinstance(item, str | os.PathLike) else item for item in items]
+    found = [
+        one for item in given for one in (of_study(item, kinds) if isinstance(item, Ensemble) else [item])
+    ]
+    kind = choose(kinds, found)
+    picture = PICTURES[kind]
+    if any(isinstance(item, Ensemble) for item in given) and any(
+        o.name == "statistic" for o in picture.options
+    ):
+        options.setdefault("statistic", "mean")
+    inputs = [name for name in names if name]
+    real = [os.path.realpath(path) for path in inputs]
+    for n, path in enumerate(inputs):
+        if real[n] in real[:n]:
+            raise InputError(f"{path}: is given already: name each file once")
+    for place, check in ((out, style.check_picture), (csv, style.check_table)):
+        if place is not None:
+            check(place, [*inputs, *filter(None, [options.get("packing")])])
+    drawn = picture.draw(found, ax, **chosen or {}, **options)
+    if out is not None:
+        style.save(drawn.figure, out)
+    if csv is not None:
+        write_whole(csv, numbers.written(drawn.axes))
+    return kind, drawn
+
+
+def asked_kinds(kind, options) -> list[str]:
+    """The kinds that a kind, or None, and options leave. Raises InputError if they leave none."""
+    known = pictures()
+    if kind is not None and kind not in known:
+        near = difflib.get_close_matches(kind, known, n=1)
+        raise InputError(
+            f"kind {kind}: {f'did you mean {near[0]}?' if near else 'there are ' + ', '.join(known)}"
+        )
+    kinds = list(known) if kind is None else [kind]
+    for name, value in options.items():
+        meant = [one for one, picture in known.items() if name in (option.name for option in picture.options)]
+        if not meant:
+            raise InputError(f"{name}: is no option of any picture")
+        left = [one for one in kinds if one in meant]
+        if not left:
+            raise InputError(
+                f"{name} {value}: belongs to {' or '.join(meant)} pictures, not to {' or '.join(kinds)}: leave it out"
+            )
+        kinds = left
+    return kinds
+
+
+def of_study(study, kinds) -> list:
+    """Of a study the results that one of the kinds can show. Raises InputError if none can."""
+    done = study.where(state="done")
+    suited = [(_shown(done, PICTURES[kind]), PICTURES[kind]) for kind in kinds]
+    for rows, picture in suited:
+        if rows.rows == 1 or (rows.rows > 1 and not picture.single):
+            return rows.results()
+    held = ", ".join(sorted(set(done["command"].tolist()))) or "nothing"
+    what = " or ".join(kinds) if len(kinds) < len(PICTURES) else "a"
+    hint = "; of those that show a single file, name the file" if any(rows.rows for rows, _ in suited) else ""
+    raise InputError(f"{study.path}: a study with {held}: nothing for {what} picture{hint}")
+
+
+def _shown(done, picture):
+    """The rows of a study whose files a kind of picture shows: of those not `mixed` the first format that is there."""
+    made = [COMMANDS.get(name, name) for name in picture.of]
+    if not picture.mixed:
+        made = [next((command for command in made if command in done["command"].tolist()), made[0])]
+    return done.where(command=made)
+
+
+def choose(kinds, items, names) -> str:
+    """The picture to draw of these, which have these names, out of those that the options leave.
+
+    Raises InputError for a mixture that none of the kinds shows, and where none shows such files, or not so many.
+    """
+    held = [_format(item) for item in items]
+    names = [name or "a packing" for name in names]
+    other = next((n for n, one in enumerate(held) if one != held[0]), None)
+    if other is not None:
+        kinds = [kind for kind in kinds if PICTURES[kind].mixed and set(held) <= set(PICTURES[kind].of)]
+        if not kinds:
+            hint = "; the packing of a sweep goes with --packing" if "packing" in held else ""
+            raise InputError(
+                f"{names[0]} is a {_noun(held[0])}, {names[other]} a {_noun(held[other])}: "
+                f"one picture shows one or the other{hint}"
+            )
+    kind = next((one for one in kinds if held[0] in PICTURES[one].of), kinds[0])
+    if held[0] not in PICTURES[kind].of:
+        needed = " or ".join(_plural(what) for what in PICTURES[kind].of)
+        raise InputError(f"{names[0]}: is a {held[0]} file: {kind} pictures need {needed}")
+    if PICTURES[kind].single and len(items) > 1:
+        raise InputError(f"{len(items)} {held[0]} files: {kind} pictures show one; plot them one by one")
+    return kind
+
+
+def _format(item):
+    if isinstance(item, Disks):
+        return "packing"
+    if not hasattr(item, "format"):
+        raise InputError(f"{item!r}: is no file, and nothing that jampetsc.load gives")
+    return item.format.removeprefix("jampetsc-")
+
+
+def _plural(word):
+    return {"packing": "a packing", "spectrum": "spectra"}.get(word, f"{_noun(word)}s")
+
+
+def _noun(word):
+    return word if word in ("packing", "sweep", "spectrum", "correlation") else f"{word} file"

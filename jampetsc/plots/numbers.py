@@ -1,0 +1,113 @@
+"""The numbers that a picture shows, as a table with named columns: what lines, points, bars and bands are drawn at."""
+
+import csv
+import io
+import re
+import string
+
+import numpy as np
+from matplotlib.collections import EllipseCollection, LineCollection, PathCollection, PolyCollection
+from matplotlib.quiver import Quiver
+
+COLUMNS = (
+    "panel",
+    "x",
+    "y",
+    "series",
+    "what",
+)  # panel, names of its axes, of what is drawn there, and as what
+
+
+def table(axes) -> list[dict]:
+    """Rows of all that is drawn on `axes` and has a name (`style.hidden`, or one of the legend).
+
+    Columns: COLUMNS, then those of the kind: x_value, y_value; y_low and y_high, x_low and x_high of bars and bands;
+    u, v of arrows from there; x_end, y_end and width of lines of contacts; diameter of disks; colour, as a number.
+    """
+    rows = []
+    for ax, letter in zip(axes, string.ascii_lowercase, strict=False):
+        told = dict(zip(COLUMNS, (letter, plain(ax.get_xlabel()), plain(ax.get_ylabel())), strict=False))
+        for artist, what, columns in _drawn(ax):
+            name = artist.get_label()
+            if name.startswith("_") and not name.startswith("_:"):
+                continue  # matplotlib's own name: guides, frames, zero lines
+            values = np.broadcast_arrays(*columns.values())
+            about = told | {"series": plain(name.removeprefix("_:")), "what": what}
+            rows += [
+                about | dict(zip(columns, row, strict=True))
+                for row in zip(*map(np.ravel, values), strict=True)
+            ]
+    return rows
+
+
+def written(axes) -> bytes:
+    """`table` as comma-separated values, every number with all its digits."""
+    rows = table(axes)
+    names = list(dict.fromkeys([*COLUMNS, *(name for row in rows for name in row)]))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, names, restval="", lineterminator="\n")
+    writer.writeheader()
+    for row in rows:
+        writer.writerow(
+            {name: repr(float(value)) if name not in COLUMNS else value for name, value in row.items()}
+        )
+    return text.getvalue().encode()
+
+
+def _drawn(ax):
+    """(artist, what it is, {column: values}) of what is drawn from data."""
+    barred = set()
+    for bars in ax.containers:
+        data, _, lines = bars.lines
+        barred.add(data)
+        columns, lines = _points(data), list(lines)
+        for axis, there in ((0, bars.has_xerr), (1, bars.has_yerr)):
+            if there:
+                ends = np.array(lines.pop(0).get_segments()).reshape(-1, 2, 2)[:, :, axis]
+                columns |= {f"{'xy'[axis]}_low": ends[:, 0], f"{'xy'[axis]}_high": ends[:, 1]}
+        yield bars, "points", columns
+    for line in ax.get_lines():
+        if line not in barred:
+            yield line, "line", _points(line)
+    for one in ax.collections:
+        if isinstance(one, Quiver):
+            yield one, "arrows", {"x_value": one.X, "y_value": one.Y, "u": one.U, "v": one.V}
+        elif isinstance(one, PathCollection | EllipseCollection):
+            x, y = one.get_offsets().T
+            more = (
+                {"colour": one.get_array()}
+                if isinstance(one, PathCollection)
+                else {"diameter": 2 * one._widths}
+            )
+            yield one, "points", {"x_value": x, "y_value": y} | more
+        elif isinstance(one, LineCollection):
+            (x, y), (x_end, y_end) = np.moveaxis(one.get_segments(), 0, -1)
+            ends = {"x_end": x_end, "y_end": y_end, "width": one.get_linewidths()}
+            yield one, "lines", {"x_value": x, "y_value": y} | ends
+        elif isinstance(one, PolyCollection):
+            yield one, "band", _band(one)
+
+
+def _points(line):
+    x, y = (np.ma.filled(np.ma.asarray(values, float), np.nan) for values in line.get_data())
+    known = np.isfinite(y)
+    return {"x_value": x[known], "y_value": y[known]}
+
+
+def _band(one):
+    corners = np.concatenate([path.vertices for path in one.get_paths()] or [np.zeros((0, 2))])
+    x = np.unique(corners[:, 0])
+    ends = [corners[corners[:, 0] == value, 1] for value in x]
+    return {
+        "x_value": x,
+        "y_low": np.array([end.min() for end in ends]),
+        "y_high": np.array([e.max() for e in ends]),
+    }
+
+
+def plain(text) -> str:
+    """A label without TeX: omega tau_1, p/k=10^-3."""
+    text = re.sub(r"\\(?:rm|mathrm|left|right)\b *", "", text)
+    text = re.sub(r"[${}]", "", re.sub(r"\\[, ]", " ", text))
+    text = re.sub(r" +", " ", re.sub(r"\\([A-Za-z]+)", r" \1 ", text))
+    return text.replace(" _", "_").replace(" ^", "^").strip()

@@ -1,0 +1,174 @@
+"""The panels of a picture: new ones on a figure of its own, or axes that somebody gives; limits, ticks, legends."""
+
+import string
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from jampetsc.errors import InputError
+from jampetsc.plots.logaxes import clear_corner, set_ticks, thin_ticks
+from jampetsc.plots.style import COLUMN, hidden
+
+HEIGHT = 2.9  # inches of a picture of one panel
+_LEAST = 1.6  # highest over lowest of a log axis
+
+
+class Page:
+    """Where a picture is drawn.
+
+    axes     those that are given, or none: then `panels` makes a figure
+    size     (width, height) of that figure in inches, None: what the picture takes
+    labels   words that replace those of the legends, in their order
+    """
+
+    def __init__(self, axes=None, size=None, labels=()):
+        self.own, self.size, self.labels = axes is None, size, list(labels)
+        self.axes = [] if axes is None else list(np.ravel(axes))
+        self.lettered, self._legends = False, []
+
+    def panels(self, rows=1, columns=1, width=COLUMN, height=HEIGHT, letters=True, count=None, **grid):
+        """(count,) axes, row by row; a single one for one panel.
+
+        width, height   inches of the figure
+        letters         (a), (b), … above several panels
+        count           of a last row that is not full; the others do without
+        grid            keywords of `Figure.subplots`
+
+        Raises InputError where another number of axes was given.
+        """
+        count = count or rows * columns
+        if self.own:
+            self._make(width, height)
+            made = self._figure.subplots(rows, columns, squeeze=False, **grid).ravel()
+            self.axes, self.lettered = list(made[:count]), letters and count > 1
+            for ax in made[count:]:
+                ax.remove()
+        elif len(self.axes) != count:
+            raise InputError(f"ax: {len(self.axes)} axes: this picture of these files takes {count}, or none")
+        else:
+            for ax in self.axes:
+                ax.set(**grid.get("subplot_kw", {}))
+        return self.axes[0] if count == 1 else np.array(self.axes)
+
+    def _make(self, width, height):
+        self._figure = Figure(figsize=self.size or (width, height), layout="constrained")
+        FigureCanvasAgg(self._figure)
+
+    def mosaic(self, names, width, height, heights) -> list:
+        """Axes with the names of a mosaic (`Figure.subplot_mosaic`), rows of these heights; errors as `panels`."""
+        if not self.own:
+            return list(np.ravel(self.panels(1, len({name for row in names for name in row}))))
+        self._make(width, height)
+        self.axes = list(self._figure.subplot_mosaic(names, gridspec_kw={"height_ratios": heights}).values())
+        self.lettered = True
+        return self.axes
+
+    @property
+    def figure(self):
+        """The figure that the axes are on."""
+        return self.axes[0].figure
+
+    def legend(self, ax, handles=None, title=None, first="lower right", named=True, **settings):
+        """A legend where it covers no data, put there by `finish`.
+
+        handles   what it names; None: all of `ax` that has a label
+        first     the corner that is tried first
+        named     its entries are those that `labels` replace
+        """
+        handles = ax.get_legend_handles_labels()[0] if handles is None else list(handles)
+        words = [handle.get_label() for handle in handles]
+        taken = min(len(words), len(self.labels)) if named else 0
+        words[:taken], self.labels = self.labels[:taken], self.labels[taken:]
+        if handles:
+            self._legends.append(
+                (ax, first, settings | {"handles": handles, "labels": words, "title": title})
+            )
+
+    def _place(self, ax, first, settings):
+        """A legend in a corner, or above the panels of a figure of its own, which grows for it."""
+        corner = clear_corner(ax, first, settings)
+        if corner or not self.own:
+            ax.legend(loc=corner or "best", **settings)
+            return
+        left = min(one.get_window_extent().x0 for one in self.axes) / self.figure.bbox.width
+        place = {"loc": "upper left", "bbox_to_anchor": (left, 1), "bbox_transform": self.figure.transFigure}
+        for columns in (4, 3, 2, 1):
+            legend = ax.legend(
+                **settings | place | {"ncol": columns, "columnspacing": 1.2, "borderaxespad": 0.2}
+            )
+            if legend.get_window_extent().width <= (1 - left) * self.figure.bbox.width:
+                break
+        legend.set_in_layout(False)
+        rise, height = legend.get_window_extent().height / self.figure.dpi + 0.05, self.figure.get_figheight()
+        if self.size is None:
+            self.figure.set_figheight(height + rise)
+        self.figure.get_layout_engine().set(rect=(0, 0, 1, 1 - rise / self.figure.get_figheight()))
+
+    def _letter(self):
+        """(a), (b), … above the panels of a figure of its own."""
+        if self.lettered:
+            for ax, letter in zip(self.axes, string.ascii_lowercase, strict=False):
+                ax.set_title(f"({letter})", loc="left", pad=3)
+
+    def finish(self, xlim=None, ylim=None) -> None:
+        """Limits, letters of panels, legends and ticks of log axes.
+
+        xlim, ylim   (low, high) for all panels, or one, or None, for each
+        """
+        for name, limits in (("xlim", xlim), ("ylim", ylim)):
+            if limits is None:
+                continue
+            pairs = [limits] * len(self.axes) if np.isscalar(limits[0]) else list(limits)
+            if len(pairs) != len(self.axes):
+                raise InputError(
+                    f"{name}: {len(pairs)} pairs for {len(self.axes)} panels: give one, or each its own"
+                )
+            for ax, pair in zip(self.axes, pairs, strict=True):
+                if pair is not None:
+                    ax.set(**{name: pair})
+        if self.labels:
+            raise InputError(f"label {self.labels[0]}: the legends have no entry that is left: give fewer")
+        self._letter()
+        for ax in self.axes:
+            low, high = ax.get_ylim()
+            if ax.get_yscale() == "log" and ax.get_autoscaley_on() and high < _LEAST * low:
+                middle = (low * high) ** 0.5  # what hardly changes is not blown up
+                ax.set_ylim(middle / _LEAST**0.5, middle * _LEAST**0.5)
+        axes = self.figure.axes if self.own else self.axes
+        short = [axis for ax in axes for axis in (ax.xaxis, ax.yaxis) if set_ticks(axis)]
+        self.figure.draw_without_rendering()  # also: ticks, which matplotlib makes when they are first drawn
+        for wanted in self._legends:
+            self._place(*wanted)
+        for axis in short:
+            thin_ticks(axis)
+
+
+def band(ax, x, low, high, name="", **look) -> None:
+    """A band from `low` to `high` over x, which does not widen the limits of log axes."""
+    kept = ax.dataLim.frozen()
+    look = {"alpha": 0.25, "linewidth": 0} | look
+    ax.fill_between(x, low, high, label=hidden(name) if name else None, **look)
+    if ax.get_yscale() == "log":
+        ax.dataLim.set(kept)
+
+
+def points(ax, x, y, error=None, **look):
+    """Points or a line (m,) with error bars where there are errors; what is no number, or not to be shown, is left out.
+
+    Log axes show only what is positive, and bars widen their limits by a factor of three at most. Gives the container.
+    """
+    x, y, log = np.asarray(x, float), np.asarray(y, float), ax.get_yscale() == "log"
+    known = np.isfinite(y) & ((y > 0) | (not log))
+    x, y, seen = x[known], y[known], np.zeros((2, known.sum()))
+    if error is not None:
+        error = np.asarray(error, float)[..., known]
+        seen = np.broadcast_to(np.where(np.isfinite(error), error, 0.0), seen.shape)
+        error = seen if np.isfinite(error).any() else None
+    kept = ax.dataLim.frozen()
+    drawn = ax.errorbar(x, y, error, **{"elinewidth": 0.6, "markeredgewidth": 0.7} | look)
+    if log:
+        ax.dataLim.set(kept)
+        for ends in (np.maximum(y - seen[0], y / 3), np.minimum(y + seen[1], 3 * y)):
+            ax.update_datalim(np.column_stack((x, ends)))
+    return drawn

@@ -1,0 +1,121 @@
+"""A kind of picture: the function that draws it, what files it is of, and what it may be asked for.
+
+    @picture("lanes", "velocity-correlation", "flow", options=(…))
+    def plot_lanes(results, page, …):
+        ax = page.panels()
+        …
+        return "what it shows, in words"
+
+The function draws on the axes that `page` gives. What the decorator makes of it is called with axes of one's own or
+without, and gives them back: plot_lanes(results, ax=None, …).
+"""
+
+import math
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from jampetsc.errors import InputError
+from jampetsc.plots.page import Page
+from jampetsc.plots.style import drawn_in
+
+PICTURES = {}  # kind -> Picture; `plots.draw` loads all of them
+
+
+@dataclass(frozen=True)
+class Option:
+    """What a picture may be asked for: a keyword of its function, a long option of the command."""
+
+    name: str
+    type: str  # "number", "word", "switch", "frequencies", "integers" or "file"
+    help: str
+    metavar: str | None = None
+    choices: tuple[str, ...] | None = None
+    low: float = -math.inf
+    high: float = math.inf
+
+    def check(self, value) -> None:
+        """Raise InputError for a value that the option cannot have."""
+        if self.choices and value not in self.choices:
+            raise InputError(f"{self.name} {value}: choose {' or '.join(self.choices)}")
+        if self.type == "number" and not self.low <= value <= self.high:
+            raise InputError(f"{self.name} {value:g}: must lie between {self.low:g} and {self.high:g}")
+
+
+PACKING = Option("packing", "file", "the packing, if it is not beside the file", "FILE")
+
+
+class Drawn(NamedTuple):
+    """A picture that was drawn."""
+
+    axes: list
+    text: str  # what it shows
+
+    @property
+    def figure(self):
+        """The figure that the axes are on."""
+        return self.axes[0].figure
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A kind of picture; calling it draws."""
+
+    kind: str
+    function: Callable  # (results, page, **options) -> what it shows
+    of: tuple[str, ...]  # what files it needs: packing, sweep, …
+    options: tuple[Option, ...]
+    single: bool  # one file at a time
+    mixed: bool  # files of several of these formats at once
+
+    def __call__(self, results, ax=None, **settings):
+        """Draw, and give back the axes: one, or (panels,) of them. Parameters and errors as `draw`."""
+        axes = self.draw(results, ax, **settings).axes
+        return axes[0] if len(axes) == 1 else np.array(axes)
+
+    def draw(
+        self, results, ax=None, size=None, xlim=None, ylim=None, label=(), style=None, **options
+    ) -> Drawn:
+        """Draw results on the axes `ax`, or on a figure of its own.
+
+        results      of `jampetsc.load`
+        ax           as many axes as the picture has panels; None: a new figure in the package's style
+        size         (width, height) of a new figure in inches
+        xlim, ylim   (low, high) for all panels, or one for each
+        label        words that replace those of the legend, in its order
+        style        a style file of matplotlib, or {name: value}, on top of the package's style
+        options      of this kind of picture
+
+        Raises InputError for files that it cannot show, and for an option that it does not have.
+        """
+        known = {option.name: option for option in self.options}
+        for name, value in options.items():
+            if name not in known:
+                raise InputError(
+                    f"{name}: is no option of {self.kind} pictures: {', '.join(known) or 'they have none'}"
+                )
+            known[name].check(value)
+        page = Page(ax, size, [label] if isinstance(label, str) else label)
+        with drawn_in(style) if ax is None else nullcontext():
+            text = self.function(results, page, **options)
+            page.finish(xlim, ylim)
+        return Drawn(page.axes, text)
+
+
+def picture(kind, *of, options=(), single=False, mixed=False):
+    """The decorator that makes a `Picture` of a function, and enters it into PICTURES."""
+
+    def enter(function):
+        PICTURES[kind] = Picture(kind, function, of, tuple(options), single, mixed)
+        PICTURES[kind].__dict__["__doc__"] = function.__doc__
+        return PICTURES[kind]
+
+    return enter
+
+
+def count(items, one="sweep", many="sweeps") -> str:
+    """So many of them, in words."""
+    return f"{len(items)} {one if len(items) == 1 else many}"

@@ -1,0 +1,25 @@
+"""Files that come with the package, `shipped/`: options files of PETSc, example programs and scripts for Slurm.
+
+In the tree these are links to the folders `options/`, `examples/` and `run/slurm/`; a wheel holds the files themselves.
+"""
+
+from pathlib import Path
+
+from jampetsc.errors import InputError
+
+FOLDER = Path(__file__).parent / "shipped"
+PREFIX = "jampetsc:"
+
+
+def located(word: str) -> str:
+    """The path of an options file for `jampetsc:NAME`; any other word is handed back as it is.
+
+    Raises InputError for a NAME that there is not.
+    """
+    if not word.startswith(PREFIX):
+        return word
+    known = {path.stem: str(path) for path in sorted((FOLDER / "options").glob("*.opts"))}
+    name = word.removeprefix(PREFIX)
+    if name not in known:
+        raise InputError(f"{word}: no such options file; there are {', '.join(map(PREFIX.__add__, known))}")
+    return known[name]

@@ -1,0 +1,110 @@
+"""What pip makes of the tree: the package is found from every folder, and a wheel has all that comes with it."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+
+import launch
+import pytest
+from samples import published
+
+import jampetsc
+from jampetsc import cli, shipped_files
+from jampetsc.errors import InputError
+from jampetsc.storage.packing_file import write_packing
+
+SHIPPED = {"options": "options", "examples": "examples", "slurm": "run/slurm"}  # in a copy -> in the tree
+
+
+def run(words, folder):
+    """What a program prints in a folder, with nothing but its own installation to find modules in."""
+    clean = {name: value for name, value in launch.environment().items() if name != "PYTHONPATH"}
+    done = subprocess.run(list(map(str, words)), cwd=folder, env=clean, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout.strip()
+
+
+def test_a_clone_named_like_the_package_does_not_stand_for_it_in_the_folder_above(tmp_path):
+    (tmp_path / "jampetsc").symlink_to(launch.ROOT)
+    code = "import jampetsc; print(jampetsc.__version__, jampetsc.__file__)"
+    assert run([sys.executable, "-c", code], tmp_path).endswith(f" {launch.ROOT}/jampetsc/__init__.py")
+
+
+def test_a_wheel_in_a_fresh_environment(tmp_path):
+    """With PETSc and numpy of the system, and nothing of the tree: it computes, with options of its own files.
+
+    Four to six seconds: pip builds and installs, and python compiles what is imported.
+    """
+    tree, fresh = tmp_path / "tree", tmp_path / "fresh"  # setuptools leaves its work in the tree
+    for name in ("jampetsc", "options", "examples", "run/slurm"):
+        ignored = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(launch.ROOT / name, tree / name, symlinks=True, ignore=ignored)
+    for name in ("pyproject.toml", "README.md"):
+        shutil.copy(launch.ROOT / name, tree)
+    pip = [sys.executable, "-m", "pip", "-q", "--disable-pip-version-check"]
+    run([*pip, "wheel", "--no-index", "--no-deps", "--no-build-isolation", "-w", tmp_path, tree], tmp_path)
+    (wheel,) = tmp_path.glob("jampetsc-*.whl")
+    shutil.rmtree(tree)
+    run([sys.executable, "-m", "venv", "--system-site-packages", "--without-pip", fresh], tmp_path)
+    run([*pip, "--python", fresh / "bin" / "python", "install", "--no-index", "--no-deps", wheel], tmp_path)
+    write_packing(tmp_path / "p.h5", published())
+    program = fresh / "bin" / "jampetsc"
+    words = (
+        "sweep p.h5 --out s.h5 --method direct --omega 1 -options_file jampetsc:superlu_dist -options_left no"
+    )
+    run([program, *words.split()], tmp_path)
+    code = "import jampetsc; print(jampetsc.__file__, jampetsc.load('s.h5').attributes['petsc_options'])"
+    told = run([fresh / "bin" / "python", "-c", code], tmp_path)
+    assert told.startswith(str(fresh)) and "superlu_dist" in told
+    run([program, "examples", "--copy", "mine"], tmp_path)
+    for copy, original in SHIPPED.items():
+        names = {path.name for path in (launch.ROOT / original).iterdir() if path.is_file()}
+        assert {path.name for path in (tmp_path / "mine" / copy).iterdir()} == names
+        for name in names:
+            held = (tmp_path / "mine" / copy / name).read_bytes()
+            assert held == (launch.ROOT / original / name).read_bytes()
+
+
+def test_a_copy_goes_into_a_new_folder_and_names_of_files_are_told(tmp_path, capsys):
+    assert cli.main(["examples", "--copy", str(tmp_path)]) == 2
+    assert f"--copy {tmp_path}: is there already: name a new folder" in capsys.readouterr().err
+    assert os.listdir(tmp_path) == []
+    with pytest.raises(
+        InputError, match=r"^jampetsc:mump: no such options file; there are jampetsc:iterative, "
+    ):
+        shipped_files.located("jampetsc:mump")
+
+
+def test_what_a_job_of_slurm_leaves_is_a_study(tmp_path):
+    """Submitted from any folder; `srun` is left out. A figure has to be told where the clone is."""
+    folder = launch.ROOT / "run" / "slurm"
+    own = {
+        "N": "16",
+        "SEEDS": "1:1",
+        "LAUNCH": "",
+        "TREE": "",
+        "PATH": f"{os.path.dirname(sys.executable)}:/usr/bin:/bin",
+    }
+    job = {"cwd": tmp_path, "env": launch.environment() | own, "capture_output": True, "text": True}
+    done = subprocess.run(["bash", folder / "ensemble.sbatch"], **job)
+    assert done.returncode == 0, done.stderr
+    table = jampetsc.load(tmp_path / "ensemble-n16")
+    assert sorted(table.where(command="sweep")["pressure"]) == pytest.approx([1e-4, 1e-3, 1e-2])
+    assert all(len(sweep.omega) == 141 for sweep in table.where(command="sweep").results())
+    done = subprocess.run(["bash", folder / "figure.sbatch", "bt-fig3"], **job)
+    assert done.returncode and "say where the clone is: TREE=" in done.stderr
+
+
+def test_what_conda_installs_is_what_pip_asks_for():
+    asked = re.search(
+        r"^dependencies = \[(.*)\]$", (launch.ROOT / "pyproject.toml").read_text(), re.MULTILINE
+    )[1]
+    names = {"python", "mpi4py", "petsc4py", "slepc4py", *re.findall(r"\w+", asked)} - {"matplotlib"}
+    recipe = (launch.ROOT / "recipe" / "meta.yaml").read_text()
+    assert f'version = "{jampetsc.__version__}"' in recipe
+    run_part = recipe[recipe.index("  run:") : recipe.index("test:")]
+    for text in (run_part, (launch.ROOT / "environment.yml").read_text()):
+        listed = set(re.findall(r"^ +- ([\w-]+)", text, re.MULTILINE))
+        assert names | {"matplotlib-base"} <= listed and "*real*" in text

@@ -1,0 +1,188 @@
+"""What every picture has: panels of its own or given ones, limits, words, style, ticks, legends, and its numbers."""
+
+import csv
+
+import numpy as np
+import pytest
+from drawn import bars
+from matplotlib.figure import Figure
+from test_flow_plots import facts
+from test_picture_limits import curve
+from test_plots import plot, write_sweep
+
+import jampetsc
+from jampetsc.errors import InputError
+from jampetsc.plots import logaxes, style
+from jampetsc.plots.draw import MODULES, pictures
+from jampetsc.plots.flowcurves import plot_flow
+from jampetsc.plots.moduli import plot_moduli
+from jampetsc.plots.numbers import plain
+from jampetsc.plots.page import Page, band, points
+
+pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")
+
+
+def test_every_module_with_pictures_is_listed():
+    found = {
+        path.stem
+        for path in (style.Path(style.__file__).parent).glob("*.py")
+        if "@picture(" in path.read_text()
+    }
+    assert found - {"picture"} == set(MODULES) and list(pictures())[0] == "moduli"
+
+
+def test_a_picture_is_drawn_on_the_axes_of_its_user():
+    """The same numbers as on a figure of its own; number, limits and size of the user's are left alone."""
+    some = [facts(rate=rate) for rate in (0.1, 0.2, 0.4)]
+    own = plot_flow(some)
+    figure = Figure(figsize=(9, 5))
+    given = figure.subplots(2, 3)
+    back = plot_flow(some, ax=given)
+    assert list(back) == list(given.ravel()) and figure.get_size_inches().tolist() == [9, 5]
+    for one, other in zip(own, back, strict=True):
+        np.testing.assert_array_equal(bars(one), bars(other))
+        assert one.get_ylabel() == other.get_ylabel() and other.get_title(loc="left") == ""
+    with pytest.raises(InputError, match="ax: 5 axes: this picture of these files takes 6, or none"):
+        plot_flow(some, ax=given.ravel()[:5])
+    ax = Figure().subplots()
+    assert plot_moduli([curve()], ax=ax) is ax
+
+
+def test_size_limits_words_and_style_are_chosen(tmp_path, capsys):
+    file = write_sweep(tmp_path / "s.h5")
+    (tmp_path / "my.mplstyle").write_text("lines.linewidth: 7\n")
+    ax = jampetsc.plot(
+        file, size=(5, 4), xlim=(1e-3, 1), ylim=[(1e-2, 2)], label=["mine"], style=tmp_path / "my.mplstyle"
+    )
+    assert ax.figure.get_size_inches().tolist() == [5, 4]
+    assert (ax.get_xlim(), ax.get_ylim()) == ((1e-3, 1), (1e-2, 2))
+    assert ax.get_legend().get_texts()[0].get_text() == "mine"
+    (tmp_path / "my.mplstyle").write_text("nonsense\n")
+    for wrong, message in (
+        ({"style": tmp_path / "none.mplstyle"}, "style .*none.mplstyle"),
+        ({"label": ["a", "b", "c", "d"]}, "label d: the legends have no entry that is left"),
+        ({"xlim": [(1, 2), (3, 4)]}, "xlim: 2 pairs for 1 panels"),
+        ({"kind": "modulus"}, "kind modulus: did you mean modul"),
+        ({"nonsense": 1}, "nonsense: is no option of any picture"),
+        ({"kind": "moduli", "mu": 1}, "mu 1: belongs to collapse pictures, not to moduli"),
+    ):
+        with pytest.raises(InputError, match=message):
+            jampetsc.plot(file, **wrong)
+    out = tmp_path / "x.png"
+    plot(file, "--size", "2,3", "--xlim", "1e-3:1", "--ylim", "1e-2:2", "--label", "mine", "--out", out)
+    assert style.matplotlib.image.imread(out).shape[:2] == (900, 600)
+    for words in (["--size", "2"], ["--xlim", "2:1"], ["--ylim", "a"], ["--size", "0,1"]):
+        with pytest.raises(InputError, match=words[0]):
+            plot(file, *words, "--out", out)
+
+
+def test_the_numbers_that_are_drawn_are_written_with_the_names_of_their_axes(tmp_path):
+    """k = 4 and τ₁ = 2: what is written is what is shown."""
+    omega, G = np.array([1e-3, 0.1, 1.0]), np.array([1 + 1j, 2 + 3j, -1 + 5j])
+    file = write_sweep(tmp_path / "s.h5", omega=omega, G=4 * G, bound=0.4, k=4.0, tau1=2.0)
+    plot(file, "--csv", tmp_path / "n.csv", "--out", tmp_path / "x.svg")
+    with open(tmp_path / "n.csv", newline="") as table:
+        rows = list(csv.DictReader(table))
+    assert {row["x"] for row in rows} == {"omega tau_1"} and rows[0]["panel"] == "a"
+    for part, values, x in (("G′", G.real[:2], omega[:2]), ("G″", G.imag, omega)):
+        own = [row for row in rows if row["series"].startswith(part)]
+        line = [row for row in own if row["what"] == "line"]
+        np.testing.assert_allclose([float(row["x_value"]) for row in line], 2 * x)
+        np.testing.assert_allclose([float(row["y_value"]) for row in line], values)
+        band = [row for row in own if row["what"] == "band"]
+        np.testing.assert_allclose([float(row["y_high"]) for row in band], values + 0.1)
+    for name, message in (("n.txt", "give it the ending .csv"), ("nowhere/n.csv", "nowhere does not exist")):
+        with pytest.raises(InputError, match=message):
+            jampetsc.plot(file, csv=tmp_path / name)
+
+
+def test_labels_without_tex():
+    assert plain(r"$p/k=10^{-3}$, $N=64$") == "p/k=10^-3, N=64"
+    assert plain(r"$\dot\gamma\ [k_{\rm e}/k_{\rm d}d_{\rm s}^2]$") == "dot gamma [k_e/k_dd_s^2]"
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "labels"),
+    [
+        (0.2, 0.33, "0.2 0.25 0.3"),
+        (3, 40, "5 10 20"),
+        (0.012, 0.4, "0.02 0.05 0.1 0.2"),
+        (4e-4, 2e-3, r"5\times10^{-4} 10^{-3} 2\times10^{-3}"),
+        (1e-7, 1.0, "-6 -4 -2 0"),
+        (1e-3, 1.0, "-3 -2 -1 0"),
+    ],
+)
+def test_ticks_of_log_axes_are_few_and_written_alike(low, high, labels):
+    page = Page()
+    ax = page.panels(subplot_kw={"xscale": "log"})
+    page.finish(xlim=(low, high))
+    shown = [tick for tick in ax.get_xticks() if low <= tick <= high]
+    if high / low < 100:
+        assert [ax.xaxis.get_major_formatter()(tick, 0).strip("$") for tick in shown] == labels.split()
+    else:
+        np.testing.assert_allclose(np.log10(shown), [float(word) for word in labels.split()], atol=1e-9)
+
+
+def test_labels_that_would_touch_are_taken_away():
+    page = Page(size=(1.2, 2))
+    ax = page.panels(subplot_kw={"xscale": "log"})
+    page.finish(xlim=(4e-4, 1.2e-2))
+    page.figure.draw_without_rendering()
+    boxes = [label.get_window_extent() for label in logaxes._labels(ax.xaxis)]
+    assert len(boxes) >= 2 and all(one.x1 < other.x0 for one, other in zip(boxes, boxes[1:], strict=False))
+
+
+@pytest.mark.parametrize("entries", [1, 7])
+@pytest.mark.parametrize("shape", ["flat", "peak", "cross"])
+def test_the_legend_covers_no_data(shape, entries):
+    """Where every corner is taken it stands above, and the picture grows for it."""
+    x = np.geomspace(1e-6, 1e3, 100)
+    drawn = {
+        "flat": [(x, f * np.ones(100)) for f in (1.0, 2.0, 3.0)],
+        "peak": [(x, x / (1 + x**2))],
+        "cross": [(x, x), (x, 1 / x), (x, np.ones(100)), (np.ones(100), x), (x, x**0.5), (x, x**-0.5)],
+    }[shape]
+    page = Page()
+    ax = page.panels(subplot_kw={"xscale": "log", "yscale": "log"})
+    for x, y in drawn:
+        ax.plot(x, y)
+    page.legend(ax, [style.entry("a label of some length")] * entries)
+    page.finish()
+    page.figure.draw_without_rendering()
+    box, whole = ax.get_legend().get_window_extent(), page.figure.bbox
+    assert whole.x0 <= box.x0 and box.x1 <= whole.x1 and box.y1 <= whole.y1 + 1
+    assert (page.figure.get_figheight() > 3.0) == (box.y0 >= ax.bbox.y1)
+    fine = np.linspace(0, 99, 5000)
+    for line in drawn:
+        line = np.column_stack([np.exp(np.interp(fine, np.arange(100), np.log(v))) for v in line])
+        assert not box.count_contains(ax.transData.transform(line))
+
+
+def test_bars_and_bands_do_not_stretch_log_axes():
+    page = Page()
+    ax = page.panels(subplot_kw={"xscale": "log", "yscale": "log"})
+    bars = points(ax, [1.0, 2.0, 3.0, 4.0], [1.0, np.nan, -1.0, 2.0], [0.999999, 0.1, 0.1, np.nan], label="x")
+    band(ax, [1.0, 4.0], [1e-12, 1.0], [2.0, 2.0])
+    page.finish()
+    assert bars.lines[0].get_xdata().tolist() == [1.0, 4.0] and 0.2 < ax.get_ylim()[0] < 1 / 3
+    flat = Page()
+    ax = flat.panels(subplot_kw={"xscale": "log", "yscale": "log"})
+    points(ax, [1.0, 2.0], [1.0, 1.0001])
+    flat.finish()
+    assert ax.get_ylim()[1] / ax.get_ylim()[0] == pytest.approx(1.6)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.0, "0"), (0.2, "0.2"), (20.0, "20"), (1e-3, "10^{-3}"), (-1e-3, "-10^{-3}"), (2e-3, r"2\times10^{-3}"),
+     (3.16e-4, r"3.2\times10^{-4}"), (9.99e-4, "10^{-3}"), (9999.0, "10^{4}"), (123.4, "123")],
+)  # fmt: skip
+def test_numbers_as_print_writes_them(value, text):
+    assert style.number(value) == text
+    assert [style.power_or_number(x) for x in (0.1, 1.0)] == ["10^{-1}", "1"]
+    assert [style.power_text("p", x) for x in (1, 0.5, 2 / 3, 0.47)] == [
+        "p",
+        "p^{1/2}",
+        "p^{2/3}",
+        "p^{0.47}",
+    ]
