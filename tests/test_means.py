@@ -159,10 +159,10 @@ def test_more_steps_or_snapshots_than_there_can_be():
         ("snapshots 8: there are 7 rows after discard, at most one for each", {"snapshots": 8}),
         ("snapshots 2: need 3 or more", {"snapshots": 2, "spacing": "log"}),
         (
-            "snapshot-every 0.09: must be at least the strain of a row, 0.1, and at most .* 0.7",
+            "snapshot_every 0.09: must be at least the strain of a row, 0.1, and at most .* 0.7",
             {"every": 0.09},
         ),
-        ("snapshot-every 0.71: must be", {"every": 0.71}),
+        ("snapshot_every 0.71: must be", {"every": 0.71}),
     ):
         with pytest.raises(InputError, match=refused):
             Plan.of(0.1, 1.0, 1.0, 3 * row, **words)
@@ -233,7 +233,7 @@ def test_snapshots_need_room_twice(tmp_path, monkeypatch):
         if fits:
             check_space(Outlet(tmp_path / "x.h5"), 10, 7)
         else:
-            with pytest.raises(InputError, match="7 snapshots: of 10 disks need"):
+            with pytest.raises(InputError, match="snapshots 7: of 10 disks need"):
                 check_space(Outlet(tmp_path / "x.h5"), 10, 7)
 
 

@@ -82,9 +82,9 @@ class FromStart(Job):
             check_output(self.last, "jampetsc-packing", self.paths, [to.path] if to.path else [])
 
     @property
-    def files(self):
+    def paths(self):
         """The file of radii is one, too."""
-        return super().files + ([self.radii.path] if self.radii is not None and self.radii.path else [])
+        return super().paths + ([self.radii.path] if self.radii is not None and self.radii.path else [])
 
     def disks(self, comm=None) -> tuple[Disks, dict]:
         """(disks, attributes that say where they come from). Collective.
