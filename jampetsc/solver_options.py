@@ -17,7 +17,6 @@ SOLVERS = {  # prefix: parts of PETSc and SLEPc that read the words after it
     "freq_": "ksp pc mat",
     "inertia_": "ksp pc mat",
     "modes_": "eps st",
-    "flow_": "ksp pc",
     "osc_": "snes ksp",
     "osc_factor_": "pc mat",
 }

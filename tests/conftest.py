@@ -79,6 +79,15 @@ def session():
 
 
 @pytest.fixture
+def telling():
+    """Runs tell on standard error how far they have come, as on a command line."""
+    from jampetsc import progress
+
+    with progress.telling(True):
+        yield
+
+
+@pytest.fixture
 def shared_path(session, tmp_path):
     """One empty folder for all ranks; tmp_path is another one on every rank."""
     return session.comm.bcast(tmp_path)

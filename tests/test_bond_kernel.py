@@ -70,10 +70,12 @@ def test_against_sums_over_contacts(name, spinning, kind, stiffness):
     assert np.abs(forces - wanted).max() < 1e-12 * np.abs(wanted).max()
     if spinning:
         assert np.abs(torques - turned).max() < 1e-12 * max(np.abs(turned).max(), 1)
-    assert sums[4] == contacts
-    assert sums[5] == pytest.approx(work, rel=1e-12)
+    assert sums.contacts == contacts
+    assert sums.dissipation == pytest.approx(work, rel=1e-12)
     assert np.allclose(sums[6:], virial.ravel(), rtol=0, atol=1e-11 * np.abs(virial).max())
-    assert sums[0] / potential.alpha == pytest.approx(potential.energy(c.overlap, c.sigma).sum(), rel=1e-12)
+    assert sums.energy / potential.alpha == pytest.approx(
+        potential.energy(c.overlap, c.sigma).sum(), rel=1e-12
+    )
     elastic = (c.normal * c.force[:, None]).T @ c.r
     assert np.allclose(sums[1:4], [elastic[0, 0], elastic[0, 1], elastic[1, 1]], rtol=1e-11)
 

@@ -297,6 +297,7 @@ def test_what_cannot_be_solved_is_an_error(session):
             solver.solve(0.01, 1e-10)
 
 
+@pytest.mark.usefixtures("telling")
 def test_frequencies_that_fail_are_told_beside_the_others(session, shared_path, capfd):
     """Of G'' of gears too little is left at the lowest ones. Frequencies are those of the experiment throughout."""
     packing, omega = shared_path / "gears.h5", [1e-16, 1e-15, 1e-6, 1.0]

@@ -32,9 +32,8 @@ def rolling_of(run):
 def rates_of(run):
     """(m u̇ (N, 2), torques, sums of bonds) of a run as it is, by the compiled loop."""
     out, rolling = np.empty_like(run.offsets), rolling_of(run)
-    sums = compiled.residual_at(
-        run.pairs.arrays, run.offsets, run.shear, run._law, run.weights, run.physics, run.velocities, out, rolling
-    )  # fmt: skip
+    place = run.lists[0], 0, run.offsets, run.shear, run.task()
+    sums = compiled.residual_at(*place, run.velocities, out, rolling)
     return out, rolling[2] if rolling else np.zeros(len(run.spins)), sums
 
 
@@ -67,8 +66,8 @@ def test_right_hand_side_is_that_of_dense_numpy(name, kind):
     found, turned, sums = rates_of(run)
     assert np.abs(found - total).max() < 1e-12
     assert np.abs(turned - torques).max() < 1e-12
-    assert sums[7] == pytest.approx(virial, rel=1e-10)
-    assert sums[5] == pytest.approx(spent, rel=1e-10)
+    assert sums.viscous_xy == pytest.approx(virial, rel=1e-10)
+    assert sums.dissipation == pytest.approx(spent, rel=1e-10)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -78,8 +77,9 @@ def test_energy_is_balanced_at_every_instant(name, kind):
     run = moving(name, crowd(kind=kind))
     force, torques, sums = rates_of(run)
     u, mass, rate = run.velocities, run.model.mass, run.rate
-    tally = np.zeros(len(compiled.TALLY))
-    compiled.note(tally, sums, run.reference.potential.alpha, u, mass, run.physics[0], rate, run.physics[3])
+    tally, noted = np.zeros(len(compiled.TALLY)), np.zeros((1, compiled.SUMMED + 2))
+    compiled.note(run.task(), sums, *compiled.squares_of(u), noted[0])
+    compiled.tell(run.task(), noted, tally)
     power = -rate * (tally[0] + tally[2] + tally[4]) - tally[7]
     change = float(np.sum(u * force)) + float(np.sum(run.spins * torques))  # of the kinetic energy
 
@@ -88,9 +88,8 @@ def test_energy_is_balanced_at_every_instant(name, kind):
         o = np.empty_like(u)
         compiled.move(run.offsets, u, 0.5 * g, h, o)
         out = np.empty_like(u)
-        return compiled.residual_at(
-            run.pairs.arrays, o, g, run._law, run.weights, run.physics, u, out, rolling_of(run)
-        )[0] / run.reference.potential.alpha  # fmt: skip
+        sums = compiled.residual_at(run.lists[0], 0, o, g, run.task(), u, out, rolling_of(run))
+        return sums.energy / run.reference.potential.alpha
 
     h = 1e-5
     change = (change if mass else 0.0) + (energy(h) - energy(-h)) / (2 * h)
@@ -162,7 +161,7 @@ def test_stress_does_not_depend_on_origin_images_tilt_or_skin(name):
     assert tilted.cell[1, 0] < 0 < cell[1, 0]
     wide = shear(name, disks, step=step)
     wide.skin = 0.9
-    wide._list(wide.reference)
+    wide.list(wide.reference)
     runs = {"origin": shifted, "images": moved, "tilt": tilted}
     for what, start in runs.items():
         change = np.abs(history(shear(name, start, step=step)) / reference - 1).max()
@@ -509,14 +508,17 @@ def test_what_is_no_number_moves_too_far(bad):
         o, good = np.zeros((4, 2)), np.full((4, 2), 1e-3)
         u = good.copy()
         u[where] = bad
-        physics, scratch = (1.0, 1.0, 0.1, 0.0, 0), np.zeros((4, 2))
+        task, room = shear("CD").task(), np.empty((4, 4, 2))
         found = [
             compiled.move(o.copy(), u, 0.1, 0.1, np.empty_like(o)),
-            compiled.drift(o.copy(), u, 1.0, 0.1, 0.1, np.empty_like(o))[:2],
-            compiled.kick(o.copy(), good, good.copy(), physics, 0.1, 0.1, u.copy(), scratch)[:2],
+            compiled.drift(o, u, 1.0, 0.1, 0.1, *room[:2])[:2],
+            compiled.kick(o, good, good, task, 0.1, u.copy(), *room[:3])[:2],
         ]
         for far, longest in found:
             assert compiled.verdict_of(far, longest, 0.0, listed) == compiled.BLOWN_UP
+            sums = np.zeros((3, compiled.SUMMED + 2))  # of one domain of three
+            sums[1, -2:] = far, longest
+            assert compiled.reached(task, sums, 0.0)[0] == compiled.BLOWN_UP
     far, longest = compiled.move(o, good, 0.1, 0.1, np.empty_like(o))
     assert compiled.verdict_of(far, longest, 0.0, listed) == compiled.DONE
 

@@ -10,7 +10,10 @@ from sheared import OVERDAMPED, ROWS, crowd, forces
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import Law
 from jampetsc.contacts.pairs import deformed
+from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.state import find_contacts
+from jampetsc.contacts.threads import Team
+from jampetsc.flows import shearing
 from jampetsc.flows import steps as compiled
 from jampetsc.flows.models import Model, Scheme
 from jampetsc.flows.shearing import Shear
@@ -181,7 +184,7 @@ def test_a_list_is_stale_by_the_shear_after_a_step(name, method):
     disks = Disks.from_positions(places, np.full(4, 0.5), 9.0 * np.eye(2))
     run = Shear(disks, Model(law, mass), 1.0, Scheme(0.1, method, 1e-12))
     run.skin = 0.12  # the larger singular value of the deformation is 1.105 at 0.2, 1.161 at 0.3
-    run._list(run.reference)
+    run.list(run.reference)
     assert run._run(9) == (2 if method == "heun" else 3, compiled.STALE)
     assert not run.offsets.any() and run.seen[TALLY.index("steps")] == (2 if method == "heun" else 3)
 
@@ -235,3 +238,53 @@ def test_a_start_is_put_into_its_upright_cell():
     far = replace(disks, cell_base=turned @ disks.cell_base, cell_offset=turned @ disks.cell_offset)
     state = Shear(far, Model(ROWS["RD0"][0]), 0.1, Scheme(0.1, "euler", 1e-6)).state()
     np.testing.assert_allclose(state["cell_base"] + state["cell_offset"], disks.cell, atol=1e-12)
+
+
+def many(n=6200):
+    """Disks at the sites of a jittered square lattice, in no order, with an overlap here and there."""
+    rng, side = np.random.default_rng(7), int(np.ceil(np.sqrt(n)))
+    sites = rng.permutation(side * side)[:n]
+    places = np.column_stack((sites % side, sites // side)) * 1.05 + rng.uniform(-0.15, 0.15, (n, 2))
+    potential = Potential("harmonic", "inverse-square-diameter")
+    return Disks.from_positions(places, rng.choice([0.5, 0.6], n), 1.05 * side * np.eye(2), potential)
+
+
+@pytest.mark.parametrize(
+    ("name", "method"),
+    [("RD0", "euler"), ("RD0", "heun"), ("CD0", "euler"), ("CD0", "heun"), ("rolling", "verlet")],
+)
+def test_threads_and_domains_do_not_change_a_run(name, method, monkeypatch):
+    """To the last bit on one to three threads; as one domain in the order given but for rounding, whatever order."""
+    law, mass = ROWS[name]
+    disks, scheme = many(), Scheme(0.02, method, 1e-9)
+    runs = [Shear(disks, Model(law, mass), 0.5, scheme, Team(threads)) for threads in (1, 2, 3)]
+    monkeypatch.setattr(shearing, "borders", lambda n: np.array([0, n]))
+    plain = Shear(disks, Model(law, mass), 0.5, scheme)
+    monkeypatch.undo()
+    assert len(runs[0].lists[0].across) == 3 and len(plain.lists[0].across) == 1
+    monkeypatch.setattr(shearing, "SORTED", 0.05)  # strain: five steps
+    for run in (*runs, plain):
+        before = run.order
+        run.advance(7)
+        run.fold()
+        assert run is plain or not np.array_equal(run.order, before)
+        run.advance(2)
+    one, again = runs[0], Shear(disks, plain.model, plain.rate, scheme)
+    again.restore(one.state())
+    for run in (*runs, plain, again):
+        run.advance(2)
+    runs.append(again)
+    for run in runs[1:]:
+        found, wanted = run.state(), one.state()
+        assert all(np.array_equal(found[key], wanted[key]) for key in wanted)
+        assert np.array_equal(run.velocities_now(), one.velocities_now())
+    assert one.velocities_now() == pytest.approx(plain.velocities_now(), abs=1e-7)
+    moves = (one.disks.positions - plain.disks.positions) @ np.linalg.inv(plain.disks.cell)
+    assert np.abs(moves - np.round(moves)).max() < 1e-9
+    np.testing.assert_allclose(
+        one.seen[: compiled.SUMMED], plain.seen[: compiled.SUMMED], rtol=1e-6, atol=1e-6
+    )
+    assert (
+        one.look().clusters == plain.look().clusters
+        and one.look().largest_cluster == plain.look().largest_cluster
+    )

@@ -9,16 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from samples import SAMPLES, physics, put, run_of
-from sheared import crowd, shear
 from sweeps import Sweep
 
-from jampetsc.flows.shearing import Shear
-from jampetsc.flows.together import Together
+from jampetsc.jobs.oscillate import Oscillate
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.examine import examine
 from jampetsc.mechanics.minimum import negative_modes
 from jampetsc.mechanics.network import build_network
-from jampetsc.oscillation import job as oscillation
+from jampetsc.oscillation import run as oscillation
 from jampetsc.oscillation.newton import Newton
 from jampetsc.response import direct_sweep, rational_sweep
 from jampetsc.response import quasistatic as quasistatic_response
@@ -28,7 +26,6 @@ from jampetsc.response.quasistatic import solve
 from jampetsc.response.viscosity import Viscosity
 from jampetsc.solvers.cholesky import NotPositiveDefinite
 from jampetsc.solvers.inertia import count_below
-from jampetsc.solvers.resistance import ContactSolver
 from jampetsc.solvers.shifted import ShiftedFactor
 from jampetsc.storage.outlet import Outlet
 
@@ -88,14 +85,6 @@ def counts(session):
     pencil.destroy()
 
 
-def flow(session):
-    solver = ContactSolver(1e-8)
-    disks = crowd(16)
-    run = shear("CD0", disks)
-    Shear(disks, run.model, run.rate, run.scheme, Together(solver)).advance(3)
-    solver.destroy()
-
-
 def jobs(session):
     folder = session.comm.bcast(tempfile.mkdtemp())
     packing = Path(folder) / "p.h5"
@@ -111,15 +100,12 @@ def jobs(session):
 def oscillate(session):
     """A cycle at once, on all ranks and as the start of moving contacts, and steps in time, each on one."""
     folder = session.comm.bcast(tempfile.mkdtemp())
-    packing, law = Path(folder) / "p.h5", physics(rotations=False)
+    packing, law = Path(folder) / "p.h5", physics(rotations=False).law
     put(packing, SAMPLES["published"](), session.comm)
     for contacts in ("fixed", "moving"):
-        imposed = np.array([0.1]), np.array([1e-6]), contacts == "fixed", 8, contacts
-        oscillation.run(
-            oscillation.Job(
-                packing, Path(folder) / f"{contacts}.h5", law, *imposed, None if contacts == "fixed" else 3
-            )
-        )
+        how = {"stress": 1e-6} if contacts == "fixed" else {"strain": 1e-6, "cycles": 3}
+        job = Oscillate(packing, law, omega=0.1, steps=16, contacts=contacts, **how)
+        oscillation.solve(job, Outlet())
     gc.collect()  # those that SNES goes on to hold, which holds them, would stay for ever
     assert not [one for one in gc.get_objects() if isinstance(one, Newton)]
     if session.rank == 0:
@@ -128,7 +114,6 @@ def oscillate(session):
 
 RUNS = {
     "oscillate": oscillate,
-    "flow": flow,
     "jobs": jobs,
     "rational, shifts": sweep("shifts", physics()),
     "rational, matrix": sweep("matrix", physics()),

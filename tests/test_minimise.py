@@ -146,15 +146,16 @@ def test_forces_of_domains_are_those_of_the_whole_list():
     pairs = replace(
         pairs, sigma=pairs.sigma + 0.2
     )  # so that every pair touches, also the last one of a domain
-    parts = domains.into_domains(pairs, disks.n)
+    parts = domains.into_domains(pairs, domains.borders(disks.n))
     assert parts.number > 1
     offsets = np.zeros((domains.padded(disks.n), 2))
     offsets[: disks.n] = np.random.default_rng(1).normal(0, 0.02, (disks.n, 2))
     found, whole = np.full_like(offsets, np.nan), np.empty((disks.n, 2))
     law, box = disks.potential.constants, (0.01, 0.02)
-    sums = [domains.domain_forces(parts, d, offsets, *box, law, found) for d in range(parts.number)]
-    energy, *virial = bond_forces(pairs.arrays, offsets[: disks.n], *box, law, whole, None, None)[:4]
-    wanted = (energy / disks.potential.alpha, *virial)
+    sums = [
+        domains.domain_forces(parts, d, offsets, *box, law, found, None, None) for d in range(parts.number)
+    ]
+    wanted = bond_forces(pairs.arrays, offsets[: disks.n], *box, law, whole, None, None)
     assert np.abs(found[: disks.n] - whole).max() < 1e-13
     assert np.allclose(np.sum(sums, axis=0), wanted, rtol=1e-12)
 
@@ -162,7 +163,9 @@ def test_forces_of_domains_are_those_of_the_whole_list():
 def test_domains_are_of_one_type_however_many():
     """Numba would compile the descent, ten seconds of it, once more for the first large packing."""
     one, several = (PairList.build(random_disks(n, 0.3), 0.1) for n in (16, 4100))
-    assert typeof(domains.into_domains(one, 16)) == typeof(domains.into_domains(several, 4100))
+    assert typeof(domains.into_domains(one, domains.borders(16))) == typeof(
+        domains.into_domains(several, domains.borders(4100))
+    )
 
 
 def test_any_number_of_threads_takes_the_same_way():
@@ -611,7 +614,7 @@ def test_all_domains_take_one_step_of_fire(along):
     """What decides it are sums over all of them, as if there were one: power, sizes of forces and of velocities."""
     disks = random_disks(4200)
     pairs, size = PairList.build(disks, 0.3), domains.padded(disks.n)
-    parts = domains.into_domains(pairs, disks.n)
+    parts = domains.into_domains(pairs, domains.borders(disks.n))
     f = state.net_forces(disks.n, find_contacts(disks))
     middle, longest, law = parts.disks[1], 0.5, disks.potential.constants
     factors = np.where(np.arange(disks.n) < middle, *along)[:, None]

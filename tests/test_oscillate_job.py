@@ -6,12 +6,14 @@ from samples import SAMPLES, lattice, network_of, physics, published, put
 from sweeps import Sweep
 
 from jampetsc.errors import ConvergenceError, InputError
-from jampetsc.oscillation import job
+from jampetsc.jobs.oscillate import Oscillate
+from jampetsc.oscillation import run
 from jampetsc.oscillation.answer import Answer
 from jampetsc.oscillation.halfcycles import Stepped, SteppedOscillation
 from jampetsc.oscillation.repeated import Repeated
 from jampetsc.oscillation.steady import Point, Steady, SteadyOscillation
 from jampetsc.session import current
+from jampetsc.storage.outlet import Outlet
 from jampetsc.storage.reader import load
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]
@@ -33,12 +35,11 @@ def ask(
     stress=True,
     **options,
 ):
-    given = physics(exponent=alpha, rotations=False, **options)
-    omega = np.array(OMEGA[alpha] if omega is None else omega)
-    cycles = 3 if contacts == "moving" else None
-    return job.Job(
-        packing, packing.parent / out, given, omega, np.array(amplitude), stress, 8, contacts, cycles
-    )
+    """The job, and where its result goes."""
+    how = {"stress" if stress else "strain": amplitude, "omega": OMEGA[alpha] if omega is None else omega}
+    how |= {"contacts": contacts, "cycles": 3 if contacts == "moving" else None, "steps": 16, "alpha": alpha}
+    out = packing.parent / out
+    return Oscillate(packing, physics(rotations=False).law, **how, **options), Outlet(out, out)
 
 
 def left_behind(packing):
@@ -50,22 +51,22 @@ def left_behind(packing):
 @pytest.mark.parametrize("contacts", ["fixed", "moving"])
 def test_every_point_is_in_its_place(packing, contacts):
     """G* grows with ω, and work says which strain there was; of moving contacts three points, for two ranks."""
-    asked = ask(packing, 1.0, contacts, *(((1e-4,), (0.03, 0.3, 1.0)) if contacts == "moving" else ()))
-    arrays = job.run(asked)
+    asked, to = ask(packing, 1.0, contacts, *(((1e-4,), (0.03, 0.3, 1.0)) if contacts == "moving" else ()))
+    arrays = run.solve(asked, to)
     current().comm.barrier()
-    file = load(asked.out)
+    file = load(to.path)
     assert file.attributes["solver"] == {"fixed": "cycle", "moving": "steps"}[contacts]
     assert (file.attributes["control"], file.attributes["contacts"], file.attributes["steps"]) == (
         "stress",
         contacts,
-        8,
+        16,
     )
     assert (file.attributes["alpha"], file.attributes["regularisation"]) == (1.0, 0.0)
     shape = len(asked.amplitude), len(asked.omega)
     for name, values in arrays.items():
         np.testing.assert_array_equal(file[name], values)
         assert values.shape[:2] == shape and np.all(np.isfinite(values))
-        assert (values.dtype.kind == "i") == (name in job.COUNTS)
+        assert (values.dtype.kind == "i") == (name in run.COUNTS)
     G, strain = arrays["G"], asked.amplitude[:, None] / abs(arrays["G"])
     np.testing.assert_allclose(arrays["work"], np.pi * G.imag * strain**2, rtol=1e-3)
     assert np.all(np.diff(abs(G), axis=1) > 0.0)
@@ -88,27 +89,28 @@ def failing(monkeypatch, points, solver):
     return seen
 
 
+@pytest.mark.usefixtures("telling")
 @pytest.mark.parametrize(("alpha", "solver"), [(1.0, SteadyOscillation), (0.4, SteppedOscillation)])
 def test_what_fails_is_left_out_and_tried_again(monkeypatch, session, packing, capfd, alpha, solver):
     """On whichever rank: the others are kept and in the file, and only what is missing is done next time."""
-    asked, omega = ask(packing, alpha), OMEGA[alpha]
+    (asked, to), omega = ask(packing, alpha), OMEGA[alpha]
     bad = [(omega[1], 1e-5), (omega[0], 1e-4)]  # one on each rank
     with monkeypatch.context() as patch:
         failing(patch, bad, solver)
         with pytest.raises(ConvergenceError) as told:
-            job.run(asked)
+            run.solve(asked, to)
     named = f"omega {omega[1]:.3e}  stress 1.0e-05: something went wrong"
-    assert str(told.value) == f"2 of 4 points failed, the others are in {asked.out}; the first: {named}"
+    assert str(told.value) == f"2 of 4 points failed, the others are in {to}; the first: {named}"
     session.comm.barrier()
     shown = session.comm.bcast(capfd.readouterr().err)
     assert shown.count("failed: ") == 2 and f"failed: {named}" in shown
-    first = {name: load(asked.out)[name] for name in ("G", "error", "newton_steps")}
+    first = {name: load(to.path)[name] for name in ("G", "error", "newton_steps")}
     missing = [[False, True], [True, False]]
     assert np.isnan(first["G"]).tolist() == np.isnan(first["error"]).tolist() == missing
     assert (first["newton_steps"] == 0).tolist() == missing
     with monkeypatch.context() as patch:
         seen = failing(patch, [], solver)
-        arrays = job.run(asked)
+        arrays = run.solve(asked, to)
     everyone = session.comm.allgather(seen)
     solved = {tuple(point) for points in everyone for point in points}
     assert solved == set(bad)
@@ -118,7 +120,7 @@ def test_what_fails_is_left_out_and_tried_again(monkeypatch, session, packing, c
     np.testing.assert_array_equal(arrays["G"][kept], first["G"][kept])
     strain = asked.amplitude[:, None] / abs(arrays["G"])
     np.testing.assert_allclose(arrays["work"], np.pi * arrays["G"].imag * strain**2, rtol=1e-3)
-    told = load(asked.out).attributes
+    told = load(to.path).attributes
     expected = ("cycle", 0.0) if alpha == 1.0 else ("steps", 1e-5**alpha)
     assert (told["solver"], told["regularisation"]) == pytest.approx(expected)
     assert left_behind(packing) == ["o.h5"]
@@ -126,11 +128,11 @@ def test_what_fails_is_left_out_and_tried_again(monkeypatch, session, packing, c
 
 @pytest.mark.parametrize(("alpha", "solver"), [(1.0, SteadyOscillation), (0.4, SteppedOscillation)])
 def test_where_all_fail_there_is_no_file(monkeypatch, packing, alpha, solver):
-    asked = ask(packing, alpha)
+    asked, to = ask(packing, alpha)
     failing(monkeypatch, [(o, a) for o in OMEGA[alpha] for a in asked.amplitude], solver)
     with pytest.raises(ConvergenceError, match=r"omega 1.*e-0.  stress 1.0e-05: something went wrong$"):
-        job.run(asked)
-    assert not asked.out.exists()
+        run.solve(asked, to)
+    assert not to.path.exists()
 
 
 @pytest.mark.most_ranks(1)
@@ -139,13 +141,13 @@ def test_which_solver(monkeypatch, packing):
     omega, strain = (1e-6,), (1e-3,)
     solvers = []
     for alpha in (0.45, 0.449):
-        job.run(ask(packing, alpha, "fixed", strain, omega, f"{alpha}.h5"))
+        run.solve(*ask(packing, alpha, "fixed", strain, omega, f"{alpha}.h5"))
         current().comm.barrier()
         solvers.append(load(packing.parent / f"{alpha}.h5").attributes["solver"])
     assert solvers == ["cycle", "steps"]
     seen = [failing(monkeypatch, [], solver) for solver in (SteadyOscillation, SteppedOscillation)]
     for alpha in (0.5, 0.4):
-        job.run(ask(packing, alpha, "moving", (1e-7,), (1e-12,), f"m{alpha}.h5", False))
+        run.solve(*ask(packing, alpha, "moving", (1e-7,), (1e-12,), f"m{alpha}.h5", False))
         counts = [sum(current().comm.allgather(len(one))) for one in seen]
         assert counts == ([1, 0] if alpha == 0.5 else [1, 1])
 
@@ -156,7 +158,9 @@ def test_prestress_and_stiffness_are_those_asked_for(session, packing, alpha):
     disks = SAMPLES["k = 2.5"]()
     put(packing, disks, session.comm)
     omega, strain = OMEGA[alpha][:1], 1e-4
-    found = job.run(ask(packing, alpha, "fixed", (strain,), omega, stress=False, prestress=False))["G"][0, 0]
+    found = run.solve(*ask(packing, alpha, "fixed", (strain,), omega, stress=False, prestress=False))["G"][
+        0, 0
+    ]
     law = physics(exponent=alpha, rotations=False, prestress=False)
     if alpha == 1.0:
         with Sweep(disks, law, np.array(omega), 1e-8, session.comm) as sweep:
@@ -164,7 +168,7 @@ def test_prestress_and_stiffness_are_those_asked_for(session, packing, alpha):
     else:
         with session.alone():
             network = network_of(disks, law, current().comm)
-            solver = SteppedOscillation(network, law.law, 2.0 * float(disks.radii.mean()), 8)
+            solver = SteppedOscillation(network, law.law, 2.0 * float(disks.radii.mean()), 16)
             exact = solver.solve(Point(omega[0], strain, False)).G
     assert found == pytest.approx(exact, rel=1e-6)
 
@@ -173,7 +177,7 @@ def test_prestress_and_stiffness_are_those_asked_for(session, packing, alpha):
 def test_a_packing_that_is_no_minimum_is_named(session, packing, alpha):
     put(packing, lattice(), session.comm)
     with pytest.raises(InputError, match=f"^{packing}: K has 14 negative modes"):
-        job.run(ask(packing, alpha))
+        run.solve(*ask(packing, alpha))
     assert left_behind(packing) == []
 
 

@@ -645,8 +645,8 @@ def test_how_far_a_list_reaches_hardly_matters():
     found = []
     for skin in (1e-3, 0.05, 1.5):
         motion = MovingContacts(published(), physics(rotations=False).law, 10.0, 1e-2, "osc_factor_")
-        motion._skin = skin * motion.springs.diameter
-        motion._list(motion.disks)
+        motion.skin = skin * motion.diameter
+        motion.fold()
         for n in range(4):
             motion.advance(0.05 * np.array([n + STAGE, n + 1.0]), np.full(2, 5e-3))
         found.append(find_contacts(motion.disks))

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from jampetsc.contacts.disks import GRID, Disks
+from jampetsc.contacts.domains import choose_near, into_domains
 from jampetsc.contacts.neighbours import neighbour_pairs
 from jampetsc.contacts.pairs import (
-    FAR,
     REBUILD,
     SKIN_RANGE,
     WIDTH,
     PairList,
+    are_worn,
     deformed,
     is_stale,
-    nearest,
     tuned_skin,
 )  # fmt: skip
 from jampetsc.contacts.state import bond_vectors, find_contacts, measure
@@ -113,34 +113,42 @@ def test_no_touching_pair_is_missing_until_the_list_is_stale(kind):
     assert newcomers > 50
 
 
-def test_near_pairs_serve_until_they_are_stale():
-    """Disks on straight ways under shear: every touching pair is among the near ones while `nearest` keeps them."""
+@pytest.mark.parametrize("borders", [(0, 60), (0, 23, 60)], ids=["one domain", "two domains"])
+def test_near_pairs_serve_until_they_are_worn(borders):
+    """Disks on straight ways under shear: every touching pair is among the near ones until then."""
     newcomers = 0
-    for seed in range(60):
+    for seed in range(40):
         rng = np.random.default_rng(seed)
         disks, skin = crowd(seed, phi=0.6), 0.1
-        pairs, listed_as = PairList.build(disks, 1.5), (2 * disks.radii.max(), 1.5, skin)
-        offsets, shear, moved = rng.normal(0, 0.1, (disks.n, 2)), rng.choice([-0.4, 0.4]), 0.0
-        first = nearest(pairs.arrays, (pairs.arrays, FAR, 0.0), offsets, shear, listed_as)
-        kept, began, turn = (
-            first[0],
-            touching(deformed(disks, offsets, 0.0, shear)),
-            rng.choice([-1e-3, 1e-3]),
-        )
-        known = set(zip(kept[0].tolist(), kept[1].tolist(), strict=True))
+        pairs, largest = PairList.build(disks, 1.5), 2 * disks.radii.max()
+        domains = into_domains(pairs, np.array(borders))
+        near = domains.room()
+        offsets, then, moved = rng.normal(0, 0.1, (disks.n, 2)), rng.choice([-0.4, 0.4]), 0.0
+        assert are_worn(1e300, then, 0.0, largest, skin)
+        for d in range(domains.number):
+            choose_near(domains, d, offsets, then, skin, near)
+        began, turn, shear = touching(deformed(disks, offsets, 0.0, then)), rng.choice([-1e-3, 1e-3]), then
+        known = {
+            (min(i, j), max(i, j))
+            for first, last in zip(near.begin, near.end, strict=True)
+            for i, j in zip(near.i[first:last].tolist(), near.j[first:last].tolist(), strict=True)
+        }
+        for d in range(domains.number):
+            inside = slice(near.begin[d], near.across[d])
+            assert (near.j[inside] < borders[d + 1]).all() and (near.j[inside] >= borders[d]).all()
+            outside = near.j[near.across[d] : near.end[d]]
+            assert ((outside < borders[d]) | (outside >= borders[d + 1])).all()
         assert known < listed(pairs)
         angle, speed = rng.uniform(0, 2 * np.pi, disks.n), 2e-3
         while True:
             offsets = offsets + speed * np.column_stack((np.cos(angle), np.sin(angle)))
             shear, moved = shear + turn, moved + speed
-            now = nearest(pairs.arrays, (kept, moved, first[2]), offsets, shear, listed_as)
-            if now[1] < moved:
-                assert now[2] == shear and now[0][0] is not kept[0]
+            if are_worn(moved, shear, then, largest, skin):
                 break
             found = touching(deformed(disks, offsets, 0.0, shear))
             assert found <= known
             newcomers += len(found - began)
-    assert newcomers > 50
+    assert newcomers > 30
 
 
 def test_near_pairs_count_moves_and_shear_in_the_frame_they_were_chosen_in():
@@ -148,10 +156,8 @@ def test_near_pairs_count_moves_and_shear_in_the_frame_they_were_chosen_in():
     now, later = (np.array([[1.0, g], [0.0, 1.0]]) for g in (then, shear))
     growth = np.linalg.norm(now @ np.linalg.inv(later), 2)
     far = (skin - (growth - 1.0) * sigma) / 2 / np.linalg.norm(now, 2)
-    none = np.empty(0, np.uint32), np.empty(0, np.uint32), np.empty((2, 0)), np.empty(0)
-    for moved, stale in ((far * (1 - 1e-9), False), (far * (1 + 1e-9), True)):
-        found = nearest(none, (none, moved, then), np.zeros((2, 2)), shear, (sigma, 9.0, skin))
-        assert (found[1] == 0.0) == stale
+    for moved, worn in ((far * (1 - 1e-9), False), (far * (1 + 1e-9), True)):
+        assert are_worn(moved, shear, then, sigma, skin) == worn
 
 
 def test_the_worst_case_is_just_covered():

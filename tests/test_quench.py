@@ -8,7 +8,7 @@ from dense import NewtonSteps
 
 from jampetsc.contacts.disks import GRID, Disks
 from jampetsc.contacts.kernel import bond_forces
-from jampetsc.contacts.pairs import PairList, deformed, is_stale
+from jampetsc.contacts.pairs import PairList, deformed
 from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.contacts.state import find_contacts, measure, net_forces, stress_tensor
 from jampetsc.contacts.threads import Team
@@ -169,7 +169,7 @@ def test_a_list_serves_moves_until_it_is_stale(strain):
     descent = Descent(settle(crowd(n=24), 0.03), Goal(), Team())
     kept, steps = descent.pairs, 0
     while descent.pairs is kept:
-        assert not is_stale(np.hypot(*descent.offsets.T).max(), *descent.box, descent._widest, kept.skin)
+        assert not descent.stale()
         moves = np.zeros((24, 2))
         moves[7] = 0.0 if any(strain) else 0.01
         descent.move(moves, 0.1 * np.array(strain))

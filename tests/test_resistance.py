@@ -1,9 +1,14 @@
-"""The resistance of contacts, compiled, against dense numpy: graph, matrix, diagonal, and the solve for velocities."""
+"""The resistance of contacts, compiled, against dense numpy: graph, matrix, diagonal, clusters, and the solve."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from sheared import crowd
 
+from jampetsc.contacts.domains import into_domains
 from jampetsc.contacts.pairs import PairList, deformed
 from jampetsc.contacts.state import find_contacts
 from jampetsc.flows import resistance
@@ -24,42 +29,85 @@ def dense(disks, weights, hold, held=0):
     return matrix
 
 
-@pytest.fixture(params=[0.4, 0.86], ids=["loose", "dense"])
+@pytest.fixture(
+    params=[(0.4, 1, 1.0), (0.86, 1, 1.0), (0.86, 3, 2.5)], ids=["loose", "dense", "three domains"]
+)
 def placed(request):
-    """(disks of now, arguments of `contact_graph`): at offsets and a shear since the list was made."""
-    disks = crowd(24, phi=request.param)
+    """(disks of now, pairs, offsets, shear since the list was made, domains); in the last case one is a giant."""
+    phi, number, giant = request.param
+    disks = crowd(24, phi=phi)
+    disks = replace(disks, radii=disks.radii * np.where(np.arange(24) == 9, giant, 1.0))
     pairs, offsets, shear = (
         PairList.build(disks, 0.5),
         np.random.default_rng(1).normal(0, 0.03, (24, 2)),
         0.08,
     )
-    return deformed(disks, offsets, 0.0, shear), (pairs.arrays, offsets, shear, 24)
+    domains = into_domains(pairs, 24 * np.arange(number + 1) // number)
+    return deformed(disks, offsets, 0.0, shear), pairs.arrays, offsets, shear, domains
+
+
+def graph_of(placed, weights, held=0):
+    """The contact graph of all domains."""
+    disks, _, offsets, shear, domains = placed
+    graph = resistance.Graph.room(domains, disks.n, held, weights[0] != weights[1])
+    for d in range(domains.number):
+        resistance.find_contacts_of(domains, d, offsets, shear, graph)
+    return graph
 
 
 @pytest.mark.parametrize("held", [0, 5])
 @pytest.mark.parametrize("weights", [(1.0, 1.0, 0.0), (1.3, 0.4, 0.0), (0.2, 0.9, 0.0)], ids=str)
 def test_the_matrix_is_that_of_the_contacts(placed, weights, held):
-    disks, place = placed
-    graph = resistance.contact_graph(*place, held, weights[0] != weights[1])
+    disks, number = placed[0], placed[4].number
+    graph, contacts = graph_of(placed, weights, held), find_contacts(disks)
+    z = np.bincount(np.concatenate((contacts.i, contacts.j)), minlength=24)
+    np.testing.assert_array_equal(graph.number, z)
+    assert number == 1 or z[9] > resistance.WIDTH
     for hold in (0.0, 0.7):
         matrix = dense(disks, weights, hold, held)
         x, y = np.random.default_rng(2).normal(size=(24, 2)), np.full((24, 2), 7.0)
-        product = resistance.resist(graph, weights, hold, x, y)
+        product = sum(resistance.resist(graph, d, weights, hold, x, y) for d in range(number))
         wanted = (matrix @ x.ravel()).reshape(24, 2)
         wanted[:held] = 0.0
         np.testing.assert_allclose(y, wanted, rtol=0, atol=1e-13)
         assert product == pytest.approx(np.vdot(x, wanted), rel=1e-12)
-        diagonal = np.diag(dense(disks, weights, hold)).reshape(24, 2)
-        inverse = resistance.inverse_diagonal(graph, weights, hold, 24)
+        diagonal, inverse = np.diag(dense(disks, weights, hold)).reshape(24, 2), np.empty((24, 2))
+        for d in range(number):
+            resistance.invert_diagonal(graph, d, weights, hold, inverse)
         np.testing.assert_allclose(inverse, 1.0 / np.where(diagonal > 0, diagonal, 1.0), rtol=1e-12)
+
+
+@pytest.mark.parametrize("held", [0, 5])
+def test_every_cluster_of_contacts_loses_its_mean_velocity(placed, held):
+    disks, domains = placed[0], placed[4]
+    graph, contacts = graph_of(placed, (1.0, 1.0), held), find_contacts(disks)
+    links = coo_array((np.ones(len(contacts)), (contacts.i, contacts.j)), shape=(24, 24))
+    number, of = connected_components(links, directed=False)
+    u = np.random.default_rng(5).normal(size=(24, 2))
+    wanted = u.copy()
+    for cluster in range(number):
+        if not (of[:held] == cluster).any():
+            wanted[of == cluster] -= u[of == cluster].mean(axis=0)
+    for d in range(domains.number):
+        resistance.find_clusters_of(graph, d, u)
+    assert resistance.unite_clusters(domains, graph) == (number, np.bincount(of).max())
+    for d in range(domains.number):
+        resistance.centre_clusters_of(graph, d, u)
+    np.testing.assert_allclose(u, wanted, atol=1e-14)
 
 
 @pytest.mark.parametrize("tolerance", [0.1, 1e-6])
 def test_a_solve_is_as_good_as_its_tolerance_and_no_better_than_it_takes(placed, tolerance):
     """The residual over the right-hand side, not over what was left at the beginning; u is a start like any other."""
-    disks, place = placed
+    disks, number = placed[0], placed[4].number
     weights, hold = (1.3, 0.4, 0.0), 1e-3
-    graph, matrix = resistance.contact_graph(*place, 0, True), dense(disks, weights, hold)
+    graph, matrix = graph_of(placed, weights), dense(disks, weights, hold)
+    search = resistance.Search(*np.empty((3, 24, 2)), np.empty((2, number, 3)))
+
+    def solve(residual, u, tolerance):
+        alone = 0, 1, np.zeros(1, np.int64)
+        return resistance.solve(*alone, graph, weights, hold, residual, u, tolerance, search)
+
     rng, reached = np.random.default_rng(3), []
     for start in (0.0, 1.0, 1e-2):
         u = rng.normal(size=(24, 2))
@@ -67,21 +115,18 @@ def test_a_solve_is_as_good_as_its_tolerance_and_no_better_than_it_takes(placed,
         u *= 1.0 + start * rng.normal(size=u.shape)
         u[start == 0.0] = 0.0
         residual = (b - matrix @ u.ravel()).reshape(24, 2)
-        iterations = resistance.solve(graph, weights, hold, residual, u, tolerance)
+        iterations = solve(residual, u, tolerance)
         left = np.linalg.norm(b - matrix @ u.ravel()) / np.linalg.norm(b)
         assert left <= tolerance * (1 + 1e-6)
         np.testing.assert_allclose(residual.ravel(), b - matrix @ u.ravel(), rtol=0, atol=1e-9)
         assert 0 <= iterations <= 4 * 24
         reached.append(left / tolerance)
-        again = resistance.solve(
-            graph, weights, hold, (b - matrix @ u.ravel()).reshape(24, 2), u, 2 * tolerance
-        )
-        assert again == 0
+        assert solve((b - matrix @ u.ravel()).reshape(24, 2), u, 2 * tolerance) == 0
     assert max(reached) > 0.1
 
 
 def test_the_deepest_overlap_is_that_of_the_sheared_disks(placed):
-    disks, (pairs, offsets, shear, _) = placed
+    disks, pairs, offsets, shear, _ = placed
     contacts = find_contacts(disks)
     deepest = np.max(contacts.overlap / contacts.sigma, initial=0.0)
     assert resistance.deepest_overlap(pairs, offsets, shear) == pytest.approx(deepest, rel=1e-10)

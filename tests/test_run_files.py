@@ -71,7 +71,7 @@ def test_options_of_petsc_are_all_that_are_in_force(session, path):
 def test_modes(session, path):
     put(path, isostatic(), session.comm)
     out = path.parent / "m.h5"
-    found = modes_file.run(path, out, True, 10)
+    found = modes_file.run(path, Outlet(out), True, 10)
     session.comm.barrier()
     file = load(out)
     names = {
@@ -103,15 +103,15 @@ def test_modes(session, path):
     }
     told |= {"restarts": found.iterations, "contacts": 43, "prestress": True, "rattlers": 2}
     assert {name: file.attributes[name] for name in told} == told
-    eigenvalues = modes_file.run(path, out, True, below=0.5 * sum(found.eigenvalues[2:4])).eigenvalues
+    eigenvalues = modes_file.run(path, Outlet(out), True, below=0.5 * sum(found.eigenvalues[2:4])).eigenvalues
     np.testing.assert_allclose(eigenvalues, found.eigenvalues[:3], rtol=1e-9)
 
 
 def test_modes_of_what_is_no_minimum_are_refused_with_prestress_only(session, path):
     put(path, gears(), session.comm)
     with pytest.raises(InputError, match=f"^{path}: K has .* negative modes"):
-        modes_file.run(path, path.parent / "m.h5", True, 1)
-    assert modes_file.run(path, path.parent / "m.h5", False, 1).eigenvalues[0] > 0.0
+        modes_file.run(path, Outlet(path.parent / "m.h5"), True, 1)
+    assert modes_file.run(path, Outlet(path.parent / "m.h5"), False, 1).eigenvalues[0] > 0.0
 
 
 @pytest.mark.parametrize("prestress", [True, False])

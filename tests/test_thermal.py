@@ -43,7 +43,7 @@ def test_two_disks_are_distributed_as_boltzmann_says(potential):
     found = []
     for _ in range(12_000):
         thermal.sweep(temperature)
-        found.append(thermal._disks.positions + thermal._offsets)
+        found.append(thermal.reference.positions + thermal.offsets)
     places = np.array(found)[2000:]
     blocks = energy_at(places[:, 1] - places[:, 0], potential).reshape(25, -1)
     for value, expected in ((blocks, mean), (blocks**2, square), (blocks < temperature, far)):
@@ -123,11 +123,11 @@ def test_every_disk_moves():
     )
     thermal.reach, moved = 1e-3, np.zeros(10)
     for _ in range(200):
-        before = thermal._offsets.copy()
+        before = thermal.offsets.copy()
         thermal.sweep(1e3)
-        moved += (thermal._offsets != before).any(axis=1)
-    assert moved.min() > 0.5 * 200 * (1 - np.exp(-1)) and np.abs(thermal._offsets).max() < 0.1
-    assert (thermal._offsets.min(axis=0) < 0).all() and (thermal._offsets.max(axis=0) > 0).all()
+        moved += (thermal.offsets != before).any(axis=1)
+    assert moved.min() > 0.5 * 200 * (1 - np.exp(-1)) and np.abs(thermal.offsets).max() < 0.1
+    assert (thermal.offsets.min(axis=0) < 0).all() and (thermal.offsets.max(axis=0) > 0).all()
 
 
 def test_the_reach_is_tuned_up_to_what_a_list_allows():

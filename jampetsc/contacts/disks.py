@@ -233,4 +233,5 @@ class Disks:
 
     def reordered(self, order) -> "Disks":
         """The same packing with its disks in another order."""
-        return replace(self, base=self.base[order], offset=self.offset[order], radii=self.radii[order])
+        names = ("base", "offset", "radii", *(() if self.images is None else ("images",)))
+        return replace(self, **{name: getattr(self, name)[order] for name in names})

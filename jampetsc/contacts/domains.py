@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from jampetsc.contacts.kernel import BLOCK, FAST, _block_forces
+from jampetsc.contacts.kernel import FAST, add_forces
 from jampetsc.contacts.pairs import PairList
 
 GRAIN = 256  # disks: domains begin at multiples of it, and arrays are padded to one
@@ -23,12 +23,17 @@ class Domains(NamedTuple):
     """A pair list sorted by domain, as compiled code takes it; first within the domain, then across its borders."""
 
     disks: np.ndarray  # (D + 1,) int64: domain d has the disks disks[d] to disks[d + 1]
-    begin: np.ndarray  # (D + 1,) int64: its pairs begin here,
-    across: np.ndarray  # (D,) int64: and from here on i alone is its own
+    begin: np.ndarray  # (D,) int64: its pairs begin here,
+    across: np.ndarray  # (D,) int64: from here on i alone is its own,
+    end: np.ndarray  # (D,) int64: and here they end
     i: np.ndarray  # (M',) uint32
     j: np.ndarray  # (M',) uint32
     r0: np.ndarray  # (2, M')
     sigma: np.ndarray  # (M',)
+
+    def room(self) -> "Domains":
+        """Where `choose_near` puts some of the pairs."""
+        return self._replace(**{name: np.empty_like(getattr(self, name)) for name in self._fields[2:]})
 
     @property
     def number(self) -> int:
@@ -47,80 +52,88 @@ def borders(n: int):
     return GRAIN * (padded(n) // GRAIN * np.arange(number + 1) // number)
 
 
-def into_domains(pairs: PairList, n: int) -> Domains:
-    """The pairs of a half list of n disks by domain."""
-    disks = borders(n)
+def into_domains(pairs: PairList, disks) -> Domains:
+    """The pairs of a half list by domain, whose `borders` are these; those of a domain in the order of the list."""
     if len(disks) == 2:
-        ends = np.array([0, len(pairs.i)])
-        return Domains(disks, ends, ends[1:], pairs.i, pairs.j, pairs.r0, pairs.sigma)
-    home_i, home_j = (np.searchsorted(disks, end, side="right") - 1 for end in (pairs.i, pairs.j))
-    inner = np.flatnonzero(home_i == home_j)
-    outer = np.flatnonzero(home_i != home_j)
-    # 2 d: within domain d; 2 d + 1: across its border
-    key = np.concatenate((2 * home_i[inner], 2 * home_i[outer] + 1, 2 * home_j[outer] + 1))
-    order = np.argsort(key, kind="stable")
-    ends = np.searchsorted(key[order], np.arange(len(disks) * 2 - 1))
-    i = np.concatenate((pairs.i[inner], pairs.i[outer], pairs.j[outer]))[order]
-    j = np.concatenate((pairs.j[inner], pairs.j[outer], pairs.i[outer]))[order]
-    r0 = np.hstack((pairs.r0[:, inner], pairs.r0[:, outer], -pairs.r0[:, outer]))
-    r0 = np.ascontiguousarray(r0[:, order])
-    sigma = np.concatenate((pairs.sigma[inner], pairs.sigma[outer], pairs.sigma[outer]))[order]
-    # whole arrays, as one domain has: numba would compile all that takes them once more for arrays with gaps
-    return Domains(disks, ends[::2].copy(), ends[1::2].copy(), i, j, r0, sigma)
+        begin, end = np.zeros(1, np.int64), np.array([len(pairs.i)])
+        return Domains(disks, begin, end, end, *pairs.arrays)
+    return Domains(disks, *_by_domain(disks, *pairs.arrays))
+
+
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
+def _by_domain(disks, i, j, r0, sigma):
+    """What a Domains has beside the borders `disks`."""
+    number = len(disks) - 1
+    home = np.empty(disks[number], np.uint32)
+    for d in range(number):
+        home[disks[d] : disks[d + 1]] = d
+    # of every domain: pairs inside of it, and pairs across its border
+    place = np.zeros((number, 2), np.int64)
+    for p in range(np.uint64(len(i))):
+        a, b = home[i[p]], home[j[p]]
+        if a == b:
+            place[a, 0] += 1
+        else:
+            place[a, 1] += 1
+            place[b, 1] += 1
+    begin, across, end = np.empty(number, np.int64), np.empty(number, np.int64), np.empty(number, np.int64)
+    count = 0
+    for d in range(number):
+        begin[d], across[d] = count, count + place[d, 0]
+        count = across[d] + place[d, 1]
+        end[d] = count
+        place[d, 0], place[d, 1] = begin[d], across[d]
+    to_i, to_j = np.empty(count, np.uint32), np.empty(count, np.uint32)
+    to_r0, to_sigma = np.empty((2, count)), np.empty(count)
+    for p in range(np.uint64(len(i))):
+        a, b = home[i[p]], home[j[p]]
+        outer = 0 if a == b else 1
+        q = place[a, outer]
+        place[a, outer] = q + 1
+        to_i[q], to_j[q], to_r0[0, q], to_r0[1, q], to_sigma[q] = i[p], j[p], r0[0, p], r0[1, p], sigma[p]
+        if outer == 1:
+            q = place[b, 1]
+            place[b, 1] = q + 1
+            to_i[q], to_j[q], to_r0[0, q], to_r0[1, q], to_sigma[q] = (
+                j[p],
+                i[p],
+                -r0[0, p],
+                -r0[1, p],
+                sigma[p],
+            )
+    return begin, across, end, to_i, to_j, to_r0, to_sigma
 
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
-def domain_forces(domains, d, o, strain, shear, law, forces):
-    """Net contact forces on the disks of domain d into their rows of `forces` (N, 2).
+def domain_forces(domains, d, o, strain, shear, law, forces, motion, rolling):
+    """Net forces on the disks of domain d into their rows of `forces`; its share of the Sums, see `bond_forces`."""
+    own = slice(domains.disks[d], domains.disks[d + 1])
+    forces[own] = 0.0
+    if rolling is not None:
+        rolling[2][own] = 0.0
+    pairs = domains.i, domains.j, domains.r0, domains.sigma
+    ends = domains.begin[d], domains.across[d], domains.end[d]
+    return add_forces(pairs, *ends, o, strain, shear, law, forces, motion, rolling)
 
-    o (N, 2) offsets; law = `Potential.constants`. Returns the domain's share of U and of Σ (f/r) r_x r_x,
-    r_x r_y, r_y r_y. Three plain passes per block (gather, compute, scatter) without a branch: loops over the
-    neighbours of each disk lose most of their time to mispredicted ends.
-    """
-    scale = np.exp(strain)
-    mix = scale * shear
-    i, j, sigma = domains.i, domains.j, domains.sigma
-    r0x, r0y = domains.r0[0], domains.r0[1]
-    bx = np.empty(BLOCK)
-    by = np.empty(BLOCK)
-    none = np.empty(1)
-    energy = wxx = wxy = wyy = 0.0
-    forces[domains.disks[d] : domains.disks[d + 1]] = 0.0
-    for part in range(2):
-        begin = np.uint64(domains.begin[d] if part == 0 else domains.across[d])
-        last = np.uint64(domains.across[d] if part == 0 else domains.begin[d + 1])
-        weight = 1.0 if part == 0 else 0.5  # a pair across a border is met again from its other side
-        while begin < last:
-            end = min(begin + np.uint64(BLOCK), last)
-            for p in range(begin, end):
-                a = i[p]
-                b = j[p]
-                bx[p - begin] = o[b, 0] - o[a, 0]
-                by[p - begin] = o[b, 1] - o[a, 1]
-            block = slice(begin, end)
-            inside = slice(0, end - begin)
-            x, y = bx[inside], by[inside]
-            sums = _block_forces(
-                r0x[block], r0y[block], sigma[block], x, y, none, scale, mix, law, None, None
-            )
-            energy += weight * sums[0]
-            wxx += weight * sums[1]
-            wxy += weight * sums[2]
-            wyy += weight * sums[3]
-            if part == 0:
-                for p in range(begin, end):
-                    a = i[p]
-                    b = j[p]
-                    wx = bx[p - begin]
-                    wy = by[p - begin]
-                    forces[b, 0] += wx
-                    forces[b, 1] += wy
-                    forces[a, 0] -= wx
-                    forces[a, 1] -= wy
-            else:
-                for p in range(begin, end):
-                    a = i[p]
-                    forces[a, 0] -= bx[p - begin]
-                    forces[a, 1] -= by[p - begin]
-            begin = end
-    return energy / (2.5 if law[1] else 2.0), wxx, wxy, wyy
+
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
+def choose_near(domains, d, o, shear, skin, near):
+    """Put the pairs of domain d that are closer than σ + skin at offsets o and `shear` into `near`, in order."""
+    # taken out of their tuples, or their references would be counted at every access
+    i, j, sigma, r0x, r0y = domains.i, domains.j, domains.sigma, domains.r0[0], domains.r0[1]
+    to_i, to_j, to_sigma, to_x, to_y = near.i, near.j, near.sigma, near.r0[0], near.r0[1]
+    count, across = np.uint64(domains.begin[d]), np.uint64(domains.across[d])
+    # which are near is hard to predict: all are copied, and only near ones counted
+    for p in range(np.uint64(domains.begin[d]), np.uint64(domains.end[d])):
+        if p == across:
+            near.across[d] = count
+        a, b = i[p], j[p]
+        y = r0y[p] + (o[b, 1] - o[a, 1])
+        x = r0x[p] + (o[b, 0] - o[a, 0]) + shear * y
+        reach = sigma[p] + skin
+        to_i[count], to_j[count], to_sigma[count] = a, b, sigma[p]
+        to_x[count], to_y[count] = r0x[p], r0y[p]
+        count += np.uint64(x * x + y * y < reach * reach)
+    near.end[d] = count
+    if domains.across[d] == domains.end[d]:
+        near.across[d] = count

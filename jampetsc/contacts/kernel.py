@@ -17,6 +17,8 @@ Blocks of pairs go through three plain passes (gather, compute, scatter) without
 compile time, motion or rolling, is not in the loop at all.
 """
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
 
@@ -32,6 +34,21 @@ UX, UY, ROLL, END = (row * BLOCK for row in range(4))
 # Every compiled function says which it is, False too: one that does not say is as fast as the first that calls it.
 FAST = {"reassoc", "contract", "nsz", "arcp", "nnan", "ninf"}
 NUMBERS = FAST - {"nnan", "ninf"}  # where NaN must be seen
+
+
+class Sums(NamedTuple):
+    """Sums over bonds; from `contacts` on zero where there is no motion."""
+
+    energy: float  # α U, α the exponent of the potential
+    elastic_xx: float  # Σ f_x r_x of elastic forces,
+    elastic_xy: float  # f_x r_y,
+    elastic_yy: float
+    contacts: float  # their number
+    dissipation: float
+    viscous_xx: float  # Σ f_x r_x of viscous forces,
+    viscous_xy: float  # f_x r_y,
+    viscous_yx: float  # f_y r_x
+    viscous_yy: float
 
 
 _secant = numba.njit(fastmath=FAST, error_model="numpy", forceinline=True)(secant_stiffness)
@@ -109,16 +126,11 @@ def _block_forces(r0x, r0y, sigma, bx, by, moving, scale, mix, law, motion, roll
     return energy, wxx, wxy, wyy, contacts, dissipation, vxx, vxy, vyx, vyy
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def bond_forces(pairs, o, strain, shear, law, forces, motion, rolling):
-    """Net forces of all bonds into `forces` (N, 2); returns the sums over bonds.
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+def add_forces(pairs, first, middle, last, o, strain, shear, law, forces, motion, rolling):
+    """Add to `forces` (N, 2) those of the pairs first … last − 1, from `middle` on those on i alone; their Sums.
 
-    pairs = (i, j, r0, sigma) of a PairList; o (N, 2) offsets; law = `potential.constants`
-    motion    None, or (u (N, 2), γ̇, (c_∥, c_⊥, c_s)): damped contacts
-    rolling   None, or (Ω (N,), ρ (N,), torques (N,)): with spins; the torques are written
-
-    Returns (α U, Σ of the elastic f_x r_x, f_x r_y, f_y r_y, number of contacts, dissipation, Σ of the viscous
-    f_x r_x, f_x r_y, f_y r_x, f_y r_y), α the exponent of the potential, and zeros from the fifth on without motion.
+    A pair that acts on i alone is met again from its other side, and counts half. Arguments as for `bond_forces`.
     """
     i, j, r0, sigma = pairs
     scale = np.exp(strain)
@@ -129,18 +141,16 @@ def bond_forces(pairs, o, strain, shear, law, forces, motion, rolling):
     moving = np.empty(END if motion is not None else 1)
     if motion is not None:
         ux, uy, rolled = moving[UX:UY], moving[UY:ROLL], moving[ROLL:END]
-    if motion is not None:
         u = motion[0]
     if rolling is not None:
         spin, radii, torques = rolling
-        torques[:] = 0.0
     energy = wxx = wxy = wyy = 0.0
     contacts = dissipation = vxx = vxy = vyx = vyy = 0.0
-    forces[:] = 0.0
-    pairs_left = np.uint64(len(j))
-    begin = np.uint64(0)
-    while begin < pairs_left:
-        end = min(begin + np.uint64(BLOCK), pairs_left)
+    begin, turn, stop = np.uint64(first), np.uint64(middle), np.uint64(last)
+    while begin < stop:
+        both = begin < turn
+        weight = 1.0 if both else 0.5
+        end = min(begin + np.uint64(BLOCK), turn if both else stop)
         for p in range(begin, end):
             a = i[p]
             b = j[p]
@@ -157,41 +167,55 @@ def bond_forces(pairs, o, strain, shear, law, forces, motion, rolling):
             by[p - begin] = dy
         block = slice(begin, end)
         inside = slice(0, end - begin)
+        x, y = bx[inside], by[inside]
         sums = _block_forces(
-            r0x[block],
-            r0y[block],
-            sigma[block],
-            bx[inside],
-            by[inside],
-            moving,
-            scale,
-            mix,
-            law,
-            motion,
-            rolling,
+            r0x[block], r0y[block], sigma[block], x, y, moving, scale, mix, law, motion, rolling
         )
-        energy += sums[0]
-        wxx += sums[1]
-        wxy += sums[2]
-        wyy += sums[3]
+        energy += weight * sums[0]
+        wxx += weight * sums[1]
+        wxy += weight * sums[2]
+        wyy += weight * sums[3]
         if motion is not None:
-            contacts += sums[4]
-            dissipation += sums[5]
-            vxx += sums[6]
-            vxy += sums[7]
-            vyx += sums[8]
-            vyy += sums[9]
-        for p in range(begin, end):
-            a = i[p]
-            b = j[p]
-            wx = bx[p - begin]
-            wy = by[p - begin]
-            forces[b, 0] += wx
-            forces[b, 1] += wy
-            forces[a, 0] -= wx
-            forces[a, 1] -= wy
-            if rolling is not None:
-                torques[a] += radii[a] * rolled[p - begin]
-                torques[b] += radii[b] * rolled[p - begin]
+            contacts += weight * sums[4]
+            dissipation += weight * sums[5]
+            vxx += weight * sums[6]
+            vxy += weight * sums[7]
+            vyx += weight * sums[8]
+            vyy += weight * sums[9]
+        if both:
+            for p in range(begin, end):
+                a = i[p]
+                b = j[p]
+                wx = bx[p - begin]
+                wy = by[p - begin]
+                forces[b, 0] += wx
+                forces[b, 1] += wy
+                forces[a, 0] -= wx
+                forces[a, 1] -= wy
+                if rolling is not None:
+                    torques[a] += radii[a] * rolled[p - begin]
+                    torques[b] += radii[b] * rolled[p - begin]
+        else:
+            for p in range(begin, end):
+                a = i[p]
+                forces[a, 0] -= bx[p - begin]
+                forces[a, 1] -= by[p - begin]
+                if rolling is not None:
+                    torques[a] += radii[a] * rolled[p - begin]
         begin = end
-    return energy, wxx, wxy, wyy, contacts, dissipation, vxx, vxy, vyx, vyy
+    return Sums(energy, wxx, wxy, wyy, contacts, dissipation, vxx, vxy, vyx, vyy)
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def bond_forces(pairs, o, strain, shear, law, forces, motion, rolling):
+    """Net forces of all bonds into `forces` (N, 2); returns their Sums.
+
+    pairs = (i, j, r0, sigma) of a PairList; o (N, 2) offsets; law = `potential.constants`
+    motion    None, or (u (N, 2), γ̇, (c_∥, c_⊥, c_s)): damped contacts
+    rolling   None, or (Ω (N,), ρ (N,), torques (N,)): with spins; the torques are written
+    """
+    forces[:] = 0.0
+    if rolling is not None:
+        rolling[2][:] = 0.0
+    number = len(pairs[1])
+    return add_forces(pairs, 0, number, number, o, strain, shear, law, forces, motion, rolling)

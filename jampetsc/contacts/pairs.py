@@ -35,7 +35,6 @@ from jampetsc.contacts.neighbours import neighbour_pairs
 
 SKIN_START = 0.3  # skin of the first list in units of d,
 SKIN_RANGE = (0.02, 0.5)  # and between which it is tuned
-FAR = 1e300  # moved so far, no pairs are near any more
 REBUILD = 10.0  # evaluations that a new list costs
 WIDTH = 0.6  # share that skin/d = 1 adds to the cost of an evaluation
 
@@ -90,41 +89,10 @@ def is_stale(far, strain, shear, largest, skin):
 
 
 @numba.njit(cache=True, fastmath=False, error_model="numpy")
-def near_pairs(pairs, o, shear, skin):
-    """The pairs (i, j, r0, sigma) of a list that are closer than σ + skin at offsets o (N, 2) and `shear`, in order."""
-    i, j, r0, sigma = pairs
-    r0x, r0y = r0[0], r0[1]
-    near, count = np.empty(len(j), np.uint32), np.uint64(0)
-    # which are near is hard to predict: they are collected without a branch
-    for p in range(np.uint64(len(j))):
-        a, b = i[p], j[p]
-        y = r0y[p] + (o[b, 1] - o[a, 1])
-        x = r0x[p] + (o[b, 0] - o[a, 0]) + shear * y
-        reach = sigma[p] + skin
-        near[count] = p
-        count += np.uint64(x * x + y * y < reach * reach)
-    near_i, near_j = np.empty(count, np.uint32), np.empty(count, np.uint32)
-    near_r0, near_sigma = np.empty((2, count)), np.empty(count)
-    for c in range(count):
-        p = near[c]
-        near_i[c], near_j[c] = i[p], j[p]
-        near_r0[0, c], near_r0[1, c] = r0x[p], r0y[p]
-        near_sigma[c] = sigma[p]
-    return near_i, near_j, near_r0, near_sigma
-
-
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
-def nearest(pairs, near, o, shear, listed):
-    """The near pairs of a list: those of `near` while they serve, then others.
-
-    near = (near pairs, bound on how far a disk has moved since they were chosen, `shear` then), at first
-    (pairs, FAR, 0); listed = (σ_max, skin of the list, skin of near pairs).
-    """
-    _, moved, then = near
+def are_worn(moved, shear, then, largest, skin):
+    """Whether near pairs within `skin`, chosen at the shear `then`, may miss a contact; moved: since then."""
     stretch = np.sqrt(1.0 + 0.25 * then * then) + 0.5 * abs(then)
-    if is_stale(stretch * moved, 0.0, shear - then, listed[0], listed[2]):
-        return near_pairs(pairs, o, shear, listed[2]), 0.0, shear
-    return near
+    return is_stale(stretch * moved, 0.0, shear - then, largest, skin)
 
 
 def tuned_skin(skin: float, steps: float, diameter: float, rebuild: float = REBUILD) -> float:
@@ -153,6 +121,49 @@ def deformed(disks: Disks, offsets, strain, shear) -> Disks:
     return Disks(
         base, offset, disks.radii, cell_base, cell_offset, disks.potential, disks.record, disks.images
     )
+
+
+class ListedDisks:
+    """Disks since their pairs were listed: `reference` then, moved by `offsets` (N, 2) since, and the cell by `box`.
+
+    skin: of the first list, in mean diameters
+    """
+
+    def __init__(self, disks: Disks, skin: float = SKIN_START):
+        self.diameter = 2.0 * float(np.mean(disks.radii))
+        self.largest = 2.0 * float(disks.radii.max())  # σ_max
+        self.skin = skin * self.diameter
+        self.list(disks)
+
+    def list(self, disks: Disks):
+        """Go on from these disks, with a list of their pairs."""
+        self.reference = disks
+        self.pairs = PairList.build(disks, self.skin)
+        self.offsets = np.zeros((disks.n, 2))
+
+    def fold(self):
+        """Put the moves into the coordinates and list the pairs anew."""
+        self.list(self.disks)
+
+    @property
+    def box(self):
+        """Strain and shear (ε, g) of the cell since the list was made."""
+        return 0.0, 0.0
+
+    @property
+    def disks(self) -> Disks:
+        """The packing as it is now."""
+        return deformed(self.reference, self.offsets, *self.box)
+
+    def stale(self, far: float | None = None) -> bool:
+        """Whether the list may miss a contact; far = max |o|, where it is known."""
+        if far is None:
+            far = float(np.hypot(*self.offsets.T).max())
+        return bool(is_stale(far, *self.box, self.largest, self.skin))
+
+    def tune(self, steps: float, rebuild: float = REBUILD):
+        """Choose the skin of the next list, this one having served for so many evaluations: see `tuned_skin`."""
+        self.skin = tuned_skin(self.skin, steps, self.diameter, rebuild)
 
 
 @numba.njit(cache=True, fastmath=False, error_model="numpy")

@@ -6,6 +6,7 @@ for many steps, and they meet at barriers on a shared counter. Every thread take
 sums: the shares are added in the same order whatever the number of threads.
 """
 
+import os
 import time
 from concurrent.futures import ThreadPoolExecutor
 
@@ -56,6 +57,11 @@ def meet(counter, threads):
         spins += 1
         if spins > SPINS:
             _yield()
+
+
+def cores() -> int:
+    """How many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class Team:

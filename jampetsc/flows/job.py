@@ -6,7 +6,6 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from jampetsc import session
-from jampetsc.collective import by_rank_0
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import Law
 from jampetsc.contacts.state import find_contacts
@@ -120,18 +119,16 @@ def is_flow(path) -> bool:
         return check_format(path, attributes(h5)) == FORMAT
 
 
-def execute(run: FlowRun, to, last=None, together=None) -> Means:
-    """Do the run, its result into the outlet `to`, its last state as a packing to the file `last`. Collective.
+def execute(run: FlowRun, to, last=None, team=None) -> Means:
+    """Do the run, its result into the outlet `to`, its last state as a packing to the file `last`.
 
-    together: `flows.together.Together` on several ranks, or where PETSc is to find velocities.
+    team: the `contacts.threads.Team` that does the steps.
     Raises ConvergenceError as `flows.run.run`, and where disks never touch.
     """
     began = time.perf_counter()
-    comm = together and together.comm
     record = run.before[0] if run.before else Record()
-    snapshots = run.plan.snapshots(run.plan.first_kept(run.rate * run.scheme.step))
-    by_rank_0(comm, lambda: check_space(to, run.disks.n, snapshots))
-    shear = Shear(run.disks, run.model, run.rate, run.scheme, together, run.held)
+    check_space(to, run.disks.n, run.plan.snapshots(run.plan.first_kept(run.rate * run.scheme.step)))
+    shear = Shear(run.disks, run.model, run.rate, run.scheme, team, run.held)
     if run.before is not None:
         shear.restore(run.before[1])
     settings = run.settings  # of where it begins: `before` grows
@@ -142,30 +139,29 @@ def execute(run: FlowRun, to, last=None, together=None) -> Means:
             f"phi = {run.phi:.4g}: no two disks touched within the strain of {shear.strain:.3g}: "
             f"choose a larger {named('phi')}, or a longer {named('strain')}"
         )
-    facts = _facts(run, means, time.perf_counter() - began, together and session.current())
+    facts = _facts(run, means, time.perf_counter() - began)
     facts |= {"substeps": shear.substeps}
-    # in case one of the files cannot be written
-    by_rank_0(comm, lambda: write_checkpoint(to.kept, record, shear.state(), settings))
+    write_checkpoint(to.kept, record, shear.state(), settings)  # in case one of the files cannot be written
     if last is not None:
-        packing = shear.disks.with_record(protocol=f"steady shear, {run.model}, rate {run.rate:g}")
-        by_rank_0(comm, lambda: write_packing(last, packing))
+        protocol = f"steady shear, {run.model}, rate {run.rate:g}"
+        write_packing(last, shear.disks.with_record(protocol=protocol))
     state = shear.state() | {"radii": run.disks.radii}
     # a file that goes on in place is replaced last
-    write_record(to.writer(FORMAT, comm), record, state, run.settings, facts, held=run.held)
-    by_rank_0(comm, lambda: remove_checkpoint(to.kept))
+    write_record(to.writer(FORMAT), record, state, run.settings, facts, held=run.held)
+    remove_checkpoint(to.kept)
     return means
 
 
-def _facts(run, means, seconds, petsc):
-    """Attributes of the file; petsc: the Session that found velocities, or None."""
+def _facts(run, means, seconds):
+    """Attributes of the file."""
     disks, model, potential = run.disks, run.model, run.disks.potential
     unit = potential.k * model.law.tau1
     law = model.law.parameters if model.law.family else {"tau1": model.law.tau1}
     common = provenance(
         versions=session.versions(),
-        scalar_type=petsc and petsc.scalar_type,
-        petsc_options=petsc and petsc.options_told(),
-        ranks=petsc.size if petsc else 1,
+        scalar_type=None,
+        petsc_options=None,
+        ranks=1,
         packing=(None, None),
         law=law,
         wall_seconds=seconds,

@@ -12,194 +12,331 @@ velocities; the means are taken out afterwards, so no small number enters.
 
 The first `held` disks, those of walls, keep u = 0: their rows are left out, and a cluster that touches one has no free
 translation.
+
+Threads share the work by domains (see `contacts.domains`); every one takes all decisions from the same sums.
 """
+
+from typing import NamedTuple
 
 import numba
 import numpy as np
 
 from jampetsc.contacts.kernel import FAST
+from jampetsc.contacts.threads import meet
 
 SOLVES = 20_000  # iterations at most: far more than any tolerance above rounding takes
+# Contacts of a disk that its row has room for, itself where it has fewer: rows of one length are what processors
+# foresee. A few disks have more.
+WIDTH = 6
+NONE = np.uint32(2**32 - 1)
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def contact_graph(pairs, o, shear, n, held, with_normals):
-    """Contacts of every disk: (start (n + 1,), column (E,), normals (E, 2) or (0, 2), held).
+class Graph(NamedTuple):
+    """Contacts of every disk; those of domain d that a row has no room for begin at 2 begin[d]."""
 
-    Row a has the disks column[start[a]:start[a + 1]]; pairs, o: see `bond_forces`, at no strain but `shear`.
-    """
-    i, j, r0, sigma = pairs
-    r0x, r0y = r0[0], r0[1]
-    m = np.uint64(len(j))
-    rx, ry = np.empty(m), np.empty(m)
+    disks: np.ndarray  # (D + 1,) of the domains,
+    begin: np.ndarray  # (D,) and where their pairs begin
+    column: np.ndarray  # (N, WIDTH) uint32
+    number: np.ndarray  # (N,) uint32
+    normals: (
+        np.ndarray
+    )  # (N, WIDTH, 2), zero where column is the disk itself; (0, WIDTH, 2) for equal weights
+    more: np.ndarray  # (2M', 2) uint32
+    more_normals: np.ndarray  # (2M', 2), or (0, 2)
+    touching: np.ndarray  # (M',) uint32: pairs that touch, those of domain d from begin[d]
+    ends: np.ndarray  # (D, 3): of its touching pairs, first of those inside; of `more`
+    root: np.ndarray  # (N,) uint32: first disk of a disk's cluster within the domain,
+    over: np.ndarray  # (N,) uint32: and of such a one that of the whole cluster
+    queue: np.ndarray  # (N,) uint32
+    total: np.ndarray  # (N, 2) sum of u over a cluster, at its first disk,
+    size: np.ndarray  # (N,) int64: and its number of disks
+    held: int
+
+    @classmethod
+    def room(cls, domains, n: int, held: int, with_normals: bool) -> "Graph":
+        """For the contacts of n disks among the pairs of domains."""
+        m, some = len(domains.i), int(with_normals)
+        return cls(
+            domains.disks, domains.begin, np.empty((n, WIDTH), np.uint32), np.empty(n, np.uint32),
+            np.empty((some * n, WIDTH, 2)), np.empty((2 * m, 2), np.uint32), np.empty((some * 2 * m, 2)),
+            np.empty(m, np.uint32), np.empty((len(domains.begin), 3), np.int64),
+            *np.empty((3, n), np.uint32), np.empty((n, 2)), np.empty(n, np.int64), held,
+        )  # fmt: skip
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy", nogil=True)
+def find_contacts_of(domains, d, o, shear, graph):
+    """Write the rows of domain d, with disks at offsets o (N, 2) and `shear`."""
+    i, j, sigma = domains.i, domains.j, domains.sigma
+    r0x, r0y = domains.r0[0], domains.r0[1]
+    # taken out of their tuples, or their references would be counted at every access
+    column, number, touching = graph.column, graph.number, graph.touching
+    normals, more, more_normals = graph.normals, graph.more, graph.more_normals
+    count = np.uint64(domains.begin[d])
     # Which pairs touch is hard to predict: they are collected without a branch.
-    touching, count = np.empty(m, np.uint32), np.uint64(0)
-    for p in range(m):
-        y = r0y[p] + (o[j[p], 1] - o[i[p], 1])
-        x = r0x[p] + (o[j[p], 0] - o[i[p], 0]) + shear * y
-        rx[p] = x
-        ry[p] = y
-        touching[count] = p
-        count += np.uint64(x * x + y * y < sigma[p] * sigma[p])
-    one = np.uint32(1)
-    start = np.zeros(n + 1, np.uint32)
-    for c in range(count):
-        p = touching[c]
-        start[i[p] + one] += one
-        start[j[p] + one] += one
-    for a in range(n):
-        start[a + 1] += start[a]
-    fill = start[:-1].copy()
-    column = np.empty(start[n], np.uint32)
-    normals = np.empty((start[n] if with_normals else np.uint32(0), 2))
-    for c in range(count):
+    for part in range(2):
+        first = np.uint64(domains.begin[d] if part == 0 else domains.across[d])
+        for p in range(first, np.uint64(domains.across[d] if part == 0 else domains.end[d])):
+            y = r0y[p] + (o[j[p], 1] - o[i[p], 1])
+            x = r0x[p] + (o[j[p], 0] - o[i[p], 0]) + shear * y
+            touching[count] = p
+            count += np.uint64(x * x + y * y < sigma[p] * sigma[p])
+        graph.ends[d, part] = count
+    first, last = np.uint64(graph.disks[d]), np.uint64(graph.disks[d + 1])
+    number[first:last] = 0
+    for a in range(first, last):
+        for k in range(WIDTH):
+            column[a, k] = a
+    if len(normals):
+        normals[first:last] = 0.0
+    end = np.uint64(2 * graph.begin[d])
+    inside = np.uint64(graph.ends[d, 0])
+    nx = ny = 0.0
+    for c in range(np.uint64(graph.begin[d]), count):
         p = touching[c]
         a, b = i[p], j[p]
-        column[fill[a]] = b
-        column[fill[b]] = a
-        if with_normals:
-            unit = 1.0 / np.sqrt(rx[p] * rx[p] + ry[p] * ry[p])
-            for end in (a, b):
-                normals[fill[end], 0] = unit * rx[p]
-                normals[fill[end], 1] = unit * ry[p]
-        fill[a] += one
-        fill[b] += one
-    return start, column, normals, held
+        if len(normals):
+            ny = r0y[p] + (o[b, 1] - o[a, 1])
+            nx = r0x[p] + (o[b, 0] - o[a, 0]) + shear * ny
+            unit = 1.0 / np.sqrt(nx * nx + ny * ny)
+            nx *= unit
+            ny *= unit
+        for _ in range(2 if c < inside else 1):
+            k = number[a]
+            number[a] = k + np.uint32(1)
+            if k < np.uint32(WIDTH):
+                column[a, k] = b
+                if len(normals):
+                    normals[a, k, 0], normals[a, k, 1] = nx, ny
+            else:
+                more[end, 0], more[end, 1] = a, b
+                if len(normals):
+                    more_normals[end, 0], more_normals[end, 1] = nx, ny
+                end += np.uint64(1)
+            a, b = b, a
+    graph.ends[d, 2] = end
 
 
 def deepest_overlap(pairs, o, shear) -> float:
-    """Largest δ/σ of all pairs, zero if none touches; arguments as for `contact_graph`."""
+    """Largest δ/σ of all pairs, zero if none touches; pairs = (i, j, r0, sigma), o (N, 2), at `shear`."""
     i, j, r0, sigma = pairs
     x, y = r0 + (o[j] - o[i]).T
     return float(np.max(1.0 - np.hypot(x + shear * y, y) / sigma, initial=0.0))
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def resist(graph, weights, hold, x, y):
-    """y = (A + hold) x for x, y (N, 2), zero for held disks; returns x·y. weights = (c_∥, c_⊥, …)."""
-    start, column, normals, held = graph
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+def resist(graph, d, weights, hold, x, y):
+    """y = (A + hold) x for the disks of domain d, x, y (N, 2), zero for held ones; returns its share of x·y."""
+    column, normals = graph.column, graph.normals
     along, across = weights[0], weights[1]
+    extra = along - across
+    first, last = graph.disks[d], graph.disks[d + 1]
+    free = min(max(first, graph.held), last)
+    y[first:free] = 0.0
     product = 0.0
-    y[:held] = 0.0
-    for a in range(np.uint64(held), np.uint64(len(x))):
-        first, last = np.uint64(start[a]), np.uint64(start[a + np.uint64(1)])
+    for a in range(np.uint64(free), np.uint64(last)):
         x0, x1 = x[a, 0], x[a, 1]
         s0 = s1 = 0.0
         if len(normals) == 0:
-            for e in range(first, last):
-                b = column[e]
+            for k in range(np.uint64(WIDTH)):
+                b = column[a, k]
                 s0 += x[b, 0]
                 s1 += x[b, 1]
-            z = float(last - first)
-            s0 = across * (z * x0 - s0)
-            s1 = across * (z * x1 - s1)
+            s0 = across * (WIDTH * x0 - s0)
+            s1 = across * (WIDTH * x1 - s1)
         else:
-            for e in range(first, last):
-                b = column[e]
+            for k in range(np.uint64(WIDTH)):
+                b = column[a, k]
                 d0, d1 = x0 - x[b, 0], x1 - x[b, 1]
-                stretch = (along - across) * (normals[e, 0] * d0 + normals[e, 1] * d1)
-                s0 += across * d0 + stretch * normals[e, 0]
-                s1 += across * d1 + stretch * normals[e, 1]
+                stretch = extra * (normals[a, k, 0] * d0 + normals[a, k, 1] * d1)
+                s0 += across * d0 + stretch * normals[a, k, 0]
+                s1 += across * d1 + stretch * normals[a, k, 1]
         y0, y1 = s0 + hold * x0, s1 + hold * x1
         y[a, 0] = y0
         y[a, 1] = y1
         product += x0 * y0 + x1 * y1
+    for e in range(np.uint64(2 * graph.begin[d]), np.uint64(graph.ends[d, 2])):
+        a, b = graph.more[e, 0], graph.more[e, 1]
+        if a >= graph.held:
+            d0, d1 = x[a, 0] - x[b, 0], x[a, 1] - x[b, 1]
+            y0, y1 = across * d0, across * d1
+            if len(normals):
+                nx, ny = graph.more_normals[e, 0], graph.more_normals[e, 1]
+                stretch = extra * (nx * d0 + ny * d1)
+                y0 += stretch * nx
+                y1 += stretch * ny
+            y[a, 0] += y0
+            y[a, 1] += y1
+            product += x[a, 0] * y0 + x[a, 1] * y1
     return product
 
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def inverse_diagonal(graph, weights, hold, n):
-    """1 / diagonal of A + hold, (N, 2); 1 where that is zero: nothing acts on a disk without contacts."""
-    start, _, normals, _ = graph
+def invert_diagonal(graph, d, weights, hold, inverse):
+    """1 / diagonal of A + hold into the rows (N, 2) of domain d; 1 where that is zero: nothing acts on such a disk."""
     along, across = weights[0], weights[1]
-    inverse = np.empty((n, 2))
-    for a in range(n):
-        first, last = start[a], start[a + 1]
+    first, last, number = graph.disks[d], graph.disks[d + 1], graph.number
+    for a in range(first, last):
+        inverse[a, 0] = inverse[a, 1] = hold + across * float(number[a])
+    if len(graph.normals):
+        for a in range(first, last):
+            for k in range(WIDTH):
+                for axis in range(2):
+                    inverse[a, axis] += (along - across) * graph.normals[a, k, axis] ** 2
+        for e in range(2 * graph.begin[d], graph.ends[d, 2]):
+            for axis in range(2):
+                inverse[graph.more[e, 0], axis] += (along - across) * graph.more_normals[e, axis] ** 2
+    for a in range(first, last):
         for axis in range(2):
-            value = hold + across * float(last - first)
-            if len(normals):
-                for e in range(first, last):
-                    value += (along - across) * normals[e, axis] * normals[e, axis]
-            inverse[a, axis] = 1.0 / value if value > 0.0 else 1.0
-    return inverse
+            inverse[a, axis] = 1.0 / inverse[a, axis] if inverse[a, axis] > 0.0 else 1.0
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def solve(graph, weights, hold, residual, u, tolerance):
+class Search(NamedTuple):
+    """What conjugate gradients work with."""
+
+    q: np.ndarray  # (N, 2) (A + hold) p
+    p: np.ndarray  # (N, 2) direction
+    inverse: np.ndarray  # (N, 2) 1 / diagonal
+    sums: (
+        np.ndarray
+    )  # (2, D, 3) each domain's share of sums: of two meetings, as some threads still read the last ones
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+def solve(me, threads, counter, graph, weights, hold, residual, u, tolerance, search):
     """Add to u (N, 2) the correction x with (A + hold) x = residual, both axes in one conjugate gradient.
 
     residual = b − (A + hold) u, overwritten, until |residual| ≤ tolerance |b|. Jacobi. Returns the number of
-    iterations, −1 where SOLVES of them were not enough.
+    iterations, −1 where SOLVES of them were not enough. By thread `me` of `threads`: see `contacts.threads`.
     """
-    q, p = np.empty_like(u), np.empty_like(u)
-    resist(graph, weights, hold, u, q)
+    number = len(graph.begin)
+    mine = range(me * number // threads, (me + 1) * number // threads)
     # one loop over both axes: what follows is done for all coordinates alike
-    flat = 2 * len(u)
-    x, r, qs, ps = u.reshape(flat), residual.reshape(flat), q.reshape(flat), p.reshape(flat)
-    inverse = inverse_diagonal(graph, weights, hold, len(u)).reshape(flat)
+    x, r, q, p = u.reshape(-1), residual.reshape(-1), search.q.reshape(-1), search.p.reshape(-1)
+    inverse, (sums, others) = search.inverse.reshape(-1), (search.sums[0], search.sums[1])
+    for d in mine:
+        resist(graph, d, weights, hold, u, search.q)
+        invert_diagonal(graph, d, weights, hold, search.inverse)
+        goal = rho = size = 0.0
+        for a in range(np.uint64(2 * graph.disks[d]), np.uint64(2 * graph.disks[d + 1])):
+            b = r[a] + q[a]
+            goal += b * b
+            size += r[a] * r[a]
+            p[a] = inverse[a] * r[a]
+            rho += p[a] * r[a]
+        sums[d, 0], sums[d, 1], sums[d, 2] = size, rho, goal
+    meet(counter, threads)
     goal = rho = size = 0.0
-    for a in range(flat):
-        b = r[a] + qs[a]
-        goal += b * b
-        size += r[a] * r[a]
-        ps[a] = inverse[a] * r[a]
-        rho += ps[a] * r[a]
+    for d in range(number):
+        size += sums[d, 0]
+        rho += sums[d, 1]
+        goal += sums[d, 2]
     goal *= tolerance * tolerance
     for iteration in range(SOLVES):
         if size <= goal:
             return iteration
-        curvature = resist(graph, weights, hold, p, q)
+        for d in mine:
+            others[d, 0] = resist(graph, d, weights, hold, search.p, search.q)
+        meet(counter, threads)
+        curvature = 0.0
+        for d in range(number):
+            curvature += others[d, 0]
         step = rho / curvature if curvature > 0.0 else 0.0
+        for d in mine:
+            size = after = 0.0
+            for a in range(np.uint64(2 * graph.disks[d]), np.uint64(2 * graph.disks[d + 1])):
+                x[a] += step * p[a]
+                left = r[a] - step * q[a]
+                r[a] = left
+                left *= left
+                size += left
+                after += left * inverse[a]
+            sums[d, 0], sums[d, 1] = size, after
+        meet(counter, threads)
         last, rho, size = rho, 0.0, 0.0
-        for a in range(flat):
-            x[a] += step * ps[a]
-            left = r[a] - step * qs[a]
-            r[a] = left
-            left *= left
-            size += left
-            rho += left * inverse[a]
+        for d in range(number):
+            size += sums[d, 0]
+            rho += sums[d, 1]
         turn = rho / last
-        for a in range(flat):
-            ps[a] = inverse[a] * r[a] + turn * ps[a]
+        for d in mine:
+            for a in range(np.uint64(2 * graph.disks[d]), np.uint64(2 * graph.disks[d + 1])):
+                p[a] = inverse[a] * r[a] + turn * p[a]
+        meet(counter, threads)
     return -1
 
 
 @numba.njit(cache=True, fastmath=False, error_model="numpy")
-def centre_clusters(graph, u):
-    """Take the mean of u (N, 2) out of every connected cluster, in place; returns (number, largest) of them.
-
-    A disk without contacts is a cluster of one: its u becomes zero. Clusters with held disks keep theirs.
-    """
-    start, column, _, held = graph
-    n = len(u)
-    queue = np.empty(n, np.uint32)
-    seen = np.zeros(n, np.bool_)
-    number = largest = 0
-    for root in range(n):
-        if seen[root]:
+def find_clusters_of(graph, d, u):
+    """Clusters of the disks of domain d by contacts within it, and their sums of u (N, 2)."""
+    # taken out of their tuple, or their references would be counted at every access
+    column, number, root, over, queue = graph.column, graph.number, graph.root, graph.over, graph.queue
+    first, last = np.uint32(graph.disks[d]), np.uint32(graph.disks[d + 1])
+    root[first:last] = NONE
+    for start in range(first, last):
+        if root[start] != NONE:
             continue
-        seen[root] = True
-        queue[0] = root
-        found, done = 1, 0
-        anchored = root < held  # held disks come first: they are roots
+        root[start] = over[start] = queue[first] = start
+        done, found = np.uint64(first), np.uint64(first) + np.uint64(1)
         m0 = m1 = 0.0
         while done < found:
             a = queue[done]
-            done += 1
+            done += np.uint64(1)
             m0 += u[a, 0]
             m1 += u[a, 1]
-            for e in range(start[a], start[a + np.uint32(1)]):
-                b = column[e]
-                if not seen[b]:
-                    seen[b] = True
+            for k in range(min(number[a], np.uint32(WIDTH))):
+                b = column[a, k]
+                if first <= b < last and root[b] == NONE:
+                    root[b] = start
                     queue[found] = b
-                    found += 1
-        m0 /= found
-        m1 /= found
-        if not anchored:
-            for c in range(found):
-                u[queue[c], 0] -= m0
-                u[queue[c], 1] -= m1
-        number += 1
-        largest = max(largest, found)
+                    found += np.uint64(1)
+        graph.total[start, 0], graph.total[start, 1] = m0, m1
+        graph.size[start] = found - np.uint64(first)
+
+
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
+def _unite(over, a, b):
+    while over[a] != a:
+        a = over[a]
+    while over[b] != b:
+        b = over[b]
+    over[max(a, b)] = min(a, b)
+
+
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
+def unite_clusters(domains, graph):
+    """Make one of clusters of several domains that touch; returns (number, largest) of all.
+
+    Those with held disks keep their u: their sums become zero.
+    """
+    root, over, total, size = graph.root, graph.over, graph.total, graph.size
+    for d in range(len(graph.begin)):
+        for c in range(graph.ends[d, 0], graph.ends[d, 1]):
+            p = graph.touching[c]
+            _unite(over, root[domains.i[p]], root[domains.j[p]])
+        for e in range(2 * graph.begin[d], graph.ends[d, 2]):
+            _unite(over, root[graph.more[e, 0]], root[graph.more[e, 1]])
+    number = largest = 0
+    for a in range(len(root)):
+        if root[a] == a:
+            top = over[over[a]]  # roots are less than what they are roots of, and known before
+            over[a] = top
+            if top == a:
+                number += 1
+            else:
+                for axis in range(2):
+                    total[top, axis] += total[a, axis]
+                size[top] += size[a]
+            largest = max(largest, size[top])
+    for a in range(graph.held):
+        total[over[root[a]]] = 0.0
     return number, largest
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def centre_clusters_of(graph, d, u):
+    """Take the mean of its cluster out of u (N, 2) for every disk of domain d; a disk alone has u = 0 then."""
+    root, over, total, size = graph.root, graph.over, graph.total, graph.size
+    for a in range(graph.disks[d], graph.disks[d + 1]):
+        top = over[root[a]]
+        u[a, 0] -= total[top, 0] / size[top]
+        u[a, 1] -= total[top, 1] / size[top]

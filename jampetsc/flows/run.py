@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.collective import by_rank_0
 from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.flows.means import UNBALANCED, Means
 from jampetsc.flows.record import BETWEEN_WALLS, SERIES, Record, resumed, write_checkpoint
@@ -117,9 +116,7 @@ def run(shear: Shear, plan: Plan, out, settings: dict, record=None) -> Record:
     A kill loses at most INTERVAL seconds; all, where out is None. Raises ConvergenceError where the time step is too
     long: a disk jumps, or the energy balance is off by more than 5 % in the mean.
     """
-    comm = shear.together and shear.together.comm
-    rank = comm.rank if comm else 0
-    kept = by_rank_0(comm, lambda: resumed(out, settings))
+    kept = resumed(out, settings)
     if kept is not None:
         record, state = kept
         shear.restore(state)
@@ -127,7 +124,7 @@ def run(shear: Shear, plan: Plan, out, settings: dict, record=None) -> Record:
     first, began = len(record), time.monotonic()
     photographed = plan.snapshot_rows(plan.first_kept(shear.rate * shear.scheme.step))
     saved, said = began, first * LINES // plan.rows
-    with Progress(LINES, "flow", rank, said) as progress:
+    with Progress(LINES, "flow", 0, said) as progress:
         if kept is not None:
             progress.note(f"{out}: goes on from strain {shear.strain:.6g}")
         if not len(record) and 0 in photographed:
@@ -136,9 +133,8 @@ def run(shear: Shear, plan: Plan, out, settings: dict, record=None) -> Record:
             _row(shear, plan.steps, record)
             if len(record) in photographed:
                 record.snapshot(shear.strain, shear.disks, shear.velocities_now(), shear.spins_now())
-            late = time.monotonic() - saved > INTERVAL
-            if comm.bcast(late) if comm else late:
-                by_rank_0(comm, lambda: write_checkpoint(out, record, shear.state(), settings))
+            if time.monotonic() - saved > INTERVAL:
+                write_checkpoint(out, record, shear.state(), settings)
                 saved = time.monotonic()
             if len(record) * LINES // plan.rows > said:
                 said += 1

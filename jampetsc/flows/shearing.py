@@ -5,15 +5,26 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jampetsc.contacts.disks import PLACES, Disks
-from jampetsc.contacts.pairs import SKIN_START, PairList, deformed, tuned_skin
+from jampetsc.contacts.domains import borders, into_domains
+from jampetsc.contacts.neighbours import spatial_order
+from jampetsc.contacts.pairs import ListedDisks, deformed
+from jampetsc.contacts.threads import Team
 from jampetsc.errors import ConvergenceError, named
 from jampetsc.flows import steps as compiled
 from jampetsc.flows.models import Model, Scheme, stiffest
-from jampetsc.flows.resistance import centre_clusters, contact_graph, deepest_overlap
+from jampetsc.flows.resistance import (
+    Graph,
+    Search,
+    deepest_overlap,
+    find_clusters_of,
+    find_contacts_of,
+    unite_clusters,
+)  # fmt: skip
 
 NEAR = 0.2  # of the skin of a list is that of the near pairs which forces are computed of; with these
 REACH = 0.25  # of the largest diameter: what a disk moves at most in a part of a step that was divided
 SMALLEST = 2.0**-30  # of a time step: such a part has no end
+SORTED = 0.25  # strain after which disks are put anew into an order in which domains are compact
 REBUILD = 25.0  # evaluations may go into a list: its width costs only where near pairs are chosen
 
 
@@ -27,41 +38,32 @@ class Survey:
     deepest: float  # largest δ/σ
 
 
-class Shear:
+class Shear(ListedDisks):
     """N disks sheared at a rate γ̇ under Lees–Edwards conditions.
 
-    After `advance` the packing is `disks`, in a cell with tilt |γ| ≤ ½ Lx/Ly, at total strain `strain`; `velocities`
-    (N, 2) are the non-affine ones. `seen` sums what every time step saw (see `steps.TALLY`). The first `held` disks
-    are those of walls, which go with the affine flow (see `walls`).
+    After `advance` the packing is `disks`, in a cell with tilt |γ| ≤ ½ Lx/Ly, at total strain `strain`, and
+    `velocities_now()` are the non-affine velocities. `seen` sums what every time step saw (see `steps.TALLY`).
+    The first `held` disks are those of walls, which go with the affine flow (see `walls`). `team` does the steps: how
+    many threads it has does not change them.
+
+    Inside, many disks have an order of their own, from patch to patch: disk a here is disk order[a] of those given.
     """
 
     ARRAYS = ("offsets", "velocities", "accelerations", "spins", "spin_rates")
 
-    def __init__(self, disks: Disks, model: Model, rate: float, scheme: Scheme, together=None, held: int = 0):
+    def __init__(
+        self, disks: Disks, model: Model, rate: float, scheme: Scheme, team: Team | None = None, held=0
+    ):
         self.model, self.rate, self.scheme = model, rate, scheme
-        self.held = held
-        self.together = together  # `flows.together.Together`, where PETSc finds velocities
+        self.held, self.team = held, team or Team()
         n = disks.n
-        law = model.law
-        self.unit = unit = float(disks.potential.k * law.tau1)  # kτ₁, of all weights
-        self.weights = tuple(unit * w for w in law.on_contacts)
-        self.physics = (
-            unit * model.drag,
-            float(model.mass),
-            float(rate),
-            unit * law.eta_f * disks.area,
-            held,
-        )
-        weights = [
-            weight for weight in self.weights if weight
-        ]  # steps beyond 2 c/k are unstable, in parts too
+        self.unit = float(disks.potential.k * model.law.tau1)  # kτ₁, of all weights
+        # steps beyond 2 c/k are unstable, in parts too
+        weights = [self.unit * weight for weight in model.law.on_contacts if weight]
         self.divides = bool(
             weights and not model.mass and scheme.step * stiffest(disks) <= 2.0 * min(weights)
         )
-        self.largest = 2.0 * float(disks.radii.max())
-        self.diameter = 2.0 * float(disks.radii.mean())
         self.inertia = 0.5 * model.mass * disks.radii**2  # uniform disks
-        self.skin = SKIN_START * self.diameter
         self.steps = 0  # time steps done in all
         self.since = 0  # of them, since the list was made
         self.rebuilds = 0
@@ -70,17 +72,57 @@ class Shear:
         self.accelerations = np.zeros((n, 2))
         self.spins, self.spin_rates = np.zeros(n), np.zeros(n)
         self.seen = np.zeros(len(compiled.TALLY))
-        self._list(replace(disks, images=np.zeros((n, 2), int)).folded())
+        self._borders = np.minimum(borders(n), n)
+        self.order, self._sorted_at = np.arange(n), -np.inf  # strain
+        sums = np.zeros((2, len(self._borders) - 1, compiled.SUMMED + 2))
+        self._room = np.empty((2, n, 2)), np.empty((n, 2)), sums
+        self._ahead, self._direction = np.empty((n, 2)), np.empty((3, n, 2))
+        super().__init__(self._sorted(replace(disks, images=np.zeros((n, 2), int)).folded()))
         if held and model.mass:  # at rest when the walls begin to slide
             middle = 0.5 * disks.cell[1, 1]
             self.velocities[held:, 0] = rate * (middle - self.reference.positions[held:, 1])
         self.started = False
 
-    def _list(self, disks):
-        self.reference = disks  # at γ_ref, where the list was made
-        self.pairs = PairList.build(disks, self.skin)
-        self.offsets = np.zeros((disks.n, 2))
+    def list(self, disks):
+        """See `ListedDisks`; the disks are those at γ_ref."""
+        super().list(disks)
         self.since = 0
+        domains = into_domains(self.pairs, self._borders)
+        self.lists = domains, domains.room()
+        if self.solves:
+            weights, number = self.model.law.on_contacts, domains.number
+            graph = Graph.room(domains, disks.n, self.held, weights[0] != weights[1])
+            self._contacts = compiled.Contacts(graph, Search(*self._direction, np.empty((2, number, 3))))
+
+    def fold(self):
+        """See `ListedDisks`."""
+        self.list(self._sorted(self.here))
+
+    def _sorted(self, disks):
+        """The disks, and what belongs to them, in an order in which domains are compact, from time to time."""
+        if len(self._borders) == 2 or abs(self.strain - self._sorted_at) < SORTED:
+            return disks
+        self._sorted_at, held = self.strain, self.held
+        order = np.append(np.arange(held), held + spatial_order(disks.positions[held:], disks.cell))
+        for name in (*self.ARRAYS[1:], "inertia", "order"):
+            setattr(self, name, getattr(self, name)[order])
+        return disks.reordered(order)
+
+    @property
+    def _back(self):
+        """The order (N,) in which disks here are those given."""
+        return np.argsort(self.order)
+
+    @property
+    def solves(self) -> bool:
+        """Whether velocities are found by conjugate gradients."""
+        overdamped = not self.model.mass and self.model.law.damps_contacts
+        return overdamped or self.scheme.method == "backward Euler"
+
+    @property
+    def box(self):
+        """See `ListedDisks`."""
+        return 0.0, self.shear
 
     @property
     def strain(self) -> float:
@@ -93,9 +135,14 @@ class Shear:
         return self.since * self.rate * self.scheme.step
 
     @property
+    def here(self) -> Disks:
+        """The packing as it is now, folded, in the order inside."""
+        return super().disks.folded()
+
+    @property
     def disks(self) -> Disks:
         """The packing as it is now, folded."""
-        return deformed(self.reference, self.offsets, 0.0, self.shear).folded()
+        return self.here.reordered(self._back)
 
     def advance(self, steps: int) -> None:
         """So many time steps. Raises ConvergenceError where the time step is too long for them.
@@ -121,15 +168,15 @@ class Shear:
             self.steps += done
             self.since += done
             if status == compiled.STALE and self.since:
-                self.skin = tuned_skin(self.skin, self.since * self._effort, self.diameter, REBUILD)
+                self.tune(self.since * self._effort, REBUILD)
                 self.rebuilds += 1
-                self._list(self.disks)
+                self.fold()
             elif status != compiled.DONE:
                 self._refuse(status)
 
     def _divide(self):
         """One time step in parts, halved until no disk moves by more than REACH in one; each part on a new list."""
-        self._list(self.disks)
+        self.fold()
         seen, sums, at, part = self.seen, np.zeros_like(self.seen), 0.0, 0.5
         while at < 1.0:
             before = self.velocities.copy()
@@ -141,7 +188,7 @@ class Shear:
             if done and farthest <= REACH * self.largest:
                 sums += part * self.seen
                 at += part
-                self._list(
+                self.list(
                     deformed(self.reference, self.offsets, 0.0, part * self.rate * self.scheme.step).folded()
                 )
                 self.substeps += 1
@@ -169,19 +216,21 @@ class Shear:
         self.started = True
         if self.scheme.method != "verlet":
             return
-        forces, spins = np.empty_like(self.offsets), None
         torques = np.zeros(len(self.spins))
-        if self.model.law.couples_rotations:
-            spins = (self.spins, self.reference.radii, torques)
-        compiled.residual_at(
-            self.pairs.arrays, self.offsets, self.shear, self._law, self.weights, self.physics, self.velocities,
-            forces, spins,
-        )  # fmt: skip
+        rolling = (self.spins, self.reference.radii, torques) if self.model.law.couples_rotations else None
+        forces = self.residual(self.velocities, rolling)
         self.accelerations = forces / self.model.mass
         self.spin_rates = torques / self.inertia
         half = 0.5 * self.scheme.step
         self.velocities = self.velocities - half * self.accelerations
         self.spins = self.spins - half * self.spin_rates
+
+    def residual(self, u, rolling=None):
+        """m u̇ (N, 2) at velocities u (N, 2); see `steps.residual_at`."""
+        forces, listed = np.empty_like(u), self.lists[0]
+        for d in range(listed.number):
+            compiled.residual_at(listed, d, self.offsets, self.shear, self.task(), u, forces, rolling)
+        return forces
 
     @property
     def _effort(self) -> float:
@@ -189,81 +238,107 @@ class Shear:
         each = 1.5 if self.scheme.method == "verlet" else 5.0 if self.model.law.damps_contacts else 1.0
         return 2.0 * each if self.scheme.heun else each
 
-    @property
-    def _law(self):
-        return self.reference.potential.constants
+    def task(self, part: float = 1.0) -> compiled.Task:
+        """What compiled steps from here are, or such a part of them."""
+        unit, scheme = self.unit, self.scheme
+        return compiled.Task(
+            law=self.reference.potential.constants,
+            weights=tuple(unit * w for w in self.model.law.on_contacts),
+            drag=unit * self.model.drag,
+            mass=float(self.model.mass),
+            rate=float(self.rate),
+            background=unit * self.model.law.eta_f * self.reference.area,
+            held=self.held,
+            listed=(self.largest, self.skin, NEAR * self.skin),
+            step=part * scheme.step,
+            heun=scheme.heun,
+            tolerance=float(scheme.tolerance),
+            since=self.since,
+        )
+
+    def _space(self, velocities):
+        return compiled.Space(*self.lists, self.offsets, self._ahead, velocities, *self._room, self.seen)
 
     def _run(self, steps, part=1.0):
         """Time steps, or such a part of them, with the list there is: (how many, status)."""
-        listed, clock = (self.largest, self.skin, NEAR * self.skin), (part * self.scheme.step, self.since)
-        forces = np.empty_like(self.offsets)
-        common = (self.pairs.arrays, listed, self._law)
+        rest, run = (), compiled.drag_steps
         if self.scheme.method == "verlet":
-            rolling = None
+            run, turning = compiled.massive_steps, None
             if self.model.law.couples_rotations:
-                rolling = (self.spins, self.spin_rates, self.reference.radii, self.inertia)
-            return compiled.massive_steps(
-                *common, self.weights, self.physics, clock, self.offsets, self.velocities, self.accelerations,
-                forces, rolling, self.seen, steps,
-            )  # fmt: skip
-        if self.model.law.damps_contacts or self.model.mass:
-            run = self.together.steps if self.together else compiled.contact_steps
-            return run(
-                *common, self.weights, self.physics, clock, self.offsets, self.velocities, forces,
-                self.scheme.tolerance, self.scheme.heun, self.seen, steps,
-            )  # fmt: skip
-        return compiled.drag_steps(
-            *common, self.physics, clock, self.offsets, self.velocities, forces, self.scheme.heun, self.seen, steps
-        )  # fmt: skip
+                turning = compiled.Turning(
+                    self.spins, self.spin_rates, self.reference.radii, self.inertia,
+                    *(np.empty_like(self.spins) for _ in range(3)),
+                )  # fmt: skip
+            rest = self.accelerations, turning
+        elif self.solves:
+            run, rest = compiled.contact_steps, (self._contacts,)
+        space, shares = self._space(self.velocities), self.lists[0].number
+        return self.team.run(run, shares, space, self.task(part), *rest, steps)[::-1]
 
     def look(self) -> Survey:
         """Contacts as they are now."""
-        place = (self.pairs.arrays, self.offsets, self.shear)
-        n, held = len(self.offsets), self.held
-        graph = contact_graph(*place, n, held, False)
-        number, largest = centre_clusters(graph, np.zeros_like(self.offsets))
-        contacts = int(graph[0][n] - graph[0][held])
-        return Survey(contacts / (n - held), number, largest, deepest_overlap(*place))
+        (domains, _), o, shear, held = self.lists, self.offsets, self.shear, self.held
+        graph = Graph.room(domains, len(o), held, False)
+        for d in range(domains.number):
+            find_contacts_of(domains, d, o, shear, graph)
+            find_clusters_of(graph, d, o)
+        number, largest = unite_clusters(domains, graph)
+        deepest = deepest_overlap(self.pairs.arrays, o, shear)
+        return Survey(float(graph.number[held:].mean()), number, largest, deepest)
 
     def velocities_now(self) -> np.ndarray:
-        """Non-affine velocities (N, 2) at the positions as they are now: those that the next step begins with.
+        """Non-affine velocities (N, 2) at the positions as they are now, of `disks`; see `velocities_here`."""
+        return self.velocities_here()[self._back]
+
+    def velocities_here(self) -> np.ndarray:
+        """Non-affine velocities (N, 2) at the positions as they are now, of `here`: those the next step begins with.
 
         With them it takes its stresses and what is dissipated. By backward Euler they are the solution for that step:
         those of the last one belong to the contacts that there were before it.
         """
         if self.scheme.method == "verlet":  # half a step on
             return self.velocities + 0.5 * self.scheme.step * self.accelerations
-        u, forces = self.velocities.copy(), np.empty_like(self.offsets)
-        place = (self.pairs.arrays, self.offsets, self.shear, self._law, self.weights, self.physics)
-        if self.model.law.damps_contacts or self.model.mass:
-            balance = self.together.balance if self.together else compiled.balance
-            balance(*place, self.scheme.step, u, forces, self.scheme.tolerance)
-            return u
-        compiled.residual_at(*place, np.zeros_like(u), forces, None)
-        return forces / self.physics[0]
+        if not self.solves:
+            return self.residual(np.zeros_like(self.velocities)) / (self.unit * self.model.drag)
+        u = self.velocities.copy()
+        place = self._space(u), self.task(), self._contacts, self.lists[0], self.offsets, self.shear, u
+        compiled.balance(0, 1, np.zeros(1, np.int64), *place)
+        return u
 
     def spins_now(self) -> np.ndarray | None:
-        """Angular velocities (N,) at the same moment; None where disks do not roll."""
+        """Angular velocities (N,) at the same moment, of `disks`; None where disks do not roll."""
         if not self.model.law.couples_rotations:
             return None
-        return self.spins + 0.5 * self.scheme.step * self.spin_rates
+        return (self.spins + 0.5 * self.scheme.step * self.spin_rates)[self._back]
 
     def state(self) -> dict:
-        """Everything that goes on from here, as arrays and numbers; `restore` takes it back to the last bit."""
-        arrays = {name: getattr(self, name).copy() for name in self.ARRAYS}
-        arrays |= {name: getattr(self.reference, name) for name in PLACES}
+        """Everything that goes on from here, as arrays and numbers; `restore` takes it back to the last bit.
+
+        Disks are in the order they were given.
+        """
+        back = self._back
+        arrays, reference = (
+            {name: getattr(self, name)[back] for name in self.ARRAYS},
+            self.reference.reordered(back),
+        )
+        arrays |= {name: getattr(reference, name) for name in PLACES}
         counts = {name: getattr(self, name) for name in ("steps", "since", "rebuilds", "substeps")}
-        arrays |= {"seen": self.seen.copy(), "images": self.reference.images}
-        return arrays | {"skin": self.skin, "started": self.started, **counts}
+        arrays |= {"seen": self.seen.copy(), "skin": self.skin, "started": self.started, **counts}
+        return arrays | {"images": reference.images, "order": self.order, "sorted_at": self._sorted_at}
 
     def restore(self, state: dict) -> None:
         """Go on from what `state` gave."""
         self.skin = float(state["skin"])
+        # older files have no order: disks are as they were given, nor images
+        disks, self.order = self.disks, np.asarray(state.get("order", np.arange(len(self.order))), int)
+        self._sorted_at = float(state.get("sorted_at", -np.inf))
         places = {name: np.asarray(state[name], float) for name in PLACES}
-        images = state.get("images", self.reference.images)  # which older files do not have
-        self._list(replace(self.reference, images=images, **places))
-        for name in (*self.ARRAYS, "seen"):
-            setattr(self, name, np.array(state[name], float))
+        images = state.get("images", disks.images)
+        self.list(replace(disks, images=images, **places).reordered(self.order))
+        self.inertia = 0.5 * self.model.mass * self.reference.radii**2
+        for name in self.ARRAYS:
+            setattr(self, name, np.array(state[name], float)[self.order])
+        self.seen = np.array(state["seen"], float)
         self.steps, self.since, self.rebuilds = (int(state[name]) for name in ("steps", "since", "rebuilds"))
         self.substeps = int(state.get("substeps", 0))  # which older files do not have
         self.started = bool(state["started"])

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jampetsc.contacts.disks import PLACES, Disks
-from jampetsc.contacts.pairs import SKIN_RANGE, PairList, deformed, is_stale
+from jampetsc.contacts.pairs import SKIN_RANGE, ListedDisks
 from jampetsc.contacts.state import find_contacts, measure
 from jampetsc.packing import follow as compiled
 from jampetsc.packing.descent import Goal
@@ -72,7 +72,7 @@ def look_at(disks: Disks) -> Look:
     )
 
 
-class SlowShear:
+class SlowShear(ListedDisks):
     """Disks sheared step by step; `disks` is the last minimum, `found` what it is like, `effort` what it has cost.
 
     Raises ConvergenceError where no minimum is found, as `packing.minimise.minimise`.
@@ -82,13 +82,11 @@ class SlowShear:
         self.step, self.solver, self.tolerance = step, solver, tolerance
         self.effort = Effort()
         self.steps = 0
-        self.diameter = 2.0 * float(np.mean(disks.radii))
-        self.largest = 2.0 * float(disks.radii.max())
         self.last = np.zeros((disks.n, 2))  # displacement beside the affine one in the last step,
         self._moved = np.zeros((disks.n, 2))  # and in this one
         self._unit, self._law = stress_unit(disks), disks.potential.constants
         self._memory = compiled.nothing_remembered(disks.n)
-        self._list(self._quenched(disks))
+        super().__init__(self._quenched(disks), SKIN_RANGE[1])
 
     @property
     def strain(self) -> float:
@@ -98,7 +96,12 @@ class SlowShear:
     @property
     def disks(self) -> Disks:
         """The packing as it is now, folded."""
-        return deformed(self.reference, self.offsets, 0.0, self.shear).folded()
+        return super().disks.folded()
+
+    @property
+    def box(self):
+        """See `ListedDisks`."""
+        return 0.0, self.shear
 
     def _quenched(self, disks) -> Disks:
         effort = Effort()
@@ -107,16 +110,14 @@ class SlowShear:
         self.effort.newton_steps += effort.newton_steps
         return found.disks.folded()
 
-    def _list(self, disks):
-        """Go on from disks at a minimum, or near one, with a list of their pairs."""
-        self.reference, self.offsets, self.shear = disks, np.zeros((disks.n, 2)), 0.0
-        self.area = disks.area
-        self.skin = SKIN_RANGE[1] * self.diameter
-        self.pairs = PairList.build(disks, self.skin)
+    def list(self, disks):
+        """See `ListedDisks`; the disks are at a minimum, or near one."""
+        super().list(disks)
+        self.shear, self.area = 0.0, disks.area
 
     def _renew(self):
         """Make everything anew that decides the last digits, so that a run may go on from here."""
-        self._list(self.disks)
+        self.fold()
         self._anchor = self.reference, self.last.copy(), self.steps, replace(self.effort)
         self._arrange()
         law, pressure = self.reference.potential, max(measure(self.reference).pressure, UNJAMMED * self._unit)
@@ -178,7 +179,7 @@ class SlowShear:
             if status == compiled.LOST:
                 return None
             if status == compiled.STALE:
-                self._list(self.disks)
+                self.fold()
             elif share == self.tolerance and budget == FRESH:
                 # disks rearrange: the Hessian is not worth its factor until they come to rest
                 self._factor = compiled.NO_FACTOR
@@ -196,13 +197,12 @@ class SlowShear:
         before, spent = self.found, self.effort.evaluations
         self.shear += self.step
         self._moved = np.empty_like(self.offsets)
-        far = compiled.moved_on(self.offsets, self.shear, self.last, self._moved)
-        if is_stale(far, 0.0, self.shear, self.largest, self.skin):
-            self._list(self.disks)
+        if self.stale(compiled.moved_on(self.offsets, self.shear, self.last, self._moved)):
+            self.fold()
         sums = self._follow()
         if sums is None:
             here = self.disks
-            self._list(self._quenched(here))
+            self.list(self._quenched(here))
             turns = (self.reference.base - here.base) + (self.reference.offset - here.offset)
             self._moved += turns - np.round(turns @ np.linalg.inv(here.cell)) @ here.cell
             self._factorise()
@@ -228,11 +228,11 @@ class SlowShear:
         disks, n = self.reference, self.reference.n
         contacts, stiffness = compiled.contacts_at(self.pairs.arrays, self.offsets, self.shear, self._law)
         self.affine_modulus = stiffness / self.area
-        energy = sums[0] / disks.potential.alpha
+        energy = sums.energy / disks.potential.alpha
         return Look(
             energy,
-            -sums[2] / self.area,
-            0.5 * (sums[1] + sums[3]) / self.area,
+            -sums.elastic_xy / self.area,
+            0.5 * (sums.elastic_xx + sums.elastic_yy) / self.area,
             energy / n > ENERGY_CUT * disks.potential.k,
             2.0 * contacts / n,
         )
@@ -246,7 +246,7 @@ class SlowShear:
 
     def restore(self, state: dict) -> None:
         """Go on from what `state` gave, to the last bit."""
-        self._list(replace(self.reference, **{name: np.asarray(state[name], float) for name in PLACES}))
+        self.list(replace(self.reference, **{name: np.asarray(state[name], float) for name in PLACES}))
         self.last, self.steps = np.asarray(state["last"], float), int(state["anchor"])
         self.effort = Effort(int(state["evaluations"]), int(state["newton_steps"]))
         while self.steps < int(state["steps"]):

@@ -6,27 +6,86 @@ velocity in the laboratory, the same in every frame (Vågberg, thesis eqs. 4.1�
     ȯ = (u_x − g u_y, u_y),    u̇ = F/m − γ̇ u_y x̂  (SLLOD, 4.25)    or    F(u) = 0  without mass
 
 A move takes g in the middle of its step: exact for constant u. Every function steps until `steps` are done, the
-list is stale or something is wrong, and adds what it sees to `tally`, whose entries are the sums over time
+list is stale or something is wrong, and adds what it sees to `seen`, whose entries are the sums over time
 steps of TALLY. All begin with the forces at a list that is not stale and end with a move.
+
+All are run by a `contacts.threads.Team`, thread `me` of `threads`, each on its domains: it reads what any disk has and
+writes what its own have, to where nobody reads before the next meeting. So a step takes one meeting, two by Heun's
+method, and every thread takes the same decisions from the same sums.
 """
+
+from typing import NamedTuple
 
 import numba
 import numpy as np
 
-from jampetsc.contacts.kernel import FAST, NUMBERS, bond_forces
-from jampetsc.contacts.pairs import FAR, is_stale, nearest
-from jampetsc.flows.resistance import centre_clusters, contact_graph, solve
+from jampetsc.contacts.domains import Domains, choose_near, domain_forces
+from jampetsc.contacts.kernel import FAST, NUMBERS
+from jampetsc.contacts.pairs import are_worn, is_stale
+from jampetsc.contacts.threads import meet
+from jampetsc.flows.resistance import (
+    Graph,
+    Search,
+    centre_clusters_of,
+    find_clusters_of,
+    find_contacts_of,
+    solve,
+    unite_clusters,
+)  # fmt: skip
 
 # Σ f_x r_y and Σ f·r of elastic and viscous bonds, Σ m u_x u_y and Σ m |u|², U, dissipation, iterations, steps
 TALLY = ("elastic_xy", "elastic", "viscous_xy", "viscous", "kinetic_xy", "kinetic", "energy", "dissipation")
 TALLY += ("iterations", "steps")
+SUMMED = 8  # of them are sums over domains; each domain also has the farthest offset and the longest move
+ITERATIONS, STEPS = (TALLY.index(name) for name in ("iterations", "steps"))
 DONE, STALE, BLOWN_UP, UNSOLVED = range(4)
 JUMP = 0.5  # σ_max: the longest move of one step; beyond it the step is unstable
+FAR = 1e300  # moved so far, no pairs are near any more
+
+
+class Task(NamedTuple):
+    """What the steps from one list to the next are."""
+
+    law: tuple  # `Potential.constants`
+    weights: tuple  # (c_∥, c_⊥, c_s) of contacts
+    drag: float
+    mass: float
+    rate: float
+    background: float  # η_F V
+    held: int  # the first so many disks keep u = 0
+    listed: tuple  # (σ_max, skin of the list, that of the near pairs)
+    step: float  # Δt
+    heun: bool
+    tolerance: float  # of velocities
+    since: int  # steps since the list was made
+
+
+class Space(NamedTuple):
+    """Where disks are, and what goes with it."""
+
+    listed: Domains
+    near: Domains
+    o: np.ndarray  # (N, 2)
+    ahead: np.ndarray  # (N, 2) where they go next
+    u: np.ndarray  # (N, 2)
+    after: np.ndarray  # (2, N, 2) velocities at other times
+    forces: np.ndarray  # (N, 2)
+    sums: (
+        np.ndarray
+    )  # (2, D, SUMMED + 2) of a domain, for two meetings: some threads still read those of the last one
+    seen: np.ndarray  # (TALLY,)
+
+
+class Contacts(NamedTuple):
+    """What a search for velocities needs beside."""
+
+    graph: Graph
+    search: Search
 
 
 @numba.njit(cache=True, fastmath=False, error_model="numpy")
 def move(o, u, g, dt, out):
-    """out = o + dt (u_x − g u_y, u_y), all (N, 2); returns max |out| and the longest move, NaN where there is one."""
+    """out = o + dt (u_x − g u_y, u_y), all (n, 2); returns max |out| and the longest move, NaN where there is one."""
     far = longest = total = 0.0
     for a in range(len(o)):
         dx = dt * (u[a, 0] - g * u[a, 1])
@@ -41,36 +100,11 @@ def move(o, u, g, dt, out):
     return np.sqrt(far), np.sqrt(longest) if total == total else np.nan
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def note(tally, sums, alpha, u, mass, drag, rate, background):
-    """Add one instant to the tally; sums: of `bond_forces`; background = η_F V."""
-    xy = squares = 0.0
-    for a in range(len(u)):
-        xy += u[a, 0] * u[a, 1]
-        squares += u[a, 0] * u[a, 0] + u[a, 1] * u[a, 1]
-    add(tally, sums, alpha, xy, squares, mass, drag, rate, background)
-
-
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def add(tally, sums, alpha, xy, squares, mass, drag, rate, background):
-    """As `note`, with Σ u_x u_y and Σ |u|²."""
-    fluid = background * rate
-    tally[0] += sums[2]
-    tally[1] += sums[1] + sums[3]
-    tally[2] += sums[7] - fluid
-    tally[3] += sums[6] + sums[9]
-    tally[4] += mass * xy
-    tally[5] += mass * squares
-    tally[6] += sums[0] / alpha + 0.5 * mass * squares
-    tally[7] += sums[5] + drag * squares + fluid * rate
-    tally[9] += 1.0
-
-
 @numba.njit(cache=True, fastmath=NUMBERS, error_model="numpy")
-def drift(o, forces, mobility, g, dt, u):
-    """u = mobility · forces, and o moved by it, (N, 2) each, in one pass: four would take as long as half the forces.
+def drift(o, forces, mobility, g, dt, u, out):
+    """u = mobility · forces, and out = o moved by it, (n, 2) each, in one pass: four would take half as long as forces.
 
-    Returns (max |o|, longest move, NaN where there is one, Σ u_x u_y, Σ |u|²).
+    Returns (max |out|, longest move, NaN where there is one, Σ u_x u_y, Σ |u|²).
     """
     far = longest = xy = squares = 0.0
     for a in range(len(o)):
@@ -78,7 +112,7 @@ def drift(o, forces, mobility, g, dt, u):
         dx, dy = dt * (ux - g * uy), dt * uy
         x, y = o[a, 0] + dx, o[a, 1] + dy
         u[a, 0], u[a, 1] = ux, uy
-        o[a, 0], o[a, 1] = x, y
+        out[a, 0], out[a, 1] = x, y
         xy += ux * uy
         squares += ux * ux + uy * uy
         reach, move = x * x + y * y, dx * dx + dy * dy
@@ -88,13 +122,13 @@ def drift(o, forces, mobility, g, dt, u):
 
 
 @numba.njit(cache=True, fastmath=NUMBERS, error_model="numpy")
-def kick(o, forces, predicted, physics, g, dt, u, a_last):
-    """Accelerations into a_last, u half a step to now and half a step on, and o moved by it, (N, 2) each, in one pass.
+def kick(o, forces, predicted, task, g, u, a_last, after, out):
+    """Accelerations into a_last, u half a step on, and out = o moved by it, (n, 2) each, in one pass.
 
-    forces: of bonds; physics: of `massive_steps`. `predicted` holds the velocities now, and then those at the next
-    step. Returns as `drift`, the sums of the velocities now.
+    forces: of bonds; `predicted`: the velocities now; `after`: those predicted for the next step. Returns as `drift`,
+    the sums of the velocities now.
     """
-    drag, mass, rate = physics[0], physics[1], physics[2]
+    drag, mass, rate, dt = task.drag, task.mass, task.rate, task.step
     far = longest = xy = squares = total = 0.0
     for a in range(len(o)):
         px, py = predicted[a, 0], predicted[a, 1]
@@ -102,10 +136,10 @@ def kick(o, forces, predicted, physics, g, dt, u, a_last):
         ux, uy = u[a, 0] + dt * ax, u[a, 1] + dt * ay
         dx, dy = dt * (ux - g * uy), dt * uy
         x, y = o[a, 0] + dx, o[a, 1] + dy
-        predicted[a, 0], predicted[a, 1] = ux + 0.5 * dt * ax, uy + 0.5 * dt * ay
+        after[a, 0], after[a, 1] = ux + 0.5 * dt * ax, uy + 0.5 * dt * ay
         a_last[a, 0], a_last[a, 1] = ax, ay
         u[a, 0], u[a, 1] = ux, uy
-        o[a, 0], o[a, 1] = x, y
+        out[a, 0], out[a, 1] = x, y
         xy += px * py
         squares += px * px + py * py
         total += dx
@@ -115,7 +149,45 @@ def kick(o, forces, predicted, physics, g, dt, u, a_last):
     return np.sqrt(far), np.sqrt(longest) if total == total else np.nan, xy, squares
 
 
-@numba.njit(cache=True, fastmath=False)
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def squares_of(u):
+    """(Σ u_x u_y, Σ |u|²) of u (n, 2)."""
+    xy = squares = 0.0
+    for a in range(len(u)):
+        xy += u[a, 0] * u[a, 1]
+        squares += u[a, 0] * u[a, 0] + u[a, 1] * u[a, 1]
+    return xy, squares
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def note(task, sums, xy, squares, seen):
+    """What one domain has of an instant into `seen`; sums: of its bonds, xy and squares: see `squares_of`."""
+    alpha = 2.5 if task.law[1] else 2.0
+    seen[0] = sums.elastic_xy
+    seen[1] = sums.elastic_xx + sums.elastic_yy
+    seen[2] = sums.viscous_xy
+    seen[3] = sums.viscous_xx + sums.viscous_yy
+    seen[4] = task.mass * xy
+    seen[5] = task.mass * squares
+    seen[6] = sums.energy / alpha + 0.5 * task.mass * squares
+    seen[7] = sums.dissipation + task.drag * squares
+
+
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
+def tell(task, sums, seen):
+    """Add what all domains have noted, sums (D, SUMMED + 2), to `seen`, and what the fluid behind the disks has."""
+    fluid = task.background * task.rate
+    for s in range(SUMMED):
+        total = 0.0
+        for d in range(len(sums)):
+            total += sums[d, s]
+        seen[s] += total
+    seen[2] -= fluid
+    seen[7] += fluid * task.rate
+    seen[STEPS] += 1.0
+
+
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
 def verdict_of(far, longest, g, listed):
     """What a move means for the list: listed = (σ_max, its skin, that of its near pairs)."""
     if not longest <= JUMP * listed[0]:
@@ -123,182 +195,266 @@ def verdict_of(far, longest, g, listed):
     return STALE if is_stale(far, 0.0, g, listed[0], listed[1]) else DONE
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def drag_steps(pairs, listed, law, physics, clock, o, u, forces, heun, tally, steps):
-    """Overdamped disks in a fluid, u = f/(k_d drag), by Euler or Heun.
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
+def reached(task, sums, g):
+    """(`verdict_of` the moves of all domains, the longest one)."""
+    far = longest = 0.0
+    for d in range(len(sums)):
+        far = max(far, sums[d, SUMMED])
+        move = sums[d, SUMMED + 1]
+        longest = longest if move <= longest or longest != longest else move  # NaN stays
+    return verdict_of(far, longest, g, task.listed), longest
 
-    physics = (drag, mass, rate, η_F V, held): the first `held` disks keep u = 0; clock = (Δt, steps since the list
-    was made). Returns (steps done, status).
+
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
+def own_domains(me, threads, space):
+    """(first, last + 1) of the domains of thread `me`, and its disks likewise."""
+    disks = space.listed.disks
+    number = len(disks) - 1
+    first, last = me * number // threads, (me + 1) * number // threads
+    return first, last, disks[first], disks[last]
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy", nogil=True)
+def drag_steps(me, threads, counter, space, task, steps):
+    """Overdamped disks in a fluid, u = f/(k_d drag), by Euler or Heun: (status, steps done)."""
+    first, last, begin, stop = own_domains(me, threads, space)
+    mine = range(first, last)
+    disks, forces, u, o, ahead = space.listed.disks, space.forces, space.u, space.o, space.ahead
+    mobility, turn, done, status = 1.0 / task.drag, 0, 0, DONE
+    moved, then = FAR, 0.0
+    while done < steps and status == DONE:
+        g = (task.since + done) * task.rate * task.step
+        middle, later = g + 0.5 * task.rate * task.step, g + task.rate * task.step
+        if are_worn(moved, g, then, task.listed[0], task.listed[2]):
+            moved, then = 0.0, g
+            for d in mine:
+                choose_near(space.listed, d, o, g, task.listed[2], space.near)
+        longest = 0.0
+        for part in range(2 if task.heun else 1):
+            pairs, place, shear = (space.near, o, g) if part == 0 else (space.listed, ahead, later)
+            sums = space.sums[turn]
+            for d in mine:
+                own = slice(disks[d], disks[d + 1])
+                bonds = domain_forces(pairs, d, place, 0.0, shear, task.law, forces, None, None)
+                forces[disks[d] : task.held] = 0.0
+                if part == 0:
+                    far, longest, xy, squares = drift(
+                        o[own], forces[own], mobility, middle, task.step, u[own], ahead[own]
+                    )
+                    note(task, bonds, xy, squares, sums[d])
+                else:
+                    f = forces[own]
+                    for a in range(len(f)):
+                        f[a, 0] = 0.5 * (u[a + disks[d], 0] + mobility * f[a, 0])
+                        f[a, 1] = 0.5 * (u[a + disks[d], 1] + mobility * f[a, 1])
+                    far, longest = move(o[own], f, middle, task.step, o[own])
+                sums[d, SUMMED], sums[d, SUMMED + 1] = far, longest
+            meet(counter, threads)
+            turn = 1 - turn
+            status, longest = reached(task, sums, later)
+            if part == 0 and task.heun and status != DONE:
+                return status, done
+            if part == 0 and me == 0:
+                tell(task, sums, space.seen)
+        if not task.heun:
+            o, ahead = ahead, o
+        done += 1
+        moved += longest
+    if not task.heun and done % 2:
+        space.o[begin:stop] = space.ahead[begin:stop]
+    return status, done
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+def residual_at(pairs, d, o, g, task, u, forces, rolling):
+    """m u̇ at velocities u into `forces`, what is not balanced in domain d: bonds, drag and SLLOD's shift of momentum.
+
+    Held disks have u̇ = 0. rolling: None, or (Ω, ρ, torques), each (N,); see `bond_forces`, whose Sums it returns.
     """
-    drag, _, rate, background, held = physics
-    dt, since = clock
-    alpha = 2.5 if law[1] else 2.0
-    ahead, u2 = np.empty_like(o), np.empty_like(u)
-    near = pairs, FAR, 0.0
-    for step in range(steps):
-        g = (since + step) * rate * dt
-        middle = g + 0.5 * rate * dt
-        near = nearest(pairs, near, o, g, listed)
-        sums = bond_forces(near[0], o, 0.0, g, law, forces, None, None)
-        forces[:held] = 0.0
-        if not heun:
-            far, longest, xy, squares = drift(o, forces, 1.0 / drag, middle, dt, u)
-            add(tally, sums, alpha, xy, squares, 0.0, drag, rate, background)
-        else:
-            for a in range(len(u)):
-                u[a, 0] = forces[a, 0] / drag
-                u[a, 1] = forces[a, 1] / drag
-            far, longest = move(o, u, middle, dt, ahead)
-            verdict = verdict_of(far, longest, g + rate * dt, listed)
-            if verdict != DONE:
-                return step, verdict
-            bond_forces(pairs, ahead, 0.0, g + rate * dt, law, forces, None, None)
-            forces[:held] = 0.0
-            for a in range(len(u)):
-                u2[a, 0] = 0.5 * (u[a, 0] + forces[a, 0] / drag)
-                u2[a, 1] = 0.5 * (u[a, 1] + forces[a, 1] / drag)
-            note(tally, sums, alpha, u, 0.0, drag, rate, background)
-            far, longest = move(o, u2, middle, dt, o)
-        near = near[0], near[1] + longest, near[2]
-        verdict = verdict_of(far, longest, g + rate * dt, listed)
-        if verdict != DONE:
-            return step + 1, verdict
-    return steps, DONE
-
-
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def residual_at(pairs, o, g, law, weights, physics, u, forces, rolling):
-    """m u̇ at velocities u into `forces`, what is not balanced: bonds, drag and SLLOD's shift of momentum.
-
-    Held disks have u̇ = 0. rolling: None, or (Ω, ρ, torques), each (N,); see `bond_forces`, whose sums it returns.
-    """
-    drag, mass, rate, _, held = physics
-    sums = bond_forces(pairs, o, 0.0, g, law, forces, (u, rate, weights), rolling)
-    for a in range(len(u)):
-        forces[a, 0] -= drag * u[a, 0] + mass * rate * u[a, 1]
-        forces[a, 1] -= drag * u[a, 1]
-    forces[:held] = 0.0
+    sums = domain_forces(pairs, d, o, 0.0, g, task.law, forces, (u, task.rate, task.weights), rolling)
+    begin = pairs.disks[d]
+    for a in range(begin, pairs.disks[d + 1]):
+        forces[a, 0] -= task.drag * u[a, 0] + task.mass * task.rate * u[a, 1]
+        forces[a, 1] -= task.drag * u[a, 1]
+    forces[begin : task.held] = 0.0
     if rolling is not None:
-        _, _, torques = rolling
-        torques[:held] = 0.0
+        rolling[2][begin : task.held] = 0.0
     return sums
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def centre(graph, physics, u):
-    """What no force decides: mean u of each cluster without inertia and drag, of all disks with inertia alone."""
-    drag, mass, _, _, held = physics
-    if drag > 0.0:
-        return
-    if mass == 0.0:
-        centre_clusters(graph, u)
-        return
-    if held > 0:
-        return
-    for axis in range(2):
-        u[:, axis] -= np.mean(u[:, axis])
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy", nogil=True, forceinline=True)
+def balance(me, threads, counter, space, task, contacts, pairs, o, g, u):
+    """Velocities at which forces balance, or that backward Euler gives a mass, into u.
+
+    Returns (UNSOLVED or DONE, iterations), all threads having met.
+    """
+    first, last, _, _ = own_domains(me, threads, space)
+    graph = contacts.graph
+    for d in range(first, last):
+        residual_at(pairs, d, o, g, task, u, space.forces, None)
+        find_contacts_of(pairs, d, o, g, graph)
+    hold = task.drag + task.mass / task.step
+    iterations = solve(
+        me, threads, counter, graph, task.weights, hold, space.forces, u, task.tolerance, contacts.search
+    )
+    # what no force decides: mean u of each cluster without inertia and drag, of all disks with inertia alone
+    free = task.drag == 0.0 and task.mass == 0.0
+    if free:
+        for d in range(first, last):
+            find_clusters_of(graph, d, u)
+    meet(counter, threads)
+    if free and me == 0:
+        unite_clusters(pairs, graph)
+    elif me == 0 and task.drag == 0.0 and task.held == 0:
+        for axis in range(2):
+            u[:, axis] -= np.mean(u[:, axis])
+    meet(counter, threads)
+    if free:
+        for d in range(first, last):
+            centre_clusters_of(graph, d, u)
+        meet(counter, threads)
+    return DONE if iterations >= 0 else UNSOLVED, iterations
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def balance(pairs, o, g, law, weights, physics, dt, u, forces, tolerance):
-    """Velocities at which forces balance, or that backward Euler gives a mass, into u; returns iterations."""
-    residual_at(pairs, o, g, law, weights, physics, u, forces, None)
-    graph = contact_graph(pairs, o, g, len(u), physics[4], weights[0] != weights[1])
-    iterations = solve(graph, weights, physics[0] + physics[1] / dt, forces, u, tolerance)
-    centre(graph, physics, u)
-    return iterations
-
-
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def seen_and_moved(pairs, listed, law, weights, physics, dt, g, o, u, velocity, forces, tally):
-    """The end of a step: note what there is at velocities u, and move by `velocity`: (verdict, the longest move)."""
-    drag, mass, rate, background, _ = physics
-    sums = bond_forces(pairs, o, 0.0, g, law, forces, (u, rate, weights), None)
-    note(tally, sums, 2.5 if law[1] else 2.0, u, mass, drag, rate, background)
-    far, longest = move(o, velocity, g + 0.5 * rate * dt, dt, o)
-    return verdict_of(far, longest, g + rate * dt, listed), longest
-
-
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def contact_steps(pairs, listed, law, weights, physics, clock, o, u, forces, tolerance, heun, tally, steps):
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy", nogil=True)
+def contact_steps(me, threads, counter, space, task, contacts, steps):
     """Disks damped by contacts, implicit in the velocities: without mass by Euler or Heun, with mass by Euler.
 
-    weights = (c_∥, c_⊥, 0); the rest as for `drag_steps`.
+    Returns (status, steps done).
     """
-    rate = physics[2]
-    dt, since = clock
-    ahead, u2 = np.empty_like(o), np.empty_like(u)
-    near = pairs, FAR, 0.0
-    for step in range(steps):
-        g = (since + step) * rate * dt
-        near = nearest(pairs, near, o, g, listed)
-        iterations = balance(near[0], o, g, law, weights, physics, dt, u, forces, tolerance)
-        if iterations < 0:
-            return step, UNSOLVED
-        tally[8] += iterations
-        velocity = u
-        if heun:
-            far, longest = move(o, u, g + 0.5 * rate * dt, dt, ahead)
-            verdict = verdict_of(far, longest, g + rate * dt, listed)
-            if verdict != DONE:
-                return step, verdict
-            u2[:] = u
-            iterations = balance(
-                pairs, ahead, g + rate * dt, law, weights, physics, dt, u2, forces, tolerance
+    first, last, begin, stop = own_domains(me, threads, space)
+    mine = range(first, last)
+    disks, o, ahead, u, after = space.listed.disks, space.o, space.ahead, space.u, space.after[0]
+    done, status = 0, DONE
+    moved, then = FAR, 0.0
+    while done < steps and status == DONE:
+        g = (task.since + done) * task.rate * task.step
+        middle, later = g + 0.5 * task.rate * task.step, g + task.rate * task.step
+        if are_worn(moved, g, then, task.listed[0], task.listed[2]):
+            moved, then = 0.0, g
+            for d in mine:
+                choose_near(space.listed, d, o, g, task.listed[2], space.near)
+        for part in range(2 if task.heun else 1):
+            pairs, place, shear, v = (
+                (space.near, o, g, u) if part == 0 else (space.listed, ahead, later, after)
             )
-            if iterations < 0:
-                return step, UNSOLVED
-            for a in range(len(u)):
-                u2[a, 0] = 0.5 * (u[a, 0] + u2[a, 0])
-                u2[a, 1] = 0.5 * (u[a, 1] + u2[a, 1])
-            velocity = u2
-        verdict, longest = seen_and_moved(
-            near[0], listed, law, weights, physics, dt, g, o, u, velocity, forces, tally
-        )
-        near = near[0], near[1] + longest, near[2]
-        if verdict != DONE:
-            return step + 1, verdict
-    return steps, DONE
+            solved, iterations = balance(me, threads, counter, space, task, contacts, pairs, place, shear, v)
+            status = solved
+            if status != DONE:
+                break
+            if part == 0 and me == 0:
+                space.seen[ITERATIONS] += iterations
+            if part == 0 and task.heun:
+                for d in mine:
+                    own = slice(disks[d], disks[d + 1])
+                    far, longest = move(o[own], u[own], middle, task.step, ahead[own])
+                    space.sums[0, d, SUMMED], space.sums[0, d, SUMMED + 1] = far, longest
+                    after[own] = u[own]
+                meet(counter, threads)
+                status, _ = reached(task, space.sums[0], later)
+                if status != DONE:
+                    break
+        if status != DONE:
+            break
+        if task.heun:
+            for a in range(begin, stop):
+                after[a, 0] = 0.5 * (u[a, 0] + after[a, 0])
+                after[a, 1] = 0.5 * (u[a, 1] + after[a, 1])
+        sums = space.sums[1]
+        for d in mine:
+            own = slice(disks[d], disks[d + 1])
+            bonds = domain_forces(
+                space.near, d, o, 0.0, g, task.law, space.forces, (u, task.rate, task.weights), None
+            )
+            note(task, bonds, *squares_of(u[own]), sums[d])
+            velocity = after[own] if task.heun else u[own]
+            far, longest = move(o[own], velocity, middle, task.step, ahead[own])
+            sums[d, SUMMED], sums[d, SUMMED + 1] = far, longest
+        meet(counter, threads)
+        status, longest = reached(task, sums, later)
+        if me == 0:
+            tell(task, sums, space.seen)
+        o, ahead = ahead, o
+        done += 1
+        moved += longest
+    if done % 2:
+        space.o[begin:stop] = space.ahead[begin:stop]
+    return status, done
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def massive_steps(pairs, listed, law, weights, physics, clock, o, u, a_last, forces, rolling, tally, steps):
-    """Massive disks by velocity Verlet, one force per step, taken at the predicted velocity.
+class Turning(NamedTuple):
+    """Spins of disks that roll, each (N,)."""
 
-    u (N, 2) is the velocity half a step ago and a_last (N, 2) the acceleration one step ago.
-    rolling: None, or (Ω half a step ago, Ω̇ one step ago, ρ, moments of inertia), each (N,).
+    spins: np.ndarray  # Ω half a step ago
+    rates: np.ndarray  # Ω̇ one step ago
+    radii: np.ndarray
+    inertia: np.ndarray
+    now: np.ndarray  # room for Ω now,
+    after: np.ndarray  # at the next step,
+    torques: np.ndarray
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy", nogil=True)
+def massive_steps(me, threads, counter, space, task, a_last, turning, steps):
+    """Massive disks by velocity Verlet, one force per step, taken at the predicted velocity: (status, steps done).
+
+    u is the velocity half a step ago and a_last (N, 2) the acceleration one step ago; turning: None, or a Turning.
     """
-    drag, mass, rate, background, held = physics
-    dt, since = clock
-    alpha = 2.5 if law[1] else 2.0
-    predicted = u + 0.5 * dt * a_last
-    if rolling is None:
-        spins = None
-    else:
-        spin, spin_last, radii, inertia = rolling
-        turning, torques = np.empty_like(spin), np.empty_like(spin)
-        spins = turning, radii, torques
-    near = pairs, FAR, 0.0
-    for step in range(steps):
-        g = (since + step) * rate * dt
-        if rolling is not None:
-            for a in range(len(u)):
-                turning[a] = spin[a] + 0.5 * dt * spin_last[a]
-        near = nearest(pairs, near, o, g, listed)
-        sums = bond_forces(near[0], o, 0.0, g, law, forces, (predicted, rate, weights), spins)
-        forces[:held] = 0.0
-        if rolling is not None:
-            for a in range(len(u)):
-                tally[6] += 0.5 * inertia[a] * turning[a] * turning[a]
-            torques[:held] = 0.0
-        far, longest, xy, squares = kick(o, forces, predicted, physics, g + 0.5 * rate * dt, dt, u, a_last)
-        add(tally, sums, alpha, xy, squares, mass, drag, rate, background)
-        if rolling is not None:
-            for a in range(len(u)):
-                spin_last[a] = torques[a] / inertia[a]
-                spin[a] += dt * spin_last[a]
-        near = near[0], near[1] + longest, near[2]
-        verdict = verdict_of(far, longest, g + rate * dt, listed)
-        if verdict != DONE:
-            return step + 1, verdict
-    return steps, DONE
+    first, last, begin, stop = own_domains(me, threads, space)
+    mine = range(first, last)
+    dt, forces, u, o, ahead = task.step, space.forces, space.u, space.o, space.ahead
+    disks, held, turn, done, status = space.listed.disks, task.held, 0, 0, DONE
+    predicted, after = space.after[0], space.after[1]
+    for a in range(begin, stop):
+        for axis in range(2):
+            predicted[a, axis] = u[a, axis] + 0.5 * dt * a_last[a, axis]
+    if turning is not None:
+        spin, spin_last, inertia, now, then_on, torques = (
+            turning.spins, turning.rates, turning.inertia, turning.now, turning.after, turning.torques,
+        )  # fmt: skip
+        for a in range(begin, stop):
+            now[a] = spin[a] + 0.5 * dt * spin_last[a]
+    meet(counter, threads)
+    moved, then = FAR, 0.0
+    while done < steps and status == DONE:
+        g = (task.since + done) * task.rate * dt
+        if are_worn(moved, g, then, task.listed[0], task.listed[2]):
+            moved, then = 0.0, g
+            for d in mine:
+                choose_near(space.listed, d, o, g, task.listed[2], space.near)
+        sums = space.sums[turn]
+        for d in mine:
+            own = slice(disks[d], disks[d + 1])
+            motion = predicted, task.rate, task.weights
+            if turning is None:
+                bonds = domain_forces(space.near, d, o, 0.0, g, task.law, forces, motion, None)
+            else:
+                rolling = now, turning.radii, torques
+                bonds = domain_forces(space.near, d, o, 0.0, g, task.law, forces, motion, rolling)
+            forces[disks[d] : held] = 0.0
+            far, longest, xy, squares = kick(
+                o[own], forces[own], predicted[own], task, g + 0.5 * task.rate * dt,
+                u[own], a_last[own], after[own], ahead[own],
+            )  # fmt: skip
+            note(task, bonds, xy, squares, sums[d])
+            sums[d, SUMMED], sums[d, SUMMED + 1] = far, longest
+            if turning is not None:
+                torques[disks[d] : held] = 0.0
+                for a in range(disks[d], disks[d + 1]):
+                    sums[d, 6] += 0.5 * inertia[a] * now[a] * now[a]
+                    spin_last[a] = torques[a] / inertia[a]
+                    spin[a] += dt * spin_last[a]
+                    then_on[a] = spin[a] + 0.5 * dt * spin_last[a]
+        meet(counter, threads)
+        status, longest = reached(task, sums, g + task.rate * dt)
+        if me == 0:
+            tell(task, sums, space.seen)
+        o, ahead, predicted, after, turn = ahead, o, after, predicted, 1 - turn
+        if turning is not None:
+            now, then_on = then_on, now
+        done += 1
+        moved += longest
+    if done % 2:
+        space.o[begin:stop] = space.ahead[begin:stop]
+    return status, done

@@ -76,7 +76,7 @@ def between_walls(radii, phi: float, seed: int, potential: Potential) -> tuple[D
 
 def seen_between_walls(shear: Shear) -> dict:
     """What a row has of walls: the stress on them, and the velocity profile between them, now."""
-    u = shear.velocities_now()
+    u = shear.velocities_here()
     stress, pressure = stress_on_walls(shear, u)
     return {
         "wall_shear_stress": stress,
@@ -86,12 +86,12 @@ def seen_between_walls(shear: Shear) -> dict:
 
 
 def velocity_profile(shear: Shear, u) -> np.ndarray:
-    """Mean v_x in LAYERS of equal height between the rows, in units of γ̇H, for non-affine velocities u (N, 2).
+    """Mean v_x in LAYERS of equal height between the rows, in units of γ̇H, for velocities u (N, 2) of `shear.here`.
 
     −½ at the lower row and ½ at the upper one; nan in a layer without disks.
     """
     height = shear.reference.cell[1, 1]
-    y = np.mod(shear.disks.positions[shear.held :, 1], height) / height
+    y = np.mod(shear.here.positions[shear.held :, 1], height) / height
     v = u[shear.held :, 0] / (shear.rate * height) + y - 0.5
     layer = np.minimum((LAYERS * y).astype(int), LAYERS - 1)
     with np.errstate(invalid="ignore"):
@@ -105,7 +105,8 @@ def stress_on_walls(shear: Shear, u) -> tuple[float, float]:
     upper = (i >= shear.held) & (j < shear.held)
     # the disk that moves is above the row, and stays there
     above = (lower & (r0[1] > 0)) | (upper & (r0[1] < 0))
-    motion = u, shear.rate, shear.weights
+    task = shear.task()
+    motion = u, task.rate, task.weights
     rolling = None
     if shear.model.law.couples_rotations:
         rolling = shear.spins, shear.reference.radii, np.empty(len(shear.spins))
@@ -113,7 +114,16 @@ def stress_on_walls(shear: Shear, u) -> tuple[float, float]:
     for side, sign in ((above, 1.0), ((lower | upper) & ~above, -1.0)):
         pairs = i[side], j[side], np.ascontiguousarray(r0[:, side]), sigma[side]
         forces = np.empty_like(shear.offsets)
-        bond_forces(pairs, shear.offsets, 0.0, shear.shear, shear._law, forces, motion, rolling)
+        bond_forces(
+            pairs,
+            shear.offsets,
+            0.0,
+            shear.shear,
+            task.law,
+            forces,
+            motion,
+            rolling,
+        )
         total += sign * forces[: shear.held].sum(0)
     width = 2.0 * shear.reference.cell[0, 0]
     return float(total[0] / width), float(-total[1] / width)

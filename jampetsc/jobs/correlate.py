@@ -102,9 +102,9 @@ class Correlate(Job):
         refuse_repeated(self.results)
 
     @property
-    def files(self):
+    def paths(self):
         """The packing is one of them."""
-        return [*super().files, *([self.packing] if isinstance(self.packing, str) else [])]
+        return [*super().paths, *([self.packing] if isinstance(self.packing, str) else [])]
 
     def check_outputs(self, to):
         """Refuse a file that holds another kind of correlation."""
@@ -242,12 +242,12 @@ def _refuse_mixture(sweeps):
         ):
             if mine != other:
                 raise InputError(
-                    f"{sweep.path}: {what} {mine}, but {first.path} has {other}: average sweeps of one kind"
+                    f"{sweep.path}: {what} {mine}, but {first.path.name} has {other}: average sweeps of one kind"
                 )
         pressure, other = (float(s.attributes.get("pressure", 0.0)) for s in (sweep, first))
         if abs(pressure - other) > SAME_PRESSURE * abs(other):
             raise InputError(
-                f"{sweep.path}: pressure {pressure:g}, but {first.path} has {other:g}: average sweeps of one pressure"
+                f"{sweep.path}: pressure {pressure:g}, but {first.path.name} has {other:g}: average those of one"
             )
     refuse_one_packing(sweeps)
 

@@ -8,7 +8,7 @@ from jampetsc.contacts.laws import Law
 from jampetsc.errors import InputError, named
 from jampetsc.flows.models import MODELS, Model
 from jampetsc.jobs.asking import FILE, asked, part
-from jampetsc.jobs.kinds import HELD, input_told
+from jampetsc.jobs.kinds import HELD, MOST_THREADS, input_told
 from jampetsc.jobs.model import MODEL
 from jampetsc.jobs.starts import GROUP, FromStart
 
@@ -34,10 +34,8 @@ class Flow(FromStart):
   jampetsc flow --n 256 --phi 0.78 --model CDn --mass 1 --rate 1e-3 --strain 40 --out cdn.h5
   jampetsc flow rd0.h5 --strain 20                                 twenty more
 
-A run that was killed goes on when the same command is given again. One run with contact damping and many disks may
-use several ranks, or solvers of PETSc's with the prefix -flow_, e.g. -flow_pc_type gamg; independent runs are faster
-side by side."""
-    SOLVERS: ClassVar = ("flow_",)
+A run that was killed goes on when the same command is given again. Many disks use several cores, with the same result
+to the last bit; independent runs are faster side by side."""
     GIVEN = (*FromStart.GIVEN, "walls")
 
     start: Disks | None = asked(
@@ -71,6 +69,15 @@ side by side."""
         f"of the velocities of contact damping (default {TOLERANCE:g})",
         low=1e-14,
         high=0.1,
+        metavar="T",
+        group="run",
+    )
+
+    threads: int | None = asked(
+        None,
+        "at most so many (default: the cores there are)",
+        low=1,
+        high=MOST_THREADS,
         metavar="T",
         group="run",
     )
@@ -116,7 +123,7 @@ side by side."""
     @property
     def _settled(self):
         """Parameters of a flow that begins: one that goes on keeps its own."""
-        return [name for name in self.told() if name not in ("strain", "last")]
+        return [name for name in self.told() if name not in ("strain", "last", "threads")]
 
     def _refuse_settled(self, path):
         for name in self._settled:
@@ -124,8 +131,7 @@ side by side."""
 
     @property
     def scalar(self):
-        """Real where there may be velocities to solve for."""
-        return "real" if self.model is None or self.model.law.damps_contacts else None
+        """PETSc has nothing to do."""
 
     @property
     def place(self):
@@ -156,31 +162,17 @@ side by side."""
         else:
             super().check_outputs(to)
 
-    @property
-    def _petsc(self):
-        """The session that finds velocities, None where this process does without PETSc."""
-        from jampetsc import session
-
-        running = None if self.scalar is None else session.current()
-        return running if running and (running.size > 1 or running.has_options("flow_")) else None
-
     def work(self, to):
-        """Shear. Collective."""
-        from jampetsc import launcher, streams
-        from jampetsc.collective import by_rank_0
+        """Shear."""
+        from jampetsc import launcher
+        from jampetsc.contacts.threads import Team, cores
         from jampetsc.flows import job as flows
+        from jampetsc.progress import LOG
 
-        petsc = self._petsc
-        comm = petsc and petsc.comm
-        if by_rank_0(comm, lambda: self._begun):
-            run = by_rank_0(comm, self._farther)
-        else:
-            run = self._fresh(comm)
-        if launcher.several() and self.scalar is None:
-            streams.say(
-                f"jampetsc: note: {run.model} has nothing to solve for: one rank does it; independent runs use more\n"
-            )
-        return flows.summary(run, to, flows.execute(run, to, self.last, petsc and _together(run)))
+        run = self._farther() if self._begun else self._fresh()
+        if launcher.several():
+            LOG.info("one rank does one flow, on threads; independent runs use more ranks")
+        return flows.summary(run, to, flows.execute(run, to, self.last, Team(self.threads or cores())))
 
     def _farther(self):
         """The earlier flow, farther."""
@@ -191,7 +183,7 @@ side by side."""
         self._refuse_settled(earlier.path)
         return continued(earlier, self.strain)
 
-    def _fresh(self, comm):
+    def _fresh(self):
         """The flow from its beginning."""
         from jampetsc.flows.job import begun
 
@@ -199,7 +191,7 @@ side by side."""
             raise InputError(
                 f"{input_told(self.start)}: is no flow to go on from: give {named('model')} and {named('rate')}"
             )
-        disks, origin = self.disks(comm)
+        disks, origin = self.disks()
         return begun(
             disks,
             origin,
@@ -222,15 +214,3 @@ side by side."""
 
         disks, held = between_walls(radii, self.phi, seed, self.made_potential)
         return disks, {"walls": held}
-
-
-def _together(run):
-    """What finds velocities with PETSc. Raises InputError where there is nothing to find."""
-    if not run.solves:
-        raise InputError(
-            f"{run.model} by {run.scheme.method}: has nothing to solve for: leave PETSc's options and mpirun out"
-        )
-    from jampetsc.flows.together import Together
-    from jampetsc.solvers import resistance
-
-    return Together(resistance.ContactSolver(run.scheme.tolerance))

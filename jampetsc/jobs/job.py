@@ -80,8 +80,9 @@ class Job:
 
     @property
     def paths(self) -> list[str]:
-        """Those of `sources` that are files."""
-        return [one for one in self.sources if isinstance(one, str | Path)]
+        """Those of `sources` that are, or lie in, files."""
+        places = [one if isinstance(one, str | Path) else getattr(one, "file", None) for one in self.sources]
+        return [str(one) for one in places if one is not None]
 
     def gathered(self) -> "Job":
         """The job with results in memory whole on every rank. Collective."""

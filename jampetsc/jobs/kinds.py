@@ -15,6 +15,7 @@ Numbers = str | Sequence[float]
 MOST = 100_000  # numbers of a grid
 LAST_SEED = 2**63 - 1  # what a file can record
 MOST_SEEDS = 1_000_000
+MOST_THREADS = 256
 
 
 def numbers(least, most, metavar="LIST", unit="", even=False) -> Kind:
@@ -132,11 +133,14 @@ def _read_as(names, what):
         from jampetsc.storage.reader import Result
 
         classes = tuple({"Disks": Disks, "Result": Result}[name] for name in names)
-        if isinstance(given, classes) and getattr(given, "file", None) is None:
+        if isinstance(given, Result):
+            if isinstance(given, classes) and (given.file is None or given.packing is not None):
+                return given  # also one that was saved, for the packing that it knows
+            place = given.file
+        elif isinstance(given, classes):
             return given
-        place = (
-            given.file if isinstance(given, Result) else getattr(given, "path", given)
-        )  # of a study's table
+        else:
+            place = getattr(given, "path", given)  # of a study's table
         try:
             return os.fspath(place)
         except TypeError:

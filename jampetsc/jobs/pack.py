@@ -12,13 +12,12 @@ from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.errors import ConvergenceError, InputError, JampetscError, named
 from jampetsc.jobs.asking import Kind, asked
 from jampetsc.jobs.job import Job
-from jampetsc.jobs.kinds import LAST_SEED, PACKING, RADII, SEEDS
+from jampetsc.jobs.kinds import LAST_SEED, MOST_THREADS, PACKING, RADII, SEEDS
 from jampetsc.packing.sizes import FEWEST, MOST, SIZES, Radii, radii_asked, sizes_told
 
 PRESSURES = (1e-8, 1.0)
 PHIS = (0.8, 1.5)
 TOLERANCES = (1e-13, 1e-4)
-MOST_THREADS = 256
 WHAT, HOW = "what", "from where, and how"
 ONE_OF = (("pressure", "phi"), ("seed", "seeds", "from_"))  # of each at most one is given
 

@@ -86,8 +86,8 @@ class FromStart(Job):
         """The file of radii is one, too."""
         return super().paths + ([self.radii.path] if self.radii is not None and self.radii.path else [])
 
-    def disks(self, comm=None) -> tuple[Disks, dict]:
-        """(disks, attributes that say where they come from). Collective.
+    def disks(self) -> tuple[Disks, dict]:
+        """(disks, attributes that say where they come from).
 
         Without a packing: random places, deep overlaps quenched away, in Vågberg's units: the smallest diameter is 1,
         but where radii are given.
@@ -95,7 +95,7 @@ class FromStart(Job):
         if self.start is not None:
             from jampetsc.storage.packing_file import read_identified
 
-            disks, (name, digest) = read_identified(self.start, comm)
+            disks, (name, digest) = read_identified(self.start)
             return disks, {"packing": name, "packing_sha256": digest, "units": "those of the packing"}
 
         radii, units, seed = radii_asked(self.n, self.sizes, self.radii), OWN_UNITS, self.seed

@@ -15,7 +15,7 @@ import numpy as np
 
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import Law
-from jampetsc.contacts.pairs import SKIN_START, PairList, deformed, is_stale, tuned_skin
+from jampetsc.contacts.pairs import SKIN_START, ListedDisks, is_stale
 from jampetsc.contacts.state import find_contacts
 from jampetsc.errors import ConvergenceError
 from jampetsc.oscillation.dashpots import Damping, Dashpots
@@ -40,7 +40,7 @@ class ListedSprings:
     """The pairs of a list, those that touch and those that may: `stage.Springs`."""
 
     def __init__(self, disks: Disks, law: Law, speed: float, prefix: str):
-        self.n, self.dofs, self.area = disks.n, law.dofs, disks.area
+        self.n, self.dofs, self.area, self.potential = disks.n, law.dofs, disks.area, disks.potential
         self.damping = Damping.of(law, disks, speed)
         self.diameter = 2.0 * float(disks.radii.mean())
         self.largest = 2.0 * float(disks.radii.max())
@@ -51,11 +51,10 @@ class ListedSprings:
         self.lengths = np.array([1.0, 1.0, self.diameter])[: law.dofs]
         self._matrix = StepMatrix(prefix, stiffness, float(np.sqrt(disks.area)))
 
-    def list(self, disks: Disks, skin: float, gamma: float):
+    def list(self, listed: ListedDisks, gamma: float):
         """From now on pairs are those of these disks, which have the strain gamma."""
-        self._disks, self.skin, self.listed = disks.folded(), skin, gamma
-        self.pairs = PairList.build(self._disks, skin)
-        self._rims = self._disks.radii / self.diameter
+        self.pairs, self.skin, self.listed = listed.pairs, listed.skin, gamma
+        self._rims = listed.reference.radii / self.diameter
         self._matrix.list(self.pairs, self._rims, self.dofs)
 
     @property
@@ -63,16 +62,12 @@ class ListedSprings:
         """So far."""
         return self._matrix.factorisations
 
-    def disks(self, offsets, gamma) -> Disks:
-        """The packing in a state."""
-        return deformed(self._disks, offsets, 0.0, gamma - self.listed)
-
     def at(self, base, x, gamma):
         """Moves x (N, 2) are those of the laboratory."""
         moved = x.copy()
         moved[:, 0] -= (gamma - self.listed) * moved[:, 1]
         offsets = base + moved
-        bonds = Bonds.of(self.pairs, self._disks.potential, offsets, 0.0, gamma - self.listed)
+        bonds = Bonds.of(self.pairs, self.potential, offsets, 0.0, gamma - self.listed)
         return _State(offsets, gamma, bonds)
 
     def serves(self, state) -> bool:
@@ -88,7 +83,7 @@ class ListedSprings:
         low = self.pairs.r0[1] + (after.places[self.pairs.j] - after.places[self.pairs.i])[:, 1]
         dx = dx + (state.gamma - self.listed) * dy + (after.gamma - state.gamma) * low
         deeper = -(rx * dx + ry * dy) / (after.bonds.distance + state.bonds.distance)
-        potential, sigma = self._disks.potential, self.pairs.sigma
+        potential, sigma = self.potential, self.pairs.sigma
         before, now = (np.maximum(one.bonds.overlap, 0.0) for one in (state, after))
         energy, little = potential.energy(before, sigma), np.abs(deeper) < 0.5 * before
         grown = np.expm1(potential.alpha * np.log1p(deeper[little] / before[little]))
@@ -131,7 +126,7 @@ class ListedSprings:
         self._matrix.destroy()
 
 
-class MovingContacts:
+class MovingContacts(ListedDisks):
     """A packing under an imposed strain or stress; `gamma` is where it is, `disks` how it looks.
 
     scale: strain amplitude, what forces are compared with
@@ -145,18 +140,19 @@ class MovingContacts:
         self._stages = Stages(self.springs, STAGE * step, scale)
         self.gained = 0.0  # energy of springs, in the last step
         self.u = np.zeros((disks.n, law.dofs))  # velocities, and spins times the mean diameter
-        self._skin = SKIN_START * self.springs.diameter
-        self._list(disks)
+        super().__init__(disks)
 
-    def _list(self, disks):
-        self.springs.list(disks, self._skin, self.gamma)
-        self.offsets, self._since = np.zeros((disks.n, 2)), 0
+    def list(self, disks):
+        """See `ListedDisks`."""
+        super().list(disks.folded())
+        self.springs.list(self, self.gamma)
+        self._since = 0
         self._stages.forget()
 
     @property
-    def disks(self) -> Disks:
-        """The packing as it is now."""
-        return self.springs.disks(self.offsets, self.gamma)
+    def box(self):
+        """See `ListedDisks`."""
+        return 0.0, self.gamma - self.springs.listed
 
     @property
     def iterations(self) -> int:
@@ -170,9 +166,9 @@ class MovingContacts:
 
     def displace(self, displacements, velocities, gamma, rate):
         """Begin with disks moved by (N, 2) from where they are, at velocities as below, strained and at a rate."""
-        disks = self.springs.disks(self.offsets + displacements, gamma)
         self.gamma, self.u, self.rate = gamma, velocities * self.springs.lengths, rate
-        self._list(disks)
+        self.offsets = self.offsets + displacements
+        self.fold()
 
     @property
     def velocities(self):
@@ -198,14 +194,14 @@ class MovingContacts:
             if found is not None:
                 break
             if not self._since:  # a new list does not last for a step
-                self._skin *= 2.0
-                if self._skin > WIDEST * self.springs.diameter:
-                    self._skin = SKIN_START * self.springs.diameter
-                    self._list(self.disks)
+                self.skin *= 2.0
+                if self.skin > WIDEST * self.diameter:
+                    self.skin = SKIN_START * self.diameter
+                    self.fold()
                     raise ConvergenceError("disks move too far in one step: give more --steps")
             else:
-                self._skin = tuned_skin(self._skin, 10 * self._since, self.springs.diameter)
-            self._list(self.disks)
+                self.tune(10 * self._since)
+            self.fold()
         self._before = self.offsets, self.u, self.gamma, self.rate, self._since
         begin = self._at(self.offsets, self.gamma)
         self.offsets, self.u, instants = found

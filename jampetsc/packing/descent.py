@@ -6,7 +6,7 @@ import numpy as np
 
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.domains import borders, into_domains, padded
-from jampetsc.contacts.pairs import SKIN_START, PairList, deformed, is_stale, tuned_skin
+from jampetsc.contacts.pairs import ListedDisks
 from jampetsc.contacts.threads import Team
 from jampetsc.errors import ConvergenceError
 from jampetsc.packing.hessian import Bonds
@@ -27,7 +27,7 @@ class Goal:
     shear: bool = False  # also relax the shear of the cell to σ_xy = 0
 
 
-class Descent:
+class Descent(ListedDisks):
     """Disks as they were when their pairs were listed, and their moves since; `evaluations` counts those of forces."""
 
     def __init__(self, disks: Disks, goal: Goal, team: Team):
@@ -45,50 +45,35 @@ class Descent:
             reaches=np.zeros((domains, 3)),
         )
         self._remembered = (0, 0)  # how many pairs, and where the next one goes
-        self.diameter = 2.0 * float(np.mean(disks.radii))
-        self.skin = SKIN_START * self.diameter
-        self._list(disks)
+        super().__init__(disks)
 
-    def _list(self, disks):
-        self._disks = disks
-        self.pairs = PairList.build(disks, self.skin)
-        self.domains = into_domains(self.pairs, disks.n)
+    def list(self, disks):
+        """See `ListedDisks`; the moves are those in `space`."""
+        super().list(disks)
+        self.domains = into_domains(self.pairs, borders(disks.n))
         self.space.offsets[:] = 0.0
         self.space.box[:] = 0.0
-
-    def fold(self):
-        """Put the moves into the coordinates and list the pairs anew."""
-        self._list(self.disks)
-
-    @property
-    def disks(self) -> Disks:
-        """The packing as it is now."""
-        return deformed(self._disks, self.offsets, *self.box)
+        self.offsets = self.space.offsets[: disks.n]
 
     @property
     def n(self) -> int:
         """Number of disks."""
-        return self._disks.n
+        return self.reference.n
 
     @property
     def potential(self):
         """That of the disks."""
-        return self._disks.potential
-
-    @property
-    def offsets(self):
-        """Moves of the disks since they were listed, (N, 2)."""
-        return self.space.offsets[: self.n]
+        return self.reference.potential
 
     @property
     def box(self):
-        """Strain and shear (ε, g) of the cell since then."""
+        """See `ListedDisks`."""
         return self.space.box
 
     @property
     def area(self) -> float:
         """V of the cell now."""
-        return self._disks.area * float(np.exp(2.0 * self.box[0]))
+        return self.reference.area * float(np.exp(2.0 * self.box[0]))
 
     def bonds(self) -> Bonds:
         """The listed pairs as they are now."""
@@ -100,14 +85,9 @@ class Descent:
         self.offsets[:, 0] += growth * (moves[:, 0] - shear * moves[:, 1])
         self.offsets[:, 1] += growth * moves[:, 1]
         self.box[:] += strain
-        far = float(np.hypot(*self.offsets.T).max())
-        if is_stale(far, *self.box, self._widest, self.pairs.skin):
+        if self.stale():
             self.fold()
         self._remembered = (0, 0)
-
-    @property
-    def _widest(self):
-        return 2.0 * float(self._disks.radii.max())
 
     def usual_overlap(self, pressure: float | None = None) -> float:
         """Overlap of a contact that carries a typical force, 2 p d, at the pressure held or about the right one."""
@@ -150,7 +130,7 @@ class Descent:
             raise ConvergenceError("forces are not finite: do two disks lie on the same spot?")
         skin = self.skin
         if stale or steps >= STEPS:
-            self.skin = tuned_skin(skin, steps, self.diameter)
+            self.tune(steps)
         if stale or self.skin != skin:
             self.fold()
 
@@ -159,10 +139,10 @@ class Descent:
         return Task(
             law=self.potential.constants,
             moving=(self.goal.pressure is not None, self.goal.shear),
-            push=(self.goal.pressure or 0.0) * self._disks.area,
+            push=(self.goal.pressure or 0.0) * self.reference.area,
             scale=float(np.sqrt(self.n)) * self.diameter,
             reach=REACH * self.diameter,
-            widest=self._widest,
+            widest=self.largest,
             skin=self.pairs.skin,
             softness=FIRST / self.stiffest(),
             force=float(force),

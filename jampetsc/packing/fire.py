@@ -82,7 +82,7 @@ def _fall(me, threads, counter, domains, motion, law, skin, force, steps, clock,
     status, done = MORE, 0
     while done < steps:
         for d in range(first, last):
-            domain_forces(domains, d, motion.offsets, 0.0, 0.0, law, motion.forces)
+            domain_forces(domains, d, motion.offsets, 0.0, 0.0, law, motion.forces, None, None)
             here = slice(2 * domains.disks[d], 2 * domains.disks[d + 1])
             _sums(f[here], v[here], motion.sums[d])
         meet(counter, threads)

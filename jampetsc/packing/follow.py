@@ -207,7 +207,7 @@ def _down(pairs, listed, law, area, factor, memory, o, g, moved, forces, aim):
     evaluations = 1
     while True:
         top = np.sqrt(_longest(flat))
-        pressure = 0.5 * (sums[1] + sums[3]) / area
+        pressure = 0.5 * (sums.elastic_xx + sums.elastic_yy) / area
         if not top < np.inf:
             return LOST, evaluations, sums
         if pressure < apart:

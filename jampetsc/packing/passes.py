@@ -117,7 +117,7 @@ def measure(domains, d, space, task, factors, now, slot):
     """Forces of domain d, the change of its gradient into pair `slot` (unless −1), and its share of all sums."""
     strain, shear = space.box[0], space.box[1]
     fresh = space.forces[now]
-    _, wxx, wxy, wyy = domain_forces(domains, d, space.offsets, strain, shear, task.law, fresh)
+    bonds = domain_forces(domains, d, space.offsets, strain, shear, task.law, fresh, None, None)
     first, last = domains.disks[d], domains.disks[d + 1]
     if shear != 0.0:
         _shear(fresh[first:last], np.exp(strain), shear)
@@ -144,8 +144,8 @@ def measure(domains, d, space, task, factors, now, slot):
     for row in range(rows):
         sums[row] *= -factors[now]
     sums[rows + 1] *= factors[now] * factors[now]
-    sums[rows + 3] = wxx + wyy
-    sums[rows + 4] = wxy
+    sums[rows + 3] = bonds.elastic_xx + bonds.elastic_yy
+    sums[rows + 4] = bonds.elastic_xy
 
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)

@@ -12,7 +12,7 @@ import numpy as np
 
 from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.kernel import pair_energy
-from jampetsc.contacts.pairs import PairList, deformed, is_stale
+from jampetsc.contacts.pairs import ListedDisks, PairList, is_stale
 
 SKIN = 0.5  # of the pair list, in mean diameters
 LONGEST = 0.25  # reach, in skins: a move from a new list never makes it stale
@@ -74,42 +74,36 @@ def _moves(around, law, o, temperature, reach, stale, draws):
     return len(draws), taken
 
 
-class Thermal:
+class Thermal(ListedDisks):
     """N disks in a fixed cell that move at random; the generator decides how.
 
     `reach` may be set; `sweep(…, tune=True)` keeps the share of moves that are taken near ACCEPTED.
     """
 
     def __init__(self, disks: Disks, generator):
-        diameter = 2.0 * float(np.mean(disks.radii))
-        self._stale = 2.0 * float(disks.radii.max()), SKIN * diameter
+        super().__init__(disks, SKIN)
         self.generator = generator
-        self.reach = LONGEST * SKIN * diameter
-        self._list(disks)
+        self.reach = LONGEST * self.skin
 
-    def _list(self, disks):
-        self._disks = disks.folded()
-        self._around = Around.of(PairList.build(self._disks, self._stale[1]), disks.n)
-        self._offsets = np.zeros((disks.n, 2))
-
-    @property
-    def disks(self) -> Disks:
-        """The packing as it is now."""
-        return deformed(self._disks, self._offsets, 0.0, 0.0)
+    def list(self, disks):
+        """See `ListedDisks`."""
+        super().list(disks.folded())
+        self._around = Around.of(self.pairs, disks.n)
 
     def sweep(self, temperature: float, tune: bool = False) -> float:
         """One sweep at this temperature; the share of moves that were taken."""
-        left = self.generator.random((len(self._offsets), 4))
-        law, taken = self._disks.potential.constants, 0
+        left = self.generator.random((len(self.offsets), 4))
+        law, taken = self.reference.potential.constants, 0
         while len(left):
-            done, some = _moves(self._around, law, self._offsets, temperature, self.reach, self._stale, left)
+            stale = self.largest, self.skin
+            done, some = _moves(self._around, law, self.offsets, temperature, self.reach, stale, left)
             taken += some
             left = left[done:]
             if len(left):
-                self._list(self.disks)
-        share = taken / len(self._offsets)
+                self.fold()
+        share = taken / len(self.offsets)
         if tune:
-            longest = LONGEST * self._stale[1]
+            longest = LONGEST * self.skin
             self.reach = min(longest, self.reach * np.exp(share - ACCEPTED))
         return share
 

@@ -32,9 +32,8 @@ def packing_of(result, given=None) -> Disks:
         return given
     path = Path(given) if given else result.path.parent / str(name)
     if not given and (name is None or not path.is_file()):
-        raise InputError(
-            f"{result.path}: its packing {name or ''} is not beside it: give it with {named('packing')}"
-        )
+        what = f"packing {name} is not beside it" if name else "packing was in memory"
+        raise InputError(f"{result.path}: its {what}: give it with {named('packing')}")
     disks = read_packing(path)
     if recorded is not None and not is_known_as(path, recorded):
         raise InputError(

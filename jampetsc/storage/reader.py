@@ -119,9 +119,12 @@ class Result(Mapping):
 
     def gathered(self) -> "Result":
         """The same with all rows of distributed arrays on every rank. Collective for a result in memory."""
-        if self.file is not None:
+        if all(array.axis is None for array in self._arrays.values()):
             return self
-        arrays = {name: array.gathered(self._comm) for name, array in self._arrays.items()}
+        arrays = {
+            name: array if array.axis is None else array.gathered(self._comm)
+            for name, array in self._arrays.items()
+        }
         found = type(self)(self.attributes, arrays, self.path, self._comm)
         found.packing = self.packing
         return found
