@@ -44,6 +44,7 @@ RANGES = [  # (job, what is given beside, parameter, values within, values beyon
     (Flow, FLOW, "tolerance", [1e-14, 0.1], [0.99e-14, 0.11, 0.0, NAN]),
     (Flow, FLOW, "discard", [0.0, 0.499], [0.5, -0.01, NAN]),
     (Flow, FLOW, "snapshots", [0, 1], [-1, 0.5]),
+    (Flow, FLOW, "snapshot_every", [0.1], [0.0, -1.0, NAN]),
     (Flow, FLOW, "model", ["CD0"], ["CD1"]),
     (Flow, FLOW | {"model": "RD"}, "mass", [1e-9, 1e12], [0.0, -1.0, NAN, INF, 1e300]),
     (Flow, FLOW | {"model": "RD"}, "quality", [1e-9, 1e12], [0.0, -1.0, NAN, INF]),
@@ -80,6 +81,8 @@ REFUSED = [  # (job, what is given, parameter that is named first)
     (Flow, FLOW | {"model": "CDt"}, "model"),
     (Flow, FLOW | {"model": "CD", "mass": 1.0, "quality": 1.0}, "quality"),
     (Flow, FLOW | {"friction": 0.1}, "friction"),
+    (Flow, FLOW | {"snapshots": 2, "snapshot_every": 0.1}, "snapshot_every"),
+    (Flow, FLOW | {"snapshot_spacing": "log"}, "snapshot_spacing"),
     (Flow, FLOW | {"radii": np.ones(16)}, "n"),
     (Flow, FLOW | {"start": "p.h5"}, "n"),
     (Flow, {"start": "p.h5", "model": "RD0", "rate": 1e-2, "strain": 1.0, "walls": True}, "walls"),
@@ -163,11 +166,11 @@ def test_a_flow_is_asked_for_as_told():
     job = made(Flow, FLOW | {"model": None, "law": "contact", "mass": 3.0, "friction": 0.125, "tau1": 2.0})
     run = job._fresh(None)
     assert (run.rate, run.model.mass, run.model.friction, run.model.law.tau1) == (1e-2, 3.0, 0.125, 2.0)
-    assert (run.plan.snapshots, run.plan.discard, run.scheme.tolerance) == (0, 0.25, 1e-4)
+    assert (run.plan.every, run.plan.discard, run.scheme.tolerance) == (0, 0.25, 1e-4)
     assert run.plan.steps * run.plan.rows * run.scheme.step * 1e-2 == pytest.approx(0.5, rel=0.05)
     more = replace(job, tolerance=1e-6, step=0.01, snapshots=3, discard=0.125)._fresh(None)
     assert (more.scheme.tolerance, more.scheme.step) == (1e-6, 0.01)
-    assert (more.plan.snapshots, more.plan.discard) == (3, 0.125)
+    assert (more.plan.snapshots(1), more.plan.discard) == (3, 0.125)
 
 
 def test_a_quality_knows_the_stiffness_of_the_packing():
