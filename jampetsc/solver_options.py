@@ -11,6 +11,7 @@ from pathlib import Path
 
 from jampetsc.errors import InputError
 from jampetsc.shipped_files import located
+from jampetsc.shipped_files import located
 
 SOLVERS = {  # prefix: parts of PETSc and SLEPc that read the words after it
     "newton_": "ksp pc mat",
@@ -57,7 +58,7 @@ def names_given(petsc_argv) -> list[str]:
         if OPTION.match(word):
             names.append(word[1:])
         if word == "-options_file":
-            names += _names_in(value)
+            names += _names_in(located(value))
     return names
 
 
