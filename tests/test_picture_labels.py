@@ -107,7 +107,9 @@ def test_axes_are_named_and_numbers_told(tmp_path, picture, made, panels):
                 pixels = line.get_transform().transform(np.column_stack([*map(np.ravel, line.get_data())]))
                 assert not box.count_contains(pixels[np.isfinite(pixels).all(axis=1)])
     rows = table(axes)
-    assert {row["panel"] for row in rows} == set("abcdef"[: 1 if picture is vibrations.plot_modes else len(axes)])
+    assert {row["panel"] for row in rows} == set(
+        "abcdef"[: 1 if picture is vibrations.plot_modes else len(axes)]
+    )
     for row in rows:
         ax = axes["abcdef".index(row["panel"])]
         assert (row["x"], row["y"]) == (plain(ax.get_xlabel()), plain(ax.get_ylabel())) and row["series"]

@@ -100,7 +100,8 @@ def _given(args):
 
     wanted = wanted_of(args.where)
     items = [
-        load(path).where(**wanted) if wanted and (Path(path) / TABLE).exists() else path for path in args.files
+        load(path).where(**wanted) if wanted and (Path(path) / TABLE).exists() else path
+        for path in args.files
     ]
     if wanted and items == args.files:
         raise InputError(

@@ -73,14 +73,14 @@ def draw(items, kind=None, ax=None, *, out=None, csv=None, chosen=None, **option
     options = {name: value for name, value in options.items() if value is not None}
     kinds = asked_kinds(kind, options)
     given = [load(os.fspath(item)) if isinstance(item, str | os.PathLike) else item for item in items]
-    found = [
-        one for item in given for one in (of_study(item, kinds) if isinstance(item, Ensemble) else [item])
-    ]
-    kind = choose(kinds, found)
+    found, names = [], []
+    for item, one in zip(items, given, strict=True):
+        some = of_study(one, kinds) if isinstance(one, Ensemble) else [one]
+        unnamed = item if isinstance(item, str | os.PathLike) else ""
+        found, names = found + some, names + [str(getattr(part, "path", unnamed)) for part in some]
+    kind = choose(kinds, found, names)
     picture = PICTURES[kind]
-    if any(isinstance(item, Ensemble) for item in given) and any(
-        o.name == "statistic" for o in picture.options
-    ):
+    if any(isinstance(one, Ensemble) for one in given) and "statistic" in picture.keywords:
         options.setdefault("statistic", "mean")
     inputs = [name for name in names if name]
     real = [os.path.realpath(path) for path in inputs]
@@ -108,7 +108,7 @@ def asked_kinds(kind, options) -> list[str]:
         )
     kinds = list(known) if kind is None else [kind]
     for name, value in options.items():
-        meant = [one for one, picture in known.items() if name in (option.name for option in picture.options)]
+        meant = [one for one, picture in known.items() if name in picture.keywords]
         if not meant:
             raise InputError(f"{name}: is no option of any picture")
         left = [one for one in kinds if one in meant]

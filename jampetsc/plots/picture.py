@@ -71,6 +71,11 @@ class Picture:
     single: bool  # one file at a time
     mixed: bool  # files of several of these formats at once
 
+    @property
+    def keywords(self) -> dict:
+        """{name: Option}."""
+        return {option.name: option for option in self.options}
+
     def __call__(self, results, ax=None, **settings):
         """Draw, and give back the axes: one, or (panels,) of them. Parameters and errors as `draw`."""
         axes = self.draw(results, ax, **settings).axes
@@ -91,7 +96,7 @@ class Picture:
 
         Raises InputError for files that it cannot show, and for an option that it does not have.
         """
-        known = {option.name: option for option in self.options}
+        known = self.keywords
         for name, value in options.items():
             if name not in known:
                 raise InputError(
