@@ -19,7 +19,7 @@ from jampetsc.packing.sizes import radii_of
 from jampetsc.storage.packing_file import packing_identity, read_packing, write_packing
 from jampetsc.storage.reader import load
 from jampetsc.studies.table import table_text
-from jampetsc.words import flowing, packtasks, picture
+from jampetsc.words import flowing, packtasks
 from jampetsc.words.files import files_named, refuse_one_packing, refuse_repeated
 from jampetsc.words.law import physics_from, words_of
 from jampetsc.words.packtasks import plan
@@ -269,19 +269,6 @@ def test_a_changed_packing_leaves_its_record_behind():
     touching = published()
     apart = touching.from_positions(touching.positions, 0.5 * touching.radii, touching.cell)
     assert packtasks.starter(SimpleNamespace(n=16, phi=0.9, source="p.h5"), None, apart)
-
-
-@pytest.mark.parametrize(
-    ("value", "within"),
-    [(None, True), (0.0, True), (10.0, True), (-0.1, False), (10.1, False), (float("nan"), False)],
-)
-def test_an_option_of_a_picture_lies_between_its_limits(value, within):
-    args = SimpleNamespace(log_exponent=value)
-    if within:
-        assert picture.within(args, "log_exponent", 0, 10, 3.5) == (3.5 if value is None else value)
-    else:
-        with pytest.raises(InputError, match=f"--log-exponent {value:g}: must lie between 0 and 10"):
-            picture.within(args, "log_exponent", 0, 10, 3.5)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """The panels of a picture: new ones on a figure of its own, or axes that somebody gives; limits, ticks, legends."""
 
 import string
+from contextlib import contextmanager
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -8,7 +9,7 @@ from matplotlib.figure import Figure
 
 from jampetsc.errors import InputError
 from jampetsc.plots.logaxes import clear_corner, set_ticks, thin_ticks
-from jampetsc.plots.style import COLUMN, hidden
+from jampetsc.plots.style import COLUMN, drawn_in, hidden, save
 
 HEIGHT = 2.9  # inches of a picture of one panel
 _LEAST = 1.6  # highest over lowest of a log axis
@@ -142,6 +143,16 @@ class Page:
             self._place(*wanted)
         for axis in short:
             thin_ticks(axis)
+
+
+@contextmanager
+def saved_page(path):
+    """A page in the package's style; what is drawn on it is in the file `path` afterwards. Raises JampetscError."""
+    with drawn_in():
+        page = Page()
+        yield page
+        page.finish()
+        save(page.figure, path)
 
 
 def band(ax, x, low, high, name="", **look) -> None:
