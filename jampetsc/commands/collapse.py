@@ -79,7 +79,14 @@ def check(args):
         raise InputError(f"--observable {args.observable}: choose one of {', '.join(scaling.OBSERVABLES)}")
     if args.cut is not None and not 0 < args.cut < float("inf"):
         raise InputError(f"--cut {args.cut:g}: must be positive")
-    return scaling.form_of(args), _range(args.range)
+    form = scaling.form_of(
+        args.fit,
+        finite_size=args.finite_size,
+        corrections=args.corrections,
+        degree=args.degree,
+        spline=args.spline,
+    )
+    return form, _range(args.range)
 
 
 def _range(text):

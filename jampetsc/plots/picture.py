@@ -12,7 +12,6 @@ without, and gives them back: plot_lanes(results, ax=None, …).
 
 import math
 from collections.abc import Callable
-from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -104,7 +103,9 @@ class Picture:
                 )
             known[name].check(value)
         page = Page(ax, size, [label] if isinstance(label, str) else label)
-        with drawn_in(style) if ax is None else nullcontext():
+        if ax is not None and size is not None:
+            raise InputError("size: is of a new figure: leave it out where ax is given")
+        with drawn_in(style, own=ax is None):
             text = self.function(results, page, **options)
             page.finish(xlim, ylim)
         return Drawn(page.axes, text)

@@ -28,29 +28,29 @@ def names_of(finite_size: bool) -> dict:
     return {"phi_J": "phi_J", "y": "y", "nu" if finite_size else "znu": "kappa", "omega": "omega"}
 
 
-def form_of(args) -> Form:
-    """The form that --fit, --corrections, --degree and --spline say. Raises InputError."""
-    names, held, seen = names_of(args.finite_size), {}, set()
-    for word in args.fit.split(","):
+def form_of(fit, *, finite_size=False, corrections=False, degree=5, spline=False) -> Form:
+    """The form whose parameters `fit` names, phi_J,y,znu or phi_J,y=1,nu with finite_size. Raises InputError."""
+    names, held, seen = names_of(finite_size), {}, set()
+    for word in fit.split(","):
         name, equals, value = word.strip().partition("=")
         if name not in names or name in seen:
             what = "is there twice" if name in seen else f"is none of {', '.join(names)}"
-            raise InputError(f"--fit {args.fit}: {name or 'a name that is missing'} {what}")
+            raise InputError(f"fit {fit}: {name or 'a name that is missing'} {what}")
         seen.add(name)
         if equals:
-            held[names[name]] = _number(args.fit, word, value, names[name])
+            held[names[name]] = _number(fit, word, value, names[name])
     asked = {names[name] for name in seen}
-    if args.corrections != ("omega" in asked):
-        remedy = "name omega, too" if args.corrections else "leave omega out, or give --corrections"
-        raise InputError(f"--fit {args.fit}: {remedy}")
+    if corrections != ("omega" in asked):
+        remedy = "name omega, too" if corrections else "leave omega out, or give corrections"
+        raise InputError(f"fit {fit}: {remedy}")
     missing = [word for word, name in names.items() if name not in asked and name != "omega"]
     if missing:
-        raise InputError(f"--fit {args.fit}: name {missing[0]}, too, or hold it: {missing[0]}=VALUE")
-    form = Form(held, args.corrections, args.degree, args.spline)
+        raise InputError(f"fit {fit}: name {missing[0]}, too, or hold it: {missing[0]}=VALUE")
+    form = Form(held, corrections, degree, spline)
     if not form.free:
-        raise InputError(f"--fit {args.fit}: nothing is free: leave a value out")
-    if not 1 <= args.degree <= 12:
-        raise InputError(f"--degree {args.degree}: must lie in [1, 12]")
+        raise InputError(f"fit {fit}: nothing is free: leave a value out")
+    if not 1 <= degree <= 12:
+        raise InputError(f"degree {degree}: must lie in [1, 12]")
     return form
 
 
@@ -61,7 +61,7 @@ def _number(text, word, value, name):
         number = math.nan
     low, high = BOUNDS.get(name, (0.0, 2.0))
     if not low <= number <= high:
-        raise InputError(f"--fit {text}: {word}: write a number between {low:g} and {high:g}")
+        raise InputError(f"fit {text}: {word}: write a number between {low:g} and {high:g}")
     return number
 
 
