@@ -10,7 +10,6 @@ from jampetsc.errors import InputError
 from jampetsc.jobs.inputs import refuse_one_packing, refuse_repeated
 from jampetsc.storage.reader import load
 from jampetsc.studies.table import table_text
-from jampetsc.words import picture
 from jampetsc.words.files import files_named
 
 
