@@ -14,8 +14,8 @@ def add_parser(subparsers):
         "are the square roots of the "
         "eigenvalues): floppiness, participation ratio, share of the response to shear. That no mode was "
         "missed is proved by inertia.",
-        epilog="PETSc options: -modes_… reach SLEPc, which finds the modes where there are any and on several "
-        "ranks, -inertia_… the proof; -options_file jampetsc:modes_many is ready for hundreds of modes.",
+        epilog="PETSc options: -modes_… reach SLEPc's eigensolver, -inertia_… the proof that no mode was missed. Where "
+        "most of the modes are asked for, LAPACK finds them. For hundreds: -options_file jampetsc:modes_many.",
     )
     parser.add_argument("packing", metavar="PACKING", help="packing file")
     parser.add_argument("--out", required=True, metavar="FILE", help="result file (HDF5)")

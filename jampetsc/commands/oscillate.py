@@ -67,7 +67,8 @@ def add_parser(subparsers):
         "--cycles",
         default=None,
         metavar="auto|N",
-        help="cycles of moving contacts: until they repeat (auto, the default), or so many of half steps and of steps",
+        help="with moving contacts: how many cycles to compute, first with half as many time steps each, then "
+        "with all; auto (default): until one repeats the one before",
     )
     parser.add_argument(
         "--steps", type=int, default=64, metavar="N", help="steps of a cycle, a multiple of 8 (default 64)"
