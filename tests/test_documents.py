@@ -112,6 +112,7 @@ def test_examples(tmp_path):
             example("ensemble_average.py", "16", "2"),
             example("own_law.py", "16"),
             example("own_packing.py", "32"),
+            example("diffusion.py", "16", "1"),
         ],
     )
     energies = re.findall(r"^energy \D*(\d\S+?),?(?: |$)", said, re.MULTILINE)
@@ -119,6 +120,8 @@ def test_examples(tmp_path):
     assert re.search(r"^16 disks, phi = 0\.\d+, Z = ", said, re.MULTILINE)
     assert re.search(r"median \|Δu⊥\|/\|Δu∥\| = \d", said)
     assert re.search(r"^G0 ~ p\^-?\d\.\d\d, eta0 ~ p\^-?\d\.\d\d$", said, re.MULTILINE)
+    spread = [float(line.split()[1]) for line in said.partition("<dy^2>/d^2")[2].splitlines()[1:7]]
+    assert 0.0 < spread[0] < spread[3] < 1.0  # folded coordinates would jump by the height of the cell
     # one law is the sum of the others where they do not compete
     both, contacts, drag = map(
         float, re.search(r"^ +1e-06 +(\S+) +(\S+) +(\S+)$", said, re.MULTILINE).groups()
