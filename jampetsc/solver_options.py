@@ -11,7 +11,6 @@ from pathlib import Path
 
 from jampetsc.errors import InputError
 from jampetsc.shipped_files import located
-from jampetsc.shipped_files import located
 
 SOLVERS = {  # prefix: parts of PETSc and SLEPc that read the words after it
     "newton_": "ksp pc mat",

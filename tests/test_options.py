@@ -36,8 +36,14 @@ def test_every_file_is_tested():
     assert sorted(path.stem for path in (ROOT / "options").glob("*.opts")) == sorted(FOR_SWEEPS + FOR_MODES)
 
 
-@pytest.mark.parametrize("law", [physics(), physics("stokes", eta_f=0.0)], ids=str)
-@pytest.mark.parametrize("name", FOR_SWEEPS)
+@pytest.mark.parametrize(
+    ("name", "law"),
+    [
+        *[(name, physics()) for name in FOR_SWEEPS if name != "low_memory"],
+        *[(name, physics("stokes", eta_f=0.0)) for name in ("low_memory", "iterative")],
+    ],
+    ids=str,
+)
 def test_sweep_by_each_file(name, law, packing, tmp_path):
     out = tmp_path / "sweep.h5"
     words = Sweep(packing, law.law, method="direct", omega=OMEGA).words()
