@@ -7,6 +7,7 @@ import numpy as np
 from jampetsc import session
 from jampetsc.analysis.averages import Average
 from jampetsc.contacts.disks import PLACES
+from jampetsc.contacts.threads import Team, cores
 from jampetsc.flows.means import facts_of, short, worth
 from jampetsc.flows.record import Record, remove_checkpoint, resumed, write_checkpoint, write_record
 from jampetsc.flows.run import INTERVAL, LINES
@@ -30,7 +31,8 @@ def run(args, disks, origin, solver) -> str:
     discard = min(1.0, 0.5 * args.strain) if args.discard is None else args.discard
     settings = {"start": disks.fingerprint, "step": args.step, "steps": steps, "tolerance": args.tolerance}
     settings |= {"discard": discard}
-    slow, record = SlowShear(disks, args.step, solver, args.tolerance), Record(COLUMNS)
+    slow = SlowShear(disks, args.step, solver, args.tolerance, Team(args.threads or cores()))
+    record = Record(COLUMNS)
     kept = resumed(args.out, settings, COLUMNS)
     if kept is not None:
         record, state = kept
