@@ -8,7 +8,7 @@ import numpy as np
 
 from jampetsc.analysis.averages import Average
 from jampetsc.analysis.statistics import mean_with_error
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 
 MIDDLE = 0.6  # of the height: layers beside the walls may slip
 
@@ -27,7 +27,9 @@ def mean_profile(results, low: float, high: float):
     means, errors = [], []
     for result in results:
         if "velocity_profile" not in result:
-            raise InputError(f"{result.path}: holds no velocity profiles: run `jampetsc flow` with --walls")
+            raise InputError(
+                f"{result.path}: holds no velocity profiles: run the flow with {named('walls')}"
+            )
         strain = result["strain"]
         rows = result["velocity_profile"][(strain > low * (1 + 1e-9)) & (strain <= high * (1 + 1e-9))]
         if not len(rows):

@@ -92,7 +92,7 @@ def begun(
     if deepest > DEEPEST:
         raise InputError(
             f"overlap of {100 * deepest:.0f} % of the distance of two disks at contact: no state of soft disks; "
-            "quench it first with `jampetsc pack --from`"
+            f"quench it first: pack with {named('from_')}"
         )
     scheme = scheme_for(model, disks, rate, step, tolerance)
     plan = Plan.of(rate, scheme.step, strain, left_out(strain, discard), **snapshots)

@@ -5,7 +5,7 @@ matter, see `contacts.minimum`; so are forces that are not balanced, see `contac
 """
 
 from jampetsc.contacts.laws import UNDAMPED
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.network import Network, find_pieces
 from jampetsc.solvers.cholesky import NotPositiveDefinite
@@ -67,5 +67,5 @@ def _refuse_negative(count):
     if count:
         raise InputError(
             f"K has {count} negative mode{'s' * (count > 1)}: not a minimum of the energy; quench it "
-            "(`jampetsc pack --from`) or use --no-prestress"
+            f"(pack with {named('from_')}) or leave the pre-stress out ({named('prestress')})"
         )

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.contacts.laws import Law
-from jampetsc.errors import ConvergenceError
+from jampetsc.errors import ConvergenceError, named
 from jampetsc.mechanics.network import Network
 from jampetsc.oscillation.answer import Answer, Sine
 from jampetsc.oscillation.dashpots import REST, Damping
@@ -92,7 +92,7 @@ class _Units:
         if max(unit, abs(unit + 2.0 * log_strain)) > LARGEST_LOG:
             raise ConvergenceError(
                 f"strains of 1e{log_strain / np.log(10.0):.0f} and moduli of 1e{unit / np.log(10.0):.0f} k are more "
-                "than doubles hold: choose --omega nearer to where elastic and damping forces are alike"
+                f"than doubles hold: choose {named('omega')} nearer to where elastic and damping forces are alike"
             )
         return cls(
             *np.exp([log_strain, unit, unit + 2.0 * log_strain, np.log(k) - unit, log_c - unit, log_imposed])
@@ -227,8 +227,8 @@ def _require_stable(springs: FixedSprings, units: _Units):
     modulus = springs.shear_modulus() * units.stiffness
     if not modulus > 0.0:
         raise ConvergenceError(
-            f"its shear modulus is {modulus:.2g}: no stress can be imposed on such a packing; impose a --strain, or "
-            "relax the shear of its cell (pack --stabilise shear)"
+            f"its shear modulus is {modulus:.2g}: no stress can be imposed on such a packing; impose a "
+            f"{named('strain')}, or relax the shear of its cell (pack {named('stabilise')} shear)"
         )
 
 

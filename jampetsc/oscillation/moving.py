@@ -17,7 +17,7 @@ from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import Law
 from jampetsc.contacts.pairs import SKIN_START, ListedDisks, is_stale
 from jampetsc.contacts.state import find_contacts
-from jampetsc.errors import ConvergenceError
+from jampetsc.errors import ConvergenceError, named
 from jampetsc.oscillation.dashpots import Damping, Dashpots
 from jampetsc.oscillation.stage import STAGE, Imposed, Stages
 from jampetsc.oscillation.stepmatrix import StepMatrix
@@ -198,7 +198,7 @@ class MovingContacts(ListedDisks):
                 if self.skin > WIDEST * self.diameter:
                     self.skin = SKIN_START * self.diameter
                     self.fold()
-                    raise ConvergenceError("disks move too far in one step: give more --steps")
+                    raise ConvergenceError(f"disks move too far in one step: give more {named('steps')}")
             else:
                 self.tune(10 * self._since)
             self.fold()

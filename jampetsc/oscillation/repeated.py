@@ -19,7 +19,7 @@ from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.laws import Law
 from jampetsc.contacts.pairs import deformed
 from jampetsc.contacts.state import find_contacts
-from jampetsc.errors import ConvergenceError
+from jampetsc.errors import ConvergenceError, named
 from jampetsc.oscillation.answer import Answer, Sine
 from jampetsc.oscillation.cycle import Cycle
 from jampetsc.oscillation.halfcycles import SteppedOscillation
@@ -206,7 +206,8 @@ class Run:
         if cycles is None:
             raise ConvergenceError(
                 f"cycles do not repeat: the last of {MOST_CYCLES} still changes G* by "
-                f"{100 * self.change / abs(self.seen[-1].G):.2g} %; --cycles {MOST_CYCLES} keeps what such a one gives"
+                f"{100 * self.change / abs(self.seen[-1].G):.2g} %; {named('cycles')} {MOST_CYCLES} keeps "
+                "what such a one gives"
             )
 
     @property
@@ -238,7 +239,7 @@ class Run:
             if not abs(motion.gamma - begin) < FLOWING + self.sine.amplitude:
                 raise ConvergenceError(
                     f"the packing flows: its strain has changed by {motion.gamma - begin:.2g} within a cycle: give "
-                    "less --stress"
+                    f"less {named('stress')}"
                 )
         drift, (times, weights, response) = motion.gamma - begin, np.array(rows).T
         ramp = drift if self.sine.stress_controlled else 0.0

@@ -18,7 +18,7 @@ from typing import Protocol
 
 import numpy as np
 
-from jampetsc.errors import ConvergenceError
+from jampetsc.errors import ConvergenceError, named
 from jampetsc.oscillation.dashpots import Dashpots
 from jampetsc.packing.newton import flat_between
 
@@ -237,7 +237,9 @@ class Stages:
             if not springs.serves(seen.state):
                 return None
         else:
-            remedy = "more --steps" + (" or, if the packing flows, less --stress" if free else "")
+            remedy = f"more {named('steps')}" + (
+                f" or, if the packing flows, less {named('stress')}" if free else ""
+            )
             raise ConvergenceError(
                 f"forces of a time step are not balanced after {ITERATIONS} of Newton's steps, "
                 f"{size / springs.unit:.1e} of k d is left: give {remedy}"

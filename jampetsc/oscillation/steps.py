@@ -81,7 +81,7 @@ class Steps:
                 free = self._imposed(ends[-1]).free
                 raise ConvergenceError(
                     f"energy is lost in the shortest step of a cycle, {off / allowed:.1e} times what one may, as where "
-                    f"nothing holds the packing: give {'less --stress' if free else 'more --steps'}"
+                    f"nothing holds the packing: give {'less stress' if free else 'more steps'}"
                 )
             motion.undo()
         return off

@@ -9,7 +9,7 @@ from matplotlib.patches import Patch
 
 from jampetsc.analysis.correlations import LOG_EXPONENT, length_spread, medium_collapse, stokes_collapse
 from jampetsc.analysis.medium import dragged, first_root, solid
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.plots.curves import Curve, group_curves
 from jampetsc.plots.page import HEIGHT, band, points
 from jampetsc.plots.picture import Option, count, picture
@@ -153,7 +153,7 @@ def _curves(results):
         if curve.phase != curves[0].phase:
             raise InputError(
                 f"{curve.name}: in phase with the {curve.phase}, {curves[0].name} with the {curves[0].phase}: "
-                "choose one (of a study with --where phase=stress)"
+                f"choose one (of a study with {named('where')} phase=stress)"
             )
     return curves
 

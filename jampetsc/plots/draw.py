@@ -7,7 +7,7 @@ import os
 import numpy as np
 
 from jampetsc.contacts.disks import Disks
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.plots import numbers, style
 from jampetsc.plots.picture import PICTURES, Drawn, Picture
 from jampetsc.storage.atomic import write_whole
@@ -152,7 +152,7 @@ def choose(kinds, items, names) -> str:
     if other is not None:
         kinds = [kind for kind in kinds if PICTURES[kind].mixed and set(held) <= set(PICTURES[kind].of)]
         if not kinds:
-            hint = "; the packing of a sweep goes with --packing" if "packing" in held else ""
+            hint = f"; the packing of a sweep goes with {named('packing')}" if "packing" in held else ""
             raise InputError(
                 f"{names[0]} is a {_noun(held[0])}, {names[other]} a {_noun(held[other])}: "
                 f"one picture shows one or the other{hint}"

@@ -5,7 +5,7 @@ from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 
 from jampetsc.analysis.finite_size import FEWEST, logarithm_of_size
 from jampetsc.analysis.statistics import mean_with_error
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.plots.floppy import BARE, PRESTRESS, draw_intervals, groups_of, unstable, value_of
 from jampetsc.plots.page import points
 from jampetsc.plots.picture import Option, count, picture
@@ -64,7 +64,7 @@ def _require_one_law(results):
         if result.attributes.get("law") != law:
             raise InputError(
                 f"{result.path}: law {result.attributes.get('law')}, {results[0].path.name} has {law}: "
-                "finite-size pictures show one; choose by --where law=…"
+                f"finite-size pictures show one; choose by {named('where')} law=…"
             )
 
 

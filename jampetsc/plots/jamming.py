@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from jampetsc.analysis.jamming import FEWEST, Share, density, memory, share_of
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.plots.page import points
 from jampetsc.plots.picture import count, picture
 from jampetsc.plots.style import COLUMN, GREY, PAGE, colours, looks, number
@@ -189,7 +189,7 @@ def plot_jamming_densities(results, page):
     ]
     if not curves:
         raise InputError(
-            f"{results[0].path}: holds fewer than {FEWEST} values of phi_J: run `jampetsc jam --protocol compress`"
+            f"{results[0].path}: holds fewer than {FEWEST} values of phi_J: run jam with {named('protocol')} compress"
         )
     labels = _labels([kind for kind, _, _ in curves])
     several = len({phi for _, phi, _ in curves}) > 1

@@ -3,7 +3,7 @@
 import numpy as np
 
 from jampetsc.analysis.statistics import mean_with_error
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.plots.floppy import QUANTITIES, groups_of
 from jampetsc.plots.logaxes import power_law
 from jampetsc.plots.page import points
@@ -26,7 +26,9 @@ def plot_lowest(results, page):
     """
     groups = groups_of(results)
     if len({size for size, _ in groups}) > 1:
-        raise InputError(f"{results[0].path}: files of several N: choose one (of a study with --where n=…)")
+        raise InputError(
+            f"{results[0].path}: files of several N: choose one (of a study with {named('where')} n=…)"
+        )
     for result in results:
         if "lowest/count" not in result or not len(result["lowest/count"]):
             raise InputError(
@@ -72,8 +74,8 @@ def plot_lowest(results, page):
         points(axes[2], p, *alone, **look)
         power_law(axes[2], p, whole[0], slope)
     handles = [entry(**look | {"label": f"lowest {m}"}) for m, look in of_modes]
-    named = zip(QUANTITIES.values(), shades, strict=True)
-    handles += [entry(f"${symbol}$", shade) for (symbol, _), shade in named]
+    drawn = zip(QUANTITIES.values(), shades, strict=True)
+    handles += [entry(f"${symbol}$", shade) for (symbol, _), shade in drawn]
     handles += [entry("(c) whole", marker="o")]
     handles += [entry(f"(c) lowest {counts[-1]}", marker="o", mfc="white", ls=DASHED)]
     handles += [entry(r"$p^{-1/2}$, $p^{\pm 1/4}$", GREY, ls=":", lw=0.8)]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.plots.picture import count, picture
 from jampetsc.plots.shearing import kind_of, labels_of
 from jampetsc.plots.style import PAGE, hidden, looks
@@ -20,7 +20,9 @@ def plot_order(results, page):
     kinds = {}
     for result in results:
         if "snapshots/psi6_local" not in result:
-            raise InputError(f"{result.path}: holds no six-fold order: run `jampetsc flow` with --snapshots")
+            raise InputError(
+                f"{result.path}: holds no six-fold order: run the flow with {named('snapshots')}"
+            )
         kinds.setdefault(kind_of(result), []).append(result)
         first = kinds[kind_of(result)][0]
         if not np.array_equal(result["snapshots/strain"], first["snapshots/strain"]):

@@ -9,7 +9,7 @@ otherwise. The symbolic factorisation is done once, because the pattern never ch
 
 import numpy as np
 
-from jampetsc.errors import ConvergenceError
+from jampetsc.errors import ConvergenceError, named
 from jampetsc.mechanics.assembly import Pencil
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.response.certificate import EPSILON, Certified, Functional, Hold
@@ -131,7 +131,8 @@ class FrequencySolver:
         ):  # also for nan
             raise ConvergenceError(
                 f"ω = {omega:g}: G' = {result.G.real:.3e} only known to {storage:.1e}, G'' = {result.G.imag:.3e} to "
-                f"{loss:.1e} after refinement: the matrix is too ill-conditioned for this solver, or --accuracy too "
+                f"{loss:.1e} after refinement: the matrix is too ill-conditioned for this solver, or "
+                f"{named('accuracy')} too "
                 "strict"
             )
         return result

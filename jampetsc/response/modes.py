@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.contacts.laws import UNDAMPED
-from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.mechanics.assembly import Pencil, assemble
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.mechanics.minimum import require_minimum
@@ -79,7 +79,8 @@ def lowest_modes(
             count = count_below(pencil.K, below, "K − λ") - free
             if count <= 0:
                 raise InputError(
-                    f"--below {below:g}: no mode lies there; raise it, or ask for a number with --count"
+                    f"{named('below')} {below:g}: no mode lies there; raise it, or ask for a number with "
+                    f"{named('count')}"
                 )
         pairs, kept, shift = _certified(pencil, compatibility, there if count is None else count, stiffness)
         return _describe(pencil, compatibility, pairs, kept, shift)

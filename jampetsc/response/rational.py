@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.collective import by_rank_0
-from jampetsc.errors import ConvergenceError
+from jampetsc.errors import ConvergenceError, named
 from jampetsc.mechanics.assembly import Pencil
 from jampetsc.mechanics.compatibility import Compatibility
 from jampetsc.response.basis import RationalBasis
@@ -130,7 +130,8 @@ class RationalSweep:
             )
         if self.basis.complete or self.basis.size >= MOST_VECTORS:
             raise ConvergenceError(
-                f"the bound on the error of G* stays at {ratio[worst]:.1e} times what --accuracy {self.accuracy:g} "
+                f"the bound on the error of G* stays at {ratio[worst]:.1e} times what "
+                f"{named('accuracy')} {self.accuracy:g} "
                 f"allows at ω = {self.omega[worst]:g} after {self.factorisations} factorisations"
             )
         shifts = []
@@ -253,10 +254,13 @@ class RationalSweep:
         worst = np.unravel_index(np.argmax(relative), relative.shape)
         where = f"{('G′', 'G″')[worst[1]]} at ω = {self.omega[worst[0]]:g} is only certain to {relative[worst]:.1e}"
         if not np.all(found.rounding <= self.accuracy * parts):
-            raise ConvergenceError(f"{where}, by rounding; --accuracy {self.accuracy:g} cannot be met here")
+            raise ConvergenceError(
+                f"{where}, by rounding; {named('accuracy')} {self.accuracy:g} cannot be met here"
+            )
         if self._certified > 1 and not self._for_certificate():
             raise ConvergenceError(
-                f"{where}, by what the solves at the shifts leave; --accuracy {self.accuracy:g} cannot be met here"
+                f"{where}, by what the solves at the shifts leave; {named('accuracy')} {self.accuracy:g} cannot be "
+                "met here"
             )
         return False
 

@@ -26,7 +26,7 @@ def settle(run: Run) -> Run:
     if not run.imbalance <= BALANCED:
         notes.append(
             f"forces are not balanced, max|F|/(p d) = {run.imbalance:.1e}, so the packing is not a minimum of its "
-            "energy: quench it (`jampetsc pack --from`); G* is that of its contacts as they are"
+            "energy: quench it (pack from it); G* is that of its contacts as they are"
         )
     if run.method != "direct" and run.negative_modes is None:
         negative, how = negative_modes(run.network(session.comm))
@@ -34,7 +34,7 @@ def settle(run: Run) -> Run:
     if run.method != "direct" and run.negative_modes:
         notes.append(
             f"K has {run.negative_modes} negative modes, so the packing is not a minimum of its energy: solving "
-            "every frequency by --method direct"
+            "every frequency by method direct"
         )
         run = replace(run, method="direct")
     with Progress(None, "sweep", session.rank) as progress:

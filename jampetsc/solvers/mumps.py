@@ -2,7 +2,7 @@
 
 import re
 
-from jampetsc.errors import ConvergenceError
+from jampetsc.errors import ConvergenceError, named
 from jampetsc.session import current
 
 WORKSPACE = (-8, -9, -14, -15, -17, -20)  # INFOG(1): some work array was too small; ICNTL(14) enlarges them
@@ -93,7 +93,7 @@ def explain(code, what: str) -> Failure:
     elif code in SINGULAR:
         remedy = (
             "the matrix is singular (MUMPS INFOG(1) = -10); is the packing a minimum? see "
-            "`jampetsc info --matrices`"
+            f"info with {named('matrices')}"
         )
     else:
         remedy = f"the solver reports {f'MUMPS INFOG(1) = {code}' if code else 'a failed factorisation'}"
