@@ -10,7 +10,6 @@ from jampetsc.errors import InputError
 from jampetsc.jobs.inputs import refuse_one_packing, refuse_repeated
 from jampetsc.storage.reader import load
 from jampetsc.studies.table import table_text
-from jampetsc.words import picture
 from jampetsc.words.files import files_named
 
 
@@ -79,19 +78,6 @@ def test_files_of_a_study_are_of_rows_that_are_done(tmp_path):
     assert some == (["other.h5", str(tmp_path / "0.h5"), str(tmp_path / "3.h5")], True)
     assert asked == [(tmp_path, ""), (tmp_path, " where cooling-rate=0.1, command = jam")]
     assert files_named(["other.h5"], None, chosen) == (["other.h5"], False)
-
-
-@pytest.mark.parametrize(
-    ("value", "within"),
-    [(None, True), (0.0, True), (10.0, True), (-0.1, False), (10.1, False), (float("nan"), False)],
-)
-def test_an_option_of_a_picture_lies_between_its_limits(value, within):
-    args = SimpleNamespace(log_exponent=value)
-    if within:
-        assert picture.within(args, "log_exponent", 0, 10, 3.5) == (3.5 if value is None else value)
-    else:
-        with pytest.raises(InputError, match=f"--log-exponent {value:g}: must lie between 0 and 10"):
-            picture.within(args, "log_exponent", 0, 10, 3.5)
 
 
 def test_a_flow_that_goes_on_elsewhere_leaves_what_it_goes_on_from(tmp_path):
