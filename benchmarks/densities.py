@@ -19,7 +19,7 @@ from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.flows.slowly import ENERGY_CUT
 from jampetsc.plots import style
 from jampetsc.plots.jamming import samples_of
-from jampetsc.plots.logaxes import set_ticks
+from jampetsc.plots.page import saved_page
 
 MIXED, SEPARATED = "mixed", "separated"
 DECADES = np.arange(-44.0, 0.5, 1.0)  # of U/N in the picture
@@ -152,16 +152,14 @@ def draw(table, path):
     cold, jammed = densities(table), steps(table)
     least = min((one.n for one in cold), default=0)
     small = [one for one in cold if one.n == least]
-    with style.figure(style.PAGE, 7.8, layout="constrained") as figure:
-        axes = figure.subplots(3, 2).ravel()
+    with saved_page(path) as page:
+        axes = page.panels(3, 2, style.PAGE, 7.8)
         _draw_rates(axes[0], small)
         _draw_distributions(axes[1], small)
         _draw_steps(axes[2], jammed)
         _draw_starts(axes[3], jammed)
         _draw_widths(axes[4], cold, jammed)
         _draw_energies(axes[5], energies(table))
-        style.letter_panels(axes)
-        style.save(figure, path)
 
 
 def _look(one):
@@ -257,7 +255,6 @@ def _draw_widths(ax, cold, jammed):
         ax.errorbar(n, width, error, color=colour, marker=marker, capsize=1.5, label=label)
     ax.set(xscale="log", yscale="log", xlabel="$N$", ylabel=r"width of the distribution of $\phi_J$")
     if points:
-        set_ticks(ax.xaxis, *np.log10(ax.get_xlim()))
         ax.legend()
 
 

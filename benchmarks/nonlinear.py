@@ -27,6 +27,7 @@ from scipy.special import gamma
 
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.plots import style
+from jampetsc.plots.page import saved_page
 from jampetsc.storage.reader import load
 
 DRAWS = 1000
@@ -251,8 +252,8 @@ def print_certainty(alpha, data, finer):
 def draw(data, path):
     """Effective Ω against X, a panel for each α < 1, the lowest pressure in each: measured, BT, self-consistent."""
     exponents = [alpha for alpha in sorted(data) if alpha < 1.0]
-    with style.figure(style.PAGE, 2.7, layout="constrained") as figure:
-        axes = figure.subplots(1, len(exponents))
+    with saved_page(path) as page:
+        axes = np.ravel(page.panels(1, len(exponents), style.PAGE, 2.7))
         for ax, alpha in zip(axes, exponents, strict=True):
             p = min(data[alpha])
             for n, one in enumerate(data[alpha][p]):
@@ -267,8 +268,6 @@ def draw(data, path):
             ax.set_xlabel(rf"$X = (\omega\tau_1)^\alpha (\sigma/k)^{{\alpha-1}}$,   $\alpha = {alpha:.2g}$")
             ax.set_ylabel(r"$\Omega\,\tau_1$")
             ax.legend()
-        style.letter_panels(axes)
-        style.save(figure, path)
 
 
 def main():

@@ -16,6 +16,7 @@ from jampetsc.analysis.jamming import CUTS, LowEnd, low_end, memory
 from jampetsc.contacts.potentials import EXPONENTS
 from jampetsc.plots import style
 from jampetsc.plots.jamming import samples_of
+from jampetsc.plots.page import saved_page
 
 NAMES = {"random": "RAND", "shear": "QS"}
 BINS = 4  # per decade of p,
@@ -77,8 +78,8 @@ def draw(found, path):
     """(a), (b) P(p) of harmonic and of Hertzian disks, both logarithmic; (c) y against the cut, with its limit at 0."""
     kinds = {(one.name, one.n): None for one in found}
     looks = dict(zip(kinds, zip(style.colours(len(kinds)), style.MARKERS, strict=False), strict=False))
-    with style.figure(style.PAGE, 5.4, layout="constrained") as figure:
-        axes = figure.subplots(2, 2).ravel()
+    with saved_page(path) as page:
+        axes = page.panels(2, 2, style.PAGE, 5.4)
         for ax, low, potential in zip(axes, axes[2:], EXPONENTS, strict=False):
             for one in (one for one in found if one.potential == potential and len(one.values)):
                 colour, marker = looks[one.name, one.n]
@@ -90,8 +91,6 @@ def draw(found, path):
             low.axhline(y, color=style.GREY, lw=0.6, ls=":", label=r"$\alpha-1$")
             low.legend()
             ax.set_title(potential, pad=3)
-        style.letter_panels(axes)
-        style.save(figure, path)
 
 
 def _draw_density(ax, one, look):

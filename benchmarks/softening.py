@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from jampetsc.plots import style
+from jampetsc.plots.page import saved_page
 from jampetsc.storage.reader import load
 
 CHANGED = 0.1  # of |G*|: what ends linear response
@@ -128,8 +129,8 @@ def print_end(found):
 
 def draw(found, path):
     """(a) G' and (b) G'' over those of linear response against γ₀ k/p, means with standard errors."""
-    with style.figure(style.PAGE, 2.7, layout="constrained") as figure:
-        axes = figure.subplots(1, 2)
+    with saved_page(path) as page:
+        axes = page.panels(1, 2, style.PAGE, 2.7)
         for (p, packings), colour, marker in zip(
             found.items(), style.colours(len(found)), style.MARKERS, strict=False
         ):
@@ -155,8 +156,6 @@ def draw(found, path):
             ax.set_xlabel(r"$\gamma_0 k/p$")
             ax.set_ylabel(f"{name}$(\\gamma_0)$/{name}$(0)$")
         axes[0].legend()
-        style.letter_panels(axes)
-        style.save(figure, path)
 
 
 def main():

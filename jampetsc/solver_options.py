@@ -10,6 +10,7 @@ import re
 from pathlib import Path
 
 from jampetsc.errors import InputError
+from jampetsc.shipped_files import located
 
 SOLVERS = {  # prefix: parts of PETSc and SLEPc that read the words after it
     "newton_": "ksp pc mat",
@@ -56,13 +57,14 @@ def names_given(petsc_argv) -> list[str]:
         if OPTION.match(word):
             names.append(word[1:])
         if word == "-options_file":
-            names += _names_in(value)
+            names += _names_in(located(value))
     return names
 
 
 def _names_in(file):
     if not file:
         raise InputError("-options_file: needs the name of a file")
+    file = located(file)
     try:
         lines = Path(file).read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError as error:

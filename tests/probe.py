@@ -4,33 +4,46 @@ import functools
 import itertools
 import os
 import sys
+from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
+
+from jampetsc.jobs.asking import FILE, asked
+from jampetsc.jobs.job import Job
 
 
-def add_parser(subparsers):
-    parser = subparsers.add_parser("probe", help="do what the tests ask for")
-    parser.add_argument("file", metavar="FILE")
-    parser.add_argument("--do", default="nothing", help="name of the deed")
-    parser.add_argument("--on-rank", type=int, help="the only rank that does it (default: all)")
-    parser.add_argument("--scalar", choices=["real", "complex"], help="start PETSc with these scalars")
-    parser.set_defaults(run=run, takes_petsc=lambda args: args.scalar is not None)
+@dataclass(frozen=True)
+class Probe(Job):
+    """Do what the tests ask for."""
 
+    NAME: ClassVar = "probe"
+    FORMAT: ClassVar = "no file"
+    OUT: ClassVar = ""
+    SOLVERS: ClassVar = ("probe_",)
 
-def run(args, petsc_argv):
-    from jampetsc import session
+    file: str = asked(help="what the deed is done to", place=FILE)
+    do: str = asked("nothing", "name of the deed")
+    on_rank: int | None = asked(None, "the only rank that does it (default: all)")
+    scalar_: str | None = asked(None, "start PETSc with these scalars", choices=("real", "complex"))
 
-    rank = 0
-    if args.scalar:
-        running = session.start(args.scalar, petsc_argv)
-        rank = running.rank
-        if petsc_argv:
+    @property
+    def scalar(self):
+        """As it was asked for."""
+        return self.scalar_
+
+    def work(self, to):
+        """Do the deed."""
+        from jampetsc import session
+
+        running = session.current() if self.scalar else None
+        rank = running.rank if running else 0
+        if running and running.petsc_argv:
             solve(running)
-    if args.on_rank in (None, rank):
-        globals()[args.do](args)
-    if args.scalar:
-        running.comm.Barrier()  # where the others wait when one rank fails
-    print(f"done on {rank}")
-    return 0
+        if self.on_rank in (None, rank):
+            globals()[self.do](self)
+        if running:
+            running.comm.Barrier()  # where the others wait when one rank fails
+        print(f"done on {rank}")
 
 
 def solve(running):
@@ -117,9 +130,10 @@ def talk(args):
 
 
 if __name__ == "__main__":
-    from jampetsc import cli, commands, solver_options
+    from jampetsc import cli, jobs, solver_options
 
-    solver_options.SOLVERS["probe_"], solver_options.COMMANDS["probe"] = "ksp pc", ("probe_",)
-    commands.COMMANDS.clear()
-    commands.COMMANDS["probe"] = "probe"
+    solver_options.SOLVERS["probe_"] = "ksp pc"
+    jobs.JOBS.clear()
+    jobs.JOBS["probe"] = "probe:Probe"
+    sys.modules["jampetsc.jobs.probe"] = sys.modules["__main__"]
     sys.exit(cli.main())

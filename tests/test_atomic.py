@@ -148,8 +148,8 @@ def test_what_no_file_may_replace(tmp_path, action):
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "link").symlink_to("pipe")
     for name, message in (
-        ("folder", "folder: is a folder: give a file name with --out"),
-        ("pipe", "pipe: is a pipe, which a file would replace: give the name of a file with --out"),
+        ("folder", "folder: is a folder: give a file name with out"),
+        ("pipe", "pipe: is a pipe, which a file would replace: give the name of a file with out"),
         ("link", "pipe: is a pipe, which"),
     ):
         with pytest.raises(InputError, match=message):
@@ -163,7 +163,7 @@ def test_a_file_that_is_write_protected_is_not_replaced(tmp_path, monkeypatch):
     path.touch()
     access = os.access
     monkeypatch.setattr(os, "access", lambda file, how: how != os.W_OK and access(file, how))
-    with pytest.raises(InputError, match=r"a\.csv: exists and is write-protected: choose another --out"):
+    with pytest.raises(InputError, match=r"a\.csv: exists and is write-protected: choose another out"):
         check_writable(path)
     check_writable(tmp_path / "b.csv")
     assert list(tmp_path.iterdir()) == [path]
@@ -175,10 +175,10 @@ def test_a_file_that_is_write_protected_is_not_replaced(tmp_path, monkeypatch):
         (errno.ENOSPC, JampetscError, "disk full: make room, then run the same command again"),
         (errno.EDQUOT, JampetscError, "disk quota used up: make room"),
         (errno.EFBIG, JampetscError, "file size limit reached: make room"),
-        (errno.EACCES, InputError, "cannot be written (Permission denied): choose another --out"),
-        (errno.EROFS, InputError, "cannot be written (Read-only file system): choose another --out"),
-        (errno.ENOTDIR, InputError, "cannot be written (Not a directory): choose another --out"),
-        (errno.ENAMETOOLONG, InputError, "cannot be written (File name too long): choose another --out"),
+        (errno.EACCES, InputError, "cannot be written (Permission denied): choose another out"),
+        (errno.EROFS, InputError, "cannot be written (Read-only file system): choose another out"),
+        (errno.ENOTDIR, InputError, "cannot be written (Not a directory): choose another out"),
+        (errno.ENAMETOOLONG, InputError, "cannot be written (File name too long): choose another out"),
         (errno.EIO, JampetscError, "writing failed: Input/output error"),
     ],
 )
@@ -209,7 +209,7 @@ def test_places_where_no_file_can_be(tmp_path):
     for path, message in (
         (tmp_path / "none" / "a.csv", "none does not exist: create it first|No such file"),
         (tmp_path / "file" / "a.csv", "(folder|cannot be written)"),
-        (tmp_path / ("n" * 300), "cannot be written .File name too long.: choose another --out"),
+        (tmp_path / ("n" * 300), "cannot be written .File name too long.: choose another out"),
     ):
         for action in (check_writable, NewFile):
             with pytest.raises(InputError, match=message):

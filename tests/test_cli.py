@@ -17,8 +17,9 @@ import pytest
 from samples import polydisperse, published
 
 import jampetsc
-from jampetsc import cli, commands, launcher, streams
+from jampetsc import cli, launcher, streams
 from jampetsc.errors import ConvergenceError, InputError, JampetscError
+from jampetsc.jobs import JOBS
 from jampetsc.storage.packing_file import write_packing
 from jampetsc.storage.result_file import ResultWriter
 
@@ -89,7 +90,7 @@ def test_what_the_system_says_in_one_line(error, message):
 def test_one_command_is_imported_unless_all_are_asked_for():
     assert list(cli.command_parser(["sweep", "x"])[1].choices) == ["sweep"]
     assert list(cli.command_parser(["--version"])[1].choices) == []
-    assert list(cli.command_parser(["--help"])[1].choices) == list(commands.COMMANDS)
+    assert list(cli.command_parser(["--help"])[1].choices) == list(JOBS)
     with pytest.raises(
         InputError, match=r"^swep: no such command; did you mean sweep\? \(see jampetsc --help\)$"
     ):
@@ -136,22 +137,23 @@ def test_help_names_the_options_of_petsc(command, prefixes):
 
 
 def test_every_command_is_there():
-    assert list(cli.command_parser([])[1].choices) == list(commands.COMMANDS)
+    assert list(cli.command_parser([])[1].choices) == list(JOBS)
 
 
-@pytest.mark.parametrize("command", commands.COMMANDS)
+@pytest.mark.parametrize("command", JOBS)
 def test_manners_of_every_command(command):
     parser = cli.command_parser([command])[1].choices[command]
     options = [option for action in parser._actions for option in action.option_strings]
     assert "--help" in options
     for option in options:
-        assert option.startswith("--") and option == option.lower() and "_" not in option
+        assert option in ("-h", "-q", "-v") or option.startswith("--")
+        assert option == option.lower() and "_" not in option
     assert not parser.allow_abbrev
     for action in parser._actions:
         assert action.help and action.help is not argparse.SUPPRESS, f"{action.dest} has no help"
 
 
-@pytest.mark.parametrize("command", commands.COMMANDS)
+@pytest.mark.parametrize("command", JOBS)
 def test_missing_arguments_are_named(command):
     with pytest.raises(InputError, match=rf"arguments are required: .* \(see jampetsc {command} --help\)"):
         cli.dispatch([command])

@@ -1,11 +1,16 @@
 """README, docs and examples: their commands and programs run as they are written, at small sizes."""
 
+import importlib.util
 import re
+import runpy
 import shlex
+import subprocess
+import sys
 
 import launch
 import pytest
 
+import jampetsc
 from jampetsc import cli
 
 SMALL = {  # option -> its value here
@@ -48,30 +53,43 @@ def small_study(text):
 def test_what_the_documents_say_runs(tmp_path):
     for name in ("tests", "options"):
         (tmp_path / name).symlink_to(launch.ROOT / name)
-    (study,) = blocks("README.md", "toml")
+    (study,) = blocks("docs/tasks.md", "toml")
     (tmp_path / "study.toml").write_text(small_study(study))
     together, apart = [], []
-    for name in ("README.md", "docs/solvers.md"):
+    for name in ("README.md", "docs/tasks.md", "docs/solvers.md"):
         for words in lines(name):
             if words[0] == LONG:
                 cli.command_parser(words)[0].parse_args(words)
-            else:
+            elif small(words) not in together:  # in another document
                 (apart if _has_petsc_options(words) else together).append(small(words))
     python = [
-        text.replace("n=256", "n=32")
-        for name in ("README.md", "docs/python.md")
+        text.replace("n=256", "n=32").replace("n = 256", "n = 64").replace("range(1, 7)", "range(1, 3)")
+        for name in ("README.md", "docs/python.md", "docs/tutorial.md")
         for text in blocks(name, "python")
     ]
     assert len(together) > 20 and len(apart) > 1 and len(python) > 3
     launch.run_lines(tmp_path, together + python)
     for words in apart:  # one process has one set of them
         launch.run_lines(tmp_path, [words])
-    for path in re.findall(r"--out (\S+)", (launch.ROOT / "README.md").read_text()):
+    for path in re.findall(r"--out (\S+)", (launch.ROOT / "docs/tasks.md").read_text()):
         assert list(tmp_path.glob(re.sub(r"\{\w+\}", "*", path))) or path == "trade.csv", path
 
 
 def _has_petsc_options(words):
     return any(re.match(r"-[a-z]", word) for word in words)
+
+
+def test_the_site_has_every_page_and_every_name(tmp_path):
+    text = (launch.ROOT / "mkdocs.yml").read_text()
+    pages = re.findall(r": (\w+\.md)$", text, re.MULTILINE)
+    assert sorted(pages) == sorted(path.name for path in (launch.ROOT / "docs").glob("*.md"))
+    entries = runpy.run_path(str(launch.ROOT / "run" / "reference.py"))["reference"]()
+    for name in set(jampetsc.__all__) - {"__version__"}:
+        assert f"\n## jampetsc.{name}\n\n```text\n" in entries
+    if importlib.util.find_spec("mkdocs"):  # after run/docs, which is such a build
+        build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path)]
+        done = subprocess.run(build, cwd=launch.ROOT, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
 
 
 def test_links_between_documents_lead_somewhere():
@@ -94,6 +112,7 @@ def test_examples(tmp_path):
             example("ensemble_average.py", "16", "2"),
             example("own_law.py", "16"),
             example("own_packing.py", "32"),
+            example("diffusion.py", "16", "1"),
         ],
     )
     energies = re.findall(r"^energy \D*(\d\S+?),?(?: |$)", said, re.MULTILINE)
@@ -101,6 +120,8 @@ def test_examples(tmp_path):
     assert re.search(r"^16 disks, phi = 0\.\d+, Z = ", said, re.MULTILINE)
     assert re.search(r"median \|Δu⊥\|/\|Δu∥\| = \d", said)
     assert re.search(r"^G0 ~ p\^-?\d\.\d\d, eta0 ~ p\^-?\d\.\d\d$", said, re.MULTILINE)
+    spread = [float(line.split()[1]) for line in said.partition("<dy^2>/d^2")[2].splitlines()[1:7]]
+    assert 0.0 < spread[0] < spread[3] < 1.0  # folded coordinates would jump by the height of the cell
     # one law is the sum of the others where they do not compete
     both, contacts, drag = map(
         float, re.search(r"^ +1e-06 +(\S+) +(\S+) +(\S+)$", said, re.MULTILINE).groups()

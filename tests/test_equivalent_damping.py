@@ -4,14 +4,12 @@ import math
 import subprocess
 import sys
 from dataclasses import replace
-from types import SimpleNamespace
 
 import launch
 import numpy as np
 import pytest
 import samples
 from dense import Reference
-from jampetsc.words.law import damping_from
 from scipy.integrate import quad
 
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
@@ -19,7 +17,6 @@ from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.analysis.scaling import fit_power_law
 from jampetsc.contacts.laws import Physics, damping_law
 from jampetsc.contacts.potentials import Potential
-from jampetsc.errors import InputError
 from jampetsc.jobs import sweep as sweep_job
 from jampetsc.storage.packing_file import write_packing
 from jampetsc.storage.reader import load
@@ -106,27 +103,6 @@ def test_exponents_of_the_moduli(alpha):
         found = [fit_power_law(omega[near], part).exponent for part in (G.real, G.imag)]
         found += [fit_power_law(stresses, part).exponent for part in (H.real, H.imag)]
         np.testing.assert_allclose(found, exponents, atol=0.02)
-
-
-@pytest.mark.parametrize(
-    ("alpha", "stress", "law", "message"),
-    [
-        (0.0, 1e-3, "contact", "--alpha 0: must lie between 0.05 and 5"),
-        (float("nan"), 1e-3, "contact", "--alpha nan: must lie"),
-        (0.5, -1.0, "contact", "--stress -1: the stress amplitude in units of k must lie"),
-        (0.5, None, "contact", "--alpha 0.5: .* give --stress"),
-        (None, 1e-3, "contact", "--stress 0.001: .* give --alpha too"),
-        (0.5, 1e-3, "stokes", "--alpha 0.5: belongs to --law contact"),
-    ],
-)
-def test_bad_options(alpha, stress, law, message):
-    with pytest.raises(InputError, match=message):
-        exponent = 1.0 if alpha is None else alpha
-        damping_from(SimpleNamespace(alpha=alpha, stress=stress), damping_law(law, exponent=exponent))
-
-
-def test_linear_damping_without_the_options():
-    assert damping_from(SimpleNamespace(alpha=None, stress=None), damping_law()) is None
 
 
 # The sweep

@@ -227,6 +227,9 @@ def test_a_flow_is_one_file_of_many_frames(tmp_path, monkeypatch):
         np.testing.assert_array_equal((shown["vx"], shown["vy"]), velocity.T)
         assert disks.strain == result["snapshots/strain"][row] and np.array_equal(disks.velocities, velocity)
         np.testing.assert_array_equal((shown["ix"], shown["iy"]), disks.images.T)
+        turned = disks.reordered(np.arange(disks.n)[::-1])  # with all that is of a disk
+        assert np.array_equal(turned.unwrapped[::-1], disks.unwrapped)
+        assert np.array_equal(turned.velocities[::-1], velocity) and turned.strain == disks.strain
         np.testing.assert_array_equal(columns["image"], np.pad(disks.images, ((0, 0), (0, 1))))
         np.testing.assert_array_equal(columns["unwrapped"][:, :2], disks.unwrapped)
         assert float(facts["strain"]) == result["snapshots/strain"][row] and facts["rate"] == "0.01"

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 import jampetsc
-from jampetsc import cli, commands
+from jampetsc import cli
+from jampetsc.jobs.kinds import FREQUENCIES
 from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.plan import plan
-from jampetsc.words.frequencies import parse_omega
 
 sys.path.insert(0, str(launch.ROOT / "benchmarks"))
 from claims import motion  # noqa: F401  it enters its claims
@@ -27,7 +27,7 @@ STUDIES = sorted(path.name for path in FIGURES.iterdir())
 
 @pytest.fixture(scope="module")
 def parsers():
-    return commands.parsers_of(cli.Parser, [*KINDS, "plot", "collapse"])
+    return {name: cli.command_parser([name])[1].choices[name] for name in (*KINDS, "plot", "collapse")}
 
 
 def shown(name, *words, **environment):
@@ -55,8 +55,7 @@ def is_program(picture):
 def test_a_figure_asks_for_what_there_is(parsers, name):
     for words in ([], ["--paper"]):
         studies, pictures = shown(name, *words)
-        kinds = {kind: parsers[kind] for kind in KINDS}
-        tasks = [task for part, study in studies.items() for task in plan(part, study.encode(), kinds)]
+        tasks = [task for part, study in studies.items() for task in plan(part, study.encode())]
         columns = {"command", "file"}.union(*({*task.columns, "law", "model"} for task in tasks))
         formats = {"pack": "packing"}
         made = {formats.get(task.command, task.command) for task in tasks}
@@ -117,7 +116,7 @@ def test_figures_of_motion_are_those_of_the_paper(words):
     contact, stokes = tables["sweep"]
     assert "law" not in contact and contact["omega"] == contact["fields"] == "1e-9,1e-3,1e3"  # twelve decades
     assert (stokes["law"], stokes["eta-f"]) == ("stokes", 0) and stokes["omega"] == stokes["fields"]
-    omega = parse_omega(stokes["fields"])
+    omega = FREQUENCIES.read(stokes["fields"])
     assert (
         all(np.isclose(omega, 10**power).any() for power in (-6.5, -5.5)) and len(tables["pack"][0]["n"]) == 2
     )
@@ -137,8 +136,7 @@ def test_figures_of_motion_are_those_of_the_paper(words):
 def asked(parsers, name):
     """(tasks of the study of a figure at the paper's size, {name of a picture: its parsed words})."""
     studies, pictures = shown(name, "--paper")
-    kinds = {kind: parsers[kind] for kind in KINDS}
-    (tasks,) = (plan(part, study.encode(), kinds) for part, study in studies.items())
+    (tasks,) = (plan(part, study.encode()) for part, study in studies.items())
     plots = [parsers["plot"].parse_args(words[1:]) for words in pictures]
     return tasks, {os.path.basename(args.out).removesuffix(".png"): args for args in plots}
 
@@ -172,7 +170,7 @@ def test_packings_of_moduli_are_quenched_at_a_pressure_in_a_cell_of_fixed_shape(
     assert set(packs) == AT_ALL or name == "bt-fig8"
     for task in tasks:  # G* from below the lowest crossover, ω ~ p, to the viscous end
         if task.command == "sweep":
-            omega = parse_omega(task.choice.args.omega)
+            omega = task.choice.job.omega
             assert omega.min() <= 1e-3 * min(DECADES) and omega.max() >= 1e3 and 71 <= len(omega) <= 141
 
 

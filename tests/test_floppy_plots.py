@@ -123,7 +123,7 @@ def test_density_of_states_is_normalised(tmp_path):
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["{modes}", "--mode", "31"], "--mode 31: m.h5 holds modes 1 to 30"),
+        (["{modes}", "--mode", "31"], "mode 31: m.h5 holds modes 1 to 30"),
         (["{modes}", "--mode", "x"], "--mode x: write numbers"),
         (["{modes}", "--kind", "states"], "holds 30 modes only: run modes with --all"),
         (["{modes}", "{modes}", "--mode", "1"], "2 modes files: mode pictures show one"),
@@ -299,7 +299,7 @@ def test_titles_of_modes_are_their_own_eigenvalues():
     one = modes_of([1e-3, 1e-2, -1.0])
     one["modes"] = np.zeros((3, 4, 2))
     one.stored = lambda name: one[name]
-    titles = [title for title, _ in chosen_modes(one, "2,1,3")]
+    titles = [title for title, _ in chosen_modes(one, [2, 1, 3])]
     assert titles == [
         r"mode 2, $\lambda/k=10^{-2}$",
         r"mode 1, $\lambda/k=10^{-3}$",

@@ -5,8 +5,6 @@ from itertools import pairwise
 import pytest
 from test_figures import shown
 
-from jampetsc import cli, commands
-from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.plan import plan
 
 MODES = ((), ("--paper",))
@@ -16,11 +14,10 @@ PHI_J = 0.8433
 @pytest.fixture(scope="module")
 def asked():
     """The function (name, words) → ([a flow's keys], [other tasks], [words of a picture])."""
-    parsers = commands.parsers_of(cli.Parser, KINDS)
 
     def ask(name, words):
         studies, pictures = shown(name, *words)
-        tasks = [task for part, study in studies.items() for task in plan(part, study.encode(), parsers)]
+        tasks = [task for part, study in studies.items() for task in plan(part, study.encode())]
         flows = [task.columns for task in tasks if task.command == "flow"]
         return flows, [task for task in tasks if task.command != "flow"], pictures
 

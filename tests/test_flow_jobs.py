@@ -207,7 +207,7 @@ def test_disks_between_walls_are_told_with_how_many_make_them_up():
 def test_a_packing_to_start_from_is_told_with_its_checksum(tmp_path):
     write_packing(tmp_path / "p.h5", published())
     disks, origin = Flow(tmp_path / "p.h5", "RD0", rate=1e-2, strain=0.02).disks()
-    name, digest = read_identified(tmp_path / "p.h5")[1]
+    _, (name, digest) = read_identified(tmp_path / "p.h5")
     assert origin == {"packing": name, "packing_sha256": digest, "units": "those of the packing"}
     assert disks.fingerprint == published().fingerprint
 

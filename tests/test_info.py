@@ -91,7 +91,7 @@ def test_a_result(capsys, tmp_path):
     assert entry(lines, "law") == "law = contact, beta = 0.5"
     assert entry(lines, "command") == "jampetsc sweep p.h5"
     assert entry(lines, "made").endswith("in 12.5 s")
-    assert entry(lines, "ranks") == "3, real scalars"
+    assert entry(lines, "ranks") == "3, PETSc with real scalars"
     assert entry(lines, "versions") == "jampetsc 0.1.0, petsc 3.18.5"
     assert entry(lines, "files") == "one, complete"
     assert entry(lines, "frequencies") == "2, from 0.01 to 1"
@@ -192,7 +192,7 @@ def test_work_without_mpi_is_done_once_on_any_number_of_ranks(tmp_path):
 
 def test_results_of_no_packing_say_what_they_are_of(capsys, tmp_path):
     for name, facts, origin in [
-        ("jam", {"particle_count": 64}, "64 disks of its own"),
+        ("jam", {"particle_count": 64}, "64 disks that it made"),
         ("collapse", {"sources": "a.h5 b.h5", "particle_count": 64}, "a.h5 b.h5"),
         ("flow", {"packing": "p.h5", "packing_sha256": "abc"}, "p.h5"),
     ]:
@@ -246,7 +246,7 @@ def test_what_a_result_was_made_from(capsys, tmp_path):
     for name, attributes, told in (
         ("a", {"packing": "p.h5", "packing_sha256": "ab"}, "p.h5"),
         ("b", {"sources": "x.h5, y.h5"}, "x.h5, y.h5"),
-        ("c", {"particle_count": 64}, "64 disks of its own"),
+        ("c", {"particle_count": 64}, "64 disks that it made"),
         ("d", {}, "an unknown packing"),
     ):
         with ResultWriter(tmp_path / f"{name}.h5", "jampetsc-modes") as writer:

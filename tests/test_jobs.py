@@ -121,6 +121,8 @@ P, OSC = ("p.h5",), {"omega": 0.1, "strain": 1e-6}
         (Sweep, P, {"accuracy": 1e-13}, ["accuracy"]),
         (Sweep, P, {"accuracy": "x"}, ["accuracy"]),
         (Sweep, P, {"alpha": 0.5}, ["alpha", "stress"]),
+        (Sweep, P, {"alpha": 0.0, "stress": 1e-5}, ["alpha"]),
+        (Sweep, P, {"alpha": 0.5, "stress": -1.0}, ["stress"]),
         (Sweep, P, {"stress": 1e-5}, ["alpha", "stress"]),
         (Sweep, P, {"law": "stokes", "alpha": 0.5, "stress": 1e-5}, ["alpha", "law"]),
         (Sweep, P, {"law": "water"}, ["law"]),

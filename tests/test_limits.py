@@ -5,14 +5,14 @@ import functools
 import numpy as np
 import pytest
 
-from jampetsc import cli, commands
+from jampetsc import cli
 from jampetsc.errors import InputError
-from jampetsc.words.frequencies import parse_omega
+from jampetsc.jobs.kinds import FREQUENCIES
 
 
 @functools.cache
 def parser(command):
-    return commands.parsers_of(cli.Parser, [command])[command]
+    return cli.command_parser([command])[1].choices[command]
 
 
 def checked(line):
@@ -92,7 +92,7 @@ def test_what_lies_beyond_a_range_is_refused(line, option, values):
     ],
 )  # fmt: skip
 def test_frequencies(text, count):
-    omega = parse_omega(text)
+    omega = FREQUENCIES.read(text)
     assert len(omega) == count and (np.diff(omega) > 0).all()
 
 
@@ -117,38 +117,9 @@ def test_frequencies(text, count):
     ],
 )
 def test_what_is_no_frequency(text):
-    with pytest.raises(InputError, match=rf"^--fields {text}: "):
-        parse_omega(text, "--fields")
+    with pytest.raises(ValueError, match=r"must|need|write"):
+        FREQUENCIES.read(text)
 
 
 def test_a_grid_of_frequencies_is_logarithmic():
-    np.testing.assert_allclose(parse_omega("1e-2:1e2:5"), [0.01, 0.1, 1, 10, 100])
-
-
-# Words that do not go together
-
-
-TOGETHER = [
-    (f"{SWEEP} --stress 1e-3", "--stress 0.001: belongs to power-law damping: give --alpha too"),
-    (f"{SWEEP} --alpha 0.5", "--alpha 0.5: power-law damping depends on the amplitude: give --stress"),
-    (f"{SWEEP} --alpha 0.5 --stress 1e-3 --law stokes", "--alpha 0.5: belongs to --law contact"),
-    (f"{SWEEP} --parallel matrix --method direct", "--parallel matrix: belongs to --method rational"),
-    ("quasistatic p.h5 --out q.h5 --law stokes --betas 1", "--betas 1: belongs to --law contact"),
-    (f"{OSC} --strain 1e-6 --cycles 5", "--cycles: belongs to --contacts moving"),
-    (
-        f"{MOVING} --strain 1e-6 --no-prestress",
-        "--no-prestress: contacts that open and close have their forces",
-    ),
-    (
-        f"{OSC} --strain 1e-6 --law stokes",
-        "--law stokes: no contact dissipates; oscillate takes --law contact",
-    ),
-    (f"{OSC} --strain 1 --alpha 0", "--alpha 0: must be above 0, which would be dry friction"),
-]
-
-
-@pytest.mark.parametrize(("line", "message"), TOGETHER)
-def test_words_that_do_not_go_together(line, message):
-    with pytest.raises(InputError) as refused:
-        checked(line)
-    assert str(refused.value).startswith(message)
+    np.testing.assert_allclose(FREQUENCIES.read("1e-2:1e2:5"), [0.01, 0.1, 1, 10, 100])

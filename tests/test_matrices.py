@@ -59,7 +59,7 @@ def test_moduli_of_the_matrices_are_those_of_a_sweep(session, shared_path, words
 
 @pytest.mark.scalar("real")
 def test_a_model_for_pymor_has_the_same_moduli(session, packing):
-    matrices = jampetsc.assemble(packing, beta=0.1)
+    matrices = jampetsc.assemble(packing, jampetsc.ContactDamping(beta=0.1))
     if importlib.util.find_spec("pymor") is None:
         with pytest.raises(InputError, match="needs the package pymor: pip install"):
             matrices.to_pymor()

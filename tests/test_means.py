@@ -1,5 +1,6 @@
 """What a run of steady shear says of itself: rows and snapshots, means, balance of energy, warnings, its checkpoint."""
 
+import fcntl
 import shutil
 from dataclasses import replace
 
@@ -244,6 +245,8 @@ def test_only_a_sound_checkpoint_of_the_same_job_goes_on(tmp_path):
     record, state = resumed(out, settings)
     assert len(record) == 3 and np.array_equal(state["base"], np.eye(2))
     np.testing.assert_array_equal(record.series("energy"), recorded(3).series("energy"))
+    with open(folder_of(out) / "lock") as lock, pytest.raises(BlockingIOError):
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)  # another process may not go on with it
     assert resumed(out, settings | {"start": "b"}) is None
     (path,) = folder_of(out).glob("0*")
     path.write_bytes(path.read_bytes()[:-100])

@@ -104,5 +104,8 @@ def test_any_rows_and_attributes(session, shared_path):
     assert_same(
         saved(load(shared_path / "b.h5"), shared_path / f"c{session.rank}.h5", session.comm), expected
     )
+    own = load(shared_path / f"c{session.rank}.h5")
+    own.save(own.path)
+    assert_same(own, expected)
     with pytest.raises(ValueError, match="rows is there already"):
         memory.distributed("rows", mine)

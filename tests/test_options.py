@@ -5,11 +5,11 @@ from functools import cache
 import numpy as np
 import pytest
 from dense import Reference
-from jampetsc.words.law import words_of
 from launch import ROOT, run
 from samples import physics, polydisperse
 
 import jampetsc
+from jampetsc.jobs.sweep import Sweep
 from jampetsc.storage.packing_file import write_packing
 
 OMEGA = "1e-10:1e4:15"
@@ -36,13 +36,19 @@ def test_every_file_is_tested():
     assert sorted(path.stem for path in (ROOT / "options").glob("*.opts")) == sorted(FOR_SWEEPS + FOR_MODES)
 
 
-@pytest.mark.parametrize("law", [physics(), physics("stokes", eta_f=0.0)], ids=str)
-@pytest.mark.parametrize("name", FOR_SWEEPS)
+@pytest.mark.parametrize(
+    ("name", "law"),
+    [
+        *[(name, physics()) for name in FOR_SWEEPS if name != "low_memory"],
+        *[(name, physics("stokes", eta_f=0.0)) for name in ("low_memory", "iterative")],
+    ],
+    ids=str,
+)
 def test_sweep_by_each_file(name, law, packing, tmp_path):
     out = tmp_path / "sweep.h5"
-    words = words_of(law)
+    words = Sweep(packing, law.law, method="direct", omega=OMEGA).words()
     file = f"jampetsc:{name}"
-    done = run(0, PROGRAM, "sweep", packing, "--out", out, "--method", "direct", "--omega", OMEGA, *words,
+    done = run(0, PROGRAM, "sweep", packing, "--out", out, *words,
                "-options_file", file)  # fmt: skip
     assert done.returncode == 0, done.stderr
     sweep = jampetsc.load(out)

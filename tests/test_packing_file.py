@@ -188,11 +188,11 @@ def test_folders_and_files_without_permission_are_refused():
         folder.chmod(0o555)
         done = launch.run(0, "write_packings.py", "unprivileged", folder / "p.h5")
         assert done.returncode == 2
-        assert done.stdout == f"{folder}/p.h5: cannot be written (Permission denied): choose another --out\n"
+        assert done.stdout == f"{folder}/p.h5: cannot be written (Permission denied): choose another out\n"
         folder.chmod(0o777)
         (folder / "p.h5").touch(mode=0o444)
         done = launch.run(0, "write_packings.py", "unprivileged", folder / "p.h5")
-        assert done.stdout == f"{folder}/p.h5: exists and is write-protected: choose another --out\n"
+        assert done.stdout == f"{folder}/p.h5: exists and is write-protected: choose another out\n"
 
 
 def test_a_full_disk_is_one_line_and_leaves_the_earlier_file(path, disks):

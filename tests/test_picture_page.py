@@ -1,6 +1,7 @@
 """What every picture has: panels of its own or given ones, limits, words, style, ticks, legends, and its numbers."""
 
 import csv
+import itertools
 
 import numpy as np
 import pytest
@@ -28,7 +29,7 @@ def test_every_module_with_pictures_is_listed():
         for path in (style.Path(style.__file__).parent).glob("*.py")
         if "@picture(" in path.read_text()
     }
-    assert found - {"picture"} == set(MODULES) and list(pictures())[0] == "moduli"
+    assert found - {"picture"} == set(MODULES) and next(iter(pictures())) == "moduli"
 
 
 def test_a_picture_is_drawn_on_the_axes_of_its_user():
@@ -129,7 +130,7 @@ def test_labels_that_would_touch_are_taken_away():
     page.finish(xlim=(4e-4, 1.2e-2))
     page.figure.draw_without_rendering()
     boxes = [label.get_window_extent() for label in logaxes._labels(ax.xaxis)]
-    assert len(boxes) >= 2 and all(one.x1 < other.x0 for one, other in zip(boxes, boxes[1:], strict=False))
+    assert len(boxes) >= 2 and all(one.x1 < other.x0 for one, other in itertools.pairwise(boxes))
 
 
 @pytest.mark.parametrize("entries", [1, 7])

@@ -112,7 +112,8 @@ def test_a_spectrum_file_draws_as_its_sweep_does(tmp_path, capsys):
     run(sweep, "--out", tmp_path / "spectrum.h5")
     run(sweep, "--out", tmp_path / "a.png")
     assert (
-        capsys.readouterr().out.splitlines()[-1] == f"{tmp_path / 'a.png'}: spectra, G(t) and J(t) of 1 sweep"
+        capsys.readouterr().out.splitlines()[-1]
+        == f"{tmp_path / 'a.png'}: relaxation spectrum, G(t) and J(t) of 1 spectrum"
     )
     cli.dispatch(["plot", str(tmp_path / "spectrum.h5"), "--out", str(tmp_path / "b.png")])
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()

@@ -19,7 +19,7 @@ import pytest
 import samples
 
 import jampetsc
-from jampetsc import cli, commands
+from jampetsc import cli
 from jampetsc.errors import InputError
 from jampetsc.session import current
 from jampetsc.storage.packing_file import write_packing
@@ -263,11 +263,11 @@ def test_a_task_is_a_command_with_its_share_of_the_cores(session, tmp_path, caps
         return status
 
     write_packing(tmp_path / "p.h5", samples.published().with_record(pressure=0.5))
-    (task,) = plan("s.toml", b"[pack]\nn = 16\nphi = 0.9\n", commands.parsers_of(cli.Parser, KINDS))
+    (task,) = plan("s.toml", b"[pack]\nn = 16\nphi = 0.9\n")
     arguments = {"command": "pack", "run": run, "out": str(tmp_path / task.file)} | threads
     choice = SimpleNamespace(arguments=lambda *_: argparse.Namespace(**arguments), words=task.choice.words)
     task = dataclasses.replace(task, choice=choice)
-    made = study_tasks.Runner(tmp_path, {"pack": cli.Parser()}, {}, 5).run(task, [])
+    made = study_tasks.Runner(tmp_path, {}, 5).run(task, [])
     assert seen == [(used, [], shlex.join(task.words))] and capsys.readouterr() == ("", "")
     said = "pack ended with status 3: on the one stream and the other"
     assert (made["state"], made["why"]) == (("failed", said) if status else ("done", ""))
@@ -587,12 +587,8 @@ def test_the_lock_of_a_machine_that_is_lost_ends(tmp_path, monkeypatch):
 
 
 @functools.cache
-def parsers():
-    return commands.parsers_of(cli.Parser, KINDS)
-
-
 def tasks(text):
-    return plan("s.toml", text.encode(), parsers())
+    return plan("s.toml", text.encode())
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """The pieces of a study, each by itself: tasks, costs, numbers, lock, journal, table."""
 
-import argparse
 import errno
 import fcntl
 import functools
@@ -13,9 +12,11 @@ import numpy as np
 import pytest
 from samples import published
 
-from jampetsc import cli, commands
 from jampetsc.analysis.statistics import half_width
 from jampetsc.errors import InputError
+from jampetsc.jobs.asking import WORD, Parameter
+from jampetsc.jobs.correlate import Correlate
+from jampetsc.jobs.modes import Modes
 from jampetsc.storage import checksums
 from jampetsc.storage.packing_file import read_identified, write_packing
 from jampetsc.storage.provenance import command_line
@@ -35,12 +36,8 @@ from jampetsc.studies.tasks import Runner, row_of
 
 
 @functools.cache
-def parsers():
-    return commands.parsers_of(cli.Parser, KINDS)
-
-
 def tasks(text):
-    return plan("s.toml", text.encode(), parsers())
+    return plan("s.toml", text.encode())
 
 
 PACK = '[pack]\nn = 16\npressure = 1e-2\nseeds = "1:2"\n'
@@ -242,12 +239,11 @@ def test_reading_a_study_that_is_not_there(tmp_path):
     (tmp_path / "s.toml").write_bytes(b"[pack]\n\xff")
     assert read(tmp_path / "s.toml") == b"[pack]\n\xff"
     with pytest.raises(InputError, match=r"s\.toml: is not TOML: "):
-        plan("s.toml", b"[pack]\n\xff", parsers())
+        plan("s.toml", b"[pack]\n\xff")
 
 
-def option(*names, **settings):
-    parser = argparse.ArgumentParser()
-    return parser.add_argument(*names, **settings)
+def option(name, default=None):
+    return Parameter(name, "", WORD, default)
 
 
 @pytest.mark.parametrize(
@@ -263,24 +259,19 @@ def option(*names, **settings):
     ],
 )
 def test_words_of_a_value(value, words):
-    assert words_of(option("--x"), value) == words
+    assert words_of(option("x"), value) == words
 
 
 def test_words_of_a_switch():
-    switch = option("--no-x", action="store_true")
+    switch = option("x", default=True)
     assert (words_of(switch, True), words_of(switch, False)) == (["--no-x"], [])
 
 
-def test_the_arguments_for_real_files():
-    modes = values_of(parsers()["modes"], {"count": 3}, "s")
-    (one,) = choices_of(parsers()["modes"], modes, "s", True)
-    (many,) = choices_of(parsers()["correlate"], [], "s", True)
-    for choice, files in ((one, "a.h5"), (many, ["a.h5", "b.h5"])):
-        positional = next(
-            a for a in parsers()["modes" if choice is one else "correlate"]._actions if not a.option_strings
-        )
-        args = choice.arguments(positional, ["a.h5", "b.h5"], "o.h5")
-        assert getattr(args, positional.dest) == files and args.out == "o.h5"
+def test_the_job_for_real_files():
+    (one,) = choices_of(Modes, values_of(Modes, {"count": 3}, "s"), "s", True)
+    (many,) = choices_of(Correlate, [], "s", True)
+    assert one.job_of(["a.h5"]).packing == "a.h5" and one.job.count == 3
+    assert many.job_of(["a.h5", "b.h5"]).paths == ["a.h5", "b.h5"]
 
 
 # What tasks cost
@@ -291,7 +282,7 @@ def record(command="sweep", state="done", seconds=1.0, **row):
 
 
 def asked(command="sweep", **columns):
-    return SimpleNamespace(command=command, columns=columns, choice=SimpleNamespace(args=None))
+    return SimpleNamespace(command=command, columns=columns, choice=SimpleNamespace(job=None))
 
 
 ONE_OF_EACH = """
@@ -700,7 +691,7 @@ def test_columns_of_the_table_are_in_one_order():
 def runner(tmp_path):
     """A runner in a folder where every file of a small study is there and recorded."""
     found = tasks(PACK + '[sweep]\nomega = "1"\nfields = "1"\n[correlate]\n')
-    made = Runner(tmp_path, parsers(), {})
+    made = Runner(tmp_path, {})
     for task in found:
         (tmp_path / task.file).write_text(task.name)
         names = [one.name for one in task.inputs]
@@ -780,7 +771,7 @@ def test_a_file_is_taken_over_only_from_the_same_command_line_and_packing(tmp_pa
     (there,), path = task.inputs, tmp_path / task.file
     write_packing(tmp_path / there.file, published())
     digest = read_identified(tmp_path / there.file)[1][1]
-    runner = Runner(tmp_path, parsers(), {})
+    runner = Runner(tmp_path, {})
 
     def is_there(words, of=digest):
         attributes = {"argv": command_line(task.words), "packing_sha256": of}

@@ -7,7 +7,7 @@ offset: `base` is a multiple of GRID, so that differences of bases and cell vect
 """
 
 import hashlib
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -233,5 +233,7 @@ class Disks:
 
     def reordered(self, order) -> "Disks":
         """The same packing with its disks in another order."""
-        names = ("base", "offset", "radii", *(() if self.images is None else ("images",)))
-        return replace(self, **{name: getattr(self, name)[order] for name in names})
+        arrays = {
+            one.name: getattr(self, one.name) for one in fields(self) if not one.name.startswith("cell")
+        }
+        return replace(self, **{name: a[order] for name, a in arrays.items() if isinstance(a, np.ndarray)})

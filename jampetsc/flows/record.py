@@ -25,6 +25,7 @@ SNAPSHOTS = ("strain", "positions", "velocities", "cell", "images", "spins")  # 
 ON_WALLS = {"wall_shear_stress": 0, "wall_pressure": 0}  # of a run between walls, looked up
 LAYERS = 20  # of equal height between walls
 BETWEEN_WALLS = ON_WALLS | {"velocity_profile": LAYERS}
+_open = {}  # folder -> settings and checkpoint of a run of this process, which locks it
 
 
 class Record:
@@ -107,10 +108,18 @@ def write_record(writer, record: Record, state: dict, settings: dict, facts: dic
 
 
 def write_checkpoint(out, record: Record, state: dict, settings: dict) -> None:
-    """Put the run so far beside `out`, if that is not None; complete or not at all."""
-    if out is not None:
-        state = {f"{STATE}{name}": value for name, value in state.items()}
-        Checkpoint(out, settings).save(0, {}, record.datasets() | state)
+    """Put the run so far beside `out`, if that is not None; complete or not at all.
+
+    From then on, until `remove_checkpoint`, no other process may.
+    """
+    if out is None:
+        return
+    known, checkpoint = _open.get(folder_of(out), (None, None))
+    if known != settings:
+        checkpoint = Checkpoint(out, settings)
+        _open[folder_of(out)] = settings, checkpoint
+    state = {f"{STATE}{name}": value for name, value in state.items()}
+    checkpoint.save(0, {}, record.datasets() | state)
 
 
 def check_space(to, disks: int, snapshots: int) -> None:
@@ -128,6 +137,7 @@ def check_space(to, disks: int, snapshots: int) -> None:
 def remove_checkpoint(out) -> None:
     """Delete the checkpoint of a run that is finished."""
     if out is not None:
+        _open.pop(folder_of(out), None)
         discard(folder_of(out))
 
 
@@ -144,6 +154,7 @@ def resumed(out, settings: dict, columns=None):
     if out is None:
         return None
     checkpoint = Checkpoint(out, settings)
+    _open[folder_of(out)] = settings, checkpoint
     if not checkpoint.done:
         return None
     arrays = checkpoint.fields(0)

@@ -82,7 +82,8 @@ A run that was killed goes on when the same command is given again."""
     )
     cycles: int | None = asked(
         None,
-        "cycles of moving contacts: until they repeat (auto, the default), or so many of half steps and of steps",
+        "with moving contacts: how many cycles to compute, first with half as many time steps each, then with all; "
+        "auto (default): until one repeats the one before",
         kind=Kind(_cycles, metavar="auto|N"),
     )
     steps: int = asked(64, "steps of a cycle, a multiple of 8", low=16, high=4096, metavar="N")

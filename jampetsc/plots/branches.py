@@ -52,4 +52,4 @@ def plot_branches(results, page):
     told = rf"$\phi_J={float(a['phi_J']):.4f}$, $y={float(a['y']):.3g}$, $z\nu={float(a['znu']):.3g}$"
     ax.set_title(told, loc="right", pad=3)
     page.legend(ax, title="$\\dot\\gamma$; hollow: $\\phi<\\phi_J$")
-    return f"two branches of the {a['observable']} at {len(result['phi'])} points"
+    return f"two branches of the {a['observable']} at {len(result['x'])} points"

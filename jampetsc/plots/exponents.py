@@ -10,6 +10,7 @@ from jampetsc.plots.floppy import PRESTRESS, QUANTITIES, groups_of, unstable, va
 from jampetsc.plots.page import band, points
 from jampetsc.plots.picture import count, picture
 from jampetsc.plots.style import GREY, LOSS, PAGE, STORAGE, entry, hidden, looks
+from jampetsc.storage.reader import SweepResult
 
 HEIGHT = 2.5  # inches of one row of panels
 _FEWEST = 2  # pressures that make a slope
@@ -30,7 +31,7 @@ _PANELS = (  # what it is, limits that have a name, range, whether only above ω
 @picture("exponents", "sweep", "quasistatic")
 def plot_exponents(results, page):
     """Of sweeps `draw_exponents`, against ω; of quasistatic files `draw_pressure_exponents`, against p."""
-    if isinstance(results[0], Curve) or "omega" in results[0]:
+    if isinstance(results[0], Curve | SweepResult):
         return draw_exponents([curve_of(result) for result in results], page)
     return draw_pressure_exponents(results, page)
 

@@ -9,13 +9,8 @@ import numpy as np
 from matplotlib.collections import EllipseCollection, LineCollection, PathCollection, PolyCollection
 from matplotlib.quiver import Quiver
 
-COLUMNS = (
-    "panel",
-    "x",
-    "y",
-    "series",
-    "what",
-)  # panel, names of its axes, of what is drawn there, and as what
+# panel, names of its axes, of what is drawn there, and as what
+COLUMNS = ("panel", "x", "y", "series", "what")
 
 
 def table(axes) -> list[dict]:

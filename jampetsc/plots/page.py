@@ -1,6 +1,7 @@
 """The panels of a picture: new ones on a figure of its own, or axes that somebody gives; limits, ticks, legends."""
 
 import string
+from contextlib import contextmanager
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -8,7 +9,7 @@ from matplotlib.figure import Figure
 
 from jampetsc.errors import InputError
 from jampetsc.plots.logaxes import clear_corner, set_ticks, thin_ticks
-from jampetsc.plots.style import COLUMN, hidden
+from jampetsc.plots.style import COLUMN, drawn_in, hidden, save
 
 HEIGHT = 2.9  # inches of a picture of one panel
 _LEAST = 1.6  # highest over lowest of a log axis
@@ -25,7 +26,7 @@ class Page:
     def __init__(self, axes=None, size=None, labels=()):
         self.own, self.size, self.labels = axes is None, size, list(labels)
         self.axes = [] if axes is None else list(np.ravel(axes))
-        self.lettered, self._legends = False, []
+        self.lettered, self._legends, self._raised = False, [], False
 
     def panels(self, rows=1, columns=1, width=COLUMN, height=HEIGHT, letters=True, count=None, **grid):
         """(count,) axes, row by row; a single one for one panel.
@@ -86,11 +87,12 @@ class Page:
             )
 
     def _place(self, ax, first, settings):
-        """A legend in a corner, or above the panels of a figure of its own, which grows for it."""
+        """A legend in a corner; the first for which there is none above the panels of an own figure, which grows."""
         corner = clear_corner(ax, first, settings)
-        if corner or not self.own:
+        if corner or not self.own or self._raised:
             ax.legend(loc=corner or "best", **settings)
             return
+        self._raised = True
         left = min(one.get_window_extent().x0 for one in self.axes) / self.figure.bbox.width
         place = {"loc": "upper left", "bbox_to_anchor": (left, 1), "bbox_transform": self.figure.transFigure}
         for columns in (4, 3, 2, 1):
@@ -142,6 +144,16 @@ class Page:
             self._place(*wanted)
         for axis in short:
             thin_ticks(axis)
+
+
+@contextmanager
+def saved_page(path):
+    """A page in the package's style; what is drawn on it is in the file `path` afterwards. Raises JampetscError."""
+    with drawn_in():
+        page = Page()
+        yield page
+        page.finish()
+        save(page.figure, path)
 
 
 def band(ax, x, low, high, name="", **look) -> None:

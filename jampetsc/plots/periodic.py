@@ -53,8 +53,9 @@ def lay_out(page, rows, note=0.0) -> None:
     """
     page.figure.draw_without_rendering()
     if page.own and page.size is None:
-        tallest = max(ax.get_tightbbox().height for ax in page.axes) / page.figure.dpi
-        page.figure.set_figheight(min(rows * (tallest + 0.12) + note, page.figure.get_figheight()))
+        heights = np.reshape([ax.get_tightbbox().height for ax in page.axes], (rows, -1)) / page.figure.dpi
+        needed = (heights.max(axis=1) + 0.12).sum() + note
+        page.figure.set_figheight(min(needed, page.figure.get_figheight()))
         page.figure.draw_without_rendering()
 
 

@@ -12,7 +12,6 @@ without, and gives them back: plot_lanes(results, ax=None, …).
 
 import math
 from collections.abc import Callable
-from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -71,6 +70,11 @@ class Picture:
     single: bool  # one file at a time
     mixed: bool  # files of several of these formats at once
 
+    @property
+    def keywords(self) -> dict:
+        """{name: Option}."""
+        return {option.name: option for option in self.options}
+
     def __call__(self, results, ax=None, **settings):
         """Draw, and give back the axes: one, or (panels,) of them. Parameters and errors as `draw`."""
         axes = self.draw(results, ax, **settings).axes
@@ -91,7 +95,7 @@ class Picture:
 
         Raises InputError for files that it cannot show, and for an option that it does not have.
         """
-        known = {option.name: option for option in self.options}
+        known = self.keywords
         for name, value in options.items():
             if name not in known:
                 raise InputError(
@@ -99,7 +103,9 @@ class Picture:
                 )
             known[name].check(value)
         page = Page(ax, size, [label] if isinstance(label, str) else label)
-        with drawn_in(style) if ax is None else nullcontext():
+        if ax is not None and size is not None:
+            raise InputError("size: is of a new figure: leave it out where ax is given")
+        with drawn_in(style, own=ax is None):
             text = self.function(results, page, **options)
             page.finish(xlim, ylim)
         return Drawn(page.axes, text)

@@ -23,7 +23,7 @@ def plot_scaling(results, page):
     _collapse(page, top, middle, result)
     for column, (ax, name) in enumerate(zip(drifts, names, strict=True)):
         _drift(ax, result, name, column)
-    return f"collapse of the {result.attributes['observable']} at {len(result['phi'])} points"
+    return f"collapse of the {result.attributes['observable']} at {len(result['x'])} points"
 
 
 def _collapse(page, top, middle, result):

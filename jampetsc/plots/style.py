@@ -124,30 +124,25 @@ def hidden(name) -> str:
 
 
 @contextmanager
-def drawn_in(style=None):
-    """Within it pictures have the package's style, whatever the user's matplotlibrc says.
+def drawn_in(style=None, own=True):
+    """Within it pictures have the package's style, whatever the user's matplotlibrc says, or the user's if not `own`.
 
     style   settings on top of it: a file of matplotlib, or {name: value}
 
     Raises InputError for a file that is no style.
     """
     with matplotlib.rc_context():
-        matplotlib.rcdefaults()
-        matplotlib.rcParams.update(STYLE)
-        use(style)
+        if own:
+            matplotlib.rcdefaults()
+            matplotlib.rcParams.update(STYLE)
+        try:
+            if style is not None and not isinstance(style, dict):
+                style = matplotlib.rc_params_from_file(style, use_default_template=False)
+            matplotlib.rcParams.update(style or {})
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            why = str(error).splitlines()[0]
+            raise InputError(f"style {style}: {why}: give a style file of matplotlib") from None
         yield
-
-
-def use(style) -> None:
-    """Put the settings of a style, a file or {name: value} or None, on top of those that hold. Raises InputError."""
-    if style is None:
-        return
-    try:
-        if not isinstance(style, dict):
-            style = matplotlib.rc_params_from_file(style, use_default_template=False)
-        matplotlib.rcParams.update(style)
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(f"style {style}: {str(error).splitlines()[0]}: give a file of matplotlib") from None
 
 
 def check_picture(path, inputs=()) -> None:

@@ -14,7 +14,7 @@ import socket
 from contextlib import suppress
 from pathlib import Path
 
-from jampetsc.errors import InputError, JampetscError
+from jampetsc.errors import InputError, JampetscError, named
 from jampetsc.storage.regular import kind
 
 _FULL = {
@@ -49,7 +49,9 @@ def write_error(path, error: OSError) -> JampetscError:
     if error.errno in _FULL:
         return JampetscError(f"{path}: {_FULL[error.errno]}: make room, then run the same command again")
     if error.errno in _REFUSED:
-        return InputError(f"{path}: cannot be written ({os.strerror(error.errno)}): choose another --out")
+        return InputError(
+            f"{path}: cannot be written ({os.strerror(error.errno)}): choose another {named('out')}"
+        )
     return JampetscError(f"{path}: writing failed: {' '.join(str(error.strerror or error).split())}")
 
 
@@ -61,7 +63,7 @@ def check_writable(path) -> None:
         if not path.parent.is_dir():
             raise InputError(f"{path}: folder {path.parent} does not exist: create it first")
         if path.exists() and not os.access(path, os.W_OK):
-            raise InputError(f"{path}: exists and is write-protected: choose another --out")
+            raise InputError(f"{path}: exists and is write-protected: choose another {named('out')}")
         remove_abandoned(path.parent, glob.escape(path.name))
         NewFile(path).discard()
     except OSError as error:
@@ -72,10 +74,10 @@ def _require_regular(path):
     """Raise InputError if there is something at `path`, links followed, that no file may replace."""
     found = kind(os.stat(path).st_mode) if os.path.exists(path) else None
     if found == "a folder":
-        raise InputError(f"{path}: is a folder: give a file name with --out")
+        raise InputError(f"{path}: is a folder: give a file name with {named('out')}")
     if found is not None:
         raise InputError(
-            f"{path}: is {found}, which a file would replace: give the name of a file with --out"
+            f"{path}: is {found}, which a file would replace: give the name of a file with {named('out')}"
         )
 
 

@@ -146,6 +146,10 @@ class Result(Mapping):
             writer.attributes(**self.attributes | {"run_id": writer.run_id})
         self.path = self.attributes.path = Path(path).resolve()
         self.attributes["run_id"] = writer.run_id
+        if any(
+            isinstance(array, StoredArray) for array in self._arrays.values()
+        ):  # what is in memory stays there
+            self._arrays = load(path)._arrays
 
     def __repr__(self):
         held = ", ".join(f"{name} {self._arrays[name].shape}" for name in list(self)[:_SHOWN])

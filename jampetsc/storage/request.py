@@ -7,18 +7,7 @@ from contextvars import ContextVar
 
 from jampetsc.storage.checksums import identity_of
 
-NO_SETTINGS = (
-    "out",
-    "last",
-    "overwrite",
-    "quiet",
-    "verbose",
-    "threads",
-    "command",
-    "run",
-    "check",
-    "takes_petsc",
-)
+NO_SETTINGS = ("last", "threads")  # which change no number of a result
 LONGEST = 200  # characters of a value; of a longer one its hash is kept
 
 _asked = ContextVar("the request that results record", default=None)
@@ -61,15 +50,9 @@ class Request:
 
 
 @contextlib.contextmanager
-def asked(args):
-    """Results written inside record the settings of `args`, an argparse Namespace, or a Request.
-
-    Not so packings of `pack`, of which one command makes many: each says itself what it is (`words.packtasks`).
-    """
-    if not isinstance(args, Request | None):
-        given = {name: value for name, value in vars(args).items() if value is not False}
-        args = None if args.command == "pack" else Request(args.command, given, given.get("overwrite"))
-    token = _asked.set(args)
+def asked(request: Request | None):
+    """Results written inside record what was asked for; None: nothing, as packings, whose records say it."""
+    token = _asked.set(request)
     try:
         yield
     finally:

@@ -125,12 +125,13 @@ def _origin(a):
         return str(a["packing"])
     if "sources" in a:
         return str(a["sources"])
-    return f"{a['particle_count']} disks of its own" if "particle_count" in a else "an unknown packing"
+    return f"{a['particle_count']} disks that it made" if "particle_count" in a else "an unknown packing"
 
 
 def result(path, loaded) -> str:
     """Origin, law and contents of a result."""
     a = dict(loaded.attributes)
+    scalar = a.get("scalar_type")
     kind = loaded.format.removeprefix("jampetsc-")
     rows = [
         (f"{path}: {kind} of {_origin(a)}",),
@@ -139,7 +140,11 @@ def result(path, loaded) -> str:
         ("made", f"{a.get('date', 'unknown')} in {a.get('wall_seconds', float('nan')):.3g} s"),
         ("command", str(a.get("argv", "unknown"))),
         ("PETSc options", str(a.get("petsc_options", "")) or "none"),
-        ("ranks", f"{a.get('ranks', 'unknown')}, {a.get('scalar_type', 'unknown')} scalars"),
+        (
+            "ranks",
+            f"{a.get('ranks', 'unknown')}"
+            + (f", PETSc with {scalar} scalars" if scalar else ", without PETSc"),
+        ),
         (
             "versions",
             ", ".join(f"{name} {a[f'{name}_version']}" for name in LIBRARIES if f"{name}_version" in a),

@@ -1,9 +1,8 @@
-"""Files named on the command line: several that are one and the same count once; the folder of a study is many."""
+"""Files that are named: the folder of a study is many."""
 
 from pathlib import Path
 
-from jampetsc.errors import InputError
-from jampetsc.jobs.inputs import refuse_one_packing, refuse_repeated  # noqa: F401
+from jampetsc.errors import InputError, named
 
 
 def files_named(paths, where, chosen) -> tuple[list[str], bool]:
@@ -28,7 +27,9 @@ def files_named(paths, where, chosen) -> tuple[list[str], bool]:
         )
         files += [str(Path(path) / name) for name in rows["file"].tolist()]
     if where and not study:
-        raise InputError(f"--where {where}: chooses rows of a study, but {paths[0]} is none: leave it out")
+        raise InputError(
+            f"{named('where')} {where}: chooses rows of a study, but {paths[0]} is none: leave it out"
+        )
     return files, study
 
 
@@ -37,6 +38,6 @@ def wanted_of(where) -> dict:
     pairs = [word.partition("=") for word in where.split(",")] if where else []
     if not all(name and equals and value for name, equals, value in pairs):
         raise InputError(
-            f"--where {where}: write column=value, several with commas, such as law=stokes,beta=1"
+            f"{named('where')} {where}: write column=value, several with commas, such as law=stokes,beta=1"
         )
     return {name.strip().replace("-", "_"): value.strip() for name, _, value in pairs}
