@@ -487,8 +487,10 @@ def test_units_of_a_run_are_those_of_its_disks():
     stiff = replace(disks, potential=replace(disks.potential, k=4.0))
     law = Law("some", normal=1.0, transverse=0.5, sliding=0.25, drag=0.3, eta_f=2.0, tau1=0.5)
     run = Shear(stiff, Model(law, 0.7, friction=0.1), 0.02, Scheme(0.05, "verlet", 1e-6), held=3)
-    assert run.weights == (2.0, 1.0, 0.5)
-    assert run.physics == pytest.approx((2.0 * 0.4, 0.7, 0.02, 2.0 * 2.0 * disks.area, 3))
+    task = run.task()
+    assert task.weights == (2.0, 1.0, 0.5) and task.held == 3
+    found = task.drag, task.mass, task.rate, task.background
+    assert found == pytest.approx((2.0 * 0.4, 0.7, 0.02, 2.0 * 2.0 * disks.area))
     assert run.inertia == pytest.approx(0.35 * disks.radii**2)
 
 

@@ -53,13 +53,15 @@ class SlowRun:
         return {"start": self.disks.fingerprint} | {name: getattr(self, name) for name in names}
 
 
-def execute(run: SlowRun, solver, to, last=None) -> str:
+def execute(run: SlowRun, solver, to, last=None, team=None) -> str:
     """Shear; what a user wants to read. The result goes into the outlet `to`, the last minimum to the file `last`.
 
-    solver: `solvers.local.NewtonSolver` for the quenches. Raises ConvergenceError where no minimum is found.
+    solver: `solvers.local.NewtonSolver` for the quenches; team: the `contacts.threads.Team` that does them.
+
+    Raises ConvergenceError where no minimum is found.
     """
     began = time.perf_counter()
-    slow, record = SlowShear(run.disks, run.step, solver, run.tolerance), Record(COLUMNS)
+    slow, record = SlowShear(run.disks, run.step, solver, run.tolerance, team), Record(COLUMNS)
     kept = resumed(to.kept, run.settings, COLUMNS)
     if kept is not None:
         record, state = kept

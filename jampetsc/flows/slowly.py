@@ -12,6 +12,7 @@ import numpy as np
 from jampetsc.contacts.disks import PLACES, Disks
 from jampetsc.contacts.pairs import SKIN_RANGE, ListedDisks
 from jampetsc.contacts.state import find_contacts, measure
+from jampetsc.contacts.threads import Team
 from jampetsc.packing import follow as compiled
 from jampetsc.packing.descent import Goal
 from jampetsc.packing.ldl import minimum_degree
@@ -75,11 +76,12 @@ def look_at(disks: Disks) -> Look:
 class SlowShear(ListedDisks):
     """Disks sheared step by step; `disks` is the last minimum, `found` what it is like, `effort` what it has cost.
 
+    team: the threads of quenches; how many does not change anything.
     Raises ConvergenceError where no minimum is found, as `packing.minimise.minimise`.
     """
 
-    def __init__(self, disks: Disks, step: float, solver, tolerance: float):
-        self.step, self.solver, self.tolerance = step, solver, tolerance
+    def __init__(self, disks: Disks, step: float, solver, tolerance: float, team: Team | None = None):
+        self.step, self.solver, self.tolerance, self.team = step, solver, tolerance, team
         self.effort = Effort()
         self.steps = 0
         self.last = np.zeros((disks.n, 2))  # displacement beside the affine one in the last step,
@@ -105,7 +107,7 @@ class SlowShear(ListedDisks):
 
     def _quenched(self, disks) -> Disks:
         effort = Effort()
-        found = minimise(disks, Goal(), self.solver, tolerance=self.tolerance, effort=effort)
+        found = minimise(disks, Goal(), self.solver, tolerance=self.tolerance, team=self.team, effort=effort)
         self.effort.evaluations += effort.evaluations
         self.effort.newton_steps += effort.newton_steps
         return found.disks.folded()

@@ -26,8 +26,8 @@ class Modes(Job):
     EPILOG: ClassVar = """example
   jampetsc modes p.h5 --count 20 --out modes.h5
 
-PETSc options: -modes_… reach SLEPc, which finds the modes where there are any and on several ranks, -inertia_… the
-proof; options/modes_*.opts are ready to use with -options_file."""
+PETSc options: -modes_… reach SLEPc's eigensolver, -inertia_… the proof that no mode was missed. Where most of the modes
+are asked for, LAPACK finds them. For hundreds: -options_file jampetsc:modes_many."""
 
     SOLVERS: ClassVar = ("modes_", "shift_", "inertia_")
 

@@ -5,6 +5,7 @@ from typing import ClassVar
 
 from jampetsc.errors import InputError, named
 from jampetsc.jobs.asking import asked
+from jampetsc.jobs.kinds import MOST_THREADS
 from jampetsc.jobs.starts import FromStart
 
 MOST = 1e8  # steps
@@ -34,6 +35,15 @@ prefix -newton_."""
         1e-6, "max|F|/(p d) of a minimum", low=1e-13, high=1e-2, metavar="T", group="run"
     )
 
+    threads: int | None = asked(
+        None,
+        "of quenches, at most (default: the cores there are)",
+        low=1,
+        high=MOST_THREADS,
+        metavar="T",
+        group="run",
+    )
+
     def check(self):
         """Refuse what does not go together."""
         super().check()
@@ -50,6 +60,7 @@ prefix -newton_."""
     def work(self, to):
         """Shear."""
         from jampetsc import session
+        from jampetsc.contacts.threads import Team, cores
         from jampetsc.flows.slowjob import SlowRun, execute
         from jampetsc.solvers import local
 
@@ -59,6 +70,6 @@ prefix -newton_."""
         run = SlowRun(*self.disks(), self.step, self.strain, self.tolerance, self.discard)
         solver = local.NewtonSolver()
         try:
-            return execute(run, solver, to, self.last)
+            return execute(run, solver, to, self.last, Team(self.threads or cores()))
         finally:
             solver.destroy()

@@ -31,7 +31,8 @@ class Sweep(Job):
   jampetsc sweep p.h5 --beta 0.1 --omega 1e-6:1e2:81 --out sweep.h5
 
 PETSc options: -shift_… and -inertia_… reach the factorisations of the rational method, -freq_… the solver of
---method direct; files in options/ are ready to use with -options_file."""
+--method direct; -options_file jampetsc:low_memory, jampetsc:iterative and others
+come with the program."""
 
     SOLVERS: ClassVar = ("shift_", "freq_", "inertia_")
 
