@@ -16,7 +16,7 @@ from jampetsc.errors import InputError
 from jampetsc.flows import models
 from jampetsc.flows.jamming import PROTOCOLS
 from jampetsc.flows.record import Record
-from jampetsc.jobs import flow, jam, starts
+from jampetsc.jobs import jam, starts
 from jampetsc.jobs.asking import made
 from jampetsc.jobs.flow import Flow
 from jampetsc.jobs.jam import Jam
@@ -164,11 +164,11 @@ def test_a_model_is_told_as_it_is_asked_for():
 
 def test_a_flow_is_asked_for_as_told():
     job = made(Flow, FLOW | {"model": None, "law": "contact", "mass": 3.0, "friction": 0.125, "tau1": 2.0})
-    run = job._fresh(None)
+    run = job._fresh()
     assert (run.rate, run.model.mass, run.model.friction, run.model.law.tau1) == (1e-2, 3.0, 0.125, 2.0)
     assert (run.plan.every, run.plan.discard, run.scheme.tolerance) == (0, 0.25, 1e-4)
     assert run.plan.steps * run.plan.rows * run.scheme.step * 1e-2 == pytest.approx(0.5, rel=0.05)
-    more = replace(job, tolerance=1e-6, step=0.01, snapshots=3, discard=0.125)._fresh(None)
+    more = replace(job, tolerance=1e-6, step=0.01, snapshots=3, discard=0.125)._fresh()
     assert (more.scheme.tolerance, more.scheme.step) == (1e-6, 0.01)
     assert (more.plan.snapshots(1), more.plan.discard) == (3, 0.125)
 
@@ -176,27 +176,7 @@ def test_a_flow_is_asked_for_as_told():
 def test_a_quality_knows_the_stiffness_of_the_packing():
     stiff = replace(published(), potential=Potential(k=4.0))
     job = Flow(stiff, jampetsc.models.RD(quality=3.0, tau1=0.5), rate=1e-3, strain=0.1)
-    assert job._fresh(None).model.mass == pytest.approx(9.0 * 4.0 * 0.25)
-
-
-@pytest.mark.parametrize(
-    ("model", "scalar", "solves"),
-    [
-        (models.RD0(), None, False),
-        (models.RD(mass=1.0), None, False),
-        (models.CD0(), "real", True),
-        (models.CD(mass=0.01), "real", True),
-        (models.CDt(mass=1.0), "real", False),
-        (jampetsc.StokesDrag(), None, False),
-    ],
-)
-def test_petsc_is_for_flows_that_have_velocities_to_solve_for(model, scalar, solves):
-    job = Flow(**FLOW | {"model": model})
-    run = job._fresh(None)
-    assert job.scalar == scalar and run.solves == solves
-    if not solves:
-        with pytest.raises(InputError, match="has nothing to solve for"):
-            flow._together(run)
+    assert job._fresh().model.mass == pytest.approx(9.0 * 4.0 * 0.25)
 
 
 @pytest.mark.parametrize("seed", [None, 0, 3])
