@@ -33,9 +33,7 @@ examples:
 
 
 def add_parser(subparsers):
-    """Add `plot` to the command line."""
-    from jampetsc.plots.draw import pictures
-
+    """Add `plot` to the command line; which pictures there are it finds out when it is the command that is meant."""
     parser = subparsers.add_parser(
         "plot", help="draw sweeps, packings and displacement fields", description=DESCRIPTION, epilog=EPILOG
     )
@@ -43,9 +41,6 @@ def add_parser(subparsers):
         "files", nargs="+", metavar="FILE", help="sweeps, or one packing, or the folder of a study"
     )
     parser.add_argument("--out", required=True, metavar="FILE", help="picture to write: .png, .pdf or .svg")
-    parser.add_argument(
-        "--kind", choices=pictures(), help="what to draw (default: follows from the files and options)"
-    )
     parser.add_argument(
         "--where",
         metavar="COLUMN=VALUE,…",
@@ -66,13 +61,28 @@ def add_parser(subparsers):
     parser.add_argument(
         "--style", metavar="FILE", help="style of matplotlib (.mplstyle) on top of the program's"
     )
+    parser.set_defaults(run=run)
+    parse = parser.parse_known_args
+
+    def parse_known_args(*words, **more):
+        _add_options_of_pictures(parser)
+        parser.parse_known_args = parse
+        return parse(*words, **more)
+
+    parser.parse_known_args = parse_known_args
+
+
+def _add_options_of_pictures(parser):
+    from jampetsc.plots.draw import pictures
+
+    what = "what to draw (default: follows from the files and options)"
+    parser.add_argument("--kind", choices=pictures(), help=what)
     for option in dict.fromkeys(option for one in pictures().values() for option in one.options):
         words = {"help": option.help, "dest": option.name}
         words |= {"action": "store_true", "default": None} if option.type == "switch" else {
             "metavar": option.metavar, "choices": option.choices, "type": float if option.type == "number" else str
         }  # fmt: skip
         parser.add_argument("--" + option.name.replace("_", "-"), **words)
-    parser.set_defaults(run=run)
 
 
 def run(args, petsc_argv):
