@@ -4,8 +4,6 @@ import difflib
 import importlib
 import os
 
-import numpy as np
-
 from jampetsc.contacts.disks import Disks
 from jampetsc.errors import InputError, named
 from jampetsc.plots import numbers, style
@@ -64,8 +62,7 @@ def plot(
     """
     items = list(results) if isinstance(results, list | tuple) else [results]
     chosen = {"size": size, "xlim": xlim, "ylim": ylim, "label": label, "style": style}
-    axes = draw(items, kind, ax, out=out, csv=csv, chosen=chosen, **more)[1].axes
-    return axes[0] if len(axes) == 1 else np.array(axes)
+    return draw(items, kind, ax, out=out, csv=csv, chosen=chosen, **more)[1].back(ax)
 
 
 def draw(items, kind=None, ax=None, *, out=None, csv=None, chosen=None, **options) -> tuple[str, Drawn]:

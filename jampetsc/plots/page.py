@@ -26,7 +26,7 @@ class Page:
     def __init__(self, axes=None, size=None, labels=()):
         self.own, self.size, self.labels = axes is None, size, list(labels)
         self.axes = [] if axes is None else list(np.ravel(axes))
-        self.lettered, self._legends, self._raised = False, [], False
+        self.lettered, self.laid_out, self._legends, self._raised = False, False, [], False
 
     def panels(self, rows=1, columns=1, width=COLUMN, height=HEIGHT, letters=True, count=None, **grid):
         """(count,) axes, row by row; a single one for one panel.
@@ -139,7 +139,8 @@ class Page:
                 ax.set_ylim(middle / _LEAST**0.5, middle * _LEAST**0.5)
         axes = self.figure.axes if self.own else self.axes
         short = [axis for ax in axes for axis in (ax.xaxis, ax.yaxis) if set_ticks(axis)]
-        self.figure.draw_without_rendering()  # also: ticks, which matplotlib makes when they are first drawn
+        if not self.laid_out:
+            self.figure.draw_without_rendering()  # also: ticks, which matplotlib makes when they are first drawn
         for wanted in self._legends:
             self._place(*wanted)
         for axis in short:

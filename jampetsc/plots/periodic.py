@@ -57,6 +57,7 @@ def lay_out(page, rows, note=0.0) -> None:
         needed = (heights.max(axis=1) + 0.12).sum() + note
         page.figure.set_figheight(min(needed, page.figure.get_figheight()))
         page.figure.draw_without_rendering()
+    page.laid_out = True
 
 
 def frame_cell(ax, cell, linewidth=0.6) -> Polygon:

@@ -53,6 +53,10 @@ class Drawn(NamedTuple):
     axes: list
     text: str  # what it shows
 
+    def back(self, given=None):
+        """The axes that were given; else the new ones: one, or (panels,) of them."""
+        return given if given is not None else self.axes[0] if len(self.axes) == 1 else np.array(self.axes)
+
     @property
     def figure(self):
         """The figure that the axes are on."""
@@ -77,8 +81,7 @@ class Picture:
 
     def __call__(self, results, ax=None, **settings):
         """Draw, and give back the axes: one, or (panels,) of them. Parameters and errors as `draw`."""
-        axes = self.draw(results, ax, **settings).axes
-        return axes[0] if len(axes) == 1 else np.array(axes)
+        return self.draw(results, ax, **settings).back(ax)
 
     def draw(
         self, results, ax=None, size=None, xlim=None, ylim=None, label=(), style=None, **options
