@@ -57,7 +57,7 @@ def add_parser(subparsers):
         "--options-files",
         nargs="+",
         metavar="FILE",
-        help="options files for --method direct (default: iterative, superlu_dist, low_memory of jampetsc)",
+        help="options files for --method direct (default: jampetsc:iterative, superlu_dist and low_memory)",
     )
     add_law_options(parser)
     parser.set_defaults(run=run)
@@ -67,6 +67,7 @@ def run(args, petsc_argv) -> int:
     """Measure, write both files, print table and advice. Raises JampetscError only if the reference fails."""
     from pathlib import Path
 
+    from jampetsc.shipped_files import located
     from jampetsc.speed_accuracy.measure import Request, measure
 
     groups = _groups(args.choices)
@@ -75,7 +76,8 @@ def run(args, petsc_argv) -> int:
         raise InputError(f"--out {args.out}: give it the ending .csv; the picture gets .png")
     if args.ranks is not None and not 1 <= args.ranks <= 100_000:
         raise InputError(f"--ranks {args.ranks}: must be 1 or more")
-    for path in args.options_files or ():
+    options_files = args.options_files and [located(name) for name in args.options_files]
+    for path in options_files or ():
         if not Path(path).is_file():
             raise InputError(f"--options-files {path}: no such file")
     request = Request(
@@ -85,7 +87,7 @@ def run(args, petsc_argv) -> int:
         ranks=args.ranks,
         groups=groups,
         ensemble=args.ensemble,
-        options_files=args.options_files,
+        options_files=options_files,
     )
     print(measure(request, out))
     return 0
