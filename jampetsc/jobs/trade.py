@@ -12,6 +12,7 @@ from jampetsc.jobs.damping import DAMPING, PRESTRESS
 from jampetsc.jobs.job import Job
 from jampetsc.jobs.kinds import FREQUENCIES, PACKING, Numbers, grid_told
 from jampetsc.jobs.sweep import OMEGA
+from jampetsc.shipped_files import located
 
 GROUPS = ("accuracy", "method", "physics", "frequencies")
 
@@ -28,10 +29,11 @@ def _groups(given):
 
 
 def _files(given):
-    for path in _words(given):
+    paths = tuple(map(located, _words(given)))
+    for path in paths:
         if not Path(path).is_file():
             raise ValueError(f"{path}: no such file")
-    return _words(given)
+    return paths
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +75,7 @@ Times mean something on a machine that does nothing else."""
     )
     options_files: tuple | None = asked(
         None,
-        "options files for method direct (default: iterative, superlu_dist, low_memory in options/)",
+        "options files for method direct (default: iterative, superlu_dist, low_memory of jampetsc)",
         kind=Kind(_files, ",".join, metavar="FILE[,FILE…]"),
     )
 
