@@ -180,12 +180,12 @@ def test_packings_are_asked_for_as_told():
 def test_a_flow_is_asked_for_as_told(tmp_path):
     line = "flow --n 16 --phi 0.7 --law contact --beta 0.5 --tau1 2 --mass 3 --friction 0.125 --rate 1e-2 --strain 0.5"
     line += f" --out {tmp_path}/f.h5"
-    job = flow._fresh(words(line), jobs, None, [])
+    job = flow._fresh(words(line), jobs, [])
     assert (job.rate, job.model.mass, job.model.friction, job.model.law.tau1) == (1e-2, 3.0, 0.125, 2.0)
     assert (job.plan.snapshots, job.plan.discard, job.scheme.tolerance) == (0, 0.25, 1e-4)
     assert job.plan.steps * job.plan.rows * job.scheme.step * 1e-2 == pytest.approx(0.5, rel=0.05)
     words_ = words(f"{line} --tolerance 1e-6 --step 0.01 --snapshots 3 --discard 0.125")
-    more = flow._fresh(words_, jobs, None, [])
+    more = flow._fresh(words_, jobs, [])
     assert (more.scheme.tolerance, more.scheme.step) == (1e-6, 0.01)
     assert (more.plan.snapshots, more.plan.discard) == (3, 0.125)
 
@@ -193,7 +193,7 @@ def test_a_flow_is_asked_for_as_told(tmp_path):
 def test_a_quality_knows_the_stiffness_of_the_packing(tmp_path):
     write_packing(tmp_path / "p.h5", replace(published(), potential=Potential(k=4.0)))
     line = f"flow {tmp_path}/p.h5 --model RD --quality 3 --tau1 0.5 --rate 1e-3 --strain 0.1 --out {tmp_path}/f.h5"
-    assert flow._fresh(words(line), jobs, None, []).model.mass == pytest.approx(9.0 * 4.0 * 0.25)
+    assert flow._fresh(words(line), jobs, []).model.mass == pytest.approx(9.0 * 4.0 * 0.25)
 
 
 def test_samples_that_jam_are_asked_for_as_told():
