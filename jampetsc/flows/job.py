@@ -57,11 +57,6 @@ class FlowRun:
         return phi_between(self.disks, self.held)
 
     @property
-    def solves(self) -> bool:
-        """Whether a time step solves for velocities."""
-        return self.scheme.method != "verlet" and bool(self.model.law.damps_contacts or self.model.mass)
-
-    @property
     def settings(self) -> dict:
         """What decides the result, as plain values."""
         return {

@@ -116,8 +116,7 @@ class Shear(ListedDisks):
     @property
     def solves(self) -> bool:
         """Whether velocities are found by conjugate gradients."""
-        overdamped = not self.model.mass and self.model.law.damps_contacts
-        return overdamped or self.scheme.method == "backward Euler"
+        return self.scheme.method != "verlet" and bool(self.model.law.damps_contacts or self.model.mass)
 
     @property
     def box(self):
