@@ -16,7 +16,6 @@ from jampetsc.contacts.disks import Disks
 from jampetsc.contacts.potentials import Potential
 from jampetsc.flows import job as jobs
 from jampetsc.flows import run as running
-from jampetsc.flows.shearing import Shear
 from jampetsc.storage.packing_file import write_packing
 
 SMALL = "flow --n 64 --phi 0.86 --seed 2 --model RD0 --rate 1e-2 --strain 0.6 --discard 0.2".split()
