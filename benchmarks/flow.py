@@ -2,6 +2,11 @@
 
     .venv/bin/python benchmarks/flow.py [--n 1024,4096,65536] [--rate 1e-3] [--rounds 3] [--threads 2]
                                         [--lammps LMP | --no-lammps]
+
+From one state, sheared to strain 0.2 by RD0 first. jampetsc, jampetsc on threads and LAMMPS take turns; least and most
+of the rounds are told, and ratios of the best, in processor time, list rebuilds included, compilation not. What
+threads gain is elapsed time: it says nothing where others use the cores.
+  RD0 Euler   against LAMMPS: fix brownian without noise, harmonic/cut, fix deform remap x
   CDn         m = 1, against LAMMPS: gran/hooke, fix nve, fix deform remap v (one stiffness for all pairs)
   CD, CDt     m = 1, no counterpart
   CD0         tolerance 1e-3, time steps of 0.5: also steps per second, and iterations of the solve per step
