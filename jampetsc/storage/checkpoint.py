@@ -99,14 +99,14 @@ class Checkpoint:
     def _read(self):
         """[(index, rank 0's entry, hashes of the ranks' files)] of this job's steps, in their order."""
         found, others = [], self.journal.is_file()  # as older versions left it
-        for path in sorted(self.journal.glob("*-rank-0000")):
-            step = kept(path)
-            if step is None or not _STEP.fullmatch(path.name):
+        for path in self.journal.glob("*-rank-0000"):
+            named, step = _STEP.fullmatch(path.name), kept(path)
+            if named is None or step is None:
                 continue
             entry, _, digest = step
             if entry["job"] != self._job:
                 others = True
-            elif entry["index"] == int(_STEP.fullmatch(path.name)[1]):
+            elif entry["index"] == int(named[1]):
                 found.append((entry["index"], entry, [digest, *entry["others"]]))
         if others and not found:
             print(
