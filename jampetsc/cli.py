@@ -77,7 +77,8 @@ def dispatch(argv):
             f"{args.command} {petsc_argv[0]}: single-dash options are PETSc's, which has nothing to do here; "
             "the program's own begin with --"
         )
-    solver_options.check(args.command, job_class(args.command).SOLVERS, petsc_argv)
+    if petsc_argv:
+        solver_options.check(args.command, {name: job_class(name).SOLVERS for name in JOBS}, petsc_argv)
     progress.tell(-1 if args.quiet else 1 if args.verbose else 0)
     try:
         return _run(args, argv, petsc_argv)

@@ -37,11 +37,14 @@ def is_petscs_own(name: str) -> bool:
     return name.lower().startswith(PETSCS_OWN)
 
 
-def check(command: str, prefixes, petsc_argv) -> None:
-    """Raise InputError for words that PETSc cannot take, and for an option that no solver of a command has."""
+def check(command: str, owned: dict, petsc_argv) -> None:
+    """Raise InputError for words that PETSc cannot take, and for an option that no solver of a command has.
+
+    owned   {command: prefixes of its solvers' options} of all commands
+    """
     for name in names_given(petsc_argv):
-        if not name.lower().startswith(prefixes) and not is_petscs_own(name):
-            raise InputError(f"PETSc option -{name}: {_what_instead(command, name, prefixes)}")
+        if not name.lower().startswith(owned[command]) and not is_petscs_own(name):
+            raise InputError(f"PETSc option -{name}: {_what_instead(command, name, owned)}")
 
 
 def names_given(petsc_argv) -> list[str]:
@@ -78,12 +81,12 @@ def _names_in(file):
     return [word[0][1:] for _, word in words if word and word[0] != "alias"]
 
 
-def _what_instead(command, name, prefixes):
+def _what_instead(command, name, owned):
     """Why an option is none of a command, and what may have been meant."""
-    from jampetsc.jobs import JOBS, job_class  # which are made of what is below them
-
-    own = {one: job_class(one).SOLVERS for one in JOBS if one != "study"}
-    others = [one for one, its in own.items() if name.lower().startswith(its)]
+    prefixes = owned[command]
+    others = [
+        one for one, its in owned.items() if name.lower().startswith(its) and len(its) < len(SOLVERS)
+    ]
     if others:
         return f"is one of jampetsc {' and '.join(others)}, and {command} has no use for it: leave it out"
     if not prefixes:

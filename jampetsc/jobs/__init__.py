@@ -23,8 +23,8 @@ JOBS = {
     "spectrum": "spectrum:Spectrum",
     "correlate": "correlate:Correlate",
     "plot": "plot:Plot",
-    "study": "study:Study",
-    "trade": "trade:Trade",
+    "study": "jampetsc.studies.job:Study",
+    "trade": "jampetsc.speed_accuracy.job:Trade",
     "examples": "examples:Examples",
 }
 
@@ -32,4 +32,4 @@ JOBS = {
 def job_class(name):
     """The class of the jobs of this name."""
     module, _, job = JOBS[name].partition(":")
-    return getattr(importlib.import_module(f"{__name__}.{module}"), job)
+    return getattr(importlib.import_module(module if "." in module else f"{__name__}.{module}"), job)
