@@ -16,7 +16,7 @@ import jampetsc
 from jampetsc.analysis.averages import Average, mean_of_averages
 from jampetsc.analysis.jamming import jamming_step
 from jampetsc.analysis.statistics import mean_with_error
-from jampetsc.flows.slowly import ENERGY_CUT
+from jampetsc.flows.quasistatic_shear import ENERGY_CUT
 from jampetsc.plots import style
 from jampetsc.plots.jamming import samples_of
 from jampetsc.plots.page import saved_page

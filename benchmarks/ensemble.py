@@ -15,14 +15,14 @@ from dataclasses import replace
 import numpy as np
 from common import machine
 
-from jampetsc import session as door
-from jampetsc.contacts.pairs import PairList
-from jampetsc.contacts.potentials import Potential
-from jampetsc.contacts.state import measure
-from jampetsc.packing import protocols
-from jampetsc.packing.hessian import Bonds, Pattern, border
-from jampetsc.packing.sizes import radii_of
-from jampetsc.solvers.local import NewtonSolver
+from jampetsc.core.pairs import PairList
+from jampetsc.core.potentials import Potential
+from jampetsc.core.state import measure
+from jampetsc.minimise import protocols
+from jampetsc.minimise.hessian import Bonds, Pattern, border
+from jampetsc.minimise.sizes import radii_of
+from jampetsc.petsc import session as door
+from jampetsc.petsc.local import NewtonSolver
 
 QUANTITIES = ("phi", "dz/sqrt(p)", "rattlers", "G0/sqrt(p), no pre-stress", "G0/sqrt(p), pre-stress")
 # (N, p): means and standard errors; None: not known, error 0: not given. Those of N = 1024 down to 1e-4 were quenched

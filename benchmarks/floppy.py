@@ -36,14 +36,14 @@ def ensemble(n, pressures, seeds):
 
 def measure(files, modes):
     """Rows (p, seed, pre-stress or not, three medians, mean/rms of Δu∥, G₀, share of the low modes)."""
-    from jampetsc import session
-    from jampetsc.contacts.laws import damping_law
+    from jampetsc.core.laws import damping_law
     from jampetsc.errors import InputError
+    from jampetsc.io.packing_file import read_packing
+    from jampetsc.linear.modes import lowest_modes
+    from jampetsc.linear.quasistatic import solve
+    from jampetsc.linear.viscosity import Viscosity
     from jampetsc.mechanics.network import build_network
-    from jampetsc.response.modes import lowest_modes
-    from jampetsc.response.quasistatic import solve
-    from jampetsc.response.viscosity import Viscosity
-    from jampetsc.storage.packing_file import read_packing
+    from jampetsc.petsc import session
 
     comm = session.start("real").comm
     rows = []

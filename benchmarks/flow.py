@@ -26,13 +26,13 @@ import common
 import numpy as np
 import quench as peer
 
-from jampetsc.contacts.potentials import Potential
-from jampetsc.contacts.threads import Team
+from jampetsc.core.potentials import Potential
+from jampetsc.core.threads import Team
 from jampetsc.flows.models import MODELS, Model, Scheme
 from jampetsc.flows.shearing import Shear
 from jampetsc.flows.steps import TALLY
-from jampetsc.packing.protocols import random_start
-from jampetsc.packing.sizes import radii_of
+from jampetsc.minimise.protocols import random_start
+from jampetsc.minimise.sizes import radii_of
 
 PHI = 0.8433
 STEPS = {"RD0": 0.2, "CD0": 0.5}  # others 0.1

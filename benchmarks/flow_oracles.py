@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 
 import jampetsc
-from jampetsc import cli
 from jampetsc.analysis.averages import mean_of_runs
+from jampetsc.cli import main as cli
 
 STRAINS = {1e-2: 40, 1e-3: 20, 1e-4: 6}
 QUANTITIES = ("shear_stress", "pressure", "coordination")

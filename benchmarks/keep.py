@@ -18,7 +18,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from jampetsc.storage.hdf5 import OutputFile, attributes, open_file, set_attributes, store
+from jampetsc.io.hdf5 import OutputFile, attributes, open_file, set_attributes, store
 
 KEPT = Path(__file__).resolve().parents[1] / "docs" / "kept"
 LEFT_OUT = re.compile(

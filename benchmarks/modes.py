@@ -21,13 +21,13 @@ def measure(path, count, repeats):
     from scipy.sparse import csc_array
     from scipy.sparse.linalg import eigsh
 
-    from jampetsc import session
-    from jampetsc.contacts.laws import UNDAMPED
+    from jampetsc.core.laws import UNDAMPED
+    from jampetsc.io.packing_file import read_packing
     from jampetsc.mechanics.assembly import assemble
     from jampetsc.mechanics.network import build_network
-    from jampetsc.solvers.eigen import SHIFT, SPARE, lowest
-    from jampetsc.solvers.inertia import count_below
-    from jampetsc.storage.packing_file import read_packing
+    from jampetsc.petsc import session
+    from jampetsc.petsc.eigen import SHIFT, SPARE, lowest
+    from jampetsc.petsc.inertia import count_below
 
     running = session.start("real")
     network = build_network(read_packing(path), running.comm)

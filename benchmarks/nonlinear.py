@@ -26,9 +26,9 @@ from scipy.optimize import brentq
 from scipy.special import gamma
 
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
+from jampetsc.io.reader import load
 from jampetsc.plots import style
 from jampetsc.plots.page import saved_page
-from jampetsc.storage.reader import load
 
 DRAWS = 1000
 PARTS = {"G'": np.real, "G''": np.imag}

@@ -76,13 +76,13 @@ def main():
     args = words.parse_args()
     path = packing(args.n, args.pressure)
 
-    from jampetsc import session
-    from jampetsc.contacts.laws import damping_law
+    from jampetsc.core.laws import damping_law
+    from jampetsc.io.packing_file import read_packing
     from jampetsc.mechanics.assembly import assemble
     from jampetsc.mechanics.compatibility import build_compatibility
     from jampetsc.mechanics.network import build_network
     from jampetsc.oscillation.steady import Point, SteadyOscillation
-    from jampetsc.storage.packing_file import read_packing
+    from jampetsc.petsc import session
 
     disks = read_packing(path)
     network = build_network(disks, session.start("real").comm)

@@ -13,7 +13,7 @@ import numpy as np
 
 import jampetsc
 from jampetsc.analysis.jamming import CUTS, LowEnd, low_end, memory
-from jampetsc.contacts.potentials import EXPONENTS
+from jampetsc.core.potentials import EXPONENTS
 from jampetsc.plots import style
 from jampetsc.plots.jamming import samples_of
 from jampetsc.plots.page import saved_page

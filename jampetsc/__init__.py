@@ -9,7 +9,7 @@
     sweep = jp.load("sweep.h5")                                    # numpy arrays; needs neither MPI nor PETSc
 
 Every job of `jampetsc.jobs` is a function of this package. Importing it loads nothing else, and
-`jampetsc.session.start` is the one door to PETSc and MPI.
+`jampetsc.petsc.session.start` is the one door to PETSc and MPI.
 """
 
 from importlib import import_module
@@ -18,14 +18,14 @@ from jampetsc.jobs import JOBS, job_class
 from jampetsc.version import VERSION as __version__
 
 _HOMES = {  # of what is no job
-    "ContactDamping": "jampetsc.contacts.laws",
-    "Disks": "jampetsc.contacts.disks",
-    "Law": "jampetsc.contacts.laws",
-    "Packing": "jampetsc.contacts.packing",
-    "StokesDrag": "jampetsc.contacts.laws",
+    "ContactDamping": "jampetsc.core.laws",
+    "Disks": "jampetsc.core.disks",
+    "Law": "jampetsc.core.laws",
+    "Packing": "jampetsc.core.packing",
+    "StokesDrag": "jampetsc.core.laws",
     "assemble": "jampetsc.jobs.matrices",
-    "import_packing": "jampetsc.storage.importers",
-    "load": "jampetsc.storage.reader",
+    "import_packing": "jampetsc.io.importers",
+    "load": "jampetsc.io.reader",
     "plot": "jampetsc.plots.draw",
 }
 _MODULES = {"models": "jampetsc.flows.models"}  # models.CD0() and others, of flow
@@ -40,7 +40,7 @@ def __getattr__(name):  # PEP 562: numpy, h5py and PETSc are imported when somet
     elif name in _MODULES:
         found = import_module(_MODULES[name])
     elif name in _FUNCTIONS:
-        from jampetsc.jobs.functions import function_of
+        from jampetsc.asking.functions import function_of
 
         found = function_of(job_class(name))
     else:

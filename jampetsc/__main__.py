@@ -2,6 +2,6 @@
 
 import sys
 
-from jampetsc.cli import main
+from jampetsc.cli.main import main
 
 sys.exit(main())

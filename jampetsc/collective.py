@@ -28,7 +28,7 @@ def agreed(comm):
             raise error from None
 
 
-def by_rank_0(comm, action):
+def on_root(comm, action):
     """Collective. What `action()` returns on rank 0, on every rank; a JampetscError that it raises there, too.
 
     For what is to happen once, such as a look at a file. `comm` as in `agreed`.

@@ -1,7 +1,7 @@
 """Compiled code is kept on disk, and must not outlive any source that went into it.
 
 numba compiles a function again when the file that it stands in has changed; what it calls or takes from other files is
-compiled into it, and changes there go unnoticed: after an update of `contacts.potentials` alone the loop over pairs
+compiled into it, and changes there go unnoticed: after an update of `core.potentials` alone the loop over pairs
 would go on with the old potential, in silence.
 """
 

@@ -4,10 +4,10 @@ import inspect
 
 import jampetsc
 from jampetsc import errors
+from jampetsc.io.ensemble import AverageCurve, Averages, Ensemble
+from jampetsc.io.reader import FlowResult, Result, SpectrumResult, SweepResult
+from jampetsc.io.snapshots import Snapshot
 from jampetsc.mechanics.matrices import Matrices
-from jampetsc.storage.ensemble import AverageCurve, Averages, Ensemble
-from jampetsc.storage.reader import FlowResult, Result, SpectrumResult, SweepResult
-from jampetsc.storage.snapshots import Snapshot
 
 RETURNED = (
     *(Result, SweepResult, FlowResult, SpectrumResult, Snapshot, Ensemble, Averages, AverageCurve, Matrices),

@@ -35,7 +35,7 @@ def pytest_report_header(config):
 def pytest_configure(config):
     global running
     if SCALAR is not None:
-        from jampetsc import session
+        from jampetsc.petsc import session
 
         running = session.start(SCALAR)
 

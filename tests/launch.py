@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from jampetsc.launcher import without_launcher
+from jampetsc.petsc.launcher import without_launcher
 
 ROOT = Path(__file__).resolve().parents[1]
 MINUTES = 300  # seconds, for what runs many commands

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from jampetsc.jobs.asking import FILE, asked
-from jampetsc.jobs.job import Job
+from jampetsc.asking.job import Job
+from jampetsc.asking.parameters import FILE, asked
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Probe(Job):
 
     def work(self, to):
         """Do the deed."""
-        from jampetsc import session
+        from jampetsc.petsc import session
 
         running = session.current() if self.scalar else None
         rank = running.rank if running else 0
@@ -117,7 +117,7 @@ def interrupt(args):
 
 
 def be_deaf(args):
-    from jampetsc.session import current
+    from jampetsc.petsc.session import current
 
     Path(f"{args.file}{current().rank}").write_text(str(os.getpid()))
     # hours inside one instruction, where no handler of python runs, and first a word from there
@@ -130,7 +130,9 @@ def talk(args):
 
 
 if __name__ == "__main__":
-    from jampetsc import cli, jobs, solver_options
+    from jampetsc import jobs
+    from jampetsc.cli import main as cli
+    from jampetsc.petsc import solver_options
 
     solver_options.SOLVERS["probe_"] = "ksp pc"
     jobs.JOBS.clear()

@@ -12,7 +12,7 @@ import numpy as np
 from mpi4py import MPI
 
 from jampetsc.errors import JampetscError
-from jampetsc.storage.checkpoint import Checkpoint
+from jampetsc.io.checkpoint import Checkpoint
 
 
 def record(index):

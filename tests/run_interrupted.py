@@ -8,9 +8,9 @@ import os
 import signal
 import sys
 
-from jampetsc import cli
-from jampetsc.response import rational
-from jampetsc.storage.checkpoint import Checkpoint
+from jampetsc.cli import main as cli
+from jampetsc.io.checkpoint import Checkpoint
+from jampetsc.linear import rational
 
 
 def main(count, arguments):

@@ -8,7 +8,7 @@ import os
 import signal
 import sys
 
-from jampetsc import cli
+from jampetsc.cli import main as cli
 from jampetsc.studies import run
 
 

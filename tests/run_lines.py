@@ -6,7 +6,7 @@ A list is the words of a command after `jampetsc`, a string is python. Ends at t
 import json
 import sys
 
-from jampetsc import cli
+from jampetsc.cli import main as cli
 
 names = {}
 for item in json.load(sys.stdin):

@@ -6,11 +6,11 @@ import sys
 import numpy as np
 from scipy.sparse import diags, identity, kron
 
-from jampetsc import session
 from jampetsc.errors import ConvergenceError
+from jampetsc.petsc import session
 
 running = session.start("real", sys.argv[1:])
-from jampetsc.solvers.cholesky import Cholesky  # noqa: E402
+from jampetsc.petsc.cholesky import Cholesky  # noqa: E402
 
 line = diags([-1.0, 2.0, -1.0], [-1, 0, 1], (700, 700))
 grid = (kron(line, identity(700)) + kron(identity(700), line)).tocsr()

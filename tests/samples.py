@@ -9,14 +9,14 @@ import h5py
 import numpy as np
 from dense import Reference
 
-from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.laws import Physics, damping_law
-from jampetsc.contacts.potentials import Potential
+from jampetsc.core.disks import Disks
+from jampetsc.core.laws import Physics, damping_law
+from jampetsc.core.potentials import Potential
+from jampetsc.io.outlet import Outlet
+from jampetsc.io.packing_file import read_packing, write_packing
 from jampetsc.jobs.sweep import Sweep
+from jampetsc.linear.run import Run
 from jampetsc.mechanics.network import build_network
-from jampetsc.response.run import Run
-from jampetsc.storage.outlet import Outlet
-from jampetsc.storage.packing_file import read_packing, write_packing
 
 DATA = Path(__file__).parent / "data"
 JAMBASHBULK = DATA / "jambashbulk-N16-P1e-3-0001.txt"

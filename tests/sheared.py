@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.laws import Law
-from jampetsc.contacts.potentials import Potential
-from jampetsc.contacts.state import find_contacts
+from jampetsc.core.disks import Disks
+from jampetsc.core.laws import Law
+from jampetsc.core.potentials import Potential
+from jampetsc.core.state import find_contacts
 from jampetsc.flows.models import MODELS, Model, Scheme
 from jampetsc.flows.shearing import Shear
-from jampetsc.packing.minimise import settle
-from jampetsc.packing.sizes import radii_of
+from jampetsc.minimise.minimise import settle
+from jampetsc.minimise.sizes import radii_of
 
 # name -> (weights, mass): Vågberg's six, and laws of the linear part with rolling and with unequal weights
 ROWS = {name: (law, 0.7 if massive else 0.0) for name, (law, massive) in MODELS.items()}

@@ -3,9 +3,9 @@
 import numpy as np
 from samples import network_of
 
+from jampetsc.linear.rational import RationalSweep
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
-from jampetsc.response.rational import RationalSweep
 
 
 class Sweep:

@@ -9,8 +9,8 @@ from samples import LAWS, SAMPLES, laws_of, network_of, physics, reference
 
 from jampetsc.mechanics.assembly import ROW, assemble
 from jampetsc.mechanics.compatibility import build_compatibility
-from jampetsc.session import current
-from jampetsc.solvers.matrices import diagonal_of, largest_entry, set_diagonal
+from jampetsc.petsc.matrices import diagonal_of, largest_entry, set_diagonal
+from jampetsc.petsc.session import current
 
 EPSILON = np.finfo(float).eps
 pytestmark = pytest.mark.scalar("real", "complex")

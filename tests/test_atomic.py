@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 
 from jampetsc.errors import InputError, JampetscError
-from jampetsc.storage.atomic import (
+from jampetsc.io.atomic import (
     NewFile,
     check_writable,
     remove_abandoned,
     write_error,
     write_whole,
 )
-from jampetsc.storage.hdf5 import OutputFile
-from jampetsc.storage.result_file import ResultWriter
+from jampetsc.io.hdf5 import OutputFile
+from jampetsc.io.result_file import ResultWriter
 
 
 @pytest.fixture

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.kernel import bond_forces
-from jampetsc.contacts.pairs import PairList, deformed
-from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
-from jampetsc.contacts.state import find_contacts
-from jampetsc.packing.sizes import radii_of
+from jampetsc.core.disks import Disks
+from jampetsc.core.kernel import bond_forces
+from jampetsc.core.pairs import PairList, deformed
+from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
+from jampetsc.core.state import find_contacts
+from jampetsc.minimise.sizes import radii_of
 
 WEIGHTS = {
     "CD": (1, 1, 0),

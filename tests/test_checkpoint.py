@@ -15,8 +15,8 @@ import pytest
 from run_checkpoint import fields, record
 
 from jampetsc.errors import InputError, JampetscError
-from jampetsc.storage import checkpoint as checkpoint_module
-from jampetsc.storage.checkpoint import Checkpoint, discard, keep
+from jampetsc.io import checkpoint as checkpoint_module
+from jampetsc.io.checkpoint import Checkpoint, discard, keep
 
 KEY = {
     "packing": "ab" * 32,
@@ -176,7 +176,7 @@ def test_what_is_saved_is_on_the_disk(out, monkeypatch):
 
 IN_ANOTHER_PROCESS = """
 import sys
-from jampetsc.storage.checkpoint import Checkpoint
+from jampetsc.io.checkpoint import Checkpoint
 checkpoint = Checkpoint(sys.argv[1], sys.argv[2])
 checkpoint.save(0, {})
 print("saved", flush=True)

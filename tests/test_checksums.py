@@ -13,14 +13,14 @@ import pytest
 from samples import DATA, published
 from test_result_file import assert_holds, parts, written
 
-from jampetsc.contacts.disks import Disks
+from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError
-from jampetsc.storage import checksums
-from jampetsc.storage.checksums import BLOCK, LINE, Damaged, identity_of, seal, seal_of, verify
-from jampetsc.storage.hdf5 import open_file
-from jampetsc.storage.merge import merge
-from jampetsc.storage.packing_file import read_packing, write_packing
-from jampetsc.storage.reader import load
+from jampetsc.io import checksums
+from jampetsc.io.checksums import BLOCK, LINE, Damaged, identity_of, seal, seal_of, verify
+from jampetsc.io.hdf5 import open_file
+from jampetsc.io.merge import merge
+from jampetsc.io.packing_file import read_packing, write_packing
+from jampetsc.io.reader import load
 
 DAMAGES = 40  # of each kind of file; benchmarks of some thousand are run by hand
 

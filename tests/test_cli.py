@@ -17,11 +17,13 @@ import pytest
 from samples import polydisperse, published
 
 import jampetsc
-from jampetsc import cli, launcher, streams
+from jampetsc import streams
+from jampetsc.cli import main as cli
 from jampetsc.errors import ConvergenceError, InputError, JampetscError
+from jampetsc.io.packing_file import write_packing
+from jampetsc.io.result_file import ResultWriter
 from jampetsc.jobs import JOBS
-from jampetsc.storage.packing_file import write_packing
-from jampetsc.storage.result_file import ResultWriter
+from jampetsc.petsc import launcher
 
 
 def probe(*words, ranks=0):

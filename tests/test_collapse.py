@@ -7,21 +7,21 @@ import pytest
 from drawn import bars, figure_of, lines
 
 import jampetsc
-from jampetsc import cli
 from jampetsc.analysis import collapse_errors, collapse_fit, jamming
 from jampetsc.analysis.averages import Average, mean_of_averages
 from jampetsc.analysis.collapse import Form, Points, scaled
 from jampetsc.analysis.collapse_errors import Estimate, drift, estimate
 from jampetsc.analysis.collapse_fit import minima
 from jampetsc.analysis.statistics import half_width, mean_with_error
+from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
+from jampetsc.io.memory import MemoryWriter
+from jampetsc.io.reader import Result, load
+from jampetsc.io.result_file import ResultWriter
+from jampetsc.jobs.scaling import ALIKE, notes_of, read_points, text_of
 from jampetsc.plots.branches import plot_branches
 from jampetsc.plots.scaling import plot_scaling
-from jampetsc.storage.memory import MemoryWriter
-from jampetsc.storage.reader import Result, load
-from jampetsc.storage.result_file import ResultWriter
 from jampetsc.studies.table import table_text
-from jampetsc.words.scaling import ALIKE, notes_of, read_points, text_of
 
 
 def fit_collapse(points, form):

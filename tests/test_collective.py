@@ -33,7 +33,7 @@ def test_what_rank_0_finds_all_know(session):
         asked.append(session.rank)
         return {"there": [session.rank, 1.5]}
 
-    assert collective.by_rank_0(session.comm, look) == {"there": [0, 1.5]}
+    assert collective.on_root(session.comm, look) == {"there": [0, 1.5]}
     assert asked == [0] * (session.rank == 0)
 
 
@@ -43,7 +43,7 @@ def test_what_rank_0_is_refused_all_are(session):
         raise InputError(f"p.h5: no such file, says rank {session.rank}")
 
     with pytest.raises(InputError, match="says rank 0"):
-        collective.by_rank_0(session.comm, look)
+        collective.on_root(session.comm, look)
 
 
 @pytest.mark.scalar("real")
@@ -72,7 +72,7 @@ def test_what_is_not_foreseen_stays_with_its_rank(session):
 
 def test_one_process_needs_no_communicator():
     arrays = {"a": np.arange(3)}
-    assert collective.by_rank_0(NOTHING, lambda: 5) == 5
+    assert collective.on_root(NOTHING, lambda: 5) == 5
     assert collective.from_rank_0(NOTHING, arrays) is arrays
     with pytest.raises(JampetscError, match="no"):
         with collective.agreed(NOTHING):

@@ -8,10 +8,10 @@ import pytest
 from dense import Reference
 from samples import ORACLE, SAMPLES, physics, polydisperse, published
 
-from jampetsc.contacts.disks import GRID, Disks, join, split
-from jampetsc.contacts.neighbours import neighbour_pairs
-from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
-from jampetsc.contacts.state import (
+from jampetsc.core.disks import GRID, Disks, join, split
+from jampetsc.core.neighbours import neighbour_pairs
+from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
+from jampetsc.core.state import (
     bond_vectors,
     both_ends,
     disk_areas,

@@ -7,7 +7,6 @@ import pytest
 from drawn import bands, bars, figure_of, lines
 from matplotlib.image import imread
 
-from jampetsc import cli
 from jampetsc.analysis import correlations
 from jampetsc.analysis.correlations import (
     ENOUGH_PACKINGS,
@@ -22,8 +21,13 @@ from jampetsc.analysis.correlations import (
 )
 from jampetsc.analysis.medium import dragged, solid, stokes
 from jampetsc.analysis.medium import first_root as first_root_of
-from jampetsc.contacts.disks import Disks
+from jampetsc.cli import main as cli
+from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError
+from jampetsc.io.packing_file import read_identified, write_packing
+from jampetsc.io.provenance import derived_from
+from jampetsc.io.reader import load
+from jampetsc.io.result_file import ResultWriter
 from jampetsc.jobs.correlate import _refuse_mixture
 from jampetsc.plots.correlation import (
     CorrelationCurve,
@@ -31,10 +35,6 @@ from jampetsc.plots.correlation import (
     plot_correlation,
     plot_lengths,
 )
-from jampetsc.storage.packing_file import read_identified, write_packing
-from jampetsc.storage.provenance import derived_from
-from jampetsc.storage.reader import load
-from jampetsc.storage.result_file import ResultWriter
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 

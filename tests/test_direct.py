@@ -19,15 +19,15 @@ from samples import (
     run_of,
 )
 
-from jampetsc.contacts.disks import Disks
+from jampetsc.core.disks import Disks
 from jampetsc.errors import ConvergenceError
+from jampetsc.io.packing_file import write_packing
+from jampetsc.io.reader import load
+from jampetsc.linear import direct_sweep
+from jampetsc.linear.certificate import Hold
+from jampetsc.linear.direct import FrequencySolver
 from jampetsc.mechanics.assembly import assemble
-from jampetsc.response import direct_sweep
-from jampetsc.response.certificate import Hold
-from jampetsc.response.direct import FrequencySolver
-from jampetsc.solvers.cholesky import least_singular_value
-from jampetsc.storage.packing_file import write_packing
-from jampetsc.storage.reader import load
+from jampetsc.petsc.cholesky import least_singular_value
 
 pytestmark = pytest.mark.scalar("complex", "real")
 
@@ -121,7 +121,7 @@ def test_where_the_packing_is_pinned_does_not_matter(session, sample):
 @pytest.mark.parametrize("sample", ["published", "polydisperse", "strips"])
 def test_the_bound_holds_for_poor_solves(session, sample, monkeypatch):
     """GMRES stopped at a residual of a tenth, refined to a few digits: what it does not reach it must know about."""
-    monkeypatch.setattr("jampetsc.response.direct.DIGITS", 1e-4)
+    monkeypatch.setattr("jampetsc.linear.direct.DIGITS", 1e-4)
     poor = 0
     for law in laws_of(sample)[:: 3 if sample == "published" else 1]:
         with Solver(SAMPLES[sample](), LAWS[law], session.comm) as solver:

@@ -11,7 +11,7 @@ import launch
 import pytest
 
 import jampetsc
-from jampetsc import cli
+from jampetsc.cli import main as cli
 
 SMALL = {  # option -> its value here
     **{"--n": "32", "--count": "5", "--seeds": "1:2", "--strain": "0.05", "--snapshots": "2"},

@@ -5,10 +5,10 @@ import pytest
 from samples import SAMPLES, physics
 
 from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.linear.modes import lowest_modes
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.network import build_network
-from jampetsc.response.modes import lowest_modes
-from jampetsc.solvers import blocks, eigen
+from jampetsc.petsc import blocks, eigen
 
 alone = pytest.mark.most_ranks(1)
 real = pytest.mark.scalar("real")

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import jampetsc
-from jampetsc import cli
 from jampetsc.analysis.statistics import mean_with_error, median_interval, median_with_error
+from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
-from jampetsc.storage.ensemble import CHOICES, load_ensemble
-from jampetsc.storage.reader import load
-from jampetsc.storage.result_file import ResultWriter
+from jampetsc.io.ensemble import CHOICES, load_ensemble
+from jampetsc.io.reader import load
+from jampetsc.io.result_file import ResultWriter
 from jampetsc.studies.table import table_text
 
 MODULI = {1: -0.5, 2: 1.0, 3: 4.0}

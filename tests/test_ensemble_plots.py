@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from test_plots import write_sweep
 
-from jampetsc import cli
 from jampetsc.analysis.statistics import half_width, mean_with_error, median_interval
+from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
+from jampetsc.io.reader import load
 from jampetsc.plots.averages import average_curves
 from jampetsc.plots.curves import curve_of, group_curves
-from jampetsc.storage.reader import load
 from jampetsc.studies.table import table_text
 
 OMEGA = np.geomspace(1e-4, 1, 9)

@@ -15,11 +15,11 @@ from scipy.integrate import quad
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.analysis.scaling import fit_power_law
-from jampetsc.contacts.laws import Physics, damping_law
-from jampetsc.contacts.potentials import Potential
+from jampetsc.core.laws import Physics, damping_law
+from jampetsc.core.potentials import Potential
+from jampetsc.io.packing_file import write_packing
+from jampetsc.io.reader import load
 from jampetsc.jobs import sweep as sweep_job
-from jampetsc.storage.packing_file import write_packing
-from jampetsc.storage.reader import load
 
 OMEGA = np.geomspace(1e-16, 1e12, 281)
 ALPHAS = (0.1, 0.5, 2 / 3, 1.5, 2.0, 5.0)

@@ -10,12 +10,12 @@ from dense import Reference
 from samples import physics, polydisperse, published
 
 import jampetsc
-from jampetsc import cli
-from jampetsc.contacts.packing import cell_of
-from jampetsc.contacts.potentials import Potential
-from jampetsc.contacts.state import measure
+from jampetsc.cli import main as cli
+from jampetsc.core.packing import cell_of
+from jampetsc.core.potentials import Potential
+from jampetsc.core.state import measure
 from jampetsc.errors import InputError
-from jampetsc.storage.packing_file import read_packing
+from jampetsc.io.packing_file import read_packing
 
 DISKS = published()
 X, R, (A1, A2) = DISKS.positions, DISKS.radii, DISKS.cell

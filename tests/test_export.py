@@ -12,11 +12,11 @@ import samples
 from dense import all_pairs
 
 import jampetsc
-from jampetsc import cli
-from jampetsc.contacts.state import disk_areas, disk_stresses, find_contacts, measure
+from jampetsc.cli import main as cli
+from jampetsc.core.state import disk_areas, disk_stresses, find_contacts, measure
 from jampetsc.errors import InputError
-from jampetsc.storage.packing_file import write_packing
-from jampetsc.storage.snapshots import snapshot
+from jampetsc.io.packing_file import write_packing
+from jampetsc.io.snapshots import snapshot
 
 
 def export(words):

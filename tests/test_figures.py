@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import jampetsc
-from jampetsc import cli
-from jampetsc.jobs.kinds import FREQUENCIES
+from jampetsc.asking.kinds import FREQUENCIES
+from jampetsc.cli import main as cli
 from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.plan import plan
 

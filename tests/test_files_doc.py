@@ -8,10 +8,10 @@ import launch
 import pytest
 from samples import isostatic
 
-from jampetsc import cli
-from jampetsc.storage.packing_file import write_packing
-from jampetsc.storage.parts import GROUP
-from jampetsc.storage.request import asked
+from jampetsc.cli import main as cli
+from jampetsc.io.packing_file import write_packing
+from jampetsc.io.parts import GROUP
+from jampetsc.io.request import asked
 
 DOC = launch.ROOT / "docs" / "files.md"
 RARE = {  # of runs that are not made here

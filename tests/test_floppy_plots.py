@@ -7,16 +7,16 @@ import pytest
 from drawn import bands, bars, figure_of, lines
 from samples import published
 
-from jampetsc import cli
 from jampetsc.analysis.statistics import median_interval
+from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
+from jampetsc.io.packing_file import read_identified, write_packing
+from jampetsc.io.reader import load
+from jampetsc.io.result_file import ResultWriter
 from jampetsc.plots import style
 from jampetsc.plots.floppy import plot_medians, plot_viscosities
 from jampetsc.plots.lowmodes import plot_lowest
 from jampetsc.plots.vibrations import chosen_modes, density_of_states, plot_modes, plot_states
-from jampetsc.storage.packing_file import read_identified, write_packing
-from jampetsc.storage.reader import load
-from jampetsc.storage.result_file import ResultWriter
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 

@@ -7,16 +7,16 @@ import pytest
 import sheared
 from sheared import OVERDAMPED, ROWS, crowd, shear
 
-from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.laws import Law
-from jampetsc.contacts.potentials import Potential
-from jampetsc.contacts.state import find_contacts, stress_tensor
+from jampetsc.core.disks import Disks
+from jampetsc.core.laws import Law
+from jampetsc.core.potentials import Potential
+from jampetsc.core.state import find_contacts, stress_tensor
 from jampetsc.errors import ConvergenceError, InputError
-from jampetsc.flows import job as jobs
+from jampetsc.flows import steady as jobs
 from jampetsc.flows import steps as compiled
 from jampetsc.flows.models import MODELS, Model, Scheme, scheme_for
 from jampetsc.flows.shearing import Shear
-from jampetsc.storage.outlet import Outlet
+from jampetsc.io.outlet import Outlet
 
 KINDS = ("harmonic", "hertzian")
 

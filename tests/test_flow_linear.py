@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import jampetsc
-from jampetsc import cli
-from jampetsc.contacts.laws import damping_law
-from jampetsc.contacts.state import find_contacts, stress_tensor
+from jampetsc.cli import main as cli
+from jampetsc.core.laws import damping_law
+from jampetsc.core.state import find_contacts, stress_tensor
 from jampetsc.flows.models import Model, Scheme
 from jampetsc.flows.shearing import Shear
 

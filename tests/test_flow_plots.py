@@ -8,11 +8,14 @@ import pytest
 from drawn import bands, bars, figure_of, lines
 
 import jampetsc
-from jampetsc import cli
 from jampetsc.analysis.profiles import heights, mean_profile, middle_share
 from jampetsc.analysis.statistics import half_width
-from jampetsc.contacts.state import measure
+from jampetsc.cli import main as cli
+from jampetsc.core.state import measure
 from jampetsc.errors import InputError
+from jampetsc.io.reader import Attributes
+from jampetsc.io.result_file import ResultWriter
+from jampetsc.io.snapshots import snapshot
 from jampetsc.plots.flowcurves import _ratio, flow_curves, local_exponents, plot_against_phi, plot_flow
 from jampetsc.plots.order import plot_order
 from jampetsc.plots.packing import touching
@@ -20,9 +23,6 @@ from jampetsc.plots.profiles import plot_profiles
 from jampetsc.plots.regimes import plot_regimes, regimes
 from jampetsc.plots.shearing import kind_of, labels_of, lanes_of, plot_lanes
 from jampetsc.plots.units import flow_units
-from jampetsc.storage.reader import Attributes
-from jampetsc.storage.result_file import ResultWriter
-from jampetsc.storage.snapshots import snapshot
 
 
 @pytest.fixture(scope="module")

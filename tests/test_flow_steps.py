@@ -7,12 +7,12 @@ import pytest
 import sheared
 from sheared import OVERDAMPED, ROWS, crowd, forces
 
-from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.laws import Law
-from jampetsc.contacts.pairs import deformed
-from jampetsc.contacts.potentials import Potential
-from jampetsc.contacts.state import find_contacts
-from jampetsc.contacts.threads import Team
+from jampetsc.core.disks import Disks
+from jampetsc.core.laws import Law
+from jampetsc.core.pairs import deformed
+from jampetsc.core.potentials import Potential
+from jampetsc.core.state import find_contacts
+from jampetsc.core.threads import Team
 from jampetsc.flows import shearing
 from jampetsc.flows import steps as compiled
 from jampetsc.flows.models import Model, Scheme

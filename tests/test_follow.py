@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from sheared import crowd
 
-from jampetsc.contacts.pairs import PairList
-from jampetsc.packing import follow as compiled
-from jampetsc.packing.hessian import Bonds
-from jampetsc.packing.ldl import factorise, minimum_degree, solve
-from jampetsc.packing.minimise import settle
+from jampetsc.core.pairs import PairList
+from jampetsc.minimise import warm_start as compiled
+from jampetsc.minimise.hessian import Bonds
+from jampetsc.minimise.ldl import factorise, minimum_degree, solve
+from jampetsc.minimise.minimise import settle
 
 
 @pytest.fixture(scope="module", params=["harmonic", "hertzian"])

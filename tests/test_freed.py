@@ -11,23 +11,23 @@ import pytest
 from samples import SAMPLES, physics, put, run_of
 from sweeps import Sweep
 
+from jampetsc.io.outlet import Outlet
 from jampetsc.jobs.oscillate import Oscillate
+from jampetsc.linear import direct_sweep, rational_sweep
+from jampetsc.linear import quasistatic as quasistatic_response
+from jampetsc.linear.direct import FrequencySolver
+from jampetsc.linear.modes import lowest_modes
+from jampetsc.linear.quasistatic import solve
+from jampetsc.linear.viscosity import Viscosity
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.examine import examine
 from jampetsc.mechanics.minimum import negative_modes
 from jampetsc.mechanics.network import build_network
 from jampetsc.oscillation import run as oscillation
 from jampetsc.oscillation.newton import Newton
-from jampetsc.response import direct_sweep, rational_sweep
-from jampetsc.response import quasistatic as quasistatic_response
-from jampetsc.response.direct import FrequencySolver
-from jampetsc.response.modes import lowest_modes
-from jampetsc.response.quasistatic import solve
-from jampetsc.response.viscosity import Viscosity
-from jampetsc.solvers.cholesky import NotPositiveDefinite
-from jampetsc.solvers.inertia import count_below
-from jampetsc.solvers.shifted import ShiftedFactor
-from jampetsc.storage.outlet import Outlet
+from jampetsc.petsc.cholesky import NotPositiveDefinite
+from jampetsc.petsc.inertia import count_below
+from jampetsc.petsc.shifted import ShiftedFactor
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]
 

@@ -6,13 +6,13 @@ from dense import Reference
 from gathered import dense
 from samples import LAWS, SAMPLES, isostatic, laws_of, network_of, physics, polydisperse, reference
 
-from jampetsc.contacts.laws import UNDAMPED
-from jampetsc.contacts.state import measure
+from jampetsc.core.laws import UNDAMPED
+from jampetsc.core.state import measure
+from jampetsc.linear.direct import FrequencySolver
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.mechanics.network import build_network
-from jampetsc.response.direct import FrequencySolver
-from jampetsc.session import current
+from jampetsc.petsc.session import current
 
 # K, B and the response themselves are compared with dense matrices on 3 ranks by test_assembly and test_direct
 pytestmark = pytest.mark.most_ranks(2)

@@ -9,13 +9,13 @@ import h5py
 import numpy as np
 import pytest
 
-from jampetsc import cli
-from jampetsc.contacts.potentials import Potential
-from jampetsc.contacts.state import measure
+from jampetsc.cli import main as cli
+from jampetsc.core.potentials import Potential
+from jampetsc.core.state import measure
 from jampetsc.errors import InputError
-from jampetsc.storage import importers
-from jampetsc.storage.importers import import_packing
-from jampetsc.storage.packing_file import read_packing
+from jampetsc.io import importers
+from jampetsc.io.importers import import_packing
+from jampetsc.io.packing_file import read_packing
 
 DATA = Path(__file__).parent / "data"
 JAMBASHBULK = DATA / "jambashbulk-N16-P1e-3-0001.txt"

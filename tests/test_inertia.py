@@ -17,7 +17,7 @@ from jampetsc.mechanics.minimum import (
     require_unique_response,
 )
 from jampetsc.mechanics.network import build_network
-from jampetsc.solvers.inertia import Inertia, count_below, count_eigenvalues
+from jampetsc.petsc.inertia import Inertia, count_below, count_eigenvalues
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from samples import JAMBASHBULK, JAXMD, gears, honeycomb, isostatic, polydisperse, published, put
 
-from jampetsc import cli
-from jampetsc.contacts.disks import Disks
-from jampetsc.storage.importers import import_packing
-from jampetsc.storage.packing_file import write_packing
-from jampetsc.storage.result_file import ResultWriter
-from jampetsc.words import describe
+from jampetsc.cli import main as cli
+from jampetsc.core.disks import Disks
+from jampetsc.io.importers import import_packing
+from jampetsc.io.packing_file import write_packing
+from jampetsc.io.result_file import ResultWriter
+from jampetsc.jobs import describe
 
 
 def info(capsys, *words):

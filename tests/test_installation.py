@@ -11,9 +11,10 @@ import pytest
 from samples import published
 
 import jampetsc
-from jampetsc import cli, shipped_files
+from jampetsc import shipped_files
+from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
-from jampetsc.storage.packing_file import write_packing
+from jampetsc.io.packing_file import write_packing
 
 SHIPPED = {"options": "options", "examples": "examples", "slurm": "run/slurm"}  # in a copy -> in the tree
 

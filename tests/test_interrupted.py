@@ -11,7 +11,7 @@ from samples import physics, polydisperse, published, run_of
 
 import jampetsc
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
-from jampetsc.storage.packing_file import write_packing
+from jampetsc.io.packing_file import write_packing
 
 
 @pytest.fixture(scope="module")

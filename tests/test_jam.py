@@ -9,13 +9,13 @@ import pytest
 
 import jampetsc
 from jampetsc.analysis.jamming import assortativity
-from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.potentials import Potential
-from jampetsc.contacts.state import find_contacts, net_forces
+from jampetsc.core.disks import Disks
+from jampetsc.core.potentials import Potential
+from jampetsc.core.state import find_contacts, net_forces
 from jampetsc.errors import ConvergenceError
 from jampetsc.flows import jamming, samples
-from jampetsc.flows.slowly import ENERGY_CUT
-from jampetsc.packing.sizes import radii_of
+from jampetsc.flows.quasistatic_shear import ENERGY_CUT
+from jampetsc.minimise.sizes import radii_of
 
 POTENTIAL = Potential("harmonic", "inverse-square-diameter")
 GIVEN = {"n": 32, "phi": [0.82, 0.86], "seeds": "3:8"}
@@ -78,7 +78,7 @@ def test_ranks_share_the_samples(tmp_path):
 
 def rows(protocol, phi, seed=1, n=24, potential=POTENTIAL):
     """Samples of one seed, made as the command makes them."""
-    from jampetsc.solvers import local
+    from jampetsc.petsc import local
 
     radii = radii_of("bidisperse", n)
     return jamming.samples(
@@ -112,7 +112,7 @@ def test_a_sample_is_brought_to_its_jamming_density(session):
     again = rows(protocol, 0.88)[0]
     assert again == dense and rows(protocol, 0.88, seed=2)[0] != dense
     # harmonic disks: p vanishes linearly at φ_J, from states of the same packing
-    from jampetsc.solvers import local
+    from jampetsc.petsc import local
 
     solver = local.NewtonSolver()
     radii = radii_of("bidisperse", 24)
@@ -130,7 +130,7 @@ def test_a_sample_is_brought_to_its_jamming_density(session):
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(1)
 def test_a_seed_decides_how_disks_move_while_they_are_hot(session):
-    from jampetsc.solvers import local
+    from jampetsc.petsc import local
 
     solver = local.NewtonSolver()
     protocol = jamming.Protocol("compress", temperature=0.1, cooling_rate=1.0, sweeps=5)
@@ -166,7 +166,7 @@ def test_sizes_that_are_separated_are_mixed_by_shear(session):
 @pytest.mark.parametrize("kind", ["harmonic", "hertzian"])
 def test_an_independent_program_finds_the_same_states(session, kind):
     """Quench, shear and search for φ_J, from the same minimum, by forces over all pairs and scipy."""
-    from jampetsc.solvers import local
+    from jampetsc.petsc import local
 
     solver, law = local.NewtonSolver(), Potential(kind, "inverse-square-diameter")
     radii = radii_of("bidisperse", 16)
@@ -369,7 +369,7 @@ def test_a_sample_whose_minimum_is_not_found_is_nan(monkeypatch):
 @pytest.mark.most_ranks(1)
 def test_a_temperature_is_in_units_of_k(session):
     """Stiff disks at the same T in k go the same way."""
-    from jampetsc.solvers import local
+    from jampetsc.petsc import local
 
     solver, found = local.NewtonSolver(), []
     protocol = jamming.Protocol("compress", temperature=0.1, cooling_rate=2.0, sweeps=2)

@@ -8,7 +8,6 @@ import pytest
 from drawn import bars, figure_of, lines
 from samples import isostatic
 
-from jampetsc import cli
 from jampetsc.analysis.averages import mean_of_runs
 from jampetsc.analysis.jamming import (
     CUTS,
@@ -20,13 +19,14 @@ from jampetsc.analysis.jamming import (
     memory,
 )
 from jampetsc.analysis.statistics import half_width
+from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
+from jampetsc.io.reader import load
+from jampetsc.io.result_file import ResultWriter
 from jampetsc.plots import jamming
 from jampetsc.plots.jamming import Samples, plot_fraction, plot_jamming_densities, plot_pressures, samples_of
 from jampetsc.plots.packing import last_minimum
 from jampetsc.plots.slowly import plot_slow_shear
-from jampetsc.storage.reader import load
-from jampetsc.storage.result_file import ResultWriter
 from jampetsc.studies.table import table_text
 
 UNITS = {"units": "k_e = k_d = 1, diameter of the small disks 1", "stiffness": "inverse-square-diameter"}

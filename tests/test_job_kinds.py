@@ -2,9 +2,9 @@
 
 import pytest
 
-from jampetsc.jobs.kinds import HELD, PACKING, RESULT, opened
-from jampetsc.storage.memory import MemoryWriter
-from jampetsc.storage.reader import Result
+from jampetsc.asking.kinds import HELD, PACKING, RESULT, opened
+from jampetsc.io.memory import MemoryWriter
+from jampetsc.io.reader import Result
 
 
 def test_a_result_in_memory_is_taken_as_it_is_and_one_in_a_file_by_its_name(tmp_path):

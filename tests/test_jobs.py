@@ -12,18 +12,19 @@ import pytest
 from samples import SAMPLES, physics, published, put
 
 import jampetsc
-from jampetsc import ContactDamping, StokesDrag, cli
+from jampetsc import ContactDamping, StokesDrag
+from jampetsc.asking.parameters import made, parameters, parts
+from jampetsc.cli import main as cli
+from jampetsc.cli.parser import in_words, job_of
 from jampetsc.errors import InputError
 from jampetsc.jobs import JOBS, job_class
-from jampetsc.jobs.asking import made, parameters, parts
 from jampetsc.jobs.correlate import Correlate
 from jampetsc.jobs.modes import Modes
 from jampetsc.jobs.oscillate import Oscillate
 from jampetsc.jobs.quasistatic import Quasistatic
 from jampetsc.jobs.spectrum import Spectrum
 from jampetsc.jobs.sweep import Sweep
-from jampetsc.response import rational
-from jampetsc.words.jobs import in_words, job_of
+from jampetsc.linear import rational
 
 FUNCTIONS = ("sweep", "quasistatic", "modes", "oscillate", "spectrum", "correlate")
 THIRD = 1 / 3

@@ -5,8 +5,8 @@ import pytest
 from samples import LAWS, physics, published, put, reference
 
 import jampetsc
-from jampetsc import cli
-from jampetsc.contacts.laws import FAMILIES, LARGEST, UNDAMPED, Law, damping_law
+from jampetsc.cli import main as cli
+from jampetsc.core.laws import FAMILIES, LARGEST, UNDAMPED, Law, damping_law
 from jampetsc.errors import InputError
 
 TRANSVERSE = physics(normal=0.0, rotations=False)

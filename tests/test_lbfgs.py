@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from sheared import crowd
 
-from jampetsc.contacts.pairs import PairList, deformed, is_stale, tuned_skin
-from jampetsc.contacts.potentials import Potential
-from jampetsc.contacts.state import find_contacts, net_forces
-from jampetsc.contacts.threads import Team
-from jampetsc.packing import descent as descent_module
-from jampetsc.packing import follow as compiled
-from jampetsc.packing import lbfgs
-from jampetsc.packing.descent import MEMORY, Descent, Goal
-from jampetsc.packing.ldl import minimum_degree, solve
-from jampetsc.packing.newton import Point
-from jampetsc.packing.protocols import random_start
-from jampetsc.packing.sizes import radii_of
+from jampetsc.core.pairs import PairList, deformed, is_stale, tuned_skin
+from jampetsc.core.potentials import Potential
+from jampetsc.core.state import find_contacts, net_forces
+from jampetsc.core.threads import Team
+from jampetsc.minimise import descent as descent_module
+from jampetsc.minimise import lbfgs
+from jampetsc.minimise import warm_start as compiled
+from jampetsc.minimise.descent import MEMORY, Descent, Goal
+from jampetsc.minimise.ldl import minimum_degree, solve
+from jampetsc.minimise.newton import Point
+from jampetsc.minimise.protocols import random_start
+from jampetsc.minimise.sizes import radii_of
 
 
 def two_loops(pairs, gradient, first):

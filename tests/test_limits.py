@@ -5,9 +5,9 @@ import functools
 import numpy as np
 import pytest
 
-from jampetsc import cli
+from jampetsc.asking.kinds import FREQUENCIES
+from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
-from jampetsc.jobs.kinds import FREQUENCIES
 
 
 @functools.cache

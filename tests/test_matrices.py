@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.linalg import spsolve
 
 import jampetsc
-from jampetsc import cli
+from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
 from jampetsc.mechanics.matrices import NAMES, SPARSE, Matrices
 

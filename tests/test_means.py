@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from sheared import crowd, shear
 
-from jampetsc.contacts.state import find_contacts, measure
+from jampetsc.core.state import find_contacts, measure
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.flows import record as records
 from jampetsc.flows import run as running
-from jampetsc.flows.lanes import LaneCorrelation, correlate_lanes
 from jampetsc.flows.means import ROWS, Means
 from jampetsc.flows.record import (
     ON_WALLS,
@@ -23,10 +22,11 @@ from jampetsc.flows.record import (
     write_checkpoint,
 )
 from jampetsc.flows.run import Plan, _duration, _row, check_balance
-from jampetsc.storage.checkpoint import folder_of
-from jampetsc.storage.outlet import Outlet
-from jampetsc.storage.reader import load
-from jampetsc.storage.result_file import ResultWriter
+from jampetsc.flows.velocity_correlation import LaneCorrelation, correlate_lanes
+from jampetsc.io.checkpoint import folder_of
+from jampetsc.io.outlet import Outlet
+from jampetsc.io.reader import load
+from jampetsc.io.result_file import ResultWriter
 
 RATE, AREA, SPACING = 0.1, 30.0, 0.02
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from samples import physics, published, put, run_of
 
-from jampetsc.response import rational_sweep
-from jampetsc.storage.memory import MemoryWriter
-from jampetsc.storage.reader import Result, SweepResult, load
-from jampetsc.storage.result_file import ResultWriter
+from jampetsc.io.memory import MemoryWriter
+from jampetsc.io.reader import Result, SweepResult, load
+from jampetsc.io.result_file import ResultWriter
+from jampetsc.linear import rational_sweep
 
 VALUES = {
     "text": "a·b", "undecodable": "x\udcff", "true": True, "whole": np.int64(3), "real": 0.1, "one": [2.5],

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from test_result_file import assert_holds, names, parts, written
 
-from jampetsc import cli
+from jampetsc.cli import main as cli
 from jampetsc.errors import InputError, JampetscError
-from jampetsc.storage import merge as merging
-from jampetsc.storage.merge import merge
+from jampetsc.io import merge as merging
+from jampetsc.io.merge import merge
 
 
 @pytest.fixture(scope="module")

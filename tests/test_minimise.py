@@ -7,24 +7,25 @@ import numpy as np
 import pytest
 from numba import typeof
 
-from jampetsc.contacts import domains, state
-from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.kernel import bond_forces
-from jampetsc.contacts.minimum import proved_minimum
-from jampetsc.contacts.pairs import PairList, deformed, is_stale
-from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
-from jampetsc.contacts.state import find_contacts, measure
-from jampetsc.contacts.threads import Team
+from jampetsc.core import domains, state
+from jampetsc.core.disks import Disks
+from jampetsc.core.kernel import bond_forces
+from jampetsc.core.minimum import proved_minimum
+from jampetsc.core.pairs import PairList, deformed, is_stale
+from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
+from jampetsc.core.state import find_contacts, measure
+from jampetsc.core.threads import Team
 from jampetsc.errors import ConvergenceError
-from jampetsc.packing import descent as descent_module
-from jampetsc.packing import fire, lbfgs, minimise, passes, protocols
-from jampetsc.packing import newton as newton_module
-from jampetsc.packing.descent import Descent, Goal
-from jampetsc.packing.fire import fall
-from jampetsc.packing.minimise import Effort, relax
-from jampetsc.packing.newton import Limits, Newton, Point, Residual
-from jampetsc.packing.sizes import radii_of
-from jampetsc.solvers.local import NewtonSolver
+from jampetsc.minimise import descent as descent_module
+from jampetsc.minimise import fire, lbfgs, minimise, protocols
+from jampetsc.minimise import lbfgs_kernels as passes
+from jampetsc.minimise import newton as newton_module
+from jampetsc.minimise.descent import Descent, Goal
+from jampetsc.minimise.fire import fall
+from jampetsc.minimise.minimise import Effort, relax
+from jampetsc.minimise.newton import Limits, Newton, Point, Residual
+from jampetsc.minimise.sizes import radii_of
+from jampetsc.petsc.local import NewtonSolver
 
 LAWS = [Potential(kind, stiffness, 1.7) for kind in EXPONENTS for stiffness in STIFFNESSES]
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from samples import lattice, polydisperse, published, put, run_of
 
-from jampetsc.contacts.disks import GRID, Disks
-from jampetsc.contacts.laws import Physics, damping_law
-from jampetsc.contacts.minimum import PROVED_BY, proved_minimum, with_proof
-from jampetsc.contacts.potentials import Potential
+from jampetsc.core.disks import GRID, Disks
+from jampetsc.core.laws import Physics, damping_law
+from jampetsc.core.minimum import PROVED_BY, proved_minimum, with_proof
+from jampetsc.core.potentials import Potential
 from jampetsc.errors import InputError
-from jampetsc.storage.packing_file import read_packing, write_packing
-from jampetsc.words import describe
+from jampetsc.io.packing_file import read_packing, write_packing
+from jampetsc.jobs import describe
 
 
 @pytest.fixture
@@ -93,7 +93,7 @@ def test_info_tells_of_a_proof(path):
 
 @pytest.mark.scalar("real")
 def test_a_sweep_counts_anew_what_was_forged_or_edited(session, shared_path):
-    from jampetsc.response.stability import settle
+    from jampetsc.linear.stability import settle
 
     def settled(disks, edit=None):
         path = shared_path / "p.h5"
@@ -126,8 +126,8 @@ def test_a_sweep_counts_anew_what_was_forged_or_edited(session, shared_path):
 
 @pytest.mark.scalar("real")
 def test_modes_count_anew_what_was_forged(session, shared_path):
-    from jampetsc.response import modes_file
-    from jampetsc.storage.outlet import Outlet
+    from jampetsc.io.outlet import Outlet
+    from jampetsc.linear import modes_file
 
     path, other = (shared_path / name for name in ("p.h5", "q.h5"))
     proof = with_proof(published()).record

@@ -11,17 +11,17 @@ from gathered import unknowns
 from samples import DATA, SAMPLES, gears, physics, published, put, reference, strips
 
 import jampetsc
-from jampetsc import cli
-from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.potentials import Potential
+from jampetsc.cli import main as cli
+from jampetsc.core.disks import Disks
+from jampetsc.core.potentials import Potential
 from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.linear import modes as modes_module
+from jampetsc.linear.carried import LOWEST
+from jampetsc.linear.elastic import ElasticResponse
+from jampetsc.linear.modes import _require_different, lowest_modes
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.network import build_network
-from jampetsc.response import modes as modes_module
-from jampetsc.response.carried import LOWEST
-from jampetsc.response.elastic import ElasticResponse
-from jampetsc.response.modes import _require_different, lowest_modes
-from jampetsc.solvers import eigen
+from jampetsc.petsc import eigen
 
 pytestmark = pytest.mark.scalar("real")
 
@@ -159,7 +159,7 @@ def test_a_mode_that_was_missed_is_found(session, monkeypatch):
             pairs, values=pairs.values[kept], vectors=pairs.vectors[kept], residuals=pairs.residuals[kept]
         )
 
-    monkeypatch.setattr("jampetsc.response.modes.lowest", forgetful)
+    monkeypatch.setattr("jampetsc.linear.modes.lowest", forgetful)
     wanted, vectors, exact = spectrum("polydisperse")
     modes = lowest_modes(build_network(SAMPLES["polydisperse"](), session.comm), 9)
     assert len(calls) > 1 and calls[-1] is not None

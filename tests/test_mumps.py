@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.sparse import bmat, diags, eye, random
 
-from jampetsc.solvers import mumps
-from jampetsc.solvers.matrices import distributed_matrix
+from jampetsc.petsc import mumps
+from jampetsc.petsc.matrices import distributed_matrix
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]
 

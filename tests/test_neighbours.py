@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jampetsc.contacts.neighbours import neighbour_pairs, spatial_order
+from jampetsc.core.neighbours import neighbour_pairs, spatial_order
 
 CELLS = {
     "square": [(9.0, 0.0), (0.0, 9.0)],

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from samples import SAMPLES, honeycomb, physics, published, reference, strips
 
-from jampetsc.contacts.disks import Disks
+from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.network import _require_rigid, build_network, find_pieces

@@ -5,11 +5,11 @@ import warnings
 import numpy as np
 import pytest
 
-from jampetsc import cli
-from jampetsc.contacts.disks import Disks
+from jampetsc.cli import main as cli
+from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError
-from jampetsc.storage.packing_file import read_identified, write_packing
-from jampetsc.storage.result_file import ResultWriter
+from jampetsc.io.packing_file import read_identified, write_packing
+from jampetsc.io.result_file import ResultWriter
 
 OMEGA = np.geomspace(1e-6, 1e2, 9)
 LINEAR = OMEGA * (1 + 1j)

@@ -9,8 +9,8 @@ from launch import ROOT, run
 from samples import physics, polydisperse
 
 import jampetsc
+from jampetsc.io.packing_file import write_packing
 from jampetsc.jobs.sweep import Sweep
-from jampetsc.storage.packing_file import write_packing
 
 OMEGA = "1e-10:1e4:15"
 PROGRAM = "../jampetsc/__main__.py"

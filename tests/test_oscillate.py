@@ -9,9 +9,11 @@ from powerlaw import Motion, slow_moduli
 from samples import network_of, physics, published
 from sweeps import Sweep
 
-from jampetsc import cli
-from jampetsc.contacts.laws import Physics
+from jampetsc.cli import main as cli
+from jampetsc.core.laws import Physics
 from jampetsc.errors import ConvergenceError
+from jampetsc.io.packing_file import write_packing
+from jampetsc.io.reader import load
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.oscillation import steady
@@ -21,10 +23,8 @@ from jampetsc.oscillation.newton import Newton
 from jampetsc.oscillation.powerlaw import STIFFEST
 from jampetsc.oscillation.preconditioner import HarmonicPreconditioner
 from jampetsc.oscillation.steady import Point, SteadyOscillation
-from jampetsc.session import current
-from jampetsc.solvers.cholesky import NotPositiveDefinite
-from jampetsc.storage.packing_file import write_packing
-from jampetsc.storage.reader import load
+from jampetsc.petsc.cholesky import NotPositiveDefinite
+from jampetsc.petsc.session import current
 
 pytestmark = pytest.mark.scalar("real")
 OMEGA, STRESS = 2e-6, 1e-4  # for α = ½, the middle of the crossover of the published packing

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from samples import lattice, published
 
-from jampetsc import cli
+from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
-from jampetsc.storage.packing_file import write_packing
-from jampetsc.storage.reader import load
+from jampetsc.io.packing_file import write_packing
+from jampetsc.io.reader import load
 
 
 @pytest.fixture(scope="module")

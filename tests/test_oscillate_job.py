@@ -6,15 +6,15 @@ from samples import SAMPLES, lattice, network_of, physics, published, put
 from sweeps import Sweep
 
 from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.io.outlet import Outlet
+from jampetsc.io.reader import load
 from jampetsc.jobs.oscillate import Oscillate
 from jampetsc.oscillation import run
 from jampetsc.oscillation.answer import Answer
 from jampetsc.oscillation.halfcycles import Stepped, SteppedOscillation
 from jampetsc.oscillation.repeated import Repeated
 from jampetsc.oscillation.steady import Point, Steady, SteadyOscillation
-from jampetsc.session import current
-from jampetsc.storage.outlet import Outlet
-from jampetsc.storage.reader import load
+from jampetsc.petsc.session import current
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]
 OMEGA = {1.0: (0.1, 1.0), 0.4: (1e-8, 1e-7)}

@@ -8,13 +8,14 @@ from powerlaw import Opening, slow_moduli
 from samples import isostatic, network_of, physics, published
 from sweeps import Sweep
 
-from jampetsc.contacts.pairs import PairList
-from jampetsc.contacts.state import find_contacts, measure
+from jampetsc.core.pairs import PairList
+from jampetsc.core.state import find_contacts, measure
 from jampetsc.errors import ConvergenceError
 from jampetsc.flows import steps as flow
-from jampetsc.flows.slowly import SlowShear, look_at
+from jampetsc.flows.quasistatic_shear import SlowShear, look_at
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
+from jampetsc.minimise.hessian import Bonds
 from jampetsc.oscillation import dashpots, repeated, stage, steps
 from jampetsc.oscillation.harmonics import harmonics_of
 from jampetsc.oscillation.moving import MovingContacts
@@ -22,9 +23,8 @@ from jampetsc.oscillation.powerlaw import PowerLaw
 from jampetsc.oscillation.repeated import START_STEPS, Start, left_to_change, shake
 from jampetsc.oscillation.stage import STAGE, Imposed
 from jampetsc.oscillation.steady import Point, SteadyOscillation
-from jampetsc.packing.hessian import Bonds
-from jampetsc.session import current
-from jampetsc.solvers.local import NewtonSolver
+from jampetsc.petsc.local import NewtonSolver
+from jampetsc.petsc.session import current
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]  # a packing is one rank's own
 

@@ -12,6 +12,7 @@ from samples import SAMPLES, network_of, physics, published
 from sweeps import Sweep
 
 from jampetsc.errors import ConvergenceError
+from jampetsc.linear.elastic import ElasticResponse
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.oscillation import halfcycles, stage
@@ -20,8 +21,7 @@ from jampetsc.oscillation.fixed import FixedSprings, State
 from jampetsc.oscillation.halfcycles import SteppedOscillation
 from jampetsc.oscillation.repeated import Start, shake
 from jampetsc.oscillation.steady import Point, SteadyOscillation
-from jampetsc.response.elastic import ElasticResponse
-from jampetsc.session import current
+from jampetsc.petsc.session import current
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]  # a point is one rank's own
 RHO0 = 2.0 * float(published().radii.mean())

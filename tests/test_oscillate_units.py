@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from samples import network_of, physics, published
 
-from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.potentials import Potential
+from jampetsc.core.disks import Disks
+from jampetsc.core.potentials import Potential
 from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.oscillation.halfcycles import SteppedOscillation
 from jampetsc.oscillation.repeated import Start, shake
 from jampetsc.oscillation.steady import Point, SteadyOscillation
-from jampetsc.session import current
+from jampetsc.petsc.session import current
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]
 # units of stiffness, length and time, which change no digit, so that contacts open alike; a second amplitude

@@ -11,12 +11,12 @@ import pytest
 from samples import JAMBASHBULK, published, put
 
 import jampetsc
-from jampetsc import cli
+from jampetsc.cli import main as cli
 from jampetsc.errors import InputError, JampetscError
-from jampetsc.storage.merge import merge
-from jampetsc.storage.outputs import PICTURE, TABLE, check_output
-from jampetsc.storage.packing_file import write_packing
-from jampetsc.storage.result_file import ResultWriter
+from jampetsc.io.merge import merge
+from jampetsc.io.outputs import PICTURE, TABLE, check_output
+from jampetsc.io.packing_file import write_packing
+from jampetsc.io.result_file import ResultWriter
 
 COMMANDS = {  # words without --out -> the ending of what it writes
     "pack --from p.h5 --pressure 1e-4": ".h5",

@@ -12,14 +12,14 @@ import pytest
 from samples import published
 
 import jampetsc
-from jampetsc import cli
-from jampetsc.contacts.potentials import Potential
-from jampetsc.contacts.state import measure
+from jampetsc.cli import main as cli
+from jampetsc.core.potentials import Potential
+from jampetsc.core.state import measure
 from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.io.packing_file import read_packing, write_packing
 from jampetsc.jobs import pack as job
-from jampetsc.packing.protocols import Target, changed
-from jampetsc.packing.sizes import Radii
-from jampetsc.storage.packing_file import read_packing, write_packing
+from jampetsc.minimise.protocols import Target, changed
+from jampetsc.minimise.sizes import Radii
 
 
 def pack(folder, *words, ranks=0):
@@ -289,7 +289,7 @@ def test_bad_input_gets_one_line(change, said, tmp_path, monkeypatch):
     ],
 )  # fmt: skip
 def test_radii_of_a_file_and_of_an_array(values, said, tmp_path, monkeypatch):
-    monkeypatch.setattr("jampetsc.packing.sizes.MOST", 20)
+    monkeypatch.setattr("jampetsc.minimise.sizes.MOST", 20)
     path = tmp_path / "r.txt"
     path.write_text("\n".join(map(str, values + ([1.0] * 40 if len(values) > 20 else []))))  # read no farther
     if said is None:

@@ -10,17 +10,17 @@ import launch
 import numpy as np
 import pytest
 
-from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.potentials import Potential
+from jampetsc.core.disks import Disks
+from jampetsc.core.potentials import Potential
 from jampetsc.errors import InputError
-from jampetsc.storage.atomic import check_writable
-from jampetsc.storage.packing_file import (
+from jampetsc.io.atomic import check_writable
+from jampetsc.io.packing_file import (
     is_known_as,
     read_identified,
     read_packing,
     write_packing,
 )
-from jampetsc.storage.reader import load
+from jampetsc.io.reader import load
 
 RECORD = {
     "pressure": 1e-7,

@@ -5,10 +5,10 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from jampetsc.contacts.disks import GRID, Disks
-from jampetsc.contacts.domains import choose_near, into_domains
-from jampetsc.contacts.neighbours import neighbour_pairs
-from jampetsc.contacts.pairs import (
+from jampetsc.core.disks import GRID, Disks
+from jampetsc.core.domains import choose_near, into_domains
+from jampetsc.core.neighbours import neighbour_pairs
+from jampetsc.core.pairs import (
     REBUILD,
     SKIN_RANGE,
     WIDTH,
@@ -18,8 +18,8 @@ from jampetsc.contacts.pairs import (
     is_stale,
     tuned_skin,
 )  # fmt: skip
-from jampetsc.contacts.state import bond_vectors, find_contacts, measure
-from jampetsc.packing.sizes import radii_of
+from jampetsc.core.state import bond_vectors, find_contacts, measure
+from jampetsc.minimise.sizes import radii_of
 
 
 def crowd(seed, n=60, phi=0.9, tilt=0.3):

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from jampetsc.errors import InputError
-from jampetsc.storage import parts as parts_module
-from jampetsc.storage.hdf5 import OutputFile, open_file, store, values
-from jampetsc.storage.parts import PartList, part_name, parts_of
-from jampetsc.storage.reader import StoredArray
+from jampetsc.io import parts as parts_module
+from jampetsc.io.hdf5 import OutputFile, open_file, store, values
+from jampetsc.io.parts import PartList, part_name, parts_of
+from jampetsc.io.reader import StoredArray
 
 RUN = "0123456789ab"
 COUNTS = (3, 0, 4, 1)  # rows of each rank

@@ -11,6 +11,7 @@ from test_picture_limits import curve, run
 from test_spectrum import write_sweep
 
 from jampetsc.analysis.relaxation import RelaxationSpectrum
+from jampetsc.io.reader import load
 from jampetsc.plots import (
     correlation,
     floppy,
@@ -25,7 +26,6 @@ from jampetsc.plots import (
 from jampetsc.plots.numbers import plain, table
 from jampetsc.plots.spectrum import plot_relaxation, spectrum_curve
 from jampetsc.plots.style import COLUMN, LOSS, PAGE, STORAGE
-from jampetsc.storage.reader import load
 
 RATE = r"$\dot\gamma\ [1/\tau_1]$"
 FREQUENCY = r"$\omega_m\ [\sqrt{k/m}]$"

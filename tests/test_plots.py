@@ -11,20 +11,20 @@ import samples
 from drawn import bands, figure_of, lines
 from matplotlib.image import imread
 
-from jampetsc import cli
-from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.potentials import Potential
-from jampetsc.contacts.state import measure
+from jampetsc.cli import main as cli
+from jampetsc.core.disks import Disks
+from jampetsc.core.potentials import Potential
+from jampetsc.core.state import measure
 from jampetsc.errors import InputError
+from jampetsc.io.packing_file import read_identified, write_packing
+from jampetsc.io.reader import load
+from jampetsc.io.result_file import ResultWriter
 from jampetsc.plots import periodic
 from jampetsc.plots.curves import Curve, group_curves
 from jampetsc.plots.draw import choose
 from jampetsc.plots.fields import ARROWS, _spread
 from jampetsc.plots.moduli import plot_collapse, plot_moduli
 from jampetsc.plots.packing import plot_packing
-from jampetsc.storage.packing_file import read_identified, write_packing
-from jampetsc.storage.reader import load
-from jampetsc.storage.result_file import ResultWriter
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 
@@ -388,7 +388,7 @@ def test_where_nothing_can_be_written(out, message, sweeps, tmp_path, monkeypatc
 def test_plotting_loads_no_mpi_no_petsc_and_needs_no_display(sweeps, with_fields, tmp_path):
     script = (
         "import sys; from jampetsc import cli\n"
-        "import jampetsc.storage.reader, jampetsc.plots.flowcurves\n"
+        "import jampetsc.io.reader, jampetsc.plots.flowcurves\n"
         "assert 'numba' not in sys.modules, 'a third of a second for a compiler that reading does not need'\n"
         "status = [cli.main(words.split('|')) for words in sys.argv[1:]]\n"
         "unwanted = ('petsc4py', 'slepc4py', 'mpi4py', 'matplotlib.pyplot', 'tkinter')\n"

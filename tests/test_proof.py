@@ -9,15 +9,15 @@ from launch import run
 from samples import SAMPLES, lattice, polydisperse
 
 import jampetsc
-from jampetsc.contacts.minimum import with_proof
+from jampetsc.core.minimum import with_proof
 from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.io.packing_file import write_packing
+from jampetsc.linear.elastic import ElasticResponse
 from jampetsc.mechanics.network import build_network
-from jampetsc.response.elastic import ElasticResponse
-from jampetsc.solvers import mumps
-from jampetsc.solvers.cholesky import Cholesky, NotPositiveDefinite
-from jampetsc.solvers.local import NewtonSolver
-from jampetsc.solvers.shifted import ShiftedFactor
-from jampetsc.storage.packing_file import write_packing
+from jampetsc.petsc import mumps
+from jampetsc.petsc.cholesky import Cholesky, NotPositiveDefinite
+from jampetsc.petsc.local import NewtonSolver
+from jampetsc.petsc.shifted import ShiftedFactor
 
 pytestmark = pytest.mark.most_ranks(2)
 PROGRAM = "../jampetsc/__main__.py"
@@ -173,7 +173,7 @@ def test_a_solve_leaves_rounding_and_knows_how_much(session, given):
 
 @pytest.mark.scalar("real")
 def test_an_energy_is_off_in_second_order_of_what_a_solve_leaves(session, given, monkeypatch):
-    monkeypatch.setattr("jampetsc.solvers.cholesky.SOLVED", 1e-2)
+    monkeypatch.setattr("jampetsc.petsc.cholesky.SOLVED", 1e-2)
     dense, values = definite(30), np.linspace(1.0, 2.0, 30)
     prefix = given(["ksp_type gmres", "pc_type jacobi", "ksp_rtol 1e-2"])
     cholesky = Cholesky(matrix(session, dense), prefix, "A")

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from jampetsc.contacts.potentials import Potential
-from jampetsc.contacts.state import measure
+from jampetsc.core.potentials import Potential
+from jampetsc.core.state import measure
 from jampetsc.errors import InputError
-from jampetsc.packing import protocols
-from jampetsc.packing.protocols import Target
-from jampetsc.packing.sizes import radii_of
-from jampetsc.solvers.local import NewtonSolver
+from jampetsc.minimise import protocols
+from jampetsc.minimise.protocols import Target
+from jampetsc.minimise.sizes import radii_of
+from jampetsc.petsc.local import NewtonSolver
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]  # a packing is one rank's own
 

@@ -19,17 +19,17 @@ from samples import (
 )
 
 import jampetsc
-from jampetsc import cli
 from jampetsc.analysis.distribution import Distribution
-from jampetsc.contacts.disks import Disks
+from jampetsc.cli import main as cli
+from jampetsc.core.disks import Disks
 from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.linear import elastic as elastic_module
+from jampetsc.linear import refined_solve as balance
+from jampetsc.linear.elastic import ElasticResponse
+from jampetsc.linear.quasistatic import solve
+from jampetsc.linear.viscosity import Viscosity
 from jampetsc.mechanics.network import build_network
-from jampetsc.response import balance
-from jampetsc.response import elastic as elastic_module
-from jampetsc.response.elastic import ElasticResponse
-from jampetsc.response.quasistatic import solve
-from jampetsc.response.viscosity import Viscosity
-from jampetsc.solvers.cholesky import NotPositiveDefinite
+from jampetsc.petsc.cholesky import NotPositiveDefinite
 
 pytestmark = pytest.mark.scalar("real")
 

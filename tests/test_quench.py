@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 from dense import NewtonSteps
 
-from jampetsc.contacts.disks import GRID, Disks
-from jampetsc.contacts.kernel import bond_forces
-from jampetsc.contacts.pairs import PairList, deformed
-from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
-from jampetsc.contacts.state import find_contacts, measure, net_forces, stress_tensor
-from jampetsc.contacts.threads import Team
+from jampetsc.core.disks import GRID, Disks
+from jampetsc.core.kernel import bond_forces
+from jampetsc.core.pairs import PairList, deformed
+from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
+from jampetsc.core.state import find_contacts, measure, net_forces, stress_tensor
+from jampetsc.core.threads import Team
 from jampetsc.errors import ConvergenceError
-from jampetsc.packing import newton, protocols
-from jampetsc.packing.descent import Descent, Goal
-from jampetsc.packing.hessian import Bonds, Pattern, border
-from jampetsc.packing.minimise import Effort, _Way, minimise, relax, settle, stress_unit
-from jampetsc.packing.sizes import radii_of
-from jampetsc.solvers.local import NewtonSolver
+from jampetsc.minimise import newton, protocols
+from jampetsc.minimise.descent import Descent, Goal
+from jampetsc.minimise.hessian import Bonds, Pattern, border
+from jampetsc.minimise.minimise import Effort, _Way, minimise, relax, settle, stress_unit
+from jampetsc.minimise.sizes import radii_of
+from jampetsc.petsc.local import NewtonSolver
 
 LAWS = [Potential(kind, stiffness, 1.7) for kind in EXPONENTS for stiffness in STIFFNESSES]
 

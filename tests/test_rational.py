@@ -24,12 +24,12 @@ from samples import (
 from sweeps import Sweep, errors, judge
 
 import jampetsc
-from jampetsc import cli
-from jampetsc.contacts.disks import Disks
+from jampetsc.cli import main as cli
+from jampetsc.core.disks import Disks
 from jampetsc.errors import ConvergenceError, InputError
-from jampetsc.response import direct_sweep, rational, rational_sweep
-from jampetsc.storage.checkpoint import Checkpoint
-from jampetsc.storage.packing_file import write_packing
+from jampetsc.io.checkpoint import Checkpoint
+from jampetsc.io.packing_file import write_packing
+from jampetsc.linear import direct_sweep, rational, rational_sweep
 
 pytestmark = pytest.mark.scalar("real")
 
@@ -78,7 +78,7 @@ def test_frequencies_are_those_of_rank_0(session):
 def test_the_bound_is_not_far_from_the_error(session, monkeypatch):
     """Where rounding is far away: never below the error, half of the time within a factor of ten."""
     monkeypatch.setattr(
-        "jampetsc.response.rational.VECTORS", 4
+        "jampetsc.linear.rational.VECTORS", 4
     )  # of small packings eight leave no error at all
     ratios = []
     for sample in ("polydisperse", "isostatic"):
@@ -115,10 +115,10 @@ def test_residual_is_one_vector_times_one_function(session, law, parallel):
 
 def test_a_factor_serves_again_nearby(session, monkeypatch):
     """Once more, which saves factorisations, and not for ever, since more and more vectors of one shift are alike."""
-    monkeypatch.setattr("jampetsc.response.rational.VECTORS", 2)
+    monkeypatch.setattr("jampetsc.linear.rational.VECTORS", 2)
     law, omega, made = physics("stokes"), np.geomspace(1e-10, 1e4, 29), []
     for nearby in (1.0, 20.0, 1e9):
-        monkeypatch.setattr("jampetsc.response.rational.NEARBY", nearby)
+        monkeypatch.setattr("jampetsc.linear.rational.NEARBY", nearby)
         with Sweep(SAMPLES["isostatic"](), law, omega, 1e-8, session.comm, "matrix") as found:
             made.append(found.sweep.factorisations)
             s = max(found.sweep.factors.shifts)
@@ -130,7 +130,7 @@ def test_a_factor_serves_again_nearby(session, monkeypatch):
 
 def test_accuracy_costs(session, monkeypatch):
     """Fewer vectors for less accuracy, and fewer factorisations for a narrow range."""
-    monkeypatch.setattr("jampetsc.response.rational.VECTORS", 4)  # a small packing has not many to give
+    monkeypatch.setattr("jampetsc.linear.rational.VECTORS", 4)  # a small packing has not many to give
     law = physics()
     sizes = []
     for accuracy in (1e-2, 1e-6, 1e-10):

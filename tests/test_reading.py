@@ -14,10 +14,10 @@ import pytest
 from samples import published
 
 import jampetsc
-from jampetsc import cli
+from jampetsc.cli import main as cli
 from jampetsc.errors import InputError, JampetscError
-from jampetsc.storage import fields, regular
-from jampetsc.storage.hdf5 import (
+from jampetsc.io import fields, regular
+from jampetsc.io.hdf5 import (
     attributes,
     check_format,
     open_file,
@@ -27,12 +27,12 @@ from jampetsc.storage.hdf5 import (
     undisturbed,
     values,
 )
-from jampetsc.storage.outputs import PICTURE, TABLE, check_output
-from jampetsc.storage.packing_file import read_packing, write_packing
-from jampetsc.storage.provenance import LONGEST, command_line, derived_from, git_commit, recorded_as
-from jampetsc.storage.reader import StoredArray
-from jampetsc.storage.regular import kind, open_regular
-from jampetsc.storage.result_file import ResultWriter
+from jampetsc.io.outputs import PICTURE, TABLE, check_output
+from jampetsc.io.packing_file import read_packing, write_packing
+from jampetsc.io.provenance import LONGEST, command_line, derived_from, git_commit, recorded_as
+from jampetsc.io.reader import StoredArray
+from jampetsc.io.regular import kind, open_regular
+from jampetsc.io.result_file import ResultWriter
 
 
 def handles():
@@ -121,7 +121,7 @@ def test_without_permission(tmp_path, monkeypatch):
     with pytest.raises(
         InputError, match=r"is there already and is a file that cannot be read \(Permission denied\)"
     ):
-        monkeypatch.setattr("jampetsc.storage.outputs.check_writable", lambda out: None)
+        monkeypatch.setattr("jampetsc.io.outputs.check_writable", lambda out: None)
         check_output(path, "jampetsc-sweep")
 
 
@@ -253,7 +253,7 @@ def test_load_reads_again_too(tmp_path, monkeypatch):
     content, tries = path.read_bytes(), []
     path.write_bytes(b"half")
 
-    from_file = jampetsc.storage.reader.open_file
+    from_file = jampetsc.io.reader.open_file
 
     def replaced(name):
         tries.append(name)
@@ -264,7 +264,7 @@ def test_load_reads_again_too(tmp_path, monkeypatch):
                 path.unlink()
                 path.write_bytes(content)
 
-    monkeypatch.setattr(jampetsc.storage.reader, "open_file", replaced)
+    monkeypatch.setattr(jampetsc.io.reader, "open_file", replaced)
     assert jampetsc.load(path).n == published().n and len(tries) == 2
 
 
@@ -273,7 +273,7 @@ def test_a_part_that_goes_while_it_is_read_is_noticed(tmp_path, monkeypatch):
     with open_file(path) as h5:
         array = StoredArray(path, "x", h5)
     monkeypatch.setattr(
-        jampetsc.storage.reader.PartList,
+        jampetsc.io.reader.PartList,
         "check_present",
         lambda self: (_ for _ in ()).throw(InputError("is missing")),
     )

@@ -12,18 +12,18 @@ from sweeps import Sweep, errors
 
 import jampetsc
 from jampetsc.errors import ConvergenceError
+from jampetsc.io.packing_file import write_packing
+from jampetsc.linear import factors
+from jampetsc.linear.basis import RationalBasis, field_at
+from jampetsc.linear.certificate import field_bound
+from jampetsc.linear.factors import SideBySide, closest
+from jampetsc.linear.galerkin import Galerkin, _graded_eigen
+from jampetsc.linear.rational import largest_rate
+from jampetsc.linear.residual import ResidualBound, energy_between, positive, transfer
 from jampetsc.mechanics.assembly import assemble
-from jampetsc.response import factors
-from jampetsc.response.basis import RationalBasis, field_at
-from jampetsc.response.certificate import field_bound
-from jampetsc.response.factors import SideBySide, closest
-from jampetsc.response.galerkin import Galerkin, _graded_eigen
-from jampetsc.response.rational import largest_rate
-from jampetsc.response.residual import ResidualBound, energy_between, positive, transfer
-from jampetsc.solvers import stopped
-from jampetsc.solvers.cholesky import NotPositiveDefinite, least_eigenvalue
-from jampetsc.solvers.shifted import ShiftedFactor, shifted
-from jampetsc.storage.packing_file import write_packing
+from jampetsc.petsc import stopped
+from jampetsc.petsc.cholesky import NotPositiveDefinite, least_eigenvalue
+from jampetsc.petsc.shifted import ShiftedFactor, shifted
 
 # what is bounded here is compared with dense matrices on 3 ranks by test_rational
 pytestmark = pytest.mark.most_ranks(2)
@@ -144,7 +144,7 @@ class Inexact(RationalBasis):
 @pytest.mark.parametrize("noise", [1e-10, 1e-5, 1e-2])
 def test_the_bound_holds_for_a_space_made_by_poor_solves(session, law, noise, monkeypatch):
     """Refused, or within its bound: φ and q, which assume exact solves, only steer."""
-    monkeypatch.setattr("jampetsc.response.factors.RationalBasis", Inexact)
+    monkeypatch.setattr("jampetsc.linear.factors.RationalBasis", Inexact)
     monkeypatch.setattr(Inexact, "noise", noise)
     wanted = exact("published", law)
     sweep = Sweep(SAMPLES["published"](), law, OMEGA, 1e-6, session.comm)
@@ -162,7 +162,7 @@ def test_the_bound_holds_for_a_space_made_by_poor_solves(session, law, noise, mo
 
 @pytest.mark.scalar("real")
 def test_poor_solves_are_refused_not_certified(session, monkeypatch):
-    monkeypatch.setattr("jampetsc.response.factors.RationalBasis", Inexact)
+    monkeypatch.setattr("jampetsc.linear.factors.RationalBasis", Inexact)
     with (
         pytest.raises(ConvergenceError),
         Sweep(SAMPLES["polydisperse"](), physics(), OMEGA, 1e-10, session.comm),
@@ -392,8 +392,8 @@ def test_energies_are_carried_from_shift_to_frequency():
 
 @pytest.mark.scalar("real")
 def test_a_space_that_is_large_enough_is_not_grown_for_ever(session, monkeypatch):
-    monkeypatch.setattr("jampetsc.response.rational.MOST_VECTORS", 4)
-    monkeypatch.setattr("jampetsc.response.rational.VECTORS", 2)
+    monkeypatch.setattr("jampetsc.linear.rational.MOST_VECTORS", 4)
+    monkeypatch.setattr("jampetsc.linear.rational.VECTORS", 2)
     with (
         pytest.raises(
             ConvergenceError, match=r"the bound on the error of G\* stays at .* times what --accuracy 1e-08"

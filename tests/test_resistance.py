@@ -8,9 +8,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from sheared import crowd
 
-from jampetsc.contacts.domains import into_domains
-from jampetsc.contacts.pairs import PairList, deformed
-from jampetsc.contacts.state import find_contacts
+from jampetsc.core.domains import into_domains
+from jampetsc.core.pairs import PairList, deformed
+from jampetsc.core.state import find_contacts
 from jampetsc.flows import resistance
 
 

@@ -16,10 +16,10 @@ import pytest
 from write_results import LAW, N, arrays
 
 from jampetsc.errors import InputError, JampetscError
-from jampetsc.storage.checksums import seal
-from jampetsc.storage.provenance import derived_from, git_commit, law_of, provenance, recorded_as
-from jampetsc.storage.reader import load
-from jampetsc.storage.result_file import ResultWriter
+from jampetsc.io.checksums import seal
+from jampetsc.io.provenance import derived_from, git_commit, law_of, provenance, recorded_as
+from jampetsc.io.reader import load
+from jampetsc.io.result_file import ResultWriter
 
 
 def written(path, ranks, how="whole", seed=1):

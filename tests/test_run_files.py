@@ -8,13 +8,13 @@ from samples import gears, isostatic, network_of, physics, published, put, run_o
 
 import jampetsc
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
-from jampetsc.contacts.potentials import Potential
+from jampetsc.core.potentials import Potential
 from jampetsc.errors import InputError
-from jampetsc.response import direct_sweep, modes_file, quasistatic, rational_sweep
-from jampetsc.response.certificate import Functional
-from jampetsc.response.record import run_record
-from jampetsc.storage.outlet import Outlet
-from jampetsc.storage.reader import load
+from jampetsc.io.outlet import Outlet
+from jampetsc.io.reader import load
+from jampetsc.linear import direct_sweep, modes_file, quasistatic, rational_sweep
+from jampetsc.linear.certificate import Functional
+from jampetsc.linear.record import run_record
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]
 

@@ -8,10 +8,10 @@ import samples
 from dense import Reference
 
 import jampetsc
-from jampetsc.contacts.disks import Disks
+from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError
-from jampetsc.storage.packing_file import write_packing
-from jampetsc.words import describe
+from jampetsc.io.packing_file import write_packing
+from jampetsc.jobs import describe
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]
 TOLD = {  # length, k, τ₁ and how often a1 is added to a2

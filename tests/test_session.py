@@ -17,11 +17,12 @@ import launch
 import pytest
 import samples
 
-import jampetsc.session
-from jampetsc import builds, cli
+import jampetsc.petsc.session
+from jampetsc.cli import main as cli
 from jampetsc.collective import own_cores
 from jampetsc.errors import InputError
-from jampetsc.storage.packing_file import write_packing
+from jampetsc.io.packing_file import write_packing
+from jampetsc.petsc import builds
 
 BLOCK = """
 import sys
@@ -57,7 +58,7 @@ def test_every_module_imports_without_mpi_and_petsc():
         for path in Path(jampetsc.__file__).parent.rglob("*.py")
         if path.stem not in ("__main__", "__init__")
     )
-    assert "jampetsc.session" in modules and "jampetsc.storage.reader" in modules
+    assert "jampetsc.petsc.session" in modules and "jampetsc.io.reader" in modules
     code = (
         BLOCK + "".join(f"import {module}\n" for module in modules) + "print(jampetsc.load, jampetsc.Disks)"
     )
@@ -66,7 +67,7 @@ def test_every_module_imports_without_mpi_and_petsc():
 
 
 def test_importing_the_package_loads_no_numpy():
-    done = python("import jampetsc, jampetsc.cli, sys; assert 'numpy' not in sys.modules")
+    done = python("import jampetsc, jampetsc.cli.main, sys; assert 'numpy' not in sys.modules")
     assert done.returncode == 0, done.stderr
 
 
@@ -77,7 +78,7 @@ def test_no_such_attribute():
 
 def test_no_session_before_start():
     done = python("from jampetsc import session; session.current()")
-    assert "RuntimeError: no session: call jampetsc.session.start() first" in done.stderr
+    assert "RuntimeError: no session: call jampetsc.petsc.session.start() first" in done.stderr
 
 
 # Which build
@@ -301,12 +302,12 @@ def test_session_describes_itself(session):
 
 @pytest.mark.scalar("real", "complex")
 def test_starting_again(session):
-    assert jampetsc.session.start() is jampetsc.session.start(session.scalar_type) is session
-    assert jampetsc.session.current() is session
+    assert jampetsc.petsc.session.start() is jampetsc.petsc.session.start(session.scalar_type) is session
+    assert jampetsc.petsc.session.current() is session
     with pytest.raises(RuntimeError, match="first session"):
-        jampetsc.session.start(petsc_argv=["-log_view"])
+        jampetsc.petsc.session.start(petsc_argv=["-log_view"])
     with pytest.raises(InputError, match="one process loads one"):
-        jampetsc.session.start({"real": "complex", "complex": "real"}[session.scalar_type])
+        jampetsc.petsc.session.start({"real": "complex", "complex": "real"}[session.scalar_type])
 
 
 @pytest.mark.scalar("real", "complex")
@@ -329,7 +330,7 @@ def test_defaults_do_not_override(session):
 
 @pytest.mark.scalar("real", "complex")
 def test_versions_for_the_record(session):
-    versions = jampetsc.session.versions()
+    versions = jampetsc.petsc.session.versions()
     assert list(versions) == ["numpy", "h5py", "mpi4py", "mpi", "petsc", "slepc", "mumps"]
     assert "unknown" not in versions.values()
 
@@ -352,10 +353,12 @@ def test_an_error_made_of_one_of_petsc_is_one(session):
     own = session.PETSc.Error(62)
     wrapped = SystemError("returned a result with an exception set")
     wrapped.__cause__ = own
-    assert jampetsc.session.petsc_error(own) is own and jampetsc.session.petsc_error(wrapped) is own
-    assert jampetsc.session.petsc_error(SystemError()) is None
+    assert (
+        jampetsc.petsc.session.petsc_error(own) is own and jampetsc.petsc.session.petsc_error(wrapped) is own
+    )
+    assert jampetsc.petsc.session.petsc_error(SystemError()) is None
     for error in (own, wrapped):
-        said = jampetsc.session.petsc_message(error)
+        said = jampetsc.petsc.session.petsc_message(error)
         assert said == " ".join(said.split()) and said and not said.startswith("[")
 
 
@@ -371,8 +374,8 @@ def test_whether_options_of_a_prefix_were_given(session):
 
 
 def test_versions_without_a_session(monkeypatch):
-    monkeypatch.setattr(jampetsc.session, "_session", None)
-    assert list(jampetsc.session.versions()) == ["numpy", "h5py"]
+    monkeypatch.setattr(jampetsc.petsc.session, "_session", None)
+    assert list(jampetsc.petsc.session.versions()) == ["numpy", "h5py"]
 
 
 @pytest.mark.scalar("real")
@@ -487,10 +490,10 @@ def test_who_works_together(monkeypatch):
     monkeypatch.setitem(sys.modules, "mpi4py.MPI", SimpleNamespace(COMM_WORLD="all"))
     for running, several, comm in (("session", True, "its"), (None, True, "all"), (None, False, None)):
         monkeypatch.setattr(
-            jampetsc.session, "_session", running and SimpleNamespace(comm="its", world="all")
+            jampetsc.petsc.session, "_session", running and SimpleNamespace(comm="its", world="all")
         )
-        monkeypatch.setattr(jampetsc.session.launcher, "several", lambda: several)  # noqa: B023
-        assert jampetsc.session.communicator() == comm
+        monkeypatch.setattr(jampetsc.petsc.session.launcher, "several", lambda: several)  # noqa: B023
+        assert jampetsc.petsc.session.communicator() == comm
 
 
 # Words for PETSc, and what may be wrong with it
@@ -531,10 +534,14 @@ def test_petsc_is_started_with_the_words_and_slepc_need_not_be_there(modules):
     started = []
     found = modules()
     found["petsc4py"].init = lambda words, comm: started.append((words, comm))
-    assert jampetsc.session._load(["-a", "1"]) == (found["petsc4py"].PETSc, found["slepc4py"].SLEPc, "world")
-    assert started == [(["jampetsc", jampetsc.session.QUIET, "-a", "1"], "world")]
+    assert jampetsc.petsc.session._load(["-a", "1"]) == (
+        found["petsc4py"].PETSc,
+        found["slepc4py"].SLEPc,
+        "world",
+    )
+    assert started == [(["jampetsc", jampetsc.petsc.session.QUIET, "-a", "1"], "world")]
     modules(slepc4py=None)
-    assert jampetsc.session._load([])[1] is None
+    assert jampetsc.petsc.session._load([])[1] is None
 
 
 @pytest.mark.parametrize(
@@ -551,7 +558,7 @@ def test_petsc_is_started_with_the_words_and_slepc_need_not_be_there(modules):
 def test_what_does_not_start_is_one_line(modules, name, module, message):
     modules(**{name: module})
     with pytest.raises(InputError) as refused:
-        jampetsc.session._load(["-a", "1"])
+        jampetsc.petsc.session._load(["-a", "1"])
     assert str(refused.value).startswith(message)
 
 
@@ -569,10 +576,10 @@ def test_what_does_not_start_is_one_line(modules, name, module, message):
 def test_the_version_of_mumps_is_in_the_name_of_its_library(tmp_path, monkeypatch, line, version):
     if line is not None:
         (tmp_path / "maps").write_text(line)
-    monkeypatch.setattr(jampetsc.session, "Path", lambda path: tmp_path / "maps")
-    assert jampetsc.session._mumps_version() == version
-    monkeypatch.setattr(jampetsc.session, "Path", lambda path: tmp_path)  # what cannot be read
-    assert jampetsc.session._mumps_version() == "unknown"
+    monkeypatch.setattr(jampetsc.petsc.session, "Path", lambda path: tmp_path / "maps")
+    assert jampetsc.petsc.session._mumps_version() == version
+    monkeypatch.setattr(jampetsc.petsc.session, "Path", lambda path: tmp_path)  # what cannot be read
+    assert jampetsc.petsc.session._mumps_version() == "unknown"
 
 
 class World:
@@ -585,10 +592,10 @@ class World:
 
 
 def test_a_rank_that_ends_by_an_exception_says_so_and_takes_the_others_along(monkeypatch, capsys):
-    monkeypatch.setattr(jampetsc.session, "_session", SimpleNamespace(world=World()))
+    monkeypatch.setattr(jampetsc.petsc.session, "_session", SimpleNamespace(world=World()))
     error = ZeroDivisionError("a bug")
-    jampetsc.session._abort(type(error), error, None)
-    assert jampetsc.session._session.world.ended == 1
+    jampetsc.petsc.session._abort(type(error), error, None)
+    assert jampetsc.petsc.session._session.world.ended == 1
     told = capsys.readouterr().err
     assert told.startswith("jampetsc: rank 2 of 3 failed:\n") and "ZeroDivisionError: a bug" in told
 
@@ -598,6 +605,6 @@ def test_petsc_says_it_in_its_last_line_without_places_or_ranks(monkeypatch):
         pass
 
     running = SimpleNamespace(world=World(), PETSc=SimpleNamespace(Error=Error))
-    monkeypatch.setattr(jampetsc.session, "_session", running)
+    monkeypatch.setattr(jampetsc.petsc.session, "_session", running)
     said = Error("error code 62\n[2] KSPSolve() at /petsc/src/ksp.c:1\n[2] Invalid  argument\t[2]")
-    assert jampetsc.session.petsc_message(said) == "Invalid argument [2]"
+    assert jampetsc.petsc.session.petsc_message(said) == "Invalid argument [2]"

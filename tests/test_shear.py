@@ -6,17 +6,18 @@ import numpy as np
 import pytest
 
 import jampetsc
-from jampetsc import cli
-from jampetsc.contacts.pairs import deformed
-from jampetsc.contacts.potentials import Potential
-from jampetsc.contacts.state import measure
+from jampetsc.cli import main as cli
+from jampetsc.core.pairs import deformed
+from jampetsc.core.potentials import Potential
+from jampetsc.core.state import measure
 from jampetsc.errors import InputError
-from jampetsc.flows import slowjob, slowly
-from jampetsc.flows.slowly import ENERGY_CUT, SlowShear, look_at
-from jampetsc.packing.descent import Goal
-from jampetsc.packing.minimise import Effort, minimise, settle
-from jampetsc.packing.protocols import random_start
-from jampetsc.packing.sizes import radii_of
+from jampetsc.flows import quasistatic_run as slowjob
+from jampetsc.flows import quasistatic_shear as slowly
+from jampetsc.flows.quasistatic_shear import ENERGY_CUT, SlowShear, look_at
+from jampetsc.minimise.descent import Goal
+from jampetsc.minimise.minimise import Effort, minimise, settle
+from jampetsc.minimise.protocols import random_start
+from jampetsc.minimise.sizes import radii_of
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]  # one run is one process
 
@@ -55,7 +56,7 @@ def test_energy_grows_by_the_work_of_the_stress(session, tmp_path):
 @pytest.fixture
 def jammed(session):
     """48 disks at φ = 0.87 that are sheared slowly, and the solver of their quench."""
-    from jampetsc.solvers.local import NewtonSolver
+    from jampetsc.petsc.local import NewtonSolver
 
     solver = NewtonSolver()
     yield settle(random_start(1.2 * radii_of("bidisperse", 48), 0.87, 1, SOFT), 1e-6), solver

@@ -8,11 +8,11 @@ import pytest
 from samples import polydisperse
 
 import jampetsc
-from jampetsc import solver_options
 from jampetsc.errors import InputError
+from jampetsc.io.packing_file import write_packing
 from jampetsc.jobs import JOBS, job_class
-from jampetsc.solver_options import check, names_given
-from jampetsc.storage.packing_file import write_packing
+from jampetsc.petsc import solver_options
+from jampetsc.petsc.solver_options import check, names_given
 
 REFUSED = {  # command and words -> what is said of them
     "sweep -ksp_view": "(did you mean -shift_ksp_view or -freq_ksp_view or -inertia_ksp_view?)",

@@ -5,13 +5,13 @@ import pytest
 from drawn import figure_of, lines
 from matplotlib.image import imread
 
-from jampetsc import cli
 from jampetsc.analysis.creep import retardation
 from jampetsc.analysis.relaxation import RelaxationSpectrum
+from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
+from jampetsc.io.reader import load
+from jampetsc.io.result_file import ResultWriter
 from jampetsc.plots.spectrum import plot_relaxation, spectrum_curve
-from jampetsc.storage.reader import load
-from jampetsc.storage.result_file import ResultWriter
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 

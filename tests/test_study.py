@@ -19,11 +19,11 @@ import pytest
 import samples
 
 import jampetsc
-from jampetsc import cli
+from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
-from jampetsc.session import current
-from jampetsc.storage.packing_file import write_packing
-from jampetsc.storage.provenance import command_line
+from jampetsc.io.packing_file import write_packing
+from jampetsc.io.provenance import command_line
+from jampetsc.petsc.session import current
 from jampetsc.studies import run as study_run
 from jampetsc.studies import tasks as study_tasks
 from jampetsc.studies.board import BROKEN, DONE, FINISHED, OPEN, Board

@@ -13,14 +13,14 @@ import pytest
 from samples import published
 
 from jampetsc.analysis.statistics import half_width
+from jampetsc.asking.parameters import WORD, Parameter
 from jampetsc.errors import InputError
-from jampetsc.jobs.asking import WORD, Parameter
+from jampetsc.io import checksums
+from jampetsc.io.packing_file import read_identified, write_packing
+from jampetsc.io.provenance import command_line
+from jampetsc.io.result_file import ResultWriter
 from jampetsc.jobs.correlate import Correlate
 from jampetsc.jobs.modes import Modes
-from jampetsc.storage import checksums
-from jampetsc.storage.packing_file import read_identified, write_packing
-from jampetsc.storage.provenance import command_line
-from jampetsc.storage.result_file import ResultWriter
 from jampetsc.studies import lock as locks
 from jampetsc.studies import run as study_run
 from jampetsc.studies import tasks as study_tasks

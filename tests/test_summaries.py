@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from samples import published
 
-from jampetsc import cli
 from jampetsc.analysis.collapse_errors import Estimate
-from jampetsc.contacts.laws import Physics, damping_law
+from jampetsc.cli import main as cli
+from jampetsc.core.laws import Physics, damping_law
 from jampetsc.errors import InputError
-from jampetsc.jobs import collapse, correlate, modes, oscillate, quasistatic, study, sweep
-from jampetsc.words import describe
+from jampetsc.jobs import collapse, correlate, describe, modes, oscillate, quasistatic, sweep
+from jampetsc.studies import job as study
 
 PHYSICS = Physics(damping_law())
 

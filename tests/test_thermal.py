@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.pairs import PairList
-from jampetsc.contacts.potentials import Potential
-from jampetsc.contacts.state import measure
-from jampetsc.packing.protocols import random_start
-from jampetsc.packing.sizes import radii_of
-from jampetsc.packing.thermal import ACCEPTED, COLD, Around, Thermal, annealed, energy_of
+from jampetsc.core.disks import Disks
+from jampetsc.core.pairs import PairList
+from jampetsc.core.potentials import Potential
+from jampetsc.core.state import measure
+from jampetsc.minimise.protocols import random_start
+from jampetsc.minimise.sizes import radii_of
+from jampetsc.minimise.thermal import ACCEPTED, COLD, Around, Thermal, annealed, energy_of
 
 POTENTIALS = [Potential("harmonic", "inverse-square-diameter", 2.0), Potential("hertzian", "constant", 1.5)]
 CELL = np.array([[1.6, 0.0], [0.3, 1.5]])

@@ -13,21 +13,22 @@ import pytest
 from drawn import drawn_by, lines
 from matplotlib.image import imread
 
-from jampetsc import cli, launcher
 from jampetsc.analysis.statistics import half_width
-from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.laws import Physics, damping_law
+from jampetsc.cli import main as cli
+from jampetsc.cli.parser import job_of
+from jampetsc.core.disks import Disks
+from jampetsc.core.laws import Physics, damping_law
 from jampetsc.errors import ConvergenceError, InputError, JampetscError
+from jampetsc.io.packing_file import read_packing, write_packing
 from jampetsc.jobs.sweep import Sweep
-from jampetsc.jobs.trade import Trade
+from jampetsc.petsc import launcher
 from jampetsc.plots.trade import draw_trade, plot_trade
 from jampetsc.progress import Progress
 from jampetsc.speed_accuracy import choices, ensembles, measure, processes
 from jampetsc.speed_accuracy.advice import advise
 from jampetsc.speed_accuracy.compare import CRITICAL_START, Reference, log_interpolate
+from jampetsc.speed_accuracy.job import Trade
 from jampetsc.speed_accuracy.table import MEANINGS, Row, Table
-from jampetsc.storage.packing_file import read_packing, write_packing
-from jampetsc.words.jobs import job_of
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 

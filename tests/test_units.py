@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from dense import NewtonSteps
 
-from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
-from jampetsc.contacts.state import measure
-from jampetsc.flows.slowly import SlowShear
-from jampetsc.packing import protocols
-from jampetsc.packing.descent import Goal
-from jampetsc.packing.minimise import Effort, relax
-from jampetsc.packing.protocols import Target, make_packing, random_start
-from jampetsc.packing.sizes import radii_of
+from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
+from jampetsc.core.state import measure
+from jampetsc.flows.quasistatic_shear import SlowShear
+from jampetsc.minimise import protocols
+from jampetsc.minimise.descent import Goal
+from jampetsc.minimise.minimise import Effort, relax
+from jampetsc.minimise.protocols import Target, make_packing, random_start
+from jampetsc.minimise.sizes import radii_of
 
 UNITS = [(4.0, 1.0), (0.25, 1.0), (1.0, 1024.0), (1.0, 2.0**-10)]  # of length and of stiffness
 

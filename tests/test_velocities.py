@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import jampetsc
-from jampetsc import cli
 from jampetsc.analysis.velocities import lane_products
-from jampetsc.flows.lanes import correlate_lanes
-from jampetsc.storage.result_file import ResultWriter
+from jampetsc.cli import main as cli
+from jampetsc.flows.velocity_correlation import correlate_lanes
+from jampetsc.io.result_file import ResultWriter
 
 
 def every_pair(positions, cell, v, lane, bins):

@@ -6,11 +6,11 @@ import sheared
 from sheared import ROWS
 
 import jampetsc
-from jampetsc import cli
 from jampetsc.analysis.profiles import heights, mean_profile, middle_share
-from jampetsc.contacts.kernel import bond_forces
-from jampetsc.contacts.potentials import Potential
-from jampetsc.contacts.state import find_contacts
+from jampetsc.cli import main as cli
+from jampetsc.core.kernel import bond_forces
+from jampetsc.core.potentials import Potential
+from jampetsc.core.state import find_contacts
 from jampetsc.errors import InputError
 from jampetsc.flows import steps as compiled
 from jampetsc.flows import walls
@@ -24,7 +24,7 @@ from jampetsc.flows.walls import (
     stress_on_walls,
     velocity_profile,
 )
-from jampetsc.packing.sizes import radii_of
+from jampetsc.minimise.sizes import radii_of
 
 SOFT = Potential("harmonic", "inverse-square-diameter")
 

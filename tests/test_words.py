@@ -5,12 +5,12 @@ from types import SimpleNamespace
 
 import pytest
 
-from jampetsc import cli
+from jampetsc.asking.inputs import refuse_one_packing, refuse_repeated
+from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
-from jampetsc.jobs.inputs import refuse_one_packing, refuse_repeated
-from jampetsc.storage.reader import load
+from jampetsc.io.reader import load
+from jampetsc.jobs.rows import files_named
 from jampetsc.studies.table import table_text
-from jampetsc.words.files import files_named
 
 
 @pytest.mark.parametrize(

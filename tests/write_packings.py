@@ -8,11 +8,11 @@ import sys
 
 import numpy as np
 
-from jampetsc.contacts.disks import Disks
+from jampetsc.core.disks import Disks
 from jampetsc.errors import JampetscError
-from jampetsc.storage.atomic import check_writable
-from jampetsc.storage.hdf5 import OutputFile
-from jampetsc.storage.packing_file import write_packing
+from jampetsc.io.atomic import check_writable
+from jampetsc.io.hdf5 import OutputFile
+from jampetsc.io.packing_file import write_packing
 
 
 def packing(seed, n):

@@ -14,7 +14,7 @@ import numpy as np
 from mpi4py import MPI
 
 from jampetsc.errors import InputError, JampetscError
-from jampetsc.storage.result_file import ResultWriter
+from jampetsc.io.result_file import ResultWriter
 
 N = 15  # rows in all, on any number of ranks
 LAW = {"law": "contact", "beta": 0.5, "rotations": True, "prestress": False}

@@ -7,7 +7,7 @@ from pressures import pressures
 import jampetsc
 from claims.shared import WITHIN, Row, claim
 from jampetsc.analysis.collapse import BOUNDS
-from jampetsc.flows.slowly import ENERGY_CUT
+from jampetsc.flows.quasistatic_shear import ENERGY_CUT
 
 HALF = "½ = difference of α − 1"
 COMPARED = (  # (ensemble, potential), less another, what for

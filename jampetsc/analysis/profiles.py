@@ -27,9 +27,7 @@ def mean_profile(results, low: float, high: float):
     means, errors = [], []
     for result in results:
         if "velocity_profile" not in result:
-            raise InputError(
-                f"{result.path}: holds no velocity profiles: run the flow with {named('walls')}"
-            )
+            raise InputError(f"{result.path}: holds no velocity profiles: run the flow with {named('walls')}")
         strain = result["strain"]
         rows = result["velocity_profile"][(strain > low * (1 + 1e-9)) & (strain <= high * (1 + 1e-9))]
         if not len(rows):

@@ -13,16 +13,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.analysis.jamming import assortativity
-from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.neighbours import neighbour_pairs
-from jampetsc.contacts.pairs import deformed
-from jampetsc.contacts.potentials import Potential
+from jampetsc.core.disks import Disks
+from jampetsc.core.neighbours import neighbour_pairs
+from jampetsc.core.pairs import deformed
+from jampetsc.core.potentials import Potential
 from jampetsc.errors import ConvergenceError, InputError, named
-from jampetsc.flows.slowly import SlowShear, look_at
-from jampetsc.packing.descent import Goal
-from jampetsc.packing.minimise import minimise, settle
-from jampetsc.packing.protocols import random_start
-from jampetsc.packing.thermal import annealed
+from jampetsc.flows.quasistatic_shear import SlowShear, look_at
+from jampetsc.minimise.descent import Goal
+from jampetsc.minimise.minimise import minimise, settle
+from jampetsc.minimise.protocols import random_start
+from jampetsc.minimise.thermal import annealed
 
 SETTLED = 1e-4  # max |F| in k_e/d, to which a random start is relaxed before it is minimised
 STEP = 2e-3  # of φ, by which a sample that does not jam is compressed

@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.contacts.laws import LARGEST, Law
+from jampetsc.core.laws import LARGEST, Law
 from jampetsc.errors import InputError, named
 
-# Vågberg, thesis sec. 4.3: weights of the law (see `contacts.laws`), and whether disks have a mass.
+# Vågberg, thesis sec. 4.3: weights of the law (see `core.laws`), and whether disks have a mass.
 MODELS = {
     "RD0": (Law("drag, overdamped", drag=1.0), False),
     "CD0": (Law("contact damping, overdamped", normal=1.0, transverse=1.0), False),

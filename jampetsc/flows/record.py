@@ -1,6 +1,6 @@
 """The flow file: series over strain, snapshots, means with errors, and the state from which the run goes on.
 
-A checkpoint holds the same but the means, see `storage.checkpoint`.
+A checkpoint holds the same but the means, see `io.checkpoint`.
 """
 
 import json
@@ -10,9 +10,9 @@ import numpy as np
 
 from jampetsc.analysis.order import bond_order
 from jampetsc.errors import InputError, named
-from jampetsc.storage.atomic import follow
-from jampetsc.storage.checkpoint import Checkpoint, discard, folder_of
-from jampetsc.storage.hdf5 import reading
+from jampetsc.io.atomic import follow
+from jampetsc.io.checkpoint import Checkpoint, discard, folder_of
+from jampetsc.io.hdf5 import reading
 
 FORMAT = "jampetsc-flow"
 STATE = "state/"  # before the names of what a run goes on from
@@ -142,7 +142,7 @@ def remove_checkpoint(out) -> None:
 
 
 def record_of(result):
-    """(record, state, settings, attributes) of a flow, a `storage.reader.Result`. Raises InputError."""
+    """(record, state, settings, attributes) of a flow, a `io.reader.Result`. Raises InputError."""
     attrs = result.attributes
     with reading(result.path):
         state = {name.removeprefix(STATE): result[name] for name in result if name.startswith(STATE)}

@@ -13,7 +13,7 @@ velocities; the means are taken out afterwards, so no small number enters.
 The first `held` disks, those of walls, keep u = 0: their rows are left out, and a cluster that touches one has no free
 translation.
 
-Threads share the work by domains (see `contacts.domains`); every one takes all decisions from the same sums.
+Threads share the work by domains (see `core.domains`); every one takes all decisions from the same sums.
 """
 
 from typing import NamedTuple
@@ -21,8 +21,8 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from jampetsc.contacts.kernel import FAST
-from jampetsc.contacts.threads import meet
+from jampetsc.core.kernel import FAST
+from jampetsc.core.threads import meet
 
 SOLVES = 20_000  # iterations at most: far more than any tolerance above rounding takes
 # Contacts of a disk that its row has room for, itself where it has fewer: rows of one length are what processors
@@ -207,7 +207,7 @@ def solve(me, threads, counter, graph, weights, hold, residual, u, tolerance, se
     """Add to u (N, 2) the correction x with (A + hold) x = residual, both axes in one conjugate gradient.
 
     residual = b − (A + hold) u, overwritten, until |residual| ≤ tolerance |b|. Jacobi. Returns the number of
-    iterations, −1 where SOLVES of them were not enough. By thread `me` of `threads`: see `contacts.threads`.
+    iterations, −1 where SOLVES of them were not enough. By thread `me` of `threads`: see `core.threads`.
     """
     number = len(graph.begin)
     mine = range(me * number // threads, (me + 1) * number // threads)

@@ -3,15 +3,15 @@
 import time
 from dataclasses import dataclass
 
-from jampetsc import session
-from jampetsc.collective import by_rank_0
-from jampetsc.contacts.potentials import Potential
+from jampetsc.collective import on_root
+from jampetsc.core.potentials import Potential
 from jampetsc.flows.jamming import Protocol, samples
+from jampetsc.flows.quasistatic_shear import ENERGY_CUT
 from jampetsc.flows.record import Record, remove_checkpoint, resumed, write_checkpoint
-from jampetsc.flows.slowly import ENERGY_CUT
-from jampetsc.packing.sizes import in_small_diameters, radii_of
+from jampetsc.io.provenance import provenance
+from jampetsc.minimise.sizes import in_small_diameters, radii_of
+from jampetsc.petsc import session
 from jampetsc.progress import Progress
-from jampetsc.storage.provenance import provenance
 
 FORMAT = "jampetsc-jam"
 ROUND = {"random": 20, "shear": 1, "compress": 2}  # seeds of a rank between two checkpoints
@@ -57,14 +57,14 @@ class Samples:
 def execute(asked: Samples, solver, to) -> Record:
     """Make the samples, their result into the outlet `to`; the record of them, in the order of tasks. Collective.
 
-    solver: this rank's `solvers.local.NewtonSolver`.
+    solver: this rank's `petsc.local.NewtonSolver`.
     """
     began, running = time.perf_counter(), session.current()
     comm, protocol = running.comm, asked.protocol
     radii = in_small_diameters(radii_of(asked.sizes, asked.n))
     potential = Potential(asked.potential, STIFFNESS)
     columns = dict.fromkeys(protocol.columns, 0)
-    kept = by_rank_0(comm, lambda: resumed(to.kept, asked.settings, columns))
+    kept = on_root(comm, lambda: resumed(to.kept, asked.settings, columns))
     record = kept[0] if kept else Record(columns)
     tasks, size = asked.tasks, ROUND[protocol.name] * comm.size
     rounds, done = -(-len(tasks) // size), len(record) // protocol.rows
@@ -83,13 +83,13 @@ def execute(asked: Samples, solver, to) -> Record:
                     record.add(**row)
             done += len(batch)
             state = {"samples": len(record)}
-            by_rank_0(comm, lambda state=state: write_checkpoint(to.kept, record, state, asked.settings))
+            on_root(comm, lambda state=state: write_checkpoint(to.kept, record, state, asked.settings))
             progress.step(f"{len(record)} of {asked.count} samples, phi = {batch[-1][0]:.6g}")
     with to.writer(FORMAT, comm) as writer:
         for name in protocol.columns:
             writer.dataset(name, record.series(name))
         writer.attributes(**_facts(asked, running, time.perf_counter() - began))
-    by_rank_0(comm, lambda: remove_checkpoint(to.kept))
+    on_root(comm, lambda: remove_checkpoint(to.kept))
     return record
 
 

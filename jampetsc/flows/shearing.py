@@ -4,11 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.contacts.disks import PLACES, Disks
-from jampetsc.contacts.domains import borders, into_domains
-from jampetsc.contacts.neighbours import spatial_order
-from jampetsc.contacts.pairs import ListedDisks, deformed
-from jampetsc.contacts.threads import Team
+from jampetsc.core.disks import PLACES, Disks
+from jampetsc.core.domains import borders, into_domains
+from jampetsc.core.neighbours import spatial_order
+from jampetsc.core.pairs import ListedDisks, deformed
+from jampetsc.core.threads import Team
 from jampetsc.errors import ConvergenceError, named
 from jampetsc.flows import steps as compiled
 from jampetsc.flows.models import Model, Scheme, stiffest

@@ -9,7 +9,7 @@ A move takes g in the middle of its step: exact for constant u. Every function s
 list is stale or something is wrong, and adds what it sees to `seen`, whose entries are the sums over time
 steps of TALLY. All begin with the forces at a list that is not stale and end with a move.
 
-All are run by a `contacts.threads.Team`, thread `me` of `threads`, each on its domains: it reads what any disk has and
+All are run by a `core.threads.Team`, thread `me` of `threads`, each on its domains: it reads what any disk has and
 writes what its own have, to where nobody reads before the next meeting. So a step takes one meeting, two by Heun's
 method, and every thread takes the same decisions from the same sums.
 """
@@ -19,10 +19,10 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from jampetsc.contacts.domains import Domains, choose_near, domain_forces
-from jampetsc.contacts.kernel import FAST, NUMBERS
-from jampetsc.contacts.pairs import are_worn, is_stale
-from jampetsc.contacts.threads import meet
+from jampetsc.core.domains import Domains, choose_near, domain_forces
+from jampetsc.core.kernel import FAST, NUMBERS
+from jampetsc.core.pairs import are_worn, is_stale
+from jampetsc.core.threads import meet
 from jampetsc.flows.resistance import (
     Graph,
     Search,

@@ -15,10 +15,10 @@ the fluid.
 
 import numpy as np
 
-from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.kernel import bond_forces
-from jampetsc.contacts.neighbours import spatial_order
-from jampetsc.contacts.potentials import Potential
+from jampetsc.core.disks import Disks
+from jampetsc.core.kernel import bond_forces
+from jampetsc.core.neighbours import spatial_order
+from jampetsc.core.potentials import Potential
 from jampetsc.errors import InputError, named
 from jampetsc.flows.models import MODELS, Model, Scheme
 from jampetsc.flows.record import LAYERS

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+from jampetsc.asking.inputs import refuse_repeated
+from jampetsc.asking.job import Job
+from jampetsc.asking.kinds import RESULT, opened
+from jampetsc.asking.parameters import FILES, Kind, asked
 from jampetsc.errors import InputError, named
-from jampetsc.jobs.asking import FILES, Kind, asked
-from jampetsc.jobs.inputs import refuse_repeated
-from jampetsc.jobs.job import Job
-from jampetsc.jobs.kinds import RESULT, opened
 
 OBSERVABLES = ("pressure", "shear_stress", "jammed")
 SHARED = ("model", "mass", "sizes", "potential", "stiffness", "protocol", "units", "tau1")
@@ -108,7 +108,7 @@ examples:
 
     def _named(self) -> list:
         """What is read: files, of the folder of a study those of its rows, and results in memory."""
-        from jampetsc.words.scaling import files_of
+        from jampetsc.jobs.scaling import files_of
 
         files = [one for one in self.results if isinstance(one, str)]
         if self.where and not files:
@@ -118,7 +118,7 @@ examples:
 
     def check_outputs(self, to):
         """Refuse one result twice, and what may not be replaced."""
-        from jampetsc.storage.outputs import check_output
+        from jampetsc.io.outputs import check_output
 
         sources = self._named()
         refuse_repeated(sources)
@@ -128,7 +128,7 @@ examples:
     def work(self, to):
         """Read, fit, write and tell what was found."""
         from jampetsc.analysis.collapse_errors import drift
-        from jampetsc.words import scaling
+        from jampetsc.jobs import scaling
 
         began, form = time.perf_counter(), self.form
         results = [opened(one) for one in self._named()]
@@ -158,8 +158,8 @@ examples:
         return {"N": data.size[used], "runs": data.runs[used]} | size | found
 
     def _attributes(self, results, fit, found, notes, began):
-        from jampetsc.storage.provenance import derived_from
-        from jampetsc.words.scaling import names_of
+        from jampetsc.io.provenance import derived_from
+        from jampetsc.jobs.scaling import names_of
 
         words = {name: word for word, name in names_of(self.finite_size).items()}
         return {
@@ -190,7 +190,7 @@ def _shown(scale, finite_size):
 
 def _summary(to, job, points, cuts, notes) -> str:
     """What a user wants to read."""
-    from jampetsc.words.scaling import text_of
+    from jampetsc.jobs.scaling import text_of
 
     (_, fit, found), *others = cuts
     lines = [

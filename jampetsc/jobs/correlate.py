@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jampetsc.contacts.disks import Disks
+from jampetsc.asking.inputs import refuse_one_packing, refuse_repeated
+from jampetsc.asking.job import Job
+from jampetsc.asking.kinds import FREQUENCIES, PACKING, RESULT, Numbers, opened
+from jampetsc.asking.parameters import FILES, Kind, asked, shown
+from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError, named
-from jampetsc.jobs.asking import FILES, Kind, asked, shown
-from jampetsc.jobs.inputs import refuse_one_packing, refuse_repeated
-from jampetsc.jobs.job import Job
-from jampetsc.jobs.kinds import FREQUENCIES, PACKING, RESULT, Numbers, opened
-from jampetsc.storage.fields import PHASES
+from jampetsc.io.fields import PHASES
 
 LANES = (0.5, 0.25, 1.0)
 NARROWEST, WIDEST = 0.01, 1e6  # lanes
@@ -108,8 +108,8 @@ class Correlate(Job):
 
     def check_outputs(self, to):
         """Refuse a file that holds another kind of correlation."""
-        from jampetsc.flows import lanes
-        from jampetsc.storage.outputs import check_output
+        from jampetsc.flows import velocity_correlation as lanes
+        from jampetsc.io.outputs import check_output
 
         if to.path is not None:
             flows = getattr(opened(self.results[0]), "format", "") == FLOW
@@ -168,7 +168,7 @@ class Correlate(Job):
         import numpy as np
 
         from jampetsc.analysis.correlations import Motion
-        from jampetsc.storage.fields import (
+        from jampetsc.io.fields import (
             chosen_frequencies,
             field_at,
             packing_of,
@@ -188,7 +188,7 @@ class Correlate(Job):
 
     def _velocities(self, flows, to, began):
         """g_y of flows."""
-        from jampetsc.flows import lanes
+        from jampetsc.flows import velocity_correlation as lanes
 
         for name in ("omega", "packing", "phase"):
             if getattr(self, name) is not None:
@@ -227,7 +227,7 @@ class Correlate(Job):
 
 
 def _derived_from(results, began):
-    from jampetsc.storage.provenance import derived_from
+    from jampetsc.io.provenance import derived_from
 
     return derived_from(results, time.perf_counter() - began)
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
+from jampetsc.asking.job import Job
+from jampetsc.asking.parameters import asked
 from jampetsc.errors import InputError, named
-from jampetsc.jobs.asking import asked
-from jampetsc.jobs.job import Job
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jampetsc.contacts.disks import Disks
+from jampetsc.asking.job import Job
+from jampetsc.asking.kinds import HELD, PACKING, input_told, opened
+from jampetsc.asking.parameters import FILE, asked
+from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError, named
-from jampetsc.jobs.asking import FILE, asked
-from jampetsc.jobs.job import Job
-from jampetsc.jobs.kinds import HELD, PACKING, input_told, opened
 
 OWNERS = {"mode": ("modes",), "field": ("sweep",), "packing": ("modes", "sweep", "quasistatic")}
 
@@ -48,8 +48,8 @@ class Export(Job):
 
     def check_outputs(self, to):
         """Refuse an ending without a format, and what may not be replaced."""
-        from jampetsc.storage.exporters import check_format
-        from jampetsc.storage.outputs import check_output, exported
+        from jampetsc.io.exporters import check_format
+        from jampetsc.io.outputs import check_output, exported
 
         to.must_be_file()
         check_format(to.path)
@@ -57,7 +57,7 @@ class Export(Job):
 
     def work(self, to):
         """Write the file and tell what it holds."""
-        from jampetsc.storage.exporters import write_frames
+        from jampetsc.io.exporters import write_frames
 
         count = write_frames(to.path, self._frames())
         return f"{to}: {count} frame{'s' * (count != 1)} of {input_told(self.file)}"
@@ -68,7 +68,7 @@ class Export(Job):
 
     def _frames(self):
         """The frames that are asked for. Raises InputError for a file that has none, and for options of others."""
-        from jampetsc.storage import frames
+        from jampetsc.io import frames
 
         loaded, name = opened(self.file), input_told(self.file)
         kind = "packing" if isinstance(loaded, Disks) else loaded.format.removeprefix("jampetsc-")

@@ -3,14 +3,14 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.laws import Law
+from jampetsc.asking.kinds import HELD, MOST_THREADS, input_told
+from jampetsc.asking.model import MODEL
+from jampetsc.asking.parameters import FILE, asked, part
+from jampetsc.asking.starts import GROUP, FromStart
+from jampetsc.core.disks import Disks
+from jampetsc.core.laws import Law
 from jampetsc.errors import InputError, named
 from jampetsc.flows.models import MODELS, Model
-from jampetsc.jobs.asking import FILE, asked, part
-from jampetsc.jobs.kinds import HELD, MOST_THREADS, input_told
-from jampetsc.jobs.model import MODEL
-from jampetsc.jobs.starts import GROUP, FromStart
 
 TOLERANCE = 1e-4
 
@@ -143,13 +143,13 @@ to the last bit; independent runs are faster side by side."""
     @property
     def _begun(self):
         """Whether the start is a flow."""
-        from jampetsc.flows.job import is_flow
+        from jampetsc.flows.steady import is_flow
 
         return self._in_memory is not None or (isinstance(self.start, str) and is_flow(self.start))
 
     def check_outputs(self, to):
         """A flow file may go on in its own place."""
-        from jampetsc.storage.outputs import check_place, is_same
+        from jampetsc.io.outputs import check_place, is_same
 
         if (
             to.path is not None
@@ -164,9 +164,9 @@ to the last bit; independent runs are faster side by side."""
 
     def work(self, to):
         """Shear."""
-        from jampetsc import launcher
-        from jampetsc.contacts.threads import Team, cores
-        from jampetsc.flows import job as flows
+        from jampetsc.core.threads import Team, cores
+        from jampetsc.flows import steady as flows
+        from jampetsc.petsc import launcher
         from jampetsc.progress import LOG
 
         run = self._farther() if self._begun else self._fresh()
@@ -176,8 +176,8 @@ to the last bit; independent runs are faster side by side."""
 
     def _farther(self):
         """The earlier flow, farther."""
-        from jampetsc.flows.job import continued
-        from jampetsc.jobs.kinds import opened
+        from jampetsc.asking.kinds import opened
+        from jampetsc.flows.steady import continued
 
         earlier = opened(self.start)
         self._refuse_settled(earlier.path)
@@ -185,7 +185,7 @@ to the last bit; independent runs are faster side by side."""
 
     def _fresh(self):
         """The flow from its beginning."""
-        from jampetsc.flows.job import begun
+        from jampetsc.flows.steady import begun
 
         if not self._settled:
             raise InputError(

@@ -4,14 +4,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES
-from jampetsc.jobs.asking import FILE, PATH, Kind, asked
-from jampetsc.jobs.job import Job
-from jampetsc.storage.exchange import READERS
+from jampetsc.asking.job import Job
+from jampetsc.asking.parameters import FILE, PATH, Kind, asked
+from jampetsc.core.potentials import EXPONENTS, STIFFNESSES
+from jampetsc.io.exchange import READERS
 
 
 def _box(given):
-    """A box of `contacts.packing.Packing`; in words L, Lx,Ly or Lx,Ly,xy."""
+    """A box of `core.packing.Packing`; in words L, Lx,Ly or Lx,Ly,xy."""
     if not isinstance(given, str):
         return given
     try:
@@ -65,7 +65,7 @@ class Import(Job):
 
     def work(self, to):
         """Import and tell what was found beside what was published."""
-        from jampetsc.storage.importers import import_packing
+        from jampetsc.io.importers import import_packing
 
         how = ("format", "radius", "box", "potential", "stiffness", "k")
         disks = import_packing(self.file, self.index, **{name: getattr(self, name) for name in how})
@@ -75,7 +75,7 @@ class Import(Job):
 
 def _summary(to, file, disks) -> str:
     """What a user wants to read."""
-    from jampetsc.contacts.state import BALANCED, imbalance, measure
+    from jampetsc.core.state import BALANCED, imbalance, measure
 
     state, potential = measure(disks), disks.potential
     overlap, alpha = ("(δ/σ)" if potential.constants[2] else "δ"), potential.alpha

@@ -3,13 +3,13 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.laws import Law, Physics, damping_law
+from jampetsc.asking.damping import DAMPING, PRESTRESS
+from jampetsc.asking.job import Job
+from jampetsc.asking.kinds import HELD, input_told, opened
+from jampetsc.asking.parameters import FILE, asked, part
+from jampetsc.core.disks import Disks
+from jampetsc.core.laws import Law, Physics, damping_law
 from jampetsc.errors import InputError, named
-from jampetsc.jobs.asking import FILE, asked, part
-from jampetsc.jobs.damping import DAMPING, PRESTRESS
-from jampetsc.jobs.job import Job
-from jampetsc.jobs.kinds import HELD, input_told, opened
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +56,8 @@ class Info(Job):
 
     def work(self, to):
         """The description. Collective with matrices."""
-        from jampetsc.storage.ensemble import Ensemble
-        from jampetsc.words import describe
+        from jampetsc.io.ensemble import Ensemble
+        from jampetsc.jobs import describe
 
         name = input_told(self.file)
         if self.matrices:
@@ -67,11 +67,11 @@ class Info(Job):
         return tell(name, loaded)
 
     def _with_matrices(self, name):
-        from jampetsc import session
+        from jampetsc.io.packing_file import read_identified
+        from jampetsc.jobs import describe
         from jampetsc.mechanics.examine import examine
         from jampetsc.mechanics.network import build_network
-        from jampetsc.storage.packing_file import read_identified
-        from jampetsc.words import describe
+        from jampetsc.petsc import session
 
         running = session.current()
         disks, _ = read_identified(self.file, running.comm)

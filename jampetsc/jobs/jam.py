@@ -3,13 +3,13 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jampetsc.contacts.potentials import EXPONENTS
+from jampetsc.asking.job import Job
+from jampetsc.asking.kinds import SEEDS, Numbers, numbers
+from jampetsc.asking.parameters import asked
+from jampetsc.asking.starts import PHIS, UNITS
+from jampetsc.core.potentials import EXPONENTS
 from jampetsc.errors import InputError
-from jampetsc.jobs.asking import asked
-from jampetsc.jobs.job import Job
-from jampetsc.jobs.kinds import SEEDS, Numbers, numbers
-from jampetsc.jobs.starts import PHIS, UNITS
-from jampetsc.packing.sizes import FEWEST, MOST, SIZES
+from jampetsc.minimise.sizes import FEWEST, MOST, SIZES
 
 PROTOCOLS = ("random", "shear", "compress")  # of `flows.jamming`
 MANY = 1_000_000  # samples of one run
@@ -106,7 +106,7 @@ A run that was killed goes on when the same command is given again. Options of t
     def work(self, to):
         """Make the samples. Collective."""
         from jampetsc.flows.samples import execute
-        from jampetsc.solvers import local
+        from jampetsc.petsc import local
 
         solver = local.NewtonSolver()
         try:

@@ -3,13 +3,13 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.laws import DEFAULT, Law, Physics, damping_law
+from jampetsc.asking.damping import DAMPING, PRESTRESS
+from jampetsc.asking.job import Job
+from jampetsc.asking.kinds import PACKING
+from jampetsc.asking.parameters import FILE, asked, part
+from jampetsc.core.disks import Disks
+from jampetsc.core.laws import DEFAULT, Law, Physics, damping_law
 from jampetsc.errors import InputError
-from jampetsc.jobs.asking import FILE, asked, part
-from jampetsc.jobs.damping import DAMPING, PRESTRESS
-from jampetsc.jobs.job import Job
-from jampetsc.jobs.kinds import PACKING
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +35,8 @@ class Matrices(Job):
 
     def check_outputs(self, to):
         """Refuse an ending without a format, and what may not be replaced."""
+        from jampetsc.io.outputs import check_output, exported
         from jampetsc.mechanics.matrices import files_of
-        from jampetsc.storage.outputs import check_output, exported
 
         to.must_be_file()
         for path in files_of(to.path).values():
@@ -44,9 +44,9 @@ class Matrices(Job):
 
     def work(self, to):
         """Assemble and write. Collective."""
-        from jampetsc import session
+        from jampetsc.io.packing_file import read_identified, source_told
         from jampetsc.mechanics.matrices import files_of, matrices_of, write_matrices
-        from jampetsc.storage.packing_file import read_identified, source_told
+        from jampetsc.petsc import session
 
         physics, comm = Physics(self.law, self.prestress), session.current().comm
         disks, _ = read_identified(self.packing, comm)
@@ -76,9 +76,9 @@ def assemble(packing, law=DEFAULT, *, prestress=True):
 
     Raises InputError for a packing that is not rigid, and for a law that there is not.
     """
-    from jampetsc import session
+    from jampetsc.io.packing_file import read_identified
     from jampetsc.mechanics.matrices import matrices_of
-    from jampetsc.storage.packing_file import read_identified
+    from jampetsc.petsc import session
 
     comm = session.start("real").comm
     physics = Physics(law if isinstance(law, Law) else damping_law(law), prestress)

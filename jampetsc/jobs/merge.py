@@ -4,8 +4,8 @@ import os
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jampetsc.jobs.asking import FILE, PATH, asked
-from jampetsc.jobs.job import Job
+from jampetsc.asking.job import Job
+from jampetsc.asking.parameters import FILE, PATH, asked
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class Merge(Job):
 
     def work(self, to):
         """Merge and say what was done."""
-        from jampetsc.storage.merge import merge
+        from jampetsc.io.merge import merge
 
         joined = merge(self.file, to.path)
         if joined:
@@ -43,6 +43,6 @@ class Merge(Job):
 
     def answer(self, to, told):
         """The result."""
-        from jampetsc.storage.reader import load
+        from jampetsc.io.reader import load
 
         return load(to.path or self.file)

@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jampetsc.contacts.disks import Disks
+from jampetsc.asking.damping import PRESTRESS
+from jampetsc.asking.job import Job
+from jampetsc.asking.kinds import PACKING
+from jampetsc.asking.parameters import FILE, asked
+from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError, named
-from jampetsc.jobs.asking import FILE, asked
-from jampetsc.jobs.damping import PRESTRESS
-from jampetsc.jobs.job import Job
-from jampetsc.jobs.kinds import PACKING
 
 COUNT = 50
 
@@ -47,7 +47,7 @@ are asked for, LAPACK finds them. For hundreds: -options_file jampetsc:modes_man
         if len(given) > 1:
             raise InputError(f"{named(given[0])} and {named(given[1])}: give one of them")
         if self.below is not None:
-            from jampetsc.solvers.inertia import SHIFT
+            from jampetsc.petsc.inertia import SHIFT
 
             if not SHIFT < self.below < float("inf"):
                 raise InputError(
@@ -57,7 +57,7 @@ are asked for, LAPACK finds them. For hundreds: -options_file jampetsc:modes_man
 
     def work(self, to):
         """Find the modes. Collective."""
-        from jampetsc.response import modes_file
+        from jampetsc.linear import modes_file
 
         count = COUNT if self.count is None and self.below is None and not self.all else self.count
         return _summary(to, modes_file.run(self.packing, to, self.prestress, count, self.below))

@@ -4,14 +4,14 @@ import math
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.laws import Law, Physics
+from jampetsc.asking.damping import DAMPING, PRESTRESS
+from jampetsc.asking.job import Job
+from jampetsc.asking.kinds import PACKING, Numbers, numbers
+from jampetsc.asking.parameters import FILE, Kind, asked, part
+from jampetsc.core.disks import Disks
+from jampetsc.core.laws import Law, Physics
 from jampetsc.errors import InputError, named
-from jampetsc.jobs.asking import FILE, Kind, asked, part
-from jampetsc.jobs.damping import DAMPING, PRESTRESS
-from jampetsc.jobs.job import Job
-from jampetsc.jobs.kinds import PACKING, Numbers, numbers
-from jampetsc.response.limits import LARGEST, SMALLEST
+from jampetsc.linear.limits import LARGEST, SMALLEST
 
 DOUBLES = 1e-300, 1e300  # what ω and ωτ₁ may be
 LEAST, MOST = 1e-30, 1.0  # amplitudes

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.potentials import EXPONENTS, STIFFNESSES, Potential
+from jampetsc.asking.job import Job
+from jampetsc.asking.kinds import LAST_SEED, MOST_THREADS, PACKING, RADII, SEEDS
+from jampetsc.asking.parameters import Kind, asked
+from jampetsc.core.disks import Disks
+from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.errors import ConvergenceError, InputError, JampetscError, named
-from jampetsc.jobs.asking import Kind, asked
-from jampetsc.jobs.job import Job
-from jampetsc.jobs.kinds import LAST_SEED, MOST_THREADS, PACKING, RADII, SEEDS
-from jampetsc.packing.sizes import FEWEST, MOST, SIZES, Radii, radii_asked, sizes_told
+from jampetsc.minimise.sizes import FEWEST, MOST, SIZES, Radii, radii_asked, sizes_told
 
 PRESSURES = (1e-8, 1.0)
 PHIS = (0.8, 1.5)
@@ -156,7 +156,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
 
         Raises InputError for a name that is none for all of them.
         """
-        from jampetsc.packing.protocols import Target
+        from jampetsc.minimise.protocols import Target
 
         how = {"stabilise": self.stabilise, "tolerance": self.tolerance}
         if self.pressure is None:
@@ -194,9 +194,9 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
 
     def check_outputs(self, to):
         """Refuse what may not be replaced, and a packing to start from that is none."""
-        from jampetsc.storage.outputs import check_output
-        from jampetsc.storage.packing_file import check_packing
-        from jampetsc.storage.request import asked
+        from jampetsc.io.outputs import check_output
+        from jampetsc.io.packing_file import check_packing
+        from jampetsc.io.request import asked
 
         files = [self.from_] if isinstance(self.from_, str) else []
         for path in files:
@@ -209,17 +209,17 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
 
     def work(self, to):
         """Make what is not there yet, every rank its own packings. Collective."""
-        from jampetsc import session
-        from jampetsc.collective import by_rank_0, own_cores
-        from jampetsc.contacts.threads import Team
-        from jampetsc.storage import request
+        from jampetsc.collective import on_root, own_cores
+        from jampetsc.core.threads import Team
+        from jampetsc.io import request
+        from jampetsc.petsc import session
 
         running = session.current()
         comm, overwrite = running.comm, request.current().overwrite
         start, origin, k = self._start(comm)
         tasks = self.tasks(None if to.path is None else str(to.path), k)
         wanted = [origin | _asked(task) for task in tasks]
-        left = by_rank_0(
+        left = on_root(
             comm,
             lambda: [
                 i for i, task in enumerate(tasks) if not is_there(task.path, wanted[i], overwrite, self.from_)
@@ -242,8 +242,8 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
 
     def _start(self, comm):
         """(function of a task that gives the disks to begin with, entries of all records, k). Collective."""
-        from jampetsc.packing.protocols import changed, random_start, start_phi
-        from jampetsc.storage.packing_file import read_identified, source_told
+        from jampetsc.io.packing_file import read_identified, source_told
+        from jampetsc.minimise.protocols import changed, random_start, start_phi
 
         request = {"stabilise": self.stabilise, "tolerance": self.tolerance}
         if self.from_ is not None:
@@ -290,7 +290,7 @@ def is_there(path, wanted, overwrite=False, source=None) -> bool:
 
     Raises InputError if that holds something else that is not to be replaced.
     """
-    from jampetsc.storage.packing_file import is_known_as, read_packing
+    from jampetsc.io.packing_file import is_known_as, read_packing
 
     if path is None or not path.exists():
         return False
@@ -309,9 +309,9 @@ def is_there(path, wanted, overwrite=False, source=None) -> bool:
 
 def _make(tasks, start, to, team, rank) -> dict:
     """{number: (disks or None where a file has them, what is told), or a JampetscError} of [(number, task, record)]."""
-    from jampetsc.packing.protocols import Effort, make_packing
+    from jampetsc.minimise.protocols import Effort, make_packing
+    from jampetsc.petsc import local
     from jampetsc.progress import Progress
-    from jampetsc.solvers import local
 
     solver, found = local.NewtonSolver(), {}
     with Progress(len(tasks), "packings", rank) as progress:

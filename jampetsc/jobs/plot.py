@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
+from jampetsc.asking.job import Job
+from jampetsc.asking.kinds import FREQUENCIES, HELD
+from jampetsc.asking.parameters import FILES, NUMBER, SWITCH, WORD, Kind, Parameter, Part, asked, part
 from jampetsc.errors import InputError, named
-from jampetsc.jobs.asking import FILES, NUMBER, SWITCH, WORD, Kind, Parameter, Part, asked, part
-from jampetsc.jobs.job import Job
-from jampetsc.jobs.kinds import FREQUENCIES, HELD
 
 
 def _given(options) -> dict:
@@ -136,10 +136,10 @@ class Plot(Job):
 
     def work(self, to):
         """Draw the picture; what it shows."""
+        from jampetsc.io.ensemble import TABLE
+        from jampetsc.io.reader import load
+        from jampetsc.jobs.rows import wanted_of
         from jampetsc.plots.draw import draw
-        from jampetsc.storage.ensemble import TABLE
-        from jampetsc.storage.reader import load
-        from jampetsc.words.files import wanted_of
 
         wanted = wanted_of(self.where)
         studies = [isinstance(one, str) and (Path(one) / TABLE).exists() for one in self.files]

@@ -3,13 +3,13 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.laws import LARGEST, Law, Physics, having
+from jampetsc.asking.damping import DAMPING, PRESTRESS
+from jampetsc.asking.job import Job
+from jampetsc.asking.kinds import PACKING, Numbers, numbers
+from jampetsc.asking.parameters import FILE, asked, part
+from jampetsc.core.disks import Disks
+from jampetsc.core.laws import LARGEST, Law, Physics, having
 from jampetsc.errors import InputError, named
-from jampetsc.jobs.asking import FILE, asked, part
-from jampetsc.jobs.damping import DAMPING, PRESTRESS
-from jampetsc.jobs.job import Job
-from jampetsc.jobs.kinds import PACKING, Numbers, numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class Quasistatic(Job):
 
     def work(self, to):
         """Solve. Collective."""
-        from jampetsc.response import quasistatic
+        from jampetsc.linear import quasistatic
 
         physics = Physics(self.law, self.prestress)
         betas = () if self.betas is None else self.betas.tolist()

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+from jampetsc.asking.kinds import MOST_THREADS
+from jampetsc.asking.parameters import asked
+from jampetsc.asking.starts import FromStart
 from jampetsc.errors import InputError, named
-from jampetsc.jobs.asking import asked
-from jampetsc.jobs.kinds import MOST_THREADS
-from jampetsc.jobs.starts import FromStart
 
 MOST = 1e8  # steps
 FARTHEST = 1e4  # strain
@@ -59,10 +59,9 @@ prefix -newton_."""
 
     def work(self, to):
         """Shear."""
-        from jampetsc import session
-        from jampetsc.contacts.threads import Team, cores
-        from jampetsc.flows.slowjob import SlowRun, execute
-        from jampetsc.solvers import local
+        from jampetsc.core.threads import Team, cores
+        from jampetsc.flows.quasistatic_run import SlowRun, execute
+        from jampetsc.petsc import local, session
 
         size = session.current().size
         if size > 1:

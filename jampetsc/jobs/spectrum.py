@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+from jampetsc.asking.inputs import refuse_repeated
+from jampetsc.asking.job import Job
+from jampetsc.asking.kinds import RESULT, opened
+from jampetsc.asking.parameters import FILES, asked
 from jampetsc.errors import InputError, named
-from jampetsc.jobs.asking import FILES, asked
-from jampetsc.jobs.inputs import refuse_repeated
-from jampetsc.jobs.job import Job
-from jampetsc.jobs.kinds import RESULT, opened
 
 HDF5 = (".h5", ".hdf5")  # endings of a file; those of a picture are `plots.style.FORMATS`
 
@@ -49,8 +49,8 @@ class Spectrum(Job):
 
     def check_outputs(self, to):
         """Refuse what is neither a file of one spectrum nor a picture."""
+        from jampetsc.io.outputs import PICTURE, check_output
         from jampetsc.plots.style import FORMATS
-        from jampetsc.storage.outputs import PICTURE, check_output
 
         suffix = "" if to.path is None else to.path.suffix.lower()
         if suffix in FORMATS:
@@ -69,8 +69,8 @@ class Spectrum(Job):
 
     def work(self, to):
         """Find the spectrum, or draw the spectra."""
+        from jampetsc.io.reader import SweepResult
         from jampetsc.plots.style import FORMATS
-        from jampetsc.storage.reader import SweepResult
 
         sweeps = [opened(source) for source in self.sweeps]
         for source, sweep in zip(self.sweeps, sweeps, strict=True):
@@ -89,7 +89,7 @@ class Spectrum(Job):
 def _write(sweep, to, window):
     """Write the result and return the summary."""
     from jampetsc.analysis.transient import transient
-    from jampetsc.storage.provenance import derived_from
+    from jampetsc.io.provenance import derived_from
 
     began = time.perf_counter()
     slowest, fastest = sweep.frequency_range

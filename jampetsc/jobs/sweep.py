@@ -3,13 +3,13 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.laws import Law
+from jampetsc.asking.damping import DAMPING, PRESTRESS, refuse_law_without_contacts
+from jampetsc.asking.job import Job
+from jampetsc.asking.kinds import FREQUENCIES, PACKING, Numbers
+from jampetsc.asking.parameters import FILE, asked, part
+from jampetsc.core.disks import Disks
+from jampetsc.core.laws import Law
 from jampetsc.errors import InputError, named
-from jampetsc.jobs.asking import FILE, asked, part
-from jampetsc.jobs.damping import DAMPING, PRESTRESS, refuse_law_without_contacts
-from jampetsc.jobs.job import Job
-from jampetsc.jobs.kinds import FREQUENCIES, PACKING, Numbers
 
 OMEGA = "1e-10:1e4:141"
 POWER_LAW = (
@@ -95,7 +95,7 @@ come with the program."""
     @property
     def scalar(self):
         """Real scalars will do for the direct method, but take twice the memory."""
-        from jampetsc import builds
+        from jampetsc.petsc import builds
 
         if self.method == "rational":
             return "real"
@@ -103,10 +103,10 @@ come with the program."""
 
     def work(self, to):
         """Sweep. Collective."""
-        from jampetsc import session
-        from jampetsc.response import direct_sweep, rational_sweep
-        from jampetsc.response.run import Run
-        from jampetsc.response.stability import settle
+        from jampetsc.linear import direct_sweep, rational_sweep
+        from jampetsc.linear.run import Run
+        from jampetsc.linear.stability import settle
+        from jampetsc.petsc import session
 
         run = Run.of(self, to, session.current().comm)
         run = settle(run)

@@ -1,10 +1,10 @@
 """Hessian K, damping matrix B and the γ border of a contact network, as distributed PETSc matrices.
 
 Unknowns are the non-affine displacements ũ = u − γ y x̂ and, where the law couples to them, the angles θ,
-interleaved (x, y, θ) per disk. A contact contributes weighted squares of its relative motions (`contacts.forms`):
+interleaved (x, y, θ) per disk. A contact contributes weighted squares of its relative motions (`core.forms`):
 
     K:  k (a∥)² − (f/r) (a⊥)²           (BT eqs. 4, 11)
-    B:  kτ₁ × the weights of the law on (a∥)², (a⊥)², (a⊥ᶜ)², |ũ_i|² and V γ²   (see `contacts.laws`)
+    B:  kτ₁ × the weights of the law on (a∥)², (a⊥)², (a⊥ᶜ)², |ũ_i|² and V γ²   (see `core.laws`)
 """
 
 from dataclasses import dataclass
@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import coo_array
 
-from jampetsc.contacts.forms import linear_forms, squares
-from jampetsc.contacts.laws import Law
+from jampetsc.core.forms import linear_forms, squares
+from jampetsc.core.laws import Law
 from jampetsc.mechanics.network import Network, Pieces, find_pieces
-from jampetsc.session import current
-from jampetsc.solvers.matrices import distributed_matrix
+from jampetsc.petsc.matrices import distributed_matrix
+from jampetsc.petsc.session import current
 
 ROW = 6.0  # |A| ≤ ROW max(diagonal) for the A of a contact network: six unknowns at most share a form
 

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from jampetsc.mechanics.assembly import Pencil, forms_of, weights
-from jampetsc.session import current
+from jampetsc.petsc.session import current
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,12 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.contacts.laws import Law
+from jampetsc.core.laws import Law
 from jampetsc.mechanics.assembly import Pencil, assemble
 from jampetsc.mechanics.minimum import count_modes
 from jampetsc.mechanics.network import Network
-from jampetsc.session import current
-from jampetsc.solvers.inertia import Inertia, count_eigenvalues
+from jampetsc.petsc.inertia import Inertia, count_eigenvalues
+from jampetsc.petsc.session import current
 
 
 @dataclass(frozen=True, eq=False)

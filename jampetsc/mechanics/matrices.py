@@ -17,14 +17,14 @@ import numpy as np
 from scipy.io import mmwrite
 from scipy.sparse import csr_array
 
-from jampetsc.collective import by_rank_0
-from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.laws import Physics
+from jampetsc.collective import on_root
+from jampetsc.core.disks import Disks
+from jampetsc.core.laws import Physics
 from jampetsc.errors import InputError, named
+from jampetsc.io.atomic import write_whole
 from jampetsc.mechanics.assembly import assemble, pins_of
 from jampetsc.mechanics.network import build_network
-from jampetsc.session import current
-from jampetsc.storage.atomic import write_whole
+from jampetsc.petsc.session import current
 
 ENDINGS = (".npz", ".mtx", ".petsc")
 SPARSE, VECTORS, NUMBERS = ("K", "B"), ("k_gamma", "b_gamma"), ("k_gg", "b_gg", "area")
@@ -138,7 +138,7 @@ def write_matrices(out, matrices: Matrices) -> None:
         _write_petsc(comm, files[""], matrices)
         return
     whole = matrices.to_scipy()
-    by_rank_0(comm, lambda: _write_npz(files[""], whole) if "" in files else _write_mtx(files, whole))
+    on_root(comm, lambda: _write_npz(files[""], whole) if "" in files else _write_mtx(files, whole))
 
 
 def _write_npz(path, whole):
@@ -167,7 +167,7 @@ def _write_petsc(comm, path, matrices):
         PETSc.IS().createGeneral((rows if first else rows[:0]).astype(PETSc.IntType), comm=comm)
         for rows in (matrices.particles, matrices.pins)
     ]
-    folder = by_rank_0(comm, tempfile.mkdtemp)
+    folder = on_root(comm, tempfile.mkdtemp)
     file = Path(folder) / "matrices"
     try:
         viewer = PETSc.Viewer().createBinary(str(file), "w", comm=comm)  # rank 0 writes
@@ -175,7 +175,7 @@ def _write_petsc(comm, path, matrices):
             item.view(viewer)
         for item in (viewer, numbers, *sets):
             item.destroy()
-        by_rank_0(comm, lambda: write_whole(path, file.read_bytes()))
+        on_root(comm, lambda: write_whole(path, file.read_bytes()))
     finally:
         if first:
             shutil.rmtree(folder, ignore_errors=True)

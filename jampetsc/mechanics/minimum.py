@@ -1,16 +1,16 @@
 """Whether a packing is a minimum of its energy: the one place that counts the modes of K, and says how it knows.
 
 K is that of `network`, with or without pre-stress, on the displacements. A proof that came with the packing is another
-matter, see `contacts.minimum`; so are forces that are not balanced, see `contacts.state`.
+matter, see `core.minimum`; so are forces that are not balanced, see `core.state`.
 """
 
-from jampetsc.contacts.laws import UNDAMPED
+from jampetsc.core.laws import UNDAMPED
 from jampetsc.errors import InputError, named
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.network import Network, find_pieces
-from jampetsc.solvers.cholesky import NotPositiveDefinite
-from jampetsc.solvers.inertia import Inertia, count_eigenvalues
-from jampetsc.solvers.shifted import ShiftedFactor
+from jampetsc.petsc.cholesky import NotPositiveDefinite
+from jampetsc.petsc.inertia import Inertia, count_eigenvalues
+from jampetsc.petsc.shifted import ShiftedFactor
 
 BY_CHOLESKY = "Cholesky's factorisation of K"
 BY_INERTIA = "the inertia of K"

@@ -12,10 +12,10 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.laws import Law
-from jampetsc.contacts.neighbours import spatial_order
-from jampetsc.contacts.state import (
+from jampetsc.core.disks import Disks
+from jampetsc.core.laws import Law
+from jampetsc.core.neighbours import spatial_order
+from jampetsc.core.state import (
     Contacts,
     find_contacts,
     find_rattlers,
@@ -23,7 +23,7 @@ from jampetsc.contacts.state import (
     virial_pressure,
 )
 from jampetsc.errors import InputError
-from jampetsc.session import current
+from jampetsc.petsc.session import current
 
 
 @dataclass(frozen=True, eq=False)

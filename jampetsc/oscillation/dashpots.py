@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.forms import linear_forms
-from jampetsc.contacts.laws import Law
+from jampetsc.core.disks import Disks
+from jampetsc.core.forms import linear_forms
+from jampetsc.core.laws import Law
+from jampetsc.minimise.hessian import Bonds
 from jampetsc.oscillation.powerlaw import PowerLaw
-from jampetsc.packing.hessian import Bonds
 
 REST = 1e-5  # of the typical speed: below it the force of a contact is linear in its velocity
 

@@ -18,7 +18,7 @@ from scipy.sparse import csr_array
 from jampetsc.mechanics.compatibility import Compatibility
 from jampetsc.oscillation.cycle import Cycle
 from jampetsc.oscillation.powerlaw import PowerLaw
-from jampetsc.session import current
+from jampetsc.petsc.session import current
 
 
 class Contacts:

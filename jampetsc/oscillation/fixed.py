@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.contacts.laws import Law
+from jampetsc.core.laws import Law
 from jampetsc.mechanics.network import Network
+from jampetsc.minimise.hessian import Bonds
 from jampetsc.oscillation.dashpots import Damping, Dashpots, gathered, motion_rows
 from jampetsc.oscillation.stepmatrix import StepMatrix
-from jampetsc.packing.hessian import Bonds
 
 
 @dataclass(frozen=True, eq=False)

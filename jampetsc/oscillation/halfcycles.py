@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.contacts.laws import Law
+from jampetsc.core.laws import Law
 from jampetsc.errors import ConvergenceError, named
 from jampetsc.mechanics.network import Network
 from jampetsc.oscillation.answer import Answer, Sine

@@ -1,6 +1,6 @@
 """Disks whose contacts open and close while their cell is sheared: implicit steps in time, without inertia.
 
-In the coordinates of a pair list (see `contacts.pairs`) disks move by offsets o, and r = F (r0 + o_j − o_i) with
+In the coordinates of a pair list (see `core.pairs`) disks move by offsets o, and r = F (r0 + o_j − o_i) with
 F = [[1, g], [0, 1]]; their non-affine velocity in the laboratory is u = F ȯ. Forces balance at every instant,
 
     ∂R/∂u = f(o, γ) ,     ∂R/∂γ̇ = σV − ∂U/∂γ   where the stress σ is imposed and the strain free,
@@ -13,15 +13,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.laws import Law
-from jampetsc.contacts.pairs import SKIN_START, ListedDisks, is_stale
-from jampetsc.contacts.state import find_contacts
+from jampetsc.core.disks import Disks
+from jampetsc.core.laws import Law
+from jampetsc.core.pairs import SKIN_START, ListedDisks, is_stale
+from jampetsc.core.state import find_contacts
 from jampetsc.errors import ConvergenceError, named
+from jampetsc.minimise.hessian import Bonds
 from jampetsc.oscillation.dashpots import Damping, Dashpots
 from jampetsc.oscillation.stage import STAGE, Imposed, Stages
 from jampetsc.oscillation.stepmatrix import StepMatrix
-from jampetsc.packing.hessian import Bonds
 
 REACH = 3.0  # mean overlaps: no disk moves farther in one of Newton's steps, into another minimum
 WIDEST = 2.0  # mean diameters: skin of a list beyond which a step is too long

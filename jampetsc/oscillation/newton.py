@@ -9,7 +9,7 @@ import numpy as np
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.oscillation.equations import Equations
 from jampetsc.oscillation.preconditioner import HarmonicPreconditioner
-from jampetsc.session import current
+from jampetsc.petsc.session import current
 
 PREFIX = "osc_"
 NEWTON = ("newtonls", "ksponly")  # methods that take a step with the derivative

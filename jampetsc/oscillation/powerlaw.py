@@ -5,7 +5,7 @@ The relative velocity of a contact, weighted as the law has it, is z = (√w∥ 
     R = c Σ_c |z_c|^(1+α) / (1+α) ,     c = kτ₁ (ρ₀/τ₁)^(1−α) ,     f = ∂R/∂z = c |z|^(α−1) z
 
 with the *vector's* length |z|: the force of a contact is against its velocity and does not depend on how that is
-split into components. At α = 1 this is the quadratic form of `contacts.laws`, and for motion along a line, in any
+split into components. At α = 1 this is the quadratic form of `core.laws`, and for motion along a line, in any
 direction, a cycle dissipates what BT 25 assumes. ρ₀ is the mean diameter.
 
 For α < 1 the force has an infinite slope at z = 0, and Newton's method in z jumps from side to side there. Its inverse

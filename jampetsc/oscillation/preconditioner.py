@@ -20,8 +20,8 @@ from scipy.sparse import csr_array
 from jampetsc.collective import agreed
 from jampetsc.oscillation.cycle import Cycle
 from jampetsc.oscillation.equations import Contacts
-from jampetsc.session import current
-from jampetsc.solvers.cholesky import Cholesky, NotPositiveDefinite
+from jampetsc.petsc.cholesky import Cholesky, NotPositiveDefinite
+from jampetsc.petsc.session import current
 
 PREFIX = "osc_factor_"
 SHARED = 1.5

@@ -15,10 +15,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.contacts.disks import Disks
-from jampetsc.contacts.laws import Law
-from jampetsc.contacts.pairs import deformed
-from jampetsc.contacts.state import find_contacts
+from jampetsc.core.disks import Disks
+from jampetsc.core.laws import Law
+from jampetsc.core.pairs import deformed
+from jampetsc.core.state import find_contacts
 from jampetsc.errors import ConvergenceError, named
 from jampetsc.oscillation.answer import Answer, Sine
 from jampetsc.oscillation.cycle import Cycle

@@ -4,8 +4,12 @@ import time
 
 import numpy as np
 
-from jampetsc.contacts.disks import Disks
+from jampetsc.core.disks import Disks
 from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.io.outlet import Outlet
+from jampetsc.io.packing_file import read_identified, source_told
+from jampetsc.linear.elastic import ElasticResponse
+from jampetsc.linear.record import run_record
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.mechanics.network import Network, build_network
@@ -15,12 +19,8 @@ from jampetsc.oscillation.harmonics import HARMONICS
 from jampetsc.oscillation.powerlaw import relative_softening
 from jampetsc.oscillation.repeated import START_STEPS, Start, shake
 from jampetsc.oscillation.steady import LEAST_ALPHA, Point, SteadyOscillation
+from jampetsc.petsc.session import current
 from jampetsc.progress import Progress
-from jampetsc.response.elastic import ElasticResponse
-from jampetsc.response.record import run_record
-from jampetsc.session import current
-from jampetsc.storage.outlet import Outlet
-from jampetsc.storage.packing_file import read_identified, source_told
 
 COUNTS = ("newton_steps", "linear_iterations", "factorisations", "steps_taken", "cycles", "half_cycles")
 

@@ -19,8 +19,8 @@ from typing import Protocol
 import numpy as np
 
 from jampetsc.errors import ConvergenceError, named
+from jampetsc.minimise.newton import flat_between
 from jampetsc.oscillation.dashpots import Dashpots
-from jampetsc.packing.newton import flat_between
 
 STAGE = 1.0 - np.sqrt(0.5)  # of a step
 WEIGHTS = 1.0 - STAGE, STAGE  # of what is seen at the ends of the stages, in an integral over a step

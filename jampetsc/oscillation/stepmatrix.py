@@ -6,11 +6,11 @@ if and only if the whole is positive definite, as A is. μ is no larger than it 
 
 import numpy as np
 
-from jampetsc.contacts.pairs import PairList
-from jampetsc.contacts.state import both_ends, find_rattlers
+from jampetsc.core.pairs import PairList
+from jampetsc.core.state import both_ends, find_rattlers
+from jampetsc.minimise.hessian import Bonds, Pattern
 from jampetsc.oscillation.dashpots import Dashpots, gathered, motion_rows
-from jampetsc.packing.hessian import Bonds, Pattern
-from jampetsc.solvers.local import NewtonSolver
+from jampetsc.petsc.local import NewtonSolver
 
 # of k or, in a short step, of what is stiffest: least μ on the diagonal, for what nothing holds, which rounding would
 # move far; it changes steps, not where they end

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.contacts.laws import FAMILIES, OPTIONS
+from jampetsc.core.laws import FAMILIES, OPTIONS
 from jampetsc.errors import InputError
 from jampetsc.plots.style import MARKERS, colours, number, power_or_number, sequential
 from jampetsc.plots.units import units_of

@@ -4,13 +4,13 @@ import difflib
 import importlib
 import os
 
-from jampetsc.contacts.disks import Disks
+from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError, named
+from jampetsc.io.atomic import write_whole
+from jampetsc.io.ensemble import Ensemble
+from jampetsc.io.reader import load
 from jampetsc.plots import numbers, style
 from jampetsc.plots.picture import PICTURES, Drawn, Picture
-from jampetsc.storage.atomic import write_whole
-from jampetsc.storage.ensemble import Ensemble
-from jampetsc.storage.reader import load
 
 MODULES = (  # with pictures; a file shows by itself the first that suits it and the options given
     "moduli", "spectrum", "correlation", "floppy", "exponents", "finite_size", "vibrations", "lowmodes", "flowcurves",

@@ -5,12 +5,12 @@ import numpy as np
 from jampetsc.analysis.scaling import BORDER, critical_exponents, local_slope, low_frequency_limit
 from jampetsc.analysis.statistics import log_median, mean_with_error
 from jampetsc.errors import InputError
+from jampetsc.io.reader import SweepResult
 from jampetsc.plots.curves import Curve, curve_of, group_curves
 from jampetsc.plots.floppy import PRESTRESS, QUANTITIES, groups_of, unstable, values_of
 from jampetsc.plots.page import band, points
 from jampetsc.plots.picture import count, picture
 from jampetsc.plots.style import GREY, LOSS, PAGE, STORAGE, entry, hidden, looks
-from jampetsc.storage.reader import SweepResult
 
 HEIGHT = 2.5  # inches of one row of panels
 _FEWEST = 2  # pressures that make a slope

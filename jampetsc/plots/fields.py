@@ -6,6 +6,15 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 
 from jampetsc.errors import InputError
+from jampetsc.io.fields import (
+    PHASES,
+    chosen_frequencies,
+    field_at,
+    packing_of,
+    particle_rows,
+    phase_factor,
+)
+from jampetsc.io.snapshots import snapshot
 from jampetsc.plots.correlation import OMEGA
 from jampetsc.plots.packing import circles
 from jampetsc.plots.periodic import (
@@ -20,15 +29,6 @@ from jampetsc.plots.periodic import (
 from jampetsc.plots.picture import PACKING, Option, picture
 from jampetsc.plots.style import COLUMN, PAGE, hidden, number, power_or_number
 from jampetsc.plots.vibrations import chosen_modes
-from jampetsc.storage.fields import (
-    PHASES,
-    chosen_frequencies,
-    field_at,
-    packing_of,
-    particle_rows,
-    phase_factor,
-)
-from jampetsc.storage.snapshots import snapshot
 
 ARROWS = 1600  # at most so many in a panel, evenly spread
 COLUMNS = 5  # frequencies in one picture

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.patches import Patch
 
 from jampetsc.analysis.statistics import median_interval
-from jampetsc.contacts.laws import having
+from jampetsc.core.laws import having
 from jampetsc.errors import InputError
 from jampetsc.plots.logaxes import power_law
 from jampetsc.plots.page import band

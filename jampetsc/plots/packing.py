@@ -3,11 +3,12 @@
 import numpy as np
 from matplotlib.collections import EllipseCollection, LineCollection
 
-from jampetsc.contacts.disks import PLACES, Disks
-from jampetsc.contacts.potentials import Potential
-from jampetsc.contacts.state import find_contacts, measure, virial_pressure
+from jampetsc.core.disks import PLACES, Disks
+from jampetsc.core.potentials import Potential
+from jampetsc.core.state import find_contacts, measure, virial_pressure
 from jampetsc.errors import InputError
 from jampetsc.flows.walls import phi_between
+from jampetsc.io.snapshots import snapshot
 from jampetsc.plots.periodic import (
     cells,
     disk_images,
@@ -20,7 +21,6 @@ from jampetsc.plots.periodic import (
 from jampetsc.plots.picture import picture
 from jampetsc.plots.shearing import kind_of, labels_of
 from jampetsc.plots.style import COLUMN, PAGE, hidden, power_or_number
-from jampetsc.storage.snapshots import snapshot
 
 MANY = 5000  # disks beyond which vector files get the contents as pixels, and outlines go
 _MEAN_WIDTH, _WIDEST = 0.09, 2.0  # width of the line of a mean force in mean diameters, and at most in points

@@ -3,7 +3,7 @@
 Quantities are in the units that the files tell (`units.flow_units`): Vågberg's where `jampetsc flow` made the disks.
 """
 
-from jampetsc.flows.lanes import BIN, FORMAT, LANE, correlate_lanes
+from jampetsc.flows.velocity_correlation import BIN, FORMAT, LANE, correlate_lanes
 from jampetsc.plots.page import band
 from jampetsc.plots.picture import count, picture
 from jampetsc.plots.style import DASHED, GREY, PAGE, colours, entry, hidden, looks, number

@@ -15,8 +15,8 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.lines import Line2D
 
 from jampetsc.errors import InputError
-from jampetsc.storage.atomic import write_whole
-from jampetsc.storage.outputs import PICTURE, TABLE, check_output
+from jampetsc.io.atomic import write_whole
+from jampetsc.io.outputs import PICTURE, TABLE, check_output
 
 COLUMN, PAGE = 3.4, 7.0  # inches: one and two columns of a journal
 GREY = "0.45"

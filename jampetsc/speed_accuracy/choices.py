@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from jampetsc.contacts.laws import FAMILIES, Physics, damping_law
+from jampetsc.core.laws import FAMILIES, Physics, damping_law
 from jampetsc.errors import ConvergenceError, InputError, JampetscError
+from jampetsc.io.reader import load
 from jampetsc.jobs.sweep import Sweep
 from jampetsc.shipped_files import located
 from jampetsc.speed_accuracy import processes
 from jampetsc.speed_accuracy.compare import Reference, certified, log_interpolate
 from jampetsc.speed_accuracy.table import Row
-from jampetsc.storage.reader import load
 
 GROUPS = ("accuracy", "method", "physics", "frequencies")
 ACCURACIES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)

@@ -23,7 +23,7 @@ class Exponents:
 
 
 class Reference:
-    """The exact curve, to its own bound. result: a rational sweep (`storage.reader.SweepResult`)."""
+    """The exact curve, to its own bound. result: a rational sweep (`io.reader.SweepResult`)."""
 
     def __init__(self, result):
         self.result = result

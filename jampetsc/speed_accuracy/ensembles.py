@@ -3,10 +3,10 @@
 import numpy as np
 
 from jampetsc.analysis.statistics import mean_with_error
+from jampetsc.io.packing_file import read_packing
 from jampetsc.speed_accuracy import processes
 from jampetsc.speed_accuracy.choices import PHYSICS_ACCURACY, Bench, deviation, words_of
 from jampetsc.speed_accuracy.table import Row
-from jampetsc.storage.packing_file import read_packing
 
 SHARES = (1, 4, 16)  # so many packings of N over so many disks
 FIRST_SEED = 1001  # other packings than the one of the reference

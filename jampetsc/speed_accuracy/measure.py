@@ -9,20 +9,20 @@ import sys
 import tempfile
 from pathlib import Path
 
-from jampetsc import launcher
 from jampetsc.errors import InputError, named
+from jampetsc.io.outputs import PICTURE, TABLE, check_output
+from jampetsc.io.packing_file import read_identified, read_packing
+from jampetsc.io.provenance import git_commit
+from jampetsc.petsc import launcher
 from jampetsc.progress import Progress
 from jampetsc.speed_accuracy import choices, ensembles, processes
 from jampetsc.speed_accuracy.advice import advise
 from jampetsc.speed_accuracy.table import Table
-from jampetsc.storage.outputs import PICTURE, TABLE, check_output
-from jampetsc.storage.packing_file import read_identified, read_packing
-from jampetsc.storage.provenance import git_commit
 from jampetsc.version import VERSION
 
 
 def measure(job, out) -> str:
-    """Run all choices of a `jobs.trade.Trade`, write `out` (.csv) and a picture beside it (.png); gives them as text.
+    """Run all choices of a `speed_accuracy.job.Trade`, write `out` (.csv) and a picture (.png); gives them as text.
 
     Choices that fail have a row that says why. Raises JampetscError if there is no reference.
     """

@@ -10,7 +10,7 @@ import time
 from dataclasses import dataclass
 
 from jampetsc.errors import InputError, named
-from jampetsc.launcher import without_launcher
+from jampetsc.petsc.launcher import without_launcher
 
 _LAUNCHERS = ("mpirun", "mpiexec")
 

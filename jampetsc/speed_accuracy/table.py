@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, fields
 
 from jampetsc.columns import aligned
-from jampetsc.storage.atomic import write_whole
+from jampetsc.io.atomic import write_whole
 
 MEANINGS = {
     "group": "what is varied",

@@ -6,7 +6,7 @@ within a factor of three or so.
 
 import statistics
 
-from jampetsc.packing.protocols import start_phi
+from jampetsc.minimise.protocols import start_phi
 
 ROUGH = {  # command -> seconds whatever N is, seconds of a unit at N = 1024, its power of N
     "pack": (0.02, 0.12, 1.5),

@@ -1,13 +1,13 @@
 """What became of the tasks of a study, kept on disk task by task: a study that is killed loses no finished one.
 
-`FOLDER/journal` has a file for each task, put there whole with a hash of its content (`storage.checkpoint.keep`).
+`FOLDER/journal` has a file for each task, put there whole with a hash of its content (`io.checkpoint.keep`).
 """
 
 from pathlib import Path
 from urllib.parse import quote
 
-from jampetsc.storage.atomic import remove_abandoned
-from jampetsc.storage.checkpoint import keep, kept
+from jampetsc.io.atomic import remove_abandoned
+from jampetsc.io.checkpoint import keep, kept
 
 NAME = "journal"
 

@@ -14,7 +14,7 @@ import threading
 from pathlib import Path
 
 from jampetsc.errors import InputError
-from jampetsc.storage.atomic import write_error
+from jampetsc.io.atomic import write_error
 
 NAME = "lock"
 BEAT = 20.0  # seconds between touches

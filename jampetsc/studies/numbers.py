@@ -4,10 +4,10 @@ import numpy as np
 
 from jampetsc.analysis.scaling import CRITICAL_END, fit_power_law, low_frequency_limit
 from jampetsc.analysis.statistics import mean_with_error
-from jampetsc.contacts.disks import Disks
+from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError
+from jampetsc.io.reader import load
 from jampetsc.speed_accuracy.compare import CRITICAL_START
-from jampetsc.storage.reader import load
 
 WORDS = ("law", "model", "method", "packing", "phase")  # texts that a row tells
 NOT = ("ranks", "wall_seconds", "negative_modes", "requested_n", "requested_pressure", "requested_phi")

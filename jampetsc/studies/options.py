@@ -4,10 +4,10 @@ import dataclasses
 import itertools
 from dataclasses import dataclass
 
+from jampetsc.asking.job import Job
+from jampetsc.asking.kinds import seeds_of
+from jampetsc.asking.parameters import FILES, OPTION, did_you_mean, made, parameters
 from jampetsc.errors import InputError
-from jampetsc.jobs.asking import FILES, OPTION, did_you_mean, made, parameters
-from jampetsc.jobs.job import Job
-from jampetsc.jobs.kinds import seeds_of
 
 OWN = ("out", "packing", "last", "overwrite", "quiet")  # that the study gives itself
 LABEL = {"n": "n", "pressure": "p", "phi": "phi", "seed": "s"}  # what a file's name tells -> how

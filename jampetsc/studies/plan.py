@@ -18,8 +18,8 @@ import tomllib
 from dataclasses import dataclass
 
 from jampetsc.errors import InputError
+from jampetsc.io.regular import open_regular
 from jampetsc.jobs import job_class
-from jampetsc.storage.regular import open_regular
 from jampetsc.studies.kinds import KINDS, NOTHING, PACKING, SEEDS, START, SWEEP
 from jampetsc.studies.options import Choice, choices_of, label_of, number_of, values_of
 

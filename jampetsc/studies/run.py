@@ -4,12 +4,12 @@ import os
 import time
 from pathlib import Path
 
-from jampetsc.collective import agreed, by_rank_0, own_cores
+from jampetsc.collective import agreed, on_root, own_cores
 from jampetsc.errors import InputError
+from jampetsc.io.atomic import write_error, write_whole
+from jampetsc.io.ensemble import TABLE
+from jampetsc.io.outputs import is_same
 from jampetsc.progress import Progress
-from jampetsc.storage.atomic import write_error, write_whole
-from jampetsc.storage.ensemble import TABLE
-from jampetsc.storage.outputs import is_same
 from jampetsc.studies.board import BROKEN, DONE, Board
 from jampetsc.studies.costs import Costs, in_words
 from jampetsc.studies.journal import NAME as JOURNAL
@@ -36,7 +36,7 @@ def run(tasks, folder, path, source: bytes | dict, session) -> list[dict]:
     """
     folder, comm = Path(folder), session.comm
     lock = Lock(folder)
-    by_rank_0(comm, lambda: _open(folder, path, lock))
+    on_root(comm, lambda: _open(folder, path, lock))
     try:
         runner = Runner(folder, {}, own_cores(comm))
 
@@ -44,7 +44,7 @@ def run(tasks, folder, path, source: bytes | dict, session) -> list[dict]:
             runner.records = records_of(folder)
             return runner.left(tasks), runner.records
 
-        (left, changed), records = by_rank_0(comm, look)
+        (left, changed), records = on_root(comm, look)
         runner.records = records
         void = {name: records.get(name) for name in left}
         left = [task for task in tasks if task.name in void]

@@ -6,17 +6,18 @@ import functools
 import os
 import time
 
-from jampetsc import progress, session
-from jampetsc.collective import by_rank_0
+from jampetsc import progress
+from jampetsc.asking.perform import perform
+from jampetsc.collective import on_root
 from jampetsc.errors import InputError, JampetscError
-from jampetsc.jobs.perform import perform
-from jampetsc.storage.checkpoint import discard, folder_of
-from jampetsc.storage.checksums import identity_of
-from jampetsc.storage.outlet import Outlet
-from jampetsc.storage.packing_file import is_known_as
-from jampetsc.storage.parts import parts_of
-from jampetsc.storage.provenance import command_line, derived_from
-from jampetsc.storage.reader import load
+from jampetsc.io.checkpoint import discard, folder_of
+from jampetsc.io.checksums import identity_of
+from jampetsc.io.outlet import Outlet
+from jampetsc.io.packing_file import is_known_as
+from jampetsc.io.parts import parts_of
+from jampetsc.io.provenance import command_line, derived_from
+from jampetsc.io.reader import load
+from jampetsc.petsc import session
 from jampetsc.studies.numbers import numbers_of
 
 ASIDE = ".replaced"  # behind the name of a file that was put in the place of one that the study made
@@ -76,13 +77,13 @@ class Runner:
             if not there and task.inputs:
                 raise InputError(f"{task.inputs[0].file} failed")
             comm = session.current().comm
-            if by_rank_0(
+            if on_root(
                 comm, lambda: _current(known, there, lambda name: identity_of(self.folder / name, True))
             ):
                 return known
-            record["files"] = by_rank_0(comm, lambda: self._files(names))  # before they are read
+            record["files"] = on_root(comm, lambda: self._files(names))  # before they are read
             self._work(task, there)
-            record["files"] |= by_rank_0(comm, lambda: self._files([task.name]))
+            record["files"] |= on_root(comm, lambda: self._files([task.name]))
             found = numbers_of(self.folder / task.file)
             state, why = "done", ""
         except JampetscError as error:
@@ -100,7 +101,7 @@ class Runner:
         """Make the file, unless a run that was killed has made it just before it could say so."""
         out = self.folder / task.file
         words = task.line([one.file for one in there], task.file)
-        if by_rank_0(session.current().comm, lambda: self._is_there(task, words, there)):
+        if on_root(session.current().comm, lambda: self._is_there(task, words, there)):
             return
         job = task.choice.job_of([str(self.folder / one.file) for one in there])
         if getattr(job, "threads", 0) is None:

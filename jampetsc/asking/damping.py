@@ -1,0 +1,59 @@
+"""The damping law of a job: the options that make one, from the table of families."""
+
+from jampetsc.asking.parameters import NUMBER, SWITCH, WORD, Parameter, Part, asked
+from jampetsc.core.laws import DEFAULT, FAMILIES, OPTIONS, Law, damping_law, having
+from jampetsc.errors import InputError, named
+
+GROUP = "damping law"
+
+
+def law_parameters(default):
+    """The options of a law, whose family is `default`, or None, where it is not given."""
+    labels = " or ".join(f"{family.label} ({name})" for name, family in FAMILIES.items())
+    found = [Parameter("law", labels, WORD, default, choices=tuple(FAMILIES), group=GROUP)]
+    for name in OPTIONS:
+        owners = having(name)
+        option = FAMILIES[owners[0]].options[name]
+        belongs = f"law {' or '.join(owners)}"
+        if isinstance(option.default, bool):
+            off = f"{option.meaning} ({belongs})"
+            found.append(Parameter(name, f"unless {off}", SWITCH, True, off=off, group=GROUP))
+        else:
+            told = f"{option.meaning} ({belongs}, default {option.default:g})"
+            found.append(Parameter(name, told, NUMBER, None, metavar=name.upper(), group=GROUP))
+    found.append(Parameter("tau1", "damping time τ₁", NUMBER, 1.0, above=0.0, metavar="TIME", group=GROUP))
+    return tuple(found)
+
+
+def law_made(given: dict) -> Law:
+    """The law of options by name. Raises InputError for an option of another family and values out of range."""
+    return damping_law(
+        given.get("law", DEFAULT), **{name: one for name, one in given.items() if name != "law"}
+    )
+
+
+def law_told(law: Law) -> dict:
+    """The options that make a law, those that differ from the default; its weights where it is of no family."""
+    if law.family:
+        usual = {name: option.default for name, option in FAMILIES[law.family].options.items()}
+        told = {name: value for name, value in law.options if value != usual[name]}
+        return {"law": law.family, "tau1": law.tau1, **told}
+    weights = ("normal", "transverse", "sliding", "drag", "eta_f")
+    return {"law": "own weights", "tau1": law.tau1} | {name: getattr(law, name) for name in weights}
+
+
+DAMPING = Part(law_parameters(DEFAULT), law_made, law_told, Law)
+PRESTRESS = asked(
+    True,
+    "K keeps the f/r term of its contacts (BT: 'with pre-stress')",
+    off="drop the f/r term of K (BT: 'without pre-stress')",
+)
+
+
+def refuse_law_without_contacts(law: Law, parameter: str, remedy: str) -> None:
+    """Raise InputError where no contact dissipates under a law and `parameter` needs that."""
+    if not law.damps_contacts:
+        owners = [name for name in FAMILIES if damping_law(name).damps_contacts]
+        raise InputError(
+            f"{named(parameter)}: belongs to {named('law')} {' or '.join(owners)}, not to {law.family}; {remedy}"
+        )

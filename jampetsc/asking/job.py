@@ -1,0 +1,171 @@
+"""A job: what is asked, as a frozen dataclass, and how it is answered. Functions and commands are made of its class."""
+
+import shlex
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import ClassVar
+
+from jampetsc.asking.kinds import input_told
+from jampetsc.asking.parameters import FILE, OPTION, parameter_of, parameters, parts
+from jampetsc.errors import InputError, named
+from jampetsc.io.outlet import Outlet
+from jampetsc.io.outputs import check_output
+
+
+@dataclass(frozen=True)
+class Job:
+    """Base of all jobs. A subclass is a frozen dataclass whose fields are made by `asking.asked` and `asking.part`.
+
+    Its docstring is its description, the first line of it the help of its command. It says by
+
+        NAME        of command and function
+        FORMAT      of its result, "jampetsc-sweep"
+        EPILOG      what its help ends with: examples, prefixes of PETSc's options
+        check()     refuses values that do not go together, whatever files hold
+        scalar      PETSc's scalars that it needs
+        work(to)    what it does
+    """
+
+    NAME: ClassVar[str]
+    FORMAT: ClassVar[str]
+    EPILOG: ClassVar[str] = ""
+    SOLVERS: ClassVar[tuple] = ()  # prefixes of the PETSc options that its solvers read, see `solver_options`
+    OUT: ClassVar[str] = "required"  # whether its command needs --out: required, optional, or "" for no file
+    OUT_HELP: ClassVar[str] = "result file (HDF5)"
+    GIVES: ClassVar[str] = ""  # what python gets, where that is not what `load` gives for its file
+    AGAIN: ClassVar[bool] = False  # whether its result is made anew without asking: pictures and tables
+
+    def __post_init__(self):
+        for field in fields(self):
+            said = field.metadata.get("asked")
+            if isinstance(said, dict):
+                object.__setattr__(self, field.name, self._read(field))
+            elif said is not None and not isinstance(getattr(self, field.name), said.type):
+                value = getattr(self, field.name)
+                if value is None and field.default is None:
+                    continue
+                if not isinstance(value, str):
+                    raise InputError(f"{named(field.name)} {value!r}: must be a {said.type.__name__}")
+                made = said.make({said.parameters[0].name: value})  # "stokes": a name stands for its defaults
+                object.__setattr__(self, field.name, made)
+        self.check()
+
+    def _read(self, field):
+        parameter, value = parameter_of(field), getattr(self, field.name)
+        if parameter.place in (OPTION, FILE):
+            return parameter.read(value)
+        if isinstance(value, str | Path) or not hasattr(value, "__iter__"):
+            value = (value,)
+        if not value:
+            raise InputError(f"{named(field.name)}: must be given")
+        return tuple(parameter.read(one) for one in value)
+
+    def check(self) -> None:
+        """Raise InputError for values that do not go together."""
+
+    @property
+    def scalar(self) -> str | None:
+        """PETSc's scalars that the job needs: "real", "complex", "any"; None where PETSc has nothing to do."""
+        return "real"
+
+    @property
+    def place(self):
+        """Where its result goes where no name is given; None: nowhere."""
+
+    @property
+    def sources(self) -> list:
+        """What it reads: names of files, and packings and results in memory."""
+        places = [name for name, one in parameters(type(self)).items() if one.place != OPTION]
+        return [one for name in places for one in _several(getattr(self, name))]
+
+    @property
+    def paths(self) -> list[str]:
+        """Those of `sources` that are, or lie in, files."""
+        places = [one if isinstance(one, str | Path) else getattr(one, "file", None) for one in self.sources]
+        return [str(one) for one in places if one is not None]
+
+    def gathered(self) -> "Job":
+        """The job with results in memory whole on every rank. Collective."""
+        held = {
+            name: one
+            for name, one in vars(self).items()
+            if isinstance(one, tuple) or hasattr(one, "gathered")
+        }
+        return replace(self, **{name: _whole(one) for name, one in held.items()})
+
+    def told(self) -> dict:
+        """{parameter: value} as JSON and command lines hold it: all that is no file, switches that are not usual."""
+        values = {}
+        for name, parameter in parameters(type(self)).items():
+            if hasattr(self, name) and parameter.place == OPTION and name not in parts(type(self)):
+                value = getattr(self, name)
+                values[name] = value if value is None else parameter.kind.tell(value)
+        for name, part in parts(type(self)).items():
+            made = getattr(self, name)
+            values |= {} if made is None else part.tell(made)
+        known = parameters(type(self))
+        usual = {name: one.default for name, one in known.items() if isinstance(one.default, bool)}
+        return {
+            name: value
+            for name, value in values.items()
+            if value is not None and usual.get(name) is not value
+        }
+
+    def words(self) -> list[str]:
+        """The options of a command line that asks for the same."""
+        told, words = self.told(), []
+        for name, parameter in parameters(type(self)).items():
+            if parameter.place != OPTION:
+                continue
+            if isinstance(parameter.default, bool):
+                words += [parameter.word] * (name in told)
+            elif name in told and (parameter.default is None or not self.same(name, told[name], None)):
+                text = str(told[name])
+                words += [f"{parameter.word}={text}"] if text.startswith("-") else [parameter.word, text]
+        return words
+
+    def line(self, out=None) -> list[str]:
+        """A command line that does the same; packings and results in memory are told by what they are."""
+        given = [input_told(one) for one in self.sources]
+        return ["jampetsc", self.NAME, *map(str, given), *(["--out", str(out)] if out else []), *self.words()]
+
+    def same(self, name, one, other) -> bool:
+        """Whether two told values of a parameter mean the same, however they are written; None is the default."""
+        parameter = parameters(type(self)).get(name)
+        try:
+            return parameter is not None and _canonical(parameter, one) == _canonical(parameter, other)
+        except InputError:
+            return False
+
+    def check_outputs(self, to: Outlet) -> None:
+        """Raise InputError, before any work, unless all of its files may be written."""
+        if to.path is not None:
+            check_output(to.path, self.FORMAT, self.paths)
+
+    def work(self, to: Outlet) -> str:
+        """Do it and put what is found into the outlet `to`; what a user wants to read. Collective."""
+        raise NotImplementedError
+
+    def answer(self, to: Outlet, told: str):
+        """What python gets: what `load` gives for the file, or the same in memory; told: what `work` has said."""
+        return to.result
+
+    def __str__(self):
+        return shlex.join(self.line())
+
+
+def _several(value) -> list:
+    """What a place of a command line holds, as a list."""
+    return list(value) if isinstance(value, tuple) else [] if value is None else [value]
+
+
+def _whole(one):
+    """What a job was given, without parts on other ranks. Collective."""
+    if isinstance(one, tuple):
+        return tuple(_whole(part) for part in one)
+    return one.gathered() if hasattr(one, "gathered") else one
+
+
+def _canonical(parameter, told):
+    value = parameter.read(parameter.default if told is None and not parameter.required else told)
+    return value if value is None else parameter.kind.tell(value)

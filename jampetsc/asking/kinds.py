@@ -1,0 +1,169 @@
+"""Kinds of values that jobs ask for beside numbers and words: packings, frequencies and other lists of numbers.
+
+One grammar for lists: `a,b,c` as they are, `low:high:count` a logarithmic grid, `lin:low:high:count` an even one;
+from python any list or array.
+"""
+
+import operator
+import os
+from collections.abc import Sequence
+
+from jampetsc.asking.parameters import Kind, shown
+from jampetsc.linear.limits import LARGEST, SMALLEST
+
+Numbers = str | Sequence[float]
+MOST = 100_000  # numbers of a grid
+LAST_SEED = 2**63 - 1  # what a file can record
+MOST_SEEDS = 1_000_000
+MOST_THREADS = 256
+
+
+def numbers(least, most, metavar="LIST", unit="", even=False) -> Kind:
+    """Several numbers within [least, most], read as an array (M,), increasing and without repeats.
+
+    unit   what follows the limits in a message
+    even   whether low:high:count is an even grid, without lin:
+    """
+
+    def read(given):
+        if even and isinstance(given, str) and ":" in given:
+            given = f"lin:{given.removeprefix('lin:')}"
+        return _numbers(given, least, most, unit)
+
+    return Kind(read, even_told if even else grid_told, metavar=metavar)
+
+
+def _numbers(given, least, most, unit):
+    import numpy as np
+
+    if isinstance(given, str):
+        values = _written(given)
+    else:
+        try:
+            values = np.unique(np.asarray(given, float).ravel())
+        except (TypeError, ValueError):
+            raise ValueError("must be numbers") from None
+    if not len(values):
+        raise ValueError("must be at least one number")
+    for value in values:
+        if not least <= value <= most:  # nan as well
+            raise ValueError(f"{shown(float(value))} must lie between {least:g} and {most:g}{unit}")
+    return values
+
+
+def _written(text):
+    """Numbers of the grammar above."""
+    import numpy as np
+
+    even = text.startswith("lin:")
+    try:
+        if ":" not in text:
+            return np.unique([float(word) for word in text.split(",")])
+        low, high, count = text.removeprefix("lin:").split(":")
+        low, high, count = float(low), float(high), int(count)
+    except ValueError:
+        raise ValueError("write low:high:count, such as 1e-3:1e2:51, lin:low:high:count, or a,b,…") from None
+    if not (np.isfinite([low, high]).all() and low < high and 2 <= count <= MOST and (even or low > 0)):
+        raise ValueError(f"need {'' if even else '0 < '}low < high and a count from 2 to {MOST}")
+    return (np.linspace if even else np.geomspace)(low, high, count)
+
+
+def even_told(values) -> str:
+    """Numbers (M,) in the grammar of even grids."""
+    told = grid_told(values)
+    return (
+        told.removeprefix("lin:")
+        if told.startswith("lin:") or ":" not in told
+        else ",".join(map(repr, values.tolist()))
+    )
+
+
+def grid_told(values) -> str:
+    """Numbers (M,) in the grammar, which gives the same to the last bit."""
+    import numpy as np
+
+    values = np.asarray(values, float)
+    if len(values) > 2:
+        ends = f"{float(values[0])!r}:{float(values[-1])!r}:{len(values)}"
+        for text in (ends, f"lin:{ends}"):
+            if (text[0] == "l" or values[0] > 0) and np.array_equal(_written(text), values):
+                return text
+    return ",".join(repr(float(value)) for value in values)
+
+
+def seeds_of(given) -> Sequence[int]:
+    """The seeds that `FIRST:LAST` stands for, both included, or several whole numbers. Raises ValueError."""
+    try:
+        if isinstance(given, str):
+            first, last = (int(word) for word in given.split(":"))
+            given = range(first, last + 1)
+        seeds = given if isinstance(given, range) else tuple(operator.index(one) for one in given)
+    except (TypeError, ValueError):
+        raise ValueError("must be FIRST:LAST, for instance 1:20") from None
+    if not len(seeds):
+        raise ValueError("the last must not be below the first")
+    if len(seeds) > MOST_SEEDS:
+        raise ValueError(f"{len(seeds)} seeds: at most {MOST_SEEDS} at a time")
+    if not 0 <= min(seeds) <= max(seeds) <= LAST_SEED:
+        raise ValueError(f"must lie in [0, {LAST_SEED}]")
+    return seeds
+
+
+def _seeds_told(seeds) -> str:
+    first, last = min(seeds), max(seeds)
+    return f"{first}:{last}" if list(seeds) == list(range(first, last + 1)) else ",".join(map(str, seeds))
+
+
+def _radii(given):
+    from jampetsc.minimise.sizes import Radii
+
+    if isinstance(given, Radii):
+        return given
+    return Radii.read(os.fspath(given)) if isinstance(given, str | os.PathLike) else Radii(given)
+
+
+def _read_as(names, what):
+    """How a packing or a result is read: the file that it lies in as words, what lies in memory as it is.
+
+    names   of classes whose objects in memory may be given, "Disks" and "Result"
+    """
+
+    def read(given):
+        from jampetsc.core.disks import Disks
+        from jampetsc.io.reader import Result
+
+        classes = tuple({"Disks": Disks, "Result": Result}[name] for name in names)
+        if isinstance(given, Result):
+            if isinstance(given, classes) and (given.file is None or given.packing is not None):
+                return given  # also one that was saved, for the packing that it knows
+            place = given.file
+        elif isinstance(given, classes):
+            return given
+        else:
+            place = getattr(given, "path", given)  # of a study's table
+        try:
+            return os.fspath(place)
+        except TypeError:
+            raise ValueError(f"must be {what} or the name of its file") from None
+
+    return read
+
+
+def opened(source):
+    """What `load` gives for a packing or a result that a job was given, which is opened if it is a file."""
+    from jampetsc.io.reader import load
+
+    return load(source) if isinstance(source, str) else source
+
+
+def input_told(source) -> str:
+    """A packing or a result in words: its file, or that it lies in memory."""
+    return f"<{source.n} disks>" if hasattr(source, "potential") else str(getattr(source, "path", source))
+
+
+PACKING = Kind(_read_as(["Disks"], "a packing"), input_told, metavar="PACKING")  # Disks, or a path
+RESULT = Kind(_read_as(["Result"], "a result"), input_told, metavar="FILE")  # Result in memory, or a path
+HELD = Kind(_read_as(["Disks", "Result"], "a packing, a result"), input_told, metavar="FILE")  # either
+SEEDS = Kind(seeds_of, _seeds_told, metavar="FIRST:LAST")
+RADII = Kind(_radii, lambda radii: radii.path or radii.told, metavar="FILE")  # a `minimise.sizes.Radii`
+FREQUENCIES = numbers(SMALLEST, LARGEST, "LOW:HIGH:COUNT|LIST", " (for the limits ω → 0 and ∞: quasistatic)")

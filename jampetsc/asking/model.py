@@ -1,0 +1,68 @@
+"""The model of a flow: the options that make one, a name of `flows.models.MODELS` or a damping law, and a mass."""
+
+from jampetsc.asking.damping import law_made, law_parameters, law_told
+from jampetsc.asking.parameters import NUMBER, WORD, Parameter, Part
+from jampetsc.core.laws import LARGEST, OPTIONS
+from jampetsc.errors import InputError, named
+from jampetsc.flows.models import MODELS, Model, model_of
+
+GROUP = "model"
+OWN = (
+    Parameter(
+        "model",
+        "drag (RD) or contact damping (CD, of normal or tangential motion only CDn, CDt); 0: overdamped",
+        WORD,
+        None,
+        choices=tuple(MODELS),
+        group=GROUP,
+    ),
+    Parameter("mass", "mass of every disk", NUMBER, None, above=0.0, high=LARGEST, metavar="M", group=GROUP),
+    Parameter(
+        "quality",
+        "Q = √(m k)/(k τ₁), instead of a mass",
+        NUMBER,
+        None,
+        above=0.0,
+        high=LARGEST,
+        metavar="Q",
+        group=GROUP,
+    ),
+    Parameter(
+        "friction",
+        "drag δ beside contact damping (default: its limit zero)",
+        NUMBER,
+        None,
+        low=0.0,
+        high=LARGEST,
+        metavar="D",
+        group=GROUP,
+    ),
+)
+
+
+def model_made(given: dict) -> Model:
+    """The model of options by name. Raises InputError for those that do not go together, and as `Model`."""
+    law = {name: value for name, value in given.items() if name in ("law", *OPTIONS)}
+    if "model" in given:
+        if law:
+            raise InputError(
+                f"{named('model')} {given['model']} and {named(next(iter(law)))}: give one of them"
+            )
+        return model_of(given["model"], **{name: value for name, value in given.items() if name != "model"})
+    if "law" not in given:
+        raise InputError(
+            f"{named('model')}: must be given: {', '.join(MODELS)}, or {named('law')} with its options"
+        )
+    motion = {name: given[name] for name in ("mass", "quality", "friction") if name in given}
+    return Model(law_made({name: value for name, value in given.items() if name not in motion}), **motion)
+
+
+def model_told(model: Model) -> dict:
+    """The options that make a model."""
+    motion = {name: getattr(model, name) or None for name in ("mass", "quality", "friction")}
+    if model.name:
+        return {"model": model.name, "tau1": model.law.tau1} | motion
+    return law_told(model.law) | motion
+
+
+MODEL = Part((*OWN, *law_parameters(None)), model_made, model_told, Model)

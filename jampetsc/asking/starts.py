@@ -1,0 +1,118 @@
+"""What a shear begins with: a packing, or random disks of a number, a packing fraction and sizes."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from jampetsc.asking.job import Job
+from jampetsc.asking.kinds import LAST_SEED, PACKING, RADII, input_told
+from jampetsc.asking.parameters import FILE, asked
+from jampetsc.core.disks import Disks
+from jampetsc.core.potentials import EXPONENTS, Potential
+from jampetsc.errors import InputError, named
+from jampetsc.minimise.sizes import FEWEST, MOST, SIZES, Radii, in_small_diameters, radii_asked, sizes_told
+
+PHIS = (0.1, 1.0)
+SETTLED = 1e-6  # max |F| in k_e/d, to which a random start is relaxed
+UNITS = "k_e = k_d = 1, diameter of the small disks 1"  # Vågberg, thesis sec. 4.1
+OWN_UNITS = "k_e = k_d = 1, length as of the radii given"
+GROUP = "disks, where START is no file: smallest diameter 1, k_e = k_d = 1"
+
+
+@dataclass(frozen=True, eq=False)
+class FromStart(Job):
+    """Base of jobs that shear a packing, or disks that they make."""
+
+    start: Disks | None = asked(None, "packing to start from", kind=PACKING, place=FILE, metavar="START")
+    n: int | None = asked(None, "number of disks", low=FEWEST, high=MOST, metavar="N", group=GROUP)
+    phi: float | None = asked(
+        None, "packing fraction; disks jam near 0.84", low=PHIS[0], high=PHIS[1], metavar="PHI", group=GROUP
+    )
+    seed: int | None = asked(
+        None, "of the random start (default 1)", low=0, high=LAST_SEED, metavar="S", group=GROUP
+    )
+    sizes: str | None = asked(
+        None, f"half of each radius 1:1.4, or all alike (default {SIZES[0]})", choices=SIZES, group=GROUP
+    )
+    radii: Radii | None = asked(
+        None, "text file of radii, one per disk, or an array, instead of n and sizes", kind=RADII, group=GROUP
+    )
+    potential: str | None = asked(
+        None, f"energy of an overlap (default {next(iter(EXPONENTS))})", choices=EXPONENTS, group=GROUP
+    )
+
+    discard: float | None = asked(
+        None, "strain before the means (default 1, at most half)", low=0.0, metavar="S", group="run"
+    )
+    last: Path | None = asked(None, "write the last state as a packing, too", metavar="FILE", group="run")
+
+    GIVEN = ("n", "phi", "seed", "sizes", "radii", "potential")  # without a packing only
+
+    def check(self):
+        """Refuse words about disks beside a packing, and too few of them without one."""
+        self.check_discard()
+        if self.start is not None:
+            for name in self.GIVEN:
+                if getattr(self, name) not in (None, False):
+                    raise InputError(f"{named(name)}: belongs to {input_told(self.start)}; leave it out")
+            return
+        for name in ("phi", "n"):
+            if getattr(self, name) is None and not (name == "n" and self.radii is not None):
+                raise InputError(
+                    f"{named(name)}: must be given: {named('n')} and {named('phi')}, or a packing to start from"
+                )
+        radii_asked(self.n, self.sizes, self.radii)
+
+    def check_discard(self):
+        """Refuse to leave out everything."""
+        if self.discard is not None and self.discard >= self.strain:
+            raise InputError(
+                f"{named('discard')} {self.discard:g}: must lie in [0, {named('strain')}), below {self.strain:g}"
+            )
+
+    def check_outputs(self, to):
+        """Of the packing, too."""
+        super().check_outputs(to)
+        self.check_last(to)
+
+    def check_last(self, to):
+        """Refuse a packing where something else is."""
+        if self.last is not None:
+            from jampetsc.io.outputs import check_output
+
+            check_output(self.last, "jampetsc-packing", self.paths, [to.path] if to.path else [])
+
+    @property
+    def paths(self):
+        """The file of radii is one, too."""
+        return super().paths + ([self.radii.path] if self.radii is not None and self.radii.path else [])
+
+    def disks(self) -> tuple[Disks, dict]:
+        """(disks, attributes that say where they come from).
+
+        Without a packing: random places, deep overlaps quenched away, in Vågberg's units: the smallest diameter is 1,
+        but where radii are given.
+        """
+        if self.start is not None:
+            from jampetsc.io.packing_file import read_identified
+
+            disks, (name, digest) = read_identified(self.start)
+            return disks, {"packing": name, "packing_sha256": digest, "units": "those of the packing"}
+
+        radii, units, seed = radii_asked(self.n, self.sizes, self.radii), OWN_UNITS, self.seed
+        if self.radii is None:
+            radii, units = in_small_diameters(radii), UNITS
+        seed = 1 if seed is None else seed
+        disks, more = self.random(radii, seed)
+        return disks, {"seed": seed, "sizes": sizes_told(self.sizes, self.radii), "units": units} | more
+
+    def random(self, radii, seed) -> tuple[Disks, dict]:
+        """(disks of these radii (N,) that a seed places, attributes beside it)."""
+        from jampetsc.minimise.minimise import settle
+        from jampetsc.minimise.protocols import random_start
+
+        return settle(random_start(radii, self.phi, seed, self.made_potential), SETTLED), {}
+
+    @property
+    def made_potential(self) -> Potential:
+        """The potential of disks that are made."""
+        return Potential(self.potential or next(iter(EXPONENTS)), "inverse-square-diameter")

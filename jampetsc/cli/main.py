@@ -1,0 +1,241 @@
+"""The command line: `--long` words are the program's, `-single_dash` words are PETSc's.
+
+Finds the command's module, gives it its arguments, and turns an error into one line and an exit status:
+1 unexpected or from the system, 2 bad input, 3 not converged, 130 interrupted, 141 nobody reads the output.
+SIGTERM is the system's: what was finished is on disk at every moment.
+"""
+
+import argparse
+import contextlib
+import difflib
+import errno
+import importlib
+import os
+import re
+import sys
+import time
+
+from jampetsc import progress, streams
+from jampetsc.cli.parser import add_job
+from jampetsc.errors import InputError, JampetscError, option
+from jampetsc.jobs import JOBS, job_class
+from jampetsc.petsc import launcher, session, solver_options
+from jampetsc.version import VERSION
+
+REMEDIES = {errno.ENOSPC: ": free some space, or write elsewhere", errno.EACCES: ": check its permissions"}
+MORE_MEMORY = "use more nodes, or a smaller packing"
+OWN = ("-h", "-q", "-v")  # short options of the program's own
+NEAR = 0.75  # likeness of a name to what may have been meant
+PATIENCE = 2.0  # seconds that a rank in trouble waits for the others to report the same
+
+
+def main(argv=None):
+    """Run `jampetsc argv` and return the exit status. Errors are printed once, by one rank."""
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # OpenBLAS reads it, too, when numpy is imported
+    streams.prepare()
+    try:
+        status = dispatch(sys.argv[1:] if argv is None else argv)
+        sys.stdout.flush()
+        return status
+    except JampetscError as error:
+        return _fail(str(error), error.exit_code)
+    except MemoryError as error:
+        return _fail(": ".join(filter(None, ["out of memory", _one_line(error), MORE_MEMORY])), 1)
+    except BrokenPipeError:
+        streams.forsake(sys.stdout)
+        return 141
+    except OSError as error:
+        return _fail(_system_message(error), 1)
+    except KeyboardInterrupt:
+        return _fail("interrupted", 130)
+    except Exception as error:
+        if not session.petsc_error(error):
+            raise
+        return _fail(*session.told(error))
+
+
+def dispatch(argv):
+    """Parse `argv` (without the program's name) and run its command; returns the exit status.
+
+    Raises InputError for anything that neither the program nor PETSc can be meant to read.
+    """
+    words, petsc_argv = split_petsc(argv or ["--help"])
+    parser, commands = command_parser(words)
+    try:
+        args, rest = parser.parse_known_args(_with_negative_numbers(words))
+    except InputError as error:
+        unknown = [word for word in words if _is_unknown(word, commands.choices.get(words[0]))]
+        if unknown and "required" in str(error):  # it is missing because it was misspelt
+            raise InputError(_unknown(unknown[0], commands.choices[words[0]])) from None
+        taken = [token for token in petsc_argv if not solver_options.OPTION.match(token)]
+        missing = taken and "required" in str(error)
+        hint = f"; PETSc's options took {', '.join(taken)}: put them last" if missing else ""
+        raise InputError(f"{error}{hint}") from None
+    if rest:
+        raise InputError(_unknown(rest[0], commands.choices[args.command]))
+    if petsc_argv and not args.takes_petsc(args):
+        raise InputError(
+            f"{args.command} {petsc_argv[0]}: single-dash options are PETSc's, which has nothing to do here; "
+            "the program's own begin with --"
+        )
+    if petsc_argv:
+        solver_options.check(args.command, {name: job_class(name).SOLVERS for name in JOBS}, petsc_argv)
+    progress.tell(-1 if args.quiet else 1 if args.verbose else 0)
+    try:
+        return _run(args, argv, petsc_argv)
+    except JampetscError as error:
+        raise type(error)(error.told(option)) from None
+
+
+def _run(args, argv, petsc_argv):
+    """Run the command as it was asked for."""
+    if not args.takes_petsc(args):
+        return args.run(args, petsc_argv) if _chosen(argv) else 0
+    status = args.run(args, petsc_argv)
+    if petsc_argv:
+        session.current().tell_unused()
+    return status
+
+
+def split_petsc(argv):
+    """(program's words, PETSc's words) of a command line.
+
+    As PETSc reads it: an option is one dash and a letter, and the next word is its value unless that is an
+    option too. So a file name must not follow a PETSc option that has no value of its own.
+    """
+    words, petsc = [], []
+    value_may_follow = False
+    for token in argv:
+        option = bool(solver_options.OPTION.match(token)) and token not in OWN
+        value = value_may_follow and not token.startswith("--")
+        (petsc if option or value else words).append(token)
+        value_may_follow = option
+    return words, petsc
+
+
+class Parser(argparse.ArgumentParser):
+    """argparse with this program's manners: whole long words only, errors raised, help from one rank."""
+
+    def __init__(self, **settings):
+        settings.setdefault("formatter_class", argparse.RawDescriptionHelpFormatter)
+        super().__init__(**{**settings, "add_help": False, "allow_abbrev": False})
+        self.add_argument("-h", "--help", action="help", help="show this text and exit")
+        self.set_defaults(takes_petsc=lambda args: False)
+
+    def error(self, message):
+        raise InputError(f"{message} (see {self.prog} --help)")
+
+    def print_help(self, file=None):
+        if _chosen(sys.argv):
+            super().print_help(file)
+
+
+def command_parser(words):
+    """(parser, its subparsers) for these words: with the one command that they name, or else with all."""
+    parser = Parser(
+        prog="jampetsc",
+        description="Linear rheology of jammed packings: how they respond to slow and fast shear.",
+        epilog="jampetsc COMMAND --help tells more. Options with a single dash are PETSc's and go last,\n"
+        "for example -options_file FILE or -log_view. In parallel: mpirun -n RANKS jampetsc …",
+    )
+    parser.add_argument("--version", action="version", version=f"jampetsc {VERSION}")
+    subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    asked = words[0] if words else ""
+    if asked and asked not in JOBS and not asked.startswith("-"):
+        raise InputError(f"{asked}: no such command{_did_you_mean(asked, JOBS)} (see jampetsc --help)")
+    whole = asked in JOBS
+    for name in [asked] if whole else [] if asked == "--version" else JOBS:
+        add_job(job_class(name), subparsers, whole)
+    return parser, subparsers
+
+
+def _with_negative_numbers(words):
+    """The words with `--option -1e-4` as `--option=-1e-4`: argparse takes -1e-4 for an option."""
+    joined = []
+    for word in words:
+        if re.match(r"-\.?\d", word) and joined and joined[-1].startswith("--") and "=" not in joined[-1]:
+            joined[-1] += f"={word}"
+        else:
+            joined.append(word)
+    return joined
+
+
+def _is_unknown(word, parser):
+    return parser and word.startswith("--") and word.partition("=")[0] not in parser._option_string_actions
+
+
+def _unknown(token, parser):
+    """The message for a word that argparse left over."""
+    word = token.partition("=")[0]
+    if not word.startswith("-"):
+        return f"{token}: one argument too many (see {parser.prog} --help)"
+    near = _did_you_mean(word, parser._option_string_actions)
+    return f"{word}: no such option{near} (see {parser.prog} --help)"
+
+
+def _did_you_mean(word, known):
+    near = difflib.get_close_matches(word, known, n=1, cutoff=NEAR)
+    return f"; did you mean {near[0]}?" if near else ""
+
+
+def _chosen(request):
+    """Whether this process is to do what needs no MPI: of the ranks with the same request one does.
+
+    `request` is a command line. Where mpirun started several ranks MPI is started to compare them, and ended:
+    nobody waits for the one that works. What this process has started before stays as it is.
+    """
+    before, MPI = "mpi4py.MPI" in sys.modules, _mpi()
+    if not MPI:
+        return True
+    requests = MPI.COMM_WORLD.allgather((request, os.getcwd()))
+    chosen = requests.index(requests[MPI.COMM_WORLD.rank]) == MPI.COMM_WORLD.rank
+    if not before:
+        MPI.Finalize()
+    return chosen
+
+
+def _fail(message, status):
+    """Print `message` once and return `status`; abort the job if some rank is not failing within PATIENCE, too."""
+    MPI = _mpi()  # a rank that left before another has printed would end the job without a word
+    if not MPI:
+        _print_error(message)
+        return status
+    comm = MPI.COMM_WORLD
+    all_here, deadline = comm.Ibarrier(), time.monotonic() + PATIENCE
+    while not all_here.Test():
+        if time.monotonic() > deadline:
+            _print_error(f"rank {comm.rank}: {message}")
+            comm.Abort(status)
+        time.sleep(0.01)
+    if comm.allgather(message).index(message) == comm.rank:
+        _print_error(message)
+    comm.Barrier()  # mpirun ends the others when the first one leaves, printed or not
+    return status
+
+
+def _mpi():
+    """mpi4py's MPI where this is one of several ranks or something has started it, and nothing ended it, else None."""
+    if launcher.several():
+        with contextlib.suppress(ImportError):
+            importlib.import_module("mpi4py.MPI")
+    MPI = sys.modules.get("mpi4py.MPI")
+    return MPI if MPI and MPI.Is_initialized() and not MPI.Is_finalized() else None
+
+
+def _print_error(message):
+    streams.say("".join(f"{streams.ERROR}{line}\n" for line in message.splitlines()))
+    streams.forsake(sys.stdout)
+
+
+def _system_message(error):
+    """One line for an OSError, from the system or in HDF5's words."""
+    text = _one_line(error)
+    name = error.filename or (found[1] if (found := re.search(r"name = '([^']*)'", text)) else None)
+    number = error.errno or (int(found[1]) if (found := re.search(r"errno = (\d+)", text)) else None)
+    reason = os.strerror(number) if number else text
+    remedy = REMEDIES.get(number, "")
+    return f"{f'{name}: ' if name else ''}{reason}{remedy}"
+
+
+def _one_line(error):
+    return " ".join(str(error).split())

@@ -1,0 +1,134 @@
+"""A job on the command line: its parser, made of its parameters, and its run."""
+
+import functools
+import textwrap
+
+from jampetsc.asking.job import Job
+from jampetsc.asking.parameters import FILES, OPTION, made, parameters, shown
+from jampetsc.errors import InputError, JampetscError, option
+
+
+def add_job(job, subparsers, whole=True) -> None:
+    """Add the command of a class of jobs to an argparse parser of commands; whole: with its options."""
+    first, _, rest = job.__doc__.strip().partition("\n")
+    parser = subparsers.add_parser(
+        job.NAME,
+        help=first.strip().rstrip("."),
+        description="\n".join([first.strip(), textwrap.dedent(rest).rstrip()]),
+        epilog=job.EPILOG,
+    )
+    parser.set_defaults(command=job.NAME)
+    if not whole:
+        return
+    groups = {}
+    for name, one in parameters(job).items():
+        heading = one.group or ("" if one.place != OPTION else "options")
+        if heading and heading != "options" and heading not in groups:
+            groups[heading] = parser.add_argument_group(heading)
+        _add(groups.get(heading, parser), name, one)
+    if job.OUT:
+        parser.add_argument("--out", metavar="FILE", required=job.OUT == "required", help=job.OUT_HELP)
+    told = parser.add_mutually_exclusive_group()
+    quiet = "do not tell how far the run has come"
+    told.add_argument("-q", "--quiet", action="store_true", default=None, help=quiet)
+    told.add_argument("-v", "--verbose", action="store_true", default=None, help="tell more of it")
+    if job.OUT and not job.AGAIN:
+        overwrite = "replace a finished result of other settings, which is refused otherwise"
+        parser.add_argument("--overwrite", action="store_true", default=None, help=overwrite)
+    parser.set_defaults(
+        run=functools.partial(run, job),
+        check=functools.partial(job_of, job),
+        takes_petsc=functools.partial(takes_petsc, job),
+    )
+
+
+def _add(parser, name, one):
+    if one.place != OPTION:
+        count = "+" if one.place == FILES else None if one.required else "?"
+        parser.add_argument(
+            name, nargs=count, metavar=one.metavar or one.kind.metavar or name.upper(), help=one.help
+        )
+    elif isinstance(one.default, bool):
+        parser.add_argument(
+            one.word,
+            dest=name,
+            action="store_const",
+            const=not one.default,
+            default=None,
+            help=_help(one),
+        )
+    else:
+        parser.add_argument(
+            *filter(None, (one.word, one.also)),
+            dest=name,
+            type=functools.partial(_word, one),
+            default=None,
+            required=one.required,
+            metavar=one.metavar or one.kind.metavar or (None if one.choices else name.upper()),
+            choices=None,
+            help=_help(one),
+        )
+
+
+def _word(one, text):
+    """What is kept of a word: a number where the parameter is one; what cannot be read is refused by the job."""
+    try:
+        return one.kind.word(text)
+    except ValueError:
+        return text
+
+
+def _help(one):
+    """The line of help, with choices, unit and default."""
+    told = [one.off or one.help]
+    if one.choices:
+        told.append(f"({', '.join(one.choices)})")
+    if one.unit:
+        told.append(f"in {one.unit}")
+    if not one.required and one.default is not None and not isinstance(one.default, bool):
+        told.append(f"(default {shown(one.default)})")
+    return " ".join(told).replace("%", "%%")
+
+
+def job_of(job, args) -> Job:
+    """The job that parsed words ask for. Raises InputError, with parameters as the command line writes them."""
+    try:
+        return made(job, {name: getattr(args, name) for name in parameters(job)})
+    except JampetscError as error:
+        raise InputError(in_words(error, job)) from None
+
+
+def in_words(error, job) -> str:
+    """The message of an error with the options of a job's command."""
+    known = parameters(job)
+    return error.told(lambda name: known[name].word if name in known else option(name))
+
+
+def takes_petsc(job, args) -> bool:
+    """Whether PETSc has something to do in the job of parsed words."""
+    return job_of(job, args).scalar is not None
+
+
+def run(job, args, petsc_argv) -> int:
+    """Do what parsed words ask for and print what was found. Collective."""
+    from jampetsc.asking.perform import perform
+    from jampetsc.io.outlet import Outlet
+    from jampetsc.petsc import session
+
+    asked = job_of(job, args)
+    try:
+        out = getattr(args, "out", None) or asked.place
+        to = Outlet(out, out)
+        told = perform(
+            asked,
+            to,
+            petsc_argv=petsc_argv,
+            overwrite=getattr(args, "overwrite", False),
+            alone=asked.scalar is None,
+        )
+    except JampetscError as error:
+        raise type(error)(in_words(error, job)) from None
+    comm = None if asked.scalar is None else session.communicator()
+    if told and (comm is None or comm.rank == 0):
+        print(told)
+    return to.status

@@ -1,0 +1,139 @@
+"""Contact forces by domains: compact ranges of disks, each of which one thread can work on without the others.
+
+A pair within a domain is computed once and acts on both of its disks. A pair across a border is listed in both
+domains, from the side of the own disk, and acts on that one only: a domain writes no forces but its own. Which
+pairs are where depends on the number of disks alone, so forces and their sums are the same to the last bit on any
+number of threads.
+"""
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from jampetsc.core.kernel import FAST, add_forces
+from jampetsc.core.pairs import PairList
+
+GRAIN = 256  # disks: domains begin at multiples of it, and arrays are padded to one
+SIZE = 2048  # disks per domain: two to four of a hundred pairs then cross a border
+MOST = 64  # domains
+
+
+class Domains(NamedTuple):
+    """A pair list sorted by domain, as compiled code takes it; first within the domain, then across its borders."""
+
+    disks: np.ndarray  # (D + 1,) int64: domain d has the disks disks[d] to disks[d + 1]
+    begin: np.ndarray  # (D,) int64: its pairs begin here,
+    across: np.ndarray  # (D,) int64: from here on i alone is its own,
+    end: np.ndarray  # (D,) int64: and here they end
+    i: np.ndarray  # (M',) uint32
+    j: np.ndarray  # (M',) uint32
+    r0: np.ndarray  # (2, M')
+    sigma: np.ndarray  # (M',)
+
+    def room(self) -> "Domains":
+        """Where `choose_near` puts some of the pairs."""
+        return self._replace(**{name: np.empty_like(getattr(self, name)) for name in self._fields[2:]})
+
+    @property
+    def number(self) -> int:
+        """How many domains there are."""
+        return len(self.across)
+
+
+def padded(n: int) -> int:
+    """Length of arrays over n disks: the next multiple of GRAIN."""
+    return -(-n // GRAIN) * GRAIN
+
+
+def borders(n: int):
+    """First disks of the domains of n disks, and the end, (D + 1,)."""
+    number = min(max(1, n // SIZE), MOST)
+    return GRAIN * (padded(n) // GRAIN * np.arange(number + 1) // number)
+
+
+def into_domains(pairs: PairList, disks) -> Domains:
+    """The pairs of a half list by domain, whose `borders` are these; those of a domain in the order of the list."""
+    if len(disks) == 2:
+        begin, end = np.zeros(1, np.int64), np.array([len(pairs.i)])
+        return Domains(disks, begin, end, end, *pairs.arrays)
+    return Domains(disks, *_by_domain(disks, *pairs.arrays))
+
+
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
+def _by_domain(disks, i, j, r0, sigma):
+    """What a Domains has beside the borders `disks`."""
+    number = len(disks) - 1
+    home = np.empty(disks[number], np.uint32)
+    for d in range(number):
+        home[disks[d] : disks[d + 1]] = d
+    # of every domain: pairs inside of it, and pairs across its border
+    place = np.zeros((number, 2), np.int64)
+    for p in range(np.uint64(len(i))):
+        a, b = home[i[p]], home[j[p]]
+        if a == b:
+            place[a, 0] += 1
+        else:
+            place[a, 1] += 1
+            place[b, 1] += 1
+    begin, across, end = np.empty(number, np.int64), np.empty(number, np.int64), np.empty(number, np.int64)
+    count = 0
+    for d in range(number):
+        begin[d], across[d] = count, count + place[d, 0]
+        count = across[d] + place[d, 1]
+        end[d] = count
+        place[d, 0], place[d, 1] = begin[d], across[d]
+    to_i, to_j = np.empty(count, np.uint32), np.empty(count, np.uint32)
+    to_r0, to_sigma = np.empty((2, count)), np.empty(count)
+    for p in range(np.uint64(len(i))):
+        a, b = home[i[p]], home[j[p]]
+        outer = 0 if a == b else 1
+        q = place[a, outer]
+        place[a, outer] = q + 1
+        to_i[q], to_j[q], to_r0[0, q], to_r0[1, q], to_sigma[q] = i[p], j[p], r0[0, p], r0[1, p], sigma[p]
+        if outer == 1:
+            q = place[b, 1]
+            place[b, 1] = q + 1
+            to_i[q], to_j[q], to_r0[0, q], to_r0[1, q], to_sigma[q] = (
+                j[p],
+                i[p],
+                -r0[0, p],
+                -r0[1, p],
+                sigma[p],
+            )
+    return begin, across, end, to_i, to_j, to_r0, to_sigma
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+def domain_forces(domains, d, o, strain, shear, law, forces, motion, rolling):
+    """Net forces on the disks of domain d into their rows of `forces`; its share of the Sums, see `bond_forces`."""
+    own = slice(domains.disks[d], domains.disks[d + 1])
+    forces[own] = 0.0
+    if rolling is not None:
+        rolling[2][own] = 0.0
+    pairs = domains.i, domains.j, domains.r0, domains.sigma
+    ends = domains.begin[d], domains.across[d], domains.end[d]
+    return add_forces(pairs, *ends, o, strain, shear, law, forces, motion, rolling)
+
+
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
+def choose_near(domains, d, o, shear, skin, near):
+    """Put the pairs of domain d that are closer than σ + skin at offsets o and `shear` into `near`, in order."""
+    # taken out of their tuples, or their references would be counted at every access
+    i, j, sigma, r0x, r0y = domains.i, domains.j, domains.sigma, domains.r0[0], domains.r0[1]
+    to_i, to_j, to_sigma, to_x, to_y = near.i, near.j, near.sigma, near.r0[0], near.r0[1]
+    count, across = np.uint64(domains.begin[d]), np.uint64(domains.across[d])
+    # which are near is hard to predict: all are copied, and only near ones counted
+    for p in range(np.uint64(domains.begin[d]), np.uint64(domains.end[d])):
+        if p == across:
+            near.across[d] = count
+        a, b = i[p], j[p]
+        y = r0y[p] + (o[b, 1] - o[a, 1])
+        x = r0x[p] + (o[b, 0] - o[a, 0]) + shear * y
+        reach = sigma[p] + skin
+        to_i[count], to_j[count], to_sigma[count] = a, b, sigma[p]
+        to_x[count], to_y[count] = r0x[p], r0y[p]
+        count += np.uint64(x * x + y * y < reach * reach)
+    near.end[d] = count
+    if domains.across[d] == domains.end[d]:
+        near.across[d] = count

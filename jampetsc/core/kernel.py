@@ -1,0 +1,221 @@
+"""The bond kernel: forces, virial, energy and dissipation of all pairs of a list, in one compiled loop.
+
+A bond is r = F (r0 + o_j − o_i) (see `pairs`), n = r/|r|, t = ẑ × n. Where disks have velocities, u the
+non-affine ones, and spins Ω, their contact moves by
+
+    ṙ = u_j − u_i + γ̇ r_y x̂,    a∥ = n·ṙ,    a⊥ = t·ṙ,    a⊥ᶜ = a⊥ − ρ_i Ω_i − ρ_j Ω_j,
+
+with r_y of the pair itself, never y_j − y_i: only so is the flow the same from every origin. Force on j:
+
+    f = −V'(r) n  −  c_∥ a∥ n  −  (c_⊥ a⊥ + c_s a⊥ᶜ) t,    torque on i and j: ρ c_s a⊥ᶜ,
+
+and it dissipates c_∥ a∥² + c_⊥ a⊥² + c_s a⊥ᶜ². The three c are the damping law's weights times kτ₁. The viscous
+virial f_a r_b is not symmetric; the part that does the work of shear is f_x r_y.
+
+Blocks of pairs go through three plain passes (gather, compute, scatter) without a branch: a contact is a factor
+0 or 1. Loops over the neighbours of each disk lose most of their time to mispredicted ends. What is None at
+compile time, motion or rolling, is not in the loop at all.
+"""
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from jampetsc.core.potentials import secant_stiffness
+
+BLOCK = 1024  # pairs worked on at a time: their temporaries stay in the first-level cache
+# Rows of one array: with an array for each the compiler would have too many to prove that none overlaps
+# another, and would not vectorise.
+UX, UY, ROLL, END = (row * BLOCK for row in range(4))
+# Sums may be reordered and multiplications fused: that lets the compiler use its widest vectors.
+# What sums so has to be inlined by force: of copies in several modules, each optimised in its own way, it would depend
+# on numba's cache which one is run, and so the last digit of a result.
+# Every compiled function says which it is, False too: one that does not say is as fast as the first that calls it.
+FAST = {"reassoc", "contract", "nsz", "arcp", "nnan", "ninf"}
+NUMBERS = FAST - {"nnan", "ninf"}  # where NaN must be seen
+
+
+class Sums(NamedTuple):
+    """Sums over bonds; from `contacts` on zero where there is no motion."""
+
+    energy: float  # α U, α the exponent of the potential
+    elastic_xx: float  # Σ f_x r_x of elastic forces,
+    elastic_xy: float  # f_x r_y,
+    elastic_yy: float
+    contacts: float  # their number
+    dissipation: float
+    viscous_xx: float  # Σ f_x r_x of viscous forces,
+    viscous_xy: float  # f_x r_y,
+    viscous_yx: float  # f_y r_x
+    viscous_yy: float
+
+
+_secant = numba.njit(fastmath=FAST, error_model="numpy", forceinline=True)(secant_stiffness)
+
+
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
+def pair_energy(rx, ry, sigma, law):
+    """V of one pair at distance |r|; law = `potential.constants`."""
+    overlap = sigma - np.sqrt(rx * rx + ry * ry)
+    if overlap <= 0.0:
+        return 0.0
+    return _secant(overlap, sigma, law) * overlap * overlap / (2.5 if law[1] else 2.0)
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+def _block_forces(r0x, r0y, sigma, bx, by, moving, scale, mix, law, motion, rolling):
+    """Turn o_j − o_i in (bx, by) into the forces on j, for one block of pairs: no branches, no indices.
+
+    With motion (bx, by) hold r0 too: two arrays fewer, within the compiler's limit for such proofs.
+    Rows UX, UY of `moving`: u_j − u_i; row ROLL: ρ_i Ω_i + ρ_j Ω_j, turned into c_s a⊥ᶜ.
+    """
+    if motion is not None:
+        _, rate, (along_weight, across_weight, sliding_weight) = motion
+    energy = wxx = wxy = wyy = 0.0
+    contacts = dissipation = vxx = vxy = vyx = vyy = 0.0
+    for q in range(len(sigma)):
+        dx = bx[q]
+        dy = by[q]
+        if motion is None:
+            dx += r0x[q]
+            dy += r0y[q]
+        rx = scale * dx + mix * dy
+        ry = scale * dy
+        r = np.sqrt(rx * rx + ry * ry)
+        d = sigma[q] - r
+        d = d if d > 0.0 else 0.0
+        f = _secant(d, sigma[q], law) * d
+        energy += f * d
+        w = f / r
+        wx = w * rx
+        wy = w * ry
+        wxx += wx * rx
+        wxy += wx * ry
+        wyy += wy * ry
+        if motion is None:
+            bx[q] = wx
+            by[q] = wy
+        else:
+            # a conditional increment instead of this factor would keep the loop from being vectorised
+            touching = 1.0 if d > 0.0 else 0.0
+            contacts += touching
+            nx = rx / r
+            ny = ry / r
+            vx = moving[UX + q] + rate * ry
+            vy = moving[UY + q]
+            along = touching * (nx * vx + ny * vy)
+            across = touching * (nx * vy - ny * vx)
+            push = along_weight * along
+            drag = across_weight * across
+            dissipation += push * along + drag * across
+            if rolling is not None:
+                sliding = across - touching * moving[ROLL + q]
+                rim = sliding_weight * sliding
+                dissipation += rim * sliding
+                drag += rim
+                moving[ROLL + q] = rim
+            px = drag * ny - push * nx
+            py = -drag * nx - push * ny
+            vxx += px * rx
+            vxy += px * ry
+            vyx += py * rx
+            vyy += py * ry
+            bx[q] = wx + px
+            by[q] = wy + py
+    return energy, wxx, wxy, wyy, contacts, dissipation, vxx, vxy, vyx, vyy
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+def add_forces(pairs, first, middle, last, o, strain, shear, law, forces, motion, rolling):
+    """Add to `forces` (N, 2) those of the pairs first … last − 1, from `middle` on those on i alone; their Sums.
+
+    A pair that acts on i alone is met again from its other side, and counts half. Arguments as for `bond_forces`.
+    """
+    i, j, r0, sigma = pairs
+    scale = np.exp(strain)
+    mix = scale * shear
+    r0x, r0y = r0[0], r0[1]
+    bx = np.empty(BLOCK)
+    by = np.empty(BLOCK)
+    moving = np.empty(END if motion is not None else 1)
+    if motion is not None:
+        ux, uy, rolled = moving[UX:UY], moving[UY:ROLL], moving[ROLL:END]
+        u = motion[0]
+    if rolling is not None:
+        spin, radii, torques = rolling
+    energy = wxx = wxy = wyy = 0.0
+    contacts = dissipation = vxx = vxy = vyx = vyy = 0.0
+    begin, turn, stop = np.uint64(first), np.uint64(middle), np.uint64(last)
+    while begin < stop:
+        both = begin < turn
+        weight = 1.0 if both else 0.5
+        end = min(begin + np.uint64(BLOCK), turn if both else stop)
+        for p in range(begin, end):
+            a = i[p]
+            b = j[p]
+            dx = o[b, 0] - o[a, 0]
+            dy = o[b, 1] - o[a, 1]
+            if motion is not None:
+                dx += r0x[p]
+                dy += r0y[p]
+                ux[p - begin] = u[b, 0] - u[a, 0]
+                uy[p - begin] = u[b, 1] - u[a, 1]
+            if rolling is not None:
+                rolled[p - begin] = radii[a] * spin[a] + radii[b] * spin[b]
+            bx[p - begin] = dx
+            by[p - begin] = dy
+        block = slice(begin, end)
+        inside = slice(0, end - begin)
+        x, y = bx[inside], by[inside]
+        sums = _block_forces(
+            r0x[block], r0y[block], sigma[block], x, y, moving, scale, mix, law, motion, rolling
+        )
+        energy += weight * sums[0]
+        wxx += weight * sums[1]
+        wxy += weight * sums[2]
+        wyy += weight * sums[3]
+        if motion is not None:
+            contacts += weight * sums[4]
+            dissipation += weight * sums[5]
+            vxx += weight * sums[6]
+            vxy += weight * sums[7]
+            vyx += weight * sums[8]
+            vyy += weight * sums[9]
+        if both:
+            for p in range(begin, end):
+                a = i[p]
+                b = j[p]
+                wx = bx[p - begin]
+                wy = by[p - begin]
+                forces[b, 0] += wx
+                forces[b, 1] += wy
+                forces[a, 0] -= wx
+                forces[a, 1] -= wy
+                if rolling is not None:
+                    torques[a] += radii[a] * rolled[p - begin]
+                    torques[b] += radii[b] * rolled[p - begin]
+        else:
+            for p in range(begin, end):
+                a = i[p]
+                forces[a, 0] -= bx[p - begin]
+                forces[a, 1] -= by[p - begin]
+                if rolling is not None:
+                    torques[a] += radii[a] * rolled[p - begin]
+        begin = end
+    return Sums(energy, wxx, wxy, wyy, contacts, dissipation, vxx, vxy, vyx, vyy)
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def bond_forces(pairs, o, strain, shear, law, forces, motion, rolling):
+    """Net forces of all bonds into `forces` (N, 2); returns their Sums.
+
+    pairs = (i, j, r0, sigma) of a PairList; o (N, 2) offsets; law = `potential.constants`
+    motion    None, or (u (N, 2), γ̇, (c_∥, c_⊥, c_s)): damped contacts
+    rolling   None, or (Ω (N,), ρ (N,), torques (N,)): with spins; the torques are written
+    """
+    forces[:] = 0.0
+    if rolling is not None:
+        rolling[2][:] = 0.0
+    number = len(pairs[1])
+    return add_forces(pairs, 0, number, number, o, strain, shear, law, forces, motion, rolling)

@@ -1,0 +1,181 @@
+"""The pair list: nearby pairs frozen between rebuilds, the one rule for when it is stale, and the width of its skin.
+
+A list holds r0 = x_j − x_i + image · cell of every pair closer than σ + skin, rounded once from the split
+coordinates. Until the next list disks move by small offsets o, and the whole cell by F = e^ε [[1, g], [0, 1]], so
+that a bond is
+
+    r = F (r0 + o_j − o_i)
+
+with neither images nor large coordinates: forces are exact to the rounding of r ~ d whatever the size of the
+cell. A quench moves o, ε and g; under steady shear ε = 0 and g = γ − γ_ref.
+
+Staleness. Two disks that touch now, |r| ≤ σ, had r0 = F⁻¹ r − (o_j − o_i), hence
+
+    |r0| ≤ ‖F⁻¹‖ σ + 2 max|o|,    ‖F⁻¹‖ = e^−ε (√(1 + g²/4) + |g|/2),
+
+the larger singular value of F⁻¹. So no touching pair is missing from the list while, with σ_max the largest σ,
+
+    2 max|o| + max(0, ‖F⁻¹‖ − 1) σ_max ≤ skin.
+
+Near pairs. Forces need not look at all of a wide list: those of its pairs that are within a thinner skin now serve for
+a while, by the same rule. With r of now and r' of later, at ε = 0,
+
+    r = F(g − g') r' − F(g) (Δo_j − Δo_i),
+
+so moves Δo since then count ‖F(g)‖ times, and the shear since then as that of a list.
+"""
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from jampetsc.core.disks import GRID, Disks, split
+from jampetsc.core.neighbours import neighbour_pairs
+
+SKIN_START = 0.3  # skin of the first list in units of d,
+SKIN_RANGE = (0.02, 0.5)  # and between which it is tuned
+REBUILD = 10.0  # evaluations that a new list costs
+WIDTH = 0.6  # share that skin/d = 1 adds to the cost of an evaluation
+
+
+@dataclass(frozen=True, eq=False)
+class PairList:
+    """Half list of the M pairs closer than σ + skin, sorted by i."""
+
+    i: np.ndarray  # (M,) uint32: unsigned, so that compiled code need not think of negative indices
+    j: np.ndarray  # (M,) uint32
+    r0: np.ndarray  # (2, M)
+    sigma: np.ndarray  # (M,) ρ_i + ρ_j
+    skin: float
+
+    @classmethod
+    def build(cls, disks: Disks, skin: float) -> "PairList":
+        """All pairs of `disks` closer than σ + skin."""
+        i, j, image = neighbour_pairs(disks.positions, disks.radii, disks.cell, skin=skin)
+        i, j = i.view(np.uint32), j.view(np.uint32)
+        r0, sigma = _bonds(
+            disks.base, disks.offset, disks.cell_base, disks.cell_offset, disks.radii, i, j, image
+        )
+        return cls(i, j, r0, sigma, skin)
+
+    @property
+    def arrays(self):
+        """(i, j, r0, sigma), as the compiled loops take them."""
+        return self.i, self.j, self.r0, self.sigma
+
+
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
+def _bonds(base, offset, cell_base, cell_offset, radii, i, j, image):
+    """`state.bond_vectors` as (2, M), and σ (M,): differences of bases are exact, offsets are added to them."""
+    r0, sigma = np.empty((2, len(i))), np.empty(len(i))
+    for p in range(np.uint64(len(i))):
+        a, b = i[p], j[p]
+        for axis in range(2):
+            coarse = base[b, axis] - base[a, axis]
+            coarse += image[p, 0] * cell_base[0, axis] + image[p, 1] * cell_base[1, axis]
+            fine = offset[b, axis] - offset[a, axis]
+            fine += image[p, 0] * cell_offset[0, axis] + image[p, 1] * cell_offset[1, axis]
+            r0[axis, p] = coarse + fine
+        sigma[p] = radii[a] + radii[b]
+    return r0, sigma
+
+
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
+def is_stale(far, strain, shear, largest, skin):
+    """Whether a list may miss a touching pair: far = max |o|, (ε, g) = (strain, shear), largest = σ_max."""
+    stretch = np.exp(-strain) * (np.sqrt(1.0 + 0.25 * shear * shear) + 0.5 * abs(shear))
+    return 2.0 * far + max(stretch - 1.0, 0.0) * largest > skin
+
+
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
+def are_worn(moved, shear, then, largest, skin):
+    """Whether near pairs within `skin`, chosen at the shear `then`, may miss a contact; moved: since then."""
+    stretch = np.sqrt(1.0 + 0.25 * then * then) + 0.5 * abs(then)
+    return is_stale(stretch * moved, 0.0, shear - then, largest, skin)
+
+
+def tuned_skin(skin: float, steps: float, diameter: float, rebuild: float = REBUILD) -> float:
+    """Skin of the next list when the last one served for `steps` evaluations; lengths of one unit.
+
+    A list serves the longer the wider its skin, steps = v skin, and one evaluation costs (1 + WIDTH skin/d) as much as
+    without: with one worth `rebuild` evaluations the cost per evaluation is least at
+    skin² = rebuild d/(WIDTH v).
+    """
+    best = np.sqrt(rebuild / WIDTH * diameter * skin / max(steps, 1))
+    narrowest, widest = (limit * diameter for limit in SKIN_RANGE)
+    return float(min(max(best, 0.5 * skin, narrowest), 1.5 * skin, widest))
+
+
+def deformed(disks: Disks, offsets, strain, shear) -> Disks:
+    """The disks at F (x + o), with F = e^strain [[1, shear], [0, 1]].
+
+    Only the change is rounded, never the coordinates: base + (offset + o) + (F − 1)(x + o).
+    """
+    growth, mixing = np.expm1(strain), np.exp(strain) * shear
+    base, offset = _deformed(disks.base, disks.offset, offsets, growth, mixing, GRID)
+    cell = disks.cell
+    change = growth * cell
+    change[:, 0] += mixing * cell[:, 1]
+    cell_base, cell_offset = split(disks.cell_base, disks.cell_offset + change)
+    return Disks(
+        base, offset, disks.radii, cell_base, cell_offset, disks.potential, disks.record, disks.images
+    )
+
+
+class ListedDisks:
+    """Disks since their pairs were listed: `reference` then, moved by `offsets` (N, 2) since, and the cell by `box`.
+
+    skin: of the first list, in mean diameters
+    """
+
+    def __init__(self, disks: Disks, skin: float = SKIN_START):
+        self.diameter = 2.0 * float(np.mean(disks.radii))
+        self.largest = 2.0 * float(disks.radii.max())  # σ_max
+        self.skin = skin * self.diameter
+        self.list(disks)
+
+    def list(self, disks: Disks):
+        """Go on from these disks, with a list of their pairs."""
+        self.reference = disks
+        self.pairs = PairList.build(disks, self.skin)
+        self.offsets = np.zeros((disks.n, 2))
+
+    def fold(self):
+        """Put the moves into the coordinates and list the pairs anew."""
+        self.list(self.disks)
+
+    @property
+    def box(self):
+        """Strain and shear (ε, g) of the cell since the list was made."""
+        return 0.0, 0.0
+
+    @property
+    def disks(self) -> Disks:
+        """The packing as it is now."""
+        return deformed(self.reference, self.offsets, *self.box)
+
+    def stale(self, far: float | None = None) -> bool:
+        """Whether the list may miss a contact; far = max |o|, where it is known."""
+        if far is None:
+            far = float(np.hypot(*self.offsets.T).max())
+        return bool(is_stale(far, *self.box, self.largest, self.skin))
+
+    def tune(self, steps: float, rebuild: float = REBUILD):
+        """Choose the skin of the next list, this one having served for so many evaluations: see `tuned_skin`."""
+        self.skin = tuned_skin(self.skin, steps, self.diameter, rebuild)
+
+
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
+def _deformed(base, offset, moves, growth, mixing, grid):
+    """(base, offset) of x + o + (F − 1)(x + o), all (N, 2), with F − 1 = [[growth, mixing], [0, growth]]."""
+    to, rest = np.empty_like(base), np.empty_like(base)
+    for a in range(len(base)):
+        low_x, low_y = offset[a, 0] + moves[a, 0], offset[a, 1] + moves[a, 1]
+        x, y = base[a, 0] + low_x, base[a, 1] + low_y
+        low_x += growth * x + mixing * y
+        low_y += growth * y
+        carry_x, carry_y = grid * np.rint(low_x / grid), grid * np.rint(low_y / grid)
+        to[a, 0], to[a, 1] = base[a, 0] + carry_x, base[a, 1] + carry_y
+        rest[a, 0], rest[a, 1] = low_x - carry_x, low_y - carry_y
+    return to, rest

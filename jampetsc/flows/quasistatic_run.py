@@ -1,0 +1,127 @@
+"""A run of quasistatic shear from its start, or from where it was stopped, to its result."""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from jampetsc.analysis.averages import Average
+from jampetsc.core.disks import PLACES, Disks
+from jampetsc.flows.means import facts_of, left_out, short, worth
+from jampetsc.flows.quasistatic_shear import ENERGY_CUT, SHARE, SlowShear
+from jampetsc.flows.record import Record, remove_checkpoint, resumed, write_checkpoint, write_record
+from jampetsc.flows.run import INTERVAL, LINES
+from jampetsc.io.packing_file import write_packing
+from jampetsc.io.provenance import provenance
+from jampetsc.petsc import session
+from jampetsc.progress import Progress
+
+FORMAT = "jampetsc-shear"
+# per step: strain, then what `slowly.Look` and `slowly.Step` have
+COLUMNS = {
+    "strain": 0, "energy": 0, "shear_stress": 0, "pressure": 0, "jammed": 0, "coordination": 0, "nonaffine": 0,
+    "dissipated": 0, "plastic": 0, "evaluations": 0,
+}  # fmt: skip
+AVERAGED = ("shear_stress", "pressure", "energy", "coordination", "jammed", "plastic", "dissipated")
+
+
+@dataclass(frozen=True, eq=False)
+class SlowRun:
+    """One run: disks at the start, the attributes that say where they come from, strain of a step and of all."""
+
+    disks: Disks
+    origin: dict
+    step: float
+    strain: float
+    tolerance: float  # max|F|/(p d) of a minimum
+    given_discard: float | None = None  # strain before the means
+
+    @property
+    def steps(self) -> int:
+        """How many there are."""
+        return max(1, int(np.ceil(self.strain / self.step - 1e-9)))
+
+    @property
+    def discard(self) -> float:
+        """Strain before the means."""
+        return left_out(self.strain, self.given_discard)
+
+    @property
+    def settings(self) -> dict:
+        """What decides the result, as plain values."""
+        names = ("step", "steps", "tolerance", "discard")
+        return {"start": self.disks.fingerprint} | {name: getattr(self, name) for name in names}
+
+
+def execute(run: SlowRun, solver, to, last=None, team=None) -> str:
+    """Shear; what a user wants to read. The result goes into the outlet `to`, the last minimum to the file `last`.
+
+    solver: `petsc.local.NewtonSolver` for the quenches; team: the `core.threads.Team` that does them.
+
+    Raises ConvergenceError where no minimum is found.
+    """
+    began = time.perf_counter()
+    slow, record = SlowShear(run.disks, run.step, solver, run.tolerance, team), Record(COLUMNS)
+    kept = resumed(to.kept, run.settings, COLUMNS)
+    if kept is not None:
+        record, state = kept
+        slow.restore(state)
+    saved = time.monotonic()
+    said = len(record) * LINES // run.steps
+    with Progress(LINES, "shear", done=said) as progress:
+        if kept is not None:
+            progress.note(f"{to}: goes on from strain {slow.strain:.6g}")
+        while len(record) < run.steps:
+            step = slow.advance()
+            record.add(strain=slow.strain, **vars(slow.found), **vars(step))
+            if time.monotonic() - saved > INTERVAL or len(record) == run.steps:
+                write_checkpoint(to.kept, record, slow.state(), run.settings)
+                saved = time.monotonic()
+            if len(record) * LINES // run.steps > said:
+                said += 1
+                progress.step(f"strain {slow.strain:.4g}, p {slow.found.pressure:.4g}")
+    after = record.series("strain") > run.discard * (1 + 1e-12)
+    averages = {name: Average.of(record.series(name)[after]) for name in AVERAGED}  # jammed or not
+    facts = _facts(run, averages, slow, time.perf_counter() - began)
+    minimum = {name: getattr(slow.disks, name) for name in (*PLACES, "radii")}
+    if last is not None:
+        write_packing(last, slow.disks.with_record(protocol=f"quasistatic shear, steps of {run.step:g}"))
+    write_record(to.writer(FORMAT), record, minimum, run.settings, facts)
+    remove_checkpoint(to.kept)
+    return _summary(run, to, averages, record)
+
+
+def _facts(run, averages, slow, seconds):
+    running, potential = session.current(), run.disks.potential
+    return {
+        **provenance(
+            versions=session.versions(), scalar_type=running.scalar_type, petsc_options=running.options_told(),
+            ranks=1, packing=(None, None), law={}, wall_seconds=seconds,
+        ),
+        **run.origin,
+        "step": run.step,
+        "phi": run.disks.phi,
+        "particle_count": run.disks.n,
+        "potential": potential.kind,
+        "stiffness": potential.stiffness,
+        "k": float(potential.k),
+        "tolerance": run.tolerance,
+        "discard": run.discard,
+        "energy_cut": ENERGY_CUT,
+        "plastic_share": SHARE,
+        "newton_steps": slow.effort.newton_steps,
+        **facts_of(**averages),
+    }  # fmt: skip
+
+
+def _summary(run, to, averages, record):
+    stress, pressure = averages["shear_stress"], averages["pressure"]
+    notes = short(run.strain - run.discard, run.step, stress, pressure)
+    cost, events = record.series("evaluations").mean(), int(record.series("plastic").sum())
+    return (
+        f"{to}: phi = {run.disks.phi:.6g}, {len(record)} steps of {run.step:g}, {cost:.0f} force evaluations each, "
+        f"{events} plastic event{'s' * (events != 1)}\n"
+        f"  sigma = {stress}, p = {pressure}, jammed {averages['jammed']}, "
+        f"Z = {averages['coordination']}; {worth(stress, pressure)}"
+        + "".join(f"\n  note: {line}" for line in notes)
+    )

@@ -1,0 +1,255 @@
+"""Quasistatic shear: an affine step of the cell, the minimum of the energy there, and again (Vågberg, thesis sec. 4.7).
+
+Between rearrangements the disks follow the cell by a displacement that is nearly the same from step to step: each step
+starts from the affine positions moved once more as in the step before, and goes down by `minimise.warm_start`, with a
+factor of the Hessian that serves for many steps. Only where that takes too long a quench is begun, by `minimise.minimise`.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from jampetsc.core.disks import PLACES, Disks
+from jampetsc.core.pairs import SKIN_RANGE, ListedDisks
+from jampetsc.core.state import find_contacts, measure
+from jampetsc.core.threads import Team
+from jampetsc.minimise import warm_start as compiled
+from jampetsc.minimise.descent import Goal
+from jampetsc.minimise.ldl import minimum_degree
+from jampetsc.minimise.minimise import UNJAMMED, Effort, minimise, stress_unit
+from jampetsc.minimise.newton import FORCE_FLOOR
+
+ENERGY_CUT = 1e-16  # U/(N k_e) above which disks are jammed (Vågberg et al., PRE 83, 031307 (2011))
+# mean diameters: the longest move of a disk on the way down, since longer ones leave the path of a rearrangement for
+# minima where fewer disks touch; and within a step of shear, for the next to begin with: farther, disks rearranged
+LONGEST = 0.01
+RENEWAL = 50  # steps after which everything but the disks is made anew
+AGED = 12  # evaluations of a step with the factor there is,
+FRESH = 40  # and with a new one, before disks are taken to rearrange
+RESTING = 3e-2  # max |F| / (p d) to which they then go down without one
+PATIENCE = 1500  # evaluations before a quench is begun
+DAMPING = 1e-5  # added to the Hessian, in units of the stiffness of a contact
+NEARBY = 3e-3  # mean diameters: disks that are apart by less may touch within the step
+ORDERED = 0.1  # mean diameters: the order of elimination is found as if disks apart by less touched,
+FILLED = 1.25  # and anew where a factor has grown by as much since
+SHARE = 0.25  # of G_A V Δγ²: what a step must dissipate to be a plastic event
+
+
+@dataclass(frozen=True)
+class Look:
+    """What is kept of a minimum."""
+
+    energy: float  # U
+    shear_stress: float  # σ_xy
+    pressure: float
+    jammed: bool
+    coordination: float  # Z = 2 N_c / N, rattlers included
+
+
+@dataclass(frozen=True)
+class Step:
+    """What is kept of a step.
+
+    The work of the stress, by the trapezium rule, is stored or dissipated: V ½(σ + σ') Δγ = U' − U + E. On an elastic
+    branch |E| is the error of the rule, Δγ²/8 times the change of V dσ/dγ in the step, which lies below V G_A, the
+    modulus of affine motion. A plastic event is a step from a jammed state with E > ¼ G_A V Δγ²: disks rearranged.
+    """
+
+    nonaffine: float  # rms displacement beside the affine one, in mean diameters
+    dissipated: float  # E
+    plastic: bool
+    evaluations: int  # of forces
+
+
+def look_at(disks: Disks) -> Look:
+    """Energy, stress and contacts of disks at a minimum."""
+    state = measure(disks)
+    return Look(
+        state.energy,
+        float(state.stress[0, 1]),
+        state.pressure,
+        bool(state.energy / disks.n > ENERGY_CUT * disks.potential.k),
+        2.0 * len(find_contacts(disks)) / disks.n,
+    )
+
+
+class SlowShear(ListedDisks):
+    """Disks sheared step by step; `disks` is the last minimum, `found` what it is like, `effort` what it has cost.
+
+    team: the threads of quenches; how many does not change anything.
+    Raises ConvergenceError where no minimum is found, as `minimise.minimise.minimise`.
+    """
+
+    def __init__(self, disks: Disks, step: float, solver, tolerance: float, team: Team | None = None):
+        self.step, self.solver, self.tolerance, self.team = step, solver, tolerance, team
+        self.effort = Effort()
+        self.steps = 0
+        self.last = np.zeros((disks.n, 2))  # displacement beside the affine one in the last step,
+        self._moved = np.zeros((disks.n, 2))  # and in this one
+        self._unit, self._law = stress_unit(disks), disks.potential.constants
+        self._memory = compiled.nothing_remembered(disks.n)
+        super().__init__(self._quenched(disks), SKIN_RANGE[1])
+
+    @property
+    def strain(self) -> float:
+        """Total strain γ."""
+        return self.steps * self.step
+
+    @property
+    def disks(self) -> Disks:
+        """The packing as it is now, folded."""
+        return super().disks.folded()
+
+    @property
+    def box(self):
+        """See `ListedDisks`."""
+        return 0.0, self.shear
+
+    def _quenched(self, disks) -> Disks:
+        effort = Effort()
+        found = minimise(disks, Goal(), self.solver, tolerance=self.tolerance, team=self.team, effort=effort)
+        self.effort.evaluations += effort.evaluations
+        self.effort.newton_steps += effort.newton_steps
+        return found.disks.folded()
+
+    def list(self, disks):
+        """See `ListedDisks`; the disks are at a minimum, or near one."""
+        super().list(disks)
+        self.shear, self.area = 0.0, disks.area
+
+    def _renew(self):
+        """Make everything anew that decides the last digits, so that a run may go on from here."""
+        self.fold()
+        self._anchor = self.reference, self.last.copy(), self.steps, replace(self.effort)
+        self._arrange()
+        law, pressure = self.reference.potential, max(measure(self.reference).pressure, UNJAMMED * self._unit)
+        scale = float(law.scale(np.array(self.diameter)))
+        usual = scale * (2.0 * pressure * self.diameter * scale / law.k) ** (1.0 / (law.alpha - 1.0))
+        self._stiffness = float(law.contact_stiffness(usual, self.diameter))
+        self._factorise()
+        self.found = self._look(self._forces())
+
+    def _arrange(self):
+        """An order of elimination for the disks where they are now."""
+        r = self.pairs.r0 + (self.offsets[self.pairs.j] - self.offsets[self.pairs.i]).T
+        r[0] += self.shear * r[1]
+        near = np.hypot(*r) < self.pairs.sigma + ORDERED * self.diameter
+        self._order = minimum_degree(self.reference.n, self.pairs.i, self.pairs.j, near)
+        self._entries = 0
+
+    def _factorise(self):
+        """A factor of the Hessian as it is now, and nothing remembered."""
+        while True:
+            self._factor = compiled.factor_of(
+                self._order, self.pairs.arrays, self.offsets, self.shear, self._law,
+                NEARBY * self.diameter, DAMPING * self._stiffness, self._stiffness,
+            )  # fmt: skip
+            entries = len(self._factor[2])
+            self._entries = self._entries or entries
+            if entries <= FILLED * self._entries:
+                break
+            self._arrange()
+        self._memory[2][0] = 0
+        self.effort.newton_steps += 1
+
+    def _go_down(self, forces, share, budget):
+        scalars = (
+            self.largest, self.skin, self.area, self.shear, share, FORCE_FLOOR * self._stiffness * self.diameter,
+            UNJAMMED * self._unit, self.diameter, LONGEST * self.diameter, 0.2 / self._stiffness, budget,
+        )  # fmt: skip
+        return compiled.follow(
+            *self.pairs.arrays,
+            self._law,
+            scalars,
+            *self._factor,
+            *self._memory,
+            self.offsets,
+            self._moved,
+            forces,
+        )
+
+    def _follow(self):
+        """Down to the minimum; the sums of `bond_forces` there, None where it was lost."""
+        forces, spent = np.empty_like(self.offsets), 0
+        share, budget = self.tolerance, AGED
+        while spent < PATIENCE:
+            status, evaluations, sums = self._go_down(forces, share, budget)
+            spent += evaluations
+            self.effort.evaluations += evaluations
+            if status == compiled.APART or (status == compiled.CONVERGED and share == self.tolerance):
+                return sums
+            if status == compiled.LOST:
+                return None
+            if status == compiled.STALE:
+                self.fold()
+            elif share == self.tolerance and budget == FRESH:
+                # disks rearrange: the Hessian is not worth its factor until they come to rest
+                self._factor = compiled.NO_FACTOR
+                self._memory[2][0] = 0
+                share, budget = max(2.0 * self.tolerance, RESTING), PATIENCE
+            else:
+                self._factorise()
+                share, budget = self.tolerance, FRESH
+        return None
+
+    def advance(self) -> Step:
+        """One step. `found` is the minimum it ends in."""
+        if self.steps % RENEWAL == 0:
+            self._renew()
+        before, spent = self.found, self.effort.evaluations
+        self.shear += self.step
+        self._moved = np.empty_like(self.offsets)
+        if self.stale(compiled.moved_on(self.offsets, self.shear, self.last, self._moved)):
+            self.fold()
+        sums = self._follow()
+        if sums is None:
+            here = self.disks
+            self.list(self._quenched(here))
+            turns = (self.reference.base - here.base) + (self.reference.offset - here.offset)
+            self._moved += turns - np.round(turns @ np.linalg.inv(here.cell)) @ here.cell
+            self._factorise()
+            sums = self._forces()
+        self.steps += 1
+        size, longest = compiled.without_drift(self._moved)
+        self.last = self._moved if longest < LONGEST * self.diameter else np.zeros_like(self._moved)
+        self.found = now = self._look(sums)
+        work = 0.5 * (before.shear_stress + now.shear_stress) * self.area * self.step
+        dissipated = work - (now.energy - before.energy)
+        return Step(
+            size / self.diameter,
+            dissipated,
+            before.jammed and bool(dissipated > SHARE * self.affine_modulus * self.area * self.step**2),
+            self.effort.evaluations - spent,
+        )
+
+    def _forces(self):
+        """Sums of `bond_forces` as it is now."""
+        return self._go_down(np.empty_like(self.offsets), self.tolerance, 0)[2]
+
+    def _look(self, sums):
+        disks, n = self.reference, self.reference.n
+        contacts, stiffness = compiled.contacts_at(self.pairs.arrays, self.offsets, self.shear, self._law)
+        self.affine_modulus = stiffness / self.area
+        energy = sums.energy / disks.potential.alpha
+        return Look(
+            energy,
+            -sums.elastic_xy / self.area,
+            0.5 * (sums.elastic_xx + sums.elastic_yy) / self.area,
+            energy / n > ENERGY_CUT * disks.potential.k,
+            2.0 * contacts / n,
+        )
+
+    def state(self) -> dict:
+        """Everything that goes on from here, but for the steps since all was made anew: `restore` takes them again."""
+        disks, last, steps, effort = self._anchor
+        arrays = {name: getattr(disks, name) for name in PLACES} | {"last": last}
+        counts = {"evaluations": effort.evaluations, "newton_steps": effort.newton_steps}
+        return arrays | counts | {"anchor": steps, "steps": self.steps}
+
+    def restore(self, state: dict) -> None:
+        """Go on from what `state` gave, to the last bit."""
+        self.list(replace(self.reference, **{name: np.asarray(state[name], float) for name in PLACES}))
+        self.last, self.steps = np.asarray(state["last"], float), int(state["anchor"])
+        self.effort = Effort(int(state["evaluations"]), int(state["newton_steps"]))
+        while self.steps < int(state["steps"]):
+            self.advance()

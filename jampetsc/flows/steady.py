@@ -1,0 +1,200 @@
+"""One run of steady shear: what is sheared and how far, from its beginning or on from an earlier one; its result."""
+
+import time
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+
+from jampetsc.core.disks import Disks
+from jampetsc.core.laws import Law
+from jampetsc.core.state import find_contacts
+from jampetsc.errors import ConvergenceError, InputError, named
+from jampetsc.flows.means import Means, left_out, worth
+from jampetsc.flows.models import Model, Scheme, scheme_for
+from jampetsc.flows.record import (
+    FORMAT,
+    Record,
+    check_space,
+    record_of,
+    remove_checkpoint,
+    write_checkpoint,
+    write_record,
+)
+from jampetsc.flows.run import Plan, check_balance
+from jampetsc.flows.run import run as shear_until
+from jampetsc.flows.shearing import Shear
+from jampetsc.flows.walls import phi_between
+from jampetsc.io.hdf5 import attributes, check_format, open_file, reading
+from jampetsc.io.packing_file import write_packing
+from jampetsc.io.provenance import provenance
+from jampetsc.petsc import session
+
+DEEPEST = 0.5  # overlap of two disks, in units of σ, beyond which a start is none of soft disks
+UNTOUCHED = 1e-6  # p/(γ̇ kτ₁) of disks that do not touch; what a start left of overlaps fades only slowly
+KEPT = ("units", "seed", "sizes", "packing", "packing_sha256", "walls")  # attributes that a file hands on
+
+
+@dataclass(frozen=True, eq=False)
+class FlowRun:
+    """One run; `settings` identify it."""
+
+    disks: Disks  # at the start
+    model: Model
+    rate: float
+    scheme: Scheme
+    plan: Plan
+    origin: dict  # attributes: where the disks come from, and how many, the first ones, are those of `walls`
+    before: tuple | None = None  # (Record, state) of the flow it goes on from
+
+    @property
+    def held(self) -> int:
+        """How many disks are those of walls."""
+        return int(self.origin.get("walls", 0))
+
+    @property
+    def phi(self) -> float:
+        """Packing fraction of the disks that move."""
+        return phi_between(self.disks, self.held)
+
+    @property
+    def settings(self) -> dict:
+        """What decides the result, as plain values."""
+        return {
+            "model": asdict(self.model) | {"law": _weights(self.model.law)},
+            "rate": self.rate,
+            "scheme": asdict(self.scheme),
+            "plan": asdict(self.plan),
+            "start": self.disks.fingerprint,
+            "walls": self.held,
+            "done": len(self.before[0]) if self.before else 0,
+        }
+
+
+def _weights(law):
+    names = ("label", "normal", "transverse", "sliding", "drag", "eta_f", "tau1")
+    return {name: getattr(law, name) for name in names}
+
+
+def begun(
+    disks, origin, model, rate, strain, *, discard=None, step=None, tolerance=1e-4, **snapshots
+) -> FlowRun:
+    """A run from its beginning; `snapshots`, `every` and `spacing` as `Plan.of` takes them.
+
+    Raises InputError for disks that lie inside one another, and as `Plan.of`.
+    """
+    contacts = find_contacts(disks)
+    deepest = float(np.max(contacts.overlap / contacts.sigma, initial=0.0))
+    if deepest > DEEPEST:
+        raise InputError(
+            f"overlap of {100 * deepest:.0f} % of the distance of two disks at contact: no state of soft disks; "
+            f"quench it first: pack with {named('from_')}"
+        )
+    scheme = scheme_for(model, disks, rate, step, tolerance)
+    plan = Plan.of(rate, scheme.step, strain, left_out(strain, discard), **snapshots)
+    return FlowRun(disks, model, rate, scheme, plan, origin)
+
+
+def continued(earlier, strain) -> FlowRun:
+    """The run of an earlier flow, a `io.reader.Result`, `strain` farther. Raises InputError."""
+    record, state, settings, attrs = record_of(earlier)
+    settings["model"]["law"] = Law(**settings["model"]["law"])
+    model, scheme = Model(**settings["model"]), Scheme(**settings["scheme"])
+    strain_step = settings["rate"] * scheme.step
+    old = Plan.stored(settings["plan"], strain_step)
+    disks = earlier.last
+    more = Plan.of(settings["rate"], scheme.step, strain, 0.0, steps=old.steps)
+    plan = replace(old, rows=old.rows + more.rows)
+    origin = {name: attrs[name] for name in KEPT if name in attrs}
+    return FlowRun(disks, model, settings["rate"], scheme, plan, origin, (record, state))
+
+
+def is_flow(path) -> bool:
+    """Whether the file at `path` is a flow file. Raises InputError if it is no jampetsc file."""
+    with open_file(path) as h5, reading(path):
+        return check_format(path, attributes(h5)) == FORMAT
+
+
+def execute(run: FlowRun, to, last=None, team=None) -> Means:
+    """Do the run, its result into the outlet `to`, its last state as a packing to the file `last`.
+
+    team: the `core.threads.Team` that does the steps.
+    Raises ConvergenceError as `flows.run.run`, and where disks never touch.
+    """
+    began = time.perf_counter()
+    record = run.before[0] if run.before else Record()
+    check_space(to, run.disks.n, run.plan.snapshots(run.plan.first_kept(run.rate * run.scheme.step)))
+    shear = Shear(run.disks, run.model, run.rate, run.scheme, team, run.held)
+    if run.before is not None:
+        shear.restore(run.before[1])
+    settings = run.settings  # of where it begins: `before` grows
+    record = shear_until(shear, run.plan, to.kept, settings, record)
+    means = check_balance(record, run.plan.discard, shear)
+    if means is None or means.pressure.mean < UNTOUCHED * run.rate * shear.unit:
+        raise ConvergenceError(
+            f"phi = {run.phi:.4g}: no two disks touched within the strain of {shear.strain:.3g}: "
+            f"choose a larger {named('phi')}, or a longer {named('strain')}"
+        )
+    facts = _facts(run, means, time.perf_counter() - began)
+    facts |= {"substeps": shear.substeps}
+    write_checkpoint(to.kept, record, shear.state(), settings)  # in case one of the files cannot be written
+    if last is not None:
+        protocol = f"steady shear, {run.model}, rate {run.rate:g}"
+        write_packing(last, shear.disks.with_record(protocol=protocol))
+    state = shear.state() | {"radii": run.disks.radii}
+    # a file that goes on in place is replaced last
+    write_record(to.writer(FORMAT), record, state, run.settings, facts, held=run.held)
+    remove_checkpoint(to.kept)
+    return means
+
+
+def _facts(run, means, seconds):
+    """Attributes of the file."""
+    disks, model, potential = run.disks, run.model, run.disks.potential
+    unit = potential.k * model.law.tau1
+    law = model.law.parameters if model.law.family else {"tau1": model.law.tau1}
+    common = provenance(
+        versions=session.versions(),
+        scalar_type=None,
+        petsc_options=None,
+        ranks=1,
+        packing=(None, None),
+        law=law,
+        wall_seconds=seconds,
+    )
+    return {
+        **common,
+        **run.origin,
+        "model": str(model),
+        "rate": run.rate,
+        "phi": run.phi,
+        "mass": model.mass,
+        "quality": float(np.sqrt(model.mass * potential.k)) / unit if model.mass else None,
+        "friction": model.friction,
+        "particle_count": disks.n - run.held,
+        "potential": potential.kind,
+        "stiffness": potential.stiffness,
+        "k": float(potential.k),
+        "step": run.scheme.step,
+        "method": run.scheme.method,
+        "tolerance": run.scheme.tolerance,
+        "discard": run.plan.discard,
+        **means.facts(),
+    }
+
+
+def summary(run: FlowRun, to, means: Means) -> str:
+    """What a user wants to read."""
+    walls = f" between walls of {run.held} disks" if run.held else ""
+    lines = [
+        f"{to}: {run.model}{walls}, phi = {run.phi:.6g}, rate {run.rate:g}, {run.scheme.method} with steps of "
+        f"{run.scheme.step:.3g}; means over strain {means.strain:.4g}",
+        f"  sigma = {means.shear_stress} (elastic {means.parts[0]:.4g}, viscous {means.parts[1]:.4g}, kinetic "
+        f"{means.parts[2]:.4g}), p = {means.pressure}, sigma/p = "
+        f"{means.shear_stress.mean / means.pressure.mean:.4g}",
+        f"  Z = {means.coordination}, energy balance {means.energy_balance:.4f}, correlation strain "
+        f"{means.correlation_strain:.2g}, {worth(means.shear_stress, means.pressure)}",
+    ]
+    if means.walls:
+        stress, pressure = means.walls.values()
+        lines.append(f"  on the walls: sigma = {stress}, p = {pressure}")
+    return "\n".join(lines + [f"  note: {line}" for line in means.warnings()])

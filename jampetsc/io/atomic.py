@@ -1,0 +1,204 @@
+"""Output files that are complete or absent: temporary name, fsync, rename, fsync of the folder.
+
+A temporary file is named `.NAME.HOST.PID-xxxxxxxx.partial` and locked by its writer as long as that lives: one that is
+not was left behind by a killed process, and the next run with the same output removes it.
+"""
+
+import errno
+import fcntl
+import glob
+import io
+import os
+import secrets
+import socket
+from contextlib import suppress
+from pathlib import Path
+
+from jampetsc.errors import InputError, JampetscError, named
+from jampetsc.io.regular import kind
+
+_FULL = {
+    errno.ENOSPC: "disk full",
+    errno.EDQUOT: "disk quota used up",
+    errno.EFBIG: "file size limit reached",
+}
+_REFUSED = (
+    errno.EACCES,
+    errno.EPERM,
+    errno.EROFS,
+    errno.ENOENT,
+    errno.ENOTDIR,
+    errno.EISDIR,
+    errno.ENAMETOOLONG,
+)
+
+
+def write_whole(path, content: bytes) -> None:
+    """Write a small file complete or not at all, in the place of what was there. Raises JampetscError."""
+    file = NewFile(path)
+    try:
+        file.stream.write(content)
+        file.finish()
+        file.publish()
+    finally:
+        file.discard()
+
+
+def write_error(path, error: OSError) -> JampetscError:
+    """The one-line error for a failed write to `path`."""
+    if error.errno in _FULL:
+        return JampetscError(f"{path}: {_FULL[error.errno]}: make room, then run the same command again")
+    if error.errno in _REFUSED:
+        return InputError(
+            f"{path}: cannot be written ({os.strerror(error.errno)}): choose another {named('out')}"
+        )
+    return JampetscError(f"{path}: writing failed: {' '.join(str(error.strerror or error).split())}")
+
+
+def check_writable(path) -> None:
+    """Raise InputError unless a file could be put at `path` now. Call it before long work."""
+    try:
+        path = follow(path)
+        _require_regular(path)
+        if not path.parent.is_dir():
+            raise InputError(f"{path}: folder {path.parent} does not exist: create it first")
+        if path.exists() and not os.access(path, os.W_OK):
+            raise InputError(f"{path}: exists and is write-protected: choose another {named('out')}")
+        remove_abandoned(path.parent, glob.escape(path.name))
+        NewFile(path).discard()
+    except OSError as error:
+        raise write_error(path, error) from None
+
+
+def _require_regular(path):
+    """Raise InputError if there is something at `path`, links followed, that no file may replace."""
+    found = kind(os.stat(path).st_mode) if os.path.exists(path) else None
+    if found == "a folder":
+        raise InputError(f"{path}: is a folder: give a file name with {named('out')}")
+    if found is not None:
+        raise InputError(
+            f"{path}: is {found}, which a file would replace: give the name of a file with {named('out')}"
+        )
+
+
+def sync_folder(folder) -> None:
+    """Make renames and removals in `folder` durable, where its file system can."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    except OSError:  # some network file systems refuse it; the rename itself has happened
+        pass
+    finally:
+        os.close(handle)
+
+
+def follow(path) -> Path:
+    """The file a symbolic link stands for, so that the link survives; any other path as it is."""
+    return Path(os.path.realpath(path)) if Path(path).is_symlink() else Path(path)
+
+
+def remove_abandoned(folder, name="*") -> None:
+    """Remove temporary files of `name` (a glob pattern) that a killed process of this machine left behind."""
+    for leftover in Path(folder).glob(f".{name}.{glob.escape(socket.gethostname())}.*.partial"):
+        with suppress(OSError):
+            handle = os.open(leftover, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW)
+            try:
+                fcntl.flock(
+                    handle, fcntl.LOCK_EX | fcntl.LOCK_NB
+                )  # its writer holds this as long as it lives
+                leftover.unlink()
+            finally:
+                os.close(handle)
+
+
+class _Stream(io.FileIO):
+    """Binary file that keeps the first error of a write, also an interrupt, for `NewFile.check`, and raises none.
+
+    HDF5 writes through it. A library that cannot write crashes the interpreter at exit (HDF5 1.10): it shall close in
+    good order, even if that comes after the end of the file.
+    """
+
+    error = None
+
+    def _try(self, action, instead):
+        if self.error is None and not self.closed:
+            try:
+                return action()
+            except BaseException as error:
+                self.error = error
+        return instead
+
+    def write(self, data):
+        self._try(lambda: self._write_all(memoryview(data).cast("B")), None)
+        return len(data)
+
+    def _write_all(self, view):
+        done = 0
+        while done < len(view):
+            done += super().write(view[done:])
+
+    def seek(self, offset, whence=os.SEEK_SET):
+        return self._try(lambda: super(_Stream, self).seek(offset, whence), offset)
+
+    def truncate(self, size=None):
+        return self._try(lambda: super(_Stream, self).truncate(size), size)
+
+
+class NewFile:
+    """A file under a temporary name: `finish` makes it durable, `publish` gives it its name.
+
+    Write through `stream`. Raises InputError or JampetscError where writing fails.
+    """
+
+    def __init__(self, path):
+        try:
+            self.path = follow(path)
+            _require_regular(self.path)
+            self.temporary, self.stream = _locked(self.path)
+        except OSError as error:
+            raise write_error(path, error) from None
+
+    def check(self) -> None:
+        """Raise the error of an earlier write that failed."""
+        error = self.stream.error
+        if isinstance(error, OSError):
+            raise write_error(self.path, error) from None
+        if error is not None:
+            raise error
+
+    def finish(self) -> int:
+        """Check, fsync and close; returns the size in bytes. The temporary name stays."""
+        self.check()
+        try:
+            os.fsync(self.stream.fileno())
+        except OSError as error:
+            raise write_error(self.path, error) from None
+        size = os.fstat(self.stream.fileno()).st_size
+        self.stream.close()
+        return size
+
+    def publish(self) -> None:
+        """Rename onto the final name, replacing an earlier file."""
+        try:
+            os.replace(self.temporary, self.path)
+            sync_folder(self.path.parent)
+        except OSError as error:
+            raise write_error(self.path, error) from None
+
+    def discard(self) -> None:
+        """Close and remove the temporary file, if it is still there."""
+        self.stream.close()
+        self.temporary.unlink(missing_ok=True)
+
+
+def _locked(path):
+    """(name, stream) of a new temporary file for `path`, locked before anybody can take it for an abandoned one."""
+    while True:
+        mark = f"{socket.gethostname()}.{os.getpid()}-{secrets.token_hex(4)}"
+        name = path.with_name(f".{path.name}.{mark}.partial")
+        stream = _Stream(name, "x+b")
+        with suppress(OSError):  # a file system without locks: an abandoned file then stays
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if os.fstat(stream.fileno()).st_nlink:  # else it was taken for one before the lock
+            return name, stream
+        stream.close()

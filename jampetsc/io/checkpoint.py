@@ -1,0 +1,255 @@
+"""What a long run has finished, kept on disk so that the same job goes on after a kill: the one way to do so.
+
+A step is a file of its own, put there whole: the sha256 of what follows, a line of JSON, arrays as numpy keeps them.
+One that is torn, cut or changed does not count, and neither does another job's. `Checkpoint` keeps steps in the folder
+`<path>.resume`; studies keep what became of a task in the same way (`studies.journal`).
+"""
+
+import errno
+import fcntl
+import hashlib
+import io
+import json
+import os
+import re
+import sys
+import weakref
+from pathlib import Path
+
+import numpy as np
+
+from jampetsc.collective import agreed
+from jampetsc.errors import InputError, JampetscError
+from jampetsc.io.atomic import follow, remove_abandoned, sync_folder, write_error, write_whole
+from jampetsc.io.parts import remove_if_empty
+from jampetsc.io.regular import open_regular
+from jampetsc.version import VERSION
+
+_VERSION = 3
+_STEP = re.compile(r"(\d{5,})-rank-\d{4,}")
+_locks = weakref.WeakValueDictionary()  # folder -> its open lock: what this process may take up anew
+
+
+def keep(path, entry: dict, arrays: dict | None = None) -> str:
+    """Put an entry, of what JSON has and complex numbers, and arrays by name at `path`; on return they survive a kill.
+
+    Returns the hash of the file's content. Raises JampetscError where it cannot be written.
+    """
+    packed = io.BytesIO()
+    if arrays is not None:
+        np.savez(packed, **arrays)
+    body = json.dumps(entry, default=_encode).encode() + b"\n" + packed.getvalue()
+    digest = hashlib.sha256(body).hexdigest()
+    write_whole(path, digest.encode() + b"\n" + body)
+    return digest
+
+
+def kept(path):
+    """(entry, arrays as bytes, hash) of what `keep` has put at `path`; None where there is nothing sound."""
+    try:
+        with open_regular(path) as file:
+            digest, _, body = file.read().partition(b"\n")
+    except (OSError, InputError):
+        return None
+    if hashlib.sha256(body).hexdigest().encode() != digest:
+        return None
+    entry, _, packed = body.partition(b"\n")
+    return json.loads(entry, object_hook=_decode), packed, digest.decode()
+
+
+class Checkpoint:
+    """Finished steps of one job, beside the file `path`; None: in memory. Every method is collective.
+
+    `key` identifies the job: a dictionary of scalars, strings, lists and arrays (packing, law, frequencies, method, …).
+    `done` maps the index of a finished step to its record.
+
+    ordered: each step builds on those before it, so that only an unbroken sequence 0, 1, 2, … counts and the next step
+    is `next`. Otherwise steps are independent, such as frequencies solved one by one.
+
+    Steps of another job are left alone, with a line on stderr, until this job finishes a step. A checkpoint that
+    another process goes on with is locked: InputError, then or at the first step, so that no two write one output.
+    """
+
+    def __init__(self, path, key: dict, comm=None, ordered=False):
+        self.comm, self.ordered = comm, ordered
+        self.rank, self.size = (0, 1) if comm is None else (comm.rank, comm.size)
+        self.journal = None if path is None else folder_of(path)
+        told = {"version": _VERSION, "program": VERSION, "key": key}
+        self._job = hashlib.sha256(json.dumps(told, default=_encode, sort_keys=True).encode()).hexdigest()
+        self.done, self._hashes, self._arrays = {}, {}, {}
+        self._last = ""  # hash of the last step
+        self._lock = None  # on rank 0: open and locked as long as this object or another one of it lives
+        self._own = False  # whether what lies in the folder is this job's
+        steps = []
+        with agreed(comm):
+            if self.rank == 0 and self.journal is not None:
+                self._hold()
+                steps = self._read()
+        steps = steps if comm is None else comm.bcast(steps)
+        sound = [self._sound(*step) for step in steps]
+        if comm is not None:
+            sound = [all(ranks) for ranks in zip(*comm.allgather(sound), strict=True)]
+        for (index, entry, hashes), whole in zip(steps, sound, strict=True):
+            if ordered and not (whole and index == self.next and entry["after"] == self._last):
+                break
+            if whole:
+                self.done[index], self._hashes[index] = entry["record"], hashes
+                self._last, self._own = hashes[0], True
+
+    def _read(self):
+        """[(index, rank 0's entry, hashes of the ranks' files)] of this job's steps, in their order."""
+        found, others = [], self.journal.is_file()  # as older versions left it
+        for path in self.journal.glob("*-rank-0000"):
+            named, step = _STEP.fullmatch(path.name), kept(path)
+            if named is None or step is None:
+                continue
+            entry, _, digest = step
+            if entry["job"] != self._job:
+                others = True
+            elif entry["index"] == int(named[1]):
+                found.append((entry["index"], entry, [digest, *entry["others"]]))
+        if others and not found:
+            print(
+                f"{self.journal}: belongs to another job: ignored, starting from the beginning",
+                file=sys.stderr,
+            )
+        return sorted(found, key=lambda step: step[0])
+
+    def _sound(self, index, entry, hashes) -> bool:
+        """Whether this rank has its file of a step; what has arrays belongs to one number of ranks."""
+        if entry["ranks"] is None or self.rank == 0:
+            return entry["ranks"] in (None, self.size)
+        found = kept(self._file(index)) if entry["ranks"] == self.size else None
+        return found is not None and found[2] == hashes[self.rank]
+
+    def _hold(self):
+        """Lock the folder, if there is one. Raises InputError where another process has it."""
+        self._lock = _locks.get(str(self.journal))
+        if self._lock is not None or not self.journal.is_dir():
+            return None
+        try:
+            file = open(self.journal / "lock", "a")
+        except OSError as error:
+            raise write_error(self.journal, error) from None
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            if error.errno in (errno.EWOULDBLOCK, errno.EACCES):
+                file.close()
+                raise InputError(
+                    f"{self.journal.with_suffix('')}: another run is writing it (and {self.journal.name}): wait for "
+                    "it, or choose another file"
+                ) from None
+            # a file system without locks
+        if not os.fstat(file.fileno()).st_nlink:  # a run that was just ending has removed it
+            return self._hold()
+        self._lock = _locks[str(self.journal)] = file
+        return None
+
+    @property
+    def next(self) -> int:
+        """Index of the step after the last one."""
+        return max(self.done, default=-1) + 1
+
+    def save(self, index, record, arrays=None) -> None:
+        """Keep a finished step: `record`, numbers all ranks have, and this rank's arrays by name.
+
+        `arrays` is None on all ranks or on none. On return the step survives a kill.
+        Raises JampetscError on all ranks if it cannot be written.
+        """
+        index = int(index)
+        if self.ordered and index != self.next:
+            raise ValueError(f"step {index} of an ordered job cannot follow step {self.next - 1}")
+        if self.journal is None:
+            self.done[index], self._arrays[index] = dict(record), arrays
+            return
+        entry = {"job": self._job, "index": index}
+        with agreed(self.comm):
+            if self.rank == 0 and not self._own:
+                self._start()
+        self._own, digest = True, None
+        with agreed(self.comm):
+            if self.rank > 0 and arrays is not None:
+                digest = keep(self._file(index), entry, arrays)
+        others = [] if self.comm is None else self.comm.allgather(digest)[1:]
+        entry |= {"record": record, "after": self._last, "others": others}
+        entry["ranks"] = None if arrays is None else self.size
+        with agreed(self.comm):
+            if self.rank == 0:
+                self._last = keep(self._file(index), entry, arrays)
+        self.done[index], self._hashes[index] = dict(record), [self._last, *others]
+
+    def _start(self):
+        """An empty folder, in the place of another job's steps."""
+        if self.journal.is_file():
+            self.journal.unlink()
+        try:
+            self.journal.mkdir(exist_ok=True)
+            sync_folder(self.journal.parent)
+        except OSError as error:
+            raise write_error(self.journal, error) from None
+        self._hold()
+        _remove_steps(self.journal)
+
+    def _file(self, index) -> Path:
+        return self.journal / f"{index:05d}-rank-{self.rank:04d}"
+
+    def fields(self, index) -> dict:
+        """This rank's arrays of a finished step, as given to `save`.
+
+        Raises JampetscError on all ranks if a file was changed since the checkpoint was opened.
+        """
+        if self.journal is None:
+            return self._arrays[index]
+        with agreed(self.comm):
+            found = kept(self._file(index))
+            if found is None or found[2] != self._hashes[index][self.rank]:
+                raise JampetscError(
+                    f"{self._file(index)}: changed during the run: run the same command again"
+                )
+        with np.load(io.BytesIO(found[1])) as stored:
+            return {name: stored[name] for name in stored.files}
+
+    def remove(self) -> None:
+        """Delete the steps, once the result is in place."""
+        if self.comm is not None:
+            self.comm.Barrier()
+        if self.rank == 0 and self._own:
+            discard(self.journal)
+        self._lock, self._own = None, False
+
+
+def folder_of(path) -> Path:
+    """Where `Checkpoint(path, …)` keeps its steps."""
+    path = follow(path)
+    return path.with_name(f"{path.name}.resume")
+
+
+def discard(folder) -> None:
+    """Delete a folder of steps, whichever job they are of."""
+    if folder.is_file():  # as older versions left it
+        folder.unlink()
+        return
+    _remove_steps(folder)
+    (folder / "lock").unlink(missing_ok=True)
+    _locks.pop(str(folder), None)
+    remove_if_empty(folder)
+
+
+def _remove_steps(folder):
+    remove_abandoned(folder)
+    for file in folder.glob("*-rank-*"):
+        if _STEP.fullmatch(file.name) and not file.is_dir():
+            file.unlink(missing_ok=True)
+
+
+def _encode(value):
+    if isinstance(value, complex):
+        return {"real": value.real, "imag": value.imag}
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} cannot be kept in a checkpoint")
+
+
+def _decode(entry):
+    return complex(entry["real"], entry["imag"]) if entry.keys() == {"real", "imag"} else entry

@@ -1,0 +1,264 @@
+"""Disks as simulation programs write them: LAMMPS data and dump, extended XYZ, GSD, columns x y r, numpy's npz.
+
+Every reader gives ({name: array}, box): x, y and z where there is one, or positions, and columns by their own names;
+box in a form that `core.packing.cell_of` takes, None where the file has none. Errors do not name the file.
+"""
+
+import io
+import re
+import shlex
+import zipfile
+import zlib
+
+import numpy as np
+
+from jampetsc.errors import InputError, named
+
+RADII = ("radius", "radii", "diameter", "diameters")  # columns looked for; diameters are halved
+STYLES = {  # columns of Atoms in LAMMPS data files, of the styles that have diameters
+    "sphere": "id type diameter density x y z",
+    "bpm/sphere": "id mol type diameter density x y z",
+}
+FLAT_BOX = "the box is tilted out of the plane: packings are two-dimensional here"
+
+
+def pick(index, count):
+    """`index`, if there are so many packings. Raises InputError."""
+    if not 0 <= index < count:
+        raise InputError(f"{named('index')} {index}: it holds {count} packings, numbered from 0")
+    return index
+
+
+def disks_of(columns, radius=None):
+    """(positions, radii) of what a reader gives; radius: name of the column of radii. Raises InputError."""
+    names = [name for name in columns if (name == radius if radius else name.lower() in RADII)]
+    if not names:
+        wanted = radius or "radius or diameter"
+        raise InputError(
+            f"no {wanted} among {', '.join(columns)}: {named('radius')} says which are the radii"
+        )
+    radii = _floats(columns[names[0]]) / (2.0 if names[0].lower().startswith("diameter") else 1.0)
+    if "positions" in columns:
+        return columns["positions"], radii
+    if not {"x", "y"} <= set(columns):
+        raise InputError(f"no coordinates among {', '.join(columns)}")
+    return np.column_stack([_floats(columns[axis]) for axis in "xyz" if axis in columns]), radii
+
+
+def read_lammps_dump(content, index):
+    """Snapshot `index` of a LAMMPS dump: wrapped, unwrapped or scaled coordinates, disks in the order of their id."""
+    items = [item.partition("\n") for item in re.split(r"(?m)^ITEM: ", content.decode())[1:]]
+    ends = [n for n, (title, _, _) in enumerate(items) if title.startswith("ATOMS")]
+    end = ends[pick(index, len(ends))]
+    found = {title.split()[0]: (title.split(), body) for title, _, body in items[: end + 1]}
+    if not {"NUMBER", "BOX"} <= set(found):
+        raise InputError("ITEM: NUMBER OF ATOMS or BOX BOUNDS is missing: truncated or edited")
+    words, body = found["BOX"]
+    tilted = "xy" in words
+    if "abc" in words:
+        raise InputError(f"ITEM: {' '.join(words)}: write the dump with triclinic/general no")
+    if any(flag != "pp" for flag in words[5 if tilted else 2 :][:2]):
+        raise InputError(f"ITEM: {' '.join(words)}: must be periodic (pp) in x and y")
+    bounds = _table(body, 3, 3 if tilted else 2)
+    if tilted and (bounds[1:, 2] != 0).any():
+        raise InputError(FLAT_BOX)
+    xy = bounds[0, 2] if tilted else 0.0
+    low, size = bounds[:, 0], bounds[:, 1] - bounds[:, 0]
+    low[0], size[0] = low[0] - min(0.0, xy), size[0] - abs(xy)  # the file has the bounds of the tilted box
+    columns = _columns(found["ATOMS"][0][1:], _rows(found["ATOMS"][1], _count(found["NUMBER"][1])))
+    for x, y, z, scaled in (
+        ("x", "y", "z", False),
+        ("xu", "yu", "zu", False),
+        ("xs", "ys", "zs", True),
+        ("xsu", "ysu", "zsu", True),
+    ):
+        if x in columns and y in columns:
+            place = np.column_stack([_floats(columns[name]) for name in (x, y, z) if name in columns])
+            if scaled:
+                place *= size[: place.shape[1]]
+                place[:, 0] += xy * place[:, 1] / size[1]
+                place += low[: place.shape[1]]
+            break
+    else:
+        raise InputError(f"no coordinates x y, xu yu, xs ys or xsu ysu among {', '.join(columns)}")
+    return {**columns, "positions": place}, [[size[0], 0.0], [xy, size[1]]]
+
+
+def read_lammps_data(content, index):
+    """A LAMMPS data file of an atom style that has diameters."""
+    pick(index, 1)
+    text = content.decode().partition("\n")[2]  # the first line is a title
+    header, _, body = text.partition("\nAtoms")
+    hint, _, body = body.partition("\n")
+    style = hint.strip(" \t\r#")
+    if style not in STYLES:
+        raise InputError(
+            f"Atoms # {style or '(no style)'}: has no diameters: say 'Atoms # sphere' of {STYLES['sphere']}, "
+            "or dump a column radius"
+        )
+    if "avec" in header:
+        raise InputError("avec, bvec, cvec: write the file with triclinic/general no")
+
+    def said(what, count, default=None):
+        found = re.search(rf"(?m)^[ \t]*((?:\S+[ \t]+){{{count}}}){what}\b", header)
+        if found is None and default is None:
+            raise InputError(f"no {what} in the header: truncated or edited")
+        return default if found is None else found[1].split()
+
+    (x0, x1), (y0, y1) = _floats(said("xlo xhi", 2)), _floats(said("ylo yhi", 2))
+    xy, xz, yz = _floats(said("xy xz yz", 3, [0, 0, 0]))
+    if xz or yz:
+        raise InputError(FLAT_BOX)
+    rows = _rows(body, _count(said("atoms", 1)[0]))
+    return _columns(STYLES[style].split(), rows), [[x1 - x0, 0.0], [xy, y1 - y0]]
+
+
+def read_extxyz(content, index):
+    """Frame `index` of an extended XYZ file: Properties with pos, and Lattice if it has one."""
+    lines, starts = content.decode().rstrip().splitlines(), []
+    at = 0
+    while at < len(lines):
+        starts.append(at)
+        at += 2 + _count(lines[at])
+    first = starts[pick(index, len(starts))]
+    try:
+        words = shlex.split(lines[first + 1])
+    except (IndexError, ValueError):
+        raise InputError(f"line {first + 2}: not key=value of extended XYZ") from None
+    entries = {key: value for key, _, value in (word.partition("=") for word in words)}
+    names = []
+    properties = entries.get("Properties", "species:S:1:pos:R:3").split(":")
+    for name, width in zip(properties[::3], map(_count, properties[2::3]), strict=False):
+        several = "xyz"[:width] if name == "pos" else [f"{name}{column}" for column in range(width)]
+        names += several if width > 1 else [name]
+    count = _count(lines[first])
+    columns = _columns(names, _rows("\n".join(lines[first + 2 : first + 2 + count]), count))
+    if "Lattice" not in entries:
+        return columns, None
+    lattice = _floats(entries["Lattice"].split())
+    if lattice.shape != (9,) or lattice[[2, 5, 6, 7]].any():
+        raise InputError(f'Lattice="{entries["Lattice"]}": need a₁ and a₂ in the plane, a₃ across it')
+    if any(flag[0] not in "Tt1" for flag in entries.get("pbc", "T T").split()[:2]):
+        raise InputError(f'pbc="{entries["pbc"]}": must be periodic in x and y')
+    return columns, lattice.reshape(3, 3)[:2, :2]
+
+
+def read_xyr(content, index):
+    """Lines x y r; a line `box L`, `box Lx Ly` or `box Lx Ly xy`, which may be a comment (#), if there is one."""
+    pick(index, 1)
+    rows, box = _xyr(content.decode())
+    return _columns(("x", "y", "radius"), rows), None if box is None else _floats(box[1].split())
+
+
+def _xyr(text):
+    """(rows of words, match of the line of the box or None)."""
+    text = re.sub("[,;:=]", " ", text)
+    box = re.search(r"(?mi)^[ \t#]*box\b(.*)$", text)
+    rows = [line.split() for line in re.sub(r"(?mi)#.*|^[ \t]*box\b.*", "", text).splitlines()]
+    return [row for row in rows if row], box
+
+
+def read_npz(content, index):
+    """Arrays positions, radii or diameters, and box or cell of numpy.savez."""
+    pick(index, 1)
+    try:
+        with np.load(io.BytesIO(content), allow_pickle=False) as file:
+            arrays = dict(file)
+    except (OSError, ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        raise InputError(f"not arrays of numpy.savez, or damaged ({error})") from None
+    if "positions" not in arrays:
+        raise InputError(f"no array positions among {', '.join(arrays)}")
+    return arrays, arrays.get("box", arrays.get("cell"))
+
+
+def read_gsd(content, index):
+    """Frame `index` of a GSD file of HOOMD-blue, read by the package gsd."""
+    try:
+        import gsd.hoomd
+        import gsd.pygsd
+    except ImportError:
+        raise InputError("GSD needs the package gsd: pip install 'jampetsc[gsd]'") from None
+    try:
+        frames = gsd.hoomd.HOOMDTrajectory(gsd.pygsd.GSDFile(io.BytesIO(content)))
+        frame = frames[pick(index, len(frames))]
+    except (OSError, RuntimeError, LookupError, ValueError) as error:
+        raise InputError(f"not a file of GSD, or damaged ({error or 'truncated'})") from None
+    Lx, Ly, _, xy, xz, yz = np.asarray(frame.configuration.box, float)
+    if xz or yz:
+        raise InputError(FLAT_BOX)
+    columns = {"positions": frame.particles.position, "diameter": frame.particles.diameter}
+    return columns, (Lx, Ly, xy)
+
+
+READERS = {
+    "lammps-data": read_lammps_data,
+    "lammps-dump": read_lammps_dump,
+    "extxyz": read_extxyz,
+    "gsd": read_gsd,
+    "xyr": read_xyr,
+    "npz": read_npz,
+}
+
+
+def format_of(content) -> str | None:
+    """Which of READERS reads this content; None where it looks like none of them."""
+    if content.startswith(b"\xdf\x65" * 4):
+        return "gsd"
+    if content.startswith(b"PK"):
+        return "npz"
+    text = content[: 1 << 16].decode(errors="replace")
+    looks = {
+        "lammps-dump": r"\s*ITEM: ",
+        "extxyz": r"\s*\d+[ \t]*\r?\n.*\b(Lattice|Properties)=",
+        "lammps-data": r"(?s).*\bxlo[ \t]+xhi\b",
+    }
+    found = next((name for name, look in looks.items() if re.match(look, text)), None)
+    first = _xyr(text)[0][:1]
+    return "xyr" if found is None and first and len(first[0]) == 3 and _are_numbers(first[0]) else found
+
+
+def _rows(body, count):
+    """The words of the first `count` lines that are not empty. Raises InputError where there are fewer."""
+    rows = [line.split() for line in body.splitlines() if line.strip()][:count]
+    if len(rows) != count:
+        raise InputError(f"{len(rows)} lines for {count} disks: truncated or edited; get it again")
+    return rows
+
+
+def _columns(names, rows):
+    """{name: words of the column}, by `id` where there is one; further columns are left out. Raises InputError."""
+    if not rows:
+        raise InputError("holds no disks")
+    for row in rows:
+        if len(row) < len(names):
+            raise InputError(f"line {' '.join(row)!r}: need {' '.join(names)}")
+    columns = dict(zip(names, zip(*rows, strict=False), strict=False))
+    if "id" in columns:
+        order = np.argsort(_floats(columns["id"]), kind="stable")
+        columns = {name: [column[row] for row in order] for name, column in columns.items()}
+    return columns
+
+
+def _table(body, rows, columns):
+    table = [_floats(row) for row in _rows(body, rows)]
+    if any(len(row) != columns for row in table):
+        raise InputError(f"{body.strip()!r}: need {rows} lines of {columns} numbers")
+    return np.array(table)
+
+
+def _floats(words):
+    try:
+        return np.asarray(words, float)
+    except (TypeError, ValueError):
+        shown = " ".join(map(str, list(words)[:5]))
+        raise InputError(f"{shown}{' …' if len(words) > 5 else ''}: not numbers") from None
+
+
+def _are_numbers(words):
+    return all(re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?", word, re.IGNORECASE) for word in words)
+
+
+def _count(word):
+    if not re.fullmatch(r"\s*\d+\s*", word):
+        raise InputError(f"{word.strip()!r}: need a number of disks")
+    return int(word)

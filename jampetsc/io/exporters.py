@@ -1,0 +1,246 @@
+"""Files for other programs: extended XYZ, LAMMPS dump and data, VTK PolyData, numpy's npz, HOOMD's GSD.
+
+Coordinates are one double each (single precision in GSD); forces and stresses were found with all digits before.
+"""
+
+import importlib
+import io
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from jampetsc.core.state import Contacts
+from jampetsc.errors import InputError, named
+from jampetsc.io.atomic import NewFile
+from jampetsc.io.frames import Frame
+
+SERIES = (".xyz", ".dump", ".gsd")  # hold many frames
+SIZES = 10  # with no more different radii than this, each is a type of its own
+
+
+def check_format(out) -> str:
+    """The ending of `out`. Raises InputError for one of no format, and for GSD without its package."""
+    ending = Path(out).suffix.lower()
+    if ending not in (*_TEXTS, ".npz", ".gsd"):
+        raise InputError(
+            f"{named('out')} {out}: choose the ending of a format: .gsd, .npz, {', '.join(_TEXTS)}"
+        )
+    if ending == ".gsd":
+        _gsd()
+    return ending
+
+
+def write_frames(out, frames) -> int:
+    """Write frames, an iterable of Frame, complete or not at all; returns their number.
+
+    Raises InputError for more than one where the format holds one, and as `check_format`.
+    """
+    ending, count = check_format(out), 0
+    file = NewFile(out)
+    try:
+        if ending == ".gsd":
+            count = _write_gsd(file.stream, frames)
+        else:
+            for frame in frames:
+                count += 1
+                if count > 1 and ending not in SERIES:
+                    raise InputError(f"{out}: holds one frame, and there are more: use {', '.join(SERIES)}")
+                file.stream.write(_npz(frame) if ending == ".npz" else _TEXTS[ending](frame, count - 1))
+        file.finish()
+        file.publish()
+    finally:
+        file.discard()
+    return count
+
+
+def types_of(radii):
+    """(N,) types 1, 2, … of disks in the order of their radii; all 1 where sizes are many."""
+    sizes, type = np.unique(radii, return_inverse=True)
+    return type + 1 if len(sizes) <= SIZES else np.ones(len(radii), int)
+
+
+def _table(names, columns):
+    """(names, rows as lines of text) of columns (N,) and (N, 2); vectors are two columns, name_x and name_y."""
+    heads, parts = [], []
+    for name, values in zip(names, columns, strict=True):
+        vector = values.ndim == 2
+        heads += [f"{name}_x", f"{name}_y"] if vector else [name]
+        parts += list(values.T) if vector else [values]
+    lines = zip(*(part.tolist() for part in parts), strict=True)
+    return heads, "".join(" ".join(map(repr, line)) + "\n" for line in lines)
+
+
+def _thickness(frame):
+    """Height of the cell in the third dimension: a diameter."""
+    return 2.0 * float(frame.disks.radii.max())
+
+
+def _spatial(vectors):
+    """Vectors (N, 2) in three dimensions, (N, 3)."""
+    return np.column_stack((vectors, np.zeros(len(vectors), vectors.dtype)))
+
+
+def _xyz(frame: Frame, number) -> bytes:
+    """Extended XYZ, as ASE and OVITO read it; every disk is an X."""
+    (ax, _), (bx, by) = frame.disks.cell.tolist()
+    properties = "species:S:1:id:I:1:pos:R:3"
+    parts = [np.arange(1, frame.disks.n + 1), *_spatial(frame.disks.positions).T]
+    for name, values in frame.columns.items():
+        values = _spatial(values) if values.ndim == 2 else values
+        kind = "I" if values.dtype.kind == "i" else "R"
+        properties += f":{'velo' if name == 'velocity' else name}:{kind}:{values[0].size}"
+        parts += list(values.T) if values.ndim == 2 else [values]
+    facts = "".join(f" {name}={value!r}" for name, value in frame.facts.items())
+    head = (
+        f'{frame.disks.n}\nLattice="{ax!r} 0 0 {bx!r} {by!r} 0 0 0 {_thickness(frame)!r}" '
+        f'Properties={properties} pbc="T T F" frame={number}{facts}\n'
+    )
+    rows = zip(*(part.tolist() for part in parts), strict=True)
+    return (head + "".join(f"X {' '.join(map(repr, row))}\n" for row in rows)).encode()
+
+
+def _dump(frame: Frame, number) -> bytes:
+    """A frame of a LAMMPS dump: x and y inside the cell, velocities as vx and vy."""
+    n, (ax, _), (bx, by) = frame.disks.n, *frame.disks.cell.tolist()
+    half = _thickness(frame) / 2
+    columns = {"id": np.arange(1, n + 1), "type": types_of(frame.disks.radii)}
+    columns |= dict(zip("xyz", _spatial(frame.disks.positions).T, strict=True)) | frame.columns
+    columns.pop("unwrapped", None)  # xu and yu, which readers take for x and y: these and ix, iy say it
+    heads, rows = _table(columns, columns.values())
+    own = {"velocity_x": "vx", "velocity_y": "vy", "image_x": "ix", "image_y": "iy", "spin": "omegaz"}
+    names = " ".join(own.get(name, name) for name in heads)
+    head = (
+        f"ITEM: TIMESTEP\n{number}\nITEM: NUMBER OF ATOMS\n{n}\nITEM: BOX BOUNDS xy xz yz pp pp ff\n"
+        f"{min(0.0, bx)!r} {ax + max(0.0, bx)!r} {bx!r}\n0.0 {by!r} 0.0\n{-half!r} {half!r} 0.0\n"
+        f"ITEM: ATOMS {names}\n"
+    )
+    return (head + rows).encode()
+
+
+def _data(frame: Frame, number) -> bytes:
+    """LAMMPS data, atom style bpm/sphere: disks of density 1, contacts as bonds; force and overlap as comments."""
+    disks, c, types = frame.disks, frame.contacts, types_of(frame.disks.radii)
+    (ax, _), (bx, by) = disks.cell.tolist()
+    half = _thickness(frame) / 2
+    one = np.ones(disks.n, int)
+    atoms = (np.arange(1, disks.n + 1), one, types, 2 * disks.radii, 1.0 * one, *_spatial(disks.positions).T)
+    ends = zip(*(a.tolist() for a in (c.i + 1, c.j + 1, c.force, c.overlap)), strict=True)
+    bonds = "".join(f"{row} 1 {i} {j} # {f!r} {d!r}\n" for row, (i, j, f, d) in enumerate(ends, 1))
+    return (
+        f"LAMMPS data file of jampetsc, units lj; bonds are contacts: # force overlap\n\n"
+        f"{disks.n} atoms\n{len(c)} bonds\n{types.max()} atom types\n1 bond types\n\n"
+        f"0.0 {ax!r} xlo xhi\n0.0 {by!r} ylo yhi\n{-half!r} {half!r} zlo zhi\n{bx!r} 0.0 0.0 xy xz yz\n\n"
+        f"Atoms # bpm/sphere\n\n{_table(range(len(atoms)), atoms)[1]}"
+        + (f"\nBonds\n\n{bonds}" if bonds else "")
+    ).encode()
+
+
+def _vtp(frame: Frame, number) -> bytes:
+    """VTK XML PolyData: a point per disk, a line per contact.
+
+    A line that leaves the cell ends on an image of its disk, a point of its own behind the N disks (`image` is 1).
+    """
+    disks, c = frame.disks, frame.contacts
+    end = disks.positions[c.i] + c.r
+    across = np.hypot(*(end - disks.positions[c.j]).T) > 0.5 * disks.radii.min()
+    point = c.j.copy()
+    point[across] = disks.n + np.arange(np.count_nonzero(across))
+    disk = np.r_[np.arange(disks.n), c.j[across]]
+    points = np.vstack((disks.positions, end[across]))
+    columns = {"disk": disk, "image": (np.arange(len(disk)) >= disks.n).astype(int)}
+    columns |= {name: values[disk] for name, values in frame.columns.items()}
+    bonds = {"force": c.force, "overlap": c.overlap, "bearing": frame.bearing.astype(int)}
+    lines = {"connectivity": np.column_stack((c.i, point)).ravel(), "offsets": 2 * np.arange(1, len(c) + 1)}
+    return (
+        '<?xml version="1.0"?>\n<VTKFile type="PolyData" version="0.1" byte_order="LittleEndian">\n<PolyData>\n'
+        f"<FieldData>\n{_array('cell', _spatial(disks.cell), tuples=True)}</FieldData>\n"
+        f'<Piece NumberOfPoints="{len(points)}" NumberOfVerts="0" NumberOfLines="{len(c)}" NumberOfStrips="0" '
+        f'NumberOfPolys="0">\n<Points>\n{_array("points", _spatial(points))}</Points>\n'
+        f"<PointData>\n{_arrays(columns)}</PointData>\n<CellData>\n{_arrays(bonds)}</CellData>\n"
+        f"<Lines>\n{_arrays(lines)}</Lines>\n</Piece>\n</PolyData>\n</VTKFile>\n"
+    ).encode()
+
+
+def _arrays(columns):
+    return "".join(
+        _array(name, _spatial(values) if values.ndim == 2 else values) for name, values in columns.items()
+    )
+
+
+def _array(name, values, tuples=False):
+    """A DataArray element in ascii; with the number of its tuples where nothing else tells it."""
+    kind = "Int64" if values.dtype.kind == "i" else "Float64"
+    size = f' NumberOfComponents="{values.shape[1]}"' if values.ndim == 2 else ""
+    size += f' NumberOfTuples="{len(values)}"' if tuples else ""
+    text = "\n".join(" ".join(map(repr, row)) for row in values.reshape(len(values), -1).tolist())
+    return f'<DataArray type="{kind}" Name="{name}"{size} format="ascii">\n{text}\n</DataArray>\n'
+
+
+def _npz(frame: Frame) -> bytes:
+    disks, file = frame.disks, io.BytesIO()
+    np.savez(
+        file,
+        positions=disks.positions,
+        cell=disks.cell,
+        **frame.columns,
+        **_bonds(frame.contacts),
+        contact_bearing=frame.bearing,
+        **frame.facts,
+    )
+    return file.getvalue()
+
+
+def _bonds(contacts: Contacts):
+    return {
+        "contact_pairs": np.column_stack((contacts.i, contacts.j)),
+        "contact_bonds": contacts.r,
+        "contact_force": contacts.force,
+        "contact_overlap": contacts.overlap,
+    }
+
+
+def _gsd():
+    """The module gsd.hoomd. Raises InputError where it is not installed."""
+    try:
+        return importlib.import_module("gsd.hoomd")
+    except ImportError:
+        raise InputError(".gsd: needs the package gsd: pip install 'jampetsc[gsd]', or use .xyz") from None
+
+
+def _write_gsd(stream, frames) -> int:
+    """HOOMD frames, the middle of the cell at the origin; columns and forces are in their log."""
+    hoomd, count = _gsd(), 0
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "frames.gsd"
+        with hoomd.open(str(path), "w") as file:
+            for frame in frames:
+                file.append(_gsd_frame(hoomd, frame, count))
+                count += 1
+        stream.write(path.read_bytes())
+    return count
+
+
+def _gsd_frame(hoomd, frame, number):
+    disks, c, made = frame.disks, frame.contacts, hoomd.Frame()
+    (ax, _), (bx, by) = disks.cell.tolist()
+    types = types_of(disks.radii)
+    made.configuration.step, made.configuration.dimensions = number, 2
+    made.configuration.box = [ax, by, 0.0, bx / by, 0.0, 0.0]
+    made.particles.N, made.bonds.N = disks.n, len(c)
+    made.particles.position = _spatial(disks.positions - disks.cell.sum(axis=0) / 2)
+    made.particles.diameter, made.particles.typeid = 2 * disks.radii, types - 1
+    made.particles.types = [f"size {size}" for size in range(1, types.max() + 1)]
+    if "velocity" in frame.columns:
+        made.particles.velocity = _spatial(frame.columns["velocity"])
+    if "image" in frame.columns:
+        made.particles.image = _spatial(frame.columns["image"])
+    made.bonds.types, made.bonds.typeid = ["bond"], np.zeros(len(c), int)
+    made.bonds.group = np.column_stack((c.i, c.j))
+    made.log = {f"particles/{name}": values for name, values in frame.columns.items()}
+    made.log |= {"bonds/force": c.force, "bonds/overlap": c.overlap}
+    made.log |= {name: np.array([value]) for name, value in frame.facts.items()}
+    return made
+
+
+_TEXTS = {".xyz": _xyz, ".dump": _dump, ".data": _data, ".vtp": _vtp}

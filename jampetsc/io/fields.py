@@ -1,0 +1,118 @@
+"""What belongs to the displacement fields of a sweep: its packing, the disks of the rows, frequencies, their phase."""
+
+from pathlib import Path
+
+import numpy as np
+
+from jampetsc.core.disks import Disks
+from jampetsc.errors import InputError, named
+from jampetsc.io.packing_file import is_known_as, read_packing
+
+PHASES = (
+    "stress",
+    "strain",
+)  # that a field is in phase with, the default first; files hold fields per strain
+_HUGE = 1e100  # displacements per unit strain that no packing has
+_SAME = 0.01  # a frequency asked for may differ from the stored one by this fraction: 0.0316 means 10^-1.5
+
+
+def packing_of(result, given=None) -> Disks:
+    """The packing that a sweep was made from: `given`, Disks or a file, or with it in memory, or the file beside it.
+
+    Raises InputError where there is none, and where it is another one: by the recorded sha256, of Disks in memory and
+    a sweep of a file by the number of disks and φ.
+    """
+    name, recorded = (result.attributes.get(key) for key in ("packing", "packing_sha256"))
+    if given is None and result.packing is not None:
+        return result.packing
+    if isinstance(given, Disks):
+        mine = [result.attributes.get(key) for key in ("particle_count", "phi")]
+        if given.fingerprint != recorded and mine != [given.n, given.phi]:
+            raise InputError(f"{named('packing')}: is not the packing that {result.path.name} was made from")
+        return given
+    path = Path(given) if given else result.path.parent / str(name)
+    if not given and (name is None or not path.is_file()):
+        what = f"packing {name} is not beside it" if name else "packing was in memory"
+        raise InputError(f"{result.path}: its {what}: give it with {named('packing')}")
+    disks = read_packing(path)
+    if recorded is not None and not is_known_as(path, recorded):
+        raise InputError(
+            f"{path}: is not the packing that {result.path.name} was made from (sha256 {disks.fingerprint[:12]}… "
+            f"instead of {recorded[:12]}…): give that one with {named('packing')}"
+        )
+    return disks
+
+
+def field_at(result, row):
+    """(displacement (n, 2), rotation (n,) or None), complex, of a sweep's field number `row`.
+
+    Raises InputError for a field that holds no numbers.
+    """
+    fields = result.fields
+    arrays = [None if part is None else part[int(row)] for part in (fields.displacement, fields.rotation)]
+    for array in arrays:
+        if array is not None and not (np.abs(array) < _HUGE).all():  # nan too
+            raise InputError(
+                f"{result.path}: its field at omega = {fields.omega[int(row)]:g} holds values that are no "
+                "numbers or beyond all measure: run the sweep again"
+            )
+    return tuple(arrays)
+
+
+def phase_factor(result, omega, phase):
+    """e^{−i arg G*(ω)}, which turns what a sweep's file holds per strain into the phase of the stress; 1 for "strain".
+
+    u*/δσ = (u*/γ*)/G* (BT impose the stress, eq. 13): Re u* then is the motion when the stress is at its peak, −Im u*
+    a quarter of a period later, when it is zero. Raises InputError where the sweep has no modulus at ω.
+    """
+    if phase == "strain":
+        return 1.0
+    try:
+        G = result.modulus(omega)
+    except InputError as error:
+        raise InputError(
+            f"{error}; without G* there is no phase of the stress: use {named('phase')} strain"
+        ) from None
+    if not abs(G) > 0:  # nan too
+        raise InputError(
+            f"{result.path}: no modulus at omega = {omega:g}, so no phase of the stress: use {named('phase')} strain"
+        )
+    return np.conj(G) / abs(G)
+
+
+def particle_rows(result, disks):
+    """Rows (n,) of the packing that the fields belong to. Raises InputError if the numbers do not fit."""
+    count = result.fields.displacement.shape[1]
+    rows = result["particles"] if "particles" in result else np.arange(disks.n)
+    if not count:
+        raise InputError(f"{result.path}: its fields are those of no disk, every one is a rattler")
+    if len(rows) != count or not (0 <= rows.min() and rows.max() < disks.n):
+        raise InputError(
+            f"{result.path}: fields of {count} particles do not fit the {disks.n} disks of the packing: "
+            "run the sweep again"
+        )
+    return rows
+
+
+def chosen_frequencies(result, wanted=None):
+    """Rows of the stored fields at the frequencies `wanted` (in the file's units), or at up to four of them.
+
+    Raises InputError naming the nearest stored ones where a frequency is not there.
+    """
+    stored = result.fields.omega
+    if not len(stored):
+        raise InputError(f"{result.path}: holds no fields: ask the sweep for {named('fields')}")
+    if wanted is None:
+        order = np.argsort(stored)
+        return order[np.unique(np.linspace(0, len(order) - 1, min(len(order), 4)).round().astype(int))]
+    rows = []
+    for omega in wanted:
+        distance = np.abs(np.log(stored / omega))
+        nearest = int(distance.argmin())
+        if not distance[nearest] <= _SAME:
+            near = ", ".join(f"{w:g}" for w in sorted(stored[np.argsort(distance)[:3]]))
+            raise InputError(
+                f"{result.path}: no fields at omega = {omega:g}: nearest are {near}; or sweep with {named('fields')}"
+            )
+        rows.append(nearest)
+    return np.array(rows)

@@ -1,0 +1,104 @@
+"""What of a file other programs can be shown: disks with numbers and vectors each, and contacts with their forces."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from jampetsc.core.disks import Disks
+from jampetsc.core.state import Contacts, disk_areas, disk_stresses, find_contacts, measure
+from jampetsc.errors import InputError, named
+from jampetsc.io.fields import chosen_frequencies, field_at, packing_of, particle_rows
+from jampetsc.io.snapshots import snapshot
+
+_COMPONENTS = (("xx", 0, 0), ("yy", 1, 1), ("xy", 0, 1))
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """N disks inside their cell, its tilt at most half a side, and M contacts."""
+
+    disks: Disks
+    columns: dict  # name -> (N,) numbers or (N, 2) vectors of the disks
+    contacts: Contacts  # every overlap
+    bearing: np.ndarray  # (M,) mask of contacts that bear load, between disks that are not rattlers
+    facts: dict = field(default_factory=dict)  # name -> number of the whole
+
+
+def packing_frame(disks: Disks, vectors=None, facts=None) -> Frame:
+    """A packing: radius, area, coordination, rattler and stress of every disk, then `vectors`, name -> (N, …).
+
+    `stress_xx`, … are those of `disk_stresses` with `area`: Σ area · stress = V σ. Coordination counts the contacts
+    that bear load. As the disks of a flow need not be at rest, theirs comes from the forces of contacts alone.
+    """
+    state, contacts = measure(disks), find_contacts(disks)
+    bearing = state.bears(contacts)
+    ends = np.concatenate((contacts.i[bearing], contacts.j[bearing]))
+    stress = disk_stresses(disks, contacts)
+    columns = {
+        "radius": disks.radii,
+        "area": disk_areas(disks),
+        "coordination": np.bincount(ends, minlength=disks.n),
+        "rattler": state.rattlers.astype(int),
+        **{f"stress_{name}": np.ascontiguousarray(stress[:, a, b]) for name, a, b in _COMPONENTS},
+        **(vectors or {}),
+    }
+    folded = disks.folded()
+    if folded.images is not None:
+        columns |= {"image": folded.images, "unwrapped": folded.unwrapped}
+    return Frame(folded, columns, contacts, bearing, {"pressure": state.pressure, **(facts or {})})
+
+
+def flow_frames(result):
+    """The snapshots of a flow file, one after another, with `velocity`, that without the affine flow (γ̇y, 0), and
+    `spin` where disks roll; `image`, the cells that a disk has crossed, and its `unwrapped` position.
+
+    Raises InputError where the file holds none.
+    """
+    snapshot(result)
+    for row in range(len(result.stored("snapshots/strain"))):
+        disks = snapshot(result, row)
+        vectors = {"velocity": disks.velocities} | ({} if disks.spins is None else {"spin": disks.spins})
+        if "walls" in disks.record:
+            vectors["wall"] = (np.arange(disks.n) < disks.record["walls"]).astype(int)
+        yield packing_frame(disks, vectors, {"strain": float(disks.strain), "rate": disks.rate})
+
+
+def mode_frame(result, number: int, packing=None) -> Frame:
+    """Mode `number`, from 1, of a modes file on its packing: `mode`, Σ|mode|² = 1. Raises InputError."""
+    count = result.stored("modes").shape[0]
+    if not 1 <= number <= count:
+        raise InputError(f"{named('mode')} {number}: {result.path.name} holds modes 1 to {count}")
+    vectors = {"mode": result.stored("modes")[number - 1]}
+    return _on_packing(result, packing, vectors, eigenvalue=float(result["eigenvalues"][number - 1]))
+
+
+def slow_frame(result, packing=None) -> Frame:
+    """The response to slow shear per unit strain: `nonaffine` and, where disks roll, `rotation`. Raises InputError."""
+    return _on_packing(
+        result, packing, {name: result[name] for name in ("nonaffine", "rotation") if name in result}
+    )
+
+
+def field_frame(result, omega: float, packing=None) -> Frame:
+    """The field of a sweep at ω per unit strain, `displacement_real` and `_imag`, and `rotation_…` where disks roll.
+
+    The real part is in phase with the strain. Raises InputError where there is none at ω.
+    """
+    (row,) = chosen_frequencies(result, [omega])
+    displacement, rotation = field_at(result, row)
+    found = {"displacement": displacement} | ({} if rotation is None else {"rotation": rotation})
+    vectors = {
+        f"{name}_{part}": getattr(value, part) for name, value in found.items() for part in ("real", "imag")
+    }
+    particle_rows(result, packing_of(result, packing))
+    return _on_packing(result, packing, vectors, omega=float(result.fields.omega[row]))
+
+
+def _on_packing(result, packing, vectors, **facts):
+    """Vectors of the disks that bear load on the packing of their file; those of rattlers are zero."""
+    disks, rows = packing_of(result, packing), result["particles"]
+    whole = {}
+    for name, values in vectors.items():
+        whole[name] = np.zeros((disks.n, *values.shape[1:]))
+        whole[name][rows] = values
+    return packing_frame(disks, whole, facts)

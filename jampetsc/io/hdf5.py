@@ -1,0 +1,231 @@
+"""HDF5 as jampetsc writes and reads it.
+
+Every defect of a file becomes one line: what file, what is wrong, what to do. Files are written with the checksums that
+HDF5 has for metadata and for data, which protect them in other programs, and with a hash of every byte (see
+`checksums`), which is looked at before libhdf5 is. A file of another program gets what h5py gives.
+"""
+
+import glob
+import io
+import os
+from contextlib import contextmanager
+
+import h5py
+import numpy as np
+
+from jampetsc.errors import InputError
+from jampetsc.io.atomic import NewFile, remove_abandoned
+from jampetsc.io.checksums import Damaged, seal, verify
+from jampetsc.io.regular import open_regular
+
+_DAMAGE = (
+    OSError,
+    RuntimeError,
+    LookupError,
+    ValueError,
+    TypeError,
+    ArithmeticError,
+    AttributeError,
+)
+
+
+class OutputFile(NewFile):
+    """An HDF5 file `.h5` under a temporary name, as `NewFile`; as a context manager it yields the h5py.File.
+
+    Leaving the block finishes and publishes it, an exception discards it.
+    """
+
+    def __init__(self, path):
+        super().__init__(path)
+        remove_abandoned(self.path.parent, glob.escape(self.path.name))
+        self.h5 = _create(self.stream)
+
+    def finish(self) -> tuple[int, str]:
+        """Close, seal and fsync; returns size in bytes and seal. The temporary name stays."""
+        self.h5.close()
+        digest = seal(self.stream)
+        return super().finish(), digest
+
+    def discard(self) -> None:
+        """Close and remove the temporary file, if it is still there."""
+        self.stream.error = self.stream.error or OSError("discarded")  # no use in flushing
+        self.h5.close()
+        super().discard()
+
+    def __enter__(self) -> h5py.File:
+        return self.h5
+
+    def __exit__(self, kind, error, trace):
+        try:
+            if kind is None:
+                self.finish()
+                self.publish()
+        finally:
+            self.discard()
+
+
+def _create(stream) -> h5py.File:
+    """An empty HDF5 file of format 1.10, whose metadata have checksums. The same contents give the same bytes."""
+    access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
+    access.set_fclose_degree(h5py.h5f.CLOSE_STRONG)
+    access.set_libver_bounds(h5py.h5f.LIBVER_V110, h5py.h5f.LIBVER_V110)
+    access.set_fileobj_driver(h5py.h5fd.fileobj_driver, stream)
+    creation = h5py.h5p.create(h5py.h5p.FILE_CREATE)
+    creation.set_obj_track_times(False)
+    return h5py.File(h5py.h5f.create(b"new", h5py.h5f.ACC_TRUNC, creation, access))
+
+
+def store(h5, name, array) -> h5py.Dataset:
+    """A dataset of this name with the values of `array`, under checksums unless it is a single number or empty."""
+    array = np.asarray(array)
+    return h5.create_dataset(name, data=array, fletcher32=bool(array.ndim and array.size) or None)
+
+
+def open_file(path) -> h5py.File:
+    """Open for reading. Raises InputError as `opening` does, then and on reading.
+
+    Virtual datasets must not be read from it as they are: see `parts.read`.
+    """
+    with opening(path):
+        return from_stream(open_regular(path))
+
+
+def from_stream(file) -> h5py.File:
+    """The HDF5 in an open file, which goes with it. Raises Damaged, or OSError where it is no HDF5."""
+    file = _Source(file.detach())
+    try:
+        verify(file)
+        return h5py.File(file, "r")
+    except BaseException:
+        file.close()
+        raise
+
+
+class _Source(io.BufferedReader):
+    """A file that is closed when nobody has it any more: libhdf5 does not close what it reads from."""
+
+    def __del__(self):
+        self.close()
+
+
+def values(data: h5py.Dataset, selection=...):
+    """What a dataset holds, or some of it. Raises ValueError for one that lies in other files."""
+    if data.is_virtual:
+        raise ValueError(f"dataset {data.name} lies in other files")
+    return data[selection]
+
+
+@contextmanager
+def opening(path):
+    """Turn what the system and HDF5 say of a file into InputError: missing, no permission, not HDF5, truncated."""
+    try:
+        yield
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except PermissionError:
+        raise InputError(f"{path}: no permission to read it") from None
+    except OSError as error:
+        raise InputError(f"{path}: {_explain(error)}") from None
+
+
+def _explain(error) -> str:
+    if isinstance(error, Damaged):
+        return f"damaged ({error}): copy or make it again"
+    if "truncated file" in str(error):
+        return "truncated: it was not written or copied completely; copy or make it again"
+    if "signature not found" in str(error):
+        return "not an HDF5 file: jampetsc reads its own files; `jampetsc import` reads published packings"
+    return f"cannot be read as HDF5 ({' '.join(str(error).split())}): copy or make it again"
+
+
+@contextmanager
+def reading(path):
+    """Turn what h5py and numpy raise on damaged contents into InputError naming `path`."""
+    try:
+        yield
+    except InputError:
+        raise
+    except MemoryError as error:
+        raise InputError(f"{path}: holds or claims more than there is memory for ({error})") from None
+    except _DAMAGE as error:
+        text = " ".join(str(error).strip("'\"").split())
+        raise InputError(f"{path}: damaged ({text}): copy or make it again") from None
+
+
+def undisturbed(path, action):
+    """action(path), once more if it failed while a run was putting another file at `path`."""
+    while True:
+        before = _identity(path)
+        try:
+            return action(path)
+        except InputError:
+            if _identity(path) == before:
+                raise
+
+
+def _identity(path):
+    try:
+        status = os.stat(path)
+    except OSError:
+        return None
+    return status.st_ino, status.st_mtime_ns
+
+
+def set_attributes(h5, values: dict) -> None:
+    """Store attributes, None left out. Bytes of a file name that are no text are stored as escapes: \\udcff."""
+    for name, value in values.items():
+        if value is not None:
+            h5.attrs[name] = _escaped(value)
+
+
+def _escaped(value):
+    return value.encode(errors="backslashreplace").decode() if isinstance(value, str) else value
+
+
+def attributes(h5) -> dict:
+    """Attributes as Python strings, numbers, booleans or (for lists) numpy arrays."""
+    return {_plain(name): _plain(value) for name, value in h5.attrs.items()}
+
+
+def as_stored(value):
+    """An attribute's value as `attributes` gives it once `set_attributes` has stored it."""
+    if isinstance(value, str | bytes):
+        return _plain(_escaped(value))
+    array = np.array(value)
+    return _plain((array.astype(object) if array.dtype.kind == "U" else array)[()])
+
+
+def _plain(value):
+    if isinstance(value, bytes):
+        return value.decode(errors="replace")
+    if isinstance(value, np.generic):
+        return _plain(value.item()) if not isinstance(value, np.void) else value
+    if isinstance(value, np.ndarray) and value.shape == (1,):  # how many other writers store a scalar
+        return _plain(value[0])
+    return value
+
+
+def check_format(path, attrs: dict, expected: str | None = None, major: int = 1) -> str:
+    """The file's `format`.
+
+    Raises InputError if it is not one of ours, not the `expected` one, or of a newer major version.
+    """
+    name = attrs.get("format")
+    if not isinstance(name, str) or not name.startswith("jampetsc-"):
+        raise InputError(
+            f"{path}: attribute format = {name!r}: not a jampetsc file; other packings: `jampetsc import`"
+        )
+    if expected is not None and name != expected:
+        raise InputError(f"{path}: is a {name} file: a {expected} file is needed here")
+    version = str(attrs.get("format_version", major))
+    if not version.split(".")[0].isdigit():
+        raise InputError(
+            f"{path}: attribute format_version = {version!r}: must be a number such as {major}.0"
+        )
+    if int(version.split(".")[0]) > major:
+        writer = attrs.get("jampetsc_version")
+        remedy = f"use jampetsc {writer} or newer" if writer else "use a newer jampetsc"
+        raise InputError(
+            f"{path}: format_version {version}, but this jampetsc reads up to {major}.x: {remedy}"
+        )
+    return name

@@ -1,0 +1,173 @@
+"""Packings of other programs, told apart by their content: those of `exchange`, and two that are published.
+
+jamBashbulk writes `N = …, L1 = {…}, L2 = {…}, P = …` and a line `x, y, r` per disk; U = ½ δ² (k = 1).
+jax-md's data files hold many packings; positions are fractions of the box, U = ½ (1 − r/σ)².
+"""
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from jampetsc.core.disks import Disks
+from jampetsc.core.packing import Packing, measured
+from jampetsc.core.potentials import Potential
+from jampetsc.errors import InputError, named
+from jampetsc.io.checksums import SIGNATURE
+from jampetsc.io.exchange import READERS, disks_of, format_of, pick
+from jampetsc.io.hdf5 import open_file, reading, values
+from jampetsc.io.regular import open_regular
+
+_NUMBER = r"([-+.\deE]+|[-+]?nan|[-+]?inf)"
+_LARGEST = 1 << 29  # bytes of text, about ten million disks
+_AGREE = 1e-6  # relative difference from a stored value that still counts as the same packing
+_STRESS = ("xx", "xy", "yx", "yy")
+_MODULI = ("xxxx", "yyyy", "xyxy", "xxyy", "xxxy", "yyxy")  # for a symmetric linear strain
+
+
+def import_packing(
+    path, index=0, *, format=None, radius=None, box=None, potential=None, stiffness=None, k=None
+) -> Disks:
+    """Read packing number `index` of a file of another program.
+
+    format   one of `exchange.READERS`; None: found out
+    radius   column or array of radii, halved where its name begins with diameter; None: radius or diameter
+    box      of a file that has none, as `core.packing.Packing` takes it, which also says what the potential is
+
+    The record holds pressure, phi, energy and max_force as computed here, and what a published file states as
+    published_pressure, published_energy, … Raises InputError for a file of none of these, a damaged one, a wrong
+    index, what is three-dimensional or not periodic, or has not the pressure or energy that is stored in it.
+    """
+    try:
+        with open_regular(path) as file:
+            content = file.read(len(SIGNATURE))
+            if format or content != SIGNATURE:
+                content += file.read(_LARGEST)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    if len(content) > _LARGEST:
+        raise InputError(f"{path}: more than {_LARGEST >> 20} MB: cut the packing out of it")
+    law = {"potential": potential, "stiffness": stiffness, "k": k}
+    law = {name: value for name, value in law.items() if value is not None}
+    format = format or format_of(content)
+    try:
+        if format:
+            disks = _read_exchanged(content, index, format, radius, box, law)
+        elif law or radius or box is not None:
+            raise InputError(
+                "radii, box and potential are those of its program: leave out the options for them"
+            )
+        elif content == SIGNATURE:
+            disks = _checked(_read_jaxmd(path, index))
+        else:
+            disks = _checked(_read_jambashbulk(path, content, index))
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: {format}: is not text") from None
+    except InputError as error:
+        text = error.args[0]
+        raise InputError(text if text.startswith(f"{path}: ") else f"{path}: {text}") from None
+    return disks.with_record(imported_from=Path(path).name, imported_index=index)
+
+
+def _read_exchanged(content, index, format, radius, box, law):
+    columns, own = READERS[format](content, index)
+    if (own is None) == (box is None):
+        raise InputError(
+            f"has no box: give {named('box')}, L, Lx,Ly or Lx,Ly,xy"
+            if box is None
+            else f"has a box: leave out {named('box')}"
+        )
+    disks = Packing(*disks_of(columns, radius), own if box is None else box, **law)
+    return disks.with_record(protocol=format)
+
+
+def _checked(disks):
+    """The disks with what `measured` finds. Raises InputError if that is not what was published."""
+    disks = measured(disks)
+    for name in ("pressure", "energy"):
+        value, published = disks.record[name], disks.record.get(f"published_{name}")
+        if published is not None and not abs(value - published) <= _AGREE * abs(published):
+            raise InputError(
+                f"{name} is {value:.9g} with these positions but stored as {published:.9g}: "
+                "another potential or unit than assumed, or a damaged file"
+            )
+    return disks
+
+
+def _read_jambashbulk(path, content, index):
+    try:
+        text = content.decode()
+    except UnicodeDecodeError:
+        text = ""
+    packings = re.split(r"(?m)^(?=[ \t]*N\s*=)", re.sub(r"(?m)^\s*#.*$", "", text))[1:]
+    if not packings or "L1" not in packings[0]:
+        raise InputError(
+            f"{path}: none of {', '.join(READERS)}, jamBashbulk, jax-md: {named('format')} says which"
+        )
+    packing = packings[pick(index, len(packings))]
+    n = int(_find(path, packing, "N", r"\bN\s*=\s*(\d+)")[0])
+    cell = [
+        _find(path, packing, a, rf"\b{a}\s*=\s*\{{\s*{_NUMBER}\s*,\s*{_NUMBER}\s*\}}") for a in ("L1", "L2")
+    ]
+    pressure = _find(path, packing, "P", rf"\bP\s*=\s*{_NUMBER}")[0]
+    body = re.search(r"\{([^{}]*)(\}?)\s*\Z", packing)
+    rows = re.findall(rf"{_NUMBER}\s*,\s*{_NUMBER}\s*,\s*{_NUMBER}", body[1]) if body else []
+    if len(rows) != n or not body[2]:
+        raise InputError(
+            f"{path}: {len(rows)} lines x, y, r for N = {n} disks: truncated or edited; get it again"
+        )
+    table = np.array([_floats(path, row) for row in rows])
+    return Disks.from_positions(
+        table[:, :2],
+        table[:, 2],
+        cell,
+        Potential("harmonic", "constant", 1.0),
+        record={"protocol": "jamBashbulk", "published_pressure": pressure},
+    )
+
+
+def _find(path, text, name, pattern):
+    match = re.search(pattern, text)
+    if match is None:
+        raise InputError(f"{path}: no {name} = … in the header: truncated or edited; get it again")
+    return _floats(path, match.groups())
+
+
+def _floats(path, words):
+    try:
+        return [float(word) for word in words]
+    except ValueError:
+        raise InputError(f"{path}: {', '.join(words)}: not numbers; get the file again") from None
+
+
+def _read_jaxmd(path, index):
+    with open_file(path) as h5, reading(path):
+        if str(h5.attrs.get("format", "")).startswith("jampetsc"):
+            raise InputError(f"{path}: is a {h5.attrs['format']} file already: nothing to import")
+        missing = [name for name in ("pos", "rad", "box") if name not in h5]
+        if missing:
+            raise InputError(f"{path}: no variable {', '.join(missing)}: not a packing file of jax-md")
+        pick(index, len(h5["pos"]))
+        names = ("pos", "rad", "box", "Energy", "Stress", "Cijkl")
+        data = {name: np.asarray(values(h5[name], index), float) for name in names if name in h5}
+    if data["box"].shape != (4,) or data["pos"].shape != (2 * len(data["rad"]),):
+        raise InputError(
+            f"{path}: {data['pos'].size} coordinates for {data['rad'].size} disks: two-dimensional only"
+        )
+    cell = data["box"].reshape(2, 2).T  # jax-md maps a fraction s to box · s: cell vectors are its columns
+    published = {"published_energy": float(data["Energy"])} if "Energy" in data else {}
+    if "Stress" in data:
+        stress = dict(zip(_STRESS, data["Stress"].tolist(), strict=True))
+        published |= {f"published_stress_{name}": value for name, value in stress.items()}
+        published["published_pressure"] = -(stress["xx"] + stress["yy"]) / 2
+    if "Cijkl" in data:
+        published |= {
+            f"published_C_{name}": c for name, c in zip(_MODULI, data["Cijkl"].tolist(), strict=True)
+        }
+    return Disks.from_positions(
+        data["pos"].reshape(-1, 2) @ cell,
+        data["rad"],
+        cell,
+        Potential("harmonic", "inverse-square-diameter", 1.0),
+        record={"protocol": "jax-md", **published},
+    )

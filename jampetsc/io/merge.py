@@ -1,0 +1,81 @@
+"""A joint file and its parts as one plain file."""
+
+import os
+from pathlib import Path
+
+import h5py
+
+from jampetsc.io.hdf5 import (
+    OutputFile,
+    attributes,
+    check_format,
+    open_file,
+    reading,
+    store,
+    undisturbed,
+    values,
+)
+from jampetsc.io.outputs import check_output, check_place
+from jampetsc.io.parts import GROUP, PartList
+from jampetsc.io.request import recorded
+
+_BLOCK_BYTES = 1 << 22  # copied at a time from each part
+
+
+def merge(path, out=None) -> int:
+    """Write the result at `path` as one plain file at `out`, or in place and remove its parts.
+
+    Returns the number of parts that were joined (0: it was a plain file already). Raises InputError for a
+    file or part that is missing or damaged, JampetscError if writing fails; then everything is as it was.
+    """
+    return undisturbed(path, lambda path: _merge(path, out))
+
+
+def _merge(path, out):
+    target = Path(path if out is None else out)
+    in_place = os.path.realpath(target) == os.path.realpath(path)
+    with open_file(path) as h5:
+        with reading(path):
+            kind = check_format(path, attributes(h5))
+        parts = PartList(h5, path)
+        parts.check()
+        if in_place and not parts:
+            return 0
+        if in_place:
+            check_place(target, kind)
+        else:
+            check_output(target, kind, [path])
+        with OutputFile(target) as merged:
+            _copy(h5, parts, merged, path)
+            merged.attrs.update({} if in_place else recorded())
+            parts.check_present()
+    if in_place:
+        parts.remove()
+    return len(parts.sizes)
+
+
+def _copy(source, parts, target, path):
+    def copy(name, item):
+        if name == GROUP or name.startswith(f"{GROUP}/"):
+            return
+        if isinstance(item, h5py.Dataset):
+            _copy_dataset(item, parts, target, name)
+        else:
+            target.require_group(name)
+        target[name].attrs.update(item.attrs)
+
+    with reading(path):
+        target.attrs.update(source.attrs)
+        source.visititems(copy)
+
+
+def _copy_dataset(item, parts, target, name):
+    if not item.is_virtual:
+        store(target, name, values(item))
+        return
+    copied = target.create_dataset(name, shape=item.shape, dtype=item.dtype, fletcher32=True)
+    for box in parts.boxes(item):
+        with parts.open(box) as source:
+            rows = max(1, _BLOCK_BYTES * box.shape[0] // source.nbytes)
+            for start in range(0, box.shape[0], rows):
+                copied[box.place(start, start + rows)] = values(source, slice(start, start + rows))

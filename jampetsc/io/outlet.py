@@ -1,0 +1,85 @@
+"""Where a job's answer goes: a file, or the memory of the process."""
+
+from pathlib import Path
+
+from jampetsc.errors import InputError, named
+
+
+class Outlet:
+    """Takes what one run of a job finds, a result or a packing.
+
+    path        file of the result; None: it stays in memory
+    checkpoint  where a long run keeps what it has finished, so that the same job goes on there; None: nowhere
+    status      exit status of a command that has written what it could
+    """
+
+    status = 0
+
+    def __init__(self, path=None, checkpoint=None):
+        self.path = None if path is None else Path(path)
+        self.kept = checkpoint
+        self._found = self._packing = None
+
+    def __str__(self):
+        return "in memory" if self.path is None else str(self.path)
+
+    def must_be_file(self) -> None:
+        """Raise InputError where a result that is for other programs has no file to go to."""
+        if self.path is None:
+            raise InputError(f"{named('out')}: must be given: the file to write")
+
+    def writer(self, format, comm=None):
+        """A `ResultWriter`, or what takes the same in memory. Collective over comm."""
+        if self.path is not None:
+            from jampetsc.io.result_file import ResultWriter
+
+            return ResultWriter(self.path, format, comm)
+        from jampetsc.io.memory import MemoryWriter
+
+        self._found = MemoryWriter(format, comm)
+        return self._found
+
+    def packing(self, disks, path=None) -> None:
+        """Take a packing that was made; path: its file, where there are several. Not collective."""
+        from jampetsc.io.packing_file import write_packing
+
+        self._found = disks
+        if self.path is not None:
+            write_packing(path or self.path, disks)
+
+    def packings(self, found) -> None:
+        """Take the answer in place of one file: Disks, or a list of them or of their files, on every rank."""
+        self._found = found
+
+    def made_from(self, disks) -> None:
+        """Take the packing that the result is of, which goes with it in memory: `Result.packing`."""
+        self._packing = disks
+
+    def checkpoint(self, key: dict, comm=None, ordered=False):
+        """What a run of the job `key` has finished and finishes, see `io.checkpoint`. Collective over comm."""
+        from jampetsc.io.checkpoint import Checkpoint
+
+        return Checkpoint(self.kept, key, comm, ordered=ordered)
+
+    def share(self, comm) -> None:
+        """Give every rank what rank 0 has found in memory. Collective."""
+        from jampetsc.io.memory import MemoryWriter
+
+        self._found = comm.bcast(self._found)
+        if isinstance(self._found, MemoryWriter):
+            self._found.comm = comm  # that all of them save together
+
+    @property
+    def result(self):
+        """The answer, as `load` gives it. Collective."""
+        from jampetsc.core.disks import Disks
+        from jampetsc.io.reader import Result, load
+
+        if isinstance(self._found, list):
+            return [one if isinstance(one, Disks) else load(one) for one in self._found]
+        if self.path is None and isinstance(self._found, Disks):
+            return self._found
+        found = Result.of(self._found) if self.path is None else load(self.path)
+        if isinstance(found, Result):
+            found.packing = self._packing
+        return found

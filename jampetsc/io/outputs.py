@@ -1,0 +1,142 @@
+"""Where a result may be put: in one place for all jobs.
+
+A result replaces an earlier result of its own kind and nothing else: no input, no file of another kind, no pipe
+and no device, and of other settings only where that is asked for.
+"""
+
+import os
+import re
+from pathlib import Path
+
+from jampetsc.errors import InputError, named
+from jampetsc.io import request
+from jampetsc.io.atomic import check_writable
+from jampetsc.io.checksums import SIGNATURE
+from jampetsc.io.hdf5 import attributes, open_file, reading
+from jampetsc.io.regular import open_regular
+
+PICTURE, TABLE = "picture", "table"
+_PICTURES = (b"\x89PNG\r\n", b"%PDF-", b"<?xml", b"<svg")  # how the files begin
+_EXPORTS = {  # ending -> how such a file begins
+    ".xyz": re.compile(rb"\d+\nLattice="),
+    ".dump": re.compile(rb"ITEM: TIMESTEP"),
+    ".data": re.compile(rb"LAMMPS data file"),
+    ".vtp": re.compile(rb"<\?xml[^>]*>\s*<VTKFile"),
+    ".npz": re.compile(rb"PK\x03\x04"),
+    ".gsd": re.compile(rb"\xdf\x65" * 4),
+    ".mtx": re.compile(rb"%%MatrixMarket"),
+    ".petsc": re.compile(rb"\x00\x12\x7b\x50"),  # MAT_FILE_CLASSID
+}
+_NOT_HDF5 = (
+    ".png",
+    ".pdf",
+    ".svg",
+    ".csv",
+    ".txt",
+    ".opts",
+    *_EXPORTS,
+)  # endings that promise something else
+
+
+def check_output(out, kind, inputs=(), beside=()) -> None:
+    """Raise InputError unless a `kind` of file may be put at `out` now. Call it before long work.
+
+    kind     "picture", "table", `exported(out)` or the format of a result, such as "jampetsc-sweep"
+    inputs   paths of what the run reads; those that do not exist are left to who reads them
+    beside   paths of what else the run writes
+    """
+    for other in beside:
+        if is_same(out, other) or os.path.realpath(out) == os.path.realpath(other):
+            raise InputError(
+                f"{out}: is another file that this run writes: choose another name for one of them"
+            )
+    for source in inputs:
+        if is_same(out, source):
+            alias = "" if str(out) == str(source) else f" {source}"
+            raise InputError(
+                f"{out}: is the input{alias}, which would be lost: choose another {named('out')}"
+            )
+    check_place(out, kind)
+    asked = request.current()
+    if asked is not None and kind.startswith("jampetsc-"):
+        asked.read(inputs)
+        _check_settings(out, asked)
+
+
+def check_place(out, kind) -> None:
+    """Raise InputError unless a `kind` of file may be put at `out`, whatever its settings are."""
+    if kind.startswith("jampetsc-") and Path(out).suffix.lower() in _NOT_HDF5:
+        raise InputError(f"{named('out')} {out}: would be an HDF5 file by that name: give it the ending .h5")
+    check_writable(out)
+    check_replaced(out, kind)
+
+
+def exported(out) -> str:
+    """The `kind` of `check_output` of a file for other programs at `out`."""
+    return f"an exported {Path(out).suffix.lower()} file"
+
+
+def _check_settings(out, asked):
+    """Raise InputError where a finished result of other settings is at `out`, unless it is to be overwritten."""
+    if asked.overwrite or _held(out) is None:
+        return
+    with open_file(out) as h5, reading(out):
+        found = attributes(h5).get("request")
+    why = "does not say with which settings" if found is None else asked.differences(found)
+    if why:
+        raise InputError(
+            f"{out}: is there already and {'' if found is None else 'has '}{why}: choose another {named('out')}, "
+            f"or give {named('overwrite')} to replace it"
+        )
+
+
+def check_replaced(out, kind) -> None:
+    """Raise InputError if there is something at `out` that a `kind` of file may not replace."""
+    held = _held(out)
+    if held not in (None, kind):
+        raise InputError(
+            f"{out}: is there already and is {_article(held)}, not {_article(kind)}: "
+            f"choose another {named('out')}, or remove it first"
+        )
+
+
+def is_same(one, other) -> bool:
+    """Whether two paths, both of which lead to a file, lead to the same one."""
+    try:
+        return os.path.samefile(one, other)
+    except OSError:
+        return False
+
+
+def _article(kind):
+    return f"a {kind} file" if kind.startswith("jampetsc-") else kind if " " in kind else f"a {kind}"
+
+
+def _held(path):
+    """Kind of the file at `path`, as `check_output` has it, or in words; None where nothing would be lost."""
+    try:
+        with open_regular(path) as file:
+            start = file.read(4096)
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except OSError as error:
+        return f"a file that cannot be read ({error.strerror})"
+    if not start:
+        return None
+    if start.startswith(SIGNATURE):
+        return _format(path)
+    begins = _EXPORTS.get(Path(path).suffix.lower())
+    if begins and begins.match(start):
+        return exported(path)
+    if start.lstrip(b"\xef\xbb\xbf").startswith(_PICTURES):
+        return PICTURE
+    return TABLE if Path(path).suffix.lower() == ".csv" and b"\0" not in start else "a file of another kind"
+
+
+def _format(path):
+    try:
+        with open_file(path) as h5, reading(path):
+            name = attributes(h5).get("format")
+    except InputError:
+        return "a damaged HDF5 file"
+    return name if str(name).startswith("jampetsc-") else "an HDF5 file of another program"

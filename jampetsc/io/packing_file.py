@@ -1,0 +1,158 @@
+"""The packing file: positions, radii and cell in HDF5, with how the packing was made as attributes.
+
+Datasets `positions` (N, 2), `radii` (N,), `cell` (2, 2) rows a1, a2, and the parts one double cannot hold,
+`positions_low` (N, 2) and `cell_low` (2, 2), which may be missing. Attributes `format`, `format_version`,
+`potential`, `stiffness`, `k` (1 if missing), then the record: pressure, phi, energy, max_force, seed, …
+"""
+
+import hashlib
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from jampetsc.collective import agreed, from_rank_0
+from jampetsc.core.disks import Disks, join
+from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
+from jampetsc.errors import InputError
+from jampetsc.io.hdf5 import (
+    OutputFile,
+    attributes,
+    check_format,
+    open_file,
+    opening,
+    reading,
+    set_attributes,
+    store,
+    values,
+)
+from jampetsc.io.outputs import check_replaced
+from jampetsc.io.regular import open_regular
+from jampetsc.io.request import recorded
+
+FORMAT = "jampetsc-packing"
+FORMAT_VERSION = "1.0"
+_ARRAYS = ("base", "offset", "radii", "cell_base", "cell_offset")
+_HEADER = ("format", "format_version", "potential", "stiffness", "k")
+
+
+def write_packing(path, disks: Disks) -> None:
+    """Write `disks` with its record (scalars and strings; None is left out), atomically, to the last bit.
+
+    Raises InputError or JampetscError if the file cannot be written.
+    """
+    positions, positions_low = join(disks.base, disks.offset)
+    cell, cell_low = join(disks.cell_base, disks.cell_offset)
+    datasets = {"positions": positions, "positions_low": positions_low, "radii": disks.radii}
+    datasets |= {"cell": cell, "cell_low": cell_low}
+    header = (
+        FORMAT,
+        FORMAT_VERSION,
+        disks.potential.kind,
+        disks.potential.stiffness,
+        float(disks.potential.k),
+    )
+    record = {name: value for name, value in disks.record.items() if name not in _HEADER}
+    check_replaced(path, FORMAT)
+    with OutputFile(path) as h5:
+        set_attributes(h5, dict(zip(_HEADER, header, strict=True)) | record | recorded())
+        for name, array in datasets.items():
+            store(h5, name, array)
+
+
+def read_packing(path, comm=None) -> Disks:
+    """Read a packing file. Collective over `comm` as `read_identified`, which says what it raises."""
+    return read_identified(path, comm)[0]
+
+
+def source_told(source) -> str:
+    """What messages call a packing: its file, or Disks in memory."""
+    return "the packing" if isinstance(source, Disks) else str(source)
+
+
+def read_identified(path, comm=None) -> tuple[Disks, tuple[str, str]]:
+    """The packing at `path` and its identity, by which results refer to it: name of the file, `Disks.fingerprint`.
+
+    Disks, on all ranks the same, are taken as they are, without a name.
+
+    Collective: rank 0 of the mpi4py communicator `comm` reads the file, once. One that is replaced meanwhile gives one
+    packing or the other, on all ranks. None: one process reads for itself.
+
+    Raises InputError, on all ranks, naming the file, what is wrong with it and the remedy.
+    """
+    if isinstance(path, Disks):
+        return path, (None, path.fingerprint)
+    disks, found = None, None
+    with agreed(comm):
+        if comm is None or comm.rank == 0:
+            disks = _read(path)
+            found = {name: getattr(disks, name) for name in _ARRAYS}
+    name = Path(path).name
+    if comm is not None:
+        arrays = from_rank_0(comm, found)
+        potential, record, name = comm.bcast((disks.potential, disks.record, name) if disks else None)
+        disks = Disks(**arrays, potential=potential, record=record)
+    return disks, (name, disks.fingerprint)
+
+
+def _read(path):
+    with open_file(path) as h5:
+        return packing_from(h5, path)
+
+
+def is_known_as(path, sha256: str | None) -> bool:
+    """Whether the packing at `path` is the one that a result knows by the attribute `packing_sha256`.
+
+    That is the fingerprint of its disks; results of older versions have the sha256 of the bytes of its file. Raises
+    InputError where there is no packing.
+    """
+    if read_packing(path).fingerprint == sha256:
+        return True
+    with opening(path), open_regular(path) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest() == sha256
+
+
+def check_packing(path) -> None:
+    """Raise InputError unless `path` is a packing file by its header: a look before long work."""
+    with open_file(path) as h5:
+        _check_header(h5, path)
+
+
+def _check_header(h5, path):
+    with reading(path):
+        attrs = attributes(h5)
+    check_format(path, attrs, FORMAT)
+    return attrs
+
+
+def packing_from(h5, path) -> Disks:
+    """Disks from an open packing file; `path` is for messages. Raises InputError."""
+    attrs = _check_header(h5, path)
+    arrays = {name: _array(h5, path, name) for name in ("positions", "radii", "cell")}
+    arrays |= {name: _array(h5, path, name) for name in ("positions_low", "cell_low") if name in h5}
+    if not np.isfinite(arrays.get("cell_low", 0.0)).all():
+        raise InputError(f"{path}: cell_low {arrays['cell_low'].tolist()}: must be finite")
+    for name, choices in (("potential", EXPONENTS), ("stiffness", STIFFNESSES)):
+        if attrs.get(name) not in choices:
+            found = f"attribute {name} = {attrs[name]!r}" if name in attrs else f"attribute {name} is missing"
+            raise InputError(f"{path}: {found}: must be one of {', '.join(choices)}")
+    try:
+        stiffness = float(attrs.get("k", 1.0))
+    except (TypeError, ValueError):
+        raise InputError(f"{path}: attribute k = {attrs['k']!r}: must be a positive number") from None
+    record = {name: value for name, value in attrs.items() if name not in _HEADER}
+    try:
+        potential = Potential(attrs["potential"], attrs["stiffness"], stiffness)
+        return Disks.from_positions(**arrays, potential=potential, record=record)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _array(h5, path, name):
+    if not isinstance(h5.get(name), h5py.Dataset):
+        raise InputError(f"{path}: dataset {name} is missing: a packing needs positions, radii and cell")
+    with reading(path):
+        data = h5[name]
+        if data.dtype.kind not in "fiu":
+            raise InputError(f"{path}: dataset {name} holds {data.dtype}: must be real numbers")
+        return values(data).astype(float)

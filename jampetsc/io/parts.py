@@ -1,0 +1,188 @@
+"""The part files of a joint file: one per rank, named after the run so that two runs never mix.
+
+HDF5 reads a missing part of a virtual dataset as zeros without an error, and a changed one as it is. The joint file
+therefore lists its parts in the group `part_files` (names, sizes in bytes, seals: see `checksums`), each part carries
+its `run_id` and rank, and rows are put together here rather than by libhdf5.
+"""
+
+import math
+import os
+import re
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from jampetsc.errors import InputError
+from jampetsc.io.checksums import seal_of
+from jampetsc.io.hdf5 import from_stream, open_file, opening, reading, values
+from jampetsc.io.regular import open_regular
+
+GROUP = "part_files"
+_NAME = re.compile(r"[^/]+\.parts/[0-9a-f]{12}-rank-\d{4,}\.h5")
+
+
+def part_name(joint, run_id: str, rank: int) -> str:
+    """Path of a rank's part relative to the folder of the joint file; UTF-8, as HDF5 wants it."""
+    stem = os.fsencode(Path(joint).stem).decode(errors="replace").replace("\ufffd", "_")
+    return f"{stem}.parts/{run_id}-rank-{rank:04d}.h5"
+
+
+class PartList:
+    """The parts that belong to an open joint file; empty for a plain file."""
+
+    def __init__(self, h5, path):
+        self.path = Path(path).resolve()
+        self.shown = path  # as the user wrote it, for messages
+        with reading(path):
+            self.run_id = h5.attrs.get("run_id", "")
+            group = h5.get(GROUP, {})
+            columns = [values(group[name]).tolist() for name in ("names", "sizes", "seals") if name in group]
+        names, sizes, seals = columns if len(columns) == 3 else (*(columns or ([], [])), None)
+        names = [name.decode(errors="replace") for name in names]
+        for name in names:
+            if not (_NAME.fullmatch(name) and Path(name).name.startswith(f"{self.run_id}-")):
+                raise InputError(
+                    f"{path}: part {name!r} cannot be a part of run {self.run_id}: damaged, make it again"
+                )
+        self.sizes = dict(zip(names, sizes, strict=True))
+        self._seals = seals and dict(zip(names, (seal.decode() for seal in seals), strict=True))
+
+    def __bool__(self):
+        return bool(self.sizes)
+
+    def check_present(self) -> None:
+        """Raise InputError if a part is missing or of another size.
+
+        Called after reading as well: parts never come back under the same name, so what was read was theirs.
+        """
+        for name, size in self.sizes.items():
+            try:  # in one look: the part of a replaced run may go at any moment
+                found = (self.path.parent / name).stat().st_size
+            except (FileNotFoundError, NotADirectoryError):
+                raise InputError(
+                    f"{self.shown}: part {name} is missing: keep the folder {Path(name).parent} beside "
+                    "the file (`jampetsc merge` makes one file of them)"
+                ) from None
+            if found != size:
+                raise InputError(
+                    f"{self.shown}: part {name} has {found} bytes instead of {size}: "
+                    "truncated or not copied completely; copy it again"
+                )
+
+    def check(self) -> None:
+        """Raise InputError if a part is missing, truncated, from another run or not the one that was written."""
+        self.check_present()
+        for rank, name in enumerate(self.sizes):
+            path = self.path.parent / name
+            with opening(path), open_regular(path) as file:
+                if self._seals and seal_of(file) == self._seals[name]:
+                    continue
+            with open_file(path) as h5, reading(path):
+                found = h5.attrs.get("run_id"), h5.attrs.get("rank")
+            if found != (self.run_id, rank):
+                raise InputError(
+                    f"{self.shown}: part {name} is rank {found[1]} of run {found[0]}, not rank {rank} of run "
+                    f"{self.run_id}: put the right one back"
+                )
+            if self._seals:
+                raise self._changed(name)
+
+    @contextmanager
+    def open(self, box):
+        """The dataset of a part that holds the rows of a box; the part must be the one written with the joint file."""
+        path = self.path.parent / box.part
+        with opening(path):
+            file = open_regular(path)
+            if self._seals and seal_of(file) != self._seals[box.part]:
+                file.close()
+                raise self._changed(box.part)
+            h5 = from_stream(file)
+        with h5, reading(path):
+            if h5[box.name].shape != box.shape:
+                raise InputError(f"{self.shown}: part {box.part} holds other rows: damaged")
+            yield h5[box.name]
+
+    def _changed(self, name):
+        return InputError(
+            f"{self.shown}: part {name} is damaged: not the one that was written; copy it again or run again"
+        )
+
+    def read(self, data: h5py.Dataset, selection=...):
+        """What a dataset of the joint file holds, or some of it: what numpy takes. Of each part those entries along the
+        first axis are read that are asked for, if another axis lies on the parts.
+
+        Raises InputError where the parts do not make up the whole, ValueError as `hdf5.values`.
+        """
+        if not data.is_virtual:
+            return values(data, selection)
+        boxes = self.boxes(data)
+        axis = next(
+            (n for n, (a, b) in enumerate(zip(boxes[0].first, boxes[-1].first, strict=True)) if a < b), 0
+        )
+        lead, rest = _split(selection, data.shape) if axis else (slice(None), selection)
+        pieces = []
+        for box in boxes:
+            with self.open(box) as rows:
+                pieces.append(values(rows, lead))
+        return np.concatenate(pieces, axis)[rest]
+
+    def boxes(self, data: h5py.Dataset) -> list:
+        """Where the rows of the parts lie in a virtual dataset, in their order. Raises InputError as `read`."""
+        boxes = sorted(map(_Box, data.virtual_sources()), key=lambda box: box.first)
+        if any(box.part not in self.sizes for box in boxes) or sum(box.size for box in boxes) != data.size:
+            raise InputError(f"{self.shown}: {data.name}: its parts do not make up the whole: damaged")
+        return boxes
+
+    def remove(self) -> None:
+        """Delete the parts, and their folder once it is empty."""
+        for name in self.sizes:
+            with suppress(OSError):  # such as a folder that is no longer writable: nothing refers to the part
+                (self.path.parent / name).unlink(missing_ok=True)
+        for folder in {(self.path.parent / name).parent for name in self.sizes}:
+            remove_if_empty(folder)
+
+
+class _Box:
+    """Where the rows of one part lie in a virtual dataset."""
+
+    def __init__(self, source):
+        first, last = source.vspace.get_select_bounds()
+        self.part, self.name = source.file_name, source.dset_name
+        self.first = first
+        self.shape = tuple(b - a + 1 for a, b in zip(first, last, strict=True))
+        self.size = math.prod(self.shape)
+
+    def place(self, start, stop):
+        """Where rows start to stop of the part's first axis lie."""
+        return tuple(
+            slice(a + start, a + min(stop, n)) if axis == 0 else slice(a, a + n)
+            for axis, (a, n) in enumerate(zip(self.first, self.shape, strict=True))
+        )
+
+
+def _split(selection, shape):
+    """(slice of the first axis, what is then left to select)."""
+    first, *rest = selection if isinstance(selection, tuple) and selection else (selection,)
+    if isinstance(first, int | np.integer):
+        row = range(shape[0])[first]
+        return slice(row, row + 1), (0, *rest)
+    if isinstance(first, slice) and (first.step or 1) > 0:
+        return first, (slice(None), *rest)
+    return slice(None), selection
+
+
+def remove_if_empty(folder: Path) -> None:
+    """Remove a folder that holds nothing."""
+    with suppress(OSError):
+        folder.rmdir()
+
+
+def parts_of(path) -> PartList | None:
+    """The parts of the result at `path`, unchecked; None if there is no readable HDF5 file."""
+    try:
+        with open_file(path) as h5:
+            return PartList(h5, path)
+    except InputError:
+        return None

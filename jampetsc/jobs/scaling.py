@@ -1,0 +1,191 @@
+"""What a collapse fits: results as points of an observable against φ and rate or size; what it has found, in words."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from jampetsc.analysis.averages import Average, mean_of_averages, mean_of_runs
+from jampetsc.analysis.collapse import PARAMETERS, Points, names_of
+from jampetsc.analysis.collapse_errors import degrees_above
+from jampetsc.analysis.collapse_fit import ranges
+from jampetsc.analysis.jamming import share_of
+from jampetsc.analysis.statistics import mean_with_error
+from jampetsc.errors import InputError, named
+from jampetsc.jobs.rows import files_named
+
+FORMATS = {False: ("jampetsc-flow",), True: ("jampetsc-jam", "jampetsc-shear")}  # by rate, by size
+ALIKE = (
+    "model", "mass", "sizes", "potential", "stiffness", "protocol", "cooling_rate", "separated", "units", "k", "tau1"
+)  # fmt: skip
+SAME_PHI = 6  # decimals
+UNLIKELY = 0.01  # probability of χ² below which the form is wrong, or the errors are
+
+
+@dataclass(frozen=True, eq=False)
+class Data:
+    """Points, and where they come from."""
+
+    points: Points
+    size: np.ndarray  # (M,) N
+    runs: np.ndarray  # (M,) how many runs or samples each is the mean of
+
+
+def read_points(results, observable: str, finite_size: bool) -> Data:
+    """The observable of all files, those of one φ and rate or size averaged.
+
+    Raises InputError for files of several kinds, or of another than the scaling is of, and where one is there twice.
+    """
+    groups, seen = {}, {}
+    for result in results:
+        _check(result, results[0], finite_size)
+        for phi, scale, origin, values in _rows(result, observable, finite_size):
+            key = round(phi, SAME_PHI), scale
+            if (*key, origin) in seen:
+                raise InputError(
+                    f"{result.path}: phi = {phi:g} from {origin} is in {seen[*key, origin]} too: each counts once"
+                )
+            seen[*key, origin] = result.path.name
+            groups.setdefault((*key, int(result.attributes["particle_count"])), []).append(values)
+    rows = [
+        (*key, *_mean(runs, observable), len(runs))
+        for key, runs in sorted(groups.items())
+        if observable == "jammed" or np.any(np.concatenate([np.atleast_1d(run) for run in runs]))
+    ]  # where nothing is jammed a stress is 0 without an error, which no weight stands for
+    phi, scale, size, value, error, count = np.array(rows, float).reshape(-1, 6).T
+    if not finite_size and len(set(size)) > 1:
+        raise InputError(
+            f"{results[0].path}: N = {min(size):g}, others up to {max(size):g}: rates are scaled at one N; choose files"
+        )
+    return Data(Points(phi, scale, value, error), size, count)
+
+
+def _check(result, first, finite_size):
+    """That a file is of the kind that is scaled, and like the first."""
+    if getattr(result, "format", "") not in FORMATS[finite_size]:
+        wanted = (
+            "jam and shear files"
+            if finite_size
+            else f"flow files; with {named('finite_size')} those of jam and shear"
+        )
+        name = getattr(result, "path", "a packing")
+        raise InputError(f"{name}: is none of the files that are scaled: give {wanted}")
+    for name in ALIKE:
+        mine, other = result.attributes.get(name), first.attributes.get(name)
+        if mine != other and not (name == "protocol" and result.format != first.format):
+            raise InputError(
+                f"{result.path}: {name} {mine}, but {first.path.name} has {other}: scale one kind"
+            )
+
+
+def _rows(result, observable, finite_size):
+    """(φ, scale, where it comes from, values) of a file; values: mean and error, or series of one run.
+
+    Of a state that is not jammed a stress is what the minimiser left of zero: 0.
+    """
+    a = result.attributes
+    n = int(a["particle_count"])
+    scale = 1.0 / math.sqrt(n) if finite_size else float(a["rate"])
+    if result.format == "jampetsc-jam":
+        if observable not in result:
+            raise InputError(f"{result.path}: holds no {observable}: choose pressure or jammed")
+        phi, seed, values = result["phi"], result["seed"], _of_jammed(result, observable)
+        known = np.isfinite(values)
+        keys = list(zip(phi[known].tolist(), seed[known].tolist(), strict=True))
+        series = {}
+        for key, value in zip(keys, values[known].tolist(), strict=True):
+            series.setdefault(key, []).append(value)
+        return [(one, scale, f"seed {number:g}", np.array(run)) for (one, number), run in series.items()]
+    origin = f"seed {a['seed']}" if "seed" in a else str(a.get("packing", "a packing"))
+    if finite_size:
+        after = result["strain"] > float(a["discard"]) * (1 + 1e-12)
+        return [(float(a["phi"]), scale, origin, _of_jammed(result, observable)[after])]
+    if observable == "jammed":
+        raise InputError(f"{result.path}: {named('observable')} jammed goes with {named('finite_size')}")
+    samples = a.get(f"{observable}_samples", math.inf)  # files of before do not tell
+    return [(float(a["phi"]), scale, origin, (a[f"{observable}_mean"], a[f"{observable}_error"], samples))]
+
+
+def _of_jammed(result, observable):
+    """An observable of the states of a jam or shear file, 0 where they are not jammed."""
+    values = result[observable]
+    return values if observable == "jammed" else np.where(result["jammed"] == 0, 0.0, values)
+
+
+def _mean(runs, observable):
+    """(value, error) of what `_rows` gives for one φ and scale."""
+    if isinstance(runs[0], tuple):
+        return mean_of_runs(*np.array(runs, float).T)
+    single = all(len(run) == 1 for run in runs)
+    if observable == "jammed":
+        share = share_of(runs)
+        return share.value, 0.5 * (share.high - share.low)
+    if single:
+        values = np.concatenate(runs)
+        return tuple(float(part) for part in mean_with_error(values))
+    averages = [Average.of(run) for run in runs]
+    return mean_of_averages(averages)
+
+
+def files_of(paths, finite_size, where=None) -> list[str]:
+    """`files_named`: of the folder of a study those of its flow, or jam and shear tasks. Raises InputError for none."""
+    commands = [name.removeprefix("jampetsc-") for name in FORMATS[finite_size]]
+
+    def chosen(path, done, here):
+        rows = done.where(command=commands)
+        if not rows.rows:
+            raise InputError(
+                f"{path}: a study without {' or '.join(commands)} that is done{here}: nothing to scale"
+            )
+        return rows
+
+    return files_named(paths, where, chosen)[0]
+
+
+def text_of(parameters, found, finite_size) -> str:
+    """phi_J = 0.8433 ± 0.0002, znu > 2.7, … of {parameter: value} and {parameter: Estimate}; held ones have none."""
+    words = {name: word for word, name in names_of(finite_size).items()}
+    shown = [name for name in PARAMETERS if name in parameters]
+    return ", ".join(f"{words[name]} {_told(parameters[name], found.get(name))}" for name in shown)
+
+
+def _told(value, one):
+    if one is None:
+        return f"= {value:.6g} held"
+    if one.decided and one.uneven:
+        return f"= {value:.5g} (2 sigma: {one.low:.5g} to {one.high:.5g})"
+    if one.decided:
+        return f"= {value:.5g} ± {one.error:.2g}"
+    if math.isfinite(one.low):
+        return f"> {one.low:.5g}"
+    return f"< {one.high:.5g}" if math.isfinite(one.high) else "undecided"
+
+
+def notes_of(points: Points, fit, found, finite_size) -> list[str]:
+    """What is to be known before a number of a fit is used."""
+    words = {name: word for word, name in names_of(finite_size).items()}
+    lowest, highest = points.phi.min(), points.phi.max()
+    degrees = degrees_above(points, fit.form)
+    notes = []
+    if fit.probability < UNLIKELY:
+        notes.append("the form does not describe the data within their errors: cut, or fit corrections")
+    if "phi_J" in found and not lowest < fit.parameters["phi_J"] < highest:
+        notes.append(f"phi_J = {fit.parameters['phi_J']:.5g} is outside the data, {lowest:g} to {highest:g}")
+    for name, one in found.items():
+        word = words[name]
+        if not one.decided:
+            low, high = ranges(points)[name]
+            notes.append(
+                f"the data do not tell {word}: 2 sigma reach an end of its range, {low:.5g} to {high:.5g}"
+            )
+        elif one.uneven:
+            notes.append(
+                f"{word} has uneven errors: take its ends of 2 sigma, {one.low:.5g} to {one.high:.5g}"
+            )
+        if one.left_to_degree:
+            notes.append(
+                f"{word} changes by {one.shift:.2g} with the degree, which is in its error: try a higher one"
+            )
+    if not degrees:
+        notes.append("too few points for a higher degree: what it would change is not in the errors")
+    return notes

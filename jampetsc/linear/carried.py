@@ -1,0 +1,85 @@
+"""What each mode carries of the quasistatic response to shear, and how disks would move by the lowest modes alone.
+
+With F = k_γ·φ, the force of a unit shear on a mode φ of eigenvalue λ, the non-affine response and the moduli are
+
+    ũ = −Σ (F/λ) φ ,     (G_affine − G₀) V = Σ F²/λ .
+
+Modes are orthogonal, so |ũ|² is a sum over them as well. The motions Δu∥ and Δu⊥ that ũ gives the contacts are not:
+the share of a mode is its projection on those of the whole, Σ_c Δu Δu_mode / Σ_c Δu². It can be negative; over all
+modes the shares sum to one. Without pre-stress and with one stiffness of all contacts the share of Δu∥ is that of
+G_affine − G₀; with its affine part, which is left out here, the whole Δu∥ is then orthogonal to all modes, for its
+forces are in balance.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jampetsc.analysis.distribution import Distribution
+from jampetsc.linear.elastic import ElasticResponse
+from jampetsc.linear.run import split_field
+from jampetsc.mechanics.compatibility import Compatibility
+from jampetsc.petsc.inertia import SHIFT
+
+LOWEST = (10, 50, 200)  # numbers of modes whose motion alone is told, where so many are at hand
+AFFINE = 1e-12  # a non-affine part of the modulus this small, relative to the affine one, is rounding
+QUANTITIES = ("normal", "transverse", "nonaffine")
+
+
+@dataclass(frozen=True, eq=False)
+class Carried:
+    """What m modes carry. Medians are of |Δu∥|, |Δu⊥| and |u_na| per unit strain, over all contacts or disks."""
+
+    share: dict  # "nonaffine", "normal", "transverse", "modulus" -> (m,) of Σ|ũ|², Σ(Δu∥)², Σ(Δu⊥)², G_affine − G₀
+    count: np.ndarray  # (q,) those of LOWEST that are at hand
+    median: (
+        dict  # QUANTITIES -> (q,) of the motion that the lowest `count` modes make up alone, no affine part
+    )
+    whole: dict  # QUANTITIES -> the median of the whole response, the affine part of Δu∥ and Δu⊥ included
+
+
+def carried_by(compatibility: Compatibility, values, vectors, force) -> Carried | None:
+    """What modes carry of the response of their network; None where zero modes leave it undetermined, and where it
+    is affine, as in a crystal. Collective.
+
+    values (m,) λ > 0 in k, increasing; vectors (m, n_local, 2) φ of unit length; force (m,) F, the same on all ranks
+    """
+    network = compatibility.pencil.network
+    if values[0] <= SHIFT:
+        return None
+    elastic = ElasticResponse(network)
+    shear = elastic.shear()
+    field, _ = split_field(elastic.pencil, shear.x)
+    imposed = elastic.compatibility.g.reshape(-1, 2)
+    affine = elastic.pencil.k_gg
+    elastic.destroy()
+    if affine - shear.value <= AFFINE * abs(affine):
+        return None
+    comm, motions = network.comm, shear.motions - imposed
+    weights = -force / values
+    count = np.array([number for number in LOWEST if number <= len(values)], int)
+    median = {name: np.empty(len(count)) for name in QUANTITIES}
+    products, alone, moved = np.empty((len(values), 2)), np.zeros_like(motions), np.zeros_like(field)
+    for row, (weight, vector) in enumerate(zip(weights, vectors, strict=True)):
+        motion = weight * compatibility.motions(vector.ravel()).reshape(-1, 2)
+        products[row] = np.sum(motion * motions, axis=0)
+        alone += motion
+        moved += weight * vector
+        for place in np.flatnonzero(count == row + 1):
+            for name, found in _medians(comm, alone, moved).items():
+                median[name][place] = found
+    squares = network.sum(np.array([*np.sum(motions**2, axis=0), np.sum(field**2)]))
+    normal, transverse = (network.sum(products) / squares[:2]).T
+    share = {
+        "nonaffine": weights**2 / squares[2],
+        "normal": normal,
+        "transverse": transverse,
+        "modulus": force**2 / values / (affine - shear.value),
+    }
+    return Carried(share, count, median, _medians(comm, shear.motions, field))
+
+
+def _medians(comm, motions, field):
+    """Medians over all ranks' contacts (…, 2) and disks (…, 2)."""
+    parts = zip(QUANTITIES, (*motions.T, field), strict=True)
+    return {name: Distribution.of(np.concatenate(comm.allgather(part))).median for name, part in parts}

@@ -1,0 +1,201 @@
+"""What an approximate solution is worth: G* from it, and a bound on the error of that G*, whatever solver found it.
+
+With s = iω, A = K + sB, c = k_γ + s b_γ and any trial field x, the modulus is the stationary value of
+
+    G* V = k_γγ + s b_γγ + 2 cᵀx + xᵀA x ,    and its error is exactly   rᵀA⁻¹r ,   r = c + A x .
+
+r is computed contact by contact (see `compatibility`), and what rounding may have done to it is added. What A⁻¹ can
+make of it follows from a `Hold`, for which nothing is asked of solves but their residuals either:
+
+    |rᵀA⁻¹r| ≤ rᴴD⁻¹r / σ    if no singular value of D^(−½) A D^(−½) is below σ, for a diagonal D.
+
+That needs no positive K. Where K ≥ 0, and B ≥ 0 as ever, a hold serves at other frequencies ω' as well. K and B are
+diagonal together, so S(ω)⁻¹ ≤ Re A⁻¹ − Im A⁻¹ for S = K + ωB, hence S(ω) ≥ (σ/√2) D; and
+
+    |rᵀA(ω')⁻¹r| ≤ √2 rᴴS(ω')⁻¹r ≤ √2 max(1, ω/ω') rᴴS(ω)⁻¹r .
+
+The stationary value is summed contact by contact as well, so what rounding of x, K and B may do to it is of second
+order.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jampetsc.mechanics.assembly import ROW
+from jampetsc.mechanics.compatibility import Compatibility
+from jampetsc.petsc.matrices import diagonal_of, largest_entry
+
+EPSILON = float(np.finfo(float).eps)
+# of a contact's motion, relative to its terms: bond, distance, normal, products and sum; also of sums of such forces
+ROUNDING = 4.0 * EPSILON
+
+
+@dataclass(frozen=True)
+class Certified:
+    """G* at one frequency with bounds: what is left of the equations may change in |G*|, and rounding in each part."""
+
+    omega: float
+    G: complex
+    error: float  # bound on |rᵀA⁻¹r| / V
+    rounding: tuple[float, float]  # of G' and of G'', from the sums over contacts
+
+    @property
+    def error_bound(self) -> float:
+        """Bound on |ΔG*|."""
+        return self.error + float(np.hypot(*self.rounding))
+
+    @property
+    def parts(self) -> tuple[float, float]:
+        """Bounds on |ΔG'| and |ΔG''|, each with its own rounding: G'' may be far smaller than |G*|."""
+        return self.error + self.rounding[0], self.error + self.rounding[1]
+
+
+@dataclass(frozen=True, eq=False)
+class Hold:
+    """No singular value of D^(−½) (K + iωB) D^(−½) is below σ, see `least_singular_value`."""
+
+    omega: float
+    diagonal: np.ndarray  # (n_local,) of D
+    least: float  # σ
+
+    def reach(self, omega: float) -> float:
+        """a with |rᵀ(K + iωB)⁻¹r| ≤ a rᴴD⁻¹r; at other frequencies than that of the hold only if K ≥ 0."""
+        if not self.least > 0.0:
+            return float("inf")
+        return (1.0 if omega == self.omega else 2.0 * max(1.0, self.omega / omega)) / self.least
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A field and the forces that it leaves, at strain γ. Arrays hold this rank's share, complex."""
+
+    omega: float
+    x: np.ndarray  # (n_local,)
+    motions: np.ndarray  # (rows,) a = C x + γ g
+    strain: float  # γ
+    left: np.ndarray  # (n_local,) r = γ c + A x
+
+
+class Functional:
+    """G*, residual and bound of trial fields of one pencil. All methods are collective."""
+
+    def __init__(self, compatibility: Compatibility):
+        self.compatibility = compatibility
+        pencil = compatibility.pencil
+        self.network = pencil.network
+        self.stiffest = [largest_entry(matrix) for matrix in (pencil.K, pencil.B)]
+        self._diagonals = [diagonal_of(matrix) for matrix in (pencil.K, pencil.B)]
+        squares = compatibility.g**2
+        affine = np.array([compatibility.size_K @ squares, compatibility.w_B @ squares])
+        self.affine = np.sqrt(self.network.sum(affine))
+
+    def diagonal(self, omega):
+        """That of K + ωB, (n_local,)."""
+        of_K, of_B = self._diagonals
+        return of_K + omega * of_B
+
+    def trial(self, omega, x, strain: float = 1.0) -> Trial:
+        """The field x (n_local,), complex, with what it leaves."""
+        c = self.compatibility
+        a = c.motions(x) + strain * c.g
+        left = c.forces((c.w_K + 1j * omega * c.w_B) * a) + 1j * omega * c.drag * x
+        c.pencil.project(left)  # no net force but for rounding, which drag alone would not hold back
+        return Trial(omega, x, a, strain, left)
+
+    def norm(self, forces, diagonal) -> float:
+        """|f| of forces (n_local,) in the norm of D⁻¹."""
+        return float(np.sqrt(self.network.sum(np.sum(np.abs(forces) ** 2 / diagonal))))
+
+    def rounding(self, trial: Trial, omega: float, diagonal) -> float:
+        """What rounding may have done to what a trial leaves, in the norm of D⁻¹; ω and D are those of a `Hold`.
+
+        With D(ω) the diagonal of K + ωB and forces f of contacts |D(ω)^(−½) |C|ᵀ|f||² ≤ ROW Σ f²/(|w_K| + ω w_B).
+        The sum of f = w a is rounded, and so is a = C x + γ g in it.
+        """
+        c, x2 = self.compatibility, np.abs(trial.x) ** 2
+        here, there = (np.abs(c.w_K) + at * c.w_B for at in (trial.omega, omega))
+        forces2 = np.abs(c.w_K + 1j * trial.omega * c.w_B) ** 2 * np.abs(trial.motions) ** 2
+        forces2 = np.divide(forces2, there, out=np.zeros_like(there), where=there > 0.0)
+        local = [
+            np.sum(forces2),
+            self.diagonal(trial.omega) @ x2,
+            here @ (trial.strain * c.g) ** 2,
+            (trial.omega * c.drag) ** 2 * np.sum(x2 / diagonal),
+        ]
+        of_sums, of_x, of_g, of_drag = self.network.sum(np.array(local))
+        stretch = self.network.max(float((self.diagonal(omega) / diagonal).max(initial=0.0)))
+        of_motions = max(1.0, trial.omega / omega) * (np.sqrt(ROW * of_x) + np.sqrt(of_g)) ** 2
+        return float(ROUNDING * np.sqrt(ROW * stretch * (of_sums + of_motions) + of_drag))
+
+    def certify(self, trial: Trial, hold: Hold) -> Certified:
+        """G* of a trial at strain 1, with its bound."""
+        c, network, omega = self.compatibility, self.network, trial.omega
+        a, field = trial.motions, trial.x
+        parts = np.array([a.real**2, a.imag**2, a.real * a.imag])
+        drag = c.drag * np.array(
+            [np.sum(field.real**2), np.sum(field.imag**2), np.sum(field.real * field.imag)]
+        )
+        (K_rr, K_ii, K_ri), (B_rr, B_ii, B_ri), (abs_rr, abs_ii, _), (x_rr, x_ii) = (
+            network.sum(sums)
+            for sums in (
+                parts @ c.w_K,
+                parts @ c.w_B + drag,
+                parts @ c.size_K,
+                np.array([np.sum(field.real**2), np.sum(field.imag**2)]),
+            )
+        )
+        B_rr += c.drag_gg
+        elastic, viscous = complex(K_rr - K_ii, 2.0 * K_ri), complex(B_rr - B_ii, 2.0 * B_ri)
+        # Evaluating a is off by ε|C||x|, and Σ w (|C||x|)² ≤ 6 max(diagonal) |x|², six unknowns at most in a
+        # row. The coefficients are off by a few ε; they multiply relative motions, and g. The rest is Cauchy
+        # and Schwarz. Real and imaginary parts are kept apart: at low frequency they differ by many decades.
+        noise = e_Kr, e_Ki, e_Br, e_Bi = np.sqrt([abs_rr, abs_ii, B_rr, B_ii])
+        noise = 7.0 * noise + np.sqrt([ROW * most * norm for most in self.stiffest for norm in (x_rr, x_ii)])
+        noise[::2] += 4.0 * self.affine
+        d_Kr, d_Ki, d_Br, d_Bi = noise
+        storage = e_Kr * (e_Kr + d_Kr) + e_Ki * (e_Ki + d_Ki)
+        storage += omega * (2.0 * e_Br * e_Bi + e_Br * d_Bi + e_Bi * d_Br)
+        loss = 2.0 * e_Kr * e_Ki + e_Kr * d_Ki + e_Ki * d_Kr
+        loss += omega * (e_Br * (e_Br + d_Br) + e_Bi * (e_Bi + d_Bi))
+        volume = network.area
+        left = self.norm(trial.left, hold.diagonal) + self.rounding(trial, hold.omega, hold.diagonal)
+        return Certified(
+            omega=float(omega),
+            G=(elastic + 1j * omega * viscous) / volume,
+            error=float(hold.reach(omega) * left**2 / volume),
+            rounding=(float(2.0 * EPSILON * storage / volume), float(2.0 * EPSILON * loss / volume)),
+        )
+
+    def field_bound(self, found: Certified, x) -> float:
+        """Bound on the error of the field x that was certified, see `field_bound`: an estimate where K is not ≥ 0."""
+        squared = 2.0 * np.sqrt(2.0) * found.error * self.network.area  # ≥ 2 rᴴS⁻¹r, by S ≥ (σ/√2) D
+        return field_bound(self.compatibility, found.omega, x, squared)
+
+
+def field_bound(
+    compatibility: Compatibility, omega: float, x, squared: float, size: float | None = None
+) -> float:
+    """Bound on ‖x − exact‖ / ‖x‖, the error of a field in the energy norm ‖x‖² = xᴴ(K + ωB) x. Collective.
+
+    x        non-affine field (n_local,), complex
+    squared  bound on ‖x − exact‖² from the residual r = c + A x. With e = A⁻¹r and S = K + ωB,
+             ‖e‖² = eᴴS e ≤ √2 |eᴴA e| = √2 |eᴴr| when e itself is known, and from there, by Cauchy and
+             Schwarz, √2 |eᴴr| ≤ √2 ‖e‖ (rᴴS⁻¹r)^½, so ‖e‖² ≤ 2 rᴴS⁻¹r, when only the energy of r is
+    size     2-norm of what x was summed from, where that is larger than x: its rounding counts as well
+
+    Translations, and turns of gears, cost nothing and do not count. Where K has negative modes this is no
+    bound.
+    """
+    c = compatibility
+    network = c.pencil.network
+    a = np.abs(c.motions(x)) ** 2
+    local = np.array([(c.w_K + omega * c.w_B) @ a + omega * c.drag * np.vdot(x, x).real, np.vdot(x, x).real])
+    energy, norm2 = network.sum(local)
+    if energy == 0.0:  # a crystal: nothing moves against the strain
+        return 0.0 if squared == 0.0 else float("inf")
+    stiffest = ROW * sum(
+        factor * largest_entry(matrix) for factor, matrix in ((1.0, c.pencil.K), (omega, c.pencil.B))
+    )
+    rounding = 4.0 * EPSILON * np.sqrt(stiffest) * max(np.sqrt(norm2), size or 0.0)
+    return float((np.sqrt(abs(squared)) + rounding) / np.sqrt(abs(energy)))

@@ -1,0 +1,180 @@
+"""One complex solve per frequency: (K + iωB) x = −(k_γ + iω b_γ) with KSP, certified one by one.
+
+Either build of PETSc will do (see `complexform`); with complex scalars a factorisation takes half the memory.
+
+The matrix is scaled symmetrically to a unit diagonal first: the θ block is of order ω and would drown
+otherwise. The symbolic factorisation is done once, because the pattern never changes. Options have the prefix
+`freq_`.
+"""
+
+import numpy as np
+
+from jampetsc.errors import ConvergenceError, named
+from jampetsc.linear.certificate import EPSILON, Certified, Functional, Hold
+from jampetsc.mechanics.assembly import Pencil
+from jampetsc.mechanics.compatibility import build_compatibility
+from jampetsc.petsc import mumps, stopped
+from jampetsc.petsc.cholesky import least_singular_value
+from jampetsc.petsc.complexform import ComplexForm
+from jampetsc.petsc.session import current
+
+PREFIX = "freq_"
+DEFAULTS = {
+    "freq_ksp_type": "preonly",
+    "freq_pc_type": "cholesky",  # L D Lᵀ of a symmetric matrix, for complex scalars not L D Lᴴ
+    "freq_pc_factor_mat_solver_type": "mumps",
+    "freq_mat_mumps_icntl_7": 2,  # approximate minimum fill: faster here than the orderings MUMPS would choose
+}
+REFINEMENTS = 40  # one or two are usual; an iterative method of few digits needs some
+DIGITS = (
+    1e-12  # refinement stops when the bound is this small, relative to the smaller of G' and G'', or rounding
+)
+PRECISE = 1e-8  # residual of a solve for a `Hold`, relative
+
+
+class FrequencySolver:
+    """K + iωB for one frequency after another. Every method is collective.
+
+    positive_semidefinite   whether K is known to be: what holds at one frequency then does so at others
+    x                       complex (n_local,), the field of the last `solve`
+    """
+
+    def __init__(self, pencil: Pencil, positive_semidefinite: bool = False):
+        self.pencil, self.positive_semidefinite = pencil, positive_semidefinite
+        self.compatibility = build_compatibility(pencil)
+        self.functional = Functional(self.compatibility)
+        self.form = ComplexForm(pencil.K, pencil.B)
+        session = current()
+        session.set_defaults(DEFAULTS)
+        self.ksp = mumps.make_ksp(session.comm, PREFIX)
+        self.ksp.setOperators(self.form.A)
+        # whether the factor of an earlier frequency serves until it no longer converges
+        self.reuse = session.PETSc.Options(PREFIX).getBool("ksp_reuse_preconditioner", False)
+        self.hold = self.x = None
+        self.factorised = False
+        self.iterations = 0
+        self.factorisations = 0
+
+    def solve(self, omega: float, accuracy: float) -> Certified:
+        """G* at ω with its bound; the field stays in `x`.
+
+        Raises ConvergenceError with the solver's reason where the bound is not ≤ accuracy for each of G' and
+        G''.
+        """
+        self.iterations = 0
+        fresh = not (self.reuse and self.factorised)
+        self._set_matrix(omega, fresh)
+        if fresh:
+            self._factorise(omega)
+        try:
+            return self._refine(omega, accuracy)
+        except ConvergenceError:
+            if fresh:
+                raise
+        self._set_matrix(omega, fresh=True)
+        self._factorise(omega)
+        return self._refine(omega, accuracy)
+
+    def _set_matrix(self, omega, fresh):
+        """A ← D (K + iωB) D; D follows ω only when the factorisation does."""
+        self.form.set(omega)
+        if fresh:
+            self.scale = 1.0 / np.sqrt(self.form.magnitude)
+        self.form.scale(self.scale)
+
+    def _factorise(self, omega):
+        """Factorise A; where MUMPS ran out of workspace, start afresh with twice as much."""
+        pc = self.ksp.getPC()
+        pc.setReusePreconditioner(False)
+        self.factorisations += mumps.factorise(self.ksp, self.form.A, f"K + iωB at ω = {omega:g}")
+        pc.setReusePreconditioner(self.reuse)
+        self.factorised = True
+
+    def _apply_inverse(self, omega, right):
+        """A⁻¹ right to the accuracy of the KSP, scaling undone."""
+        solution = self.form.solve(self.ksp, self.scale * right)
+        self.iterations += self.ksp.getIterationNumber()
+        reason = stopped.reason(self.ksp)
+        if reason < 0:
+            raise ConvergenceError(
+                f"ω = {omega:g}: KSP stopped with {stopped.name(reason)} after "
+                f"{self.ksp.getIterationNumber()} iterations; try -options_file jampetsc:mumps"
+            )
+        if self.pencil.network.sum(np.count_nonzero(~np.isfinite(solution))):
+            raise ConvergenceError(f"ω = {omega:g}: KSP gave what is no number; try another options file")
+        solution *= self.scale
+        self.pencil.project(solution)
+        return solution
+
+    def _refine(self, omega, accuracy):
+        """x ← x − A⁻¹(c + A x) from x = 0, until the bound is met or what is left does not shrink any more."""
+        functional = self.functional
+        if self.hold is None or not self.positive_semidefinite:
+            self.hold = self._find_hold(omega)
+        x = np.zeros(self.pencil.K.getLocalSize()[0], complex)
+        trial, result = functional.trial(omega, x), None
+        for _ in range(REFINEMENTS):
+            x = x - self._apply_inverse(omega, trial.left)
+            trial = functional.trial(omega, x)
+            previous, result = result, functional.certify(trial, self.hold)
+            if result.error <= (enough := _enough(result)):
+                break
+            if previous is not None and not result.error < 0.25 * previous.error:  # nan and inf as well
+                break
+        if not result.error <= enough and self.hold.omega != omega:
+            self.hold = self._find_hold(omega)
+            result = functional.certify(trial, self.hold)
+        self.x = x
+        storage, loss = result.parts
+        if not (
+            storage <= accuracy * abs(result.G.real) and loss <= accuracy * abs(result.G.imag)
+        ):  # also for nan
+            raise ConvergenceError(
+                f"ω = {omega:g}: G' = {result.G.real:.3e} only known to {storage:.1e}, G'' = {result.G.imag:.3e} to "
+                f"{loss:.1e} after refinement: the matrix is too ill-conditioned for this solver, or "
+                f"{named('accuracy')} too "
+                "strict"
+            )
+        return result
+
+    def _find_hold(self, omega) -> Hold:
+        """A `Hold` at ω, from solves with random right-hand sides."""
+        projects = self.pencil.law.holds_translations
+        diagonal = self.functional.diagonal(omega)
+        if projects:
+            diagonal = np.ones_like(diagonal)
+        root, first = np.sqrt(diagonal), self.pencil.K.getOwnershipRange()[0]
+        generator = np.random.default_rng(first)
+
+        def start():
+            x = generator.standard_normal(2 * len(root)).view(complex)
+            mine = self.pencil.pins - first
+            x[mine[(mine >= 0) & (mine < len(x))]] = 0.0  # K and B do not act on what is pinned
+            self.pencil.project(x)
+            return x
+
+        def step(x):
+            right = root * x
+            size, left, y = self.functional.norm(right, diagonal), np.inf, np.zeros_like(right)
+            rest = right
+            for _ in range(REFINEMENTS):
+                y = y + self._apply_inverse(omega, rest)
+                trial = self.functional.trial(omega, y, strain=0.0)
+                rest = right - trial.left
+                before, left = left, self.functional.norm(rest, diagonal)
+                if left <= PRECISE * size or not left <= 0.5 * before:
+                    break
+            left += self.functional.rounding(trial, omega, diagonal) + EPSILON * size
+            return root * y, left, self.functional.norm(root * y, 1.0)
+
+        return Hold(omega, diagonal, least_singular_value(start, step))
+
+    def destroy(self):
+        """Free all solver objects. Collective."""
+        for item in (self.ksp, self.form, self.compatibility):
+            item.destroy()
+
+
+def _enough(result: Certified) -> float:
+    """An error so small that there is nothing to gain from a smaller one."""
+    return max(DIGITS * min(abs(result.G.real), abs(result.G.imag)), min(result.rounding))

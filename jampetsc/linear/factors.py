@@ -1,0 +1,260 @@
+"""The factorisations of a rational sweep, and the two ways to use ranks for them.
+
+Distributed  one factorisation at a time, distributed over all ranks: for matrices that fill more than one rank's memory
+SideBySide   every rank holds all of K + sB and factorises a shift of its own: no communication where the time goes
+"""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from jampetsc.collective import agreed
+from jampetsc.linear.basis import NEW, RationalBasis, field_at
+from jampetsc.mechanics.assembly import Pencil
+from jampetsc.petsc.session import current
+from jampetsc.petsc.shifted import ShiftedFactor, shifted
+
+SAME_SHIFT = 1.5  # a factor within this ratio of the shift wanted serves instead of a new one
+MOST_AT_ONCE = 4  # more shifts at once than a sweep needs would be guesses
+ALONE = 400_000  # unknowns up to which one rank is given whole matrices: a factor then takes about 1 GB
+
+
+def make_factors(pencil: Pencil, parallel: str = "auto"):
+    """SideBySide for "shifts", Distributed for "matrix"; for "auto" what suits the pencil and the ranks. Collective."""
+    size = pencil.network.comm.size
+    if parallel == "auto":
+        parallel = "shifts" if 1 < size <= MOST_AT_ONCE and pencil.unknowns <= ALONE else "matrix"
+    return SideBySide(pencil) if parallel == "shifts" and size > 1 else Distributed(pencil)
+
+
+def _factor(K, B, s, law, project):
+    needed = project if law.holds_translations else None
+    return ShiftedFactor(shifted(K, B, s), f"K + sB at s = {s:g}", needed)
+
+
+def closest(shifts, s):
+    """The first of the shifts that is within SAME_SHIFT of s, or None."""
+    return next((at for at in shifts if 1.0 / SAME_SHIFT < at / s < SAME_SHIFT), None)
+
+
+class Distributed:
+    """One factor at a time on all ranks. Methods are collective."""
+
+    width = 1  # shifts that are done at once
+
+    def __init__(self, pencil: Pencil):
+        self.pencil = pencil
+        self.factors: dict[float, ShiftedFactor] = {}
+
+    @property
+    def shifts(self) -> list[float]:
+        """Shifts of the factors at hand."""
+        return list(self.factors)
+
+    def factorise(self, shifts) -> None:
+        """Have a factor for each of the shifts."""
+        for s in shifts:
+            if closest(self.factors, s) is None:
+                pencil = self.pencil
+                self.factors[s] = _factor(pencil.K, pencil.B, s, pencil.law, pencil.project)
+
+    def start(self, s: float) -> RationalBasis:
+        """The basis without vectors that starts from the field at shift s, if contacts dissipate."""
+        if not self.pencil.law.damps_contacts:
+            return _from_infinity(self.pencil)
+        s = closest(self.factors, s)
+        return RationalBasis(self.pencil, s, field_at(self.pencil, self.factors[s], s))
+
+    def extend(self, basis: RationalBasis, shifts, count: int) -> None:
+        """Add `count` vectors at each shift."""
+        for s in shifts:
+            at = closest(self.factors, s)
+            basis.extend(self.factors[at], at, count)
+
+    def energies(self, v) -> dict[float, tuple[float, float]]:
+        """vᵀ(K + sB)⁻¹v for every shift s at hand, as `ShiftedFactor.energy` has it; v (n_local,)."""
+        rhs = self.pencil.K.createVecRight()
+        rhs.setArray(v)
+        found = {s: factor.energy(rhs) for s, factor in self.factors.items()}
+        rhs.destroy()
+        return found
+
+    def least_eigenvalue(self, s: float) -> float:
+        """That of K + sB scaled to a unit diagonal, see `Cholesky.least_eigenvalue`; s a shift at hand."""
+        return self.factors[s].least_eigenvalue()
+
+    def destroy(self):
+        """Free the factors."""
+        for factor in self.factors.values():
+            factor.destroy()
+
+
+@dataclass(frozen=True, eq=False)
+class Whole:
+    """K, B and the border of a pencil, all of them on this rank alone: PETSc objects of one process."""
+
+    K: object
+    B: object
+    k_gamma: object
+    b_gamma: object
+
+    def destroy(self):
+        """Free the PETSc objects."""
+        for item in (self.K, self.B, self.k_gamma, self.b_gamma):
+            item.destroy()
+
+
+class SideBySide:
+    """A shift per rank. Methods are collective; what fails on one rank is raised on all.
+
+    Each rank grows a short Krylov chain of its own from the residual of the basis; together the chains span
+    what they would have one after the other (parallel rational Krylov, Berljafa & Güttel 2017).
+    """
+
+    def __init__(self, pencil: Pencil):
+        self.pencil = pencil
+        self.comm = pencil.network.comm
+        self.width = min(self.comm.size, MOST_AT_ONCE)
+        self.rows = np.array(self.comm.allgather(pencil.K.getLocalSize()[0]))
+        self.whole = self._whole()
+        self.mine: dict[float, ShiftedFactor] = {}
+        self.owner: dict[float, int] = {}  # rank that has the factor of a shift
+
+    @property
+    def shifts(self) -> list[float]:
+        """Shifts of the factors at hand."""
+        return list(self.owner)
+
+    def _whole(self):
+        PETSc, pencil = current().PETSc, self.pencil
+        K, B = (matrix.getRedundantMatrix(self.comm.size) for matrix in (pencil.K, pencil.B))
+        border = (self._gather(vector.getArray()) for vector in (pencil.k_gamma, pencil.b_gamma))
+        return Whole(K, B, *(PETSc.Vec().createWithArray(values, comm=PETSc.COMM_SELF) for values in border))
+
+    def _gather(self, local):
+        whole = np.empty(self.rows.sum(), local.dtype)
+        self.comm.Allgatherv(np.ascontiguousarray(local), (whole, self.rows))
+        return whole
+
+    def _scatter(self, whole, owner):
+        """This rank's rows of a vector that `owner` has whole."""
+        local = np.empty(self.rows[self.comm.rank])
+        send = None if whole is None else (np.ascontiguousarray(whole), self.rows)
+        self.comm.Scatterv(send, local, root=owner)
+        return local
+
+    def factorise(self, shifts) -> None:
+        """Have a factor for each of the shifts; up to `width` of them take the time of one."""
+        new = [s for s in shifts if closest(self.owner, s) is None]
+        self.owner |= dict(zip(new, itertools.cycle(range(self.width)), strict=False))
+        with agreed(self.comm):
+            for s in new:
+                if self.owner[s] == self.comm.rank:
+                    whole, pencil = self.whole, self.pencil
+                    self.mine[s] = _factor(whole.K, whole.B, s, pencil.law, pencil.project_whole)
+
+    def start(self, s: float) -> RationalBasis:
+        """The basis without vectors that starts from the field at shift s, if contacts dissipate."""
+        if not self.pencil.law.damps_contacts:
+            return _from_infinity(self.pencil)
+        s = closest(self.owner, s)
+        x0 = None
+        with agreed(self.comm):
+            if s in self.mine:
+                x0 = field_at(self.whole, self.mine[s], s)
+        return RationalBasis(self.pencil, s, self._scatter(x0, self.owner[s]))
+
+    def extend(self, basis: RationalBasis, shifts, count: int) -> None:
+        """Add `count` vectors at each shift; the chains grow at the same time."""
+        q, more = basis.residual()
+        if basis.complete or not more:
+            basis.complete = True
+            return
+        shifts = [closest(self.owner, s) for s in shifts]
+        source = self._gather(q)
+        with agreed(self.comm):
+            chains = {s: self._chain(self.mine[s], source, count) for s in shifts if s in self.mine}
+        for s in shifts:
+            chain = chains.get(s, [])
+            length = self.comm.bcast(len(chain), root=self.owner[s])
+            for step in range(count):
+                vector = chain[step] if step < len(chain) else None
+                if step < length and basis.append(self._scatter(vector, self.owner[s]), s):
+                    continue
+                # The chains overlap here: what is new is what the residual of all of them asks for.
+                q, more = basis.residual()
+                if not more or not basis.append(self._solve(s, q), s):
+                    basis.complete = True
+                    return
+
+    def _solve(self, s, right):
+        """(K + sB)⁻¹ of a distributed vector, by the rank that has the factor."""
+        whole, x = self._gather(right), None
+        with agreed(self.comm):
+            if s in self.mine:
+                x = self._solve_whole(self.mine[s], whole)
+        return self._scatter(x, self.owner[s])
+
+    def _solve_whole(self, factor, source):
+        x = self.whole.K.createVecRight()
+        x.setArray(source)
+        factor.solve(x, x)
+        solution = x.getArray().copy()
+        x.destroy()
+        return solution
+
+    def _chain(self, factor, source, count):
+        """(K + sB)⁻¹ applied to `source`, then to B times the vector before; each orthonormal in B to the others.
+
+        Ends early where nothing new is found, but for rounding.
+        """
+        image = self.whole.K.createVecRight()
+        x = self.whole.K.createVecRight()
+        chain, images = [], []
+        for _ in range(count):
+            w = self._solve_whole(factor, source)
+            x.setArray(w)
+            self.whole.B.mult(x, image)
+            before = w @ image.getArray()
+            for vector, dual in zip(chain, images, strict=True):
+                w -= (dual @ w) * vector
+            x.setArray(w)
+            self.whole.B.mult(x, image)
+            if self.pencil.law.dofs == 3:
+                image.getArray()[2::3] = 0.0  # no torques, see `RationalBasis`
+            length2 = w @ image.getArray()
+            if not length2 > NEW**2 * before:
+                break
+            chain.append(w / np.sqrt(length2))
+            images.append(image.getArray() / np.sqrt(length2))
+            source = images[-1]
+        x.destroy()
+        image.destroy()
+        return chain
+
+    def energies(self, v) -> dict[float, tuple[float, float]]:
+        """vᵀ(K + sB)⁻¹v for every shift s at hand, as `ShiftedFactor.energy` has it; v (n_local,)."""
+        rhs = current().PETSc.Vec().createWithArray(self._gather(v), comm=current().PETSc.COMM_SELF)
+        with agreed(self.comm):
+            mine = {s: factor.energy(rhs) for s, factor in self.mine.items()}
+        rhs.destroy()
+        return {s: energy for part in self.comm.allgather(mine) for s, energy in part.items()}
+
+    def least_eigenvalue(self, s: float) -> float:
+        """That of K + sB scaled to a unit diagonal, see `Cholesky.least_eigenvalue`; s a shift at hand."""
+        found = None
+        with agreed(self.comm):
+            if s in self.mine:
+                found = self.mine[s].least_eigenvalue()
+        return self.comm.bcast(found, root=self.owner[s])
+
+    def destroy(self):
+        """Free the factors and the copy of the pencil."""
+        for factor in self.mine.values():
+            factor.destroy()
+        self.whole.destroy()
+
+
+def _from_infinity(pencil):
+    return RationalBasis(pencil, np.inf, np.zeros(pencil.K.getLocalSize()[0]))

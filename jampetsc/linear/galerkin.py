@@ -1,0 +1,162 @@
+"""From a basis to G*: the pencil projected contact by contact, and its relaxation spectrum to full relative accuracy.
+
+The motions P = C [x₀, V] (+ g) of the contacts carry everything: sums of W a² over contacts give the
+projected K and B without the cancellation that the assembled matrices suffer at low pressure. The small
+eigenvalue problem is then solved to high relative accuracy in every rate (rotate, project again, Cholesky,
+one-sided Jacobi; Demmel & Veselić 1992), since rates span many decades.
+"""
+
+import numpy as np
+from scipy.linalg import lapack, solve_triangular
+
+from jampetsc.analysis.relaxation import RelaxationSpectrum
+from jampetsc.collective import on_root
+from jampetsc.errors import ConvergenceError
+from jampetsc.linear.basis import RationalBasis
+from jampetsc.linear.certificate import EPSILON, ROUNDING, field_bound
+from jampetsc.linear.residual import Residual
+from jampetsc.mechanics.assembly import ROW
+from jampetsc.mechanics.compatibility import Compatibility
+from jampetsc.petsc.matrices import largest_entry
+
+
+class Galerkin:
+    """The best approximation of the response in the space of a basis. Collective.
+
+    spectrum    RelaxationSpectrum, so G*(ω) of the projected pencil
+    quasistatic (n_local,) the field x(ω → 0) in the space; modes (n_local, m) with rates λ, orthonormal in B
+    """
+
+    def __init__(self, basis: RationalBasis, compatibility: Compatibility):
+        self.compatibility = compatibility
+        self.network = compatibility.pencil.network
+        comm = self.network.comm
+        fields = np.column_stack((basis.x0, *basis.vectors))
+        motions = np.column_stack([compatibility.motions(field) for field in fields.T])
+        motions[:, 0] += compatibility.g
+        rates = np.empty(0)
+        if basis.size:
+            # The basis is orthonormal in B up to rounding; in the eigenvectors of K, K is graded and small
+            # rates are exact.
+            K = self._projected_K(motions)
+            rotation = on_root(comm, lambda: np.linalg.eigh(K)[1])
+            fields[:, 1:], motions[:, 1:] = fields[:, 1:] @ rotation, motions[:, 1:] @ rotation
+            K, B = self._projected_K(motions), self._projected_B(fields, motions)
+            rates, rotation = on_root(comm, lambda: _graded_eigen(K, B))
+            fields[:, 1:], motions[:, 1:] = fields[:, 1:] @ rotation, motions[:, 1:] @ rotation
+            still = -self.network.sum(motions[:, 1:].T @ (compatibility.w_K * motions[:, 0])) / rates
+            fields[:, 0] += fields[:, 1:] @ still
+            motions[:, 0] += motions[:, 1:] @ still
+        self.quasistatic, self.modes = fields[:, 0], fields[:, 1:]
+        self._finish(motions, rates)
+        self._motions = motions
+
+    def residual(self) -> Residual:
+        """What this solution leaves of the equations. May be asked for once, since the motions are let go with it."""
+        motions, self._motions = self._motions, None
+        still, modes = motions[:, 0], motions[:, 1:]
+        rates = self.spectrum.rates
+        return Residual(self.compatibility, still, modes, self.quasistatic, self.modes, rates, self.loads)
+
+    def _projected_K(self, motions):
+        """Vᵀ K V, (m, m), from the motions of x₀ and V."""
+        modes = motions[:, 1:]
+        return self.network.sum(modes.T @ (self.compatibility.w_K[:, None] * modes))
+
+    def _projected_B(self, fields, motions):
+        """Vᵀ B V, (m, m)."""
+        c, modes, V = self.compatibility, motions[:, 1:], fields[:, 1:]
+        B = modes.T @ (c.w_B[:, None] * modes)
+        return self.network.sum(B + c.drag * (V.T @ V) if c.drag else B)
+
+    def _finish(self, motions, rates):
+        c, volume = self.compatibility, self.network.area
+        still, modes, field = motions[:, 0], motions[:, 1:], self.quasistatic
+        loads = modes.T @ (c.w_B * still) + c.drag * (self.modes.T @ field)
+        loads = self.network.sum(loads)  # h: viscous force of the quasistatic flow on each mode
+        fast = still - modes @ loads
+        flow = field - self.modes @ loads
+        size_K = np.abs(c.w_K)
+        elastic, viscous = self.network.sum(
+            np.array(
+                [
+                    [c.w_K @ still**2, size_K @ still**2, size_K @ c.g**2, c.size_K @ still**2],
+                    [
+                        c.w_B @ fast**2 + c.drag * (flow @ flow),
+                        c.w_B @ still**2 + c.drag * (field @ field),
+                        c.w_B @ c.g**2,
+                        0.0,
+                    ],
+                ]
+            )
+        )
+        G0, eta_inf = elastic[0] / volume, (viscous[0] + c.drag_gg) / volume
+        weights = rates * loads**2 / volume
+        self.loads = loads
+        self.spectrum = RelaxationSpectrum(float(G0), float(eta_inf), rates, weights)
+
+        # What rounding does to a sum Σ w a² : see `_rounding`. Reach: what the terms of the motions a = C x +
+        # g come to.
+        squares = np.column_stack((field**2, self.modes**2))
+        norms = self._norms = np.sqrt(self.network.sum(squares.sum(axis=0)))
+        reach_K, reach_B = (
+            np.sqrt(ROW * largest_entry(matrix)) * norms for matrix in (c.pencil.K, c.pencil.B)
+        )
+        reach_K[0] += np.sqrt(elastic[2])
+        reach_B[0] += np.sqrt(viscous[2])
+        sizes, of_weights = self.network.sum(np.array([size_K @ modes**2, c.size_K @ modes**2]))
+        of_rates = (_rounding(sizes, reach_K[1:]) + EPSILON * of_weights) / rates + _rounding(
+            1.0, reach_B[1:]
+        )
+        of_loads = ROUNDING * (np.sqrt(viscous[1]) * (1.0 + reach_B[1:]) + reach_B[0])
+        self._noise_G0 = (_rounding(elastic[1], reach_K[0]) + EPSILON * elastic[3]) / volume
+        # The flow minimises dissipation: rounding of its coefficients is of second order, that of its terms
+        # is not.
+        self._noise_eta = (_rounding(viscous[0], 2.0 * reach_B[0]) + ROUNDING * c.drag_gg) / volume
+        self._noise_weights = 2.0 * weights * of_rates + 2.0 * rates * np.abs(loads) * of_loads / volume
+
+    def rounding(self, omega):
+        """What rounding can have changed in G' and in G'', (M,) each."""
+        omega = np.asarray(omega, float)
+        x = omega[:, None] / self.spectrum.rates
+        storage = self._noise_G0 + np.sum(self._noise_weights * (x * x / (1.0 + x * x)), axis=1)
+        loss = self._noise_eta * omega + np.sum(self._noise_weights * (x / (1.0 + x * x)), axis=1)
+        return storage, loss
+
+    def field(self, omega: float):
+        """The non-affine field x(iω), complex (n_local,): x_qs − iω Σ_m h_m φ_m / (λ_m + iω)."""
+        return self.quasistatic - self.modes @ self._amplitudes(omega)
+
+    def _amplitudes(self, omega):
+        return 1j * omega * self.loads / (self.spectrum.rates + 1j * omega)
+
+    def field_bound(self, omega: float, error: float) -> float:
+        """Bound on the error of `field`, relative in the energy norm, from |ΔG*| without rounding. Collective."""
+        size = self._norms @ np.abs(np.append(1.0, self._amplitudes(omega)))
+        squared = np.sqrt(2.0) * error * self.network.area
+        return field_bound(self.compatibility, omega, self.field(omega), squared, size)
+
+
+def _rounding(size, reach):
+    """What rounding can do to a sum Σ w a² of this size, when the terms of a reach that far (root of their squares).
+
+    Each a is off by ROUNDING times its terms: 2 Σ w a δa, by Cauchy and Schwarz, and Σ w δa².
+    """
+    return ROUNDING * np.sqrt(size) * (np.sqrt(size) + reach) + (ROUNDING * reach) ** 2
+
+
+def _graded_eigen(K, B):
+    """Rates and B-orthonormal vectors of a small pencil with K graded and B the identity but for rounding."""
+    lower = np.linalg.cholesky(B)
+    H = solve_triangular(lower, solve_triangular(lower, K, lower=True).T, lower=True)
+    try:
+        R = np.linalg.cholesky(0.5 * (H + H.T))
+    except np.linalg.LinAlgError:
+        raise ConvergenceError(
+            "the projected K is not positive definite: the packing is not a minimum"
+        ) from None
+    values, _, vectors, scaling, _, info = lapack.dgejsv(R.T, joba=0, jobu=3, jobv=0)
+    if info != 0:
+        raise ConvergenceError(f"one-sided Jacobi did not converge (info {info})")
+    rates = (values * scaling[1] / scaling[0]) ** 2
+    return rates, solve_triangular(lower.T, vectors, lower=False)

@@ -1,0 +1,188 @@
+"""Low modes of K: how floppy they are, what they carry of the response to shear, and proof that none was missed.
+
+A mode φ of eigenvalue λ moves the contacts by a∥, a⊥ (BT eq. 4): λ = Σ_c [k a∥² − (f/r) a⊥²] with |φ| = 1.
+Floppy modes slide, a⊥ ≫ a∥. What they carry of the response to shear is in `carried`.
+
+The count is certified by Sylvester's law: as many eigenvalues below μ, just above the last mode, as LDLᵀ of K
+− μ has negative pivots.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jampetsc.core.laws import UNDAMPED
+from jampetsc.errors import ConvergenceError, InputError, named
+from jampetsc.linear.carried import Carried, carried_by
+from jampetsc.mechanics.assembly import Pencil, assemble
+from jampetsc.mechanics.compatibility import build_compatibility
+from jampetsc.mechanics.minimum import require_minimum
+from jampetsc.mechanics.network import Network
+from jampetsc.petsc.eigen import Eigenpairs, lowest
+from jampetsc.petsc.inertia import SHIFT, count_below
+
+GAP = 1e-7  # eigenvalues closer than this, relatively, belong together: a count cannot tell them apart
+ATTEMPTS = 4  # with more modes each time, where a cluster goes on or the count shows that some were missed
+RESIDUAL = (
+    1e-9  # largest ‖Kφ − λφ‖ accepted, in units of the stiffness; |Δλ| is below its square over the gap
+)
+ALIKE = 1e-6  # largest product of two modes, or defect of a length: far more of them, alike, could pass for several
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """m modes of one network, eigenvalues increasing, translations left out. Units of k."""
+
+    network: Network
+    eigenvalues: np.ndarray  # (m,) λ, in k
+    vectors: np.ndarray  # (m, n_local, 2) φ, |φ| = 1
+    residuals: np.ndarray  # (m,) ‖Kφ − λφ‖, in k
+    normal: np.ndarray  # (m,) mean over contacts of a∥²
+    transverse: np.ndarray  # (m,) mean over contacts of a⊥²
+    participation: np.ndarray  # (m,) (Σ|φ_i|²)²/(n Σ|φ_i|⁴), 1 if all disks move alike
+    shear_force: np.ndarray  # (m,) F = k_γ·φ per unit strain
+    carried: Carried | None  # of the response to shear; None if that is not unique, or affine
+    inertia_count: int  # eigenvalues below `inertia_shift`, translations left out, by inertia: equals m
+    inertia_shift: float  # μ, in k
+    complete: bool  # these are all modes of K
+    method: str
+    iterations: int
+
+    @property
+    def floppiness(self):
+        """rms a⊥ over rms a∥, (m,); infinite for a mode that only slides."""
+        with np.errstate(divide="ignore"):
+            return np.sqrt(self.transverse / self.normal)
+
+
+def lowest_modes(
+    network: Network, count: int | None = None, below: float | None = None, proved: bool = False
+) -> Modes:
+    """The lowest `count` modes, or all `below` an eigenvalue (in k), or all there are if both are None.
+    Collective.
+
+    Where the last one belongs to a cluster of equal eigenvalues, the whole cluster is returned. That K has no negative
+    modes is looked at unless it is `proved`. Needs the real build.
+
+    Raises InputError for a packing that is not a minimum, for more modes than there are and for none below;
+    ConvergenceError when they are not found or the count does not come out.
+    """
+    stiffness = network.max(float(network.contacts.stiffness.max(initial=0.0)))
+    pencil = assemble(network, UNDAMPED, pinned=False)
+    compatibility = build_compatibility(pencil)
+    try:
+        if not proved:
+            require_minimum(network)
+        free = 2 * len(pencil.pieces.roots)
+        there = pencil.unknowns - free
+        if below is not None:
+            count = count_below(pencil.K, below, "K − λ") - free
+            if count <= 0:
+                raise InputError(
+                    f"{named('below')} {below:g}: no mode lies there; raise it, or ask for a number with "
+                    f"{named('count')}"
+                )
+        pairs, kept, shift = _certified(pencil, compatibility, there if count is None else count, stiffness)
+        return _describe(pencil, compatibility, pairs, kept, shift)
+    finally:
+        compatibility.destroy()
+        pencil.destroy()
+
+
+def _certified(pencil, compatibility, count, stiffness):
+    """(pairs, m, μ): eigenpairs of which the first m ≥ count are all there are below μ, by inertia."""
+    free = 2 * len(pencil.pieces.roots)
+    there = pencil.unknowns - free
+    wanted, pairs = count, None
+    for _ in range(ATTEMPTS):
+        if pairs is None:
+            pairs = _with_quotients(lowest(pencil, wanted, stiffness), compatibility)
+        worst = pairs.residuals.max()
+        if not worst <= RESIDUAL * stiffness:
+            raise ConvergenceError(
+                f"a mode has a residual of {worst:.1e}: tighten -modes_eps_tol or change the factorisation"
+            )
+        if pairs.method != "lapack":
+            _require_different(pairs.vectors, pencil.network)
+        kept, shift = _cut(pairs.values, count, there, stiffness)
+        if kept == there:
+            return pairs, kept, shift
+        if kept is None:  # a cluster that goes on: find more of it
+            wanted, pairs = min(there, wanted + 8), None
+            continue
+        counted = count_below(pencil.K, shift, "K − μ") - free
+        if counted == kept:
+            return pairs, kept, shift
+        # Of equal eigenvalues Lanczos sees one vector, the others only by rounding: look beside those at hand.
+        more = lowest(pencil, max(1, min(counted, there) - kept), stiffness, known=pairs.vectors)
+        pairs = _with_quotients(_together(pairs, more), compatibility)
+    raise ConvergenceError(
+        f"{len(pairs.values)} modes were found and their count does not agree with inertia: some of a cluster are "
+        "missed; try a larger -modes_eps_ncv"
+    )
+
+
+def _require_different(vectors, network):
+    """Raise ConvergenceError where the modes (m, unknowns_local) are not orthonormal: one found twice counts as two."""
+    products = network.sum(vectors @ vectors.T)
+    defect = np.abs(products - np.eye(len(products))).max(initial=0.0)
+    if not defect <= ALIKE:
+        raise ConvergenceError(
+            f"modes are not orthonormal, but for {defect:.1e}: tighten -modes_eps_tol or change -modes_eps_type"
+        )
+
+
+def _together(pairs, more):
+    """Both sets of eigenpairs as one, as if found at once."""
+    return Eigenpairs(
+        np.append(pairs.values, more.values),
+        np.vstack((pairs.vectors, more.vectors)),
+        np.append(pairs.residuals, more.residuals),
+        pairs.method,
+        pairs.iterations + more.iterations,
+    )
+
+
+def _with_quotients(pairs, compatibility):
+    """The same pairs with λ = Σ w a², summed contact by contact: small eigenvalues keep their digits."""
+    values = np.array([compatibility.w_K @ compatibility.motions(vector) ** 2 for vector in pairs.vectors])
+    values = compatibility.pencil.network.sum(values)
+    order = np.argsort(values, kind="stable")
+    return Eigenpairs(
+        values[order], pairs.vectors[order], pairs.residuals[order], pairs.method, pairs.iterations
+    )
+
+
+def _cut(values, count, there, stiffness):
+    """(m, μ): the end of the cluster that eigenvalue number `count` belongs to, and a number in the gap above
+    it.
+
+    (None, None) if the values end before it.
+    """
+    for m in range(count, len(values)):
+        low, high = values[m - 1], values[m]
+        if high - low > GAP * abs(high) + SHIFT * stiffness:
+            return m, float(0.5 * (low + high))
+    return (there, float(values[-1])) if len(values) == there else (None, None)
+
+
+def _describe(pencil: Pencil, compatibility, pairs, m, shift):
+    network = pencil.network
+    values, vectors = pairs.values[:m], pairs.vectors[:m]
+    sums = np.empty((m, 4))
+    push = pencil.k_gamma.getArray()
+    for row, vector in enumerate(vectors):
+        squares = np.sum(vector.reshape(-1, 2) ** 2, axis=1)
+        motions = compatibility.motions(vector).reshape(-1, 2)
+        sums[row] = *np.sum(motions**2, axis=0), np.sum(squares**2), push @ vector
+    sums = network.sum(sums)
+    contacts, force = network.contact_count, sums[:, 3]
+    fields = vectors.reshape(m, -1, 2)
+    return Modes(
+        network, values, fields, pairs.residuals[:m],
+        normal=sums[:, 0] / contacts, transverse=sums[:, 1] / contacts,
+        participation=1.0 / (network.n * sums[:, 2]),
+        shear_force=force, carried=carried_by(compatibility, values, fields, force),
+        inertia_count=m, inertia_shift=shift, complete=m == pencil.unknowns - 2 * len(pencil.pieces.roots),
+        method=pairs.method, iterations=pairs.iterations,
+    )  # fmt: skip

@@ -1,0 +1,297 @@
+"""The whole spectrum from a handful of real factorisations, with a bound on the error at every frequency.
+
+Galerkin's method on a rational Krylov space (see `basis`). With exact solves its residual would be f(iω) φ(iω) q,
+so that
+
+    |ΔG*| V ≤ √2 rᴴ(K + ωB)⁻¹r = √2 |f(iω) φ(iω)|² qᵀ(K + ωB)⁻¹q ,
+
+and qᵀ(K + sB)⁻¹q costs one solve with a factor at hand. This steers: the next shift goes where it is furthest
+from what was asked for. What is certified in the end is the residual as it is (see `residual`).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jampetsc.collective import on_root
+from jampetsc.errors import ConvergenceError, named
+from jampetsc.linear.basis import RationalBasis
+from jampetsc.linear.factors import closest, make_factors
+from jampetsc.linear.galerkin import Galerkin
+from jampetsc.linear.residual import ResidualBound, energy_between, positive
+from jampetsc.mechanics.assembly import Pencil
+from jampetsc.mechanics.compatibility import Compatibility
+from jampetsc.petsc.matrices import largest_entry
+from jampetsc.petsc.session import current
+
+VECTORS = 8  # at a time with one factor: a solve is some twentieth of a factorisation
+NEARBY = 20.0  # ratio within which a factor serves a second time instead of another one
+MOST_VECTORS = 240
+APART = 30.0  # shifts that are done at the same time differ by this ratio at least
+SMALLEST_SHIFT = 1e-14  # relative to the largest rate: below it K + sB is K but for rounding
+LARGEST_SHIFT = 1e6  # relative to the same: where B is singular, K would be rounding beside sB
+NOTHING = 1e-13  # a modulus this small, relative to the affine one, is rounding
+ROOM = 0.5  # of what is allowed that steering may take up, once the certificate has shown that there is more to it
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """G* (M,) of a Galerkin solution with bounds on its errors: by what is missing in the space, and by rounding."""
+
+    galerkin: Galerkin
+    G: np.ndarray  # (M,) complex
+    error: np.ndarray  # (M,) bound on |ΔG*|, rounding left out
+    rounding: np.ndarray  # (M, 2) of G' and of G''
+
+    @property
+    def bounds(self):
+        """Bounds on |ΔG*|, |ΔG'| and |ΔG''|, (M, 3)."""
+        return self.error[:, None] + np.column_stack((np.hypot(*self.rounding.T), self.rounding))
+
+    @property
+    def parts(self):
+        """|G'| and |G''|, (M, 2)."""
+        return np.abs(np.column_stack((self.G.real, self.G.imag)))
+
+    @property
+    def relative(self):
+        """Bounds on |ΔG'| and |ΔG''| relative to them, (M, 2)."""
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            return np.nan_to_num(self.bounds[:, 1:] / self.parts, nan=np.inf)
+
+
+class RationalSweep:
+    """Grows a basis for one pencil until the bound is met at all frequencies asked for. All methods are collective.
+
+    omega (M,) increasing; accuracy: relative, allowed in G' and in G'' each; parallel as for `make_factors`.
+    """
+
+    def __init__(
+        self, pencil: Pencil, compatibility: Compatibility, omega, accuracy: float, parallel: str = "auto"
+    ):
+        self.pencil, self.compatibility, self.accuracy = pencil, compatibility, accuracy
+        self.comm = pencil.network.comm
+        self.omega = self.comm.bcast(np.asarray(omega, float))
+        self.largest_rate = largest_rate(pencil)
+        self.rate = self.largest_rate  # sets the scale of the shifts
+        if not np.isfinite(self.rate):
+            self.rate = largest_entry(pencil.K) / largest_entry(pencil.B)
+        self.factors = make_factors(pencil, parallel)
+        self.basis: RationalBasis | None = None
+        self.missing = None  # (q, its energies at the shifts at hand), of the basis as it is
+        self.certificate: Certificate | None = None  # the last of so many:
+        self._certified = 0
+
+    @property
+    def factorisations(self) -> int:
+        """Factorisations made."""
+        return len(self.factors.shifts)
+
+    def restore(self, first, x0, vectors, shifts) -> bool:
+        """Go on from the basis of an earlier run, if that is sound; its factors are gone, new ones certify it."""
+        basis = RationalBasis(self.pencil, first, x0)
+        if not basis.restore(vectors, shifts):
+            basis.destroy()
+            return False
+        self._set_basis(basis)
+        return True
+
+    def next_shifts(self) -> list[float]:
+        """Where the next factorisations belong, as many as are done at once; none when all is certified.
+
+        Raises ConvergenceError where what was asked for cannot be met.
+        """
+        while not (shifts := on_root(self.comm, self._choose)):
+            self._certified += 1
+            self.certificate = self._certify()
+            if on_root(self.comm, self._is_met):
+                break
+        return shifts
+
+    def _choose(self):
+        """The shifts to go on with; none where the bound that steers is met everywhere."""
+        if self.basis is None:
+            return self._spread([self._clip(self.omega[0])])
+        if not self.factors.shifts:
+            return self._spread([self.basis.shifts[-1] if self.basis.size else self._clip(self.omega[0])])
+        ratio = self._ratio()
+        worst = int(np.argmax(ratio))
+        if ratio[worst] <= 1.0:
+            return self._for_certificate()
+        if self.basis.complete and self._nothing_resists(worst):
+            raise ConvergenceError(
+                "nothing resists the shear: G* vanishes but for rounding, as where no connected piece of contacts "
+                "reaches around the cell along y"
+            )
+        if self.basis.complete and not np.isfinite(ratio[worst]):
+            raise ConvergenceError(
+                f"G″ vanishes at ω = {self.omega[worst]:g}, so no relative accuracy can be met: nothing moves "
+                "against the strain, and there is no fluid"
+            )
+        if self.basis.complete or self.basis.size >= MOST_VECTORS:
+            raise ConvergenceError(
+                f"the bound on the error of G* stays at {ratio[worst]:.1e} times what "
+                f"{named('accuracy')} {self.accuracy:g} "
+                f"allows at ω = {self.omega[worst]:g} after {self.factorisations} factorisations"
+            )
+        shifts = []
+        candidates = self._clip(self.omega)
+        while len(shifts) < self.factors.width and ratio.max() > 1.0:
+            shifts.append(self._serving(float(candidates[np.argmax(ratio)])))
+            ratio[(candidates > shifts[-1] / APART) & (candidates < shifts[-1] * APART)] = 0.0
+        return shifts
+
+    def _serving(self, wanted):
+        """The nearest shift of a factor that has served once only, if it is not far from the one wanted; else that."""
+        near = [
+            s
+            for s in self.factors.shifts
+            if 1.0 / NEARBY < s / wanted < NEARBY and self.basis.shifts.count(s) <= VECTORS
+        ]
+        return min(near, key=lambda s: abs(np.log(s / wanted)), default=wanted)
+
+    def _nothing_resists(self, i):
+        """Whether G* at the i-th frequency is rounding of what it would be if nothing relaxed."""
+        affine = abs(self.pencil.k_gg + 1j * self.omega[i] * self.pencil.b_gg)
+        return abs(self._modulus()[i]) * self.pencil.network.area <= NOTHING * affine
+
+    def _for_certificate(self):
+        """The shift near which a factor is missing where the certificate is worst, as after a resume; or none."""
+        if self.certificate is None:
+            return []
+        worst = np.argmax(np.max(self.certificate.relative, axis=1))
+        wanted = float(self._clip(self.omega[worst]))
+        return [] if closest(self.factors.shifts, wanted) else [wanted]
+
+    def _spread(self, shifts):
+        """Complete a first guess to as many shifts as are done at once, evenly over the range."""
+        more = np.geomspace(shifts[0], self._clip(self.omega[-1]), self.factors.width + 1)[1:]
+        return [*shifts, *(float(s) for s in more[::-1][: self.factors.width - 1] if s > APART * shifts[0])]
+
+    def _clip(self, omega):
+        return np.clip(omega, SMALLEST_SHIFT * self.rate, min(self.largest_rate, LARGEST_SHIFT * self.rate))
+
+    def add_shifts(self, shifts) -> None:
+        """Factorise K + sB at each of them, or take a factor close by, extend the basis and renew the bound."""
+        self.factors.factorise(shifts)
+        if self.basis is None:
+            self._set_basis(self.factors.start(shifts[0]))
+        self.factors.extend(self.basis, shifts, VECTORS)
+        q, more = self.basis.residual()
+        self.basis.complete |= not more
+        self.missing = q, positive(self.factors.energies(q))
+
+    def _set_basis(self, basis):
+        self.basis = basis
+        c = self.compatibility
+        squares = (c.motions(basis.x0) + c.g) ** 2
+        drag = c.drag * (basis.x0 @ basis.x0)
+        self._still = self.pencil.network.sum(np.array([c.w_K @ squares, c.w_B @ squares + drag]))
+        self._still[1] += c.drag_gg
+
+    def worst(self) -> float:
+        """Largest ratio of the bound that steers to what it may be; done when ≤ 1."""
+        return float(np.max(self._ratio()))
+
+    def _ratio(self):
+        """The bound that steers over what the accuracy leaves for it, for the present estimate of G', G'': (M,)."""
+        G, error = self._modulus(), self._steering_bound()
+        allowed = self.accuracy * np.minimum(np.abs(G.real), np.abs(G.imag))
+        if self.certificate is not None:
+            allowed = ROOM * self._allowed(self.certificate)
+        ratio = np.full(len(allowed), np.inf)
+        np.divide(error, allowed, out=ratio, where=allowed > 0.0)
+        ratio[np.isnan(ratio)] = np.inf
+        return np.where((error == 0.0) & (allowed == 0.0), 0.0, ratio)  # nothing dissipates, exactly
+
+    def _modulus(self):
+        """The present estimate of G*, (M,)."""
+        basis, s = self.basis, 1j * self.omega
+        rates, rotation = np.linalg.eigh(basis.K)
+        loads = rotation.T @ basis.t
+        relaxed = np.sum(loads**2 / (rates + s[:, None]), axis=1)
+        return (
+            self._still[0] + s * self._still[1] - basis.factor(s) ** 2 * relaxed
+        ) / self.pencil.network.area
+
+    def _steering_bound(self):
+        """Bound on |ΔG*|, (M,), as far as r = f φ q."""
+        energies = {s: e for s, (e, _) in self.missing[1].items()}
+        size = np.abs(self.basis.factor(1j * self.omega)) ** 2 * self.basis.phi(self.omega)
+        best = energy_between(self.largest_rate, energies, self.omega)
+        return np.sqrt(2.0) * size * best / self.pencil.network.area
+
+    def _certify(self) -> Certificate:
+        """Galerkin's solution in the space as it is, with its bounds."""
+        with current().stage("projection"):
+            return self._solve()
+
+    def _solve(self):
+        galerkin = Galerkin(self.basis, self.compatibility)
+        G, rounding = on_root(
+            self.comm,
+            lambda: (
+                galerkin.spectrum.modulus(self.omega),
+                np.column_stack(galerkin.rounding(self.omega)),
+            ),
+        )
+        bound = ResidualBound(galerkin.residual(), self.factors, *self.missing, self.largest_rate, self.omega)
+        area = self.pencil.network.area
+        bare = Certificate(galerkin, G, np.zeros(len(G)), rounding)
+        error = bound.within(area * on_root(self.comm, lambda: self._allowed(bare))) / area
+        return Certificate(galerkin, G, error, rounding)
+
+    def _allowed(self, certificate):
+        """What rounding leaves of the error allowed in |G*|, (M,); zero where it leaves nothing."""
+        return np.maximum((self.accuracy * certificate.parts - certificate.rounding).min(axis=1), 0.0)
+
+    def _is_met(self):
+        """Whether the certificate is good enough. Raises ConvergenceError where it will never be."""
+        found, parts = self.certificate, self.certificate.parts
+        if np.all(found.bounds[:, 1:] <= self.accuracy * parts):
+            return True
+        relative = found.relative
+        worst = np.unravel_index(np.argmax(relative), relative.shape)
+        where = f"{('G′', 'G″')[worst[1]]} at ω = {self.omega[worst[0]]:g} is only certain to {relative[worst]:.1e}"
+        if not np.all(found.rounding <= self.accuracy * parts):
+            raise ConvergenceError(
+                f"{where}, by rounding; {named('accuracy')} {self.accuracy:g} cannot be met here"
+            )
+        if self._certified > 1 and not self._for_certificate():
+            raise ConvergenceError(
+                f"{where}, by what the solves at the shifts leave; {named('accuracy')} {self.accuracy:g} cannot be "
+                "met here"
+            )
+        return False
+
+    def error_at(self, omega: float) -> float:
+        """Bound on |ΔG*| at one of the frequencies, rounding left out."""
+        return float(self.certificate.error[np.searchsorted(self.omega, omega)])
+
+    def finish(self) -> tuple[Galerkin, np.ndarray, np.ndarray]:
+        """(Galerkin, G* (M,), bounds (M, 3) on |ΔG*|, |ΔG'|, |ΔG''|, rounding included) when no shifts are left."""
+        return self.certificate.galerkin, self.certificate.G, self.certificate.bounds
+
+    def destroy(self):
+        """Free factors and work vectors."""
+        self.factors.destroy()
+        if self.basis is not None:
+            self.basis.destroy()
+
+
+def largest_rate(pencil: Pencil) -> float:
+    """λ_max with K ≤ λ_max B, infinite where B lets motions along the bonds pass. Collective.
+
+    A contact has k (a∥)² in K, which pre-stress only lowers, and kτ₁ normal (a∥)² in B. With drag, K is at most
+    the largest sum of absolute values in one of its rows, and B at least kτ₁ drag.
+    """
+    network, law = pencil.network, pencil.law
+    limits = [np.inf]
+    if law.normal:
+        local = float(network.contacts.stiffness.max(initial=0.0))
+        limits.append(network.max(local) / (network.damping(law) * law.normal))
+    if law.drag:
+        indptr, _, values = pencil.K.getValuesCSR()
+        local = float(np.add.reduceat(np.abs(values), indptr[:-1]).max()) if len(values) else 0.0
+        limits.append(network.max(local) / (network.damping(law) * law.drag))
+    return min(limits)

@@ -1,0 +1,279 @@
+"""What a Galerkin solution leaves of the equations, and a bound on what that does to G*, whatever made the space.
+
+With the quasistatic field x_qs, the rates λ_m, modes φ_m and loads h_m of `galerkin`
+
+    x(s) = x_qs − s Σ_m h_m φ_m / (λ_m + s) ,    r(s) = k_γ + s b_γ + (K + sB) x(s) = R w(s) ,
+
+    R = [k_γ + K x_qs ,  b_γ + B (x_qs − Σ h_m φ_m) ,  (K − λ_1 B) φ_1 , …] ,    w = (1, s, −s h_1/(λ_1 + s), …) ,
+
+and |ΔG*| V ≤ √2 rᴴ(K + ωB)⁻¹r at s = iω (K and B are diagonal together, and |a + ib| ≥ (a + b)/√2 for a, b ≥ 0).
+Had all solves been exact, the columns of R would be multiples of one q (see `basis`). That is not relied upon: they are
+computed, contact by contact, and taken apart,
+
+    r(iω) = Σ_k c_k v_k + e ,    |r| ≤ Σ_k |c_k| |v_k| + |e|    in the norm of (K + ωB)⁻¹ .
+
+The energies vᵀ(K + sB)⁻¹v of a few directions v_k, the first of them q, are known from solves with the factors at
+hand; for the rest e, which is due to inexact solves and rounding, a lower bound on K + sB does, an `Anchor`. Where that
+is too coarse another direction is taken out of e. Both go from s to ω by
+
+    (K + ωB)⁻¹ ≤ c (K + sB)⁻¹ ,    c = (λ_max + s)/(λ_max + ω)  for ω ≥ s ,    c = s/ω  for ω < s ,
+
+with 0 ≤ K ≤ λ_max B, and energies interpolate between two shifts, because the inverse is operator convex.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from jampetsc.collective import on_root
+from jampetsc.linear.certificate import EPSILON
+from jampetsc.mechanics.assembly import ROW
+from jampetsc.mechanics.compatibility import Compatibility
+from jampetsc.petsc.cholesky import NotPositiveDefinite
+from jampetsc.petsc.matrices import diagonal_of
+
+SUMMED = 2.0 * EPSILON  # rounding of the sum over the contacts of a disk, relative to its terms
+BLOCK = 2048  # rows
+DIRECTIONS = 12  # at most; where so many do not do, the solves are too poor for what is asked
+
+
+def transfer(largest_rate: float, s, omega):
+    """c with (K + ωB)⁻¹ ≤ c (K + sB)⁻¹ for s and ω of shapes that fit; λ_max may be infinite."""
+    top = largest_rate
+    above = (top + s) / (top + omega) if np.isfinite(top) else 1.0
+    return np.where(omega >= s, above, s / omega)
+
+
+def energy_between(largest_rate: float, energies: dict[float, float], omega):
+    """Bound on vᵀ(K + ωB)⁻¹v, (M,), from bounds {s: vᵀ(K + sB)⁻¹v}."""
+    at = np.array(sorted(energies))
+    energy = np.array([energies[s] for s in at])
+    best = np.min(energy[:, None] * transfer(largest_rate, at[:, None], omega), axis=0)
+    between = (omega > at[0]) & (omega < at[-1])
+    best[between] = np.minimum(best[between], np.interp(omega[between], at, energy))
+    return best
+
+
+def positive(energies: dict) -> dict:
+    """{s: (e, left)} as factors give them, if every e may be an energy. Raises NotPositiveDefinite."""
+    for s, (e, _) in energies.items():
+        if not (np.isfinite(e) and e >= 0.0):
+            raise NotPositiveDefinite(
+                f"K + sB at s = {s:g} is not positive definite: it has an energy of {e:.1e}"
+            )
+    return energies
+
+
+@dataclass(frozen=True, eq=False)
+class Anchor:
+    """K + sB ≥ least · D for a diagonal D, at one shift s."""
+
+    shift: float
+    diagonal: np.ndarray  # (n_local,) of D
+    least: float
+    rounding: (
+        np.ndarray
+    )  # (m + 2,) what that of sums over contacts may have done to the columns of R, norm of D⁻¹
+
+
+@dataclass(frozen=True, eq=False)
+class _Worst:
+    """Where the bound is furthest above what is allowed: what is left there, R of_columns − v of_directions."""
+
+    omega: float
+    of_columns: np.ndarray  # (m + 2,)
+    of_directions: np.ndarray  # (k,)
+    hopeless: bool  # what is known of r is too much by itself
+
+
+class Residual:
+    """R and w of one Galerkin solution. Collective; arrays hold this rank's rows.
+
+    still, modes             (rows, ) and (rows, m): motions of the contacts in x_qs, g included, and in the modes
+    quasistatic, mode_fields (n_local,) and (n_local, m)
+    """
+
+    def __init__(self, compatibility: Compatibility, still, modes, quasistatic, mode_fields, rates, loads):
+        c = self.compatibility = compatibility
+        self.rates, self.loads = rates, loads
+        self._fast, self._flow = still - modes @ loads, quasistatic - mode_fields @ loads
+        self._still, self._modes, self._mode_fields = still, modes, mode_fields
+        self.columns = np.empty((len(quasistatic), len(rates) + 2))
+        self.columns[:, 0] = c.forces(c.w_K * still)
+        self.columns[:, 1] = c.forces(c.w_B * self._fast) + c.drag * self._flow
+        for j, rate in enumerate(rates):
+            forces = c.forces((c.w_K - rate * c.w_B) * modes[:, j])
+            self.columns[:, j + 2] = forces - (rate * c.drag) * mode_fields[:, j]
+        for column in self.columns.T:
+            c.pencil.project(column)  # no net force but for rounding, which drag alone would not hold back
+
+    def weights(self, omega):
+        """w(iω), complex (m + 2, M)."""
+        s = 1j * np.asarray(omega)
+        return np.vstack((np.ones_like(s), s, -self.loads[:, None] * s / (self.rates[:, None] + s)))
+
+    def rounding(self, s, diagonal):
+        """What rounding of the sums over contacts may have done to each column, (m + 2,), in the norm of D⁻¹.
+
+        With D = `diagonal`, that of K + sB: |D^(−½) |C|ᵀ|f||² ≤ ROW Σ f²/(|w_K| + s w_B) for forces f of contacts.
+        """
+        c = self.compatibility
+        size = np.abs(c.w_K) + s * c.w_B
+        inverse = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0)
+        of_K, of_both, of_B = inverse * c.w_K**2, inverse * c.w_K * c.w_B, inverse * c.w_B**2
+        on_disks = c.drag**2 / diagonal
+        squares, rates = self._modes**2, self.rates
+        terms = np.empty(len(rates) + 2)
+        terms[0] = of_K @ self._still**2
+        terms[1] = of_B @ self._fast**2 + on_disks @ self._flow**2
+        terms[2:] = of_K @ squares - 2.0 * rates * (of_both @ squares)
+        terms[2:] += rates**2 * (of_B @ squares + on_disks @ self._mode_fields**2)
+        return SUMMED * np.sqrt(ROW * np.maximum(c.pencil.network.sum(terms), 0.0))
+
+
+class ResidualBound:
+    """√2 rᴴ(K + ωB)⁻¹r at frequencies ω (M,), with the factors at hand. Methods are collective.
+
+    factors      as `make_factors` gives them
+    q, energies  the direction that most of r should have, (n_local,), and what `factors.energies` says of it
+    """
+
+    def __init__(self, residual: Residual, factors, q, energies, largest_rate: float, omega):
+        self.residual, self.factors, self.omega = residual, factors, omega
+        self.largest_rate = largest_rate
+        pencil = residual.compatibility.pencil
+        self.network = pencil.network
+        self._diagonals = diagonal_of(pencil.K), diagonal_of(pencil.B)
+        self.anchors = [self._first_anchor()]
+        self.directions = np.empty((len(q), 0))
+        self._energies = []
+        if self.network.sum(float(q @ q)):
+            self._add_direction(q.copy(), energies)
+
+    def _diagonal(self, s):
+        of_K, of_B = self._diagonals
+        return of_K + s * of_B
+
+    def _first_anchor(self):
+        """Under drag on disks that do not turn K + sB ≥ s kτ₁ drag; else the factor in the middle will often do."""
+        c, top = self.residual.compatibility, float(self.omega[-1])
+        if c.drag and c.pencil.law.dofs == 2:
+            return self._held(top, np.ones_like(self._diagonals[0]), top * c.drag)
+        shifts = sorted(self.factors.shifts)
+        return self._anchor(shifts[len(shifts) // 2])
+
+    def _anchor(self, s):
+        diagonal = self._diagonal(s)
+        if self.residual.compatibility.pencil.law.holds_translations:
+            diagonal = np.ones_like(diagonal)  # as `ShiftedFactor.least_eigenvalue` has it where it projects
+        return self._held(s, diagonal, self.factors.least_eigenvalue(s))
+
+    def _held(self, s, diagonal, least):
+        rounding = np.sqrt(self._stretch(s, diagonal)) * self.residual.rounding(s, self._diagonal(s))
+        return Anchor(s, diagonal, least, rounding)
+
+    def _stretch(self, s, diagonal):
+        """Largest entry of the diagonal of K + sB in units of that of an anchor."""
+        return self.network.max(float((self._diagonal(s) / diagonal).max(initial=0.0)))
+
+    def _add_direction(self, v, energies):
+        self.residual.compatibility.pencil.project(v)
+        self.directions = np.column_stack((self.directions, v))
+        self._energies.append(energies)
+
+    def _inverse(self, anchor, omega):
+        """a with (K + ωB)⁻¹ ≤ a D⁻¹ for the D of an anchor; infinite where it holds nothing."""
+        with np.errstate(divide="ignore"):
+            return transfer(self.largest_rate, anchor.shift, omega) / np.float64(anchor.least)
+
+    def within(self, allowed):
+        """The bound, (M,), as sharp as it must be to be within `allowed` (M,), or as it can be made."""
+        while True:
+            bound, worst = self._evaluate(allowed)
+            if worst is None or not self._sharpen(worst):
+                return bound
+
+    def _sharpen(self, worst):
+        """Another anchor or direction, if that can help at the frequency that needs it most."""
+        held = {anchor.shift for anchor in self.anchors}
+        nearest = min(held | set(self.factors.shifts), key=lambda s: abs(np.log(s / worst.omega)))
+        if nearest not in held:
+            self.anchors.append(self._anchor(nearest))
+            return True
+        if worst.hopeless or self.directions.shape[1] >= DIRECTIONS:
+            return False
+        v = self.residual.columns @ worst.of_columns - self.directions @ worst.of_directions
+        self._add_direction(v, positive(self.factors.energies(v)))
+        return True
+
+    def _evaluate(self, allowed):
+        """(bound (M,), `_Worst` or None where it is within `allowed`)."""
+        triangles = [self._triangle(anchor) for anchor in self.anchors]
+        stretch = [
+            [self._stretch(s, anchor.diagonal) for s in self.factors.shifts] for anchor in self.anchors
+        ]
+        return on_root(self.network.comm, lambda: self._judge(triangles, stretch, allowed))
+
+    def _triangle(self, anchor):
+        """The triangle T of D^(−½) [v_1, …, R] = QT, on rank 0."""
+        scaled = np.column_stack((self.directions, self.residual.columns)) / np.sqrt(anchor.diagonal)[:, None]
+        parts = self.network.comm.gather(_triangle(scaled))
+        return None if parts is None else _triangle(np.vstack(parts))
+
+    def _judge(self, triangles, stretch, allowed):
+        """What `_evaluate` gives, on rank 0. By anchor: T, and stretch at each shift at hand."""
+        omega, k = self.omega, self.directions.shape[1]
+        if not all(np.isfinite(triangle).all() for triangle in triangles):
+            return np.full(len(omega), np.inf), None
+        w = self.residual.weights(omega)
+        norms = np.array([self._norm(energies, stretch) for energies in self._energies]).reshape(
+            k, len(omega)
+        )
+        known, rest, parts = [], [], []
+        for anchor, triangle in zip(self.anchors, triangles, strict=True):
+            c = solve_triangular(triangle[:k, :k], triangle[:k, k:] @ w) if k else np.empty((0, len(omega)))
+            e = triangle[k:, k:] @ w
+            inverse = np.sqrt(self._inverse(anchor, omega))
+            known.append(np.sum(np.abs(c) * norms, axis=0) + (anchor.rounding @ np.abs(w)) * inverse)
+            rest.append(np.linalg.norm(e, axis=0) * inverse)
+            parts.append(e)
+        total = np.array(known) + np.array(rest)
+        best = np.argmin(np.nan_to_num(total, nan=np.inf), axis=0)
+        bound = np.sqrt(2.0) * np.take_along_axis(total, best[None], axis=0)[0] ** 2
+        bound = np.nan_to_num(bound, nan=np.inf)
+        if np.all(bound <= allowed):
+            return bound, None
+        with np.errstate(divide="ignore"):
+            i = int(np.argmax(bound / allowed))
+        anchor = best[i]
+        return bound, self._worst(
+            omega[i], triangles[anchor], w[:, i], parts[anchor][:, i], known[anchor][i], allowed[i]
+        )
+
+    def _norm(self, energies, stretch):
+        """Bound on |v|, (M,), from (e, left) of `Cholesky.energy` at the shifts: ρᵀ(K + sB)⁻¹ρ by the anchors."""
+        bounds = {}
+        for number, (s, (e, left)) in enumerate(energies.items()):
+            inverse = min(
+                self._inverse(anchor, s) * row[number]
+                for anchor, row in zip(self.anchors, stretch, strict=True)
+            )
+            bounds[s] = e + left**2 * float(inverse)
+        return np.sqrt(energy_between(self.largest_rate, bounds, self.omega))
+
+    def _worst(self, omega, triangle, w, e, known, allowed):
+        """The direction in which e is largest there, as a combination of the columns of R and of the directions."""
+        k = self.directions.shape[1]
+        _, _, axes = np.linalg.svd(np.column_stack((e.real, e.imag)), full_matrices=False)
+        of_columns = axes[0, 0] * w.real + axes[0, 1] * w.imag
+        of_directions = (
+            solve_triangular(triangle[:k, :k], triangle[:k, k:] @ of_columns) if k else np.empty(0)
+        )
+        return _Worst(float(omega), of_columns, of_directions, bool(np.sqrt(2.0) * known**2 > allowed))
+
+
+def _triangle(tall):
+    """R of QR of a tall matrix, by blocks of rows that stay in the cache."""
+    blocks = [np.linalg.qr(tall[row : row + BLOCK], mode="r") for row in range(0, max(len(tall), 1), BLOCK)]
+    return blocks[0] if len(blocks) == 1 else np.linalg.qr(np.vstack(blocks), mode="r")

@@ -1,0 +1,187 @@
+"""A sweep as it runs, and what it writes."""
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from jampetsc.analysis.equivalent_damping import EquivalentDamping
+from jampetsc.core.disks import Disks
+from jampetsc.core.laws import Physics
+from jampetsc.core.minimum import proved_minimum
+from jampetsc.core.state import BALANCED
+from jampetsc.errors import InputError, named
+from jampetsc.io.outlet import Outlet
+from jampetsc.io.packing_file import read_identified, source_told
+from jampetsc.linear.limits import LARGEST, SMALLEST
+from jampetsc.linear.record import run_record
+from jampetsc.mechanics.network import build_network
+
+FORMAT = "jampetsc-sweep"
+NOT_SHOWN = "not shown: that of fields is a bound only if K has no negative modes"
+SAME = 1e-9  # a frequency of the grid this close to one of the fields, relatively, is that one
+BOUNDS = ("error_bound", "error_bound_storage", "error_bound_loss")  # on |ΔG*|, |ΔG'|, |ΔG''|
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A sweep as it runs: G*(ω) of one packing under one law. Frequencies in 1/τ₁ units of time as the law has them.
+
+    Under power-law damping `omega` and `field_omega` are the equivalent frequencies at which the linear law
+    is solved; `asked` turns them into those of the experiment.
+    """
+
+    packing: str  # what messages call it
+    disks: Disks
+    identity: tuple  # name and sha256 of the packing
+    physics: Physics
+    omega: np.ndarray  # (M,) increasing
+    field_omega: np.ndarray  # (F,) increasing, where displacement fields are wanted
+    experiment: np.ndarray  # (M,) frequency of the experiment for each of omega
+    method: str  # rational | direct
+    accuracy: float  # asked for, relative, in G' and in G'' each
+    to: Outlet
+    damping: EquivalentDamping | None = None  # None: linear
+    parallel: str = "auto"  # what ranks share in the rational method: shifts | matrix | auto
+    negative_modes: int | None = None  # of K; None: not known
+    counted_by: str = ""  # how that number is known, where this run has found it out
+    imbalance: float = np.nan  # max |F| / (p d)
+    started: float = field(default_factory=time.perf_counter)
+
+    @classmethod
+    def of(cls, job, to, comm=None) -> "Run":
+        """The run of a `jobs.sweep.Sweep`; fields are stored at frequencies of the sweep, so those are added to it.
+
+        Collective over `comm`, as `read_identified`. Raises InputError as that does, and where power-law damping
+        would need frequencies beyond what can be solved.
+        """
+        field_omega = np.zeros(0) if job.fields is None else job.fields
+        apart = ~np.isclose(job.omega[:, None], field_omega, rtol=SAME, atol=0.0).any(axis=1)
+        experiment = np.union1d(job.omega[apart], field_omega)
+        damping, tau1 = job.damping, job.law.tau1
+        solved = experiment if damping is None else damping.frequency(experiment * tau1) / tau1
+        beyond = (solved < SMALLEST) | (solved > LARGEST)
+        if beyond.any():
+            raise InputError(
+                f"{named('alpha')} {damping.alpha:g} {named('stress')} {damping.stress:g}: omega = "
+                f"{experiment[beyond][0]:g} is equivalent to {solved[beyond][0]:g} under linear damping, outside "
+                f"{SMALLEST:g} to {LARGEST:g}: narrow {named('omega')}"
+            )
+        disks, identity = read_identified(job.packing, comm)
+        to.made_from(disks)
+        return cls(
+            packing=source_told(job.packing),
+            disks=disks,
+            identity=identity,
+            physics=Physics(job.law, job.prestress),
+            omega=solved,
+            field_omega=solved[np.searchsorted(experiment, field_omega)],
+            experiment=experiment,
+            method=job.method,
+            accuracy=job.accuracy,
+            to=to,
+            damping=damping,
+            parallel=job.parallel or "auto",
+            negative_modes=0 if not job.prestress or proved_minimum(disks) else None,
+        )
+
+    def network(self, comm):
+        """The contact network of the packing. Collective. Raises InputError, naming the file, where it is not rigid."""
+        try:
+            return build_network(self.disks, comm, self.physics.prestress)
+        except InputError as error:
+            raise InputError(f"{self.packing}: {error}") from None
+
+    def asked(self, omega):
+        """Frequencies of the experiment for some of `self.omega`, in their shape."""
+        return self.experiment[np.searchsorted(self.omega, omega)]
+
+    @property
+    def parameters(self) -> dict:
+        """The law as a file tells it, with exponent and stress of power-law damping."""
+        if self.damping is None:
+            return self.physics.parameters
+        return {**self.physics.parameters, "alpha": self.damping.alpha, "stress": self.damping.stress}
+
+    @property
+    def positive_semidefinite(self) -> str:
+        """Whether K has no negative modes, and how that is known; the error bound rests on it."""
+        if not self.imbalance <= BALANCED:
+            return f"{self._definiteness}; but forces are not balanced: max|F|/(p d) = {self.imbalance:.1e}"
+        return self._definiteness
+
+    @property
+    def _definiteness(self):
+        if not self.physics.prestress:
+            return "by construction (no pre-stress)"
+        if self.negative_modes is None:
+            return NOT_SHOWN
+        if self.negative_modes:
+            return f"no: {self.negative_modes} negative modes; error_bound is an estimate for fields, a bound for G*"
+        return f"proved {f'by {self.counted_by}' if self.counted_by else 'when the packing was made'}"
+
+    @property
+    def certified(self) -> bool:
+        """Whether error bounds hold, and are those of a packing at rest."""
+        return self.negative_modes == 0 and self.imbalance <= BALANCED
+
+    def key(self, ranks: int) -> dict:
+        """What identifies the job to a checkpoint; rows of fields belong to ranks, numbers do not."""
+        return {
+            "packing": self.identity[1],
+            "law": self.parameters,
+            "omega": self.omega,
+            "method": self.method,
+            "accuracy": self.accuracy,
+            "fields": self.field_omega,
+            "ranks": ranks if len(self.field_omega) or self.method == "rational" else None,
+        }
+
+
+def write_sweep(
+    run: Run, network, omega, G, bounds, fields, extra: dict, reduced: dict | None = None
+) -> None:
+    """Write the result file. Collective.
+
+    omega and G (M,) and bounds (M, 3) on |ΔG*|, |ΔG'| and |ΔG''|, the same on all ranks; omega are among
+    run.omega; fields yields (displacement (n_local, 2), rotation (n_local,) or None, relative bound) for each
+    of run.field_omega in turn; extra holds attributes of the method, reduced the datasets of the group
+    `reduced`.
+    """
+    with run.to.writer(FORMAT, network.comm) as writer:
+        writer.dataset("omega", run.asked(omega))
+        if run.damping is not None:
+            writer.dataset("equivalent_omega", omega)
+        writer.dataset("G", G)
+        for name, bound in zip(BOUNDS, bounds.T, strict=True):
+            writer.dataset(name, bound)
+        for name, values in (reduced or {}).items():
+            writer.dataset(f"reduced/{name}", values)
+        if len(run.field_omega):
+            writer.dataset("fields/omega", run.asked(run.field_omega))
+            writer.distributed("particles", network.particles)
+            errors = []
+            for displacement, rotation, error in fields:
+                writer.append("fields/displacement", displacement)
+                if rotation is not None:
+                    writer.append("fields/rotation", rotation)
+                errors.append(error)
+            writer.dataset("fields/error_bound", np.array(errors))
+        writer.attributes(
+            **run_record(run.disks, run.identity, run.parameters, network, run.started),
+            method=run.method,
+            accuracy=run.accuracy,
+            positive_semidefinite=run.positive_semidefinite,
+            **extra,
+        )
+
+
+def split_field(pencil, x):
+    """This rank's (displacement (n_local, 2), rotation (n_local,) or None) of a solution vector (n_local · dofs,).
+
+    Displacements are per unit strain and without the mean of each piece. Collective.
+    """
+    dofs = pencil.law.dofs
+    values = np.asarray(x).reshape(-1, dofs)
+    displacement = values[:, :2] - pencil.pieces.mean(pencil.network, values[:, :2])
+    return displacement, values[:, 2].copy() if dofs == 3 else None

@@ -1,0 +1,130 @@
+"""The two limits of G''/ω without any frequency: η₀ of the quasistatic flow, η_∞ of the flow that dissipates
+least.
+
+η₀ V γ² is what B costs for the quasistatic field, the disks turning such that it is least (their
+torques vanish as ω → 0):
+
+    η₀ = (kτ₁/V) [ Σ a∥² + β min_θ Σ (a⊥ − ρ_i θ_i − ρ_j θ_j)² ]     damping by contacts, split as in BT eq. 22
+    η₀ = (kτ₁/V) Σ |ũ_i|² + η_F                                      by the fluid
+
+η_∞ V γ² is the minimum of B over all fields and angles.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jampetsc.core.laws import Law
+from jampetsc.errors import InputError
+from jampetsc.linear.refined_solve import relax
+from jampetsc.mechanics.assembly import assemble
+from jampetsc.mechanics.compatibility import build_compatibility
+from jampetsc.mechanics.network import Network
+from jampetsc.petsc.cholesky import NotPositiveDefinite
+from jampetsc.petsc.matrices import set_diagonal
+from jampetsc.petsc.session import current
+from jampetsc.petsc.shifted import ShiftedFactor
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """η₀ of one quasistatic field, in its parts, and how the disks turn in it. Viscosities in kτ₁."""
+
+    parts: dict  # "normal" and "transverse", or "drag" and "fluid"
+    rotation: np.ndarray | None  # (n_local,) θ per unit strain where disks roll
+    sliding: np.ndarray | None  # (contacts_local,) a⊥ᶜ where disks roll
+
+    @property
+    def eta0(self) -> float:
+        """η₀."""
+        return sum(self.parts.values())
+
+
+class Viscosity:
+    """B of one law on one network. Methods are collective; needs the real build of PETSc."""
+
+    def __init__(self, network: Network, law: Law):
+        self.network, self.law = network, law
+        self.pencil = assemble(network, law)
+        self.compatibility = build_compatibility(self.pencil)
+
+    def quasistatic(self, displacement) -> Flow:
+        """η₀ of the field `displacement` (n_local, 2), non-affine per unit strain.
+
+        With drag it must be without the mean of each piece, else with the disks of pins at rest.
+        """
+        network, law, c = self.network, self.law, self.compatibility
+        if not law.damps_contacts:
+            drag = network.sum(float(np.sum(displacement**2)))
+            fluid = c.drag_gg / network.area
+            return Flow({"drag": c.drag * drag / network.area, "fluid": fluid}, None, None)
+        start = np.zeros((len(displacement), law.dofs))
+        start[:, :2] = displacement
+        if law.couples_rotations:
+            solve, destroy = self._turns()
+            flow = relax(c, c.w_B, solve, c.g, "rotations of the quasistatic flow", start.ravel())
+            destroy()
+            motions, rotation = flow.motions, flow.x.reshape(-1, 3)[:, 2].copy()
+        else:
+            motions, rotation = (c.motions(start.ravel()) + c.g).reshape(-1, c.forms), None
+        costs = network.sum(np.einsum("cf,cf->f", c.w_B.reshape(motions.shape), motions**2)) / network.area
+        return Flow(
+            {"normal": float(costs[0]), "transverse": float(costs[-1])},
+            rotation,
+            None if rotation is None else motions[:, -1].copy(),
+        )
+
+    def _turns(self):
+        """(solve, destroy): solve(rhs, out) moves the angles only, by B_θθ, one gear held in each bipartite
+        piece.
+        """
+        PETSc = current().PETSc
+        first, last = self.network.first, self.network.last
+        rows = PETSc.IS().createStride(last - first, 3 * first + 2, 3, comm=self.network.comm)
+        block = self.pencil.B.createSubMatrix(rows, rows)
+        held = self.pencil.pins[self.pencil.pins % 3 == 2] // 3
+        set_diagonal(block, held, self.law.sliding * self.network.damping(self.law))
+        factor = self._factor(block)
+        work = block.createVecRight()
+
+        def solve(rhs, out):
+            work.setArray(rhs.getArray()[2::3])
+            factor.solve(work, work)
+            out.zeroEntries()
+            out.getArray()[2::3] = work.getArray()
+
+        def destroy():
+            factor.destroy()
+            for item in (work, rows):
+                item.destroy()
+
+        return solve, destroy
+
+    def infinite(self) -> float:
+        """η_∞, in kτ₁.
+
+        Raises InputError where B leaves a flow besides translations and gears without cost.
+        """
+        c = self.compatibility
+        if not self.law.damps_contacts:  # disks that follow the affine flow dissipate nothing but η_F
+            return c.drag_gg / self.network.area
+        block = self.pencil.B.copy()
+        set_diagonal(block, self.pencil.pins, self.network.damping(self.law))
+        factor = self._factor(block)
+        relaxed = relax(c, c.w_B, factor.solve, c.g, "flow of least dissipation")
+        factor.destroy()
+        return relaxed.value / self.network.area
+
+    def _factor(self, block):
+        try:
+            return ShiftedFactor(block, f"B of {self.law}")
+        except NotPositiveDefinite:
+            raise InputError(
+                f"B of {self.law} has moves without dissipation besides translations: η is not unique; "
+                "raise the pressure or the weights of the law"
+            ) from None
+
+    def destroy(self):
+        """Free the matrices."""
+        self.compatibility.destroy()
+        self.pencil.destroy()

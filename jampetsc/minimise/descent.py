@@ -1,0 +1,151 @@
+"""A packing on its way down: the list of its pairs, its moves since, and what L-BFGS remembers over many lists."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jampetsc.core.disks import Disks
+from jampetsc.core.domains import borders, into_domains, padded
+from jampetsc.core.pairs import ListedDisks
+from jampetsc.core.threads import Team
+from jampetsc.errors import ConvergenceError
+from jampetsc.minimise.hessian import Bonds
+from jampetsc.minimise.lbfgs import CONVERGED, STALE, Task, descend
+from jampetsc.minimise.lbfgs_kernels import Space
+
+MEMORY = 5  # pairs (s, y) that are kept
+STEPS = 2000  # evaluations between two looks at the skin
+REACH = 0.1  # no disk moves farther in one step, in units of d
+FIRST = 0.1  # first step, in units of force / contact stiffness
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What is held fixed while the energy is minimised."""
+
+    pressure: float | None = None  # target p; None keeps the cell as it is
+    shear: bool = False  # also relax the shear of the cell to σ_xy = 0
+
+
+class Descent(ListedDisks):
+    """Disks as they were when their pairs were listed, and their moves since; `evaluations` counts those of forces."""
+
+    def __init__(self, disks: Disks, goal: Goal, team: Team):
+        self.goal, self.team = goal, team
+        self.evaluations = 0
+        rows, size, domains = 2 * MEMORY, padded(disks.n), len(borders(disks.n)) - 1
+        self.space = Space(
+            offsets=np.zeros((size, 2)),
+            box=np.zeros(2),
+            forces=np.zeros((2, size, 2)),
+            pairs=np.zeros(2 * size * rows, np.float32),
+            box_pairs=np.zeros((rows, 2)),
+            products=np.zeros((2, MEMORY, MEMORY)),
+            sums=np.zeros((domains, rows + 6)),
+            reaches=np.zeros((domains, 3)),
+        )
+        self._remembered = (0, 0)  # how many pairs, and where the next one goes
+        super().__init__(disks)
+
+    def list(self, disks):
+        """See `ListedDisks`; the moves are those in `space`."""
+        super().list(disks)
+        self.domains = into_domains(self.pairs, borders(disks.n))
+        self.space.offsets[:] = 0.0
+        self.space.box[:] = 0.0
+        self.offsets = self.space.offsets[: disks.n]
+
+    @property
+    def n(self) -> int:
+        """Number of disks."""
+        return self.reference.n
+
+    @property
+    def potential(self):
+        """That of the disks."""
+        return self.reference.potential
+
+    @property
+    def box(self):
+        """See `ListedDisks`."""
+        return self.space.box
+
+    @property
+    def area(self) -> float:
+        """V of the cell now."""
+        return self.reference.area * float(np.exp(2.0 * self.box[0]))
+
+    def bonds(self) -> Bonds:
+        """The listed pairs as they are now."""
+        return Bonds.of(self.pairs, self.potential, self.offsets, *self.box)
+
+    def move(self, moves, strain):
+        """Move the disks from where they are by (N, 2), and then the cell with them by a small (ε, g)."""
+        growth, shear = np.exp(-self.box[0]), self.box[1]
+        self.offsets[:, 0] += growth * (moves[:, 0] - shear * moves[:, 1])
+        self.offsets[:, 1] += growth * moves[:, 1]
+        self.box[:] += strain
+        if self.stale():
+            self.fold()
+        self._remembered = (0, 0)
+
+    def usual_overlap(self, pressure: float | None = None) -> float:
+        """Overlap of a contact that carries a typical force, 2 p d, at the pressure held or about the right one."""
+        law, d = self.potential, self.diameter
+        scale = float(law.scale(np.array(d)))
+        pressure = pressure or self.goal.pressure or 1e-3 * law.k / scale**2
+        return scale * (2.0 * pressure * d * scale / law.k) ** (1.0 / (law.alpha - 1.0))
+
+    def usual_stiffness(self, pressure: float | None = None) -> float:
+        """Stiffness of such a contact."""
+        return float(self.potential.contact_stiffness(self.usual_overlap(pressure), self.diameter))
+
+    def stiffest(self):
+        """Stiffness of the stiffest contact there is, or that the target pressure makes."""
+        sigma = self.pairs.sigma
+        depth = np.full_like(sigma, self.usual_overlap())
+        if self.potential.alpha > 2.0:
+            depth = np.maximum(depth, self.bonds().overlap)
+        return np.max(self.potential.contact_stiffness(depth, sigma), initial=1e-300)
+
+    def descend(self, force: float, box_force: float, evaluations: int) -> bool:
+        """L-BFGS until max |F| ≤ force and |∂H/∂ε|, |∂H/∂g| ≤ box_force; whether `evaluations` sufficed."""
+        budget = self.evaluations + evaluations
+        while True:
+            task = self.task(force, box_force, min(STEPS, budget - self.evaluations))
+            status, done, *self._remembered = self.team.run(
+                descend, self.domains.number, self.domains, self.space, task, *self._remembered
+            )
+            self.served(done, status == STALE)
+            if status == CONVERGED or self.evaluations >= budget:
+                return status == CONVERGED
+
+    def served(self, steps: int, stale: bool):
+        """Count the evaluations of a list; make a new one where it is stale, or its skin was ill chosen.
+
+        Raises ConvergenceError where coordinates are no longer numbers.
+        """
+        self.evaluations += steps
+        if not (np.isfinite(self.offsets).all() and np.isfinite(self.box).all()):
+            raise ConvergenceError("forces are not finite: do two disks lie on the same spot?")
+        skin = self.skin
+        if stale or steps >= STEPS:
+            self.tune(steps)
+        if stale or self.skin != skin:
+            self.fold()
+
+    def task(self, force: float, box_force: float, steps: int) -> Task:
+        """What compiled steps from here are to do."""
+        return Task(
+            law=self.potential.constants,
+            moving=(self.goal.pressure is not None, self.goal.shear),
+            push=(self.goal.pressure or 0.0) * self.reference.area,
+            scale=float(np.sqrt(self.n)) * self.diameter,
+            reach=REACH * self.diameter,
+            widest=self.largest,
+            skin=self.pairs.skin,
+            softness=FIRST / self.stiffest(),
+            force=float(force),
+            box_force=float(box_force),
+            steps=steps,
+        )

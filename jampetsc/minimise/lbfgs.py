@@ -1,0 +1,231 @@
+"""L-BFGS: the compiled steps down to a minimum of the enthalpy, with the cell as one or two more coordinates.
+
+Coordinates are the offsets o of the disks since their pairs were listed and, where the cell moves, its strain ε and
+shear g in units that make them about as stiff as a disk: x = (o, √N d ε, √N d g). With f the net contact forces,
+F = e^ε [[1, g], [0, 1]] and W = Σ (f/r) r rᵀ,
+
+    ∂H/∂o = −Fᵀ f,    ∂H/∂ε = −(W_xx + W_yy − 2 p V),    ∂H/∂g = −W_xy,    H = U + p V.
+
+The direction is that of the two-loop recursion (Nocedal, Math. Comput. 35, 773 (1980)), carried out on the inner
+products alone, which `passes` over the disks take: one sum over all disks for each of two passes per step. No
+energies: slopes stay accurate down to the rounding of forces, differences of energies do not.
+"""
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from jampetsc.core.pairs import is_stale
+from jampetsc.core.threads import meet
+from jampetsc.minimise.lbfgs_kernels import Space, adjust, measure, step
+
+STRETCH = 0.01  # no side of the cell changes by more than this fraction in one step
+UPHILL = 0.9  # a step after which the slope is more than this against it was too long
+SHRINKS = 10  # times a step is made shorter
+
+MORE, CONVERGED, STALE = range(3)
+
+
+class Task(NamedTuple):
+    """What is sought, and where to stop."""
+
+    law: tuple  # `Potential.constants`
+    moving: tuple  # (bool, bool): which of ε and g move
+    push: float  # p V at ε = 0
+    scale: float  # √N d: ε and g times this are lengths, as moves of disks are
+    reach: float  # longest move of a disk in one step
+    widest: float  # diameter of the largest disk
+    skin: float  # of the pair list
+    softness: float  # first step, in units of the gradient: about 0.1 / contact stiffness
+    force: float  # largest force allowed
+    box_force: float  # largest |∂H/∂ε| and |∂H/∂g| allowed
+    steps: int  # force evaluations
+
+
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
+def _collect(space, task, total, box_gradient):
+    """Sums over all domains into `total`, the gradient of the cell into `box_gradient`; g·g and products complete."""
+    rows = len(space.box_pairs)
+    total[:] = 0.0
+    for d in range(len(space.sums)):
+        for s in range(len(total)):
+            if s != rows + 2:
+                total[s] += space.sums[d, s]
+            else:
+                total[s] = max(total[s], space.sums[d, s])
+    growth = np.exp(space.box[0])
+    box_gradient[0] = box_gradient[1] = 0.0
+    if task.moving[0]:
+        box_gradient[0] = -(total[rows + 3] - 2.0 * task.push * growth * growth) / task.scale
+    if task.moving[1]:
+        box_gradient[1] = -total[rows + 4] / task.scale
+    for b in range(2):
+        for row in range(rows):
+            total[row] += space.box_pairs[row, b] * box_gradient[b]
+        total[rows + 1] += box_gradient[b] * box_gradient[b]
+
+
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
+def _direction(total, products, count, head, memory, softness, coefficients):
+    """Coefficients of the direction, for the pairs' rows and last for the gradient.
+
+    Returns its slope, and how many pairs are remembered: none any more if they led uphill.
+    """
+    rows = 2 * memory
+    sy, yy = products[0], products[1]
+    coefficients[:] = 0.0
+    slope = 0.0
+    if count > 0:
+        alpha = np.zeros(memory)
+        delta = np.zeros(memory)
+        for back in range(count):
+            a = (head - 1 - back) % memory
+            rest = total[2 * a]
+            for newer in range(back):
+                b = (head - 1 - newer) % memory
+                rest -= alpha[b] * sy[a, b]
+            alpha[a] = rest / sy[a, a]
+        newest = (head - 1) % memory
+        gamma = sy[newest, newest] / yy[newest, newest]
+        for back in range(count - 1, -1, -1):
+            a = (head - 1 - back) % memory
+            rest = total[2 * a + 1]
+            for other in range(count):
+                b = (head - 1 - other) % memory
+                rest -= alpha[b] * yy[a, b]
+            rest *= gamma
+            for older in range(count - 1, back, -1):
+                b = (head - 1 - older) % memory
+                rest += delta[b] * sy[b, a]
+            delta[a] = alpha[a] - rest / sy[a, a]
+        slope = -gamma * total[rows + 1]
+        coefficients[rows] = -gamma
+        for back in range(count):
+            a = (head - 1 - back) % memory
+            coefficients[2 * a] = -delta[a]
+            coefficients[2 * a + 1] = gamma * alpha[a]
+            slope += coefficients[2 * a] * total[2 * a] + coefficients[2 * a + 1] * total[2 * a + 1]
+    if slope >= 0.0:
+        coefficients[:] = 0.0
+        coefficients[rows] = -softness
+        return -softness * total[rows + 1], 0
+    return slope, count
+
+
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
+def _adjust_box(box, move, ratio, scale):
+    for b in range(2):
+        box[b] += (ratio - 1.0) * move[b] / scale
+        move[b] *= ratio
+
+
+@numba.njit(cache=True, fastmath=False, nogil=True, error_model="numpy")
+def descend(me, threads, counter, domains, space, task, count, head):
+    """Steps of L-BFGS by thread `me` of `threads`, until the forces are small, the list stale, or `steps` are done.
+
+    counter: for `meet`. count, head: how many pairs are remembered, and where the next one goes. Every thread
+    decides everything from the same numbers. Returns (status, evaluations, count, head).
+    """
+    rows = len(space.box_pairs)
+    memory = rows // 2
+    number = len(domains.across)
+    first, last = me * number // threads, (me + 1) * number // threads
+    products, box, box_pairs = space.products.copy(), space.box.copy(), space.box_pairs.copy()
+    own = Space(space.offsets, box, space.forces, space.pairs, box_pairs, products, space.sums, space.reaches)
+    total, before = np.zeros(rows + 6), np.zeros(rows + 6)
+    pull, pull_before = np.zeros(2), np.zeros(2)  # gradient of the cell
+    coefficients, move = np.zeros(rows + 1), np.zeros(2)
+    factors = np.ones(2)
+    status, evaluations = MORE, 0
+    # which forces, and which pair they complete; plain numbers would have types of their own
+    now, slot = np.int64(0), np.int64(-1)
+    slope = length = lower = lower_slope = 0.0
+    shrinks = 0  # of the step that is tried
+    while True:
+        factors[now] = np.exp(box[0]) if box[1] == 0.0 else 1.0
+        for d in range(first, last):
+            measure(domains, d, own, task, factors, now, slot)
+        meet(counter, threads)
+        if slot >= 0:
+            box_pairs[2 * head + 1] = 0.0  # of the cell y is known with all sums only
+        _collect(own, task, total, pull)
+        evaluations += 1
+        if slot >= 0:
+            after = total[2 * head] / length
+            if after > -UPHILL * slope and shrinks < SHRINKS and evaluations < task.steps:
+                share = min(max(lower_slope / (lower_slope - after), 0.1), 0.9)
+                shorter = lower + share * (length - lower)
+                _adjust_box(box, move, shorter / length, task.scale)
+                for d in range(first, last):
+                    adjust(domains, d, own, shorter / length, head)
+                box_pairs[2 * head] = move
+                length = shorter
+                shrinks += 1
+                meet(counter, threads)
+                continue
+            # The new pair: its products with the others follow from those of the two gradients.
+            for b in range(2):
+                change = pull[b] - pull_before[b]
+                box_pairs[2 * head + 1, b] = change
+                total[rows] += change * change
+                total[2 * head + 1] += change * pull[b]
+            s_y = total[2 * head] - length * slope
+            if s_y > 0.0:
+                for back in range(min(count, memory - 1)):
+                    a = (head - 1 - back) % memory
+                    products[0, a, head] = total[2 * a] - before[2 * a]
+                    products[1, a, head] = products[1, head, a] = total[2 * a + 1] - before[2 * a + 1]
+                products[0, head, head] = s_y
+                products[1, head, head] = total[rows]
+                head = (head + 1) % memory
+                count = min(count + 1, memory)
+            else:
+                count = min(count, memory - 1)
+        top = total[rows + 2] * factors[now] / np.exp(box[0])
+        box_force = task.scale * max(abs(pull[0]), abs(pull[1]))
+        if np.sqrt(2.0) * top <= task.force and box_force <= task.box_force:
+            status = CONVERGED
+            break
+        if evaluations >= task.steps:
+            break
+        slope, count = _direction(total, products, count, head, memory, task.softness, coefficients)
+        for b in range(2):
+            move[b] = coefficients[rows] * pull[b]
+            for row in range(rows):
+                move[b] += coefficients[row] * box_pairs[row, b]
+            box[b] += move[b] / task.scale
+        for d in range(first, last):
+            step(domains, d, own, now, factors[now], coefficients, head)
+        meet(counter, threads)
+        longest = far = 0.0
+        for d in range(number):
+            longest = max(longest, space.reaches[d, 0])
+            far = max(far, space.reaches[d, 1])
+        turned = max(abs(move[0]), abs(move[1])) / task.scale
+        length = min(1.0, task.reach / max(longest, 1e-300), STRETCH / max(turned, 1e-300))
+        if length < 1.0:
+            _adjust_box(box, move, length, task.scale)
+            for d in range(first, last):
+                space.reaches[d, 2] = adjust(domains, d, own, length, head)
+            meet(counter, threads)
+            far = 0.0
+            for d in range(number):
+                far = max(far, space.reaches[d, 2])
+        if is_stale(np.sqrt(2.0) * far, box[0], box[1], task.widest, task.skin):
+            _adjust_box(box, move, 0.0, task.scale)
+            for d in range(first, last):
+                adjust(domains, d, own, 0.0, head)
+            count = min(count, memory - 1)  # its s has taken the place of the oldest
+            status = STALE
+            break
+        box_pairs[2 * head] = move
+        before[:] = total
+        pull_before[:] = pull
+        lower, lower_slope, shrinks = 0.0, slope, 0
+        now, slot = 1 - now, head
+    if me == 0:
+        space.products[:] = products
+        space.box[:] = box
+        space.box_pairs[:] = box_pairs
+    return status, evaluations, count, head

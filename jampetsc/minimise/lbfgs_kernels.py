@@ -1,0 +1,185 @@
+"""What L-BFGS does to the disks of one domain: the compiled passes over coordinates, forces and remembered pairs.
+
+Two per step: one makes the direction of the remembered pairs and moves, another one, after the forces, stores the
+change of the gradient and takes the products of all pairs with the new one. Work goes on by chunks of GRAIN disks,
+whose rows of all pairs lie together in memory.
+
+The pairs are kept in single precision; a stored s is exactly the move that was made.
+"""
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from jampetsc.core.domains import GRAIN, domain_forces
+from jampetsc.core.kernel import FAST
+
+CHUNK = 2 * GRAIN  # coordinates worked on at a time
+
+
+class Space(NamedTuple):
+    """Where the minimisation is, and what it remembers; rows are padded to N' = a multiple of GRAIN disks."""
+
+    offsets: np.ndarray  # (N', 2)
+    box: np.ndarray  # (2,) ε and g
+    forces: np.ndarray  # (2, N', 2): at this point and at the one before
+    pairs: np.ndarray  # (N'/GRAIN · 2m · CHUNK,) float32: per chunk the rows s_0, y_0, s_1, y_1, …
+    box_pairs: np.ndarray  # (2m, 2) their parts that belong to ε and g
+    products: np.ndarray  # (2, m, m): s_a · y_b for a no newer than b; y_a · y_b
+    sums: np.ndarray  # (D, 2m + 6) each domain's share of the sums over disks
+    reaches: np.ndarray  # (D, 3) each domain's longest move and offset
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+def _dot(a, b):
+    total = 0.0
+    for q in range(len(a)):
+        total += a[q] * b[q]
+    return total
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+def _square(f, peaks):
+    """f · f; peaks ← max(peaks, |f|) place by place, which compilers turn into wide instructions and a single
+    maximum not."""
+    total = 0.0
+    for q in range(len(f)):
+        total += f[q] * f[q]
+        size = abs(f[q])
+        peaks[q] = size if size > peaks[q] else peaks[q]
+    return total
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def _peaks(f, peaks):
+    for q in range(len(f)):
+        size = abs(f[q])
+        peaks[q] = size if size > peaks[q] else peaks[q]
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+def _change(new, factor_new, old, factor_old, y):
+    """y ← g_new − g_old, in single precision; returns y · y and y · f_new."""
+    square = product = 0.0
+    for q in range(len(y)):
+        y[q] = factor_old * old[q] - factor_new * new[q]
+        here = np.float64(y[q])
+        square += here * here
+        product += here * new[q]
+    return square, product
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+def _add_pair(sum_, c_s, s, c_y, y):
+    for q in range(len(sum_)):
+        sum_[q] += c_s * s[q] + c_y * y[q]
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def _scaled(f, c, out):
+    for q in range(len(out)):
+        out[q] = c * f[q]
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def _move(direction, s, o):
+    """s ← direction in single precision, o ← o + s."""
+    for q in range(len(o)):
+        s[q] = direction[q]
+        o[q] += np.float64(s[q])
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def _rescale(ratio, s, o):
+    """The last move s made longer by `ratio`, in s and in o; returns max |o|."""
+    far = 0.0
+    for q in range(len(o)):
+        old = np.float64(s[q])
+        s[q] = ratio * old
+        here = o[q] + (np.float64(s[q]) - old)
+        o[q] = here
+        size = abs(here)
+        far = size if size > far else far
+    return far
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+def _shear(f, growth, shear):
+    """f ← Fᵀ f, f (n, 2)."""
+    for q in range(len(f)):
+        f[q, 1] = growth * (f[q, 1] + shear * f[q, 0])
+        f[q, 0] = growth * f[q, 0]
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+def measure(domains, d, space, task, factors, now, slot):
+    """Forces of domain d, the change of its gradient into pair `slot` (unless −1), and its share of all sums."""
+    strain, shear = space.box[0], space.box[1]
+    fresh = space.forces[now]
+    bonds = domain_forces(domains, d, space.offsets, strain, shear, task.law, fresh, None, None)
+    first, last = domains.disks[d], domains.disks[d + 1]
+    if shear != 0.0:
+        _shear(fresh[first:last], np.exp(strain), shear)
+    rows = len(space.box_pairs)
+    new = fresh.reshape(-1)
+    old = space.forces[1 - now].reshape(-1)
+    sums = space.sums[d]
+    sums[:] = 0.0
+    peaks = np.zeros(CHUNK)
+    for chunk in range(first // GRAIN, last // GRAIN):
+        here = slice(chunk * CHUNK, (chunk + 1) * CHUNK)
+        base = chunk * rows * CHUNK
+        f = new[here]
+        if slot >= 0:
+            y = space.pairs[base + (2 * slot + 1) * CHUNK : base + (2 * slot + 2) * CHUNK]
+            square, product = _change(f, factors[now], old[here], factors[1 - now], y)
+            sums[rows] += square
+            sums[2 * slot + 1] += product
+        for row in range(rows):
+            if row != 2 * slot + 1:
+                sums[row] += _dot(space.pairs[base + row * CHUNK : base + (row + 1) * CHUNK], f)
+        sums[rows + 1] += _square(f, peaks)
+    sums[rows + 2] = peaks.max()
+    for row in range(rows):
+        sums[row] *= -factors[now]
+    sums[rows + 1] *= factors[now] * factors[now]
+    sums[rows + 3] = bonds.elastic_xx + bonds.elastic_yy
+    sums[rows + 4] = bonds.elastic_xy
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+def step(domains, d, space, now, factor, coefficients, head):
+    """Move the disks of domain d along the direction, which becomes the s of pair `head`."""
+    rows = len(space.box_pairs)
+    f = space.forces[now].reshape(-1)
+    o = space.offsets.reshape(-1)
+    direction = np.empty(CHUNK)
+    longest, far = np.zeros(CHUNK, np.float32), np.zeros(CHUNK)
+    for chunk in range(domains.disks[d] // GRAIN, domains.disks[d + 1] // GRAIN):
+        here = slice(chunk * CHUNK, (chunk + 1) * CHUNK)
+        base = chunk * rows * CHUNK
+        _scaled(f[here], -factor * coefficients[rows], direction)
+        for row in range(0, rows, 2):
+            if coefficients[row] != 0.0 or coefficients[row + 1] != 0.0:
+                s = space.pairs[base + row * CHUNK : base + (row + 1) * CHUNK]
+                y = space.pairs[base + (row + 1) * CHUNK : base + (row + 2) * CHUNK]
+                _add_pair(direction, coefficients[row], s, coefficients[row + 1], y)
+        s = space.pairs[base + 2 * head * CHUNK : base + (2 * head + 1) * CHUNK]
+        _move(direction, s, o[here])
+        _peaks(s, longest)
+        _peaks(o[here], far)
+    space.reaches[d, 0], space.reaches[d, 1] = longest.max(), far.max()
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def adjust(domains, d, space, ratio, head):
+    """The last move, the s of pair `head`, made longer by `ratio` for the disks of domain d; returns max |o|."""
+    rows = len(space.box_pairs)
+    o = space.offsets.reshape(-1)
+    far = 0.0
+    for chunk in range(domains.disks[d] // GRAIN, domains.disks[d + 1] // GRAIN):
+        base = (chunk * rows + 2 * head) * CHUNK
+        here = slice(chunk * CHUNK, (chunk + 1) * CHUNK)
+        far = max(far, _rescale(ratio, space.pairs[base : base + CHUNK], o[here]))
+    return far

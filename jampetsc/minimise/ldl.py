@@ -1,0 +1,224 @@
+"""A Hessian's factor for many small solves: L D Lᵀ of 2×2 blocks, one for each disk and contact, compiled.
+
+Up to N ~ 1e5, where dense blocks of a library begin to pay; at some thousands its call and analysis cost more than the
+work. Disks are eliminated in an order that the caller gives. Row k of L follows from the rows before it: with
+W_j = L_kj D_j,
+
+    W_j = A_kj − Σ_{i<j} W_i L_jiᵀ,    L_kj = W_j D_j⁻¹,    D_k = A_kk − Σ_j L_kj W_jᵀ,
+
+j running over the disks that the elimination tree leads to from the neighbours of k.
+"""
+
+import numba
+import numpy as np
+
+from jampetsc.core.kernel import FAST, NUMBERS
+
+
+@numba.njit(cache=True, fastmath=False)
+def minimum_degree(n, i, j, chosen):
+    """N disks in the order of their elimination (N,): always one that then has the fewest neighbours.
+
+    i, j, chosen (M,): pairs, and which of them are neighbours at the start. A pair is a group of two; the groups of a
+    disk that is eliminated become one, of all its neighbours (the quotient graph of George & Liu, SIAM Rev. 31, 1
+    (1989)).
+    """
+    pairs = len(i)
+    first, of = np.zeros(n + 1, np.int64), np.empty(2 * pairs, np.int64)  # groups of each disk
+    number = np.zeros(n, np.int64)
+    for p in range(pairs):
+        first[i[p] + 1] += 1
+        first[j[p] + 1] += 1
+    first = np.cumsum(first)
+    begin, end = np.zeros(pairs + n, np.int64), np.zeros(pairs + n, np.int64)  # of each group
+    members = np.empty(16 * n + 2 * pairs, np.int64)
+    for p in range(pairs):
+        begin[p], end[p] = 2 * p, 2 * p + 2
+        members[2 * p], members[2 * p + 1] = i[p], j[p]
+        if chosen[p]:
+            for disk in (i[p], j[p]):
+                of[first[disk] + number[disk]] = p
+                number[disk] += 1
+    order, degree, seen = np.empty(n, np.uint32), number.copy(), np.full(n, -1)
+    merged = np.zeros(pairs + n, np.bool_)
+    filled, mark = 2 * pairs, 0
+    for k in range(n):
+        disk = np.argmin(degree)
+        order[k], degree[disk] = disk, 3 * n
+        if filled + n > len(members):
+            members = np.concatenate((members, np.empty_like(members)))
+        group = pairs + k
+        begin[group] = filled
+        mark += 1
+        seen[disk] = mark
+        for e in of[first[disk] : first[disk] + number[disk]]:
+            merged[e] = True
+            for other in members[begin[e] : end[e]]:
+                if seen[other] != mark:
+                    seen[other] = mark
+                    members[filled] = other
+                    filled += 1
+        end[group] = filled
+        for a in members[begin[group] : filled]:
+            kept = first[a]
+            for e in of[first[a] : first[a] + number[a]]:
+                if not merged[e]:
+                    of[kept] = e
+                    kept += 1
+            of[kept] = group
+            number[a] = kept + 1 - first[a]
+            mark += 1
+            seen[a] = mark
+            degree[a] = 0
+            for e in of[first[a] : kept + 1]:
+                for other in members[begin[e] : end[e]]:
+                    if seen[other] != mark:
+                        seen[other] = mark
+                        degree[a] += 1
+    return order
+
+
+@numba.njit(cache=True, fastmath=False)
+def rows_below(order, i, j, chosen):
+    """(start (N + 1,), column, pair): for each disk, in the order of elimination, its contacts with earlier ones.
+
+    chosen (M,): which pairs are in the matrix.
+    """
+    n = len(order)
+    place = np.empty(n, np.int64)
+    for k in range(n):
+        place[order[k]] = k
+    start = np.zeros(n + 1, np.int64)
+    for p in range(len(i)):
+        if chosen[p]:
+            start[max(place[i[p]], place[j[p]]) + 1] += 1
+    for k in range(n):
+        start[k + 1] += start[k]
+    fill = start[:-1].copy()
+    column, pair = np.empty(start[n], np.int64), np.empty(start[n], np.int64)
+    for p in range(len(i)):
+        if chosen[p]:
+            a, b = place[i[p]], place[j[p]]
+            row = max(a, b)
+            column[fill[row]] = min(a, b)
+            pair[fill[row]] = p
+            fill[row] += 1
+    return start, column, pair
+
+
+@numba.njit(cache=True, fastmath=False)
+def _tree(start, column):
+    """(parent (N,), entries of each column of L (N,)) of the elimination tree."""
+    n = len(start) - 1
+    parent, seen = np.full(n, -1), np.full(n, -1)
+    entries = np.zeros(n, np.int64)
+    for k in range(n):
+        seen[k] = k
+        for e in range(start[k], start[k + 1]):
+            a = column[e]
+            while seen[a] != k:
+                if parent[a] < 0:
+                    parent[a] = k
+                entries[a] += 1
+                seen[a] = k
+                a = parent[a]
+    return parent, entries
+
+
+@numba.njit(cache=True, fastmath=NUMBERS, error_model="numpy")
+def factorise(order, i, j, blocks, chosen, shift):
+    """L D Lᵀ of Σ blocks (u_j − u_i)² + Σ shift u², blocks (M, 2, 2) of the chosen pairs (M,), shift (N,), in `order`.
+
+    The blocks are symmetric. Returns (definite, factor), the latter (order, begin (N + 1,), row (nonzeros,), L, and
+    after it D⁻¹ (nonzeros + N, 4)): four arrays, as longer tuples take numba long to look at.
+    """
+    start, column, pair = rows_below(order, i, j, chosen)
+    n = len(order)
+    parent, entries = _tree(start, column)
+    begin = np.zeros(n + 1, np.uint32)
+    for k in range(n):
+        begin[k + 1] = begin[k] + entries[k]
+    fill = begin[:-1].copy()
+    inverse = np.zeros((n, 3))
+    row, lower = np.empty(begin[n], np.uint32), np.empty((begin[n] + n, 4))
+    w, diagonal = np.zeros((n, 4)), np.zeros((n, 3))
+    for p in range(len(i)):
+        if chosen[p]:
+            for disk in (i[p], j[p]):
+                diagonal[disk, 0] += blocks[p, 0, 0]
+                diagonal[disk, 1] += blocks[p, 0, 1]
+                diagonal[disk, 2] += blocks[p, 1, 1]
+    seen, path, pattern = np.full(n, -1), np.empty(n, np.int64), np.empty(n, np.int64)
+    definite = True
+    for k in range(n):
+        top = n
+        seen[k] = k
+        for e in range(start[k], start[k + 1]):
+            a, p = column[e], pair[e]
+            for b in range(4):
+                w[a, b] -= blocks[p, b // 2, b % 2]
+            length = 0
+            while seen[a] != k:
+                path[length] = a
+                length += 1
+                seen[a] = k
+                a = parent[a]
+            while length > 0:
+                length -= 1
+                top -= 1
+                pattern[top] = path[length]
+        disk = order[k]
+        d0, d1, d2 = diagonal[disk, 0] + shift[disk], diagonal[disk, 1], diagonal[disk, 2] + shift[disk]
+        for q in range(top, n):
+            c = pattern[q]
+            w0, w1, w2, w3 = w[c, 0], w[c, 1], w[c, 2], w[c, 3]
+            w[c] = 0.0
+            for e in range(begin[c], fill[c]):
+                r = row[e]
+                l0, l1, l2, l3 = lower[e, 0], lower[e, 1], lower[e, 2], lower[e, 3]
+                w[r, 0] -= w0 * l0 + w1 * l1
+                w[r, 1] -= w0 * l2 + w1 * l3
+                w[r, 2] -= w2 * l0 + w3 * l1
+                w[r, 3] -= w2 * l2 + w3 * l3
+            i0, i1, i2 = inverse[c, 0], inverse[c, 1], inverse[c, 2]
+            l0, l1 = w0 * i0 + w1 * i1, w0 * i1 + w1 * i2
+            l2, l3 = w2 * i0 + w3 * i1, w2 * i1 + w3 * i2
+            d0 -= l0 * w0 + l1 * w1
+            d1 -= l0 * w2 + l1 * w3
+            d2 -= l2 * w2 + l3 * w3
+            e = fill[c]
+            row[e] = k
+            lower[e, 0], lower[e, 1], lower[e, 2], lower[e, 3] = l0, l1, l2, l3
+            fill[c] = e + 1
+        minor = d0 * d2 - d1 * d1
+        if not (d0 > 0.0 and minor > 0.0):
+            definite = False
+            break
+        inverse[k, 0], inverse[k, 1], inverse[k, 2] = d2 / minor, -d1 / minor, d0 / minor
+    lower[begin[n] :, :3] = inverse
+    return definite, (order, begin, row, lower)
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def solve(factor, b, x, work):
+    """x = A⁻¹ b, (N, 2) each; work (N, 2)."""
+    order, begin, row, lower = factor
+    n = len(order)
+    inverse = lower[begin[n] :]
+    for k in range(n):
+        work[k, 0], work[k, 1] = b[order[k], 0], b[order[k], 1]
+    for k in range(n):
+        y0, y1 = work[k, 0], work[k, 1]
+        for e in range(begin[k], begin[k + 1]):
+            r = row[e]
+            work[r, 0] -= lower[e, 0] * y0 + lower[e, 1] * y1
+            work[r, 1] -= lower[e, 2] * y0 + lower[e, 3] * y1
+    for k in range(n - 1, -1, -1):
+        y0 = inverse[k, 0] * work[k, 0] + inverse[k, 1] * work[k, 1]
+        y1 = inverse[k, 1] * work[k, 0] + inverse[k, 2] * work[k, 1]
+        for e in range(begin[k], begin[k + 1]):
+            r = row[e]
+            y0 -= lower[e, 0] * work[r, 0] + lower[e, 2] * work[r, 1]
+            y1 -= lower[e, 1] * work[r, 0] + lower[e, 3] * work[r, 1]
+        work[k, 0], work[k, 1] = y0, y1
+        x[order[k], 0], x[order[k], 1] = y0, y1

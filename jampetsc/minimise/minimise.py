@@ -1,0 +1,168 @@
+"""Minimise in this cell, or at this pressure: from any disks to a proved minimum of the energy or the enthalpy.
+
+L-BFGS first; it follows the cascade of rearrangements that a quench is, cheaply, and does not need the contacts to be
+those of the minimum. Newton's method then takes a few steps; where it does not get there, contacts still change,
+and L-BFGS goes on to a tenth of the forces. What has converged is proved a minimum, or is a saddle and is left.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from jampetsc.core.disks import Disks
+from jampetsc.core.minimum import with_proof
+from jampetsc.core.threads import Team
+from jampetsc.errors import ConvergenceError
+from jampetsc.minimise.descent import Descent, Goal
+from jampetsc.minimise.fire import fall
+from jampetsc.minimise.newton import Limits, Newton, Point
+
+HANDOVER = 1e-5  # max |F| / (p d) at which Newton's method is tried first
+EVALUATIONS = 20_000_000  # of the forces, before a minimisation is given up
+SLICE = 20_000  # evaluations between two reports
+SETTLING = 20_000  # evaluations for a random start, at most
+SADDLES = 20  # to leave before it is given up
+UNJAMMED = 1e-11  # pressure in units of k below which disks in a fixed cell do not touch
+
+
+@dataclass
+class Effort:
+    """What minimising has cost so far; `report` is called with it now and then."""
+
+    evaluations: int = 0
+    newton_steps: int = 0  # factorisations
+    saddles: int = 0
+    stage: str = ""
+    residual: float = np.nan  # max |F| / (p d)
+    report: object = field(default=lambda effort: None, repr=False)
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """What `minimise` has found; its disks carry the proof in their record."""
+
+    disks: Disks
+    jammed: bool  # False: no two disks touch, so the energy is zero and nothing is proved
+    pressure: float
+    max_force: float  # over all disks, rattlers too
+    limit: str  # what ended it: "tolerance", or "rounding" where that is larger
+    modulus: float  # G₀ at fixed area, of the load-bearing contacts
+
+
+def settle(disks: Disks, force: float, *, team: Team | None = None, effort: Effort | None = None) -> Disks:
+    """Random disks after a first relaxation in their cell to max |F| ≤ force, or SETTLING evaluations."""
+    descent, effort = Descent(disks, Goal(), team or Team()), effort or Effort()
+    fall(descent, force, SETTLING)
+    effort.evaluations += descent.evaluations
+    return descent.disks
+
+
+def relax(disks: Disks, goal: Goal, force: float, *, team: Team | None = None, effort: Effort | None = None):
+    """Disks after L-BFGS to max |F| ≤ force and, where the cell moves, |Δp| ≤ force / d; not a minimum yet.
+
+    Raises ConvergenceError if that takes too long.
+    """
+    descent, effort = Descent(disks, goal, team or Team()), effort or Effort()
+    way = _Way(descent, effort)
+    while not way.down_to(force):
+        pass
+    return descent.disks
+
+
+def minimise(
+    disks: Disks,
+    goal: Goal,
+    solver,
+    *,
+    tolerance: float = 1e-10,
+    team: Team | None = None,
+    effort: Effort | None = None,
+) -> Minimum:
+    """The minimum of the energy in the disks' cell, or of the enthalpy at a pressure, downhill from `disks`.
+
+    goal       what is held fixed
+    solver     Cholesky factorisations of the Hessian, see `newton`
+    tolerance  max |F| ≤ tolerance · p d over all disks, |Δp| and, where the cell shears, |σ_xy| ≤ tolerance · p; but
+               no less than rounding leaves of them
+    effort     counts what it costs
+
+    Every minimum is proved by a Cholesky factorisation of its Hessian (see `newton`). In a fixed cell disks may come
+    apart: then `jammed` is False. Raises ConvergenceError where no minimum is reached.
+    """
+    descent, effort = Descent(disks, goal, team or Team()), effort or Effort()
+    way, newton = _Way(descent, effort), Newton(descent, solver, effort)
+    limits = Limits(descent, tolerance)
+    fraction = HANDOVER
+    while True:
+        pressure = way.down_to_fraction(fraction, limits)
+        if goal.pressure is None and pressure < UNJAMMED * stress_unit(disks):
+            return Minimum(descent.disks, False, pressure, Point.of(descent).residual.force, "tolerance", 0.0)
+        if newton.converge(limits):
+            descent.fold()  # the proof is of the disks that are returned, to the last bit
+            point, modulus = Point.of(descent), newton.prove()
+            if modulus is None and effort.saddles < SADDLES and newton.leave_saddle():
+                effort.saddles += 1
+                fraction = HANDOVER
+                continue
+            if modulus is not None and point.residual.within(limits.at(point.pressure)):
+                asked = point.residual.within(limits.asked(point.pressure))
+                return Minimum(
+                    with_proof(descent.disks),
+                    True,
+                    point.pressure,
+                    point.residual.force,
+                    "tolerance" if asked else "rounding",
+                    modulus,
+                )
+        if fraction * pressure * descent.diameter < 0.1 * limits.at(pressure).force:
+            raise way.lost(pressure)
+        fraction *= 0.1
+
+
+def stress_unit(disks: Disks) -> float:
+    """Pressure of order one for these disks: k, or k/d² where stiffnesses are k/σ²."""
+    return float(disks.potential.k) / float(disks.potential.scale(np.array(2.0 * np.mean(disks.radii)))) ** 2
+
+
+class _Way:
+    """L-BFGS in slices, counted and reported."""
+
+    def __init__(self, descent: Descent, effort: Effort):
+        self.descent, self.effort = descent, effort
+        self._before = effort.evaluations - descent.evaluations
+
+    def down_to(self, force: float) -> bool:
+        """One slice; whether it got there. Raises ConvergenceError when all of them have been too few."""
+        descent, effort = self.descent, self.effort
+        box_force = 2.0 * descent.area * force / descent.diameter
+        there = descent.descend(force, box_force, SLICE)
+        effort.evaluations = self._before + descent.evaluations
+        effort.report(effort)
+        if not there and descent.evaluations > EVALUATIONS:
+            raise self.lost(Point.of(descent).pressure)
+        return there
+
+    def down_to_fraction(self, fraction: float, limits: Limits) -> float:
+        """Down to max |F| = fraction · p d, or to rounding; p, which in a fixed cell falls on the way."""
+        descent = self.descent
+        force = np.inf
+        while True:
+            point = Point.of(descent)
+            pressure = point.pressure if descent.goal.pressure is None else descent.goal.pressure
+            apart = descent.goal.pressure is None and pressure < UNJAMMED * stress_unit(descent.disks)
+            if apart:
+                return pressure
+            self.effort.residual = point.residual.force / (pressure * descent.diameter)
+            wanted = max(fraction * pressure * descent.diameter, 0.5 * limits.at(pressure).force)
+            if force <= 2.0 * wanted:
+                return pressure
+            if self.down_to(wanted):
+                force = wanted
+
+    def lost(self, pressure: float) -> ConvergenceError:
+        """That no minimum was reached."""
+        force = Point.of(self.descent).residual.force
+        return ConvergenceError(
+            f"no minimum after {self.effort.evaluations} force evaluations and {self.effort.saddles} saddles: "
+            f"max|F|/(p d) = {force / (pressure * self.descent.diameter):.1e}"
+        )

@@ -1,0 +1,309 @@
+"""The last digits of a minimisation: damped Newton steps with the exact Hessian, disks and cell together.
+
+One solves (K + μ) u = F with μ ≪ the softest stiffness, p, but > 0, so that rattlers, which nothing holds, need no
+treatment of their own; the cell is eliminated by its Schur complement. A converged packing is then proved a minimum:
+the Cholesky factorisation of K without μ and without rattlers, one disk pinned against translations, succeeds and
+leaves the cell a positive Schur complement. Where it does not, the packing is a saddle, and is left along a mode of
+negative curvature. All of this on one pattern while the list of pairs stands: it is analysed once.
+
+The factorisation is passed in (`solver`), so that this package needs no PETSc:
+
+    solver.factorise(indptr, indices, values) -> bool    upper triangle as CSR; False if not positive definite
+    solver.solve(b) -> x
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from jampetsc.core.state import both_ends, find_rattlers, force_threshold, virial_pressure
+from jampetsc.minimise.descent import Descent, Goal
+from jampetsc.minimise.hessian import Bonds, Pattern, border
+
+STEPS = 12  # a few are enough once the contacts are those of the minimum; else the descent should go on
+DAMPING = 1e-3  # first μ, in units of p
+DAMPING_RAISED = 4e-4  # at least, after a negative mode
+DAMPING_LEAST = 1e-4  # where max |F| > NEAR p d
+NEAR = 1e-3
+BEND = 1e-5  # max |F| / (p d) below which slopes are near rounding, and full steps as good
+REACH = 0.1  # no disk moves farther in one step, in units of d
+RAISES = 60  # of μ, fourfold each, before a Hessian is given up
+FLAT = 0.3  # slope at the end of a search, as a share of that at its beginning
+TRIES = 12  # points of a search
+ITERATIONS = 50  # for a negative mode
+FORCE_FLOOR = 3e-15  # in units of k d
+STRESS_FLOOR = 4e-16  # in units of k/√N
+
+
+@dataclass(frozen=True)
+class Residual:
+    """How far a packing is from equilibrium."""
+
+    force: float  # max |F| over all disks
+    pressure: float  # |p − p_target|, 0 at fixed cell
+    shear_stress: float  # |σ_xy| where the shear of the cell is free, else 0
+
+    def within(self, limits: "Residual") -> bool:
+        """Whether every part is at most that of `limits`."""
+        return (
+            self.force <= limits.force
+            and self.pressure <= limits.pressure
+            and self.shear_stress <= limits.shear_stress
+        )
+
+
+class Limits:
+    """Residuals that count as converged: relative to p, but no less than the rounding of bonds, r ~ d, leaves.
+
+    One force is uncertain by about 1e-16 k d, k the stiffness of a usual contact, the net force on a disk, of half a
+    dozen, by a few times that, and the pressure, a mean over N bonds, by 1/√N of it.
+    """
+
+    def __init__(self, descent: Descent, tolerance: float):
+        self._descent, self._tolerance = descent, tolerance
+
+    def asked(self, pressure: float) -> Residual:
+        """What `tolerance` means at this pressure."""
+        stress = self._tolerance * pressure
+        return Residual(stress * self._descent.diameter, stress, stress)
+
+    def at(self, pressure: float) -> Residual:
+        """The larger of what was asked for and what rounding leaves."""
+        asked, stiffness = self.asked(pressure), self._descent.usual_stiffness(pressure)
+        stress = STRESS_FLOOR * stiffness / np.sqrt(self._descent.n)
+        force = FORCE_FLOOR * stiffness * self._descent.diameter
+        return Residual(max(asked.force, force), *[max(asked.pressure, stress)] * 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """What a packing is like at one point of its way."""
+
+    goal: Goal
+    bonds: Bonds
+    n: int
+    area: float
+    pressure: float
+    forces: np.ndarray  # (N, 2) −∂H/∂o
+    drive: np.ndarray  # (2,) −∂H/∂(ε, g), 0 for what does not move
+
+    @classmethod
+    def of(cls, descent: Descent) -> "Point":
+        """The point where `descent` is now."""
+        n, area, goal = descent.n, descent.area, descent.goal
+        bonds = descent.bonds()
+        pressure = virial_pressure(bonds.force, bonds.distance, area)
+        push = bonds.force * bonds.normal
+        drive = np.zeros(2)
+        if goal.pressure is not None:
+            drive[0] = 2.0 * area * (pressure - goal.pressure)
+        if goal.shear:
+            drive[1] = float(np.sum(push[0] * bonds.r[1]))
+        return cls(goal, bonds, n, area, pressure, bonds.on_disks(push, n), drive)
+
+    @property
+    def residual(self) -> Residual:
+        """How far this is from equilibrium."""
+        return Residual(
+            force=float(np.hypot(*self.forces.T).max()),
+            pressure=abs(self.drive[0]) / (2.0 * self.area),
+            shear_stress=abs(self.drive[1]) / self.area,
+        )
+
+    @property
+    def moving(self):
+        """Which of ε and g move."""
+        return [b for b, moves in enumerate((self.goal.pressure is not None, self.goal.shear)) if moves]
+
+    def along(self, step) -> float:
+        """−∂H along a step (u, strain)."""
+        move, strain = step
+        return float(np.vdot(self.forces, move) + np.dot(self.drive, strain))
+
+    def held(self, disks):
+        """The point with its load-bearing contacts alone, and the mask (N,) of the disks they hold, but for one.
+
+        That one is pinned against translations; rattlers are not held.
+        """
+        i, j = self.bonds.pairs.i, self.bonds.pairs.j
+        bears = self.bonds.force > force_threshold(disks, self.pressure)
+        held = ~find_rattlers(self.n, *both_ends(i[bears], j[bears]))
+        bare = replace(self, bonds=self.bonds.only(bears & held[i] & held[j]))
+        if held.any():
+            held[np.argmax(held)] = False
+        return bare, held
+
+
+class Linear:
+    """(H + μ) of a point, factorised: disks by `solver`, the cell by its Schur complement."""
+
+    def __init__(self, point: Point, pattern: Pattern, solver, free, mu: float):
+        self._solver, self._free, self._moving = solver, free, point.moving
+        values = pattern.fill(point.bonds, free, mu)
+        self.definite = bool(free.any()) and solver.factorise(pattern.indptr, pattern.indices, values)
+        if not self.definite:
+            return
+        rows, corner = border(point.bonds, point.n, point.area, point.goal.pressure or 0.0)
+        self._rows = np.where(free[:, None, None], rows, 0.0)
+        self._response = np.stack([self._disks(self._rows[..., b]) for b in range(2)], axis=-1)
+        corner = corner + mu * point.n * np.eye(2)
+        schur = corner - np.einsum("nab,nac->bc", self._rows, self._response)
+        self.modulus = float(schur[1, 1]) / point.area
+        self._schur = schur[np.ix_(self._moving, self._moving)]
+        self.definite = not self._moving or float(np.linalg.eigvalsh(self._schur)[0]) > 0.0
+
+    def _disks(self, right):
+        return self._solver.solve(np.ascontiguousarray(right).ravel()).reshape(-1, 2)
+
+    def solve(self, forces, drive):
+        """(u (N, 2), strain (2,)) with (H + μ)(u, strain) = (forces, drive)."""
+        move = self._disks(np.where(self._free[:, None], forces, 0.0))
+        strain = np.zeros(2)
+        if self._moving:
+            left = (drive - np.einsum("nab,na->b", self._rows, move))[self._moving]
+            strain[self._moving] = np.linalg.solve(self._schur, left)
+            move -= self._response @ strain
+        return move, strain
+
+
+class Newton:
+    """Newton steps on a descent; `effort.newton_steps` counts factorisations."""
+
+    def __init__(self, descent: Descent, solver, effort):
+        self.descent, self.solver, self.effort = descent, solver, effort
+        self._analysed = None, None
+
+    def _linear(self, point, free, mu) -> Linear:
+        pairs = self.descent.pairs
+        if self._analysed[0] is not pairs:
+            self._analysed = pairs, Pattern(pairs, self.descent.n)
+        self.effort.newton_steps += 1
+        return Linear(point, self._analysed[1], self.solver, free, mu)
+
+    def _damped(self, point, free, mu):
+        """(H + μ) with μ raised until it is positive definite, and that μ."""
+        for _ in range(RAISES):
+            linear = self._linear(point, free, mu)
+            if linear.definite:
+                break
+            mu = max(4.0 * mu, DAMPING_RAISED * point.pressure)
+        return linear, mu
+
+    def converge(self, limits: Limits) -> bool:
+        """Steps until the residual is what `limits` ask for, or rounding stops them, at most STEPS; whether it is."""
+        d = self.descent.diameter
+        free = np.ones(self.descent.n, bool)
+        point = Point.of(self.descent)
+        mu = DAMPING * point.pressure
+        last = np.inf
+        for _ in range(STEPS):
+            scale, force = point.pressure, point.residual.force
+            if point.residual.within(limits.asked(scale)):
+                return True
+            if point.residual.within(limits.at(scale)) and force > 0.5 * last:
+                return True
+            last = force
+            linear, mu = self._damped(point, free, mu)
+            step = linear.solve(point.forces, point.drive)
+            longest = float(np.hypot(*step[0].T).max())
+            if not 0.0 < longest < np.inf:
+                return False
+            length = min(1.0, REACH * d / longest)
+            if force > BEND * scale * d:
+                length, point = self._search(point, step, length)
+            else:
+                point = self._go(step, length)
+            if length > 0.7:
+                near = point.residual.force <= NEAR * scale * d
+                mu = max(0.3 * mu, 0.0 if near else DAMPING_LEAST * scale)
+            elif length < 0.3:
+                mu *= 3.0
+        return point.residual.within(limits.at(point.pressure))
+
+    def _go(self, step, length):
+        self.descent.move(length * step[0], length * step[1])
+        return Point.of(self.descent)
+
+    def _search(self, start, step, length):
+        """Go along a step until the slope is small, or all of it if that is downhill to its end.
+
+        Returns how far, and the point there.
+        """
+        pull = start.along(step)
+        point = self._go(step, length)
+        now = point.along(step)
+        if now >= 0.0:
+            return length, point
+        lower, upper = (0.0, pull), (length, now)
+        for _ in range(TRIES):
+            if abs(now) <= FLAT * pull:
+                break
+            here, length = length, flat_between(lower, upper)
+            point = self._go(step, length - here)
+            now = point.along(step)
+            if now > 0.0:
+                lower = (length, now)
+            else:
+                upper = (length, now)
+        return length, point
+
+    def prove(self):
+        """G₀ of the load-bearing contacts if they alone make this a minimum, else None."""
+        point, held = Point.of(self.descent).held(self.descent.disks)
+        linear = self._linear(point, held, 0.0)
+        return linear.modulus if linear.definite else None
+
+    def leave_saddle(self) -> bool:
+        """Go down along a mode of negative curvature, to where it is steepest; False if none is found."""
+        descent = self.descent
+        point, held = Point.of(descent).held(descent.disks)
+        mode = self._negative_mode(point, held) if held.any() else None
+        if mode is None:
+            return False
+        longest = float(np.hypot(*mode[0].T).max())
+        size = 0.1 * descent.usual_overlap() / longest
+        for _ in range(TRIES):
+            pulls = {sign * size: self._pull_at(mode, sign * size) for sign in (1.0, -1.0)}
+            way = max(pulls, key=pulls.get)
+            if pulls[way] > 0.0:
+                break
+            size *= 0.1
+        else:
+            return False
+        pull = pulls[way]
+        while abs(2.0 * way) * longest <= REACH * descent.diameter:
+            farther = self._pull_at(mode, 2.0 * way)
+            if farther <= pull:
+                break
+            way, pull = 2.0 * way, farther
+        self._go(mode, way)
+        return True
+
+    def _pull_at(self, mode, way):
+        """How strongly the packing is driven on along `mode` once it has gone that way."""
+        pull = np.sign(way) * self._go(mode, way).along(mode)
+        self._go(mode, -way)
+        return pull
+
+    def _negative_mode(self, point, held):
+        """A move (u, strain) of negative curvature, by inverse iteration with μ; None if there is none."""
+        linear, mu = self._damped(point, held, DAMPING_LEAST * point.pressure)
+        weight = float(point.n)  # of a strain, beside a move of one disk
+        move = np.random.default_rng(point.n).standard_normal((point.n, 2))
+        strain = np.zeros(2)
+        curvature = np.inf
+        for _ in range(ITERATIONS):
+            new, turned = linear.solve(move, weight * strain)
+            norm = np.vdot(new, new) + weight * np.dot(turned, turned)
+            before = curvature
+            curvature = (np.vdot(new, move) + weight * np.dot(turned, strain)) / norm - mu
+            move, strain = new / np.sqrt(norm), turned / np.sqrt(norm)
+            if curvature < 0.0 and abs(curvature - before) < 0.1 * abs(curvature):
+                break
+        return (move, strain) if curvature < 0.0 else None
+
+
+def flat_between(lower, upper) -> float:
+    """Where between two (length, slope) the slope may vanish, by the secant; a tenth of the way or more from both."""
+    share = min(max(lower[1] / (lower[1] - upper[1]), 0.1), 0.9)
+    return lower[0] + share * (upper[0] - lower[0])

@@ -1,0 +1,147 @@
+"""How packings are made: random starts, the path in pressure, and the minimum at its end."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from jampetsc.core.disks import Disks
+from jampetsc.core.neighbours import spatial_order
+from jampetsc.core.pairs import deformed
+from jampetsc.core.potentials import Potential
+from jampetsc.core.state import measure
+from jampetsc.core.threads import Team
+from jampetsc.errors import InputError
+from jampetsc.minimise.descent import Goal
+from jampetsc.minimise.minimise import Effort, Minimum, minimise, relax, settle, stress_unit
+
+FIRST = 1e-3  # pressure in units of k from which a random start goes down decade by decade
+LOOSE = 1e-2  # max |F| / (p d) to which the packings on the way are quenched
+TOUCHING = 1e-3  # max |F| / (k d) to which a random start is relaxed in its cell
+
+
+@dataclass(frozen=True)
+class Target:
+    """What the packing must fulfil: a pressure or a packing fraction, and how exactly."""
+
+    pressure: float | None = None
+    phi: float | None = None
+    stabilise: str = "volume"  # "shear": σ_xy = 0 and a positive shear modulus, too
+    tolerance: float = 1e-10  # max |F| / (p d) and |Δp| / p
+
+
+def _generator(seed):
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed)))
+
+
+def start_phi(pressure: float) -> float:
+    """Packing fraction to start from for a pressure in units of k: near where it will end, a little above.
+
+    A packing remembers the densest state it was quenched in: coming from p = 1e-2 raises φ at 1e-4 by 0.002.
+    """
+    return 0.85 + 3.5 * pressure
+
+
+def random_start(radii, phi: float, seed: int, potential: Potential, separated: bool = False) -> Disks:
+    """Disks at uniformly random places in a square cell of packing fraction `phi`, in spatial order.
+
+    separated: those above the mean radius at x < s L_x, the others beyond, s such that both sides have this `phi`.
+    The generator is PCG64 seeded by SeedSequence(seed): the same packing on every machine and every rank.
+    """
+    radii = np.asarray(radii, float)
+    side = np.sqrt(np.pi * np.sum(radii**2) / phi)
+    places = _generator(seed).random((len(radii), 2))
+    if separated:
+        large = radii > radii.mean()
+        share = np.sum(radii[large] ** 2) / np.sum(radii**2)
+        places[:, 0] = np.where(large, share * places[:, 0], share + (1.0 - share) * places[:, 0])
+    positions = side * places
+    cell = np.diag([side, side])
+    order = spatial_order(positions, cell)
+    return Disks.from_positions(positions[order], radii[order], cell, potential)
+
+
+def changed(disks: Disks, target: Target) -> Disks:
+    """The disks to begin with where a packing is changed, compressed evenly to the φ of a target if it has one.
+
+    Raises InputError where no disks touch, so that there is no pressure to change.
+    """
+    disks = replace(disks, record={})
+    if target.phi is None:
+        if measure(disks).pressure <= 0:
+            raise InputError(
+                "no disks touch, so there is no pressure to change: give a packing fraction, or use a random start"
+            )
+        return disks
+    return deformed(disks, np.zeros((disks.n, 2)), 0.5 * np.log(disks.phi / target.phi), 0.0)
+
+
+def make_packing(
+    start: Disks,
+    target: Target,
+    solver,
+    *,
+    fresh: bool = True,
+    team: Team | None = None,
+    effort: Effort | None = None,
+) -> Disks:
+    """Quench `start` to `target` and record how.
+
+    fresh: a random start, relaxed in its cell first; otherwise a packing whose pressure is changed. At a
+    target pressure the path goes down decade by decade, every packing on the way relaxed to max |F| = 1e-2 p
+    d. solver: see `newton`. team: the threads to do it with; how many does not change the packing.
+
+    Raises ConvergenceError where no minimum is reached, InputError for a φ below jamming.
+    """
+    effort = effort or Effort()
+    disks, path = start, []
+    if target.pressure is None:
+        goal = Goal()
+        path.append(f"phi = {target.phi:.10g}")
+    else:
+        goal = Goal(target.pressure, target.stabilise == "shear")
+        unit, d = stress_unit(disks), 2.0 * float(np.mean(disks.radii))
+        if fresh:
+            effort.stage = "random start"
+            disks = settle(disks, TOUCHING * unit * d, team=team, effort=effort)
+            path.append(f"phi = {start.phi:.6g}")
+            now = max(FIRST * unit, target.pressure)
+        else:
+            now = measure(start).pressure
+            path.append(f"p = {now:.6g}")
+        for pressure in _decades(now, target.pressure, fresh):
+            effort.stage = f"p = {pressure:.3g}"
+            on_the_way = Goal(pressure, goal.shear)
+            disks = relax(disks, on_the_way, LOOSE * pressure * d, team=team, effort=effort)
+            path.append(f"p = {pressure:.6g}")
+        effort.stage = f"p = {target.pressure:.3g}"
+        path.append(f"p = {target.pressure:.6g}")
+    found = minimise(disks, goal, solver, tolerance=target.tolerance, team=team, effort=effort)
+    if not found.jammed:
+        raise InputError(f"phi = {target.phi:.6g}: the disks do not touch: choose a larger packing fraction")
+    return _recorded(found, target, ("random, " if fresh else "") + ", then ".join(path), effort)
+
+
+def _decades(now, wanted, include_first):
+    """Pressures between `now` and a lower `wanted`, a decade apart."""
+    steps = int(np.ceil(np.log10(now / wanted) - 1e-9)) if now > wanted else 0
+    return [now * 10.0**-s for s in range(0 if include_first else 1, steps)]
+
+
+def _recorded(found: Minimum, target, protocol, effort) -> Disks:
+    disks, state = found.disks, measure(found.disks)
+    return disks.with_record(
+        pressure=state.pressure,
+        phi=disks.phi,
+        energy=state.energy,
+        max_force=state.max_force,
+        coordination=state.coordination,
+        rattlers=int(np.count_nonzero(state.rattlers)),
+        shear_stress=float(state.stress[0, 1]),
+        shear_modulus=found.modulus,
+        protocol=protocol,
+        stabilise=target.stabilise,
+        tolerance=target.tolerance,
+        limited_by=found.limit,
+        evaluations=effort.evaluations,
+        newton_steps=effort.newton_steps,
+    )

@@ -1,0 +1,101 @@
+"""Sizes of disks: distributions of mean diameter 1, and radii of one's own."""
+
+import hashlib
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from jampetsc.errors import InputError, named
+from jampetsc.io.regular import open_regular
+
+SIZES = ("bidisperse", "monodisperse")
+RATIO = 1.4  # of the two radii
+SMALLEST, LARGEST = 1e-6, 1e6  # radius
+FEWEST, MOST = 16, 10_000_000  # disks
+
+
+def radii_of(sizes: str, n: int):
+    """N radii of mean diameter 1 (N,): `bidisperse` is half 0.5/1.2 and half 0.7/1.2, in turn."""
+    if sizes == "monodisperse":
+        return np.full(n, 0.5)
+    small = 1.0 / (1.0 + RATIO)
+    return np.where(np.arange(n) % 2 == 0, small, RATIO * small)
+
+
+def in_small_diameters(radii):
+    """The radii (N,) in units of the smallest diameter, as Vågberg has them."""
+    return radii * (0.5 / radii.min())
+
+
+@dataclass(frozen=True, eq=False)
+class Radii:
+    """Radii of one's own.
+
+    values   (N,), positive
+    path     the file that they were read from, None for an array
+
+    Raises InputError for what is no radii.
+    """
+
+    values: np.ndarray
+    path: str | None = None
+
+    def __post_init__(self):
+        try:
+            values = np.array(self.values, float)
+        except (TypeError, ValueError):
+            raise InputError(f"{self}: must be numbers") from None
+        object.__setattr__(self, "values", values)
+        if values.ndim != 1 or not (np.isfinite(values).all() and (values > 0).all()):
+            raise InputError(f"{self}: must be positive numbers, one for each disk")
+        if not FEWEST <= len(values) <= MOST:
+            raise InputError(f"{self}: {len(values)} disks: must lie in [{FEWEST}, {MOST}]")
+        if not SMALLEST <= values.min() <= values.max() <= LARGEST:
+            raise InputError(
+                f"{self}: radii from {values.min():g} to {values.max():g}: must lie in "
+                f"[{SMALLEST:g}, {LARGEST:g}]; choose another unit of length"
+            )
+
+    @classmethod
+    def read(cls, path) -> "Radii":
+        """Those in a text file, one number per line. Raises InputError."""
+        try:
+            with open_regular(path) as file, warnings.catch_warnings():
+                warnings.simplefilter("ignore", UserWarning)  # of an empty file, which has too few
+                values = np.loadtxt(file, dtype=float, ndmin=1, max_rows=MOST + 1)
+        except InputError:
+            raise
+        except (OSError, ValueError) as error:
+            raise InputError(
+                f"{path}: cannot be read as radii ({' '.join(str(error).split())}): give one number per line"
+            ) from None
+        return cls(values, str(path))
+
+    def __str__(self):
+        return self.path or named("radii")
+
+    @property
+    def told(self) -> str:
+        """What a file says about them."""
+        if self.path:
+            return f"radii of {Path(self.path).name}"
+        return f"radii with sha256 {hashlib.sha256(self.values.tobytes()).hexdigest()[:16]}"
+
+
+def radii_asked(n: int | None, sizes: str | None, radii: Radii | None):
+    """Radii (N,) of one's own, or of n disks of one of SIZES. Raises InputError for both and for neither."""
+    if radii is None:
+        if n is None:
+            raise InputError(f"{named('n')} is missing: how many disks? (or give their {named('radii')})")
+        return radii_of(sizes or SIZES[0], n)
+    for name, value in (("n", n), ("sizes", sizes)):
+        if value is not None:
+            raise InputError(f"{named(name)}: {radii} gives number and sizes of the disks; leave it out")
+    return radii.values
+
+
+def sizes_told(sizes: str | None, radii: Radii | None) -> str:
+    """What a file says about the sizes of the disks."""
+    return sizes or SIZES[0] if radii is None else radii.told

@@ -1,0 +1,120 @@
+"""Disks at a temperature: Metropolis Monte Carlo moves of one disk at a time, and slow cooling.
+
+A move of a disk chosen at random, by up to `reach` in x and in y, is taken with probability min(1, e^(−ΔU/T)); so
+states come with the Boltzmann weight e^(−U/T) as long as `reach` is left alone (Metropolis et al., J. Chem. Phys. 21,
+1087 (1953)). T is in units of energy (k_B = 1). One sweep is N moves.
+"""
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from jampetsc.core.disks import Disks
+from jampetsc.core.kernel import pair_energy
+from jampetsc.core.pairs import ListedDisks, PairList, is_stale
+
+SKIN = 0.5  # of the pair list, in mean diameters
+LONGEST = 0.25  # reach, in skins: a move from a new list never makes it stale
+ACCEPTED = 0.4  # share of moves that is aimed at where `reach` is tuned
+COLD = (
+    1e-8  # temperature in units of k at which cooling ends: a tenth of a per mille of σ is then its overlap
+)
+
+
+class Around(NamedTuple):
+    """Every pair of a `PairList` from both its ends; those of disk a are start[a] … start[a + 1] − 1."""
+
+    start: np.ndarray  # (N + 1,)
+    other: np.ndarray  # (2M,) the other disk
+    bond: np.ndarray  # (2M, 2) r0 towards it
+    sigma: np.ndarray  # (2M,)
+
+    @classmethod
+    def of(cls, pairs: PairList, n: int) -> "Around":
+        """For a list of the pairs of n disks."""
+        near, other = np.concatenate((pairs.i, pairs.j)), np.concatenate((pairs.j, pairs.i))
+        order = np.argsort(near, kind="stable")
+        start = np.concatenate(([0], np.cumsum(np.bincount(near, minlength=n))))
+        bond = np.concatenate((pairs.r0.T, -pairs.r0.T))[order]
+        return cls(
+            start, other[order].astype(np.int64), bond, np.concatenate((pairs.sigma, pairs.sigma))[order]
+        )
+
+
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
+def energy_of(a, x, y, around, o, law):
+    """Σ V of disk a's contacts if its offset were (x, y), those of the others being o (N, 2)."""
+    energy = 0.0
+    for q in range(around.start[a], around.start[a + 1]):
+        b = around.other[q]
+        rx = around.bond[q, 0] + o[b, 0] - x
+        ry = around.bond[q, 1] + o[b, 1] - y
+        energy += pair_energy(rx, ry, around.sigma[q], law)
+    return energy
+
+
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
+def _moves(around, law, o, temperature, reach, stale, draws):
+    """Moves by the random numbers draws (M, 4) until all are done or one would make the list stale.
+
+    stale = (largest σ, skin). Returns (moves done, moves taken).
+    """
+    taken = 0
+    for m in range(len(draws)):
+        a = min(int(draws[m, 0] * len(o)), len(o) - 1)
+        x = o[a, 0] + reach * (2.0 * draws[m, 1] - 1.0)
+        y = o[a, 1] + reach * (2.0 * draws[m, 2] - 1.0)
+        if is_stale(np.sqrt(x * x + y * y), 0.0, 0.0, stale[0], stale[1]):
+            return m, taken
+        change = energy_of(a, x, y, around, o, law) - energy_of(a, o[a, 0], o[a, 1], around, o, law)
+        if change <= 0.0 or draws[m, 3] < np.exp(-change / temperature):
+            o[a, 0], o[a, 1] = x, y
+            taken += 1
+    return len(draws), taken
+
+
+class Thermal(ListedDisks):
+    """N disks in a fixed cell that move at random; the generator decides how.
+
+    `reach` may be set; `sweep(…, tune=True)` keeps the share of moves that are taken near ACCEPTED.
+    """
+
+    def __init__(self, disks: Disks, generator):
+        super().__init__(disks, SKIN)
+        self.generator = generator
+        self.reach = LONGEST * self.skin
+
+    def list(self, disks):
+        """See `ListedDisks`."""
+        super().list(disks.folded())
+        self._around = Around.of(self.pairs, disks.n)
+
+    def sweep(self, temperature: float, tune: bool = False) -> float:
+        """One sweep at this temperature; the share of moves that were taken."""
+        left = self.generator.random((len(self.offsets), 4))
+        law, taken = self.reference.potential.constants, 0
+        while len(left):
+            stale = self.largest, self.skin
+            done, some = _moves(self._around, law, self.offsets, temperature, self.reach, stale, left)
+            taken += some
+            left = left[done:]
+            if len(left):
+                self.fold()
+        share = taken / len(self.offsets)
+        if tune:
+            longest = LONGEST * self.skin
+            self.reach = min(longest, self.reach * np.exp(share - ACCEPTED))
+        return share
+
+
+def annealed(disks: Disks, temperature: float, rate: float, sweeps: int, generator) -> Disks:
+    """Disks after `sweeps` at a temperature, then cooled: ln T falls by `rate` per sweep until T = COLD k."""
+    thermal, cold = Thermal(disks, generator), COLD * disks.potential.k
+    for _ in range(sweeps):
+        thermal.sweep(temperature, tune=True)
+    now = temperature
+    while now > cold:
+        now *= np.exp(-rate)
+        thermal.sweep(now, tune=True)
+    return thermal.disks.folded()

@@ -1,0 +1,267 @@
+"""A minimum that moves a little is followed: L-BFGS on top of a Hessian's factor that is some steps old, compiled.
+
+While contacts stay, the response is linear and the factor's inverse leads to the minimum at once; a few contacts that
+open or close are what the pairs (s, y) of L-BFGS are for. (Nocedal & Wright, Numerical Optimization, alg. 7.4, with
+H₀ the inverse of the factor.) For disks in a cell of fixed shape; moves are in the laboratory.
+"""
+
+import numba
+import numpy as np
+
+from jampetsc.core.kernel import FAST, NUMBERS, _secant, bond_forces
+from jampetsc.core.pairs import is_stale
+from jampetsc.minimise.ldl import factorise, solve
+
+MEMORY = 8  # pairs (s, y)
+OVERSHOT = 0.5  # slope at the end of a step, against it, as a share of that at its beginning: too far
+TRIES = 8  # of a step that goes too far
+CONVERGED, STALE, SPENT, APART, LOST = range(5)
+
+
+NO_FACTOR = np.empty(0, np.uint32), np.empty(0, np.uint32), np.empty(0, np.uint32), np.empty((0, 4))
+
+
+def nothing_remembered(n: int):
+    """(s and y (2, MEMORY, 2N), s · y (MEMORY,), (how many, where the next one goes), where to work (4, 2N))."""
+    return np.zeros((2, MEMORY, 2 * n)), np.zeros(MEMORY), np.zeros(2, np.int64), np.zeros((4, 2 * n))
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def springs(pairs, o, g, law, nearby, stress):
+    """Blocks k n nᵀ − (f/r) t tᵀ (M, 2, 2) of the pairs at offsets o and shear g, and which of them there are, (M,).
+
+    A pair that is open by less than `nearby` has half the stiffness that it would have when closed by as much: a move
+    that closes it is then not taken for one that costs nothing. With stress = 0 the blocks have no f.
+    """
+    i, j, r0, sigma = pairs
+    alpha = 2.5 if law[1] else 2.0
+    blocks, chosen = np.zeros((len(i), 2, 2)), np.zeros(len(i), np.bool_)
+    for p in range(len(i)):
+        y = r0[1, p] + o[j[p], 1] - o[i[p], 1]
+        x = r0[0, p] + o[j[p], 0] - o[i[p], 0] + g * y
+        r = np.sqrt(x * x + y * y)
+        d = sigma[p] - r
+        if d <= -nearby:
+            continue
+        chosen[p] = True
+        f = stress * _secant(max(d, 0.0), sigma[p], law) * max(d, 0.0) / r
+        k = (alpha - 1.0) * _secant(d if d > 0.0 else nearby, sigma[p], law)
+        if d <= 0.0:
+            k *= 0.5
+        x, y = x / r, y / r
+        blocks[p, 0, 0] = k * x * x - f * y * y
+        blocks[p, 0, 1] = blocks[p, 1, 0] = (k + f) * x * y
+        blocks[p, 1, 1] = k * y * y - f * x * x
+    return blocks, chosen
+
+
+@numba.njit(cache=True, fastmath=False)
+def held_by(pairs, chosen, n):
+    """How many chosen pairs each of N disks has, (N,)."""
+    number = np.zeros(n, np.int64)
+    for p in range(len(chosen)):
+        if chosen[p]:
+            number[pairs[0][p]] += 1
+            number[pairs[1][p]] += 1
+    return number
+
+
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
+def factor_of(order, pairs, o, g, law, nearby, damping, stiffness):
+    """A factor of the Hessian with `damping` on its diagonal; without pre-stress where it is not definite with it.
+
+    A disk with fewer than three contacts is held as if by one more, of this stiffness: else it would go far at the
+    touch of another.
+    """
+    n = len(o)
+    shift = np.empty(n)
+    for stress in (1.0, 0.0):
+        blocks, chosen = springs(pairs, o, g, law, nearby, stress)
+        number = held_by(pairs, chosen, n)
+        for k in range(n):
+            shift[k] = damping + (stiffness if number[k] < 3 else 0.0)
+        definite, factor = factorise(order, pairs[0], pairs[1], blocks, chosen, shift)
+        if definite:
+            break
+    return factor
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def _go(o, moved, d, length, g):
+    """Move by length · d in the laboratory; returns max |o|."""
+    far = 0.0
+    for k in range(len(o)):
+        dx, dy = length * d[k, 0], length * d[k, 1]
+        moved[k, 0] += dx
+        moved[k, 1] += dy
+        o[k, 0] += dx - g * dy
+        o[k, 1] += dy
+        far = max(far, o[k, 0] * o[k, 0] + o[k, 1] * o[k, 1])
+    return np.sqrt(far)
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def moved_on(o, g, way, moved):
+    """Move offsets o by `way` (N, 2) in the laboratory, which is copied into `moved`; returns max |o|."""
+    moved[:] = 0.0
+    return _go(o, moved, way, 1.0, g)
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def without_drift(moved):
+    """Take the mean out of `moved` (N, 2); returns the rms of what is left, and its largest component."""
+    n, square, longest = len(moved), 0.0, 0.0
+    for axis in range(2):
+        mean = np.mean(moved[:, axis])
+        for k in range(n):
+            moved[k, axis] -= mean
+            square += moved[k, axis] ** 2
+            longest = max(longest, abs(moved[k, axis]))
+    return np.sqrt(square / n), longest
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def contacts_at(pairs, o, g, law):
+    """(number of contacts, Σ k (n_x r_y)², V times the modulus of affine motion) at offsets o and shear g."""
+    i, j, r0, sigma = pairs
+    alpha = 2.5 if law[1] else 2.0
+    number, modulus = 0, 0.0
+    for p in range(len(i)):
+        y = r0[1, p] + o[j[p], 1] - o[i[p], 1]
+        x = r0[0, p] + o[j[p], 0] - o[i[p], 0] + g * y
+        square = x * x + y * y
+        if square < sigma[p] * sigma[p]:
+            number += 1
+            k = (alpha - 1.0) * _secant(sigma[p] - np.sqrt(square), sigma[p], law)
+            modulus += k * (x * y) ** 2 / square
+    return number, modulus
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def _dot(a, b):
+    total = 0.0
+    for q in range(len(a)):
+        total += a[q] * b[q]
+    return total
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def _add_dot(x, c, y, z):
+    """x ← x + c y; returns z · x."""
+    total = 0.0
+    for q in range(len(x)):
+        x[q] += c * y[q]
+        total += z[q] * x[q]
+    return total
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def _direction(factor, softness, memory, forces, d, work):
+    """d = H F, (2N,), by the two loops over what is remembered; H₀ without a factor: about `softness`."""
+    both, product, count, spaces = memory
+    s, y = both[0], both[1]
+    kept, following = count
+    share = np.empty(MEMORY)
+    work[:] = forces
+    m = (following - 1) % MEMORY
+    pull = _dot(s[m], work) if kept else 0.0
+    for _ in range(kept):
+        share[m] = pull / product[m]
+        older = (m - 1) % MEMORY
+        pull = _add_dot(work, -share[m], y[m], s[older])
+        m = older
+    if len(factor[0]):
+        solve(factor, work.reshape(-1, 2), d.reshape(-1, 2), spaces[3].reshape(-1, 2))
+    else:
+        newest = (following - 1) % MEMORY
+        scale = product[newest] / _dot(y[newest], y[newest]) if kept else softness
+        for q in range(len(work)):
+            d[q] = scale * work[q]
+    m = (following - kept) % MEMORY
+    pull = _dot(y[m], d) if kept else 0.0
+    for _ in range(kept):
+        newer = (m + 1) % MEMORY
+        pull = _add_dot(d, share[m] - pull / product[m], s[m], y[newer])
+        m = newer
+
+
+@numba.njit(cache=True, fastmath=NUMBERS, error_model="numpy")
+def _longest(a):
+    """Largest a_x² + a_y² of a (2N,), NaN where there is one."""
+    longest = total = 0.0
+    for k in range(len(a) // 2):
+        square = a[2 * k] * a[2 * k] + a[2 * k + 1] * a[2 * k + 1]
+        longest = square if square > longest else longest
+        total += square
+    return longest if total == total else np.nan
+
+
+@numba.njit(cache=True, fastmath=NUMBERS, error_model="numpy")
+def _down(pairs, listed, law, area, factor, memory, o, g, moved, forces, aim):
+    both, product, count, spaces = memory
+    s, y = both[0], both[1]
+    d, old, work = spaces[0], spaces[1], spaces[2]
+    flat = forces.reshape(-1)
+    share, floor, apart, diameter, reach, softness, most = aim
+    sums = bond_forces(pairs, o, 0.0, g, law, forces, None, None)
+    evaluations = 1
+    while True:
+        top = np.sqrt(_longest(flat))
+        pressure = 0.5 * (sums.elastic_xx + sums.elastic_yy) / area
+        if not top < np.inf:
+            return LOST, evaluations, sums
+        if pressure < apart:
+            return APART, evaluations, sums
+        if top <= max(share * pressure * diameter, floor):
+            return CONVERGED, evaluations, sums
+        if evaluations >= most:
+            return SPENT, evaluations, sums
+        _direction(factor, softness, memory, flat, d, work)
+        slope = _dot(flat, d)
+        if not slope > 0.0:
+            count[0] = 0
+            _direction(factor, softness, memory, flat, d, work)
+            slope = _dot(flat, d)
+            if not slope > 0.0:
+                return LOST, evaluations, sums
+        length = min(1.0, reach / np.sqrt(_longest(d)))
+        old[:] = flat
+        done = 0.0
+        for _ in range(TRIES):
+            far = _go(o, moved, d.reshape(-1, 2), length - done, g)
+            done = length
+            if is_stale(far, 0.0, g, listed[0], listed[1]):
+                return STALE, evaluations, sums
+            sums = bond_forces(pairs, o, 0.0, g, law, forces, None, None)
+            evaluations += 1
+            end = _dot(flat, d)
+            if end >= -OVERSHOT * slope:
+                break
+            length *= max(slope / (slope - end), 0.1)
+        bend = length * (slope - end)
+        if bend > 1e-12 * slope * length:
+            m = count[1]
+            for q in range(len(d)):
+                s[m, q] = length * d[q]
+                y[m, q] = old[q] - flat[q]
+            product[m] = bend
+            count[0] = min(count[0] + 1, MEMORY)
+            count[1] = (m + 1) % MEMORY
+
+
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
+def follow(
+    i, j, r0, sigma, law, scalars, order, begin, row, lower, both, product, count, spaces, o, moved, forces
+):
+    """Go down from offsets o (N, 2) at shear g of the list to the minimum; returns (status, evaluations, sums).
+
+    One after the other, as tuples of arrays take numba up to 0.1 ms to look at: a `PairList`; scalars = (σ_max, skin,
+    V, g, max |F| / (p d) asked for, force that rounding leaves, pressure at which no two disks touch, d, longest move
+    of a disk in one step, one over the stiffness of a contact, evaluations at most); what `factor_of` and
+    `nothing_remembered` return. What is moved is added to `moved` (N, 2); sums: of `bond_forces`, at the end.
+    """
+    largest, skin, area, g, share, floor, apart, diameter, reach, softness, most = scalars
+    return _down(
+        (i, j, r0, sigma), (largest, skin), law, area, (order, begin, row, lower), (both, product, count, spaces),
+        o, g, moved, forces, (share, floor, apart, diameter, reach, softness, most),
+    )  # fmt: skip

@@ -1,0 +1,217 @@
+"""L Lᵀ of a real symmetric PETSc matrix: it solves, and its success proves the matrix positive definite.
+
+CHOLMOD on one rank, MUMPS on more, unless the options say otherwise. Whatever they say, a solve that returns is right:
+its residual is looked at and refined away. What a success proves is another matter, see `proof`.
+"""
+
+import numpy as np
+
+from jampetsc.errors import ConvergenceError
+from jampetsc.petsc import mumps, stopped
+from jampetsc.petsc.proof import doubt
+from jampetsc.petsc.session import current
+
+NOT_POSITIVE = 81  # PETSC_ERR_MAT_CH_ZRPVT, what CHOLMOD's breakdown becomes
+# |b − A x| ≤ SOLVED (|A| |x| + |b|): more than a factor of A leaves. Computing it is off by some ROUNDED of the same.
+SOLVED = 1e-14
+ROUNDED = 4.0 * float(np.finfo(float).eps)
+REFINEMENTS = 40  # one of few digits needs some, one that does not halve the residual gets nowhere
+TRIALS, STEPS, TAU = 2, 2, 1e-3  # see `least_eigenvalue`
+
+
+class NotPositiveDefinite(ConvergenceError):
+    """The matrix has an eigenvalue that is not positive."""
+
+
+def suitesparse() -> bool:
+    """Whether PETSc was built with it."""
+    names = (
+        "suitesparse",
+        "cholmod",
+    )  # PETSc of Debian 12 and earlier knows the first only, later ones the second
+    return any(map(current().PETSc.Sys.hasExternalPackage, names))
+
+
+def fits_cholmod(matrix) -> bool:
+    """Whether CHOLMOD can factorise this matrix: it lies on one rank, and PETSc was built with SuiteSparse."""
+    return matrix.getComm().size == 1 and suitesparse()
+
+
+class Cholesky:
+    """A matrix and its factor, with options of their own prefix. Collective on the ranks of the matrix.
+
+    matrix   PETSc.Mat, real and symmetric; `factorise` takes its values as they are then
+    what     names it in messages
+    project  of local parts of solutions, in place, on a space in which they are but for rounding
+    doubt    why the last `factorise` does not prove that the matrix is positive definite; empty if it does
+    """
+
+    def __init__(self, matrix, prefix: str, what: str, project=None):
+        session = current()
+        PETSc = session.PETSc
+        self.matrix, self.prefix, self.what, self.project = matrix, prefix, what, project
+        alone = fits_cholmod(matrix)
+        session.set_defaults(
+            {
+                prefix + "ksp_type": "preonly",
+                prefix + "pc_type": "cholesky",
+                prefix + "pc_factor_mat_solver_type": "cholmod" if alone else "mumps",
+                **(
+                    {
+                        # By dense blocks, the fastest; it is L Lᵀ, where the simplicial L D Lᵀ would let
+                        # negative pivots pass.
+                        prefix + "mat_cholmod_factor": "SUPERNODAL",
+                        prefix + "mat_cholmod_print": "0",  # a failure is an answer, not worth a warning
+                    }
+                    if alone
+                    else {
+                        prefix + "mat_mumps_icntl_7": "2",  # approximate minimum fill
+                        prefix
+                        + "mat_mumps_icntl_13": "1",  # no ScaLAPACK at the root: pivots ≤ 0 are counted
+                    }
+                ),
+            }
+        )
+        for option in (PETSc.Mat.Option.SYMMETRIC, PETSc.Mat.Option.SPD):
+            matrix.setOption(option, True)
+        self.ksp = mumps.make_ksp(matrix.getComm(), prefix)
+        self._left, self._step = matrix.createVecs()
+        self.doubt = "nothing is factorised"
+
+    def factorise(self) -> None:
+        """Factorise; the symbolic analysis is kept while the pattern stays the same.
+
+        Raises NotPositiveDefinite, and ConvergenceError when it fails otherwise. After that the factor is of
+        no use.
+        """
+        petsc = current().PETSc
+        self.doubt = "nothing is factorised"
+        try:
+            mumps.factorise(self.ksp, self.matrix, self.what)
+        except petsc.Error as error:
+            if error.ierr != NOT_POSITIVE:
+                raise
+            raise NotPositiveDefinite(f"{self.what} is not positive definite") from None
+        except mumps.Failure as failure:
+            if failure.code not in mumps.NOT_POSITIVE:
+                raise
+            raise NotPositiveDefinite(f"{self.what} is not positive definite") from None
+        if mumps.negative_pivots(self.ksp.getPC()):
+            # told that the matrix is positive definite, MUMPS lets negative pivots pass
+            raise NotPositiveDefinite(f"{self.what} is not positive definite")
+        self._norm = self.matrix.norm(petsc.NormType.INFINITY)  # bounds |A|, as A is symmetric
+        self.doubt = doubt(self.ksp)
+
+    def solve(self, rhs, out) -> float:
+        """out ← A⁻¹ rhs, two PETSc vectors, refined until only rounding is left of the residual. Collective.
+
+        Returns |rhs − A out|, with what rounding may have done to it. Raises ConvergenceError where the solver
+        fails, or where refinement does not get there.
+        """
+        self._apply(rhs, out)
+        error = np.inf
+        for _ in range(REFINEMENTS):
+            left, size = self._look(rhs, out)
+            before, error = error, left / size if left else 0.0
+            if error <= SOLVED:
+                return left + ROUNDED * size
+            if not error <= 0.5 * before:  # nan as well
+                break
+            self._apply(self._left, self._step)
+            out.axpy(1.0, self._step)
+        raise ConvergenceError(
+            f"solve with {self.what}: a residual of {error:.0e} is left and refinement does not remove it: the "
+            f"options that begin with -{self.prefix} choose a solver that is too poor"
+        )
+
+    def _apply(self, rhs, out):
+        self.ksp.solve(rhs, out)
+        reason = stopped.reason(self.ksp)
+        if reason < 0:
+            raise ConvergenceError(f"solve with {self.what} failed (KSP: {stopped.name(reason)})")
+        if self.project is not None:
+            self.project(out.getArray())
+
+    def _look(self, rhs, x):
+        """(|b − A x|, |A| |x| + |b|); what is left of b stays in `_left`."""
+        self.matrix.mult(x, self._left)
+        self._left.aypx(-1.0, rhs)
+        return self._left.norm(), self._norm * x.norm() + rhs.norm()
+
+    def energy(self, rhs) -> tuple[float, float]:
+        """(e, left): bᵀA⁻¹b = e + ρᵀA⁻¹ρ of a PETSc vector b = `rhs`, with |ρ| ≤ left. Collective.
+
+        For x with A x = b − ρ: bᵀA⁻¹b = xᵀA x + 2 xᵀρ + ρᵀA⁻¹ρ = xᵀb + xᵀρ + ρᵀA⁻¹ρ, exactly. Raises as `solve`.
+        """
+        x = rhs.duplicate()
+        left = self.solve(rhs, x)
+        e = x.dot(rhs) + x.dot(self._left)
+        x.destroy()
+        return float(e), left
+
+    def prove(self) -> bool:
+        """Whether the last `factorise` proves that the matrix is positive definite. Collective.
+
+        Its options must be such (see `proof`), and a solve with a random right-hand side must come out. `doubt` says
+        why not.
+        """
+        if self.doubt:
+            return False
+        x, b = self.matrix.createVecs()
+        b.setArray(
+            np.random.default_rng(self.matrix.getOwnershipRange()[0]).standard_normal(b.getLocalSize())
+        )
+        try:
+            self.solve(b, x)
+        except ConvergenceError as error:
+            self.doubt = str(error)
+        for vector in (x, b):
+            vector.destroy()
+        return not self.doubt
+
+    def destroy(self) -> None:
+        """Free the factor and the matrix."""
+        for item in (self.ksp, self.matrix, self._left, self._step):
+            item.destroy()
+
+
+def least_eigenvalue(start, step, trials: int = TRIALS) -> float:
+    """A lower bound on the smallest |λ| of a symmetric A, right but for a chance of one in a million. Collective.
+
+    start   () → a vector of independent normal numbers in the space on which A acts
+    step    vector x → (A⁻¹x but for a residual ρ, |ρ| with what rounding may have done to it, |A⁻¹x|)
+
+    Nothing is asked of the solves but what they leave, so this holds whatever the solver is. Let u be the
+    eigenvector of that λ, x₀ a start and A x_k = x_{k−1} − ρ_k. Then
+
+        u·x₀ = λᵐ u·x_m + Σ_k λ^{k−1} u·ρ_k ,    |u·x₀| ≤ |λ|ᵐ |x_m| + Σ_k |λ|^{k−1} |ρ_k| .
+
+    |u·x₀| < τ has a chance of 0.8 τ, and of (0.8 τ)² in two trials. Otherwise one of the m terms with |λ| in
+    them is at least (τ − |ρ₁|)/m. Zero where the residuals are too large to tell.
+    """
+    least = np.inf
+    for _ in range(trials):
+        x, factors = start(), []  # of |λ|⁰, |λ|¹, …
+        for _ in range(STEPS):
+            x, left, size = step(x)
+            factors.append(left)
+        factors.append(size)
+        share = max(TAU - factors[0], 0.0) / STEPS
+        least = min(least, *((share / factors[k]) ** (1.0 / k) for k in range(1, STEPS + 1)))
+    return float(least)
+
+
+def least_singular_value(start, step) -> float:
+    """The same for a complex symmetric A: a lower bound on its smallest singular value σ. Collective.
+
+    start, step   as for `least_eigenvalue`, of complex vectors; normal numbers of unit variance in both parts
+
+    A = U Σ Uᵀ (Takagi), so A ū = σu, and uᴴx_{k−1} = σ uᵀy_k + uᴴρ_k for A y_k = x_{k−1} − ρ_k: one goes on with
+    x_k = ȳ_k. |uᴴx₀| < τ has a chance of τ²/2, so one trial will do.
+    """
+
+    def turned(x):
+        y, left, size = step(x)
+        return np.conj(y), left, size
+
+    return least_eigenvalue(start, turned, trials=1)

@@ -1,0 +1,219 @@
+"""Lowest eigenpairs of K with nothing pinned: SLEPc's shift-invert Krylov–Schur, or LAPACK for a large part of the
+spectrum.
+
+On one rank K − σ is factorised by `blocks`. On more, for very many disks, and wherever an option of the user begins
+with `modes_st_`, it is left to CHOLMOD or MUMPS.
+
+The shift σ < 0 lies just below the spectrum, so K − σ is positive definite; translations of connected pieces
+are known and deflated. (With σ = 0 SLEPc would attach them to K as its null space.)
+"""
+
+import contextlib
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import eigh
+from scipy.sparse import csr_array
+
+from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.petsc.blocks import Blocks
+from jampetsc.petsc.cholesky import fits_cholmod
+from jampetsc.petsc.session import current
+
+PREFIX = "modes_"
+# −σ in units of the contact stiffness: of the order of the softest modes. Nearer to zero, a mode of no energy
+# would be amplified by 1/σ and its rounding drown the others.
+SHIFT = 1e-7
+SPARE = 2  # eigenpairs more than asked for: the first one tells where the last one asked for ends
+BLOCKS = 30_000  # unknowns from which dense blocks pay in the triangular solves of CHOLMOD
+MANY = 250_000  # unknowns from which dense blocks pay in the factor as well
+VECTORS = (
+    2.5  # kept for each eigenpair: about as many as are needed, so that SLEPc restarts once or not at all
+)
+DENSE = 8192  # unknowns up to which LAPACK finds all eigenpairs
+
+
+@dataclass(frozen=True, eq=False)
+class Eigenpairs:
+    """The lowest eigenvalues of K, increasing, translations left out."""
+
+    values: np.ndarray  # (m,)
+    vectors: np.ndarray  # (m, unknowns_local), of unit length on all ranks together
+    residuals: np.ndarray  # (m,) ‖K φ − λ φ‖, in units of k
+    method: str
+    iterations: int
+
+
+def translations(pencil):
+    """Orthonormal translations of the connected pieces, (2 pieces, unknowns_local)."""
+    network, label = pencil.network, pencil.pieces.label
+    roots, sizes = np.unique(label, return_counts=True)
+    mine = label[network.first : network.last]
+    moves = np.zeros((len(roots), 2, len(mine), 2))
+    for piece, (root, size) in enumerate(zip(roots, sizes, strict=True)):
+        for axis in range(2):
+            moves[piece, axis, mine == root, axis] = 1.0 / np.sqrt(size)
+    return moves.reshape(2 * len(roots), -1)
+
+
+def lowest(pencil, count: int, stiffness: float, known=None) -> Eigenpairs:
+    """At least `count` eigenpairs of K, and one more if there is one, to tell where they end. Collective.
+
+    pencil      K with nothing pinned (the Stokes law), positive semi-definite
+    stiffness   the largest contact stiffness, which sets the scale
+    known       (l, unknowns_local) orthonormal eigenvectors that are not to be found again
+
+    Raises InputError when there are not so many, ConvergenceError when they are not found.
+    """
+    moves = translations(pencil)
+    there = pencil.unknowns - len(moves)
+    if count > there:
+        raise InputError(f"{count} modes: K has {there} besides its translations; ask for no more")
+    if 2 * (count + SPARE) < there or known is not None:
+        deflated = moves if known is None else np.vstack((moves, known))
+        return _krylov(pencil, deflated, count + SPARE, stiffness)
+    if pencil.unknowns > DENSE:
+        raise InputError(
+            f"{count} of {there} modes: so large a part of the spectrum is found up to {DENSE // 2} disks; "
+            "ask for fewer"
+        )
+    return _dense(pencil, moves, min(count + SPARE, there), stiffness)
+
+
+class _BlockFactor:
+    """(K − σ)⁻¹ of a matrix that one rank has whole, as a preconditioner that PETSc calls."""
+
+    def __init__(self, matrix, shift):
+        self._solve = Blocks(matrix).factorise(shift)
+        if self._solve is None:
+            raise ConvergenceError("K − σ is not positive definite, σ just below zero: K has negative modes")
+
+    def apply(self, pc, b, x):
+        """x = (K − σ)⁻¹ b."""
+        x.setArray(self._solve(b.getArray(readonly=True)))
+
+
+def _suits_blocks(matrix) -> bool:
+    """Whether one rank has the matrix whole, it is not too large, and no option of the user says how to factorise."""
+    whole = matrix.getComm().size == 1 and matrix.getSize()[0] <= MANY
+    return whole and not current().has_options(PREFIX + "st_")
+
+
+def _krylov(pencil, moves, count, stiffness):
+    SLEPc = current().SLEPc
+    deflated = [_vector(pencil, move) for move in moves]
+    eps = _solver(pencil.K, count, stiffness)
+    if _suits_blocks(pencil.K):
+        st = eps.getST()
+        st.setMatMode(SLEPc.ST.MatMode.SHELL)  # K − σ is not needed as a matrix
+        pc = st.getKSP().getPC()
+        pc.setType("python")
+        pc.setPythonContext(_BlockFactor(pencil.K, SHIFT * stiffness))
+    eps.setDeflationSpace(deflated)
+    try:
+        eps.solve()
+        found, reason = eps.getConverged(), eps.getConvergedReason()
+        if found < count:
+            raise ConvergenceError(
+                f"SLEPc found {found} of {count} modes in {eps.getIterationNumber()} restarts (reason "
+                f"{reason}); try a larger "
+                "-modes_eps_ncv or -modes_eps_max_it"
+            )
+        values = np.array([eps.getEigenvalue(row).real for row in range(found)])
+        order = np.argsort(values, kind="stable")
+        vector = pencil.K.createVecRight()
+        vectors = np.empty((found, vector.getLocalSize()))
+        residuals = np.empty(found)
+        for row, index in enumerate(order):
+            eps.getEigenvector(int(index), vector)
+            vectors[row] = vector.getArray()
+            residuals[row] = eps.computeError(int(index), SLEPc.EPS.ErrorType.ABSOLUTE)
+        vector.destroy()
+        return Eigenpairs(values[order], vectors, residuals, eps.getType(), eps.getIterationNumber())
+    finally:
+        for item in (eps, *deflated):
+            # a stop that is raised while the factor is applied leaves an EPS that PETSc does not destroy
+            with contextlib.suppress(current().PETSc.Error):
+                item.destroy()
+
+
+def _solver(matrix, count, stiffness):
+    """The EPS for `count` modes of a matrix, its options read."""
+    session = current()
+    SLEPc = session.SLEPc
+    if SLEPc is None:
+        raise InputError(
+            "slepc4py is missing: install it for the PETSc in use (Debian: python3-slepc4py-real)"
+        )
+    _set_defaults(session, matrix)
+    eps = SLEPc.EPS().create(matrix.getComm())
+    eps.setOptionsPrefix(PREFIX)
+    eps.setOperators(matrix)
+    eps.setProblemType(SLEPc.EPS.ProblemType.HEP)
+    eps.setDimensions(count, min(int(VECTORS * count) + 1, matrix.getSize()[0]))
+    eps.setTarget(-SHIFT * stiffness)
+    eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
+    eps.setFromOptions()
+    return eps
+
+
+def _set_defaults(session, matrix):
+    kind = "SIMPLICIAL" if matrix.getSize()[0] < BLOCKS else "SUPERNODAL"
+    alone = fits_cholmod(matrix)
+    session.set_defaults(
+        {
+            PREFIX + "eps_type": "krylovschur",
+            PREFIX + "eps_tol": "1e-12",
+            PREFIX + "eps_max_it": "300",
+            PREFIX + "st_type": "sinvert",
+            PREFIX + "st_ksp_type": "preonly",
+            PREFIX + "st_pc_type": "cholesky",
+            PREFIX + "st_pc_factor_mat_solver_type": "cholmod" if alone else "mumps",
+            **({PREFIX + "st_mat_cholmod_factor": kind} if alone else {PREFIX + "st_mat_mumps_icntl_7": "2"}),
+        }
+    )
+
+
+def _vector(pencil, values):
+    vector = pencil.K.createVecRight()
+    vector.setArray(values)
+    return vector
+
+
+def _dense(pencil, moves, count, stiffness):
+    """All of a small K by LAPACK, on rank 0."""
+    network = pencil.network
+    comm = network.comm
+    parts = comm.gather((pencil.K.getValuesCSR(), moves))
+    values = shares = None
+    if comm.rank == 0:
+        K = np.vstack([_rows(csr, pencil.unknowns) for csr, _ in parts])
+        whole = np.hstack([share for _, share in parts])
+        # Translations are lifted above the rest: a row of K sums to no more than this in absolute values.
+        K += (2.0 * np.abs(K).sum(axis=1).max() + stiffness) * (whole.T @ whole)
+        values, vectors = eigh(K, overwrite_a=True, driver="evd")
+        values, vectors = values[:count], vectors[:, :count].T
+        ends = np.cumsum([0, *(share.shape[1] for _, share in parts)])
+        shares = [vectors[:, a:b].copy() for a, b in itertools.pairwise(ends)]
+    values, vectors = comm.bcast(values), comm.scatter(shares)
+    return Eigenpairs(values, vectors, _residuals(pencil.K, values, vectors), "lapack", 1)
+
+
+def _residuals(K, values, vectors):
+    """‖K φ − λ φ‖ of each pair, (m,). Collective."""
+    x, y = K.createVecs()
+    residuals = np.empty(len(values))
+    for row, (value, vector) in enumerate(zip(values, vectors, strict=True)):
+        x.setArray(vector)
+        K.mult(x, y)
+        y.axpy(-value, x)
+        residuals[row] = y.norm()
+    x.destroy()
+    y.destroy()
+    return residuals
+
+
+def _rows(csr, columns):
+    indptr, indices, values = csr
+    return csr_array((values, indices, indptr), shape=(len(indptr) - 1, columns)).toarray()

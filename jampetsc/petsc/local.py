@@ -1,0 +1,69 @@
+"""One rank's own Hessian, factorised by `Cholesky`: the solver that `minimise.newton` is handed, prefix `newton_`.
+
+A quench ends with the proof that it found a minimum, so options with which a factorisation proves nothing are refused.
+Where nothing is to be proved, residuals alone are looked at.
+"""
+
+import numpy as np
+
+from jampetsc.errors import InputError
+from jampetsc.petsc.cholesky import Cholesky, NotPositiveDefinite
+from jampetsc.petsc.session import current
+
+PREFIX = "newton_"
+
+
+class NewtonSolver:
+    """Solves with real symmetric matrices of this rank alone (MPI_COMM_SELF), and says which are positive definite."""
+
+    def __init__(self, prefix=PREFIX, what="the Hessian of a Newton step", proves=True):
+        self._prefix, self._what, self._proves = prefix, what, proves
+        session = current()
+        if session.scalar_type != "real":
+            raise InputError("Cholesky needs the real build of PETSc: start the session with scalar='real'")
+        self._petsc = session.PETSc
+        self._cholesky = self._pattern = None
+        if proves:  # what PETSc or the proof refuses is refused now, not when the first step is due
+            self.factorise(np.array([0, 1], np.int32), np.array([0], np.int32), np.ones(1))
+
+    def factorise(self, indptr, indices, values) -> bool:
+        """Factorise the upper triangle with its diagonal, CSR (int32, sorted). False if not positive definite.
+
+        Raises InputError where the options are such that True would be no proof.
+        """
+        pattern = (indptr, indices)
+        if self._cholesky is None or not all(map(np.array_equal, pattern, self._pattern)):
+            self.destroy()
+            size = len(indptr) - 1
+            matrix = self._petsc.Mat().createSBAIJ(
+                (size, size), 1, csr=(indptr, indices, values), comm=self._petsc.COMM_SELF
+            )
+            matrix.assemble()
+            self._pattern = pattern
+            self._cholesky = Cholesky(matrix, self._prefix, f"{self._what} ({size} unknowns)")
+            self._solution, self._right = matrix.createVecs()
+        else:
+            self._cholesky.matrix.setValuesCSR(indptr, indices, values)
+            self._cholesky.matrix.assemble()
+        try:
+            self._cholesky.factorise()
+        except NotPositiveDefinite:
+            self.destroy()
+            return False
+        if self._proves and self._cholesky.doubt:
+            raise InputError(f"{self._cholesky.doubt}: that would prove no minimum; leave this option out")
+        return True
+
+    def solve(self, b):
+        """x with A x = b, (n,) float64, after a `factorise` that said True."""
+        self._right.setArray(b)
+        self._cholesky.solve(self._right, self._solution)
+        return self._solution.getArray().copy()
+
+    def destroy(self) -> None:
+        """Free the factor and the matrix."""
+        if self._cholesky is not None:
+            self._cholesky.destroy()
+            self._right.destroy()
+            self._solution.destroy()
+        self._cholesky = None

@@ -1,0 +1,100 @@
+"""Set up a factorisation; what a failed one says, in words, and the one failure that more workspace cures."""
+
+import re
+
+from jampetsc.errors import ConvergenceError, named
+from jampetsc.petsc.session import current
+
+WORKSPACE = (-8, -9, -14, -15, -17, -20)  # INFOG(1): some work array was too small; ICNTL(14) enlarges them
+MEMORY = (-13, -19)  # INFOG(1): the machine, or the limit ICNTL(23), has no more
+SINGULAR = (-10,)
+NOT_POSITIVE = (-10, -40)  # INFOG(1): told to expect a positive definite matrix, met one that is not
+OUT_OF_CORE = (-90,)
+PETSC_MEMORY = 55  # PETSC_ERR_MEM
+CHOLMOD_MEMORY = re.compile(r"CHOLMOD .*status -[23]\b")  # out of memory, too large
+USUAL = 20  # ICNTL(14) that MUMPS has of its own: per cent more than it expects to need
+ATTEMPTS = 5  # at twice the workspace each time
+
+
+class Failure(ConvergenceError):
+    """A factorisation that failed; `code` is MUMPS's INFOG(1)."""
+
+    def __init__(self, message, code):
+        super().__init__(message)
+        self.code = code
+
+
+def failure(pc):
+    """INFOG(1) of a failed MUMPS factorisation of this PC, 0 where it succeeded, None where MUMPS was not used."""
+    if pc.getFactorSolverType() != "mumps":
+        return None
+    return pc.getFactorMatrix().getMumpsInfog(1)
+
+
+def _outcome(pc):
+    """`failure` of any PC; 0 where it is no factorisation."""
+    return failure(pc) if pc.getType() in ("cholesky", "lu") else 0
+
+
+def negative_pivots(pc) -> int:
+    """How many there are by a MUMPS factorisation of this PC, 0 where MUMPS was not used."""
+    return 0 if failure(pc) is None else pc.getFactorMatrix().getMumpsInfog(12)
+
+
+def make_ksp(comm, prefix: str):
+    """A PETSc.KSP with the options of this prefix. Collective."""
+    ksp = current().PETSc.KSP().create(comm)
+    ksp.setOptionsPrefix(prefix)
+    ksp.setFromOptions()
+    return ksp
+
+
+def factorise(ksp, matrix, what: str) -> int:
+    """Set up `ksp` for `matrix`; where MUMPS ran out of workspace, start afresh with twice as much. Collective.
+
+    Returns how many factorisations that took. Raises Failure naming `what`, and PETSc.Error for what has no words here.
+    """
+    attempt = 1
+    while True:
+        ksp.setOperators(matrix)
+        try:
+            ksp.setUp()
+        except current().PETSc.Error as error:
+            if error.ierr == PETSC_MEMORY or CHOLMOD_MEMORY.search(str(error)):
+                prefix = ksp.getOptionsPrefix()
+                raise Failure(
+                    f"factorisation of {what}: out of memory; use more ranks or nodes, or have the factor on disk with "
+                    f"-{prefix}pc_factor_mat_solver_type mumps -{prefix}mat_mumps_icntl_22 1",
+                    MEMORY[0],
+                ) from None
+            raise
+        code = _outcome(ksp.getPC())
+        if not code or code > 0:  # positive codes are warnings
+            return attempt
+        if code not in WORKSPACE or attempt == ATTEMPTS:
+            raise explain(code, what)
+        option = f"{ksp.getOptionsPrefix()}mat_mumps_icntl_14"
+        options = current().PETSc.Options()
+        options.setValue(option, max(USUAL, 2 * options.getInt(option, USUAL)))
+        ksp.reset()  # its PC stays broken after such a failure until it is reset
+        ksp.setFromOptions()
+        attempt += 1
+
+
+def explain(code, what: str) -> Failure:
+    """The error to raise for a factorisation of `what` that failed with this INFOG(1)."""
+    if code in WORKSPACE or code in MEMORY:
+        remedy = (
+            f"out of memory (MUMPS INFOG(1) = {code}); use more ranks or nodes, or -options_file "
+            "jampetsc:low_memory"
+        )
+    elif code in OUT_OF_CORE:
+        remedy = "MUMPS could not write its files (INFOG(1) = -90); free space in, or set, MUMPS_OOC_TMPDIR"
+    elif code in SINGULAR:
+        remedy = (
+            "the matrix is singular (MUMPS INFOG(1) = -10); is the packing a minimum? see "
+            f"info with {named('matrices')}"
+        )
+    else:
+        remedy = f"the solver reports {f'MUMPS INFOG(1) = {code}' if code else 'a failed factorisation'}"
+    return Failure(f"factorisation of {what}: {remedy}", code)

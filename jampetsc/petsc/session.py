@@ -1,0 +1,248 @@
+"""The one door to PETSc, SLEPc and MPI.
+
+Importing this module starts nothing; `start` does, once per process:
+
+    s = session.start(scalar="complex", petsc_argv=["-log_view"])
+    s.set_defaults({"freq_ksp_type": "preonly", "freq_pc_type": "lu"})
+    ksp = s.PETSc.KSP().create(s.comm)
+    ...                                     # prefix, operators, setFromOptions, setUp: the work
+    s.tell_unused()                         # has PETSc say at its end which options nobody has asked for
+"""
+
+import contextlib
+import gc
+import importlib
+import os
+import re
+import sys
+import traceback
+from pathlib import Path
+
+from jampetsc import streams
+from jampetsc.errors import InputError
+from jampetsc.petsc import builds, launcher
+from jampetsc.petsc.solver_options import is_petscs_own, names_given
+from jampetsc.shipped_files import located
+
+QUIET = "-no_signal_handler"
+VALUES = (56, 62, 63, 86, 92)  # not supported, argument wrong, out of range, no such type, no such factor
+
+_session = None
+
+
+def start(scalar=None, petsc_argv=()):
+    """Start MPI, PETSc and SLEPc and return the Session. Collective.
+
+    scalar      "real", "complex", or None for either (real preferred)
+    petsc_argv  PETSc's own options, as on a command line: ["-options_file", "a.opts", "-log_view"];
+                `jampetsc:NAME` is an options file that comes with the package
+
+    Raises InputError when no build has that scalar type, when the user's own has the other one, when SLEPc
+    belongs to another PETSc, or for an options file that cannot be read. A second call returns the running
+    session.
+    """
+    global _session
+    petsc_argv = [located(str(token)) for token in petsc_argv]
+    if _session is None:
+        names = names_given(petsc_argv)
+        with builds.selected(scalar):
+            PETSc, SLEPc, comm = _load(petsc_argv)
+        _session = Session(PETSc, SLEPc, comm, petsc_argv, names)
+        if comm.size > 1:
+            sys.excepthook = _abort
+    elif petsc_argv:
+        raise RuntimeError("PETSc options can be given to the first session.start() of a process only")
+    if scalar not in (None, _session.scalar_type):
+        raise InputError(
+            f"{scalar} scalars are needed and {Path(_session.PETSc.__file__).parents[1]} has "
+            f"{_session.scalar_type} ones: {builds.remedy(scalar)} (one process loads one)"
+        )
+    return _session
+
+
+def _load(petsc_argv):
+    """(PETSc, SLEPc or None, COMM_WORLD), initialised with petsc_argv. Collective.
+
+    Raises InputError where they are missing, do not fit together, or do not start with these words.
+    """
+    try:
+        import petsc4py
+
+        # Open MPI 4 would start a daemon for ranks to be spawned later, which outlives a kill of its process
+        os.environ.setdefault("OMPI_MCA_ess_singleton_isolated", "1")
+        from mpi4py import MPI
+
+        # SIGTERM and a closed pipe remain what they are to python; PETSc would print pages and abort
+        petsc4py.init(["jampetsc", QUIET, *petsc_argv], comm=MPI.COMM_WORLD)
+        from petsc4py import PETSc
+    except ImportError as error:
+        reason = " ".join(str(error).split())
+        raise InputError(f"petsc4py and mpi4py: {reason}: install them for {sys.executable}") from error
+    except RuntimeError as error:  # PETSc.Error; PETSc has printed the details
+        given = " ".join(petsc_argv)
+        raise InputError(f"{given}: PETSc does not start with this: see its message above") from error
+    try:
+        import slepc4py
+
+        slepc4py.init(["jampetsc"])
+        from slepc4py import SLEPc
+    except ModuleNotFoundError:
+        SLEPc = None
+    except (ImportError, ValueError) as error:  # what loading a SLEPc of another PETSc gives
+        raise InputError(
+            f"{Path(slepc4py.__file__).parent} was not built for {Path(PETSc.__file__).parents[1]}: "
+            "set PETSC_DIR and SLEPC_DIR to one pair, or unset both"
+        ) from error
+    return PETSc, SLEPc, MPI.COMM_WORLD
+
+
+def current():
+    """The running Session. Raises RuntimeError before `start`."""
+    if _session is None:
+        raise RuntimeError("no session: call jampetsc.petsc.session.start() first")
+    return _session
+
+
+def communicator():
+    """That of the running session; without one that of all ranks if mpirun has started several, else None."""
+    if _session is not None:
+        return _session.comm
+    return importlib.import_module("mpi4py.MPI").COMM_WORLD if launcher.several() else None
+
+
+class Session:
+    """PETSc as it runs in this process; made by `start`.
+
+    PETSc, SLEPc   the petsc4py and slepc4py modules; SLEPc is None where no slepc4py is installed
+    MPI            mpi4py's
+    comm           mpi4py communicator of the work at hand, COMM_WORLD but for `alone`; rank and size are its
+    world          COMM_WORLD
+    scalar_type    "real" or "complex"
+    petsc_argv     the PETSc options this process was given
+    """
+
+    def __init__(self, PETSc, SLEPc, comm, petsc_argv, names):
+        self.PETSc = PETSc
+        self.MPI = importlib.import_module("mpi4py.MPI")
+        self.SLEPc = SLEPc
+        self.world = comm
+        self._work_on(comm)
+        self.scalar_type = "complex" if PETSc.ScalarType(0).dtype.kind == "c" else "real"
+        self.petsc_argv = petsc_argv
+        PETSc.Options().delValue(QUIET)  # not for the record: it is none of the user's
+        self._for_solvers = not all(map(is_petscs_own, names))  # whether options of solvers were given
+        self._defaults = set()
+
+    def _work_on(self, comm):
+        self.comm, self.rank, self.size = comm, comm.rank, comm.size
+
+    @contextlib.contextmanager
+    def alone(self):
+        """Work inside is this rank's own: `comm` is COMM_SELF, and nothing in it waits for other ranks."""
+        before = self.comm
+        self._work_on(self.MPI.COMM_SELF)
+        try:
+            yield
+        finally:
+            self._work_on(before)
+
+    def options(self):
+        """All PETSc options in force, {name: value}, without their dash."""
+        return self.PETSc.Options().getAll()
+
+    def options_told(self) -> str:
+        """Those as words of a command line, for the record of a run: given by the user, or defaults set by then."""
+        return " ".join(f"-{name} {value or ''}".strip() for name, value in self.options().items())
+
+    def set_defaults(self, defaults):
+        """Set those of {"freq_ksp_type": "preonly", …} that no options file and no command line gives.
+
+        None stands for an option without a value.
+        """
+        database = self.PETSc.Options()
+        present = {name.lower() for name in self.options()} - self._defaults  # hasName would mark it used
+        for name, value in defaults.items():
+            if name.lower() not in present:
+                database.setValue(name, value)
+                self._defaults.add(name.lower())
+
+    def has_options(self, prefix) -> bool:
+        """Whether options that begin with this were given, by a command line, a file or PETSC_OPTIONS."""
+        return any(
+            name.lower().startswith(prefix) for name in self.options() if name.lower() not in self._defaults
+        )
+
+    def tell_unused(self):
+        """Have PETSc, when it ends, print the solvers' options that rank 0 has not asked for: its -options_left."""
+        database = self.PETSc.Options()
+        for name in self._defaults:
+            database.delValue(name)  # not the user's to correct
+        if self._for_solvers and "options_left" not in self.options():
+            database.setValue("options_left", True)
+
+    def stage(self, name):
+        """A log stage, a context: what runs inside is summed under `name` by -log_view. Collective."""
+        return self.PETSc.Log.Stage(name)
+
+    def collect(self):
+        """Free the PETSc objects that python has dropped, even if on some ranks only. Collective.
+
+        A full garbage collection, tens of milliseconds: not for every step of a fast loop.
+        """
+        gc.collect()
+        if hasattr(self.PETSc, "garbage_cleanup"):  # petsc4py ≥ 3.18
+            self.PETSc.garbage_cleanup(self.comm)
+
+
+def versions():
+    """Versions for the record: {"numpy": …, "h5py": …}, in a session also mpi4py, mpi, petsc, slepc, mumps.
+
+    One that cannot be found out is "unknown". Not collective.
+    """
+    packages = ["numpy", "h5py"] + (["mpi4py"] if _session else [])
+    known = {package: importlib.import_module(package).__version__ for package in packages}
+    if _session:
+        from mpi4py import MPI
+
+        known["mpi"] = MPI.Get_library_version().split("\n")[0].split(",")[0].strip("\0 ")
+        known["petsc"] = ".".join(map(str, _session.PETSc.Sys.getVersion()))
+        known["slepc"] = ".".join(map(str, _session.SLEPc.Sys.getVersion())) if _session.SLEPc else "unknown"
+        known["mumps"] = _mumps_version()
+    return known
+
+
+def petsc_error(error):
+    """The PETSc.Error that an exception is or, as in slepc4py 3.25, was made of; None if there is none."""
+    found = (one for one in (error, error.__cause__) if _session and isinstance(one, _session.PETSc.Error))
+    return next(found, None)
+
+
+def petsc_message(error) -> str:
+    """What PETSc said, without the places in its sources: the last line."""
+    last = str(petsc_error(error)).rpartition("\n")[2]
+    return " ".join(last.removeprefix(f"[{_session.world.rank}]").split())
+
+
+def told(error) -> tuple[str, int]:
+    """A PETSc error in one line, and the exit status: 2 where it is about a value that the user may have given."""
+    given = " ".join(_session.petsc_argv)
+    if given and petsc_error(error).ierr in VALUES:
+        return f"{given}: {petsc_message(error)}: correct or remove the option", 2
+    return f"PETSc: {petsc_message(error)}", 1
+
+
+def _abort(kind, error, trace):
+    """sys.excepthook: a rank that ends by an exception would leave the others waiting for it forever."""
+    text = "".join(traceback.format_exception(kind, error, trace))
+    streams.say(f"jampetsc: rank {_session.world.rank} of {_session.world.size} failed:\n{text}")
+    _session.world.Abort(1)
+
+
+def _mumps_version():
+    """The version in the name of the MUMPS library this process has loaded; Linux tells which that is."""
+    try:
+        loaded = Path("/proc/self/maps").read_text()
+    except OSError:
+        return "unknown"
+    found = re.search(r"lib[dz]mumps[\w.-]*?[-.](\d+(?:\.\d+)+)", loaded)
+    return found[1] if found else "unknown"

@@ -1,0 +1,112 @@
+"""Cholesky factorisations of symmetric positive definite matrices, such as K + sB for real s ≥ 0.
+
+Scaled symmetrically to a unit diagonal first: at small s the θ block is of order s. Options have the prefix
+`shift_`.
+"""
+
+import numpy as np
+
+from jampetsc.errors import ConvergenceError
+from jampetsc.petsc.cholesky import Cholesky, NotPositiveDefinite, least_eigenvalue
+from jampetsc.petsc.session import current
+
+PREFIX = "shift_"
+
+
+def shifted(K, B, s: float):
+    """K + sB as a new matrix, for PETSc matrices of one pattern. Collective."""
+    matrix = K.copy()
+    matrix.axpy(s, B, structure=current().PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+    return matrix
+
+
+class ShiftedFactor:
+    """A⁻¹ for one matrix A, which is the factor's own from then on. Collective on the ranks of the matrix.
+
+    what      names A in messages
+    project   orthogonal projection of local parts, in place, on a space that A leaves invariant, in which right sides
+              and solutions are but for rounding
+
+    Raises NotPositiveDefinite where A is not: K + sB where K has a negative eigenvalue or, at s = 0, one that is
+    zero. ConvergenceError when the factorisation fails otherwise.
+    """
+
+    def __init__(self, matrix, what: str, project=None):
+        self.project = project
+        self.scale = matrix.getDiagonal()
+        diagonal = self.scale.getArray()
+        unfit = int(np.count_nonzero(~(diagonal > 0)))
+        if matrix.getComm().tompi4py().allreduce(unfit):
+            for item in (matrix, self.scale):
+                item.destroy()
+            raise NotPositiveDefinite(f"{what} is not positive definite")
+        self.scale.setArray(1.0 / np.sqrt(diagonal))
+        matrix.diagonalScale(self.scale, self.scale)
+        self.work = matrix.createVecRight()
+        self.cholesky = Cholesky(matrix, PREFIX, what, None if project is None else self._project_scaled)
+        try:
+            self.cholesky.factorise()
+        except ConvergenceError:
+            self.destroy()
+            raise
+
+    def _scale(self, rhs):
+        """`work` ← what is to be solved for, scaled like the matrix."""
+        rhs.copy(self.work)
+        if self.project is not None:
+            self.project(self.work.getArray())
+        self.work.pointwiseMult(self.work, self.scale)
+
+    def _project_scaled(self, x):
+        """`project` of a solution that is scaled like the matrix."""
+        scale = self.scale.getArray()
+        unscaled = x * scale
+        self.project(unscaled)
+        x[:] = unscaled / scale
+
+    def prove(self) -> bool:
+        """Whether the factorisation proves that A is positive definite, see `Cholesky.prove`. Collective."""
+        return self.cholesky.prove()
+
+    def solve(self, rhs, out) -> float:
+        """out ← A⁻¹ rhs, PETSc vectors; rhs may be out. Collective. Returns and raises as `Cholesky.solve`, scaled."""
+        self._scale(rhs)
+        left = self.cholesky.solve(self.work, out)
+        out.pointwiseMult(self.scale, out)
+        return left
+
+    def energy(self, rhs) -> tuple[float, float]:
+        """(e, left): bᵀA⁻¹b = e + ρᵀA⁻¹ρ for b = `rhs`, with ρᵀD⁻¹ρ ≤ left², D the diagonal of A. Collective."""
+        self._scale(rhs)
+        return self.cholesky.energy(self.work)
+
+    def least_eigenvalue(self) -> float:
+        """μ with A ≥ μD, D the diagonal of A; of what is not projected out A ≥ μ. Collective. See there."""
+        generator = np.random.default_rng(self.cholesky.matrix.getOwnershipRange()[0])
+        out = self.work.duplicate()
+        rhs = self.work.duplicate()
+        largest = 1.0 / self.scale.min()[1]  # |ρ| unscaled ≤ √(largest diagonal) |ρ| scaled
+
+        def start():
+            x = generator.standard_normal(rhs.getLocalSize())
+            if self.project is not None:
+                self.project(x)
+            return x
+
+        def step(x):
+            rhs.setArray(x)
+            if self.project is None:
+                left = self.cholesky.solve(rhs, out)
+            else:
+                left = largest * self.solve(rhs, out)
+            return out.getArray().copy(), left, out.norm()
+
+        least = least_eigenvalue(start, step)
+        for vector in (out, rhs):
+            vector.destroy()
+        return least
+
+    def destroy(self) -> None:
+        """Free the factor. Collective."""
+        for item in (self.cholesky, self.scale, self.work):
+            item.destroy()

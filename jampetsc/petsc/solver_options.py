@@ -1,0 +1,96 @@
+"""PETSc's options on the command line: whose they are, and what is wrong with them in words.
+
+Each solver's options begin with a prefix of its own. One that no solver of the command has is a mistake, and refused
+before anything is started; which of the others nothing has asked for PETSc says at its end (`Session.tell_unused`).
+"""
+
+import difflib
+import itertools
+import re
+from pathlib import Path
+
+from jampetsc.errors import InputError
+from jampetsc.shipped_files import located
+
+SOLVERS = {  # prefix: parts of PETSc and SLEPc that read the words after it
+    "newton_": "ksp pc mat",
+    "shift_": "ksp pc mat",
+    "freq_": "ksp pc mat",
+    "inertia_": "ksp pc mat",
+    "modes_": "eps st",
+    "osc_": "snes ksp",
+    "osc_factor_": "pc mat",
+}
+# What PETSc reads for itself, when it starts or ends, and of objects that have no prefix.
+PETSCS_OWN = tuple(
+    "binary_ blas_ check_ checkfunctionlist checkstack citations cuda_ debugger_ default_device device_ display draw_ "
+    "error_output fp_trap get_total_flops help hip_ history info is_view kokkos_ log_ malloc mat_view memory_view "
+    "monitor mpi_ mpiuni no_signal_handler not_shared_tmp nox objects_ omp_ on_error options_ petsc_ python random_ "
+    "root_device saws_ sf_ shared_tmp skip_petscrc start_in_debugger stop_for_debugger tmp use_gpu vec_view "
+    "vecscatter_ version viewer_ x_virtual".split()
+)
+OPTION = re.compile(r"-[A-Za-z]")
+
+
+def is_petscs_own(name: str) -> bool:
+    """Whether an option, without its dash, is none of a solver."""
+    return name.lower().startswith(PETSCS_OWN)
+
+
+def check(command: str, owned: dict, petsc_argv) -> None:
+    """Raise InputError for words that PETSc cannot take, and for an option that no solver of a command has.
+
+    owned   {command: prefixes of its solvers' options} of all commands
+    """
+    for name in names_given(petsc_argv):
+        if not name.lower().startswith(owned[command]) and not is_petscs_own(name):
+            raise InputError(f"PETSc option -{name}: {_what_instead(command, name, owned)}")
+
+
+def names_given(petsc_argv) -> list[str]:
+    """Names of the options that words and the options files among them give, without the dash.
+
+    Raises InputError for words that petsc4py cannot hand on, and for an options file that PETSc would refuse at length.
+    """
+    for word in petsc_argv:
+        if not word.isprintable():
+            raise InputError(f"{ascii(word)[1:-1]}: PETSc takes printable text only: use another name")
+    names = []
+    for word, value in itertools.pairwise([*petsc_argv, ""]):
+        if OPTION.match(word):
+            names.append(word[1:])
+        if word == "-options_file":
+            names += _names_in(located(value))
+    return names
+
+
+def _names_in(file):
+    if not file:
+        raise InputError("-options_file: needs the name of a file")
+    file = located(file)
+    try:
+        lines = Path(file).read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError as error:
+        raise InputError(f"{file}: {error.strerror}: give a PETSc options file") from error
+    if Path(file).suffix in (".yml", ".yaml"):
+        return []  # PETSc's other language
+    words = [(number, line.partition("#")[0].split()[:1]) for number, line in enumerate(lines, 1)]
+    for number, word in words:
+        if word and not re.match(r"-[A-Za-z]|alias$", word[0]):
+            raise InputError(f"{file}: line {number}: {word[0]}: options begin with -, comments with #")
+    return [word[0][1:] for _, word in words if word and word[0] != "alias"]
+
+
+def _what_instead(command, name, owned):
+    """Why an option is none of a command, and what may have been meant."""
+    prefixes = owned[command]
+    others = [one for one, its in owned.items() if name.lower().startswith(its) and len(its) < len(SOLVERS)]
+    if others:
+        return f"is one of jampetsc {' and '.join(others)}, and {command} has no use for it: leave it out"
+    if not prefixes:
+        return f"{command} solves nothing: leave it out"
+    head, _, rest = name.partition("_")
+    meant = [f"-{prefix}{name}" for prefix in prefixes if head.lower() in SOLVERS[prefix].split()]
+    meant = meant or [f"-{near}{rest}" for near in difflib.get_close_matches(f"{head}_", prefixes, n=1)]
+    hint = f" (did you mean {' or '.join(meant)}?)" if meant else ""
+    return f"those of {command} begin with -{', -'.join(prefixes)}{hint}: correct or remove it"

@@ -1,0 +1,117 @@
+"""What speed costs in accuracy, measured on the user's own packing and machine."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from jampetsc.asking.damping import DAMPING, PRESTRESS
+from jampetsc.asking.job import Job
+from jampetsc.asking.kinds import FREQUENCIES, PACKING, Numbers, grid_told
+from jampetsc.asking.parameters import FILE, Kind, asked, part
+from jampetsc.core.disks import Disks
+from jampetsc.core.laws import Law, Physics
+from jampetsc.errors import InputError, named
+from jampetsc.jobs.sweep import OMEGA
+from jampetsc.shipped_files import located
+
+GROUPS = ("accuracy", "method", "physics", "frequencies")
+
+
+def _words(given):
+    return tuple(given.split(",")) if isinstance(given, str) else tuple(map(str, given))
+
+
+def _groups(given):
+    for word in _words(given):
+        if word not in GROUPS:
+            raise ValueError(f"{word!r} is none of {', '.join(GROUPS)}")
+    return _words(given)
+
+
+def _files(given):
+    paths = tuple(map(located, _words(given)))
+    for path in paths:
+        if not Path(path).is_file():
+            raise ValueError(f"{path}: no such file")
+    return paths
+
+
+@dataclass(frozen=True, eq=False)
+class Trade(Job):
+    """Measure what speed costs in accuracy.
+
+    Runs the choices there are for one packing, each as a sweep in processes of its own, and compares them with the
+    tightest certified rational sweep: time, memory, factorisations, errors of G' and of G'', critical slopes. Writes a
+    table (CSV) and a picture of time against error beside it (.png), and recommends settings by stated rules.
+
+      accuracy     accuracies 1e-2 ... 1e-10 of the rational sweep
+      method       method direct with MUMPS and with the options files
+      physics      rotations, pre-stress, Stokes drag instead of contact damping: deviation from the law given
+      frequencies  few frequencies solved one by one, and interpolation between them
+    """
+
+    NAME: ClassVar = "trade"
+    FORMAT: ClassVar = "table"
+    OUT_HELP: ClassVar = "table, .csv; the picture goes beside it as .png"
+    AGAIN: ClassVar = True
+    GIVES: ClassVar = "str, the table and the advice"
+    EPILOG: ClassVar = """examples
+  jampetsc trade packing.h5 --out trade.csv
+  jampetsc trade packing.h5 --out trade.csv --choices accuracy,physics --ensemble --beta 0.1
+  jampetsc trade packing.h5 --out trade.csv --ranks 2 --choices method --options-files mine.opts
+
+Times mean something on a machine that does nothing else."""
+
+    packing: Disks = asked(help="packing", kind=PACKING, place=FILE)
+    law: Law = part(DAMPING)
+    prestress: bool = PRESTRESS
+    choices: tuple = asked(",".join(GROUPS), "what to vary", kind=Kind(_groups, ",".join, metavar="LIST"))
+    ensemble: bool = asked(
+        False, "also: one big packing against 4 of N/4 and 16 of N/16 disks, which are made for it"
+    )
+    omega: Numbers = asked(OMEGA, "frequencies ω", kind=FREQUENCIES, unit="1/τ₁")
+    ranks: int | None = asked(
+        None, "run every choice under mpirun on so many ranks (default: without mpirun)", low=1, high=100_000
+    )
+    options_files: tuple | None = asked(
+        None,
+        "options files for method direct (default: iterative, superlu_dist, low_memory of jampetsc)",
+        kind=Kind(_files, ",".join, metavar="FILE[,FILE…]"),
+    )
+
+    @property
+    def scalar(self):
+        """Its runs are processes of their own."""
+
+    @property
+    def physics(self) -> Physics:
+        """Of the runs."""
+        return Physics(self.law, self.prestress)
+
+    @property
+    def frequencies(self) -> str:
+        """Those of the runs, as a command line has them."""
+        return grid_told(self.omega)
+
+    def check(self):
+        """Refuse a packing in memory, which other processes cannot read."""
+        if isinstance(self.packing, Disks):
+            raise InputError(f"{named('packing')}: must be a file, which the runs read")
+
+    def check_outputs(self, to):
+        """Refuse other endings, files that may not be replaced, and what no run could begin with."""
+        from jampetsc.speed_accuracy.measure import check
+
+        if to.path is None or to.path.suffix.lower() != ".csv":
+            raise InputError(f"{named('out')} {to.path}: give it the ending .csv; the picture gets .png")
+        check(self, to.path)
+
+    def work(self, to):
+        """Measure and write both files. Raises JampetscError only if the reference fails."""
+        from jampetsc.speed_accuracy.measure import measure
+
+        return measure(self, to.path)
+
+    def answer(self, to, told):
+        """The text."""
+        return told

@@ -1,0 +1,145 @@
+"""An ensemble of packings and of what is asked of each."""
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from jampetsc.asking.job import Job
+from jampetsc.asking.parameters import FILE, Kind, asked
+from jampetsc.petsc.solver_options import SOLVERS
+
+MANY = 10  # failures that the summary tells
+FAILED = 3  # exit status where some tasks failed
+
+
+def _description(given):
+    """Tables by name as they are, or the path of a TOML file."""
+    if isinstance(given, Mapping):
+        return dict(given)
+    if not isinstance(given, str | Path):
+        raise ValueError("must be the name of a TOML file or a dictionary of tables")
+    return str(given)
+
+
+@dataclass(frozen=True, eq=False)
+class Study(Job):
+    """An ensemble: packings, responses and their table.
+
+    Runs every task of STUDY.toml that is not done yet: tables are jobs, keys their parameters, lists are multiplied
+    out, and every response runs on every packing. Under mpirun each rank takes the next task as soon as it is free.
+    The same command continues a study that was stopped, on another number of ranks too; a changed STUDY.toml adds
+    tasks. Writes FOLDER/table.csv, one row per task; jampetsc.load(FOLDER) reads it.
+    """
+
+    NAME: ClassVar = "study"
+    FORMAT: ClassVar = "table"
+    OUT_HELP: ClassVar = "folder of all its files"
+    AGAIN: ClassVar = True
+    SOLVERS: ClassVar = tuple(SOLVERS)
+    EPILOG: ClassVar = """STUDY.toml, for instance:
+
+  [pack]                         [[sweep]]
+  n = [256, 1024]                beta = [1.0, 1e-3]
+  pressure = [1e-2, 1e-3]        omega = "1e-8:1e2:61"
+  seeds = "1:20"                 [quasistatic]
+
+A task that fails is a row with its reason and is tried again by the next run; the status is then 3."""
+
+    study: str | dict = asked(
+        help="what to do: a TOML file, in python also its tables by name",
+        kind=Kind(_description, metavar="STUDY"),
+        place=FILE,
+    )
+    dry_run: bool = asked(False, "print the tasks and an estimate of their cost")
+
+    @property
+    def scalar(self):
+        """A dry run needs no PETSc."""
+        return None if self.dry_run else "real"
+
+    def check_outputs(self, to):
+        """Refuse a folder with a table of somebody else's."""
+        from jampetsc.studies.run import check_folder
+
+        check_folder(to.path, self._named)
+
+    @property
+    def _named(self):
+        return self.study if isinstance(self.study, str) else "study"
+
+    def _content(self):
+        from jampetsc.studies.plan import read
+
+        return read(self.study) if isinstance(self.study, str) else self.study
+
+    def work(self, to):
+        """Do what is left. Collective."""
+        from jampetsc.studies.plan import plan
+
+        if self.dry_run:
+            return _outlook(plan(self._named, self._content()), to.path)
+
+        from jampetsc.collective import on_root
+        from jampetsc.io.ensemble import TABLE
+        from jampetsc.petsc import session
+        from jampetsc.studies import run as study
+
+        began, running = time.perf_counter(), session.current()
+        content = on_root(running.comm, self._content)  # of one rank for all: it may be edited meanwhile
+        tasks = plan(self._named, content)
+        rows = study.run(tasks, to.path, self._named, content, running)
+        failures = [row for row in rows if row["state"] != "done"]
+        to.status = FAILED if failures else 0
+        return _summary(to.path / TABLE, rows, failures, study.elapsed(began))
+
+
+def _summary(table, rows, failures, elapsed) -> str:
+    """What a user wants to read after a study."""
+    lines = [f"{table}: {len(rows)} tasks, {len(failures)} failed, {elapsed}"]
+    for row in failures[:MANY]:
+        lines.append(f"  {row['file']}: {row['state']}")
+    if len(failures) > MANY:
+        lines.append(f"  … and {len(failures) - MANY} more, see the table")
+    unstable = [row for row in rows if row.get("G0", 0.0) < 0]
+    if unstable:
+        lines.append(
+            f"  G0 < 0 in {len(unstable)} of {sum('G0' in row for row in rows)} rows: kept in the averages"
+        )
+    return "\n".join(lines)
+
+
+def _outlook(tasks, folder) -> str:
+    """The tasks, which of them are done, and what the others may cost."""
+    from jampetsc.studies.costs import Costs, in_words
+    from jampetsc.studies.journal import records_of
+    from jampetsc.studies.run import told_of
+    from jampetsc.studies.tasks import Runner
+
+    records = records_of(folder)
+    costs = Costs(records.values())
+    names, changed = Runner(folder, records).left(tasks)
+    names = set(names)
+    left = [task for task in tasks if task.name in names]
+    lines = [f"{'to do' if task.name in names else 'done '}  {' '.join(task.words)}" for task in tasks]
+    for command in dict.fromkeys(task.command for task in tasks):
+        mine = [task for task in left if task.command == command]
+        known = any(
+            record["state"] == "done" for record in records.values() if record["row"]["command"] == command
+        )
+        guess = "" if known or not mine else ", by a rough rule until some are done"
+        lines.append(f"{command}: {len(mine)} to do, about {in_words(costs.total(mine))} on one rank{guess}")
+    if changed:
+        lines.append(told_of(changed))
+    lines.append(f"{len(left)} of {len(tasks)} tasks to do, about {in_words(_sum(costs, left))} on one rank")
+    return "\n".join(lines)
+
+
+def _sum(costs, tasks):
+    """Seconds of all tasks where there is an estimate for each command, else None."""
+    totals = [
+        costs.total([task for task in tasks if task.command == command])
+        for command in {task.command for task in tasks}
+    ]
+    return None if None in totals else sum(totals)
