@@ -1,5 +1,6 @@
 """Pictures: drawn from real files through the command line, and what must be right about them."""
 
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -8,7 +9,7 @@ import matplotlib
 import numpy as np
 import pytest
 import samples
-from drawn import bands, figure_of, lines
+from drawn import bands, drawn_by, figure_of, lines
 from matplotlib.image import imread
 
 from jampetsc.cli import main as cli
@@ -22,9 +23,9 @@ from jampetsc.io.result_file import ResultWriter
 from jampetsc.plots import periodic
 from jampetsc.plots.curves import Curve, group_curves
 from jampetsc.plots.draw import choose
-from jampetsc.plots.fields import ARROWS, _spread
+from jampetsc.plots.fields import ARROWS, _colours, _spread, plot_fields
 from jampetsc.plots.moduli import plot_collapse, plot_moduli
-from jampetsc.plots.packing import plot_packing
+from jampetsc.plots.packing import _draw, flowing, plot_packing, touching
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 
@@ -257,6 +258,46 @@ def test_lines_are_as_wide_as_forces_are_strong_and_the_caption_is_in_units_of_k
     assert set(which) == set(range(len(contacts)))
     widths = np.array(drawn.get_linewidths())
     np.testing.assert_allclose(widths / widths.mean(), contacts.force[which] / contacts.force[which].mean())
+
+
+def test_arrows_are_the_field_at_peak_and_at_zero_stress_with_its_affine_part(tmp_path, packing):
+    """Re and −Im of (y x̂ + ũ/γ)/G*, but for |G*|, times what is told; y from the middle of the cell."""
+    disks, rng = samples.published(), np.random.default_rng(3)
+    u = 0.01 * (rng.normal(size=(1, 16, 2)) + 2j * rng.normal(size=(1, 16, 2)))
+    path = write_sweep(tmp_path / "s.h5", packing=packing, fields=(OMEGA[24:25], u, u[..., 0], np.arange(16)))
+    turn = np.exp(-1j * np.angle(modulus(OMEGA, 1e-3)[24]))
+    total = u[0].copy()
+    total[:, 0] += periodic.wrap(disks.positions, disks.cell)[:, 1] - disks.cell[1, 1] / 2
+    motion, spin = turn * total, turn * u[0, :, 0]
+    axes = plot_fields([load(path)], total=True)
+    for ax, name, take in zip(axes, ("peak", "zero"), (np.real, lambda z: -np.imag(z)), strict=True):
+        faces, arrows = ax.collections
+        factor = float(re.search(r"arrows \$([\d.]+)", ax.get_xlabel())[1])
+        assert f"$u$ at {name} stress" in ax.get_title()
+        drawn = np.column_stack((arrows.U, arrows.V)) / factor
+        for one in take(motion):  # arrows that leave the cell are drawn twice
+            assert np.abs(drawn - one).max(axis=1).min() < 1e-9
+        turned = take(spin) / np.sqrt(np.mean(take(spin) ** 2))
+        rows = periodic.disk_images(periodic.wrap(disks.positions, disks.cell), disks.radii, disks.cell)[0]
+        np.testing.assert_allclose(faces.get_facecolors(), _colours()(0.5 + turned[rows] / 4))
+
+
+def test_rattlers_are_hollow_walls_dark_and_both_are_told():
+    disks = samples.published()
+    radii = disks.radii * np.where(np.arange(16) == 5, 0.5, 1.0)
+    disks = Disks.from_positions(disks.positions, radii, disks.cell)
+    rows = periodic.disk_images(periodic.wrap(disks.positions, disks.cell), disks.radii, disks.cell)[0]
+    state, loose = measure(disks), replace(disks, record={"walls": 3})
+    flow = drawn_by(lambda page: _draw(page, [flowing("", loose)]))
+    for fig, hollow, walls in (
+        (figure_of(plot_packing, disks), state.rattlers, 0), (flow, touching(loose)[2], 3)
+    ):  # fmt: skip
+        ax = fig.axes[0]
+        shades = np.where(rows < walls, 0.45, np.where(hollow[rows], 1.0, 0.88))
+        np.testing.assert_allclose(ax.collections[0].get_facecolors()[:, 0], shades)
+        told = ax.get_xlabel()
+        assert ("dark: walls" in told) == bool(walls) and f"$N={disks.n - walls}$" in told
+        assert ("hollow: " in told) == hollow.any()
 
 
 def test_arrows_spread_evenly_when_there_are_too_many_disks():

@@ -35,7 +35,11 @@ TOP = {"__main__": "cli"}  # other modules: ground
 WITHOUT_PETSC = ("ground", "core", "analysis", "io", "minimise", "plots")
 PETSC = ("ground", "contacts", "analysis", "storage", "packing", "plots", "words")
 PETSC = ("petsc4py", "slepc4py", "mpi4py")
-DOORS = ("petsc.session", "petsc.builds", "cli.main")  # cli.main only to end a job that fails before the session has begun
+DOORS = (
+    "petsc.session",
+    "petsc.builds",
+    "cli.main",
+)  # cli.main only to end a job that fails before the session has begun
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
 
