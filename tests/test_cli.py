@@ -124,7 +124,6 @@ def test_a_misspelt_option_is_named_where_its_right_one_is_missing():
         "pack": "newton",
         "jam": "newton",
         "shear": "newton",
-        "flow": "flow",
         "sweep": "shift freq",
         "quasistatic": "shift",
         "modes": "modes inertia",
@@ -164,8 +163,6 @@ def test_missing_arguments_are_named(command):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ([], "the following arguments are required: COMMAND (see jampetsc --help)"),
-        (["-h"], "the following arguments are required: COMMAND (see jampetsc --help)"),
         (["prob", "f"], "prob: no such command; did you mean probe? (see jampetsc --help)"),
         (["probe"], "the following arguments are required: FILE (see jampetsc probe --help)"),
         (["probe", "f", "g"], "g: one argument too many (see jampetsc probe --help)"),
@@ -175,7 +172,7 @@ def test_missing_arguments_are_named(command):
         ),
         (
             ["probe", "f", "--on-rank", "x"],
-            "argument --on-rank: invalid int value: 'x' (see jampetsc probe --help)",
+            "--on-rank x: must be a whole number",
         ),
         (
             ["probe", "f", "-log_view"],
@@ -513,7 +510,7 @@ def test_a_bug_on_one_rank_ends_the_job(rank):
 
 def test_one_thread_per_rank_unless_told_otherwise():
     code = (
-        "import os; from jampetsc import cli; cli.main(['x']); import numpy as np; a = np.ones((600, 600)); a @ a; "
+        "import os; from jampetsc.cli import main as cli; cli.main(['x']); import numpy as np; a = np.ones((600, 600)); a @ a; "
         "print(os.environ['OMP_NUM_THREADS'], len(os.listdir('/proc/self/task')))"
     )
     environment = {name: value for name, value in launch.environment().items() if "THREADS" not in name}

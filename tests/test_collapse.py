@@ -398,7 +398,7 @@ def test_files_that_do_not_go_together(tmp_path, capsys):
         (("--fit", "phi_J,y,nu"), "nu is none of phi_J, y, znu, omega"),
         (("--fit", "phi_J,y=a,znu"), "write a number between"),
         (("--fit", "phi_J=0.84,y=1,znu=3"), "nothing is free"),
-        (("--fit", "phi_J,y,znu,omega"), "leave omega out, or give corrections"),
+        (("--fit", "phi_J,y,znu,omega"), "leave omega out, or give --corrections"),
         (("--corrections",), "name omega, too"),
         (("--degree", "0"), "must lie in"),
         (("--cut", "-1"), "must be positive"),

@@ -49,14 +49,14 @@ def test_a_changed_law_keeps_the_rest():
 @pytest.mark.parametrize(
     ("name", "options", "says"),
     [
-        ("glue", {}, "--law glue: choose one of contact, stokes"),
-        ("stokes", {"beta": 1.0}, "--beta: belongs to --law contact, not to --law stokes"),
-        ("contact", {"eta_f": 1.0}, "--eta-f: belongs to --law stokes, not to --law contact"),
-        ("stokes", {"rotations": False}, "--no-rotations: belongs to --law contact"),
-        ("contact", {"beta": -1.0}, "--beta -1: must lie between 0 and 1e"),
-        ("contact", {"normal": float("nan")}, "--normal nan: must lie"),
-        ("stokes", {"eta_f": 10 * LARGEST}, "--eta-f 1e+13: must lie"),
-        ("contact", {"tau1": 0.0}, "--tau1 0: must be positive"),
+        ("glue", {}, "law glue: choose one of contact, stokes"),
+        ("stokes", {"beta": 1.0}, "beta: belongs to law contact, not to stokes"),
+        ("contact", {"eta_f": 1.0}, "eta_f: belongs to law stokes, not to contact"),
+        ("stokes", {"rotations": False}, "rotations: belongs to law contact"),
+        ("contact", {"beta": -1.0}, "beta -1: must lie between 0 and 1e"),
+        ("contact", {"normal": float("nan")}, "normal nan: must lie"),
+        ("stokes", {"eta_f": 10 * LARGEST}, "eta_f 1e+13: must lie"),
+        ("contact", {"tau1": 0.0}, "tau1 0: must be positive"),
         ("contact", {"normal": 0.0, "beta": 0.0}, "nothing dissipates"),
     ],
 )
@@ -74,7 +74,7 @@ def test_weights_of_one_s_own_have_limits_too(name):
         with pytest.raises(InputError, match=rf"{name} = .*: must lie between 0 and 1e\+12"):
             Law("own", **{name: weight})
     for tau1 in (0.0, -1.0, float("inf"), float("nan")):
-        with pytest.raises(InputError, match=r"--tau1 .*: must be positive"):
+        with pytest.raises(InputError, match=r"tau1 .*: must be positive"):
             Law("own", normal=1.0, tau1=tau1)
 
 

@@ -428,7 +428,7 @@ def test_where_nothing_can_be_written(out, message, sweeps, tmp_path, monkeypatc
 
 def test_plotting_loads_no_mpi_no_petsc_and_needs_no_display(sweeps, with_fields, tmp_path):
     script = (
-        "import sys; from jampetsc import cli\n"
+        "import sys; from jampetsc.cli import main as cli\n"
         "import jampetsc.io.reader, jampetsc.plots.flowcurves\n"
         "assert 'numba' not in sys.modules, 'a third of a second for a compiler that reading does not need'\n"
         "status = [cli.main(words.split('|')) for words in sys.argv[1:]]\n"

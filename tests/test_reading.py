@@ -452,7 +452,7 @@ def test_frequencies_shown_by_themselves_are_four_at_most_in_their_order():
     assert fields.chosen_frequencies(Fields([1.0])).tolist() == [0]
     assert fields.chosen_frequencies(Fields([3.0, 1.0, 2.0])).tolist() == [1, 2, 0]
     assert fields.chosen_frequencies(Fields([7.0, 6, 5, 4, 3, 2, 1])).tolist() == [6, 4, 2, 0]
-    with pytest.raises(InputError, match="holds no fields: run the sweep with --fields"):
+    with pytest.raises(InputError, match="holds no fields: ask the sweep for fields"):
         fields.chosen_frequencies(Fields([]))
 
 

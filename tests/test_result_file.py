@@ -332,7 +332,7 @@ def test_a_dataset_or_fields_that_are_not_there(tmp_path):
     with pytest.raises(InputError, match=r"s.h5: attribute formt is missing: did you mean format\?"):
         result.attributes["formt"]
     assert result.get("foo", 1) == 1 and result.get("omega") is not None
-    with pytest.raises(InputError, match="holds no fields: run the sweep with --fields"):
+    with pytest.raises(InputError, match="holds no fields: ask the sweep for fields"):
         result.fields  # noqa: B018
     with h5py.File(tmp_path / "s.h5", "r+") as h5:
         del h5["G"]

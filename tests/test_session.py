@@ -77,7 +77,7 @@ def test_no_such_attribute():
 
 
 def test_no_session_before_start():
-    done = python("from jampetsc import session; session.current()")
+    done = python("from jampetsc.petsc import session; session.current()")
     assert "RuntimeError: no session: call jampetsc.petsc.session.start() first" in done.stderr
 
 
@@ -115,7 +115,7 @@ def test_real_is_preferred_to_a_newer_complex_build(tmp_path, scalar, chosen):
     make_build(tmp_path, "petsc3.18/any-linux-gnu-real")
     make_build(tmp_path, "petsc3.19/any-linux-gnu-complex")
     code = (
-        "import os\nfrom jampetsc import builds\n"
+        "import os\nfrom jampetsc.petsc import builds\n"
         f"builds.distribution_builds.__defaults__ = ({str(tmp_path)!r},)\n"
         f"with builds.selected({scalar!r}): print(os.environ['PETSC_DIR'])"
     )
@@ -208,22 +208,22 @@ def test_a_build_without_petsc4py_for_this_python_is_none(installed):
 
 @pytest.mark.parametrize("scalar", ["real", "complex"])
 def test_either_build_is_chosen_by_the_program(scalar):
-    done = python(f"from jampetsc import session; print(session.start({scalar!r}).scalar_type)")
+    done = python(f"from jampetsc.petsc import session; print(session.start({scalar!r}).scalar_type)")
     assert done.stdout.strip() == scalar, done.stderr
 
 
 def test_real_is_preferred_where_both_would_do():
-    assert python("from jampetsc import session; print(session.start().scalar_type)").stdout.strip() == "real"
+    assert python("from jampetsc.petsc import session; print(session.start().scalar_type)").stdout.strip() == "real"
 
 
 def test_own_petsc_dir_is_respected():
-    code = "from jampetsc import session; print(session.start().scalar_type)"
+    code = "from jampetsc.petsc import session; print(session.start().scalar_type)"
     assert python(code, PETSC_DIR=folder(distribution("complex"))["PETSC_DIR"]).stdout.strip() == "complex"
 
 
 def test_own_petsc_dir_of_the_other_scalar_type():
     own = folder(distribution("real"))
-    done = python("from jampetsc import session; session.start('complex')", **own)
+    done = python("from jampetsc.petsc import session; session.start('complex')", **own)
     line = done.stderr.splitlines()[-1]
     assert line.startswith(f"jampetsc.errors.InputError: complex scalars are needed and {own['PETSC_DIR']}")
     assert "unset PETSC_DIR and SLEPC_DIR" in line and str(distribution("complex").petsc_dir) in line
@@ -231,13 +231,13 @@ def test_own_petsc_dir_of_the_other_scalar_type():
 
 def test_slepc_of_another_petsc():
     mixed = folder(distribution("real")) | {"SLEPC_DIR": folder(distribution("complex"))["SLEPC_DIR"]}
-    line = python("from jampetsc import session; session.start('real')", **mixed).stderr.splitlines()[-1]
+    line = python("from jampetsc.petsc import session; session.start('real')", **mixed).stderr.splitlines()[-1]
     assert line.startswith(f"jampetsc.errors.InputError: {mixed['SLEPC_DIR']}")
     assert line.endswith("set PETSC_DIR and SLEPC_DIR to one pair, or unset both")
 
 
 def test_petsc_dir_without_petsc4py(tmp_path):
-    done = python("from jampetsc import session; session.start('real')", PETSC_DIR=str(tmp_path))
+    done = python("from jampetsc.petsc import session; session.start('real')", PETSC_DIR=str(tmp_path))
     assert f"InputError: PETSC_DIR={tmp_path}: no petsc4py for this python there" in done.stderr
 
 
@@ -247,7 +247,7 @@ def test_own_petsc4py_on_the_path_is_respected():
     # the distribution's is told by where it lies; seen from a root without builds it is the user's own
     code = (
         f"import sys; sys.path[:0] = {paths}\n"
-        "from jampetsc import builds, session\n"
+        "from jampetsc.petsc import builds, session\n"
         "builds.distribution_builds.__defaults__ = ('/nowhere',)\n"
         "print(session.start().scalar_type)\n"
         "session.start('real')"
@@ -259,7 +259,7 @@ def test_own_petsc4py_on_the_path_is_respected():
 
 def test_no_petsc4py_at_all():
     code = (
-        "from jampetsc import builds, session\n"
+        "from jampetsc.petsc import builds, session\n"
         "builds.distribution_builds.__defaults__ = ('/nowhere',)\n"
         "session.start('complex')"
     )
@@ -419,7 +419,7 @@ def test_what_refers_to_itself_is_collected_too(session):
 
 def test_stages_are_named_in_the_log(tmp_path):
     code = (
-        "from jampetsc import session\n"
+        "from jampetsc.petsc import session\n"
         f"s = session.start('real', ['-log_view', ':{tmp_path}/log'])\n"
         "for _ in range(2):\n    with s.stage('Factor shifts'):\n        s.PETSc.Vec().createMPI(9).sum()\n"
     )

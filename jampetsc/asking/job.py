@@ -9,7 +9,6 @@ from jampetsc.asking.kinds import input_told
 from jampetsc.asking.parameters import FILE, OPTION, parameter_of, parameters, parts
 from jampetsc.errors import InputError, named
 from jampetsc.io.outlet import Outlet
-from jampetsc.io.outputs import check_output
 
 
 @dataclass(frozen=True)
@@ -139,6 +138,8 @@ class Job:
 
     def check_outputs(self, to: Outlet) -> None:
         """Raise InputError, before any work, unless all of its files may be written."""
+        from jampetsc.io.outputs import check_output
+
         if to.path is not None:
             check_output(to.path, self.FORMAT, self.paths)
 
