@@ -29,8 +29,8 @@ import quench as peer
 from jampetsc.contacts.potentials import Potential
 from jampetsc.contacts.threads import Team
 from jampetsc.flows.models import MODELS, Model, Scheme
+from jampetsc.flows.moves import TALLY
 from jampetsc.flows.shearing import Shear
-from jampetsc.flows.steps import TALLY
 from jampetsc.packing.protocols import random_start
 from jampetsc.packing.sizes import radii_of
 
