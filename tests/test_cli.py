@@ -125,7 +125,6 @@ def test_a_misspelt_option_is_named_where_its_right_one_is_missing():
         "pack": "newton",
         "jam": "newton",
         "shear": "newton",
-        "flow": "flow",
         "sweep": "shift freq",
         "quasistatic": "shift",
         "modes": "modes inertia",
