@@ -29,8 +29,8 @@ import quench as peer
 from jampetsc.core.potentials import Potential
 from jampetsc.core.threads import Team
 from jampetsc.flows.models import MODELS, Model, Scheme
+from jampetsc.flows.moves import TALLY
 from jampetsc.flows.shearing import Shear
-from jampetsc.flows.steps import TALLY
 from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.sizes import radii_of
 

@@ -12,6 +12,7 @@ from jampetsc.core.laws import Law
 from jampetsc.core.potentials import Potential
 from jampetsc.core.state import find_contacts, stress_tensor
 from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.flows import moves
 from jampetsc.flows import steady as jobs
 from jampetsc.flows import steps as compiled
 from jampetsc.flows.models import MODELS, Model, Scheme, scheme_for
@@ -77,16 +78,16 @@ def test_energy_is_balanced_at_every_instant(name, kind):
     run = moving(name, crowd(kind=kind))
     force, torques, sums = rates_of(run)
     u, mass, rate = run.velocities, run.model.mass, run.rate
-    tally, noted = np.zeros(len(compiled.TALLY)), np.zeros((1, compiled.SUMMED + 2))
-    compiled.note(run.task(), sums, *compiled.squares_of(u), noted[0])
-    compiled.tell(run.task(), noted, tally)
+    tally, noted = np.zeros(len(moves.TALLY)), np.zeros((1, moves.SUMMED + 2))
+    moves.note(run.task(), sums, *moves.squares_of(u), noted[0])
+    moves.tell(run.task(), noted, tally)
     power = -rate * (tally[0] + tally[2] + tally[4]) - tally[7]
     change = float(np.sum(u * force)) + float(np.sum(run.spins * torques))  # of the kinetic energy
 
     def energy(h):
         g = rate * h
         o = np.empty_like(u)
-        compiled.move(run.offsets, u, 0.5 * g, h, o)
+        moves.move(run.offsets, u, 0.5 * g, h, o)
         out = np.empty_like(u)
         sums = compiled.residual_at(run.lists[0], 0, o, g, run.task(), u, out, rolling_of(run))
         return sums.energy / run.reference.potential.alpha
@@ -512,17 +513,17 @@ def test_what_is_no_number_moves_too_far(bad):
         u[where] = bad
         task, room = shear("CD").task(), np.empty((4, 4, 2))
         found = [
-            compiled.move(o.copy(), u, 0.1, 0.1, np.empty_like(o)),
-            compiled.drift(o, u, 1.0, 0.1, 0.1, *room[:2])[:2],
-            compiled.kick(o, good, good, task, 0.1, u.copy(), *room[:3])[:2],
+            moves.move(o.copy(), u, 0.1, 0.1, np.empty_like(o)),
+            moves.drift(o, u, 1.0, 0.1, 0.1, *room[:2])[:2],
+            moves.kick(o, good, good, task, 0.1, u.copy(), *room[:3])[:2],
         ]
         for far, longest in found:
-            assert compiled.verdict_of(far, longest, 0.0, listed) == compiled.BLOWN_UP
-            sums = np.zeros((3, compiled.SUMMED + 2))  # of one domain of three
+            assert moves.verdict_of(far, longest, 0.0, listed) == moves.BLOWN_UP
+            sums = np.zeros((3, moves.SUMMED + 2))  # of one domain of three
             sums[1, -2:] = far, longest
-            assert compiled.reached(task, sums, 0.0)[0] == compiled.BLOWN_UP
-    far, longest = compiled.move(o, good, 0.1, 0.1, np.empty_like(o))
-    assert compiled.verdict_of(far, longest, 0.0, listed) == compiled.DONE
+            assert moves.reached(task, sums, 0.0)[0] == moves.BLOWN_UP
+    far, longest = moves.move(o, good, 0.1, 0.1, np.empty_like(o))
+    assert moves.verdict_of(far, longest, 0.0, listed) == moves.DONE
 
 
 def test_a_step_in_which_a_disk_would_jump_is_done_in_parts():
@@ -543,19 +544,15 @@ def test_verdicts_of_a_step():
     """More than half of the largest σ is a jump; a list is stale by its own rule, and a jump is told first."""
     listed = 1.2, 0.5, 0.1
     for far, longest, verdict in (
-        (0.1, 0.6, compiled.DONE),
-        (0.1, 0.6001, compiled.BLOWN_UP),
-        (0.25, 0.1, compiled.DONE),
-        (0.2501, 0.1, compiled.STALE),
-        (0.3, 0.7, compiled.BLOWN_UP),
-        (0.1, np.nan, compiled.BLOWN_UP),
+        (0.1, 0.6, moves.DONE),
+        (0.1, 0.6001, moves.BLOWN_UP),
+        (0.25, 0.1, moves.DONE),
+        (0.2501, 0.1, moves.STALE),
+        (0.3, 0.7, moves.BLOWN_UP),
+        (0.1, np.nan, moves.BLOWN_UP),
     ):
-        assert compiled.verdict_of(far, longest, 0.0, listed) == verdict
-    assert (
-        compiled.verdict_of(0.0, 0.0, 0.8, listed)
-        == compiled.verdict_of(0.0, 0.0, -0.8, listed)
-        == compiled.STALE
-    )
+        assert moves.verdict_of(far, longest, 0.0, listed) == verdict
+    assert moves.verdict_of(0.0, 0.0, 0.8, listed) == moves.verdict_of(0.0, 0.0, -0.8, listed) == moves.STALE
 
 
 @pytest.mark.parametrize("share, accepted", [(0.499, True), (0.5, True), (0.501, False)])

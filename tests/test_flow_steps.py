@@ -13,11 +13,10 @@ from jampetsc.core.pairs import deformed
 from jampetsc.core.potentials import Potential
 from jampetsc.core.state import find_contacts
 from jampetsc.core.threads import Team
-from jampetsc.flows import shearing
-from jampetsc.flows import steps as compiled
+from jampetsc.flows import moves, shearing
 from jampetsc.flows.models import Model, Scheme
+from jampetsc.flows.moves import TALLY
 from jampetsc.flows.shearing import Shear
-from jampetsc.flows.steps import TALLY
 
 LAWS = ROWS | {"across": (Law("across", normal=0.3, transverse=1.0), 0.0)}
 SHEARED = 5e-3  # strain of a step
@@ -185,7 +184,7 @@ def test_a_list_is_stale_by_the_shear_after_a_step(name, method):
     run = Shear(disks, Model(law, mass), 1.0, Scheme(0.1, method, 1e-12))
     run.skin = 0.12  # the larger singular value of the deformation is 1.105 at 0.2, 1.161 at 0.3
     run.list(run.reference)
-    assert run._run(9) == (2 if method == "heun" else 3, compiled.STALE)
+    assert run._run(9) == (2 if method == "heun" else 3, moves.STALE)
     assert not run.offsets.any() and run.seen[TALLY.index("steps")] == (2 if method == "heun" else 3)
 
 
@@ -279,11 +278,9 @@ def test_threads_and_domains_do_not_change_a_run(name, method, monkeypatch):
         assert all(np.array_equal(found[key], wanted[key]) for key in wanted)
         assert np.array_equal(run.velocities_now(), one.velocities_now())
     assert one.velocities_now() == pytest.approx(plain.velocities_now(), abs=1e-7)
-    moves = (one.disks.positions - plain.disks.positions) @ np.linalg.inv(plain.disks.cell)
-    assert np.abs(moves - np.round(moves)).max() < 1e-9
-    np.testing.assert_allclose(
-        one.seen[: compiled.SUMMED], plain.seen[: compiled.SUMMED], rtol=1e-6, atol=1e-6
-    )
+    apart = (one.disks.positions - plain.disks.positions) @ np.linalg.inv(plain.disks.cell)
+    assert np.abs(apart - np.round(apart)).max() < 1e-9
+    np.testing.assert_allclose(one.seen[: moves.SUMMED], plain.seen[: moves.SUMMED], rtol=1e-6, atol=1e-6)
     assert (
         one.look().clusters == plain.look().clusters
         and one.look().largest_cluster == plain.look().largest_cluster

@@ -11,7 +11,7 @@ from sheared import crowd
 from jampetsc.core.domains import into_domains
 from jampetsc.core.pairs import PairList, deformed
 from jampetsc.core.state import find_contacts
-from jampetsc.flows import resistance
+from jampetsc.flows import clusters, resistance
 
 
 def dense(disks, weights, hold, held=0):
@@ -89,10 +89,10 @@ def test_every_cluster_of_contacts_loses_its_mean_velocity(placed, held):
         if not (of[:held] == cluster).any():
             wanted[of == cluster] -= u[of == cluster].mean(axis=0)
     for d in range(domains.number):
-        resistance.find_clusters_of(graph, d, u)
-    assert resistance.unite_clusters(domains, graph) == (number, np.bincount(of).max())
+        clusters.find_clusters_of(graph, d, u)
+    assert clusters.unite_clusters(domains, graph) == (number, np.bincount(of).max())
     for d in range(domains.number):
-        resistance.centre_clusters_of(graph, d, u)
+        clusters.centre_clusters_of(graph, d, u)
     np.testing.assert_allclose(u, wanted, atol=1e-14)
 
 

@@ -12,8 +12,7 @@ from jampetsc.core.kernel import bond_forces
 from jampetsc.core.potentials import Potential
 from jampetsc.core.state import find_contacts
 from jampetsc.errors import InputError
-from jampetsc.flows import steps as compiled
-from jampetsc.flows import walls
+from jampetsc.flows import moves, walls
 from jampetsc.flows.models import Model, Scheme
 from jampetsc.flows.record import LAYERS
 from jampetsc.flows.shearing import Shear
@@ -143,7 +142,7 @@ def test_energy_is_balanced(channel, name):
     for _ in range(2):
         run.seen[:] = 0
         run.advance(1)
-        ends.append(run.seen[compiled.TALLY.index("energy")])
+        ends.append(run.seen[moves.TALLY.index("energy")])
         run.seen[:] = 0
         run.advance(100)
     tally = run.seen
@@ -151,7 +150,7 @@ def test_energy_is_balanced(channel, name):
     # the second hundred: energies at its ends
     before = ends[1]
     run.advance(1)
-    after = run.seen[compiled.TALLY.index("energy")]
+    after = run.seen[moves.TALLY.index("energy")]
     power = -run.rate * (tally[0] + tally[2] + tally[4]) - tally[7]
     assert after - before == pytest.approx(0.01 * power, rel=0.02)
 

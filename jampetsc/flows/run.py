@@ -7,9 +7,9 @@ import numpy as np
 
 from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.flows.means import UNBALANCED, Means
+from jampetsc.flows.moves import TALLY
 from jampetsc.flows.record import BETWEEN_WALLS, SERIES, Record, resumed, write_checkpoint
 from jampetsc.flows.shearing import Shear
-from jampetsc.flows.steps import TALLY
 from jampetsc.flows.walls import seen_between_walls
 from jampetsc.progress import Progress
 

@@ -10,16 +10,11 @@ from jampetsc.core.neighbours import spatial_order
 from jampetsc.core.pairs import ListedDisks, deformed
 from jampetsc.core.threads import Team
 from jampetsc.errors import ConvergenceError, named
+from jampetsc.flows import moves
 from jampetsc.flows import steps as compiled
+from jampetsc.flows.clusters import find_clusters_of, unite_clusters
 from jampetsc.flows.models import Model, Scheme, stiffest
-from jampetsc.flows.resistance import (
-    Graph,
-    Search,
-    deepest_overlap,
-    find_clusters_of,
-    find_contacts_of,
-    unite_clusters,
-)  # fmt: skip
+from jampetsc.flows.resistance import Graph, Search, deepest_overlap, find_contacts_of
 
 NEAR = 0.2  # of the skin of a list is that of the near pairs which forces are computed of; with these
 REACH = 0.25  # of the largest diameter: what a disk moves at most in a part of a step that was divided
@@ -71,10 +66,10 @@ class Shear(ListedDisks):
         self.velocities = np.zeros((n, 2))
         self.accelerations = np.zeros((n, 2))
         self.spins, self.spin_rates = np.zeros(n), np.zeros(n)
-        self.seen = np.zeros(len(compiled.TALLY))
+        self.seen = np.zeros(len(moves.TALLY))
         self._borders = np.minimum(borders(n), n)
         self.order, self._sorted_at = np.arange(n), -np.inf  # strain
-        sums = np.zeros((2, len(self._borders) - 1, compiled.SUMMED + 2))
+        sums = np.zeros((2, len(self._borders) - 1, moves.SUMMED + 2))
         self._room = np.empty((2, n, 2)), np.empty((n, 2)), sums
         self._ahead, self._direction = np.empty((n, 2)), np.empty((3, n, 2))
         super().__init__(self._sorted(replace(disks, images=np.zeros((n, 2), int)).folded()))
@@ -155,7 +150,7 @@ class Shear(ListedDisks):
             before = self.offsets.copy(), self.velocities.copy(), self.seen.copy()
             done, status = self._run(steps)
             # a list that is stale before its first step is too narrow for what its predictor moves
-            jumps = status == compiled.BLOWN_UP or (status == compiled.STALE and not done + self.since)
+            jumps = status == moves.BLOWN_UP or (status == moves.STALE and not done + self.since)
             if jumps and self.divides:
                 self.offsets, self.velocities, self.seen = before
                 if done <= 1:
@@ -166,11 +161,11 @@ class Shear(ListedDisks):
             steps -= done
             self.steps += done
             self.since += done
-            if status == compiled.STALE and self.since:
+            if status == moves.STALE and self.since:
                 self.tune(self.since * self._effort, REBUILD)
                 self.rebuilds += 1
                 self.fold()
-            elif status != compiled.DONE:
+            elif status != moves.DONE:
                 self._refuse(status)
 
     def _divide(self):
@@ -181,7 +176,7 @@ class Shear(ListedDisks):
             before = self.velocities.copy()
             self.seen = np.zeros_like(seen)
             done, status = self._run(1, part)
-            if status == compiled.UNSOLVED:
+            if status == moves.UNSOLVED:
                 self._refuse(status)
             farthest = np.sqrt(np.max(np.sum(self.offsets**2, axis=1)))
             if done and farthest <= REACH * self.largest:
@@ -195,12 +190,12 @@ class Shear(ListedDisks):
                 continue
             self.offsets, self.velocities, part = np.zeros_like(self.offsets), before, 0.5 * part
             if part < SMALLEST:
-                self._refuse(compiled.BLOWN_UP)
+                self._refuse(moves.BLOWN_UP)
         self.seen = seen + sums
         self.steps += 1
 
     def _refuse(self, status):
-        if status == compiled.UNSOLVED:
+        if status == moves.UNSOLVED:
             raise ConvergenceError(
                 f"strain {self.strain:.6g}: velocities not found to {self.scheme.tolerance:g}: "
                 f"raise {named('tolerance')}"
@@ -237,10 +232,10 @@ class Shear(ListedDisks):
         each = 1.5 if self.scheme.method == "verlet" else 5.0 if self.model.law.damps_contacts else 1.0
         return 2.0 * each if self.scheme.heun else each
 
-    def task(self, part: float = 1.0) -> compiled.Task:
+    def task(self, part: float = 1.0) -> moves.Task:
         """What compiled steps from here are, or such a part of them."""
         unit, scheme = self.unit, self.scheme
-        return compiled.Task(
+        return moves.Task(
             law=self.reference.potential.constants,
             weights=tuple(unit * w for w in self.model.law.on_contacts),
             drag=unit * self.model.drag,
@@ -256,7 +251,7 @@ class Shear(ListedDisks):
         )
 
     def _space(self, velocities):
-        return compiled.Space(*self.lists, self.offsets, self._ahead, velocities, *self._room, self.seen)
+        return moves.Space(*self.lists, self.offsets, self._ahead, velocities, *self._room, self.seen)
 
     def _run(self, steps, part=1.0):
         """Time steps, or such a part of them, with the list there is: (how many, status)."""

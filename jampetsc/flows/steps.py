@@ -19,61 +19,27 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from jampetsc.core.domains import Domains, choose_near, domain_forces
-from jampetsc.core.kernel import FAST, NUMBERS
-from jampetsc.core.pairs import are_worn, is_stale
+from jampetsc.core.domains import domain_forces
+from jampetsc.core.kernel import FAST
 from jampetsc.core.threads import meet
-from jampetsc.flows.resistance import (
-    Graph,
-    Search,
-    centre_clusters_of,
-    find_clusters_of,
-    find_contacts_of,
-    solve,
-    unite_clusters,
+from jampetsc.flows.clusters import centre_clusters_of, find_clusters_of, unite_clusters
+from jampetsc.flows.moves import (
+    DONE,
+    FAR,
+    ITERATIONS,
+    SUMMED,
+    UNSOLVED,
+    drift,
+    kick,
+    move,
+    note,
+    own_domains,
+    reached,
+    squares_of,
+    tell,
+    with_near,
 )  # fmt: skip
-
-# Σ f_x r_y and Σ f·r of elastic and viscous bonds, Σ m u_x u_y and Σ m |u|², U, dissipation, iterations, steps
-TALLY = ("elastic_xy", "elastic", "viscous_xy", "viscous", "kinetic_xy", "kinetic", "energy", "dissipation")
-TALLY += ("iterations", "steps")
-SUMMED = 8  # of them are sums over domains; each domain also has the farthest offset and the longest move
-ITERATIONS, STEPS = (TALLY.index(name) for name in ("iterations", "steps"))
-DONE, STALE, BLOWN_UP, UNSOLVED = range(4)
-JUMP = 0.5  # σ_max: the longest move of one step; beyond it the step is unstable
-FAR = 1e300  # moved so far, no pairs are near any more
-
-
-class Task(NamedTuple):
-    """What the steps from one list to the next are."""
-
-    law: tuple  # `Potential.constants`
-    weights: tuple  # (c_∥, c_⊥, c_s) of contacts
-    drag: float
-    mass: float
-    rate: float
-    background: float  # η_F V
-    held: int  # the first so many disks keep u = 0
-    listed: tuple  # (σ_max, skin of the list, that of the near pairs)
-    step: float  # Δt
-    heun: bool
-    tolerance: float  # of velocities
-    since: int  # steps since the list was made
-
-
-class Space(NamedTuple):
-    """Where disks are, and what goes with it."""
-
-    listed: Domains
-    near: Domains
-    o: np.ndarray  # (N, 2)
-    ahead: np.ndarray  # (N, 2) where they go next
-    u: np.ndarray  # (N, 2)
-    after: np.ndarray  # (2, N, 2) velocities at other times
-    forces: np.ndarray  # (N, 2)
-    sums: (
-        np.ndarray
-    )  # (2, D, SUMMED + 2) of a domain, for two meetings: some threads still read those of the last one
-    seen: np.ndarray  # (TALLY,)
+from jampetsc.flows.resistance import Graph, Search, find_contacts_of, solve
 
 
 class Contacts(NamedTuple):
@@ -81,138 +47,6 @@ class Contacts(NamedTuple):
 
     graph: Graph
     search: Search
-
-
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
-def move(o, u, g, dt, out):
-    """out = o + dt (u_x − g u_y, u_y), all (n, 2); returns max |out| and the longest move, NaN where there is one."""
-    far = longest = total = 0.0
-    for a in range(len(o)):
-        dx = dt * (u[a, 0] - g * u[a, 1])
-        dy = dt * u[a, 1]
-        x = o[a, 0] + dx
-        y = o[a, 1] + dy
-        out[a, 0] = x
-        out[a, 1] = y
-        far = max(far, x * x + y * y)
-        longest = max(longest, dx * dx + dy * dy)
-        total += dx
-    return np.sqrt(far), np.sqrt(longest) if total == total else np.nan
-
-
-@numba.njit(cache=True, fastmath=NUMBERS, error_model="numpy")
-def drift(o, forces, mobility, g, dt, u, out):
-    """u = mobility · forces, and out = o moved by it, (n, 2) each, in one pass: four would take half as long as forces.
-
-    Returns (max |out|, longest move, NaN where there is one, Σ u_x u_y, Σ |u|²).
-    """
-    far = longest = xy = squares = 0.0
-    for a in range(len(o)):
-        ux, uy = mobility * forces[a, 0], mobility * forces[a, 1]
-        dx, dy = dt * (ux - g * uy), dt * uy
-        x, y = o[a, 0] + dx, o[a, 1] + dy
-        u[a, 0], u[a, 1] = ux, uy
-        out[a, 0], out[a, 1] = x, y
-        xy += ux * uy
-        squares += ux * ux + uy * uy
-        reach, move = x * x + y * y, dx * dx + dy * dy
-        far = reach if reach > far else far
-        longest = move if move > longest else longest
-    return np.sqrt(far), np.sqrt(longest) if squares == squares else np.nan, xy, squares
-
-
-@numba.njit(cache=True, fastmath=NUMBERS, error_model="numpy")
-def kick(o, forces, predicted, task, g, u, a_last, after, out):
-    """Accelerations into a_last, u half a step on, and out = o moved by it, (n, 2) each, in one pass.
-
-    forces: of bonds; `predicted`: the velocities now; `after`: those predicted for the next step. Returns as `drift`,
-    the sums of the velocities now.
-    """
-    drag, mass, rate, dt = task.drag, task.mass, task.rate, task.step
-    far = longest = xy = squares = total = 0.0
-    for a in range(len(o)):
-        px, py = predicted[a, 0], predicted[a, 1]
-        ax, ay = (forces[a, 0] - drag * px) / mass - rate * py, (forces[a, 1] - drag * py) / mass
-        ux, uy = u[a, 0] + dt * ax, u[a, 1] + dt * ay
-        dx, dy = dt * (ux - g * uy), dt * uy
-        x, y = o[a, 0] + dx, o[a, 1] + dy
-        after[a, 0], after[a, 1] = ux + 0.5 * dt * ax, uy + 0.5 * dt * ay
-        a_last[a, 0], a_last[a, 1] = ax, ay
-        u[a, 0], u[a, 1] = ux, uy
-        out[a, 0], out[a, 1] = x, y
-        xy += px * py
-        squares += px * px + py * py
-        total += dx
-        reach, move = x * x + y * y, dx * dx + dy * dy
-        far = reach if reach > far else far
-        longest = move if move > longest else longest
-    return np.sqrt(far), np.sqrt(longest) if total == total else np.nan, xy, squares
-
-
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def squares_of(u):
-    """(Σ u_x u_y, Σ |u|²) of u (n, 2)."""
-    xy = squares = 0.0
-    for a in range(len(u)):
-        xy += u[a, 0] * u[a, 1]
-        squares += u[a, 0] * u[a, 0] + u[a, 1] * u[a, 1]
-    return xy, squares
-
-
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
-def note(task, sums, xy, squares, seen):
-    """What one domain has of an instant into `seen`; sums: of its bonds, xy and squares: see `squares_of`."""
-    alpha = 2.5 if task.law[1] else 2.0
-    seen[0] = sums.elastic_xy
-    seen[1] = sums.elastic_xx + sums.elastic_yy
-    seen[2] = sums.viscous_xy
-    seen[3] = sums.viscous_xx + sums.viscous_yy
-    seen[4] = task.mass * xy
-    seen[5] = task.mass * squares
-    seen[6] = sums.energy / alpha + 0.5 * task.mass * squares
-    seen[7] = sums.dissipation + task.drag * squares
-
-
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
-def tell(task, sums, seen):
-    """Add what all domains have noted, sums (D, SUMMED + 2), to `seen`, and what the fluid behind the disks has."""
-    fluid = task.background * task.rate
-    for s in range(SUMMED):
-        total = 0.0
-        for d in range(len(sums)):
-            total += sums[d, s]
-        seen[s] += total
-    seen[2] -= fluid
-    seen[7] += fluid * task.rate
-    seen[STEPS] += 1.0
-
-
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
-def verdict_of(far, longest, g, listed):
-    """What a move means for the list: listed = (σ_max, its skin, that of its near pairs)."""
-    if not longest <= JUMP * listed[0]:
-        return BLOWN_UP
-    return STALE if is_stale(far, 0.0, g, listed[0], listed[1]) else DONE
-
-
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
-def reached(task, sums, g):
-    """(`verdict_of` the moves of all domains, the longest one)."""
-    far = longest = 0.0
-    for d in range(len(sums)):
-        far = max(far, sums[d, SUMMED])
-        move = sums[d, SUMMED + 1]
-        longest = longest if move <= longest or longest != longest else move  # NaN stays
-    return verdict_of(far, longest, g, task.listed), longest
-
-
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
-def own_domains(me, threads, space):
-    """(first, last + 1) of the domains of thread `me`, and its disks likewise."""
-    disks = space.listed.disks
-    number = len(disks) - 1
-    first, last = me * number // threads, (me + 1) * number // threads
-    return first, last, disks[first], disks[last]
 
 
 @numba.njit(cache=True, fastmath=FAST, error_model="numpy", nogil=True)
@@ -226,10 +60,7 @@ def drag_steps(me, threads, counter, space, task, steps):
     while done < steps and status == DONE:
         g = (task.since + done) * task.rate * task.step
         middle, later = g + 0.5 * task.rate * task.step, g + task.rate * task.step
-        if are_worn(moved, g, then, task.listed[0], task.listed[2]):
-            moved, then = 0.0, g
-            for d in mine:
-                choose_near(space.listed, d, o, g, task.listed[2], space.near)
+        moved, then = with_near(space, task, mine, o, g, moved, then)
         longest = 0.0
         for part in range(2 if task.heun else 1):
             pairs, place, shear = (space.near, o, g) if part == 0 else (space.listed, ahead, later)
@@ -331,10 +162,7 @@ def contact_steps(me, threads, counter, space, task, contacts, steps):
     while done < steps and status == DONE:
         g = (task.since + done) * task.rate * task.step
         middle, later = g + 0.5 * task.rate * task.step, g + task.rate * task.step
-        if are_worn(moved, g, then, task.listed[0], task.listed[2]):
-            moved, then = 0.0, g
-            for d in mine:
-                choose_near(space.listed, d, o, g, task.listed[2], space.near)
+        moved, then = with_near(space, task, mine, o, g, moved, then)
         for part in range(2 if task.heun else 1):
             pairs, place, shear, v = (
                 (space.near, o, g, u) if part == 0 else (space.listed, ahead, later, after)
@@ -419,10 +247,7 @@ def massive_steps(me, threads, counter, space, task, a_last, turning, steps):
     moved, then = FAR, 0.0
     while done < steps and status == DONE:
         g = (task.since + done) * task.rate * dt
-        if are_worn(moved, g, then, task.listed[0], task.listed[2]):
-            moved, then = 0.0, g
-            for d in mine:
-                choose_near(space.listed, d, o, g, task.listed[2], space.near)
+        moved, then = with_near(space, task, mine, o, g, moved, then)
         sums = space.sums[turn]
         for d in mine:
             own = slice(disks[d], disks[d + 1])

@@ -1,0 +1,89 @@
+"""Connected clusters of touching disks, and velocities that have no mean in any of them.
+
+Each domain finds those of its own disks; then those that touch across borders become one.
+"""
+
+import numba
+import numpy as np
+
+from jampetsc.core.kernel import FAST
+from jampetsc.flows.resistance import WIDTH
+
+NONE = np.uint32(2**32 - 1)
+
+
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
+def find_clusters_of(graph, d, u):
+    """Clusters of the disks of domain d by contacts within it, and their sums of u (N, 2)."""
+    # taken out of their tuple, or their references would be counted at every access
+    column, number, root, over, queue = graph.column, graph.number, graph.root, graph.over, graph.queue
+    first, last = np.uint32(graph.disks[d]), np.uint32(graph.disks[d + 1])
+    root[first:last] = NONE
+    for start in range(first, last):
+        if root[start] != NONE:
+            continue
+        root[start] = over[start] = queue[first] = start
+        done, found = np.uint64(first), np.uint64(first) + np.uint64(1)
+        m0 = m1 = 0.0
+        while done < found:
+            a = queue[done]
+            done += np.uint64(1)
+            m0 += u[a, 0]
+            m1 += u[a, 1]
+            for k in range(min(number[a], np.uint32(WIDTH))):
+                b = column[a, k]
+                if first <= b < last and root[b] == NONE:
+                    root[b] = start
+                    queue[found] = b
+                    found += np.uint64(1)
+        graph.total[start, 0], graph.total[start, 1] = m0, m1
+        graph.size[start] = found - np.uint64(first)
+
+
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
+def _unite(over, a, b):
+    while over[a] != a:
+        a = over[a]
+    while over[b] != b:
+        b = over[b]
+    over[max(a, b)] = min(a, b)
+
+
+@numba.njit(cache=True, fastmath=False, error_model="numpy")
+def unite_clusters(domains, graph):
+    """Make one of clusters of several domains that touch; returns (number, largest) of all.
+
+    Those with held disks keep their u: their sums become zero.
+    """
+    root, over, total, size = graph.root, graph.over, graph.total, graph.size
+    for d in range(len(graph.begin)):
+        for c in range(graph.ends[d, 0], graph.ends[d, 1]):
+            p = graph.touching[c]
+            _unite(over, root[domains.i[p]], root[domains.j[p]])
+        for e in range(2 * graph.begin[d], graph.ends[d, 2]):
+            _unite(over, root[graph.more[e, 0]], root[graph.more[e, 1]])
+    number = largest = 0
+    for a in range(len(root)):
+        if root[a] == a:
+            top = over[over[a]]  # roots are less than what they are roots of, and known before
+            over[a] = top
+            if top == a:
+                number += 1
+            else:
+                for axis in range(2):
+                    total[top, axis] += total[a, axis]
+                size[top] += size[a]
+            largest = max(largest, size[top])
+    for a in range(graph.held):
+        total[over[root[a]]] = 0.0
+    return number, largest
+
+
+@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+def centre_clusters_of(graph, d, u):
+    """Take the mean of its cluster out of u (N, 2) for every disk of domain d; a disk alone has u = 0 then."""
+    root, over, total, size = graph.root, graph.over, graph.total, graph.size
+    for a in range(graph.disks[d], graph.disks[d + 1]):
+        top = over[root[a]]
+        u[a, 0] -= total[top, 0] / size[top]
+        u[a, 1] -= total[top, 1] / size[top]
