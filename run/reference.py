@@ -4,6 +4,7 @@ import inspect
 
 import jampetsc
 from jampetsc import errors
+from jampetsc.flows.models import MODELS
 from jampetsc.io.ensemble import AverageCurve, Averages, Ensemble
 from jampetsc.io.reader import FlowResult, Result, SpectrumResult, SweepResult
 from jampetsc.io.snapshots import Snapshot
@@ -25,6 +26,7 @@ def reference() -> str:
     offered = {
         f"jampetsc.{name}": getattr(jampetsc, name) for name in jampetsc.__all__ if name != "__version__"
     }
+    offered |= {f"jampetsc.models.{name}": getattr(jampetsc.models, name) for name in MODELS}
     found = {
         name: thing for name, thing in offered.items() if inspect.isroutine(thing) or inspect.isclass(thing)
     }

@@ -13,7 +13,9 @@ import pytest
 
 import jampetsc
 from jampetsc.asking.kinds import FREQUENCIES
+from jampetsc.asking.parameters import parameters
 from jampetsc.cli import main as cli
+from jampetsc.plots import draw
 from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.plan import plan
 
@@ -53,6 +55,7 @@ def is_program(picture):
 
 @pytest.mark.parametrize("name", STUDIES)
 def test_a_figure_asks_for_what_there_is(parsers, name):
+    kinds = draw.pictures()
     for words in ([], ["--paper"]):
         studies, pictures = shown(name, *words)
         tasks = [task for part, study in studies.items() for task in plan(part, study.encode())]
@@ -70,7 +73,7 @@ def test_a_figure_asks_for_what_there_is(parsers, name):
             args = parsers[picture[0]].parse_args(picture[1:])
             if picture[0] == "collapse" or picture[1].endswith(".h5"):
                 continue
-            assert made.intersection(pictures()[args.kind].of), args.kind
+            assert made.intersection(kinds[args.kind].of), args.kind
             assert not args.where or {word.split("=")[0] for word in args.where.split(",")} <= columns
 
 
@@ -141,12 +144,17 @@ def asked(parsers, name):
     return tasks, {os.path.basename(args.out).removesuffix(".png"): args for args in plots}
 
 
+def settings(job):
+    """What a job was asked for and what it has by default, with its law."""
+    usual = {name: one.default for name, one in parameters(type(job)).items()}
+    return usual | job.told() | dict(job.law.options if hasattr(job, "law") else ())
+
+
 def by_pressure(tasks, command, **options):
     """{(N, p): tasks} of a command with these options, over which the seeds are the same."""
     found = {}
     for task in tasks:
-        args = vars(task.choice.args)
-        if task.command == command and all(args[name] == value for name, value in options.items()):
+        if task.command == command and options.items() <= settings(task.choice.job).items():
             packing = task.columns if task.command == "pack" else task.inputs[0].columns
             found.setdefault((packing["n"], packing["pressure"]), []).append(task)
     return found
@@ -165,7 +173,7 @@ AT_ALL = {(PAPER, p) for p in DECADES}
 def test_packings_of_moduli_are_quenched_at_a_pressure_in_a_cell_of_fixed_shape(parsers, name):
     tasks, _ = asked(parsers, name)
     packs = by_pressure(tasks, "pack")
-    assert all(task.choice.args.stabilise == "volume" for some in packs.values() for task in some)
+    assert all(task.choice.job.stabilise == "volume" for some in packs.values() for task in some)
     assert min(map(len, packs.values())) >= 10
     assert set(packs) == AT_ALL or name == "bt-fig8"
     for task in tasks:  # G* from below the lowest crossover, ω ~ p, to the viscous end
@@ -177,9 +185,9 @@ def test_packings_of_moduli_are_quenched_at_a_pressure_in_a_cell_of_fixed_shape(
 def test_bt_figure_3_is_balanced_damping_at_four_pressures_and_its_collapse(parsers):
     tasks, pictures = asked(parsers, "bt-fig3")
     for prestress in (True, False):
-        assert set(by_pressure(tasks, "sweep", law="contact", beta=None, prestress=prestress)) == AT_ALL
-    assert set(by_pressure(tasks, "sweep", law="contact", beta=None, rotations=False)) == AT_ALL
-    assert set(by_pressure(tasks, "quasistatic", law="contact", beta=None, prestress=True)) == AT_ALL
+        assert set(by_pressure(tasks, "sweep", law="contact", beta=1.0, prestress=prestress)) == AT_ALL
+    assert set(by_pressure(tasks, "sweep", law="contact", beta=1.0, rotations=False)) == AT_ALL
+    assert set(by_pressure(tasks, "quasistatic", law="contact", beta=1.0, prestress=True)) == AT_ALL
     assert (pictures["3a"].kind, pictures["3a"].where) == ("moduli", "rotations=1,prestress=1")
     b = pictures["3b"]
     assert (b.kind, b.mu, vars(b)["lambda"], b.where) == ("collapse", 0.5, 1.0, "rotations=1,prestress=1")
@@ -194,8 +202,8 @@ def test_bt_figure_4_is_no_sliding_at_four_pressures_and_seven_decades_of_it_at_
         assert len(betas) == 8
         for beta in betas:
             assert set(by_pressure(tasks, "sweep", beta=beta, prestress=prestress)) == {(PAPER, 1e-4)}
-    (betas,) = {task.choice.args.betas for task in tasks if task.command == "quasistatic"}
-    assert min(map(float, betas.split(","))) < 1e-6 and max(map(float, betas.split(","))) > 10
+    (betas,) = {tuple(task.choice.job.betas) for task in tasks if task.command == "quasistatic"}
+    assert min(betas) < 1e-6 and max(betas) > 10
     for name, on in (("4a", 1), ("4a-no-prestress", 0)):
         a = pictures[name]
         assert (a.kind, a.mu, vars(a)["lambda"], a.where) == ("collapse", 0.5, 0.0, f"beta=0,prestress={on}")
@@ -206,7 +214,7 @@ def test_bt_figure_4_is_no_sliding_at_four_pressures_and_seven_decades_of_it_at_
 
 def test_bt_figure_6_is_drag_in_a_fluid_at_four_pressures_and_ten_decades_of_it_at_one(parsers):
     tasks, pictures = asked(parsers, "bt-fig6")
-    assert all(task.choice.args.law == "stokes" for task in tasks if task.command != "pack")
+    assert all(task.choice.job.law.family == "stokes" for task in tasks if task.command != "pack")
     assert set(by_pressure(tasks, "sweep", eta_f=1.0, prestress=True)) == AT_ALL
     for eta_f in decades(-5, 5):
         assert (PAPER, 1e-4) in by_pressure(tasks, "sweep", eta_f=eta_f, prestress=True)
@@ -218,7 +226,7 @@ def test_bt_figure_6_is_drag_in_a_fluid_at_four_pressures_and_ten_decades_of_it_
 
 def test_bt_figure_8_is_the_viscosity_of_many_sizes_under_both_laws(parsers):
     tasks, pictures = asked(parsers, "bt-fig8")
-    for law, own in (("contact", {"beta": None}), ("stokes", {"eta_f": 1.0})):
+    for law, own in (("contact", {"beta": 1.0}), ("stokes", {"eta_f": 1.0})):
         slow = by_pressure(tasks, "quasistatic", law=law, prestress=True, **own)
         x = [p * n**2 for n, p in slow]
         assert min(x) < 1e-2 and max(x) > 1e4 and max(n for n, _ in slow) == PAPER

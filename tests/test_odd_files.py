@@ -5,6 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
+import jampetsc.core.neighbours  # noqa: F401  numba, whose import warns
 from jampetsc.cli import main as cli
 from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError
@@ -74,7 +75,7 @@ def field(value, count=DISKS, frequencies=1):
         (
             {"fields": field(1.0, frequencies=0)},
             "correlate s.h5 --out o.h5",
-            "holds no fields: run the sweep",
+            "holds no fields: ask the sweep for --fields",
         ),
     ],
 )

@@ -535,7 +535,7 @@ def test_what_no_study_has_made_is_not_replaced(tmp_path, name):
     path.write_text(SMALL)
     (folder / name).write_text(SMALL)
     for more in ([], ["--dry-run"]):
-        with pytest.raises(InputError, match=f"study/{name}: is there already and is of no study"):
+        with pytest.raises(InputError, match=f"study/{name}: is there already and of no study"):
             cli.dispatch(["study", str(path), "--out", str(folder), *more])
     assert [one.name for one in folder.iterdir()] == [name] and (folder / name).read_text() == SMALL
     study_run.check_folder(folder, folder / name)  # a study may lie in its folder
@@ -603,22 +603,22 @@ def tasks(text):
         ("pack = 3\n", "s.toml: pack = 3: must be a table: write [pack]"),
         ("[pack]\nm = 3\n", "s.toml: [pack]: m: no such option"),
         ("[pack]\nsead = 3\n", "s.toml: [pack]: sead: no such option; did you mean seed?"),
-        ('[pack]\nout = "x"\n', "s.toml: [pack]: out: the study itself gives --out"),
+        ('[pack]\nout = "x"\n', "s.toml: [pack]: out: the study itself gives it"),
         ("[pack]\nn = []\n", "s.toml: [pack]: n = []: give at least one value"),
         ("[pack]\nn = true\n", "s.toml: [pack]: n = true: must be a number or a string"),
-        ("[pack]\nn = 16.5\npressure = 1\n", "s.toml: [pack]: argument --n: invalid int value: '16.5'"),
-        ("[pack]\nn = 16\n", "s.toml: [pack]: one of the arguments --pressure --phi is required"),
-        ("[pack]\nn = 16\npressure = 7.0\n", "s.toml: [pack]: --pressure 7.0: must lie in"),
-        ('[pack]\nn = 16\npressure = 1e-2\nseeds = "2:1"\n', "s.toml: [pack]: --seeds 2:1: the last"),
+        ("[pack]\nn = 16.5\npressure = 1\n", "s.toml: [pack]: n 16.5: must be a whole number"),
+        ("[pack]\nn = 16\n", "s.toml: [pack]: pressure is missing: give it, or phi"),
+        ("[pack]\nn = 16\npressure = 7.0\n", "s.toml: [pack]: pressure 7.0: 7.0 must lie in"),
+        ('[pack]\nn = 16\npressure = 1e-2\nseeds = "2:1"\n', "s.toml: [pack]: seeds 2:1: the last"),
         ("[sweep]\n", "s.toml: [sweep]: needs packings: add a table [pack]"),
-        ("[[modes]]\n[[modes]]\ncount = 0\n", "s.toml: [modes] number 2: --count 0: must be at least 1"),
+        ("[[modes]]\n[[modes]]\ncount = 0\n", "s.toml: [modes] number 2: count 0: must be at least 1"),
         (
             "[sweep]\nno-prestress = 1\n",
             "s.toml: [sweep]: no-prestress = 1: is a switch: write true or false",
         ),
-        ('[sweep]\nlaw = "stoke"\n', "s.toml: [sweep]: argument --law: invalid choice: 'stoke'"),
-        ("[sweep]\nbeta = [1.0, -1.0]\n", "s.toml: [sweep]: --beta"),
-        ('[sweep]\nlaw = "stokes"\nbeta = 1\n', "s.toml: [sweep]: --beta"),
+        ('[sweep]\nlaw = "stoke"\n', "s.toml: [sweep]: law stoke: choose one of contact, stokes"),
+        ("[sweep]\nbeta = [1.0, -1.0]\n", "s.toml: [sweep]: beta -1: must lie"),
+        ('[sweep]\nlaw = "stokes"\nbeta = 1\n', "s.toml: [sweep]: beta: belongs to law contact"),
         ("[pack]\nn = 16\npressure = 1e-2\n[correlate]\n", "s.toml: [correlate]: needs sweeps with fields"),
     ],
 )

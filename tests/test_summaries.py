@@ -10,6 +10,7 @@ from jampetsc.analysis.collapse_errors import Estimate
 from jampetsc.cli import main as cli
 from jampetsc.core.laws import Physics, damping_law
 from jampetsc.errors import InputError
+from jampetsc.io.packing_file import write_packing
 from jampetsc.jobs import collapse, correlate, describe, modes, oscillate, quasistatic, sweep
 from jampetsc.studies import job as study
 
@@ -299,11 +300,14 @@ def test_what_a_study_costs_is_known_where_all_its_commands_are(known, seconds):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        ([], {"ranks": None, "ensemble": False, "options_files": None, "omega": "1e-10:1e4:141"}),
-        (["--ranks", "2", "--ensemble", "--omega", "1,2"], {"ranks": 2, "ensemble": True, "omega": "1,2"}),
+        ([], {"ranks": None, "ensemble": False, "options_files": None, "frequencies": "1e-10:10000.0:141"}),
         (
-            ["--choices", "method", "--options-files", "a.opts", "b.opts"],
-            {"groups": ["method"], "options_files": ["a.opts", "b.opts"]},
+            ["--ranks", "2", "--ensemble", "--omega", "1,2"],
+            {"ranks": 2, "ensemble": True, "frequencies": "1.0,2.0"},
+        ),
+        (
+            ["--choices", "method", "--options-files", "a.opts,b.opts"],
+            {"choices": ("method",), "options_files": ("a.opts", "b.opts")},
         ),
         (["--no-prestress", "--beta", "0.5"], {"physics": Physics(damping_law("contact", beta=0.5), False)}),
     ],
@@ -312,6 +316,7 @@ def test_a_trade_measures_what_is_asked_for(tmp_path, monkeypatch, capsys, words
     monkeypatch.chdir(tmp_path)
     for name in ("a.opts", "b.opts"):
         (tmp_path / name).touch()
+    write_packing("p.h5", published("hertzian"))
     asked = []
     monkeypatch.setattr("jampetsc.speed_accuracy.measure.measure", lambda *it: asked.append(it) or "table")
     assert cli.dispatch(["trade", "p.h5", "--out", "t.csv", *words]) == 0
@@ -324,10 +329,13 @@ def test_a_trade_measures_what_is_asked_for(tmp_path, monkeypatch, capsys, words
     ("words", "message"),
     [
         (["--out", "t.h5"], r"--out t\.h5: give it the ending \.csv"),
-        (["--out", "t.csv", "--ranks", "0"], "--ranks 0: must be 1 or more"),
+        (["--out", "t.csv", "--ranks", "0"], r"--ranks 0: must lie in \[1, 100000\]"),
         (["--out", "t.csv", "--ranks", "100001"], "--ranks 100001"),
         (["--out", "t.csv", "--choices", "speed"], "--choices speed: 'speed' is none of accuracy, method"),
-        (["--out", "t.csv", "--options-files", "none.opts"], r"--options-files none\.opts: no such file"),
+        (
+            ["--out", "t.csv", "--options-files", "none.opts"],
+            r"--options-files none\.opts: none\.opts: no such file",
+        ),
     ],
 )
 def test_what_a_trade_refuses(tmp_path, monkeypatch, words, message):

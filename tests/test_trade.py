@@ -1,7 +1,6 @@
 """The trade: real runs at N = 64, what is made of them, and the advice that follows from rows."""
 
 import csv
-import hashlib
 import os
 import subprocess
 import sys
@@ -555,9 +554,9 @@ def test_a_trade_tells_what_was_measured_on_what_and_what_was_left_out(tmp_path,
     monkeypatch.setattr("jampetsc.plots.trade.plot_trade", lambda *words: drawn.append(words))
     text = measure.measure(request(packing, ranks=None), tmp_path / "t.csv")
     table = (tmp_path / "t.csv").read_text()
-    digest = hashlib.sha256(packing.read_bytes()).hexdigest()
     for line in (
-        f"packing: p.h5, N = 64, p = 1e-06, sha256 {digest}",
+        f"command: jampetsc trade {packing} --out {tmp_path}/t.csv --choices '' --ensemble --omega 1e-08:10.0:91",
+        f"packing: p.h5, N = 64, p = 1e-06, sha256 {read_packing(packing).fingerprint}",
         "law: contact damping, beta = 1, tau1 = 1; frequencies 1e-08:10.0:91",
         "reference: certified to 1.4e-06; errors below that are not resolved",
         "critical window: omega = 1e-05 to 0.1",

@@ -232,7 +232,7 @@ def made(job, given: dict):
         mine = {
             one.name: mine[one.name]
             for one in said.parameters
-            if mine.get(one.name, one.default) != one.default
+            if one.name in mine and (one.default is None or mine[one.name] != one.default)
         }
         if mine:
             values[field] = said.make(mine)

@@ -42,7 +42,7 @@ def measure(job, out) -> str:
         )
         rows += [bench.measure(choice) for choice in todo]
         rows += [ensembles.measure(bench, share) for share in shares]
-    table = Table(rows, _facts(job, bench.reference, load) + remarks + more)
+    table = Table(rows, _facts(job, out, bench.reference, load) + remarks + more)
     table.write(out)
     from jampetsc.plots.trade import plot_trade  # only now: matplotlib's memory is the runs' until then
 
@@ -62,14 +62,14 @@ def check(job, out) -> None:
     read_packing(job.packing)
 
 
-def _facts(job, reference, load):
+def _facts(job, out, reference, load):
     disks, (name, digest) = read_identified(job.packing)
     attributes = reference.result.attributes
     how = f"mpirun -n {job.ranks}" if job.ranks else "one process each"
     versions = f"jampetsc {VERSION}, commit {git_commit() or 'unknown'}, PETSc {attributes['petsc_version']}"
     date = datetime.datetime.now().astimezone().isoformat(timespec="seconds")
     facts = [
-        f"command: {shlex.join(['jampetsc', *sys.argv[1:]])}",
+        f"command: {shlex.join(job.line(out))}",
         f"packing: {name}, N = {disks.n}, p = {attributes['pressure']:.6g}, sha256 {digest}",
         f"law: {job.physics}, tau1 = {job.physics.law.tau1:g}; frequencies {job.frequencies}",
         f"runs: {how}; {platform.machine()}, {os.cpu_count()} cores, load average {load} at the start",

@@ -60,6 +60,7 @@ def choices_of(job, lists: list, where: str, begins: bool) -> list[Choice]:
     """
     place = _place(job)
     files = {place.name: [STAND_IN] if place.place == FILES else STAND_IN} if place and begins else {}
+    keys = {one.name: one.word[2:] for one in parameters(job).values()}
     found = []
     for values in itertools.product(*(values for _, values in lists)):
         chosen = [(one, value) for (one, _), value in zip(lists, values, strict=True)]
@@ -68,7 +69,7 @@ def choices_of(job, lists: list, where: str, begins: bool) -> list[Choice]:
         try:
             asked = made(job, files | given)
         except InputError as error:
-            raise InputError(f"{where}: {error}") from None
+            raise InputError(f"{where}: {error.told(lambda name: keys.get(name, name))}") from None
         defaults = {one.name: None if one.required else one.default for one, _ in chosen}
         changed = {name: value for name, value in given.items() if value != defaults[name]}
         told = {name: number_of(value) for name, value in given.items()}
