@@ -8,11 +8,13 @@ from powerlaw import Opening, slow_moduli
 from samples import isostatic, network_of, physics, published
 from sweeps import Sweep
 
-from jampetsc.core.pairs import PairList
 from jampetsc.core.state import find_contacts, measure
 from jampetsc.errors import ConvergenceError
 from jampetsc.flows import steps as flow
+from jampetsc.flows.models import Model, Scheme
+from jampetsc.flows.moves import move
 from jampetsc.flows.quasistatic_shear import SlowShear, look_at
+from jampetsc.flows.shearing import Shear
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.minimise.hessian import Bonds
@@ -181,37 +183,47 @@ def test_rattlers_do_not_matter_where_they_touch_nothing():
     assert abs(found.G - G) <= 2.0 * found.error < 0.05 * abs(G)
 
 
+class FlowAt(Shear):
+    """Disks of `flow` at any shear g and rate, on the list of those that they are made of."""
+
+    shear = 0.0
+
+    def at(self, o, g, rate):
+        self.offsets[:], self.shear, self.rate = o, g, rate
+
+    def forces(self, u, rolling=None):
+        """(forces (N, 2) without inertia at velocities u, sums over bonds), by the compiled loop."""
+        out, (domains, _), task = np.empty_like(u), self.lists, self.task()._replace(mass=0.0)
+        assert domains.number == 1
+        return out, flow.residual_at(domains, 0, self.offsets, self.shear, task, u, out, rolling)
+
+
 def flow_cycles(disks, law, omega, strain, steps, cycles):
     """G* of the last cycle, contacts opened and closed in it: by the steps of `flow`, explicit, with its own solver."""
-    skin = 0.5
-    pairs = PairList.build(disks, skin)
-    place = (pairs.arrays, np.zeros((disks.n, 2)))
-    o, forces, dt = place[1], np.empty((disks.n, 2)), 2.0 * np.pi / (omega * steps)
-    weights, potential = law.on_contacts, disks.potential.constants
+    dt = 2.0 * np.pi / (omega * steps)
+    run = FlowAt(disks, Model(law), 1.0, Scheme(dt, "euler", 1e-9))
+    o, ahead, moved = np.zeros((3, disks.n, 2))
 
-    def velocities(o, t, u):
-        shear, rate = strain * np.sin(omega * t), strain * omega * np.cos(omega * t)
-        flow.balance(
-            pairs.arrays, o, shear, potential, weights, (0.0, 0.0, rate, 0.0, 0), dt, u, forces, 1e-9
-        )
-        return shear, rate
+    def velocities(o, t):
+        run.at(o, strain * np.sin(omega * t), strain * omega * np.cos(omega * t))
+        run.velocities[:] = run.velocities_here()  # where the next search begins
+        assert not run.stale()
+        return run.velocities.copy(), run.shear
 
     total, counts = 0.0, []
-    u, u2, ahead, moved = (np.zeros((disks.n, 2)) for _ in range(4))
     for step in range(cycles * steps):
         t = dt * step
-        shear, rate = velocities(o, t, u)
+        u, shear = velocities(o, t)
         if step >= (cycles - 1) * steps:
-            physical = (0.0, 0.0, rate, 0.0, 0)
-            sums = flow.residual_at(pairs.arrays, o, shear, potential, weights, physical, u, forces, None)
-            total += -(sums[2] + sums[7]) / disks.area * np.exp(-1j * (omega * t - 0.5 * np.pi))
-            counts.append(sums[4])
-        flow.move(o, u, shear, dt, ahead)
-        u2[:] = u
-        later, _ = velocities(ahead, t + dt, u2)
-        flow.move(o, u, shear, 0.5 * dt, moved)
-        flow.move(moved, u2, later, 0.5 * dt, o)
-    assert np.hypot(*o.T).max() < 0.5 * skin
+            _, sums = run.forces(u)
+            total += (
+                -(sums.elastic_xy + sums.viscous_xy) / disks.area * np.exp(-1j * (omega * t - 0.5 * np.pi))
+            )
+            counts.append(sums.contacts)
+        move(o, u, shear, dt, ahead)
+        u2, later = velocities(ahead, t + dt)
+        move(o, u, shear, 0.5 * dt, moved)
+        move(moved, u2, later, 0.5 * dt, o)
     return total * 2.0 / (steps * strain), np.ptp(counts)
 
 
@@ -242,13 +254,10 @@ def test_forces_balance_after_a_step(rotations):
         motion.advance(strain * 0.02 * np.array([step + 0.3, step + 1.0]), np.full(2, strain))
     disks = motion.disks
     assert len(find_contacts(disks)) != len(find_contacts(published()))
-    pairs = PairList.build(disks, 0.1)
-    forces, torques = np.empty((disks.n, 2)), np.empty(disks.n)
-    rolling = (motion.velocities[:, 2].copy(), disks.radii, torques) if rotations else None
-    flow.residual_at(
-        pairs.arrays, np.zeros((disks.n, 2)), 0.0, disks.potential.constants, law.on_contacts,
-        (0.0, 0.0, strain, 0.0, 0), motion.velocities[:, :2].copy(), forces, rolling,
-    )  # fmt: skip
+    run = FlowAt(disks, Model(law, mass=1.0), strain, Scheme(1.0, "verlet", 1e-9))
+    torques = np.empty(disks.n)
+    rolling = (motion.velocities[:, 2].copy(), run.reference.radii, torques) if rotations else None
+    forces, _ = run.forces(motion.velocities[:, :2].copy(), rolling)
     motion.destroy()
     assert np.abs(forces).max() < 2e-3 * strain
     if rotations:
@@ -334,7 +343,7 @@ def test_any_amplitude():
 def test_steps_that_are_too_long_are_refused(monkeypatch):
     """Where they are not cut."""
     monkeypatch.setattr(steps, "FINEST", 0)
-    with pytest.raises(ConvergenceError, match="give more --steps"):
+    with pytest.raises(ConvergenceError, match="give more steps"):
         shaken(1.0, 1.0, 16, cycles=3)
 
 
@@ -358,7 +367,7 @@ def test_energy_that_the_shortest_steps_lose_is_told(monkeypatch):
     run, _ = run_of(1.0, 1e-3, 16)
     with pytest.raises(
         ConvergenceError,
-        match=r"^energy is lost .* of a cycle, \d\.\de\+\d+ times what one may, .*: give more --steps$",
+        match=r"^energy is lost .* of a cycle, \d\.\de\+\d+ times what one may, .*: give more steps$",
     ):
         list(run.steps.over(0.0, 1.0, 1e-20))
     assert run.motion.step == 0.25
@@ -471,7 +480,7 @@ def test_cycles_are_repeated_until_what_is_left_is_a_thousandth():
 def test_cycles_that_go_on_changing_are_given_up():
     run = Told(n % 2 + 1.0 for n in range(100))
     with pytest.raises(
-        ConvergenceError, match="the last of 60 still changes G\\* by 50 %; --cycles 60 keeps"
+        ConvergenceError, match="the last of 60 still changes G\\* by 50 %; cycles 60 keeps"
     ) as told:
         run.repeat(None)
     assert "cycles do not repeat" in str(told.value) and len(run.seen) == 60
@@ -606,10 +615,10 @@ def test_what_to_do_about_forces_that_are_not_balanced(monkeypatch, stress):
     motion = MovingContacts(published(), physics(rotations=False).law, 1.0, 1e-3, "osc_factor_")
     imposed = [Imposed(stress=1e-3)] * 2 if stress else [Imposed(1e-2, 1e-2)] * 2
     with pytest.raises(
-        ConvergenceError, match=r"after 1 of Newton's steps, .* is left: give more --steps"
+        ConvergenceError, match=r"after 1 of Newton's steps, .* is left: give more steps"
     ) as told:
         motion.follow(imposed)
-    assert ("less --stress" in str(told.value)) == stress
+    assert ("less stress" in str(told.value)) == stress
     motion.destroy()
 
 
@@ -617,7 +626,7 @@ def test_disks_that_move_too_far_for_any_list():
     """A step so long is refused, and the motion goes on from where it was."""
     motion = MovingContacts(published(), physics(rotations=False).law, 1.0, 1.0, "osc_factor_")
     before = moved(motion)
-    with pytest.raises(ConvergenceError, match="disks move too far in one step: give more --steps"):
+    with pytest.raises(ConvergenceError, match="disks move too far in one step: give more steps"):
         motion.advance(np.array([30.0, 100.0]), np.full(2, 100.0))
     for a, b in zip(before, moved(motion), strict=True):
         np.testing.assert_array_equal(a, b)

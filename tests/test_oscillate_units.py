@@ -154,7 +154,7 @@ def test_a_packing_that_comes_apart_is_told_alike(scaled):
     start = Start.of(steady(1.0, scaled), disks.n, Point(0.01 / law.law.tau1, 1e-3, True))
     with pytest.raises(
         ConvergenceError,
-        match=r"^energy is lost in the shortest step of a cycle, \d\.\de\+\d+ times .*: give less --stress$",
+        match=r"^energy is lost in the shortest step of a cycle, \d\.\de\+\d+ times .*: give less stress$",
     ):
         shake(disks, law.law, start, 16, None)
 

@@ -200,9 +200,9 @@ def test_file(session, shared_path):
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["--betas", "1,x"], "--betas 1,x: write numbers with commas"),
-        (["--betas", "-1"], "--beta -1: must lie between 0 and"),
-        (["--law", "stokes", "--betas", "1"], "--betas 1: belongs to --law contact"),
+        (["--betas", "1,x"], "--betas 1,x: write low:high:count"),
+        (["--betas", "-1"], "--betas -1: -1 must lie between 0 and"),
+        (["--law", "stokes", "--betas", "1"], "--betas: belongs to --law contact"),
     ],
 )
 def test_bad_options(session, shared_path, capsys, words, says):

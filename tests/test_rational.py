@@ -215,7 +215,7 @@ def test_rounding_at_one_frequency_is_enough_to_refuse(session, rounding, told):
 def test_too_much_accuracy_is_refused(session):
     with (
         pytest.raises(
-            ConvergenceError, match=r"only certain to .*, by rounding; --accuracy 1e-16 cannot be met"
+            ConvergenceError, match=r"only certain to .*, by rounding; accuracy 1e-16 cannot be met"
         ),
         Sweep(isostatic(), physics(), [1e-3], 1e-16, session.comm),
     ):
@@ -333,7 +333,7 @@ def test_a_claim_that_does_not_hold_is_found_out(session, shared_path):
     put(packing, unstable(), session.comm)
     job = run_of(packing, physics(), [1e-6, 1e-5], [], "rational", 1e-6, out, comm=session.comm)
     with pytest.raises(
-        InputError, match=r"packing.h5: K \+ sB at s = .* is not .* definite; use --method direct"
+        InputError, match=r"packing.h5: K \+ sB at s = .* is not .* definite; use method direct"
     ):
         rational_sweep.solve(replace(job, negative_modes=0))
     assert not out.exists()

@@ -396,7 +396,7 @@ def test_a_space_that_is_large_enough_is_not_grown_for_ever(session, monkeypatch
     monkeypatch.setattr("jampetsc.linear.rational.VECTORS", 2)
     with (
         pytest.raises(
-            ConvergenceError, match=r"the bound on the error of G\* stays at .* times what --accuracy 1e-08"
+            ConvergenceError, match=r"the bound on the error of G\* stays at .* times what accuracy 1e-08"
         ),
         Sweep(SAMPLES["polydisperse"](), physics(), OMEGA, 1e-8, session.comm, "matrix"),
     ):

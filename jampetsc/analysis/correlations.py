@@ -18,7 +18,7 @@ import numpy as np
 
 from jampetsc.analysis.scaling import collapse_spread
 from jampetsc.analysis.statistics import of_few
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 
 BLOCKS = 8  # strips of one packing, for the error
 ENOUGH_PACKINGS = 5  # from so many on, whole packings are resampled
@@ -202,7 +202,7 @@ def correlate_motions(motions, lanes) -> LaneCorrelations:
             try:
                 found.append(lane_sums(motion.positions, motion.cell, parts, width * motion.diameter, cells))
             except InputError as error:
-                raise InputError(f"{motion.name}: {error}") from None
+                raise InputError(f"{motion.name}: {error.told(named)}") from None
     length, diameter = np.mean([(motion.cell[0, 0], motion.diameter) for motion in motions], axis=0)
     widths = np.array([found[0].width for found in sums])
     return LaneCorrelations([correlate(found) for found in sums], widths, length, diameter)

@@ -16,8 +16,8 @@ import sys
 import time
 
 from jampetsc import progress, streams
-from jampetsc.cli.parser import add_job
-from jampetsc.errors import InputError, JampetscError, option
+from jampetsc.cli.parser import add_job, in_words
+from jampetsc.errors import InputError, JampetscError
 from jampetsc.jobs import JOBS, job_class
 from jampetsc.petsc import launcher, session, solver_options
 from jampetsc.version import VERSION
@@ -84,7 +84,8 @@ def dispatch(argv):
     try:
         return _run(args, argv, petsc_argv)
     except JampetscError as error:
-        raise type(error)(error.told(option)) from None
+        error.args = (in_words(error, job_class(args.command)),)
+        raise
 
 
 def _run(args, argv, petsc_argv):

@@ -71,7 +71,7 @@ def phase_factor(result, omega, phase):
         G = result.modulus(omega)
     except InputError as error:
         raise InputError(
-            f"{error}; without G* there is no phase of the stress: use {named('phase')} strain"
+            f"{error.told(named)}; without G* there is no phase of the stress: use {named('phase')} strain"
         ) from None
     if not abs(G) > 0:  # nan too
         raise InputError(

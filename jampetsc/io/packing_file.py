@@ -14,7 +14,7 @@ import numpy as np
 from jampetsc.collective import agreed, from_rank_0
 from jampetsc.core.disks import Disks, join
 from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.io.hdf5 import (
     OutputFile,
     attributes,
@@ -145,7 +145,7 @@ def packing_from(h5, path) -> Disks:
         potential = Potential(attrs["potential"], attrs["stiffness"], stiffness)
         return Disks.from_positions(**arrays, potential=potential, record=record)
     except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+        raise InputError(f"{path}: {error.told(named)}") from None
 
 
 def _array(h5, path, name):

@@ -78,5 +78,7 @@ def _short(value):
 def _told(name, old, new):
     if name == "inputs":
         return "other input files"
-    without = "false" if "true" in (old, new) else "none"
+    without = {"true": "false", "false": "true"}.get(
+        old or new, "none"
+    )  # of a switch: how it is without a word
     return f"{name} = {old or without}, not {new or without}"

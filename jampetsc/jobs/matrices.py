@@ -9,7 +9,7 @@ from jampetsc.asking.kinds import PACKING
 from jampetsc.asking.parameters import FILE, asked, part
 from jampetsc.core.disks import Disks
 from jampetsc.core.laws import DEFAULT, Law, Physics, damping_law
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class Matrices(Job):
         try:
             matrices = matrices_of(disks, physics, comm)
         except InputError as error:
-            raise InputError(f"{source_told(self.packing)}: {error}") from None
+            raise InputError(f"{source_told(self.packing)}: {error.told(named)}") from None
         write_matrices(to.path, matrices)
         told = ", ".join(map(str, files_of(to.path).values()))
         unknowns, disks, pins = len(matrices.dofs), len(matrices.particles), len(matrices.pins)

@@ -257,7 +257,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
             try:
                 changed(source, self.tasks(None)[0].target)
             except InputError as error:
-                raise InputError(f"{source_told(self.from_)}: {error}") from None
+                raise InputError(f"{source_told(self.from_)}: {error.told(named)}") from None
             return lambda task: changed(source, task.target), request, source.potential.k
         # of one rank for all: the file may have been replaced
         radii = comm.bcast(radii_asked(self.n, self.sizes, self.radii))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jampetsc.errors import ConvergenceError
+from jampetsc.errors import ConvergenceError, named
 from jampetsc.linear.direct import FrequencySolver
 from jampetsc.linear.run import Run, split_field, write_sweep
 from jampetsc.mechanics.assembly import assemble
@@ -64,7 +64,8 @@ def solve(run: Run):
     if failures:
         first = failures[min(failures)]
         raise ConvergenceError(
-            f"{len(failures)} of {len(run.omega)} frequencies failed, the others are in {run.to}; the first: {first}"
+            f"{len(failures)} of {len(run.omega)} frequencies failed, the others are in {run.to}; the first: "
+            f"{first.told(named)}"
         )
     checkpoint.remove()
     return omega, G, bounds

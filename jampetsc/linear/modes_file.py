@@ -5,7 +5,7 @@ import time
 import numpy as np
 
 from jampetsc.core.minimum import proved_minimum
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_identified, source_told
 from jampetsc.linear.modes import Modes, lowest_modes
@@ -30,7 +30,7 @@ def run(packing, to: Outlet, prestress: bool, count=None, below=None) -> Modes:
         with session.stage("modes"):
             modes = lowest_modes(network, count, below, proved=not prestress or proved_minimum(disks))
     except InputError as error:
-        raise InputError(f"{source_told(packing)}: {error}") from None
+        raise InputError(f"{source_told(packing)}: {error.told(named)}") from None
     with session.stage("output"), to.writer(FORMAT, session.comm) as writer:
         _write(writer, modes)
         writer.attributes(**run_record(disks, identity, {"prestress": prestress}, network, started))

@@ -20,7 +20,7 @@ import numpy as np
 
 from jampetsc.analysis.distribution import Distribution
 from jampetsc.core.laws import Law, Physics
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_identified, source_told
 from jampetsc.linear.elastic import ElasticResponse
@@ -123,7 +123,7 @@ def run(packing, to: Outlet, physics: Physics, betas=()) -> Outcome:
     try:
         outcome = _solve_all(build_network(disks, session.comm, physics.prestress), physics.law, betas)
     except InputError as error:
-        raise InputError(f"{source_told(packing)}: {error}") from None
+        raise InputError(f"{source_told(packing)}: {error.told(named)}") from None
     with session.stage("output"), to.writer(FORMAT, session.comm) as writer:
         _write(writer, outcome)
         writer.attributes(**run_record(disks, identity, physics.parameters, outcome.network, started))

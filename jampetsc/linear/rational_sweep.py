@@ -47,7 +47,7 @@ def solve(run: Run):
                     f"shift {listed}  vectors {basis.size}  worst bound / allowed {sweep.worst():.1e}"
                 )
         except NotPositiveDefinite as error:
-            raise InputError(f"{run.packing}: {error}; use {named('method')} direct") from None
+            raise InputError(f"{run.packing}: {error.told(named)}; use {named('method')} direct") from None
     galerkin, G, bounds = sweep.finish()
     spectrum = galerkin.spectrum
     write_sweep(

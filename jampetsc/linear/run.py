@@ -90,7 +90,7 @@ class Run:
         try:
             return build_network(self.disks, comm, self.physics.prestress)
         except InputError as error:
-            raise InputError(f"{self.packing}: {error}") from None
+            raise InputError(f"{self.packing}: {error.told(named)}") from None
 
     def asked(self, omega):
         """Frequencies of the experiment for some of `self.omega`, in their shape."""

@@ -5,7 +5,7 @@ import time
 import numpy as np
 
 from jampetsc.core.disks import Disks
-from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_identified, source_told
 from jampetsc.linear.elastic import ElasticResponse
@@ -132,7 +132,7 @@ def solve(job, to: Outlet) -> dict:
             network = build_network(disks, session.comm, job.physics.prestress)
             ElasticResponse(network).destroy()  # refuses what has negative or floppy modes
         except InputError as error:
-            raise InputError(f"{source_told(job.packing)}: {error}") from None
+            raise InputError(f"{source_told(job.packing)}: {error.told(named)}") from None
         kind = _Moving if job.contacts == "moving" else _Sticking if _sticks(job) else _Fixed
         solver = kind(job, disks, network)
     checkpoint = to.checkpoint(job.key(identity), session.comm)
@@ -158,7 +158,7 @@ def solve(job, to: Outlet) -> dict:
         first = failures[min(failures)]
         raise ConvergenceError(
             f"{len(failures)} of {len(job.amplitude) * len(job.omega)} points failed, the others are in {to}; "
-            f"the first: {first}"
+            f"the first: {first.told(named)}"
         )
     checkpoint.remove()
     return arrays
@@ -184,7 +184,7 @@ def _solve_all(job, solver, checkpoint):
             for index, found in zip(now, outcomes, strict=True):
                 name = f"omega {points[index].omega:.3e}  {job.control} {points[index].amplitude:.1e}"
                 if isinstance(found, ConvergenceError):
-                    failures[index] = ConvergenceError(f"{name}: {found}")
+                    failures[index] = ConvergenceError(f"{name}: {found.told(named)}")
                     progress.step(f"failed: {name}: {found}")
                     continue
                 checkpoint.save(index, found)

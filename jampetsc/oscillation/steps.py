@@ -13,7 +13,7 @@ of a step of the cycle over powers of two, so that one factor goes on to serve.
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from jampetsc.errors import ConvergenceError
+from jampetsc.errors import ConvergenceError, named
 from jampetsc.oscillation.moving import MovingContacts
 from jampetsc.oscillation.stage import STAGE, WEIGHTS, Imposed, Instant
 
@@ -78,10 +78,12 @@ class Steps:
         off = max(abs(fed - motion.gained) - motion.rounding, 0.0)
         if off > allowed:
             if last:
-                free = self._imposed(ends[-1]).free
+                remedy = (
+                    f"less {named('stress')}" if self._imposed(ends[-1]).free else f"more {named('steps')}"
+                )
                 raise ConvergenceError(
                     f"energy is lost in the shortest step of a cycle, {off / allowed:.1e} times what one may, as where "
-                    f"nothing holds the packing: give {'less stress' if free else 'more steps'}"
+                    f"nothing holds the packing: give {remedy}"
                 )
             motion.undo()
         return off
