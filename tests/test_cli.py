@@ -510,7 +510,8 @@ def test_a_bug_on_one_rank_ends_the_job(rank):
 
 def test_one_thread_per_rank_unless_told_otherwise():
     code = (
-        "import os; from jampetsc.cli import main as cli; cli.main(['x']); import numpy as np; a = np.ones((600, 600)); a @ a; "
+        "import os\nfrom jampetsc.cli import main as cli\ncli.main(['x'])\n"
+        "import numpy as np\na = np.ones((600, 600))\na @ a\n"
         "print(os.environ['OMP_NUM_THREADS'], len(os.listdir('/proc/self/task')))"
     )
     environment = {name: value for name, value in launch.environment().items() if "THREADS" not in name}

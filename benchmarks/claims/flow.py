@@ -2,13 +2,14 @@
 
 import numpy as np
 
-from claims.shared import Row, claim, rates_of, slope_with_error
+from claims.shared import WITHIN, Row, claim, rates_of, slope_with_error
 from jampetsc.analysis.profiles import heights, mean_profile, middle_share
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.plots.flowcurves import local_exponents
 from jampetsc.plots.regimes import regimes
 
 PHI_J = 0.8433  # V's, RD0
+ROUNDED = 1.05 / 3.55, 1.15 / 3.45  # y/zν that V's digits, 1.1 and 3.5, may stand for
 HARD = 2e-3  # γ̇ in units of 1/√(m/k_e) or k_e/k_d d_s², whichever is longer, below which disks collide as hard ones
 NEWTONIAN = 1.0 - 1.1 / 3.5  # γ̇/p ~ γ̇^this at φ_J, with V's y/zν
 
@@ -124,16 +125,20 @@ def flow_curves(table):
         if len(np.unique(slow["rate"])) < 2:
             continue
         lowest = slow["rate"].min()
+        rounded = f"V's y/zν = 1.1/3.5, {ROUNDED[0]:.3f} to {ROUNDED[1]:.3f} as two digits leave it"
         for name, symbol, theirs, note in (
-            ("pressure", "p", round(1.1 / 3.5, 3), "V's y/zν"),
+            ("pressure", "p", round(1.1 / 3.5, 3), rounded),
             ("shear_stress", "σ", None, "V: larger corrections to scaling than p, so not y/zν yet"),
         ):
             rates, values, errors = rates_of(slow, name)
             _, local, spread = local_exponents(rates, values, errors)
             told = ", ".join(f"{x:.3f}({1e3 * e:.0f})" for x, e in zip(local, spread, strict=True))
             what = f"RD0 at φ_J = {PHI_J}, N = {n:g}: {symbol} ~ γ̇^x, γ̇ = {lowest:g} to 1e-3"
-            slope = slope_with_error(rates, values, errors)
-            yield Row(what, theirs, *slope, f"{note}; local exponents from low γ̇ up: {told}", size_of(slow))
+            slope, error = slope_with_error(rates, values, errors)
+            off = max(ROUNDED[0] - slope, slope - ROUNDED[1], 0.0)
+            decided = "" if theirs is None else "yes" if off <= WITHIN * error else "no"
+            note = f"{note}; local exponents from low γ̇ up: {told}"
+            yield Row(what, theirs, slope, error, note, size_of(slow), decided)
     yield from newtonian(table.where(command="flow", model="RD0", phi=0.80))
     collisions = table.where(command="flow", model="CDn")
     slow = slower(collisions, 2e-3)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+import jampetsc
 from claims.shared import LARGE, NEAR, Row, by_decades, claim, line_through, near_jamming, size_of, verdict
 from jampetsc.analysis.finite_size import FEWEST, logarithm_of_size, size_scaling
 from jampetsc.analysis.scaling import collapse_spread, critical_exponents, local_slope, upper_border
@@ -171,7 +172,7 @@ def sliding(table):
     columns = {name: slow[name] for name in slow}
     for prefix, _ in BOTH:
         columns[f"{prefix}beta_star"] = slow[f"{prefix}G0"] / slow[f"{prefix}eta0_transverse"]
-    yield from exponents_in_pressure(type(slow)(slow.path, columns), cases, "contact damping")
+    yield from exponents_in_pressure(type(slow)(slow.path, columns, jampetsc.load), cases, "contact damping")
     off, slopes, rises = [], [], []
     for result in slow.results():
         beta, eta0 = result["beta_scan/beta"], result["beta_scan/no_prestress_eta0"]

@@ -1,8 +1,9 @@
 """Quasistatic shear: an affine step of the cell, the minimum of the energy there, and again (Vågberg, thesis sec. 4.7).
 
-Between rearrangements the disks follow the cell by a displacement that is nearly the same from step to step: each step
-starts from the affine positions moved once more as in the step before, and goes down by `minimise.warm_start`, with a
-factor of the Hessian that serves for many steps. Only where that takes too long a quench is begun, by `minimise.minimise`.
+Between rearrangements the disks follow the cell by a displacement that is nearly the same from step to step: each
+step starts from the affine positions moved once more as in the step before, and goes down by `minimise.warm_start`,
+with a factor of the Hessian that serves for many steps. Only where that takes too long a quench is begun, by
+`minimise.minimise`.
 """
 
 from dataclasses import dataclass, replace
