@@ -9,7 +9,7 @@ import sys
 import launch
 import numpy as np
 import pytest
-from samples import SAMPLES, physics, published, put
+from samples import SAMPLES, physics, polydisperse, published, put
 
 import jampetsc
 from jampetsc import ContactDamping, StokesDrag
@@ -373,3 +373,12 @@ def test_a_packing_is_minimised_in_its_cell(session):
     assert (
         found.record["max_force"] < 1e-7 * found.pressure and found.record["energy"] < start.record["energy"]
     )
+
+
+def test_another_packing_in_memory_is_another_request(tmp_path):
+    """A finished result of other inputs is not replaced without a word, wherever these lie."""
+    out, how = tmp_path / "f.h5", {"model": jampetsc.models.RD0(), "rate": 1e-1, "strain": 0.02}
+    for _ in range(2):
+        jampetsc.flow(published(), **how, out=out)
+    with pytest.raises(InputError, match="other inputs"):
+        jampetsc.flow(polydisperse(3)[0], **how, out=out)

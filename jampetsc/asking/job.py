@@ -92,6 +92,14 @@ class Job:
         }
         return replace(self, **{name: _whole(one) for name, one in held.items()})
 
+    @property
+    def held(self) -> list[str]:
+        """Hashes of what its inputs in memory hold."""
+        values = [one for value in vars(self).values() for one in _several(value)]
+        found = [getattr(one, "fingerprint", None) for one in values]
+        runs = [one.attributes.get("run_id") for one in values if hasattr(one, "attributes")]
+        return [str(one) for one in (*found, *runs) if one]
+
     def told(self) -> dict:
         """{parameter: value} as JSON and command lines hold it: all that is no file, switches that are not usual."""
         values = {}

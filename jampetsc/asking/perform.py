@@ -16,7 +16,7 @@ from jampetsc.progress import LOG
 @contextlib.contextmanager
 def recording(job: Job, argv, overwrite=False):
     """What is written inside records the job as its request and `argv` as its command line."""
-    with recorded_as(argv), asked(Request(job.NAME, job.told(), overwrite, job.same)):
+    with recorded_as(argv), asked(Request(job.NAME, job.told(), overwrite, job.same, job.held)):
         yield
 
 

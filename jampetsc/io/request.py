@@ -18,10 +18,11 @@ class Request:
 
     options     {parameter: value} of those that are given
     same        whether two values of a parameter mean the same
+    held        what inputs in memory hold: hashes
     """
 
-    def __init__(self, command, options: dict, overwrite=False, same=lambda name, one, other: False):
-        self.overwrite, self.same = bool(overwrite), same
+    def __init__(self, command, options: dict, overwrite=False, same=lambda name, one, other: False, held=()):
+        self.overwrite, self.same, self.held = bool(overwrite), same, list(held)
         self.options = {
             name: value for name, value in options.items() if name not in NO_SETTINGS and value is not None
         }
@@ -34,7 +35,7 @@ class Request:
         for name, value in self.options.items():
             if not names.issuperset(map(str, value if isinstance(value, list) else [value])):
                 self.settings[name] = _short(value)
-        held = sorted(str(identity_of(path)) for path in inputs)
+        held = sorted([*self.held, *(str(identity_of(path)) for path in inputs)])
         self.settings |= {"inputs": _short(held)} if held else {}
 
     def differences(self, text: str) -> str:
@@ -77,7 +78,7 @@ def _short(value):
 
 def _told(name, old, new):
     if name == "inputs":
-        return "other input files"
+        return "other inputs"
     without = {"true": "false", "false": "true"}.get(
         old or new, "none"
     )  # of a switch: how it is without a word
