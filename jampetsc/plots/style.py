@@ -63,7 +63,7 @@ STYLE = {
 
 def colours(count):
     """`count` colours from dark to light, each with enough contrast for a thin line on white."""
-    return [sequential()(x) for x in (np.linspace(0, 1, count) if count > 1 else [0.0])]
+    return [sequential()(x) for x in np.linspace(0, 1, count)]
 
 
 def sequential():
