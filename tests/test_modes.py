@@ -384,7 +384,9 @@ def test_no_minimum_is_refused_with_the_count(session, shared_path, capsys):
         )
     )
     assert command("modes", shared_path / "packing.h5", "--out", shared_path / "m.h5") == 2
-    assert session.rank or f"packing.h5: K has {negative} negative modes" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert session.rank or f"packing.h5: K has {negative} negative modes" in said
+    assert session.rank or "(pack with --from) or leave the pre-stress out (--no-prestress)" in said
     assert not (shared_path / "m.h5").exists()
 
 

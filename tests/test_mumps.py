@@ -1,9 +1,16 @@
 """MUMPS where its workspace is too small at first: pivots that are put off fill more than its analysis expects."""
 
+import pickle
+
 import numpy as np
 import pytest
+from samples import published
 from scipy.sparse import bmat, diags, eye, random
 
+from jampetsc.cli import main as cli
+from jampetsc.errors import named
+from jampetsc.io.packing_file import write_packing
+from jampetsc.linear import modes_file
 from jampetsc.petsc import mumps
 from jampetsc.petsc.matrices import distributed_matrix
 
@@ -118,3 +125,16 @@ def test_what_more_workspace_does_not_cure_is_told_at_once(scripted, code, says)
         scripted(f"told{-code}_", [code])
     assert failed.value.code == code
     assert "a failed factorisation" in str(mumps.explain(None, "a chain"))
+
+
+def test_the_command_line_knows_a_factorisation_that_failed(session, tmp_path, monkeypatch):
+    """For what it is, with options as it has them."""
+    write_packing(tmp_path / "p.h5", published())
+
+    def fail(*_, **__):
+        raise mumps.Failure(f"singular; see info with {named('matrices')}", -10)
+
+    monkeypatch.setattr(modes_file, "lowest_modes", fail)
+    with pytest.raises(mumps.Failure, match="singular; see info with --matrices") as told:
+        cli.dispatch(["modes", str(tmp_path / "p.h5"), "--out", str(tmp_path / "m.h5")])
+    assert pickle.loads(pickle.dumps(told.value)).code == -10  # on other ranks too

@@ -16,7 +16,7 @@ import sys
 import time
 
 from jampetsc import progress, streams
-from jampetsc.cli.parser import add_job, in_words
+from jampetsc.cli.parser import add_job
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.jobs import JOBS, job_class
 from jampetsc.petsc import launcher, session, solver_options
@@ -81,11 +81,7 @@ def dispatch(argv):
     if petsc_argv:
         solver_options.check(args.command, {name: job_class(name).SOLVERS for name in JOBS}, petsc_argv)
     progress.tell(-1 if args.quiet else 1 if args.verbose else 0)
-    try:
-        return _run(args, argv, petsc_argv)
-    except JampetscError as error:
-        error.args = (in_words(error, job_class(args.command)),)
-        raise
+    return _run(args, argv, petsc_argv)
 
 
 def _run(args, argv, petsc_argv):

@@ -127,7 +127,8 @@ def run(job, args, petsc_argv) -> int:
             alone=asked.scalar is None,
         )
     except JampetscError as error:
-        raise type(error)(in_words(error, job)) from None
+        error.args = (in_words(error, job),)
+        raise
     comm = None if asked.scalar is None else session.communicator()
     if told and (comm is None or comm.rank == 0):
         print(told)

@@ -19,7 +19,7 @@ ATTEMPTS = 5  # at twice the workspace each time
 class Failure(ConvergenceError):
     """A factorisation that failed; `code` is MUMPS's INFOG(1)."""
 
-    def __init__(self, message, code):
+    def __init__(self, message, code=None):  # of copies from other ranks it comes later
         super().__init__(message)
         self.code = code
 
