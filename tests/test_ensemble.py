@@ -52,7 +52,7 @@ def test_info_tells_what_a_study_holds(folder, capsys):
         assert re.search(line, text), line
     assert text.splitlines()[-1] == '  m.h5: failed: no, "not" there'
     assert cli.main(["info", str(folder), "--matrices"]) == 2
-    assert f"{folder}: is a folder: give the file in it" in capsys.readouterr().err
+    assert "is the folder of a study: --matrices needs a packing" in capsys.readouterr().err
 
 
 def test_what_is_not_there_has_a_default(folder):

@@ -1,5 +1,6 @@
 """What a packing or a result is, in words and numbers."""
 
+import os
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -52,7 +53,9 @@ class Info(Job):
         return "real" if self.matrices else None
 
     def check_outputs(self, to):
-        """Nothing is written."""
+        """Nothing is written; a folder is refused before PETSc starts."""
+        if self.matrices and isinstance(self.file, str) and os.path.isdir(self.file):
+            raise InputError(f"{self.file}: is the folder of a study: {named('matrices')} needs a packing")
 
     def work(self, to):
         """The description. Collective with matrices."""
