@@ -3,6 +3,7 @@
 import argparse
 import contextlib
 import errno
+import importlib.util
 import os
 import signal
 import subprocess
@@ -594,3 +595,17 @@ def test_file_names_that_are_no_text(tmp_path):
     assert done.returncode == 2 and words_of(done) == [
         f"jampetsc: error: {tmp_path}/\\udcff.h5: PETSc takes printable text only: use another name"
     ]
+
+
+def test_the_shell_is_told_what_may_follow():
+    """By argcomplete where it is installed; without it the command is as ever."""
+    line = "jampetsc sweep --meth"
+    asked = {"_ARGCOMPLETE": "1", "_ARGCOMPLETE_IFS": "|", "COMP_LINE": line, "COMP_POINT": str(len(line))}
+    done = subprocess.run(
+        ["sh", "-c", 'exec "$0" -m jampetsc sweep --meth 8>&1 9>/dev/null', sys.executable],
+        env=launch.environment() | asked,
+        capture_output=True,
+        text=True,
+    )
+    told = "--method" if importlib.util.find_spec("argcomplete") else "--meth: no such option"
+    assert told in done.stdout + done.stderr

@@ -60,6 +60,8 @@ def dispatch(argv):
     Raises InputError for anything that neither the program nor PETSc can be meant to read.
     """
     words, petsc_argv = split_petsc(argv or ["--help"])
+    if "_ARGCOMPLETE" in os.environ:
+        _complete()
     parser, commands = command_parser(words)
     try:
         args, rest = parser.parse_known_args(_with_negative_numbers(words))
@@ -144,6 +146,15 @@ def command_parser(words):
     for name in [asked] if whole else [] if asked == "--version" else JOBS:
         add_job(job_class(name), subparsers, whole)
     return parser, subparsers
+
+
+def _complete():
+    """Tell the shell what may follow, where argcomplete is installed, and end; see docs/install.md."""
+    with contextlib.suppress(ImportError):
+        import argcomplete
+
+        begun = os.environ["COMP_LINE"].split()[1:2]
+        argcomplete.autocomplete(command_parser(begun if begun and begun[0] in JOBS else ["--help"])[0])
 
 
 def _with_negative_numbers(words):
