@@ -132,10 +132,12 @@ def test_bad_input_is_one_line(packing, tmp_path, monkeypatch, words, message):
     assert not list(tmp_path.iterdir())
 
 
-def test_not_under_mpirun(packing, tmp_path, monkeypatch):
-    monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "2")
-    with pytest.raises(InputError, match="run it without mpirun and give --ranks"):
-        cli.dispatch(["trade", str(packing), "--out", str(tmp_path / "t.csv")])
+def test_not_under_mpirun(packing, tmp_path):
+    """In a process of its own, where MPI is started to ask and ended."""
+    line = [sys.executable, "-m", "jampetsc", "trade", packing, "--out", tmp_path / "t.csv"]
+    environment = launch.environment() | {"OMPI_COMM_WORLD_SIZE": "2"}
+    done = subprocess.run(line, env=environment, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2 and "run it without mpirun and give --ranks" in done.stderr
 
 
 # Its runs
