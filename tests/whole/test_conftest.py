@@ -40,7 +40,7 @@ def test_others_wait_for_the_one_that_failed(session):
 
 def pytest_on(ranks, folder, code):
     """The finished pytest process on tests with this `code` and the conftest.py of the project."""
-    conftest = Path(__file__).with_name("conftest.py").read_text()
+    conftest = Path(launch.ROOT, "tests/conftest.py").read_text()
     (folder / "conftest.py").write_text(conftest.replace("PATIENCE = 20.0", "PATIENCE = 1.0"))
     (folder / "pytest.ini").write_text("[pytest]\nmarkers = scalar\n")
     (folder / "test_sample.py").write_text(code)

@@ -213,7 +213,10 @@ def test_either_build_is_chosen_by_the_program(scalar):
 
 
 def test_real_is_preferred_where_both_would_do():
-    assert python("from jampetsc.petsc import session; print(session.start().scalar_type)").stdout.strip() == "real"
+    assert (
+        python("from jampetsc.petsc import session; print(session.start().scalar_type)").stdout.strip()
+        == "real"
+    )
 
 
 def test_own_petsc_dir_is_respected():
@@ -231,7 +234,9 @@ def test_own_petsc_dir_of_the_other_scalar_type():
 
 def test_slepc_of_another_petsc():
     mixed = folder(distribution("real")) | {"SLEPC_DIR": folder(distribution("complex"))["SLEPC_DIR"]}
-    line = python("from jampetsc.petsc import session; session.start('real')", **mixed).stderr.splitlines()[-1]
+    line = python("from jampetsc.petsc import session; session.start('real')", **mixed).stderr.splitlines()[
+        -1
+    ]
     assert line.startswith(f"jampetsc.errors.InputError: {mixed['SLEPC_DIR']}")
     assert line.endswith("set PETSC_DIR and SLEPC_DIR to one pair, or unset both")
 

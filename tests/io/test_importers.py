@@ -17,7 +17,7 @@ from jampetsc.io import importers
 from jampetsc.io.importers import import_packing
 from jampetsc.io.packing_file import read_packing
 
-DATA = Path(__file__).parent / "data"
+DATA = Path(__file__).parents[1] / "data"
 JAMBASHBULK = DATA / "jambashbulk-N16-P1e-3-0001.txt"
 JAXMD = DATA / "jaxmd-2d_polyuniform_N64_Lp-1.0.nc"
 
