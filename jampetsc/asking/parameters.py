@@ -137,7 +137,8 @@ class Parameter:
         except ValueError as error:
             if isinstance(error, InputError):
                 raise
-            raise InputError(f"{named(self.name)} {shown(value)}: {error}") from None
+            text = str(error).removeprefix(shown(value)).removeprefix(":").strip()  # which is said before it
+            raise InputError(f"{named(self.name)} {shown(value)}: {text}") from None
 
     def _check_range(self, value):
         inside = (self.low is None or value >= self.low) and (self.high is None or value <= self.high)

@@ -72,6 +72,8 @@ def _load(petsc_argv):
         os.environ.setdefault("OMPI_MCA_ess_singleton_isolated", "1")
         from mpi4py import MPI
 
+        if MPI.Is_finalized():
+            raise InputError("MPI has ended in this process, and with it PETSc: start another process")
         # SIGTERM and a closed pipe remain what they are to python; PETSc would print pages and abort
         petsc4py.init(["jampetsc", QUIET, *petsc_argv], comm=MPI.COMM_WORLD)
         from petsc4py import PETSc

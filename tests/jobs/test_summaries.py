@@ -334,7 +334,7 @@ def test_a_trade_measures_what_is_asked_for(tmp_path, monkeypatch, capsys, words
         (["--out", "t.csv", "--choices", "speed"], "--choices speed: 'speed' is none of accuracy, method"),
         (
             ["--out", "t.csv", "--options-files", "none.opts"],
-            r"--options-files none\.opts: none\.opts: no such file",
+            r"--options-files none\.opts: no such file",
         ),
     ],
 )

@@ -511,7 +511,8 @@ def modules(monkeypatch):
     def module(name, part, **attributes):
         path = f"/lib/{name}/__init__.py"
         made = SimpleNamespace(init=lambda *words, **more: None, __file__=path, **attributes)
-        setattr(made, part, SimpleNamespace(__file__=f"/usr/lib/petsc/lib/{part}.so", COMM_WORLD="world"))
+        inner = {"COMM_WORLD": "world", "Is_finalized": lambda: False}
+        setattr(made, part, SimpleNamespace(__file__=f"/usr/lib/petsc/lib/{part}.so", **inner))
         return made
 
     def put(**changes):
@@ -533,6 +534,11 @@ def refusing(error):
         raise error
 
     return SimpleNamespace(init=init, __file__="/lib/any/__init__.py", PETSc=None)
+
+
+def test_what_has_ended_does_not_start_again():
+    code = "from mpi4py import MPI; MPI.Finalize(); from jampetsc.petsc import session; session.start('real')"
+    assert "MPI has ended in this process" in python(code).stderr
 
 
 def test_petsc_is_started_with_the_words_and_slepc_need_not_be_there(modules):
