@@ -201,7 +201,7 @@ def test_file(session, shared_path):
     ("words", "says"),
     [
         (["--betas", "1,x"], "--betas 1,x: write low:high:count"),
-        (["--betas", "-1"], "--betas -1: -1 must lie between 0 and"),
+        (["--betas", "-1"], "--betas -1: must lie between 0 and"),
         (["--law", "stokes", "--betas", "1"], "--betas: belongs to --law contact"),
     ],
 )
