@@ -141,8 +141,10 @@ class Parameter:
             raise InputError(f"{named(self.name)} {shown(value)}: {text}") from None
 
     def _check_range(self, value):
+        if math.isnan(value):
+            raise ValueError("must be a number")
         inside = (self.low is None or value >= self.low) and (self.high is None or value <= self.high)
-        if inside and (self.above is None or value > self.above) and not math.isnan(value):
+        if inside and (self.above is None or value > self.above):
             return
         if self.above is not None:
             least = "positive" if self.above == 0 else f"above {self.above:g}"
@@ -255,8 +257,9 @@ def did_you_mean(name, known) -> str:
 
 
 def shown(value) -> str:
-    """A value as messages show it."""
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    """A value as messages show it, in one line."""
+    text = f"{value:g}" if isinstance(value, float) else str(value)
+    return text if text.isprintable() else ascii(text)
 
 
 def _plain(annotation):

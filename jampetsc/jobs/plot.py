@@ -60,7 +60,7 @@ def _size(given):
 def _limits(text):
     try:
         pairs = [tuple(float(one) for one in pair.split(":")) if pair else None for pair in text.split(",")]
-    except ValueError:
+    except (AttributeError, ValueError):
         pairs = [()]
     if not all(pair is None or (len(pair) == 2 and pair[0] < pair[1]) for pair in pairs):
         raise ValueError("write low:high, such as 1e-6:1; with commas for each panel")

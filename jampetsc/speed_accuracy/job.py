@@ -18,7 +18,7 @@ GROUPS = ("accuracy", "method", "physics", "frequencies")
 
 
 def _words(given):
-    return tuple(given.split(",")) if isinstance(given, str) else tuple(map(str, given))
+    return tuple(map(str, given)) if isinstance(given, list | tuple) else tuple(str(given).split(","))
 
 
 def _groups(given):

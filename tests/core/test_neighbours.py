@@ -33,19 +33,6 @@ def as_set(pairs):
 
 
 @pytest.mark.parametrize("name", CELLS)
-@pytest.mark.parametrize("skin", [0.0, 0.3, 1.5])
-@pytest.mark.parametrize("n", [1, 2, 16, 80])
-def test_finds_every_pair_of_every_image_once(name, n, skin):
-    rng = np.random.default_rng(n)
-    cell = np.array(CELLS[name])
-    # up to one cell outside on every side: coordinates need not be wrapped
-    positions = rng.uniform(-1.0, 2.0, (n, 2)) @ cell
-    radii = rng.uniform(0.3, 0.8, n)
-    wanted = every_pair(positions, radii, cell, skin, images=12)
-    assert as_set(neighbour_pairs(positions, radii, cell, skin)) == wanted
-
-
-@pytest.mark.parametrize("name", CELLS)
 def test_a_disk_a_rounding_error_outside_is_in_the_cell_or_beside_it(name):
     """A coordinate of −1e-17 cell vectors plus one is one, which no cell of the grid begins with."""
     cell = np.array(CELLS[name])

@@ -41,6 +41,7 @@ RANGES = [  # (line, option, values within, values beyond)
     (PHI, "pressure", ["1e-8", "1"], ["0.99e-8", "1.01", "nan", "inf"]),
     ("pack --pressure 1e-2 --out p.h5", "n", [16], [15, 10_000_001]),
     (SWEEP, "accuracy", [1e-12, 0.1], [0.99e-12, 0.11, "nan"]),
+    (SWEEP, "beta", [0.0, 1e3], [-0.1, "nan", "-nan"]),
     (f"{SWEEP} --stress 1e-5", "alpha", [0.05, 5.0], [0.049, 5.01, "nan"]),
     (f"{SWEEP} --alpha 0.5", "stress", [1e-30, 1.0], [0.99e-30, 1.01, "nan"]),
     (MODES, "count", [1], [0, -1]),
