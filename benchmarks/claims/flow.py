@@ -3,6 +3,7 @@
 import numpy as np
 
 from claims.shared import WITHIN, Row, claim, rates_of, slope_with_error
+from jampetsc.analysis.order import six_fold_order
 from jampetsc.analysis.profiles import heights, mean_profile, middle_share
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.plots.flowcurves import local_exponents
@@ -36,7 +37,7 @@ def order(table):
     found = {}
     for sizes in ("monodisperse", "bidisperse"):
         rows = table.where(command="flow", sizes=sizes)
-        runs = [(run["snapshots/strain"], run["snapshots/psi6_global"]) for run in rows.results()]
+        runs = [(run["snapshots/strain"], six_fold_order(run)[1]) for run in rows.results()]
         late = [psi[strain > 0.5 * strain[-1]] for strain, psi in runs]
         mean, error = mean_with_error([psi.mean() for psi in late])
         start = np.mean([psi[0] for _, psi in runs])

@@ -142,7 +142,7 @@ def execute(run: FlowRun, to, last=None, team=None) -> Means:
         write_packing(last, shear.disks.with_record(protocol=protocol))
     state = shear.state() | {"radii": run.disks.radii}
     # a file that goes on in place is replaced last
-    write_record(to.writer(FORMAT), record, state, run.settings, facts, held=run.held)
+    write_record(to.writer(FORMAT), record, state, run.settings, facts)
     remove_checkpoint(to.kept)
     return means
 

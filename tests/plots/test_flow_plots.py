@@ -293,7 +293,7 @@ def test_order_is_drawn_kind_by_kind_with_its_mean():
         figure_of(
             plot_order, [files[0], seen("monodisperse", 3, **{**files[1], "snapshots/strain": strain + 1})]
         )
-    with pytest.raises(InputError, match="holds no six-fold order"):
+    with pytest.raises(InputError, match="holds no snapshots: run the flow with"):
         plot_order([seen("monodisperse", 1)])
 
 
