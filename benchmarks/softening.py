@@ -59,13 +59,7 @@ def read(folder):
             continue
         balance = abs(file["energy_balance"][:, 0])
         G = np.where(np.isfinite(file["G"][:, 0]), file["G"][:, 0], complex(np.nan, np.nan))
-        columns = (
-            file["amplitude"],
-            G,
-            abs(file["harmonics"][:, 0, 0]),
-            file["error"][:, 0],
-            balance,
-        )
+        columns = (file["amplitude"], G, abs(file["harmonics"][:, 0, 0]), file["error"][:, 0], balance)
         if np.isfinite(columns[1][0]):
             found[float(f"{file.attributes['pressure']:.3g}")].append(Packing(*columns))
     return dict(sorted(found.items(), reverse=True))

@@ -228,11 +228,7 @@ def one_curve_spread(curves):
 @claim("bt-fig6")
 def drag(table):
     slow = table.where(command="quasistatic", state="done")
-    yield from exponents_in_pressure(
-        slow,
-        (("eta0_drag", "η₀ − η_F", -0.5),),
-        "Stokes, η_F = 1",
-    )
+    yield from exponents_in_pressure(slow, (("eta0_drag", "η₀ − η_F", -0.5),), "Stokes, η_F = 1")
     sweeps = table.where(command="sweep", state="done")
     for on, where in ((0, "without pre-stress"), (1, "with pre-stress")):
         yield from regimes(sweeps.where(eta_f=1.0, prestress=on), "Stokes, G* − iωη_F", where, 1.0, LOGARITHM)

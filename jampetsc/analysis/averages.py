@@ -66,13 +66,7 @@ class Average:
         drifts = (scatter / half_width(BLOCKS - 1)) ** 2 > SCATTER * plain**2
         samples = max(1.0, min(0.5 * count / time, _independent(gamma / gamma[0], count)))
         error = plain * _widening(samples)
-        return cls(
-            float(x.mean()),
-            max(error, scatter) if drifts else error,
-            time,
-            samples,
-            bool(drifts),
-        )
+        return cls(float(x.mean()), max(error, scatter) if drifts else error, time, samples, bool(drifts))
 
 
 def _covariance(x):

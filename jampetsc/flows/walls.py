@@ -114,16 +114,7 @@ def stress_on_walls(shear: Shear, u) -> tuple[float, float]:
     for side, sign in ((above, 1.0), ((lower | upper) & ~above, -1.0)):
         pairs = i[side], j[side], np.ascontiguousarray(r0[:, side]), sigma[side]
         forces = np.empty_like(shear.offsets)
-        bond_forces(
-            pairs,
-            shear.offsets,
-            0.0,
-            shear.shear,
-            task.law,
-            forces,
-            motion,
-            rolling,
-        )
+        bond_forces(pairs, shear.offsets, 0.0, shear.shear, task.law, forces, motion, rolling)
         total += sign * forces[: shear.held].sum(0)
     width = 2.0 * shear.reference.cell[0, 0]
     return float(total[0] / width), float(-total[1] / width)

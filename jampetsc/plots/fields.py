@@ -6,14 +6,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 
 from jampetsc.errors import InputError
-from jampetsc.io.fields import (
-    PHASES,
-    chosen_frequencies,
-    field_at,
-    packing_of,
-    particle_rows,
-    phase_factor,
-)
+from jampetsc.io.fields import PHASES, chosen_frequencies, field_at, packing_of, particle_rows, phase_factor
 from jampetsc.io.snapshots import snapshot
 from jampetsc.plots.correlation import OMEGA
 from jampetsc.plots.packing import circles

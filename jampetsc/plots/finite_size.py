@@ -9,16 +9,7 @@ from jampetsc.errors import InputError, named
 from jampetsc.plots.floppy import BARE, PRESTRESS, draw_intervals, groups_of, unstable, value_of
 from jampetsc.plots.page import points
 from jampetsc.plots.picture import Option, count, picture
-from jampetsc.plots.style import (
-    GREY,
-    PAGE,
-    entry,
-    exponent_text,
-    hidden,
-    looks,
-    power_or_number,
-    power_text,
-)
+from jampetsc.plots.style import GREY, PAGE, entry, exponent_text, hidden, looks, power_or_number, power_text
 from jampetsc.plots.units import units_of
 
 HEIGHT = 3.0  # inches

@@ -310,11 +310,7 @@ def test_sizes_come_from_jam_files(tmp_path, capsys):
         jammed = 1.0 * (rng.random(400) < 1 / (1 + np.exp(-(phi - 0.835) * 10 * np.sqrt(n))))
         jammed[0] = np.nan  # one that reached no minimum
         with ResultWriter(path, "jampetsc-jam") as writer:
-            for name, values in {
-                "phi": phi,
-                "seed": np.tile(np.arange(100), 4),
-                "jammed": jammed,
-            }.items():
+            for name, values in {"phi": phi, "seed": np.tile(np.arange(100), 4), "jammed": jammed}.items():
                 writer.dataset(name, values)
             writer.attributes(particle_count=n, sizes="bidisperse", potential="harmonic", **VAGBERG)
         files.append(path)

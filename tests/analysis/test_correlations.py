@@ -29,12 +29,7 @@ from jampetsc.io.provenance import derived_from
 from jampetsc.io.reader import load
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.jobs.correlate import _refuse_mixture
-from jampetsc.plots.correlation import (
-    CorrelationCurve,
-    correlation_curve,
-    plot_correlation,
-    plot_lengths,
-)
+from jampetsc.plots.correlation import CorrelationCurve, correlation_curve, plot_correlation, plot_lengths
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 
@@ -628,16 +623,7 @@ def test_what_belongs_to_flow_files_and_what_to_sweeps(tmp_path, monkeypatch):
 
 
 def correlation_file(
-    path,
-    tau1=1.0,
-    k=1.0,
-    d=2.0,
-    omega=(1e-3, 1e-2),
-    lanes=2,
-    pressure=1e-3,
-    low=-0.7,
-    G=None,
-    **more,
+    path, tau1=1.0, k=1.0, d=2.0, omega=(1e-3, 1e-2), lanes=2, pressure=1e-3, low=-0.7, G=None, **more
 ):
     """A file of correlations of known content, lengths in units of which a disk is d = 2; two lanes, four bins."""
     rng = np.random.default_rng(7)
