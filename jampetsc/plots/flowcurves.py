@@ -10,7 +10,7 @@ from jampetsc.errors import InputError
 from jampetsc.plots.page import points
 from jampetsc.plots.picture import count, picture
 from jampetsc.plots.shearing import draw_series, kind_of, labels_of
-from jampetsc.plots.style import DASHED, GREY, PAGE, entry, hidden, looks, number
+from jampetsc.plots.style import GREY, OPEN, PAGE, entry, hidden, looks, number
 from jampetsc.plots.units import flow_units
 
 HEIGHT = 2.3  # inches of one row of panels
@@ -103,15 +103,14 @@ def draw_flow_curves(results, page) -> str:
         rates = rates[shown]
         for ax, both in zip(axes, (stress, pressure, _ratio(stress, pressure)), strict=False):
             points(ax, rates, *both, label=name, **look)
-        for symbol, both, filled in ((r"$\sigma$", stress, True), ("$p$", pressure, False)):
+        for symbol, both, face in ((r"$\sigma$", stress, {}), ("$p$", pressure, OPEN)):
             named = look | {"label": hidden(f"{name}, {symbol}")}
-            named |= {} if filled else {"markerfacecolor": "white"}
-            value, error = (part / rates for part in both)
-            points(axes[3], rates, value, error, ls="-" if filled else DASHED, **named)
-            exponents.append((named, *local_exponents(rates, *both)))
+            points(axes[3], rates, *(part / rates for part in both), **named | face)
+            hollow = {"markerfacecolor": "white"} if face else {}
+            exponents.append((named | hollow, *local_exponents(rates, *both)))
     _draw_exponents(axes[4], exponents)
     page.legend(axes[0], fontsize=7, handlelength=1.2, labelspacing=0.2)
-    both = [entry(r"$\sigma$", marker="o"), entry("$p$", marker="o", mfc="white", mew=0.7, ls=DASHED)]
+    both = [entry(r"$\sigma$", marker="o"), entry("$p$", marker="o", mew=0.7, **OPEN)]
     page.legend(axes[3], both, fontsize=7, named=False)
     return f"flow curves of {count(results, 'run', 'runs')} at {len(set(every))} rates"
 

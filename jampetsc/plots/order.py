@@ -4,7 +4,7 @@ import numpy as np
 
 from jampetsc.analysis.order import six_fold_order
 from jampetsc.errors import InputError
-from jampetsc.plots.picture import count, picture
+from jampetsc.plots.picture import count, grouped, picture
 from jampetsc.plots.shearing import kind_of, labels_of
 from jampetsc.plots.style import PAGE, hidden, looks
 
@@ -18,15 +18,13 @@ def plot_order(results, page):
 
     Raises InputError for files without snapshots, and for runs of one kind with snapshots at other strains.
     """
-    kinds = {}
-    for result in results:
-        order = six_fold_order(result)
-        kinds.setdefault(kind_of(result), []).append((result, order))
-        first, _ = kinds[kind_of(result)][0]
-        if not np.array_equal(result["snapshots/strain"], first["snapshots/strain"]):
-            raise InputError(
-                f"{result.path}: snapshots at other strains than {first.path.name}: a mean needs the same"
-            )
+    kinds = grouped([(result, six_fold_order(result)) for result in results], lambda pair: kind_of(pair[0]))
+    for (first, _), *others in kinds.values():
+        for result, _ in others:
+            if not np.array_equal(result["snapshots/strain"], first["snapshots/strain"]):
+                raise InputError(
+                    f"{result.path}: snapshots at other strains than {first.path.name}: a mean needs the same"
+                )
     axes = page.panels(1, 2, PAGE, HEIGHT)
     for part, (ax, text) in enumerate(zip(axes, PARTS, strict=True)):
         for runs, label, look in zip(kinds.values(), labels_of(list(kinds)), looks(len(kinds)), strict=True):

@@ -25,7 +25,6 @@ from jampetsc.io.reader import load
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.plots import jamming
 from jampetsc.plots.jamming import Samples, plot_fraction, plot_jamming_densities, plot_pressures, samples_of
-from jampetsc.plots.packing import last_minimum
 from jampetsc.plots.slowly import plot_slow_shear
 from jampetsc.studies.table import table_text
 
@@ -306,7 +305,7 @@ def test_a_mixture_that_no_picture_shows_is_refused(study, tmp_path, capsys):
 
 
 def test_the_last_minimum_is_the_last_state(study):
-    disks = replace(last_minimum(load(study / "shear-0.9.h5")), potential=isostatic().potential)
+    disks = replace(load(study / "shear-0.9.h5").last, potential=isostatic().potential)
     assert disks.fingerprint == isostatic().fingerprint
 
 
