@@ -17,6 +17,7 @@ from jampetsc.io.reader import Attributes
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.io.snapshots import snapshot
 from jampetsc.plots.flowcurves import _ratio, flow_curves, local_exponents, plot_against_phi, plot_flow
+from jampetsc.plots.numbers import table
 from jampetsc.plots.order import plot_order
 from jampetsc.plots.packing import touching
 from jampetsc.plots.profiles import plot_profiles
@@ -308,6 +309,9 @@ def test_profiles_are_means_of_windows_and_of_runs():
     np.testing.assert_allclose(error, half_width(1) * np.abs(v) / 1.05 * 0.05)  # of two runs
     (ax,) = figure_of(plot_profiles, files).axes
     np.testing.assert_allclose(ax.get_lines()[0].get_data(), [[-0.5, 0.5], [-0.5, 0.5]])
+    files[0]["velocity_profile"][:, 1] = np.nan  # a layer that is empty all the time has no point, and no number
+    empty = figure_of(plot_profiles, files[:1]).axes
+    assert sum("x_value" in row for row in table(empty)) == 3 * 3
     steady = ax.containers[-1].lines[0]
     np.testing.assert_allclose(steady.get_data(), [1.05 * y, y])
     assert middle_share(heights(20)) == pytest.approx(1.0)
