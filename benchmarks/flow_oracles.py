@@ -17,6 +17,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from common import both_included
 
 import jampetsc
 from jampetsc.analysis.averages import mean_of_runs
@@ -111,15 +112,14 @@ def main():
     parser.add_argument(
         "--points", choices=("quick", "256", "1024", "massive", "quasistatic"), default="quick"
     )
-    parser.add_argument("--seeds", default="1:2", metavar="A:B")
+    parser.add_argument("--seeds", type=both_included, default="1:2", metavar="A:B")
     args = parser.parse_args()
-    first, last = map(int, args.seeds.split(":"))
     print(
         f"{'model':5} {'N':>5} {'phi':>7} {'rate':>6}  quantity: jampetsc ± error | figure ± error (difference)"
     )
     with tempfile.TemporaryDirectory() as folder:
         for key in wanted(args.points):
-            runs = [measured(*key, seed, Path(folder)) for seed in range(first, last + 1)]
+            runs = [measured(*key, seed, Path(folder)) for seed in args.seeds]
             parts = []
             for q, name in enumerate(QUASISTATIC if key[0] == "QS" else QUANTITIES):
                 if FIGURES[key][q] is None:

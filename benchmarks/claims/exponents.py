@@ -3,8 +3,8 @@
 import numpy as np
 
 import jampetsc
-from claims.flow import PHI_J, extrapolated_fluidity, size_of, slower
-from claims.shared import Row, claim, fitted, rates_of, slope_with_error
+from claims.flow import PHI_J, extrapolated_fluidity, slower
+from claims.shared import Row, claim, fitted, rates_of, size_of, slope_with_error
 
 POOR = 0.01  # probability of χ² below which a form is taken to miss the data
 LOOSE = 0.1  # relative error beyond which to agree says little

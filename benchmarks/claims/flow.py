@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from claims.shared import WITHIN, Row, claim, rates_of, slope_with_error
+from claims.shared import WITHIN, Row, claim, rates_of, size_of, slope_with_error
 from jampetsc.analysis.order import six_fold_order
 from jampetsc.analysis.profiles import heights, mean_profile, middle_share
 from jampetsc.analysis.statistics import mean_with_error
@@ -21,15 +21,6 @@ EXTRAPOLATED = 4e-3  # γ̇ below which the limit γ̇ → 0 is extrapolated fro
 def slower(rows, most):
     """The rows of flows at rates below `most`."""
     return rows.where(rate=[rate for rate in np.unique(rows["rate"]) if rate < most])
-
-
-def size_of(rows):
-    """N, seeds and strain behind the rows of a table."""
-    n = ", ".join(f"{one:g}" for one in np.unique(rows["n"]))
-    strains = np.unique(rows["strain"])
-    strain = f"{strains[0]:g}" if len(strains) == 1 else f"{strains[0]:g} to {strains[-1]:g}"
-    seeds = len(np.unique(rows["seed"])) if "seed" in rows else 1
-    return f"N = {n}, {seeds} seed{'s' if seeds > 1 else ''}, strain {strain}"
 
 
 @claim("vagberg-fig4.6-4.7")

@@ -61,7 +61,9 @@ def _drawn(ax):
         for axis, there in ((0, bars.has_xerr), (1, bars.has_yerr)):
             if there:
                 # matplotlib takes ends that are no numbers out
-                drawn = [one if len(one) == 2 else np.full((2, 2), np.nan) for one in lines.pop(0).get_segments()]
+                drawn = [
+                    one if len(one) == 2 else np.full((2, 2), np.nan) for one in lines.pop(0).get_segments()
+                ]
                 ends = np.reshape(drawn, (-1, 2, 2))[known, :, axis]
                 columns |= {f"{'xy'[axis]}_low": ends[:, 0], f"{'xy'[axis]}_high": ends[:, 1]}
         yield bars, "points", columns

@@ -309,7 +309,9 @@ def test_profiles_are_means_of_windows_and_of_runs():
     np.testing.assert_allclose(error, half_width(1) * np.abs(v) / 1.05 * 0.05)  # of two runs
     (ax,) = figure_of(plot_profiles, files).axes
     np.testing.assert_allclose(ax.get_lines()[0].get_data(), [[-0.5, 0.5], [-0.5, 0.5]])
-    files[0]["velocity_profile"][:, 1] = np.nan  # a layer that is empty all the time has no point, and no number
+    files[0]["velocity_profile"][:, 1] = (
+        np.nan
+    )  # a layer that is empty all the time has no point, and no number
     empty = figure_of(plot_profiles, files[:1]).axes
     assert sum("x_value" in row for row in table(empty)) == 3 * 3
     steady = ax.containers[-1].lines[0]
