@@ -54,15 +54,9 @@ def beta_of_fit(path, size):
     found = jampetsc.load(path).attributes
     error = np.hypot(found["y_error"], found["znu_error"])
     decided = "" if error < LOOSE * 2.4 and not poor(path) else "open"
-    yield Row(
-        "β = zν − y from the collapse of p, RD0",
-        2.4,
-        found["znu"] - found["y"],
-        error,
-        "V: 3.5 − 1.1",
-        size,
-        decided,
-    )
+    what = "β = zν − y from the collapse of p, RD0"
+    note = "V: 3.5 − 1.1"
+    yield Row(what, 2.4, found["znu"] - found["y"], error, note, size, decided)
 
 
 def powers_beside_phi_J(flows, size):

@@ -65,13 +65,8 @@ def velocity_correlation(table):
                 rate = g.attributes["rate"]
                 size = size_of(flows.where(model=model, phi=phi, rate=rate))
                 what = f"RD0, φ = {phi:g}, γ̇ = {rate:g}: place of the minimum of g_y, in d_s"
-                yield Row(
-                    what,
-                    None,
-                    *(found or (np.nan, None)),
-                    f"g_y = {g.attributes['minimum']:.3f}; bins of 1 d_s",
-                    size,
-                )
+                note = f"g_y = {g.attributes['minimum']:.3f}; bins of 1 d_s"
+                yield Row(what, None, *(found or (np.nan, None)), note, size)
             size = size_of(flows.where(model=model, phi=phi))
             if model == "CD0":
                 inside = sum(found is not None for found in lengths)
@@ -235,15 +230,8 @@ def kinds_of_flow(table):
             if name == "Bagnoldian" and "Newtonian" in found:
                 apart = np.median(found["Newtonian"]) > 3 * np.median(cluster[near])
                 decided = "yes" if apart else "no"
-            yield Row(
-                what,
-                None,
-                cluster[near].mean(),
-                None,
-                f"{spread}; V: Newtonian ⇔ large clusters",
-                size,
-                decided,
-            )
+            note = f"{spread}; V: Newtonian ⇔ large clusters"
+            yield Row(what, None, cluster[near].mean(), None, note, size, decided)
     jumps = [
         (abs(x[1] - x[0]), model, phi, qualities[:2])
         for model, some in maps.items()

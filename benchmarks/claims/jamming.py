@@ -107,14 +107,9 @@ def shearing(table):
             continue
         size = f"N = {one.n}, {one.shares[0].samples} states a φ"
         yield Row(f"{one.name}, N = {one.n}: φ where f = ½", None, middle, errors[0], "", size)
-        yield Row(
-            f"{one.name}, N = {one.n}: width of φ_J",
-            None,
-            width,
-            errors[1],
-            "of the step of f(φ): states at fixed φ",
-            size,
-        )
+        what = f"{one.name}, N = {one.n}: width of φ_J"
+        note = "of the step of f(φ): states at fixed φ"
+        yield Row(what, None, width, errors[1], note, size)
     starts = {(one.n, one.start): one for one in found if one.name == "QS"}
     for n in sorted({n for n, start in starts if start == SEPARATED}):
         mixed, separated = starts[n, MIXED], starts[n, SEPARATED]
@@ -124,15 +119,9 @@ def shearing(table):
         what = f"QS, N = {n}: φ where f = ½, from separated less from mixed sizes"
         yield Row(what, None, change, error, note, size, same(change, error, CLOSE_PHI))
         change, error = ratio(separated, mixed)
-        yield Row(
-            f"QS, N = {n}: ⟨p⟩ from separated over mixed sizes",
-            None,
-            change,
-            error,
-            note,
-            size,
-            same(change - 1.0, error, CLOSE_P),
-        )
+        what = f"QS, N = {n}: ⟨p⟩ from separated over mixed sizes"
+        decided = same(change - 1.0, error, CLOSE_P)
+        yield Row(what, None, change, error, note, size, decided)
     taken = sorted({one.attributes["step"] for one in of_protocol(table, "shear")})
     if len(taken) == 2:
         fine = next(one for one in steps(table, taken[0]) if one.name == "QS")
@@ -150,15 +139,8 @@ def cut_of_energy(table):
         near = np.count_nonzero((energy > 1e-2 * ENERGY_CUT) & (energy < 1e2 * ENERGY_CUT))
         what = "RAND, QS: share of states with U/N between 1e-18 and 1e-14, the cut times and by 100"
         note = f"{near} states: f changes by no more; V: the cut separates jammed from not"
-        yield Row(
-            what,
-            None,
-            near / len(energy),
-            None,
-            note,
-            f"{len(energy)} states",
-            "yes" if near < 1e-3 * len(energy) else "no",
-        )
+        decided = "yes" if near < 1e-3 * len(energy) else "no"
+        yield Row(what, None, near / len(energy), None, note, f"{len(energy)} states", decided)
 
 
 def apart(one, other):
@@ -221,15 +203,9 @@ def finite_size(table):
             if {("QS", exponent), ("RAND", exponent)} <= found.keys():
                 change, error = apart(found["QS", exponent], found["RAND", exponent])
                 note = "V: exponents differ between sheared and compressed ensembles"
-                yield Row(
-                    f"{symbol} of QS less that of RAND",
-                    None,
-                    change,
-                    error,
-                    note,
-                    "",
-                    verdict(abs(change), error),
-                )
+                what = f"{symbol} of QS less that of RAND"
+                decided = verdict(abs(change), error)
+                yield Row(what, None, change, error, note, "", decided)
 
 
 def drift_of(result, name, digits):
@@ -258,15 +234,8 @@ def soft_states(table):
         what = f"{name}, {potential}, N = {n}, φ = {one.phi:g}: y of P(p) ~ p^(1/y − 1), limit of small cuts"
         says = "V: y > 1, P diverges; " if (name, potential) == ("QS", "harmonic") else ""
         note = f"{says}below ⟨p⟩/2, /4, /8: {cuts}"
-        yield Row(
-            what,
-            None,
-            end.limit,
-            end.limit_error,
-            note,
-            size,
-            verdict(end.limit, end.limit_error, 1.0) if says else "",
-        )
+        decided = verdict(end.limit, end.limit_error, 1.0) if says else ""
+        yield Row(what, None, end.limit, end.limit_error, note, size, decided)
     for n in sorted({n for _, _, n in found}):
         for one, other, note in COMPARED:
             if (*one, n) not in found or (*other, n) not in found:

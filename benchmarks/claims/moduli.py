@@ -121,14 +121,8 @@ def balanced(table):
         curves = [median_curve(found) for _, found in groups]
         spread = collapse_spread([(omega, G, p) for (omega, G), (p, _) in zip(curves, groups, strict=True)])
         note = f"spread (rms) of ln G′ and ln G″, {MEDIANS}, over all p"
-        yield Row(
-            f"β = 1, {where}: G*/p^½ is one curve of ω/p below ωτ₁ = 0.1",
-            None,
-            spread,
-            None,
-            note,
-            size_of(mine),
-        )
+        what = f"β = 1, {where}: G*/p^½ is one curve of ω/p below ωτ₁ = 0.1"
+        yield Row(what, None, spread, None, note, size_of(mine))
     yield from without_rotations(sweeps)
 
 

@@ -116,15 +116,12 @@ def _mean_normal(slow):
     size = f"N = {slow['n'].max()}, {len(mean)} packings"
     local = np.diff(np.log(mean), axis=1) / np.diff(np.log(p))
     defect = float(np.nanmax(np.abs(slow["no_prestress_identity_difference"])))
-    yield Row(
-        f"mean |Δu∥| ~ p^x at the lowest pressures, p = {p[0]:.0e} … {p[1]:.0e} (BT: levels off)",
-        None,
-        *mean_with_error(local[:, 0]),
+    what = f"mean |Δu∥| ~ p^x at the lowest pressures, p = {p[0]:.0e} … {p[1]:.0e} (BT: levels off)"
+    note = (
         "no plateau: k Σ(Δu∥)² = G₀Vγ² exactly, here to "
-        f"{defect:.0e}, so the mean ≤ rms ~ p^¼ cannot level off while G₀ falls",
-        size,
-        "no",
+        f"{defect:.0e}, so the mean ≤ rms ~ p^¼ cannot level off while G₀ falls"
     )
+    yield Row(what, None, *mean_with_error(local[:, 0]), note, size, "no")
     ratio = (mean / rms).mean(axis=0)
     told = "from low to high p: " + ", ".join(f"{one:.2f}" for one in ratio)
     yield Row(
@@ -201,15 +198,8 @@ def _contact(found, large, size):
     for (value, error), name in zip(both, ("Re", "Im"), strict=True):
         note = "from random stresses .169 L for both parts, as B ~ k² like K"
         decided = verdict(value, error, first_root(solid))
-        yield Row(
-            f"contact: l/L at ω < 0.1, {name} u_y, phase of the stress",
-            None,
-            value,
-            error,
-            note,
-            size,
-            decided,
-        )
+        what = f"contact: l/L at ω < 0.1, {name} u_y, phase of the stress"
+        yield Row(what, None, value, error, note, size, decided)
     sizes = sorted({curve.attributes["particle_count"] for _, curve in found["contact", "stress"]})
     if len(sizes) > 1:
         part = [
@@ -222,15 +212,10 @@ def _contact(found, large, size):
         ]
         ratio = part[0][0] / part[1][0]
         error = ratio * np.hypot(*(e / v for v, e in part))
-        yield Row(
-            f"contact: l/L at N = {sizes[0]} over that at N = {sizes[-1]} (no length but L)",
-            None,
-            ratio,
-            error,
-            "BT print no number: the collapse in δ/L is 1",
-            f"N = {sizes[0]} and {sizes[-1]}",
-            verdict(ratio, error, 1.0),
-        )
+        what = f"contact: l/L at N = {sizes[0]} over that at N = {sizes[-1]} (no length but L)"
+        note = "BT print no number: the collapse in δ/L is 1"
+        decided = verdict(ratio, error, 1.0)
+        yield Row(what, None, ratio, error, note, f"N = {sizes[0]} and {sizes[-1]}", decided)
 
 
 def _lanes(large, size):
@@ -240,15 +225,10 @@ def _lanes(large, size):
     own = float(np.nanmedian(errors[0] / lanes[0]))
     for wide, narrow in zip(range(len(widths) - 1), range(1, len(widths)), strict=True):
         change = float(np.nanmedian(np.abs(lanes[narrow] / lanes[wide] - 1)))
-        yield Row(
-            f"Stokes: change of l from lanes of {widths[wide]:.2g} d to {widths[narrow]:.2g} d",
-            None,
-            change,
-            None,
-            f"median over ω, p, Re and Im; l has an error of {own:.1%}",
-            size,
-            "yes" if change <= own else "open",
-        )
+        what = f"Stokes: change of l from lanes of {widths[wide]:.2g} d to {widths[narrow]:.2g} d"
+        note = f"median over ω, p, Re and Im; l has an error of {own:.1%}"
+        decided = "yes" if change <= own else "open"
+        yield Row(what, None, change, None, note, size, decided)
 
 
 def _collapses(large, size):
@@ -269,15 +249,9 @@ def _collapses(large, size):
                 note = "as printed" if "^0.65" in what else ""
                 note += "; least of the four" if what == best else ""
                 decided = {"as printed": "no"}.get(note, "")
-                yield Row(
-                    f"Stokes: spread of {what}, {name} u_y, phase of the {phase}",
-                    None,
-                    value,
-                    None,
-                    note.removeprefix("; "),
-                    size,
-                    decided,
-                )
+                what = f"Stokes: spread of {what}, {name} u_y, phase of the {phase}"
+                note = note.removeprefix("; ")
+                yield Row(what, None, value, None, note, size, decided)
 
 
 def _phases(large, size):
