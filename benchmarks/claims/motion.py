@@ -3,7 +3,13 @@
 import numpy as np
 
 from claims.shared import WITHIN, Row, claim
-from jampetsc.analysis.correlations import LONGEST, SHORTEST, length_spread, medium_collapse, stokes_collapse
+from jampetsc.analysis.correlation_lengths import (
+    LONGEST,
+    SHORTEST,
+    length_spread,
+    medium_collapse,
+    stokes_collapse,
+)
 from jampetsc.analysis.medium import dragged, first_root, solid, stokes
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError

@@ -7,7 +7,12 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
 from matplotlib.patches import Patch
 
-from jampetsc.analysis.correlations import LOG_EXPONENT, length_spread, medium_collapse, stokes_collapse
+from jampetsc.analysis.correlation_lengths import (
+    LOG_EXPONENT,
+    length_spread,
+    medium_collapse,
+    stokes_collapse,
+)
 from jampetsc.analysis.medium import dragged, first_root, solid
 from jampetsc.errors import InputError, named
 from jampetsc.plots.curves import Curve, group_curves

@@ -8,17 +8,9 @@ from drawn import bands, bars, figure_of, lines
 from matplotlib.image import imread
 
 from jampetsc.analysis import correlations
-from jampetsc.analysis.correlations import (
-    ENOUGH_PACKINGS,
-    LaneSums,
-    bin_edges,
-    correlate,
-    first_root,
-    grid_cells,
-    lane_sums,
-    length_spread,
-    stokes_collapse,
-)
+from jampetsc.analysis.correlation_lengths import length_spread, stokes_collapse
+from jampetsc.analysis.correlations import ENOUGH_PACKINGS, correlate, first_root
+from jampetsc.analysis.lane_sums import LaneSums, bin_edges, grid_cells, lane_sums
 from jampetsc.analysis.medium import dragged, solid, stokes
 from jampetsc.analysis.medium import first_root as first_root_of
 from jampetsc.cli import main as cli
@@ -461,9 +453,9 @@ def test_bins_and_grids():
 
 
 def test_errors_are_known_where_half_of_the_samples_have_a_value():
-    samples = np.array([[1.0, 3.0, np.nan, np.nan], [1.0, np.nan, np.nan, np.nan]])
-    found = correlations._scatter(samples)
-    assert found[0] == pytest.approx(np.sqrt(2.0)) and np.isnan(found[1])
+    values = iter([[n % 2 * 2.0 if n < known else np.nan for known in (100, 99)] for n in range(200)])
+    found = correlations._scatter(lambda rows: np.array(next(values)), 4)
+    assert found[0] == pytest.approx(np.sqrt(100 / 99)) and np.isnan(found[1])
 
 
 def test_a_root_may_lie_on_a_bin_or_between():
@@ -517,21 +509,20 @@ def test_units_count_as_often_as_they_are_drawn():
         )
         for p, s, n, d in ((1.0, 2.0, 4.0, 2.0), (6.0, 9.0, 3.0, 6.0))
     ]  # fmt: skip
-    units = correlations._Units(strips)
-    assert units.correlation(np.array([2, 0]))[0].tolist() == [1.0, 0.25 / 1.0, 3.0 / 1.0]
-    assert units.correlation(np.array([0, 1]))[0].tolist() == [1.0, 2.0 / 1.5, 3.0 / 1.5]
-    np.testing.assert_allclose(
-        units.correlation(np.array([1, 2]))[0], [1.0, 13 / 10 * 14 / 20, 3.0 * 14 / 20]
-    )
+    units = correlations._units(strips)
+    for draws, expected in (
+        ([2, 0], [1.0, 0.25, 3.0]),
+        ([0, 1], [1.0, 2.0 / 1.5, 3.0 / 1.5]),
+        ([1, 2], [1.0, 13 / 10 * 14 / 20, 3.0 * 14 / 20]),
+    ):
+        np.testing.assert_allclose(correlations._correlation(units, np.array(draws))[0], expected, rtol=1e-15)
 
 
 def test_two_units_have_an_error_one_has_none():
     """Of one value each, v and w: a mean of two drawn is v, w or, half of the time, between: σ = |v − w|/√8."""
 
     def drawn(count):
-        return correlations._scatter(
-            correlations._resampled(lambda rows: np.array([[float(rows.mean())]]), count, 0)
-        )
+        return correlations._scatter(lambda rows: np.array([[float(rows.mean())]]), count)
 
     assert np.isnan(drawn(1)) and drawn(2) == pytest.approx(1 / np.sqrt(8), rel=0.15)
     assert drawn(2) == drawn(2)
