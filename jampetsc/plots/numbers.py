@@ -115,6 +115,7 @@ def _band(one):
 
 def plain(text) -> str:
     """A label without TeX: omega tau_1, p/k=10^-3."""
+    text = re.sub(r"\\frac\{([^{}]*)\}\{([^{}]*)\}", r"\1/\2", text)
     text = re.sub(r"\\[, ]", " ", re.sub(r"\\(?:rm|mathrm|left|right)\b *", "", text))
     text = re.sub(r"[${}]", "", re.sub(r"\\([A-Za-z]+)", r" \1 ", text))
     return re.sub(r" (?=[/_^)\],])|(?<=[(\[]) ", "", " ".join(text.split()))

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from drawn import bands, bars, figure_of, lines
+from matplotlib.figure import Figure
 
 import jampetsc
 from jampetsc.analysis.profiles import heights, mean_profile, middle_share
@@ -16,7 +17,14 @@ from jampetsc.errors import InputError
 from jampetsc.io.reader import Attributes
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.io.snapshots import snapshot
-from jampetsc.plots.flowcurves import _ratio, flow_curves, local_exponents, plot_against_phi, plot_flow
+from jampetsc.plots.flowcurves import (
+    _draw_exponents,
+    _ratio,
+    flow_curves,
+    local_exponents,
+    plot_against_phi,
+    plot_flow,
+)
 from jampetsc.plots.numbers import table
 from jampetsc.plots.order import plot_order
 from jampetsc.plots.packing import touching
@@ -191,11 +199,9 @@ def test_what_cannot_be_drawn(runs, tmp_path, capsys):
     [(1.0, ["Newtonian"]), (2.0, ["Bagnoldian"]), (0.4, []), (2.5, ["Newtonian", "Bagnoldian"])],
 )
 def test_exponents_that_have_a_name_are_marked_where_they_are_in_sight(power, names):
-    some = [
-        facts(rate=r, shear_stress_mean=r**power, pressure_mean=r ** (0.9 if power == 2.5 else 1.01 * power))
-        for r in (0.1, 0.2, 0.4)
-    ]
-    ax = figure_of(plot_flow, some).axes[4]
+    ax, rates = Figure().subplots(), np.array([0.1, 0.2, 0.4])
+    powers = power, 0.9 if power == 2.5 else 1.01 * power
+    _draw_exponents(ax, [({}, *local_exponents(rates, rates**one, 0.1 * rates)) for one in powers])
     assert [text.get_text() for text in ax.texts] == names
     levels = [line.get_ydata()[0] for line in ax.get_lines() if line.get_linestyle() == ":"]
     assert levels == [{"Newtonian": 1, "Bagnoldian": 2}[name] for name in names]
