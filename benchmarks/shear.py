@@ -26,7 +26,7 @@ from jampetsc.core.kernel import FAST, bond_forces
 from jampetsc.core.pairs import PairList, deformed, is_stale
 from jampetsc.core.potentials import Potential
 from jampetsc.core.threads import Team
-from jampetsc.flows.quasistatic_shear import SlowShear, look_at
+from jampetsc.flows.quasistatic_shear import SlowShear, minimum_of
 from jampetsc.minimise.descent import Descent, Goal
 from jampetsc.minimise.fire import fall
 from jampetsc.minimise.minimise import settle
@@ -153,10 +153,10 @@ def run_of_conjugate_gradients(disks, step, steps):
     diameter, n = 2.0 * float(np.mean(disks.radii)), disks.n
     for _ in range(steps):
         disks, spent = deformed(disks, np.zeros((n, 2)), 0.0, step).folded(), 0
-        state = look_at(disks)
+        state = minimum_of(disks)
         while state.jammed and spent < MOST:
             disks, evaluations = conjugate(disks, TOLERANCE * state.pressure * diameter, 300)
-            before, state, spent = state, look_at(disks), spent + evaluations
+            before, state, spent = state, minimum_of(disks), spent + evaluations
             if evaluations < 300 and abs(state.pressure / before.pressure - 1.0) < 1e-3:
                 break
         yield state.pressure * state.jammed

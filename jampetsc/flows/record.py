@@ -73,9 +73,9 @@ class Record:
         )
         record.rows = {name: list(np.asarray(arrays[name])) for name in record.columns}
         if "snapshots/strain" in arrays:  # without images, and radii beside them, in older files
-            held = {name: f"snapshots/{name}" for name in SNAPSHOTS}
+            kept = {name: arrays.get(f"snapshots/{name}") for name in SNAPSHOTS}
             record.snapshots = {
-                name: list(np.asarray(arrays[at])) for name, at in held.items() if at in arrays
+                name: list(np.asarray(kept)) for name, kept in kept.items() if kept is not None
             }
             beside = "snapshots/radii" in arrays
             record.radii = np.asarray(arrays["snapshots/radii" if beside else f"{STATE}radii"])

@@ -20,7 +20,7 @@ SORTED = 0.25  # strain after which disks are put anew into an order in which do
 
 @dataclass(frozen=True)
 class Survey:
-    """What is looked at now and then: contacts, their clusters, the deepest overlap."""
+    """What is told of a moment: contacts, their clusters, the deepest overlap."""
 
     coordination: float  # Z, mean number of contacts of disks that move, rattlers included
     clusters: int  # connected ones, single disks included
@@ -152,7 +152,7 @@ class ShearedDisks(ListedDisks):
     def _space(self, velocities):
         return moves.Space(*self.lists, self.offsets, self._ahead, velocities, *self._room, self.seen)
 
-    def look(self) -> Survey:
+    def survey(self) -> Survey:
         """Contacts as they are now."""
         (domains, _), o, shear, held = self.lists, self.offsets, self.shear, self.held
         graph = Graph.room(domains, len(o), held, False)
