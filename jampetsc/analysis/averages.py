@@ -125,6 +125,12 @@ def mean_of_runs(means, errors, samples) -> tuple[float, float]:
     return float(mean), float(np.fmax(own, scatter))
 
 
+def mean_of_facts(runs, name: str) -> tuple[float, float]:
+    """`mean_of_runs` of a quantity in the attributes of runs: NAME_mean, NAME_error, NAME_samples."""
+    parts = ("mean", "error", "samples")
+    return mean_of_runs(*([float(run.get(f"{name}_{part}", np.inf)) for run in runs] for part in parts))
+
+
 def mean_of_averages(averages) -> tuple[float, float]:
     """`mean_of_runs` of a list of Average."""
     return mean_of_runs(*zip(*((one.mean, one.error, one.samples) for one in averages), strict=True))

@@ -5,7 +5,7 @@ Local exponents d ln σ/d ln γ̇ tell the regime: 1 is Newtonian, 2 Bagnoldian 
 
 import numpy as np
 
-from jampetsc.analysis.averages import mean_of_runs
+from jampetsc.analysis.averages import mean_of_facts
 from jampetsc.errors import InputError
 from jampetsc.plots.page import points
 from jampetsc.plots.picture import count, picture
@@ -42,14 +42,7 @@ def flow_curves(results, over="rate") -> dict:
     for kind, runs in sorted(curves.items()):
         x, found[kind] = np.array(sorted(runs)), {}
         for name in QUANTITIES:
-            parts = (
-                [
-                    [float(a.get(f"{name}_{part}", np.inf)) for a in runs[one]]
-                    for part in ("mean", "error", "samples")
-                ]
-                for one in x
-            )
-            values, errors = np.array([mean_of_runs(*three) for three in parts]).T
+            values, errors = np.array([mean_of_facts(runs[one], name) for one in x]).T
             unit = 1.0 if name == "coordination" else units.k
             found[kind][name] = x * (units.tau1 if over == "rate" else 1.0), values / unit, errors / unit
     return found

@@ -246,6 +246,7 @@ def test_modes_keep_their_numbers_where_some_have_no_frequency():
     """Of λ = −1, 0, 4, 16 in k = 4 the third and fourth are shown, coloured by floppiness; infinite is the largest."""
     one = modes_of([-4.0, 0.0, 4.0, 16.0], [1.0, 10.0, 5.0, np.inf], k=4.0)
     fig = figure_of(plot_modes, [one])
+    fig.draw_without_rendering()  # which gives points their colours
     shown = fig.axes[0].collections[0]
     np.testing.assert_allclose(shown.get_offsets(), [(3, 1.0), (4, 2.0)])
     colours = shown.get_facecolors()
