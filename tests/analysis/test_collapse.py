@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drawn import bars, figure_of, lines
+from drawn import Held, bars, figure_of, lines
 
 import jampetsc
 from jampetsc.analysis import collapse_errors, collapse_fit, jamming
@@ -918,11 +918,3 @@ def test_two_branches_are_drawn_against_the_distance():
     sized.path = "f.h5"
     with pytest.raises(InputError, match=r"f\.h5: is a collapse of sizes"):
         plot_branches([sized])
-
-
-class Held(dict):
-    """Arrays and attributes of a file."""
-
-    def __init__(self, arrays, attributes):
-        super().__init__(arrays)
-        self.attributes = attributes

@@ -372,6 +372,27 @@ def test_pictures(tmp_path, kind):
     assert image.shape[1] == 2100 and image.std() > 0.05
 
 
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Sweeps that go together, and others."""
+    folder = tmp_path_factory.mktemp("sweeps")
+    others = {
+        "contact": {"law": "contact"},
+        "large": {"n": 900},
+        "dense": {"pressure": 1e-2},
+        "t": {"seed": 1},
+    }
+    others["other"] = {"seed": 2, "omega": np.array([1e-4, 3e-2])}
+    for name in ("s", "lost", "again", *others):
+        write_sweep(folder, name, **others.get(name, {}))
+    (folder / "packing-lost.h5").unlink()
+    with ResultWriter(folder / "bare.h5", "jampetsc-sweep") as writer:
+        for name in ("omega", "G", "error_bound"):
+            writer.dataset(name, np.ones(2))
+        writer.attributes(law="stokes")
+    return folder
+
+
 @pytest.mark.parametrize(
     ("line", "message"),
     [
@@ -392,25 +413,11 @@ def test_pictures(tmp_path, kind):
         ("s.h5 --lane 50", r"s\.h5: lane width 50: must be positive and at most the cell's height, 20"),
     ],
 )
-def test_bad_input(tmp_path, monkeypatch, line, message):
-    monkeypatch.chdir(tmp_path)
-    here = tmp_path.relative_to(tmp_path)
-    write_sweep(here, "s")
-    write_sweep(here, "t", seed=1)
-    write_sweep(here, "lost")
-    write_sweep(here, "again")
-    (tmp_path / "packing-lost.h5").unlink()
-    write_sweep(here, "contact", law="contact")
-    write_sweep(here, "large", n=900)
-    write_sweep(here, "dense", pressure=1e-2)
-    write_sweep(here, "other", seed=2, omega=np.array([1e-4, 3e-2]))
-    with ResultWriter("bare.h5", "jampetsc-sweep") as writer:
-        for name in ("omega", "G", "error_bound"):
-            writer.dataset(name, np.ones(2))
-        writer.attributes(law="stokes")
+def test_bad_input(folder, monkeypatch, line, message):
+    monkeypatch.chdir(folder)
     with pytest.raises(InputError, match=message):
         run(*line.split(), "--out", "c.h5")
-    assert not (tmp_path / "c.h5").exists()
+    assert not (folder / "c.h5").exists()
 
 
 def test_the_collapse_of_lengths_is_told_in_numbers(tmp_path, capsys):

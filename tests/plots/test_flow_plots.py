@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from drawn import bands, bars, figure_of, lines
+from drawn import Held, bands, bars, figure_of, lines
 from matplotlib.figure import Figure
 
 import jampetsc
@@ -231,24 +231,14 @@ def test_rates_at_which_phi_is_varied_are_named_with_their_kinds():
 
 def series(name, rate=0.1, **more):
     """A flow file of three rows."""
-    result = Rows(strain=np.array([0.1, 0.2, 0.3]))
-    result |= {key: np.array([[1.0, 0.5], [2.0, 0.5], [3.0, 0.5]]) for key in ("shear_stress", "pressure")}
-    one = Rows(result)
-    one.path, one.attributes, one.format = (
-        Path(name),
-        facts(rate=rate, discard=0.15, **more).attributes,
-        "jampetsc-flow",
-    )
-    return one
-
-
-class Rows(dict):
-    """What a file holds."""
+    arrays = {key: np.array([[1.0, 0.5], [2.0, 0.5], [3.0, 0.5]]) for key in ("shear_stress", "pressure")}
+    arrays["strain"] = np.array([0.1, 0.2, 0.3])
+    return Held(arrays, facts(rate=rate, discard=0.15, **more).attributes, name, "jampetsc-flow")
 
 
 def test_lanes_are_drawn_with_bands_of_one_error_kind_by_kind():
-    one = Rows(x=np.array([0.5, 1.5]), g_y=np.array([0.4, -0.1]), g_y_error=np.array([0.1, 0.05]))
-    one.path, one.format, one.attributes = Path("g.h5"), "jampetsc-velocity-correlation", facts().attributes
+    one = {"x": np.array([0.5, 1.5]), "g_y": np.array([0.4, -0.1]), "g_y_error": np.array([0.1, 0.05])}
+    one = Held(one, facts().attributes, "g.h5", "jampetsc-velocity-correlation")
     ax = figure_of(plot_lanes, [one]).axes[0]
     np.testing.assert_allclose(lines(ax, 2)[1][:2], [one["x"], one["g_y"]])
     np.testing.assert_allclose(bands(ax)[0], [one["x"], [0.3, -0.15], [0.5, -0.05]])
@@ -278,12 +268,8 @@ def test_regimes_are_exponents_and_clusters_at_the_lowest_rates():
 
 
 def seen(sizes, seed, **arrays):
-    file = Rows(arrays)
-    file.path, file.attributes = (
-        Path(f"{sizes}-{seed}.h5"),
-        facts(sizes=sizes, seed=seed, discard=1.0).attributes,
-    )
-    return file
+    attributes = facts(sizes=sizes, seed=seed, discard=1.0).attributes
+    return Held(arrays, attributes, f"{sizes}-{seed}.h5")
 
 
 def test_order_is_drawn_kind_by_kind_with_its_mean():

@@ -1,11 +1,10 @@
 """Pictures of which packings jam: shares with their errors, densities, and samples of one kind put together."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from drawn import bars, figure_of, lines
+from drawn import Held, bars, figure_of, lines
 from samples import isostatic
 
 from jampetsc.analysis.averages import mean_of_runs
@@ -369,22 +368,14 @@ def test_means_of_phi_J_are_dotted(monkeypatch):
 def slow_shear(jammed, plastic=None, name="s.h5", **more):
     """A shear file of so many states."""
     jammed = np.array(jammed, float)
-    one = Rows(
-        jammed=jammed, strain=0.1 * np.arange(1, len(jammed) + 1), energy=np.where(jammed == 1, 1e-4, 1e-20)
-    )
-    one |= {
-        key: jammed * scale
-        for key, scale in (("shear_stress", 1e-3), ("pressure", 2e-3), ("coordination", 4.0))
-    }
-    file = Rows(one) if plastic is None else Rows(one, plastic=np.array(plastic, float))
+    scales = {"shear_stress": 1e-3, "pressure": 2e-3, "coordination": 4.0}
+    arrays = {key: jammed * scale for key, scale in scales.items()}
+    means = {f"{key}_mean": values.mean() for key, values in arrays.items()}
+    arrays |= {"jammed": jammed, "strain": 0.1 * np.arange(1, len(jammed) + 1)}
+    arrays |= {"energy": np.where(jammed == 1, 1e-4, 1e-20)}
+    arrays |= {} if plastic is None else {"plastic": np.array(plastic, float)}
     facts = {"discard": 0.25, "energy_cut": 1e-16, "particle_count": 10, "k": 2.0, "stiffness": "constant"}
-    means = {f"{key}_mean": one[key].mean() for key in ("shear_stress", "pressure", "coordination")}
-    file.path, file.attributes = Path(name), facts | means | more
-    return file
-
-
-class Rows(dict):
-    """What a file holds."""
+    return Held(arrays, facts | means | more, name)
 
 
 def test_states_that_jam_are_lines_others_dots_and_single_ones_dashes():
