@@ -5,8 +5,8 @@ import numpy as np
 from claims.shared import WITHIN, Row, claim, rates_of, size_of, slope_with_error
 from jampetsc.analysis.order import six_fold_order
 from jampetsc.analysis.profiles import heights, mean_profile, middle_share
+from jampetsc.analysis.scaling import local_exponents
 from jampetsc.analysis.statistics import mean_with_error
-from jampetsc.plots.flowcurves import local_exponents
 from jampetsc.plots.regimes import regimes
 
 PHI_J = 0.8433  # V's, RD0

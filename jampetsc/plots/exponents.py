@@ -2,7 +2,13 @@
 
 import numpy as np
 
-from jampetsc.analysis.scaling import BORDER, critical_exponents, local_slope, low_frequency_limit
+from jampetsc.analysis.scaling import (
+    BORDER,
+    critical_exponents,
+    local_exponents,
+    local_slope,
+    low_frequency_limit,
+)
 from jampetsc.analysis.statistics import log_median, mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.io.reader import SweepResult
@@ -132,5 +138,4 @@ def local_exponents_of(levels, samples):
         for one in samples
     ]
     logs, errors = np.transpose(known)
-    steps = np.diff(np.log(levels))
-    return np.sqrt(levels[1:] * levels[:-1]), np.diff(logs) / steps, np.hypot(errors[1:], errors[:-1]) / steps
+    return local_exponents(levels, np.exp(logs), np.exp(logs) * errors)

@@ -9,7 +9,7 @@ from jampetsc.errors import InputError, named
 from jampetsc.plots.floppy import (
     BARE,
     PRESTRESS,
-    draw_intervals,
+    draw_medians,
     groups_of,
     handles_of,
     unstable,
@@ -18,7 +18,7 @@ from jampetsc.plots.floppy import (
 )
 from jampetsc.plots.page import points
 from jampetsc.plots.picture import Option, count, picture
-from jampetsc.plots.style import GREY, PAGE, entry, exponent_text, hidden, looks, power_or_number, power_text
+from jampetsc.plots.style import GREY, PAGE, entry, exponent_text, looks, power_or_number, power_text
 from jampetsc.plots.units import units_of
 
 HEIGHT = 3.0  # inches
@@ -81,12 +81,9 @@ def _draw_collapse(ax, results, groups, styles, power, subtracted):
         for prefix, words, face in PRESTRESS:
             values = values_of(results, groups, size, viscosity_of, prefix, subtracted)
             samples = [value / size**power for value in values]
-            y = np.array([np.median(sample) for sample in samples])
-            if not np.isfinite(y).any():
+            if not np.isfinite(np.concatenate(samples)).any():
                 continue
-            name = f"$N={size}$, {words}"
-            ax.plot(x, y, linewidth=0.8, markeredgewidth=0.7, label=hidden(name), **look | face)
-            draw_intervals(ax, x, samples, look["color"], name)
+            y, _ = draw_medians(ax, x, samples, {"linewidth": 0.8} | look | face, f"$N={size}$, {words}")
             if prefix:
                 bare.append((x, y))
     x, y = np.concatenate(bare, axis=1)

@@ -68,10 +68,8 @@ def plot_medians(results, page):
                 if not np.isfinite(np.concatenate(samples)).any():
                     continue
                 label = f"${symbol}$, $N={size}$, {words}"
-                medians = np.array([np.nanmedian(some) for some in samples])
-                drawn = look | {"marker": marker, "markeredgewidth": 0.7, "label": hidden(label)} | face
-                ax.plot(levels, medians, **drawn)
-                bands = draw_intervals(ax, levels, samples, look["color"], label) or bands
+                medians, drawn = draw_medians(ax, levels, samples, look | {"marker": marker} | face, label)
+                bands = drawn or bands
                 if max(map(len, samples)) > 1:
                     p, y = np.repeat(levels, [len(some) for some in samples]), np.concatenate(samples)
                     dots = {"markersize": 2, "markeredgewidth": 0, "label": hidden(f"{label}, single files")}
@@ -102,13 +100,18 @@ def handles_of(styles) -> list:
     return sizes + [entry(words, marker="o", mew=0.7, **face) for _, words, face in PRESTRESS]
 
 
-def draw_intervals(ax, x, samples, shade, name="") -> list:
-    """Where the medians of M samples lie, a band over x (M,); its legend entry, if each has the three that it takes."""
+def draw_medians(ax, x, samples, look, name) -> tuple:
+    """(medians (M,), legend entries) of M samples over x (M,): a line, and a band where the medians lie.
+
+    The band is drawn, and has an entry, if each sample has the three values that it takes.
+    """
     known = [sample[np.isfinite(sample)] for sample in samples]
+    medians = np.array([np.median(sample) if len(sample) else np.nan for sample in known])
+    ax.plot(x, medians, **{"markeredgewidth": 0.7, "label": hidden(name)} | look)
     if not all(len(sample) > 2 for sample in known):
-        return []
-    band(ax, x, *np.transpose([median_interval(sample) for sample in known]), name, color=shade)
-    return [Patch(facecolor="0.2", alpha=0.25, label="68 % interval")]
+        return medians, []
+    band(ax, x, *np.transpose([median_interval(sample) for sample in known]), name, color=look["color"])
+    return medians, [Patch(facecolor="0.2", alpha=0.25, label="68 % interval")]
 
 
 def value_of(result, name, prefix=f"{BARE}_"):
@@ -149,10 +152,8 @@ def plot_viscosities(results, page):
         label = f"${power_or_number(level)}$" + (f", $N={size}$" if several else "")
         handles.append(entry(label, **look))
         for column, (symbol, face) in enumerate(columns, 1):
-            name, samples = f"{symbol}, {label}", [points[points[:, 0] == beta, column] for beta in betas]
-            medians = [np.median(some) for some in samples]
-            ax.plot(betas, medians, markeredgewidth=0.7, label=hidden(name), **look | face)
-            bands = draw_intervals(ax, betas, samples, look["color"], name) or bands
+            samples = [points[points[:, 0] == beta, column] for beta in betas]
+            bands = draw_medians(ax, betas, samples, look | face, f"{symbol}, {label}")[1] or bands
     handles += [entry(symbol, marker="o", mew=0.7, **face) for symbol, face in columns]
     page.legend(ax, handles + bands, "$p/k$")
     return f"eta0 and eta_inf against beta of {count(results, 'file', 'files')}"

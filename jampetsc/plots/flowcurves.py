@@ -6,6 +6,7 @@ Local exponents d ln σ/d ln γ̇ tell the regime: 1 is Newtonian, 2 Bagnoldian 
 import numpy as np
 
 from jampetsc.analysis.averages import mean_of_facts
+from jampetsc.analysis.scaling import local_exponents
 from jampetsc.errors import InputError
 from jampetsc.plots.page import points
 from jampetsc.plots.picture import count, picture
@@ -46,13 +47,6 @@ def flow_curves(results, over="rate") -> dict:
             unit = 1.0 if name == "coordination" else units.k
             found[kind][name] = x * (units.tau1 if over == "rate" else 1.0), values / unit, errors / unit
     return found
-
-
-def local_exponents(rates, values, errors):
-    """(middles, d ln O/d ln γ̇, errors) between neighbouring rates, (R − 1,) each: 1 is Newtonian, 2 Bagnoldian."""
-    steps, relative = np.diff(np.log(rates)), errors / values
-    exponents = np.diff(np.log(values)) / steps
-    return np.sqrt(rates[1:] * rates[:-1]), exponents, np.hypot(relative[1:], relative[:-1]) / np.abs(steps)
 
 
 def _ratio(one, other):

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 import jampetsc
 from jampetsc.analysis.profiles import heights, mean_profile, middle_share
+from jampetsc.analysis.scaling import local_exponents
 from jampetsc.analysis.statistics import half_width
 from jampetsc.cli import main as cli
 from jampetsc.core.state import measure
@@ -21,7 +22,6 @@ from jampetsc.plots.flowcurves import (
     _draw_exponents,
     _ratio,
     flow_curves,
-    local_exponents,
     plot_against_phi,
     plot_flow,
 )
