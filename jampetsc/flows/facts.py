@@ -4,7 +4,7 @@ from jampetsc.io.provenance import provenance
 from jampetsc.petsc import session
 
 
-def told(seconds: float, running=None, ranks: int = 1, law=None) -> dict:
+def run_provenance(seconds: float, running=None, ranks: int = 1, law=None) -> dict:
     """Attributes that say how a run came about; running: the session whose solvers it has used."""
     return provenance(
         versions=session.versions(),

@@ -7,7 +7,7 @@ import numpy as np
 
 from jampetsc.analysis.averages import Average
 from jampetsc.core.disks import PLACES, Disks
-from jampetsc.flows.facts import facts_of_disks, told
+from jampetsc.flows.facts import facts_of_disks, run_provenance
 from jampetsc.flows.means import facts_of, left_out, short, worth
 from jampetsc.flows.quasistatic_shear import ENERGY_CUT, SHARE, SlowShear
 from jampetsc.flows.record import Record, remove_checkpoint, resumed, write_checkpoint, write_record
@@ -93,7 +93,7 @@ def execute(run: SlowRun, solver, to, last=None, team=None) -> str:
 
 def _facts(run, averages, slow, seconds):
     return {
-        **told(seconds, session.current()),
+        **run_provenance(seconds, session.current()),
         **run.origin,
         "step": run.step,
         "phi": run.disks.phi,

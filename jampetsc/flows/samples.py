@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from jampetsc.collective import on_root
 from jampetsc.core.potentials import Potential
-from jampetsc.flows.facts import told
+from jampetsc.flows.facts import run_provenance
 from jampetsc.flows.jamming import Protocol, samples
 from jampetsc.flows.quasistatic_shear import ENERGY_CUT
 from jampetsc.flows.record import Record, remove_checkpoint, resumed, write_checkpoint
@@ -94,7 +94,7 @@ def execute(asked: Samples, solver, to) -> Record:
             "energy_cut": ENERGY_CUT,
             "protocol": protocol.name,
         }
-        how = told(time.perf_counter() - began, running, running.size)
+        how = run_provenance(time.perf_counter() - began, running, running.size)
         writer.attributes(**how | own | asked.facts | protocol.facts)
     on_root(comm, lambda: remove_checkpoint(to.kept))
     return record

@@ -9,7 +9,7 @@ from jampetsc.core.disks import Disks
 from jampetsc.core.laws import Law
 from jampetsc.core.state import find_contacts
 from jampetsc.errors import ConvergenceError, InputError, named
-from jampetsc.flows.facts import facts_of_disks, told
+from jampetsc.flows.facts import facts_of_disks, run_provenance
 from jampetsc.flows.means import Means, left_out, worth
 from jampetsc.flows.models import Model, Scheme, scheme_for
 from jampetsc.flows.record import (
@@ -150,7 +150,7 @@ def _facts(run, means, seconds):
     disks, model, k = run.disks, run.model, run.disks.potential.k
     law = model.law.parameters if model.law.family else {"tau1": model.law.tau1}
     return {
-        **told(seconds, law=law),
+        **run_provenance(seconds, law=law),
         **run.origin,
         "model": str(model),
         "rate": run.rate,
