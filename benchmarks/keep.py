@@ -67,9 +67,8 @@ def keep(folder: Path, to: Path = KEPT) -> Path:
     target = to / f"{name}.tar.xz"
     to.mkdir(parents=True, exist_ok=True)
     with tarfile.open(target, "w:xz", preset=9) as archive, tempfile.TemporaryDirectory() as scratch:
-        add(
-            archive, "scale", scale.encode()
-        )  # quick or paper: run/figures/NAME draws it as a study of these sizes
+        # quick or paper: run/figures/NAME draws it as a study of these sizes
+        add(archive, "scale", scale.encode())
         for path in sorted(folder.rglob("*")):
             if path.name in TEXTS:
                 add(archive, path.relative_to(folder), path.read_bytes())

@@ -11,10 +11,8 @@ import numpy as np
 
 from jampetsc.errors import InputError, named
 
-STORED = (
-    "snapshots/psi6_local",
-    "snapshots/psi6_global",
-)  # in files without positions, such as those of docs/kept
+# in files without positions, such as those of docs/kept
+STORED = "snapshots/psi6_local", "snapshots/psi6_global"
 MARGIN = 6.0  # mean spacings beyond the cell from which images count: neighbours of disks inside lie closer
 
 

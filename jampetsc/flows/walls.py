@@ -25,10 +25,8 @@ from jampetsc.flows.record import LAYERS
 from jampetsc.flows.shearing import Shear
 
 GAP = 0.05  # between the disks of a row, in units of their diameters: they never touch
-SETTLING = (
-    2000,
-    0.05,
-)  # time steps of a random start at rest, and their length in units of the smallest k_d d²/k_e
+# time steps of a random start at rest, and their length in units of the smallest k_d d²/k_e
+SETTLING = 2000, 0.05
 
 
 def phi_between(disks: Disks, held: int) -> float:

@@ -49,9 +49,8 @@ def samples_of(results) -> list[Samples]:
     found, seen = {}, {}
     for result in results:
         a = result.attributes
-        words = (
-            str(a.get(name, "")) for name in ("sizes", "potential")
-        )  # not known of disks out of a packing
+        # of disks out of a packing they are not known
+        words = (str(a.get(name, "")) for name in ("sizes", "potential"))
         kind = _protocol(result), int(a["particle_count"]), *words, _step(result)
         here = found.setdefault(kind, Samples(kind))
         for phi, seed, jammed, pressure in _runs(result):
