@@ -1,11 +1,13 @@
 """What the benchmarks share: packings made once, programs run with time and memory, a line about the machine."""
 
+import argparse
 import json
 import os
 import platform
 import resource
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 FOLDER = Path(__file__).resolve().parent / "packings"  # not in git: made when first needed
@@ -29,11 +31,15 @@ def environment() -> dict:
     return env
 
 
+def mpirun(ranks: int) -> list[str]:
+    """Words before a program on so many ranks."""
+    return ["mpirun", "--oversubscribe", "--bind-to", "none", "-n", str(ranks)] if ranks > 1 else []
+
+
 def worker(script, *arguments, ranks: int = 1) -> dict:
     """Run `script arguments…` in processes of its own; returns what it handed to `report`."""
-    start = ["mpirun", "--oversubscribe", "--bind-to", "none", "-n", str(ranks)] if ranks > 1 else []
     done = subprocess.run(
-        [*start, sys.executable, str(script), *map(str, arguments)],
+        [*mpirun(ranks), sys.executable, str(script), *map(str, arguments)],
         capture_output=True,
         text=True,
         env=environment(),
@@ -58,3 +64,33 @@ def machine() -> str:
     return (
         f"{model}, {len(os.sched_getaffinity(0))} cores, load {os.getloadavg()[0]:.1f}, one thread per rank"
     )
+
+
+def in_turn(rounds: int, runs: dict) -> dict:
+    """{name: [what every call of runs[name]() gives]}, all once in each round: a busy machine slows all alike."""
+    found = {name: [] for name in runs}
+    for _ in range(rounds):
+        for name, run in runs.items():
+            found[name].append(run())
+    return found
+
+
+def processor(run, *arguments) -> tuple:
+    """(seconds of processor time, what run(*arguments) gives)."""
+    began = time.process_time()
+    given = run(*arguments)
+    return time.process_time() - began, given
+
+
+def both_included(text: str) -> range:
+    """The numbers of A:B, for an option."""
+    first, last = map(int, text.split(":"))
+    return range(first, last + 1)
+
+
+def folder_and_picture(doc: str, picture: str):
+    """Arguments of a program that prints tables of what a figure has left in a folder, and draws a picture of it."""
+    words = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
+    words.add_argument("folder", type=Path)
+    words.add_argument("--picture", type=Path, help=picture)
+    return words.parse_args()

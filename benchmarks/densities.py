@@ -6,11 +6,10 @@ Means over samples with their standard errors. Of sheared and of random states �
 of f(φ), the share that jams, which is the distribution of their φ_J.
 """
 
-import argparse
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
+from common import folder_and_picture
 
 import jampetsc
 from jampetsc.analysis.averages import Average, mean_of_averages
@@ -265,10 +264,7 @@ def _draw_energies(ax, energy):
 
 
 def main():
-    words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    words.add_argument("folder", type=Path)
-    words.add_argument("--picture", type=Path, help="draw φ_J by rate, f(φ), widths and energies")
-    args = words.parse_args()
+    args = folder_and_picture(__doc__, "draw φ_J by rate, f(φ), widths and energies")
     table = jampetsc.load(args.folder)
     print_tables(table)
     if args.picture:

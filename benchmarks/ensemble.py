@@ -9,12 +9,12 @@ how often twenty of these samples, drawn at random, have a mean as low as the re
 """
 
 import argparse
-import time
 from dataclasses import replace
 
 import numpy as np
-from common import machine
+from common import both_included, machine, processor
 
+from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.core.pairs import PairList
 from jampetsc.core.potentials import Potential
 from jampetsc.core.state import measure
@@ -42,22 +42,22 @@ REFERENCE = {
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--n", type=int, default=1024)
-    parser.add_argument("--seeds", default="1:20")
+    parser.add_argument("--seeds", type=both_included, default="1:20")
     parser.add_argument("--pressures", default="1e-2,1e-3,1e-4,1e-5")
     args = parser.parse_args()
     door.start(scalar="real")
     solver = NewtonSolver()
-    first, last = map(int, args.seeds.split(":"))
     for pressure in map(float, args.pressures.split(",")):
-        began = time.process_time()
-        table = np.array([sample(args.n, pressure, seed, solver) for seed in range(first, last + 1)])
-        seconds = time.process_time() - began
+        seconds, found = processor(
+            lambda p=pressure: [sample(args.n, p, seed, solver) for seed in args.seeds]
+        )
+        table = np.array(found)
         print(f"p = {pressure:g}, N = {args.n}: {len(table)} packings, {seconds:.1f} s of processor time")
         for name, column, reference in zip(QUANTITIES, table.T, REFERENCE[args.n, pressure], strict=True):
-            error = column.std(ddof=1) / np.sqrt(len(column))
-            line = f"  {name:26s} {column.mean():8.5f} ± {error:.5f}"
+            mean, error = mean_with_error(column)
+            line = f"  {name:26s} {mean:8.5f} ± {error:.5f}"
             if reference is not None:
-                deviation = (column.mean() - reference[0]) / np.hypot(error, reference[1])
+                deviation = (mean - reference[0]) / np.hypot(error, reference[1])
                 line += f"   reference {reference[0]:8.5f} ± {reference[1]:.5f}   {deviation:+.1f} standard errors"
             print(line)
         moduli = table[:, -1]

@@ -14,7 +14,9 @@ import subprocess
 import sys
 
 import numpy as np
-from common import FOLDER, environment, machine
+from common import FOLDER, both_included, environment, machine
+
+from jampetsc.analysis.statistics import draws_of
 
 NAMES = ("normal", "transverse", "nonaffine")
 SYMBOLS = ("|Δu∥|", "|Δu⊥|", "|u_na|")
@@ -68,7 +70,7 @@ def measure(files, modes):
     return np.array(rows, float)
 
 
-def ensemble_slope(x, y, group, repeats=400, seed=1):
+def ensemble_slope(x, y, group, repeats=400):
     """(slope, its standard error) of ln y against ln x over an ensemble, by bootstrap over packings.
 
     x, y (M,) positive; group (M,) names the packing (a seed) that a point comes from: the same one at several
@@ -82,11 +84,7 @@ def ensemble_slope(x, y, group, repeats=400, seed=1):
         return np.polyfit(np.log(u), np.log(v), 1)[0]
 
     members = [np.flatnonzero(group == name) for name in np.unique(group)]
-    rng = np.random.default_rng(seed)
-    draws = [
-        fit(np.concatenate([members[k] for k in rng.integers(len(members), size=len(members))]))
-        for _ in range(repeats)
-    ]
+    draws = [fit(np.concatenate([members[k] for k in row])) for row in draws_of(len(members), repeats)]
     return float(fit(np.arange(len(x)))), float(np.std(draws))
 
 
@@ -113,15 +111,14 @@ def main():
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--n", type=int, default=1024, help="disks (default 1024)")
-    parser.add_argument("--seeds", default="1:10", help="A:B, B included (default 1:10)")
+    parser.add_argument("--seeds", type=both_included, default="1:10", help="A:B, B included (default 1:10)")
     parser.add_argument("--pressures", default="1e-2,1e-3,1e-4", help="default 1e-2,1e-3,1e-4")
     parser.add_argument(
         "--modes", type=int, default=50, help="low modes whose share is told, 0 for none (default 50)"
     )
     args = parser.parse_args()
-    first, last = map(int, args.seeds.split(":"))
-    print(f"{machine()}; N = {args.n}, seeds {args.seeds}")
-    rows = measure(ensemble(args.n, args.pressures.split(","), range(first, last + 1)), args.modes)
+    print(f"{machine()}; N = {args.n}, seeds {args.seeds[0]} to {args.seeds[-1]}")
+    rows = measure(ensemble(args.n, args.pressures.split(","), args.seeds), args.modes)
     for prestress in (False, True):
         title = "with pre-stress" if prestress else "without pre-stress"
         show(rows[rows[:, 2] == prestress], title, args.modes)

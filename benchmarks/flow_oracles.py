@@ -17,9 +17,10 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from common import both_included
 
 import jampetsc
-from jampetsc.analysis.averages import mean_of_runs
+from jampetsc.analysis.averages import mean_of_facts
 from jampetsc.cli import main as cli
 
 STRAINS = {1e-2: 40, 1e-3: 20, 1e-4: 6}
@@ -85,14 +86,14 @@ def wanted(points):
 
 
 def measured(model, n, phi, rate, seed, folder):
-    """((mean, error, samples) of each quantity, energy balance) of one run."""
+    """Attributes of one run."""
     out = folder / f"{model}-{n}-{phi}-{rate}-{seed}.h5"
     mass = ["--mass", "1"] if not model.endswith("0") else []
     strain = STRAINS.get(rate, 40)
     words = ["flow", "--n", n, "--phi", phi, "--seed", seed, "--model", model, *mass, "--rate", rate]
-    discard, names = 2, QUANTITIES
+    discard = 2
     if model == "QS":
-        step, strain, discard, names = (1e-3, 8, 1, QUASISTATIC) if n == 64 else (2e-3, 4, 1, QUASISTATIC)
+        step, strain, discard = (1e-3, 8, 1) if n == 64 else (2e-3, 4, 1)
         words = ["shear", "--n", n, "--phi", phi, "--seed", seed, "--step", step]
     with contextlib.redirect_stdout(io.StringIO()):
         status = cli.main(
@@ -100,9 +101,7 @@ def measured(model, n, phi, rate, seed, folder):
         )
     if status:
         sys.exit("jampetsc flow failed")
-    facts = jampetsc.load(out).attributes
-    found = [tuple(facts[f"{name}_{part}"] for part in ("mean", "error", "samples")) for name in names]
-    return found, facts.get("energy_balance", np.nan)
+    return jampetsc.load(out).attributes
 
 
 def main():
@@ -111,25 +110,24 @@ def main():
     parser.add_argument(
         "--points", choices=("quick", "256", "1024", "massive", "quasistatic"), default="quick"
     )
-    parser.add_argument("--seeds", default="1:2", metavar="A:B")
+    parser.add_argument("--seeds", type=both_included, default="1:2", metavar="A:B")
     args = parser.parse_args()
-    first, last = map(int, args.seeds.split(":"))
     print(
         f"{'model':5} {'N':>5} {'phi':>7} {'rate':>6}  quantity: jampetsc ± error | figure ± error (difference)"
     )
     with tempfile.TemporaryDirectory() as folder:
         for key in wanted(args.points):
-            runs = [measured(*key, seed, Path(folder)) for seed in range(first, last + 1)]
+            runs = [measured(*key, seed, Path(folder)) for seed in args.seeds]
             parts = []
             for q, name in enumerate(QUASISTATIC if key[0] == "QS" else QUANTITIES):
                 if FIGURES[key][q] is None:
                     continue
-                mean, error = mean_of_runs(*np.array([found[q] for found, _ in runs]).T)
+                mean, error = mean_of_facts(runs, name)
                 figure, its = FIGURES[key][q]
                 z = (mean - figure) / np.hypot(error, its)
                 parts.append(f"{name}: {mean:.4g} ± {error:.1g} | {figure:.4g} ± {its:.1g} ({z:+.1f})")
             if key[0] != "QS":
-                parts.append("balance " + ", ".join(f"{b:.3f}" for _, b in runs))
+                parts.append("balance " + ", ".join(f"{run['energy_balance']:.3f}" for run in runs))
             print(f"{key[0]:5} {key[1]:5} {key[2]:7} {key[3]:6g}  {'; '.join(parts)}", flush=True)
 
 

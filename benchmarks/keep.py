@@ -3,7 +3,8 @@
     .venv/bin/python benchmarks/keep.py figures/bt-fig3-paper [figures/bt-fig5-paper …]
 
 The archive holds the folder of the study with its table and its results, these without what `run/figures/NAME --kept`
-and benchmarks/reproduction.py do not need: packings, displacements, states to go on from. Numbers are kept to single
+and benchmarks/reproduction.py do not need: packings, displacements, states to go on from. Of snapshots their six-fold
+order is kept. Numbers are kept to single
 precision, the series of steady flows as means over a hundredth of the run. Every result still names the commit and
 the command line that made it.
 """
@@ -18,7 +19,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from jampetsc.analysis.order import STORED, six_fold_order
 from jampetsc.io.hdf5 import OutputFile, attributes, open_file, set_attributes, store
+from jampetsc.io.reader import load
 
 KEPT = Path(__file__).resolve().parents[1] / "docs" / "kept"
 LEFT_OUT = re.compile(
@@ -48,6 +51,9 @@ def slim(source: Path, target: Path) -> None:
                 store(kept, name, values if name in EXACT else single(values))
 
         h5.visititems(copy)
+        if "snapshots/positions" in h5:
+            for name, values in zip(STORED, six_fold_order(load(source)), strict=True):
+                store(kept, name, single(values))
 
 
 def single(values):
@@ -61,9 +67,8 @@ def keep(folder: Path, to: Path = KEPT) -> Path:
     target = to / f"{name}.tar.xz"
     to.mkdir(parents=True, exist_ok=True)
     with tarfile.open(target, "w:xz", preset=9) as archive, tempfile.TemporaryDirectory() as scratch:
-        add(
-            archive, "scale", scale.encode()
-        )  # quick or paper: run/figures/NAME draws it as a study of these sizes
+        # quick or paper: run/figures/NAME draws it as a study of these sizes
+        add(archive, "scale", scale.encode())
         for path in sorted(folder.rglob("*")):
             if path.name in TEXTS:
                 add(archive, path.relative_to(folder), path.read_bytes())

@@ -10,10 +10,9 @@ proved by `jampetsc pack`, and is in the file.)
 
 import argparse
 import sys
-import time
 
 import numpy as np
-from common import machine, packing, report, worker
+from common import in_turn, machine, packing, processor, report, worker
 
 
 def measure(path, count, repeats):
@@ -34,25 +33,24 @@ def measure(path, count, repeats):
     pencil = assemble(network, UNDAMPED, pinned=False)
     indptr, indices, values = pencil.K.getValuesCSR()
     K = csc_array((values, indices, indptr), shape=pencil.K.getSize())
-    seconds = {"modes": [], "cholmod": [], "count": [], "scipy": []}
     options = running.PETSc.Options()
-    for _ in range(repeats):
-        start = time.process_time()
-        pairs = lowest(pencil, count, 1.0)
-        seconds["modes"].append(time.process_time() - start)
+
+    def with_cholmod():
         options.setValue("modes_st_ksp_rtol", 1e-13)  # any such option leaves the factor to CHOLMOD
-        start = time.process_time()
-        other = lowest(pencil, count, 1.0)
-        seconds["cholmod"].append(time.process_time() - start)
+        spent = processor(lowest, pencil, count, 1.0)
         options.delValue("modes_st_ksp_rtol")
-        start = time.process_time()
-        between = float(np.mean(pairs.values[count - 1 : count + 1]))
-        counted = count_below(pencil.K, between, "K")
-        seconds["count"].append(time.process_time() - start)
-        start = time.process_time()
+        return spent
+
+    values = lowest(pencil, count, 1.0).values
+    runs = {
+        "modes": lambda: processor(lowest, pencil, count, 1.0),
+        "cholmod": with_cholmod,
+        "count": lambda: processor(count_below, pencil.K, float(np.mean(values[count - 1 : count + 1])), "K"),
         # scipy does not know the translations: it finds them as well
-        found, vectors = eigsh(K, count + SPARE + 2, sigma=-SHIFT, tol=1e-12)
-        seconds["scipy"].append(time.process_time() - start)
+        "scipy": lambda: processor(lambda: eigsh(K, count + SPARE + 2, sigma=-SHIFT, tol=1e-12)),
+    }
+    spent = in_turn(repeats, runs)
+    pairs, other, counted, (found, vectors) = (rounds[-1][1] for rounds in spent.values())
     order = np.argsort(found)[2 : count + 2]
     residual = np.linalg.norm(K @ vectors[:, order] - vectors[:, order] * found[order], axis=0).max()
     report(
@@ -64,7 +62,7 @@ def measure(path, count, repeats):
         residuals=[
             float(x) for x in (pairs.residuals[:count].max(), other.residuals[:count].max(), residual)
         ],
-        **{name: min(times) for name, times in seconds.items()},
+        **{name: min(seconds for seconds, _ in rounds) for name, rounds in spent.items()},
     )
 
 

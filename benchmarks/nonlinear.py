@@ -15,17 +15,17 @@ Motions of slow shear grow as |Δu| ~ p^(−1/4), those at Ω as Ω^(−1/4), so
 quasistatic and Ω ∝ X^(4/(1+3α)) in the critical regime, with X = ω^α σ^(α−1); BT have Ω ∝ X in both.
 """
 
-import argparse
 from collections import defaultdict
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 import numpy as np
+from common import folder_and_picture
 from scipy.optimize import brentq
 from scipy.special import gamma
 
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
+from jampetsc.analysis.statistics import draws_of
 from jampetsc.io.reader import load
 from jampetsc.plots import style
 from jampetsc.plots.page import saved_page
@@ -129,8 +129,7 @@ def slopes(sets):
 
 def bootstrap(sets, statistic):
     """(value, standard error) of statistic(list of packings)."""
-    rng = np.random.default_rng(1)
-    draws = [statistic([sets[k] for k in rng.integers(len(sets), size=len(sets))]) for _ in range(DRAWS)]
+    draws = [statistic([sets[k] for k in row]) for row in draws_of(len(sets), DRAWS)]
     return statistic(sets), np.std(draws, axis=0)
 
 
@@ -271,10 +270,7 @@ def draw(data, path):
 
 
 def main():
-    words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    words.add_argument("folder", type=Path)
-    words.add_argument("--picture", type=Path, help="draw the effective frequency")
-    args = words.parse_args()
+    args = folder_and_picture(__doc__, "draw the effective frequency")
     folder = args.folder
     data, finer = read(folder, folder), read(folder / "steps", folder)
     for alpha, packings in sorted(data.items()):

@@ -5,11 +5,10 @@
 y of P(p) ~ p^(1/y − 1) below cuts at ½, ¼ and ⅛ of ⟨p⟩, and its limit: `jampetsc.analysis.jamming.low_end`.
 """
 
-import argparse
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
+from common import folder_and_picture
 
 import jampetsc
 from jampetsc.analysis.jamming import CUTS, LowEnd, low_end, memory
@@ -130,10 +129,7 @@ def _draw_cuts(ax, one, look):
 
 
 def main():
-    words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    words.add_argument("folder", type=Path)
-    words.add_argument("--picture", type=Path, help="draw P(p) and y against the cut")
-    args = words.parse_args()
+    args = folder_and_picture(__doc__, "draw P(p) and y against the cut")
     found = pressures(jampetsc.load(args.folder))
     print_table(found)
     if args.picture:

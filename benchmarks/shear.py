@@ -15,17 +15,18 @@ different ways, so that only means can agree.
 """
 
 import argparse
-import time
 
 import common
 import numba
 import numpy as np
+from common import processor
 
+from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.core.kernel import FAST, bond_forces
 from jampetsc.core.pairs import PairList, deformed, is_stale
 from jampetsc.core.potentials import Potential
 from jampetsc.core.threads import Team
-from jampetsc.flows.quasistatic_shear import SlowShear, look_at
+from jampetsc.flows.quasistatic_shear import SlowShear, minimum_of
 from jampetsc.minimise.descent import Descent, Goal
 from jampetsc.minimise.fire import fall
 from jampetsc.minimise.minimise import settle
@@ -152,10 +153,10 @@ def run_of_conjugate_gradients(disks, step, steps):
     diameter, n = 2.0 * float(np.mean(disks.radii)), disks.n
     for _ in range(steps):
         disks, spent = deformed(disks, np.zeros((n, 2)), 0.0, step).folded(), 0
-        state = look_at(disks)
+        state = minimum_of(disks)
         while state.jammed and spent < MOST:
             disks, evaluations = conjugate(disks, TOLERANCE * state.pressure * diameter, 300)
-            before, state, spent = state, look_at(disks), spent + evaluations
+            before, state, spent = state, minimum_of(disks), spent + evaluations
             if evaluations < 300 and abs(state.pressure / before.pressure - 1.0) < 1e-3:
                 break
         yield state.pressure * state.jammed
@@ -170,14 +171,14 @@ def compare_runs(n, phi, step, seeds):
         rows = []
         list(method(start_of(n, phi, 0), step, 2))  # compiles
         for seed in seeds:
-            disks, began = start_of(n, phi, seed), time.process_time()
-            p = np.array(list(method(disks, step, round(STRAIN / step))))[round(1.0 / step) :]
-            rows.append((time.process_time() - began, np.mean(p > 0), np.mean(p)))
+            seconds, states = processor(list, method(start_of(n, phi, seed), step, round(STRAIN / step)))
+            p = np.array(states)[round(1.0 / step) :]
+            rows.append((seconds, np.mean(p > 0), np.mean(p)))
             print(
                 f"    {name:12} seed {seed}: {rows[-1][0]:6.1f} s, {rows[-1][1]:.3f}, {rows[-1][2]:.3e}",
                 flush=True,
             )
-        mean, error = np.mean(rows, axis=0), np.std(rows, axis=0, ddof=1) / np.sqrt(len(rows))
+        mean, error = mean_with_error(rows)
         print(
             f"    {name:12} mean: {mean[0]:6.1f} s, {mean[1]:.3f} ± {error[1]:.3f}, {mean[2]:.2e} ± {error[2]:.1e}",
             flush=True,
@@ -195,17 +196,12 @@ def measure(n, phi, step, steps):
         starts = []
         for _ in range(BLOCK):
             affine = deformed(slow.disks, np.zeros((n, 2)), 0.0, step).folded()
-            began = time.process_time()
-            evaluations = slow.advance().evaluations
-            mine = time.process_time() - began, evaluations
+            seconds, done = processor(slow.advance)
             if slow.found.jammed:
-                cost["jampetsc"].append(mine)
+                cost["jampetsc"].append((seconds, done.evaluations))
                 starts.append((affine, TOLERANCE * slow.found.pressure * slow.diameter))
         for name, minimise in PEERS.items():
-            for affine, goal in starts:
-                began = time.process_time()
-                evaluations = minimise(affine, goal)
-                cost[name].append((time.process_time() - began, evaluations))
+            cost[name] += [processor(minimise, *start) for start in starts]
     means = {name: np.mean(found[1:], axis=0) for name, found in cost.items()}
     ours = means.pop("jampetsc")
     print(f"N = {n}, phi = {phi}, step {step:g}: jampetsc {1e3 * ours[0]:.3f} ms, {ours[1]:.0f} evaluations")
@@ -222,15 +218,14 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], allow_abbrev=False)
     parser.add_argument("--steps", type=int, default=200)
     parser.add_argument("--points", default=POINTS)
-    parser.add_argument("--runs", metavar="A:B", help="seeds of whole runs")
+    parser.add_argument("--runs", type=common.both_included, metavar="A:B", help="seeds of whole runs")
     args = parser.parse_args()
     session.start("real", [])
     print(common.machine(), flush=True)
     for point in args.points.split(","):
         n, phi, step = point.split(":")
         if args.runs:
-            first, last = map(int, args.runs.split(":"))
-            compare_runs(int(n), float(phi), float(step), range(first, last + 1))
+            compare_runs(int(n), float(phi), float(step), args.runs)
         else:
             measure(int(n), float(phi), float(step), args.steps)
 

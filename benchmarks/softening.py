@@ -2,17 +2,17 @@
 
     .venv/bin/python benchmarks/softening.py figures/softening-quick          # after run/figures/softening
 
-Linear response is that of the smallest strain in a file. Means over packings with their standard errors; where response
+Linear response is that of the smallest strain in a file. Means over packings with their errors; where response
 ends, and the exponent of that strain in p, with those of a bootstrap over packings.
 """
 
-import argparse
 from collections import defaultdict
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
+from common import folder_and_picture
 
+from jampetsc.analysis.statistics import draws_of, mean_with_error
 from jampetsc.io.reader import load
 from jampetsc.plots import style
 from jampetsc.plots.page import saved_page
@@ -59,13 +59,7 @@ def read(folder):
             continue
         balance = abs(file["energy_balance"][:, 0])
         G = np.where(np.isfinite(file["G"][:, 0]), file["G"][:, 0], complex(np.nan, np.nan))
-        columns = (
-            file["amplitude"],
-            G,
-            abs(file["harmonics"][:, 0, 0]),
-            file["error"][:, 0],
-            balance,
-        )
+        columns = (file["amplitude"], G, abs(file["harmonics"][:, 0, 0]), file["error"][:, 0], balance)
         if np.isfinite(columns[1][0]):
             found[float(f"{file.attributes['pressure']:.3g}")].append(Packing(*columns))
     return dict(sorted(found.items(), reverse=True))
@@ -73,16 +67,14 @@ def read(folder):
 
 def mean(values, digits=2):
     """Mean ± standard error."""
-    if len(values) < 2:
-        return f"{np.mean(values):.{digits}f}" if len(values) else "–"
-    return f"{np.mean(values):.{digits}f} ± {np.std(values, ddof=1) / np.sqrt(len(values)):.{digits}f}"
+    middle, error = mean_with_error(values)
+    return f"{middle:.{digits}f}" + (f" ± {error:.{digits}f}" if len(values) > 1 else "")
 
 
 def bootstrap(values, statistic):
     """Standard error of statistic([values of each set]) when every set is drawn from itself."""
-    rng = np.random.default_rng(1)
-    draws = [statistic([rng.choice(one, len(one)) for one in values]) for _ in range(DRAWS)]
-    return float(np.std(draws))
+    sets = zip(*(one[draws_of(len(one), DRAWS, seed)] for seed, one in enumerate(values, 1)), strict=True)
+    return float(np.std([statistic(some) for some in sets]))
 
 
 def print_points(found):
@@ -135,21 +127,13 @@ def draw(found, path):
             found.items(), style.colours(len(found)), style.MARKERS, strict=False
         ):
             ratios = np.array([one.ratio for one in packings])
-            count = np.isfinite(ratios).sum(axis=0)
-            middle = np.nanmean(ratios, axis=0)
-            error = np.nanstd(ratios, axis=0) / np.sqrt(np.maximum(count - 1, 1))
-            drawn = count[0] >= MOST * len(packings)
+            drawn = np.flatnonzero(np.isfinite(ratios[:, 0]).sum(axis=0) >= MOST * len(packings))
+            solved = (ratios[np.isfinite(ratios[:, 0, row]), :, row] for row in drawn)
+            means = np.array([mean_with_error(some) for some in solved])  # (strains, 2, parts)
+            middle, error = means.reshape(-1, 2, 2).transpose(1, 2, 0)
+            look = {"fmt": f"-{marker}", "color": colour, "capsize": 1.5, "label": f"$p = {p:g}$"}
             for ax, value, bar in zip(axes, middle, error, strict=True):
-                x = packings[0].strain[drawn] / p
-                ax.errorbar(
-                    x,
-                    value[drawn],
-                    bar[drawn],
-                    fmt=f"-{marker}",
-                    color=colour,
-                    capsize=1.5,
-                    label=f"$p = {p:g}$",
-                )
+                ax.errorbar(packings[0].strain[drawn] / p, value, bar, **look)
         for ax, name in zip(axes, (style.STORAGE, style.LOSS), strict=True):
             ax.set_xscale("log")
             ax.axhline(1.0, color=style.GREY, lw=0.5, ls=":")
@@ -159,10 +143,7 @@ def draw(found, path):
 
 
 def main():
-    words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    words.add_argument("folder", type=Path)
-    words.add_argument("--picture", type=Path, help="draw G* against the strain")
-    args = words.parse_args()
+    args = folder_and_picture(__doc__, "draw G* against the strain")
     found = read(args.folder)
     print_points(found)
     print_end(found)

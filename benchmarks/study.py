@@ -8,6 +8,7 @@ machine that others use, that of processor times says what free cores would give
 """
 
 import argparse
+import functools
 import re
 import shutil
 import subprocess
@@ -41,19 +42,15 @@ def main():
     args = parser.parse_args()
     folder = Path(tempfile.mkdtemp(prefix="jampetsc-benchmark-"))
     (folder / "study.toml").write_text(STUDY.format(n=args.n, seeds=args.seeds))
-    times = {1: [], 2: []}
-    for number in range(args.rounds):
-        for ranks, found in times.items():
-            shutil.rmtree(folder / f"on-{ranks}", ignore_errors=True)
-            found.append(
-                timed(
-                    [*mpirun(ranks), *EACH, *jampetsc("study", "study.toml", "--out", f"on-{ranks}")], folder
-                )
-            )
-            print(
-                f"round {number + 1}, ranks {ranks}: {found[-1][0]:.1f} s, busiest rank {found[-1][1]:.1f} s",
-                flush=True,
-            )
+
+    def on(ranks):
+        shutil.rmtree(folder / f"on-{ranks}", ignore_errors=True)
+        words = jampetsc("study", "study.toml", "--out", f"on-{ranks}")
+        spent = timed([*common.mpirun(ranks), *EACH, *words], folder)
+        print(f"ranks {ranks}: {spent[0]:.1f} s, busiest rank {spent[1]:.1f} s", flush=True)
+        return spent
+
+    times = common.in_turn(args.rounds, {ranks: functools.partial(on, ranks) for ranks in (1, 2)})
     lines = outlook(folder)
     alone = [timed([*EACH, *jampetsc(*line)], folder / "on-1") for line in lines[5::EVERY]]
     count, one, two = len(lines), least(times[1]), least(times[2])
@@ -69,10 +66,6 @@ def main():
 
 def jampetsc(*words):
     return [sys.executable, "-m", "jampetsc", *words]
-
-
-def mpirun(ranks):
-    return ["mpirun", "--oversubscribe", "--bind-to", "none", "-n", str(ranks)] if ranks > 1 else []
 
 
 def outlook(folder):

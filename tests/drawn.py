@@ -1,9 +1,19 @@
 """What a picture shows, as numbers: the axes of a plot instead of its file."""
 
+from pathlib import Path
+
 import numpy as np
 
 from jampetsc.plots.page import Page
 from jampetsc.plots.style import drawn_in
+
+
+class Held(dict):
+    """What a picture asks of a file: arrays by name, attributes, path and format."""
+
+    def __init__(self, arrays, attributes, path="a.h5", format=""):
+        super().__init__(arrays)
+        self.attributes, self.path, self.format = attributes, Path(path), format
 
 
 def figure_of(plot, results, **settings):

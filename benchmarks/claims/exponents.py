@@ -3,8 +3,8 @@
 import numpy as np
 
 import jampetsc
-from claims.flow import PHI_J, extrapolated_fluidity, size_of, slower
-from claims.shared import Row, claim, fitted, rates_of, slope_with_error
+from claims.flow import PHI_J, extrapolated_fluidity, slower
+from claims.shared import Row, claim, fitted, rates_of, size_of, slope_with_error
 
 POOR = 0.01  # probability of χ² below which a form is taken to miss the data
 LOOSE = 0.1  # relative error beyond which to agree says little
@@ -54,15 +54,9 @@ def beta_of_fit(path, size):
     found = jampetsc.load(path).attributes
     error = np.hypot(found["y_error"], found["znu_error"])
     decided = "" if error < LOOSE * 2.4 and not poor(path) else "open"
-    yield Row(
-        "β = zν − y from the collapse of p, RD0",
-        2.4,
-        found["znu"] - found["y"],
-        error,
-        "V: 3.5 − 1.1",
-        size,
-        decided,
-    )
+    what = "β = zν − y from the collapse of p, RD0"
+    note = "V: 3.5 − 1.1"
+    yield Row(what, 2.4, found["znu"] - found["y"], error, note, size, decided)
 
 
 def powers_beside_phi_J(flows, size):

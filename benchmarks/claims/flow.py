@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from claims.shared import WITHIN, Row, claim, rates_of, slope_with_error
+from claims.shared import WITHIN, Row, claim, rates_of, size_of, slope_with_error
+from jampetsc.analysis.order import six_fold_order
 from jampetsc.analysis.profiles import heights, mean_profile, middle_share
+from jampetsc.analysis.scaling import local_exponents
 from jampetsc.analysis.statistics import mean_with_error
-from jampetsc.plots.flowcurves import local_exponents
 from jampetsc.plots.regimes import regimes
 
 PHI_J = 0.8433  # V's, RD0
@@ -22,21 +23,12 @@ def slower(rows, most):
     return rows.where(rate=[rate for rate in np.unique(rows["rate"]) if rate < most])
 
 
-def size_of(rows):
-    """N, seeds and strain behind the rows of a table."""
-    n = ", ".join(f"{one:g}" for one in np.unique(rows["n"]))
-    strains = np.unique(rows["strain"])
-    strain = f"{strains[0]:g}" if len(strains) == 1 else f"{strains[0]:g} to {strains[-1]:g}"
-    seeds = len(np.unique(rows["seed"])) if "seed" in rows else 1
-    return f"N = {n}, {seeds} seed{'s' if seeds > 1 else ''}, strain {strain}"
-
-
 @claim("vagberg-fig4.6-4.7")
 def order(table):
     found = {}
     for sizes in ("monodisperse", "bidisperse"):
         rows = table.where(command="flow", sizes=sizes)
-        runs = [(run["snapshots/strain"], run["snapshots/psi6_global"]) for run in rows.results()]
+        runs = [(run["snapshots/strain"], six_fold_order(run)[1]) for run in rows.results()]
         late = [psi[strain > 0.5 * strain[-1]] for strain, psi in runs]
         mean, error = mean_with_error([psi.mean() for psi in late])
         start = np.mean([psi[0] for _, psi in runs])
@@ -73,13 +65,8 @@ def velocity_correlation(table):
                 rate = g.attributes["rate"]
                 size = size_of(flows.where(model=model, phi=phi, rate=rate))
                 what = f"RD0, φ = {phi:g}, γ̇ = {rate:g}: place of the minimum of g_y, in d_s"
-                yield Row(
-                    what,
-                    None,
-                    *(found or (np.nan, None)),
-                    f"g_y = {g.attributes['minimum']:.3f}; bins of 1 d_s",
-                    size,
-                )
+                note = f"g_y = {g.attributes['minimum']:.3f}; bins of 1 d_s"
+                yield Row(what, None, *(found or (np.nan, None)), note, size)
             size = size_of(flows.where(model=model, phi=phi))
             if model == "CD0":
                 inside = sum(found is not None for found in lengths)
@@ -243,15 +230,8 @@ def kinds_of_flow(table):
             if name == "Bagnoldian" and "Newtonian" in found:
                 apart = np.median(found["Newtonian"]) > 3 * np.median(cluster[near])
                 decided = "yes" if apart else "no"
-            yield Row(
-                what,
-                None,
-                cluster[near].mean(),
-                None,
-                f"{spread}; V: Newtonian ⇔ large clusters",
-                size,
-                decided,
-            )
+            note = f"{spread}; V: Newtonian ⇔ large clusters"
+            yield Row(what, None, cluster[near].mean(), None, note, size, decided)
     jumps = [
         (abs(x[1] - x[0]), model, phi, qualities[:2])
         for model, some in maps.items()

@@ -27,7 +27,7 @@ SAID = {
 OHERN = 0.71, 0.08  # ν of O'Hern et al., PRE 68, 011306 (2003), an earlier value than V's, who prints none
 
 
-def verdict(value, error, least=0.0):
+def exceeds(value, error, least=0.0):
     """Whether a number is more than `least`: yes or no beyond WITHIN errors, open where they do not tell."""
     if not (np.isfinite(error) and abs(value - least) > WITHIN * error):
         return "open"
@@ -60,14 +60,14 @@ def cooling(table):
         decades = np.log10(some[-1].rate / some[0].rate)
         yield Row(
             f"cooled, sizes {start} in the liquid: rise of φ_J per decade of slower cooling", None, slope, error,
-            f"V: φ_J depends on the rate; over {decades:.1f} decades", size, verdict(abs(slope), error),
+            f"V: φ_J depends on the rate; over {decades:.1f} decades", size, exceeds(abs(slope), error),
         )  # fmt: skip
     slowest = {one.start: one for one in reversed(before)}
     if len(slowest) == 2:
         change, error = apart(slowest[SEPARATED].mean, slowest[MIXED].mean)
         note = f"V: φ_J depends on the initial liquid; at the slowest rate, {slowest[MIXED].rate:g}"
         what = "cooled: φ_J of a liquid of separated sizes less that of a mixed one"
-        yield Row(what, None, change, error, note, size, verdict(abs(change), error))
+        yield Row(what, None, change, error, note, size, exceeds(abs(change), error))
     starts = {one.start: one for one in after}
     if len(starts) == 2 and len(before) > 1:
         yield from mixing(before, starts, size)
@@ -83,7 +83,7 @@ def mixing(before, starts, size):
     broad, broad_error = apart(means[-1], means[0])
     sheared = f"N = {starts[MIXED].n}, {len(starts[MIXED].phi_J)} samples, strain {starts[MIXED].strain:g}"
     change, error = apart(starts[SEPARATED].mean, starts[MIXED].mean)
-    narrower = verdict(broad - abs(change), np.hypot(broad_error, error))
+    narrower = exceeds(broad - abs(change), np.hypot(broad_error, error))
     what = "cooled: range of ⟨φ_J⟩ over rates and liquids"
     yield Row(
         what, None, broad, broad_error, "V: broad when cooled, narrow when sheared (next row)", size, narrower
@@ -107,14 +107,9 @@ def shearing(table):
             continue
         size = f"N = {one.n}, {one.shares[0].samples} states a φ"
         yield Row(f"{one.name}, N = {one.n}: φ where f = ½", None, middle, errors[0], "", size)
-        yield Row(
-            f"{one.name}, N = {one.n}: width of φ_J",
-            None,
-            width,
-            errors[1],
-            "of the step of f(φ): states at fixed φ",
-            size,
-        )
+        what = f"{one.name}, N = {one.n}: width of φ_J"
+        note = "of the step of f(φ): states at fixed φ"
+        yield Row(what, None, width, errors[1], note, size)
     starts = {(one.n, one.start): one for one in found if one.name == "QS"}
     for n in sorted({n for n, start in starts if start == SEPARATED}):
         mixed, separated = starts[n, MIXED], starts[n, SEPARATED]
@@ -124,15 +119,9 @@ def shearing(table):
         what = f"QS, N = {n}: φ where f = ½, from separated less from mixed sizes"
         yield Row(what, None, change, error, note, size, same(change, error, CLOSE_PHI))
         change, error = ratio(separated, mixed)
-        yield Row(
-            f"QS, N = {n}: ⟨p⟩ from separated over mixed sizes",
-            None,
-            change,
-            error,
-            note,
-            size,
-            same(change - 1.0, error, CLOSE_P),
-        )
+        what = f"QS, N = {n}: ⟨p⟩ from separated over mixed sizes"
+        decided = same(change - 1.0, error, CLOSE_P)
+        yield Row(what, None, change, error, note, size, decided)
     taken = sorted({one.attributes["step"] for one in of_protocol(table, "shear")})
     if len(taken) == 2:
         fine = next(one for one in steps(table, taken[0]) if one.name == "QS")
@@ -150,15 +139,8 @@ def cut_of_energy(table):
         near = np.count_nonzero((energy > 1e-2 * ENERGY_CUT) & (energy < 1e2 * ENERGY_CUT))
         what = "RAND, QS: share of states with U/N between 1e-18 and 1e-14, the cut times and by 100"
         note = f"{near} states: f changes by no more; V: the cut separates jammed from not"
-        yield Row(
-            what,
-            None,
-            near / len(energy),
-            None,
-            note,
-            f"{len(energy)} states",
-            "yes" if near < 1e-3 * len(energy) else "no",
-        )
+        decided = "yes" if near < 1e-3 * len(energy) else "no"
+        yield Row(what, None, near / len(energy), None, note, f"{len(energy)} states", decided)
 
 
 def apart(one, other):
@@ -212,7 +194,7 @@ def finite_size(table):
                     decided = (
                         ""
                         if (name, exponent) == ("RAND", "y")
-                        else verdict(value, np.hypot(error, its_error), least)
+                        else exceeds(value, np.hypot(error, its_error), least)
                     )
                 elif corrections:
                     decided, note = "open", f"{note}; ω at the end of its range: more data are needed"
@@ -221,15 +203,9 @@ def finite_size(table):
             if {("QS", exponent), ("RAND", exponent)} <= found.keys():
                 change, error = apart(found["QS", exponent], found["RAND", exponent])
                 note = "V: exponents differ between sheared and compressed ensembles"
-                yield Row(
-                    f"{symbol} of QS less that of RAND",
-                    None,
-                    change,
-                    error,
-                    note,
-                    "",
-                    verdict(abs(change), error),
-                )
+                what = f"{symbol} of QS less that of RAND"
+                decided = exceeds(abs(change), error)
+                yield Row(what, None, change, error, note, "", decided)
 
 
 def drift_of(result, name, digits):
@@ -258,15 +234,8 @@ def soft_states(table):
         what = f"{name}, {potential}, N = {n}, φ = {one.phi:g}: y of P(p) ~ p^(1/y − 1), limit of small cuts"
         says = "V: y > 1, P diverges; " if (name, potential) == ("QS", "harmonic") else ""
         note = f"{says}below ⟨p⟩/2, /4, /8: {cuts}"
-        yield Row(
-            what,
-            None,
-            end.limit,
-            end.limit_error,
-            note,
-            size,
-            verdict(end.limit, end.limit_error, 1.0) if says else "",
-        )
+        decided = exceeds(end.limit, end.limit_error, 1.0) if says else ""
+        yield Row(what, None, end.limit, end.limit_error, note, size, decided)
     for n in sorted({n for _, _, n in found}):
         for one, other, note in COMPARED:
             if (*one, n) not in found or (*other, n) not in found:
@@ -274,6 +243,6 @@ def soft_states(table):
             first, second = found[*one, n].end, found[*other, n].end
             change, error = apart((first.limit, first.limit_error), (second.limit, second.limit_error))
             wide, wide_error = apart((first.y[1], first.error[1]), (second.y[1], second.error[1]))
-            decided = same(change - 0.5, error, CLOSE_Y) if note == HALF else verdict(change, error)
+            decided = same(change - 0.5, error, CLOSE_Y) if note == HALF else exceeds(change, error)
             what = f"y of {', '.join(one)} less that of {', '.join(other)}, N = {n}, limit of small cuts"
             yield Row(what, None, change, error, f"{note}; below ⟨p⟩/4 {text(wide, wide_error)}", "", decided)

@@ -121,14 +121,8 @@ def balanced(table):
         curves = [median_curve(found) for _, found in groups]
         spread = collapse_spread([(omega, G, p) for (omega, G), (p, _) in zip(curves, groups, strict=True)])
         note = f"spread (rms) of ln G′ and ln G″, {MEDIANS}, over all p"
-        yield Row(
-            f"β = 1, {where}: G*/p^½ is one curve of ω/p below ωτ₁ = 0.1",
-            None,
-            spread,
-            None,
-            note,
-            size_of(mine),
-        )
+        what = f"β = 1, {where}: G*/p^½ is one curve of ω/p below ωτ₁ = 0.1"
+        yield Row(what, None, spread, None, note, size_of(mine))
     yield from without_rotations(sweeps)
 
 
@@ -228,11 +222,7 @@ def one_curve_spread(curves):
 @claim("bt-fig6")
 def drag(table):
     slow = table.where(command="quasistatic", state="done")
-    yield from exponents_in_pressure(
-        slow,
-        (("eta0_drag", "η₀ − η_F", -0.5),),
-        "Stokes, η_F = 1",
-    )
+    yield from exponents_in_pressure(slow, (("eta0_drag", "η₀ − η_F", -0.5),), "Stokes, η_F = 1")
     sweeps = table.where(command="sweep", state="done")
     for on, where in ((0, "without pre-stress"), (1, "with pre-stress")):
         yield from regimes(sweeps.where(eta_f=1.0, prestress=on), "Stokes, G* − iωη_F", where, 1.0, LOGARITHM)

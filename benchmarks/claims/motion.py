@@ -3,7 +3,7 @@
 import numpy as np
 
 from claims.shared import WITHIN, Row, claim
-from jampetsc.analysis.correlations import (
+from jampetsc.analysis.correlation_lengths import (
     LONGEST,
     SHORTEST,
     length_spread,
@@ -20,7 +20,7 @@ SHARP = 0.2  # an exponent is decided if its error is below this part of what is
 QUANTITIES = {"normal": ("|Δu∥|", 0.25), "transverse": ("|Δu⊥|", -0.25), "nonaffine": ("|u_na|", -0.25)}
 
 
-def verdict(value, error, claimed) -> str:
+def agrees(value, error, claimed) -> str:
     """yes or no by two standard errors, open where they are too large to tell."""
     if not np.isfinite(error) or error > SHARP * abs(claimed):
         return "open"
@@ -61,7 +61,7 @@ def exponents(rows, column, claim, claimed, note="", printed=True):
         more = ", corrections ~ p^½" if corrected else ""
         words = note if corrected else "; ".join(filter(None, (note, told)))
         theirs = claimed if printed else None
-        decided = verdict(value, error, claimed)
+        decided = agrees(value, error, claimed)
         if p[0] * rows["n"].max() ** 2.0 < LARGE:
             decided, words = "open", f"pN² < {LARGE:g}: finite size; {words}"
         if decided == "no" and not corrected and len(p) > 3:
@@ -109,7 +109,7 @@ def floppy(table):
     if len(p) > 1 and len(normal):
         size = f"N = {slow['n'].max()}, {len(normal)} packings at each p = {p[0]:.0e} … {p[-1]:.0e}"
         value, error = fitted(p, (transverse / normal) ** 2, False)
-        decided = verdict(value, error, -1.0)
+        decided = agrees(value, error, -1.0)
         yield Row("Σ(Δu⊥)²/Σ(Δu∥)² ~ p^x (BT 20)", -1.0, value, error, "", size, decided)
 
 
@@ -122,15 +122,12 @@ def _mean_normal(slow):
     size = f"N = {slow['n'].max()}, {len(mean)} packings"
     local = np.diff(np.log(mean), axis=1) / np.diff(np.log(p))
     defect = float(np.nanmax(np.abs(slow["no_prestress_identity_difference"])))
-    yield Row(
-        f"mean |Δu∥| ~ p^x at the lowest pressures, p = {p[0]:.0e} … {p[1]:.0e} (BT: levels off)",
-        None,
-        *mean_with_error(local[:, 0]),
+    what = f"mean |Δu∥| ~ p^x at the lowest pressures, p = {p[0]:.0e} … {p[1]:.0e} (BT: levels off)"
+    note = (
         "no plateau: k Σ(Δu∥)² = G₀Vγ² exactly, here to "
-        f"{defect:.0e}, so the mean ≤ rms ~ p^¼ cannot level off while G₀ falls",
-        size,
-        "no",
+        f"{defect:.0e}, so the mean ≤ rms ~ p^¼ cannot level off while G₀ falls"
     )
+    yield Row(what, None, *mean_with_error(local[:, 0]), note, size, "no")
     ratio = (mean / rms).mean(axis=0)
     told = "from low to high p: " + ", ".join(f"{one:.2f}" for one in ratio)
     yield Row(
@@ -187,7 +184,7 @@ def _plateaus(large, size):
                     "; ¼ is what a single longest wave has, and nearly what Im in the phase of the strain has"
                 )
             what = f"Stokes: l/L as ω → 0, {name} u_y, phase of the {phase}"
-            yield Row(what, theirs, value, error, note, size, verdict(value, error, theirs or expected))
+            yield Row(what, theirs, value, error, note, size, agrees(value, error, theirs or expected))
 
 
 def _slow(curve, part, phase):
@@ -206,16 +203,9 @@ def _contact(found, large, size):
     both = [_over_size(pairs, part, lambda omega: omega < 0.1) for part in (np.real, np.imag)]
     for (value, error), name in zip(both, ("Re", "Im"), strict=True):
         note = "from random stresses .169 L for both parts, as B ~ k² like K"
-        decided = verdict(value, error, first_root(solid))
-        yield Row(
-            f"contact: l/L at ω < 0.1, {name} u_y, phase of the stress",
-            None,
-            value,
-            error,
-            note,
-            size,
-            decided,
-        )
+        decided = agrees(value, error, first_root(solid))
+        what = f"contact: l/L at ω < 0.1, {name} u_y, phase of the stress"
+        yield Row(what, None, value, error, note, size, decided)
     sizes = sorted({curve.attributes["particle_count"] for _, curve in found["contact", "stress"]})
     if len(sizes) > 1:
         part = [
@@ -228,15 +218,10 @@ def _contact(found, large, size):
         ]
         ratio = part[0][0] / part[1][0]
         error = ratio * np.hypot(*(e / v for v, e in part))
-        yield Row(
-            f"contact: l/L at N = {sizes[0]} over that at N = {sizes[-1]} (no length but L)",
-            None,
-            ratio,
-            error,
-            "BT print no number: the collapse in δ/L is 1",
-            f"N = {sizes[0]} and {sizes[-1]}",
-            verdict(ratio, error, 1.0),
-        )
+        what = f"contact: l/L at N = {sizes[0]} over that at N = {sizes[-1]} (no length but L)"
+        note = "BT print no number: the collapse in δ/L is 1"
+        decided = agrees(ratio, error, 1.0)
+        yield Row(what, None, ratio, error, note, f"N = {sizes[0]} and {sizes[-1]}", decided)
 
 
 def _lanes(large, size):
@@ -246,15 +231,10 @@ def _lanes(large, size):
     own = float(np.nanmedian(errors[0] / lanes[0]))
     for wide, narrow in zip(range(len(widths) - 1), range(1, len(widths)), strict=True):
         change = float(np.nanmedian(np.abs(lanes[narrow] / lanes[wide] - 1)))
-        yield Row(
-            f"Stokes: change of l from lanes of {widths[wide]:.2g} d to {widths[narrow]:.2g} d",
-            None,
-            change,
-            None,
-            f"median over ω, p, Re and Im; l has an error of {own:.1%}",
-            size,
-            "yes" if change <= own else "open",
-        )
+        what = f"Stokes: change of l from lanes of {widths[wide]:.2g} d to {widths[narrow]:.2g} d"
+        note = f"median over ω, p, Re and Im; l has an error of {own:.1%}"
+        decided = "yes" if change <= own else "open"
+        yield Row(what, None, change, None, note, size, decided)
 
 
 def _collapses(large, size):
@@ -275,15 +255,9 @@ def _collapses(large, size):
                 note = "as printed" if "^0.65" in what else ""
                 note += "; least of the four" if what == best else ""
                 decided = {"as printed": "no"}.get(note, "")
-                yield Row(
-                    f"Stokes: spread of {what}, {name} u_y, phase of the {phase}",
-                    None,
-                    value,
-                    None,
-                    note.removeprefix("; "),
-                    size,
-                    decided,
-                )
+                what = f"Stokes: spread of {what}, {name} u_y, phase of the {phase}"
+                note = note.removeprefix("; ")
+                yield Row(what, None, value, None, note, size, decided)
 
 
 def _phases(large, size):
@@ -391,4 +365,4 @@ def _floppy_band(rows):
         value, error = fitted(p, values[:, :, column], False)
         note = f"expected {claimed:+g}, as for the whole; from Σ F²/λ and Σ (F/λ)²; {_methods(rows)}"
         what = f"rms {symbol} by the modes with λ < {reach:.2g} p alone ~ p^x"
-        yield Row(what, None, value, error, note, size, verdict(value, error, claimed))
+        yield Row(what, None, value, error, note, size, agrees(value, error, claimed))

@@ -6,12 +6,9 @@ import numpy as np
 
 import jampetsc
 from jampetsc.analysis.averages import mean_of_runs
-from jampetsc.analysis.scaling import fit_power_law
 from jampetsc.analysis.statistics import log_median
 
-RESAMPLES = 500
 WITHIN = 2.0  # standard errors
-CRITICAL = [1e-3, 1e-4, 1e-5]  # pressures near jamming at which N = 4096 is large: N²p > 100
 NEAR, LARGE = 1e-3, 1e3  # p up to which, pN² from which, a packing counts as near jamming and large
 ENOUGH = 0.1  # error, as a share of the number claimed, above which agreement is no yes
 POINT = ("n", "pressure", "law", "beta", "eta_f", "prestress")  # what packings of one point have in common
@@ -41,22 +38,16 @@ def claim(figure):
     return enter
 
 
-def exponent(rows, column, by="pressure"):
-    """(exponent of the mean of a column in `by`, its standard error from resampling the packings)."""
-    groups = [(key[by], part[column]) for key, part in rows.groups([by])]
-    x = np.array([key for key, _ in groups])
-    draw = np.random.default_rng(0)
-    means = [[np.mean(draw.choice(y, len(y))) for _, y in groups] for _ in range(RESAMPLES)]
-    found = [fit_power_law(x, mean).exponent for mean in means if min(mean) > 0]
-    return fit_power_law(x, np.array([np.mean(y) for _, y in groups])).exponent, np.std(found)
-
-
 def size_of(rows):
-    """N and the number of packings a point, in words."""
-    n = sorted({int(value) for value in rows["n"]})
+    """N with seeds and strain behind flows, or with the number of packings a point, in words."""
+    n = ", ".join(f"{one:.0f}" for one in np.unique(rows["n"]))
+    if "rate" in rows:
+        strains, seeds = np.unique(rows["strain"]), len(np.unique(rows["seed"])) if "seed" in rows else 1
+        strain = f"{strains[0]:g}" + (f" to {strains[-1]:g}" if len(strains) > 1 else "")
+        return f"N = {n}, {seeds} seed{'s' if seeds > 1 else ''}, strain {strain}"
     counts = sorted({part.rows for _, part in rows.groups([name for name in POINT if name in rows])})
     few = f"{counts[0]}" if counts[0] == counts[-1] else f"{counts[0]} to {counts[-1]}"
-    return f"N = {', '.join(map(str, n))}; {few} packings"
+    return f"N = {n}; {few} packings"
 
 
 def near_jamming(rows, column):

@@ -66,13 +66,7 @@ class Average:
         drifts = (scatter / half_width(BLOCKS - 1)) ** 2 > SCATTER * plain**2
         samples = max(1.0, min(0.5 * count / time, _independent(gamma / gamma[0], count)))
         error = plain * _widening(samples)
-        return cls(
-            float(x.mean()),
-            max(error, scatter) if drifts else error,
-            time,
-            samples,
-            bool(drifts),
-        )
+        return cls(float(x.mean()), max(error, scatter) if drifts else error, time, samples, bool(drifts))
 
 
 def _covariance(x):
@@ -129,6 +123,12 @@ def mean_of_runs(means, errors, samples) -> tuple[float, float]:
     own = np.sqrt(np.mean(plain**2) / len(means)) * _widening(samples[known].sum()) if known.any() else np.nan
     mean, scatter = mean_with_error(means)
     return float(mean), float(np.fmax(own, scatter))
+
+
+def mean_of_facts(runs, name: str) -> tuple[float, float]:
+    """`mean_of_runs` of a quantity in the attributes of runs: NAME_mean, NAME_error, NAME_samples."""
+    parts = ("mean", "error", "samples")
+    return mean_of_runs(*([float(run.get(f"{name}_{part}", np.inf)) for run in runs] for part in parts))
 
 
 def mean_of_averages(averages) -> tuple[float, float]:

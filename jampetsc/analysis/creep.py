@@ -113,10 +113,10 @@ def _between_poles(G0, eta_inf, poles, weights):
 
 def _growth_rate(spectrum):
     """The positive zero of G*(s), which increases with s > 0 from G₀ < 0."""
-    low, high = np.log(1e-200), np.log(1e200)
-    for _ in range(_STEPS):
-        middle = 0.5 * (low + high)
-        s = np.exp(middle)
-        value = spectrum.G0 + s * spectrum.eta_inf + np.sum(spectrum.weights * s / (spectrum.rates + s))
-        low, high = (low, middle) if value > 0 else (middle, high)
-    return float(np.exp(0.5 * (low + high)))
+    from scipy.optimize import bisect  # takes a while to import
+
+    def value(log_s):
+        s = np.exp(log_s)
+        return spectrum.G0 + s * spectrum.eta_inf + np.sum(spectrum.weights * s / (spectrum.rates + s))
+
+    return float(np.exp(bisect(value, np.log(1e-200), np.log(1e200), xtol=1e-15)))

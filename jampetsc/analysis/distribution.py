@@ -31,9 +31,5 @@ class Distribution:
         edges = np.append(0.0, 10.0**exponents)
         counts = np.bincount(np.searchsorted(edges, size, side="right") - 1, minlength=len(edges) - 1)
         return cls(
-            float(np.median(size)),
-            float(np.mean(size)),
-            float(np.sqrt(np.mean(size**2))),
-            edges,
-            counts,
+            float(np.median(size)), float(np.mean(size)), float(np.sqrt(np.mean(size**2))), edges, counts
         )

@@ -197,8 +197,7 @@ def jamming_step(phi, shares) -> tuple:
     half = np.array([0.5 * (share.high - share.low) for share in shares])[told]
     error = half * np.sqrt(2.0 * np.pi) * np.exp(0.5 * z**2)
     (slope, level), covariance = np.polyfit(x - x.mean(), z, 1, w=1.0 / error, cov="unscaled")
-    by = np.array(
-        [[level / slope**2, -1.0 / slope], [-1.0 / slope**2, 0.0]]
-    )  # of φ½ and w by slope and level
+    # derivatives of φ½ and w by slope and level
+    by = np.array([[level / slope**2, -1.0 / slope], [-1.0 / slope**2, 0.0]])
     errors = np.sqrt(np.diag(by @ covariance @ by.T))
     return float(x.mean() - level / slope), float(1.0 / slope), float(errors[0]), float(errors[1])

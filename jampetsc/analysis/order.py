@@ -9,6 +9,10 @@ turned alike: 1 in one crystal, about 0.6/√N in a liquid.
 
 import numpy as np
 
+from jampetsc.errors import InputError, named
+
+# in files without positions, such as those of docs/kept
+STORED = "snapshots/psi6_local", "snapshots/psi6_global"
 MARGIN = 6.0  # mean spacings beyond the cell from which images count: neighbours of disks inside lie closer
 
 
@@ -34,3 +38,18 @@ def bond_order(positions, cell) -> np.ndarray:
     turned = ((across[:, 0] + 1j * across[:, 1]) / np.hypot(*across.T)) ** 6
     sums = np.bincount(i, turned.real, n) + 1j * np.bincount(i, turned.imag, n)
     return sums / np.bincount(i, minlength=n)
+
+
+def six_fold_order(result):
+    """(⟨|ψ₆|⟩, |⟨ψ₆⟩|), (S,) each, over the disks that move in each snapshot of a loaded flow file.
+
+    Raises InputError for a file without snapshots.
+    """
+    if STORED[0] in result:
+        return tuple(result[name] for name in STORED)
+    if "snapshots/positions" not in result:
+        raise InputError(f"{result.path}: holds no snapshots: run the flow with {named('snapshots')}")
+    walls = int(result.attributes.get("walls", 0))
+    moments = zip(result["snapshots/positions"], result["snapshots/cell"], strict=True)
+    psi = [bond_order(positions, cell)[walls:] for positions, cell in moments]
+    return np.abs(psi).mean(1), np.abs(np.mean(psi, axis=1))

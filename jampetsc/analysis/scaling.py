@@ -99,6 +99,13 @@ def local_slope(omega, values):
     return np.gradient(np.log(values), np.log(omega))
 
 
+def local_exponents(x, values, errors):
+    """(middles, d ln y/d ln x, errors) between neighbouring x (m,), (m − 1,) each, of positive values with errors."""
+    steps, relative = np.diff(np.log(x)), errors / values
+    exponents = np.diff(np.log(values)) / steps
+    return np.sqrt(x[1:] * x[:-1]), exponents, np.hypot(relative[1:], relative[:-1]) / np.abs(steps)
+
+
 def critical_exponents(omega, G, G0):
     """(½ d ln|G*² − G₀²|/d ln ω, arg(G*² − G₀²)/π), (M,) each: both are Δ where G* ~ (iω)^Δ.
 

@@ -46,6 +46,11 @@ def mean_with_error(values) -> tuple:
     return mean, values.std(axis=0) / math.sqrt(n) * of_few(n)
 
 
+def draws_of(count: int, samples: int, seed: int = 0):
+    """(samples, count) rows drawn with replacement, of as many: those of a bootstrap."""
+    return np.random.default_rng(seed).integers(count, size=(samples, count))
+
+
 def median_interval(values) -> tuple:
     """(low, high) that hold the true median of samples (n, …) in 68 % of cases: (…), nan for n < 3.
 

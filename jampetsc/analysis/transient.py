@@ -10,9 +10,8 @@ from jampetsc.analysis.relaxation import WIDEST, RelaxationSpectrum
 PER_DECADE = 20
 NARROWEST = 0.25  # decades; the window of H is never narrower unless asked for
 _GAPS = 2.0  # its width in gaps between modes: with two, single modes show by a per cent or less
-_BEYOND = (
-    100.0  # times are shown so far beyond the fastest and the slowest mode; there nothing happens any more
-)
+# times are shown so far beyond the fastest and the slowest mode; there nothing happens any more
+_BEYOND = 100.0
 _GROWTH = 5.0  # creep that grows is followed for so many times its time constant
 
 

@@ -18,7 +18,7 @@ from jampetsc.core.neighbours import neighbour_pairs
 from jampetsc.core.pairs import deformed
 from jampetsc.core.potentials import Potential
 from jampetsc.errors import ConvergenceError, InputError, named
-from jampetsc.flows.quasistatic_shear import SlowShear, look_at
+from jampetsc.flows.quasistatic_shear import SlowShear, minimum_of
 from jampetsc.minimise.descent import Goal
 from jampetsc.minimise.minimise import minimise, settle
 from jampetsc.minimise.protocols import random_start
@@ -129,12 +129,12 @@ def _quenched(start: Disks, solver, tolerance):
         disks = minimise(start, Goal(), solver, tolerance=tolerance).disks
     except ConvergenceError:
         return {}, None, False
-    found = look_at(disks)
+    found = minimum_of(disks)
     return _known(found, disks.n), disks, found.jammed
 
 
 def _known(found, n):
-    """What a `slowly.Look` says, per disk."""
+    """What a `Minimum` says, per disk."""
     known = {"energy": found.energy / n, "jammed": float(found.jammed)}
     return known | {name: getattr(found, name) for name in ("pressure", "coordination")}
 
@@ -149,7 +149,7 @@ def _sheared(protocol, start, solver, tolerance):
         while len(rows) < protocol.rows:
             for _ in range(every):
                 slow.advance()
-            rows.append({"strain": slow.strain, **_known(look_at(slow.disks), slow.disks.n)})
+            rows.append({"strain": slow.strain, **_known(minimum_of(slow.disks), slow.disks.n)})
     except ConvergenceError:
         pass
     return rows + [{}] * (protocol.rows - len(rows))

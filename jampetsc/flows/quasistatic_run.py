@@ -7,17 +7,17 @@ import numpy as np
 
 from jampetsc.analysis.averages import Average
 from jampetsc.core.disks import PLACES, Disks
+from jampetsc.flows.facts import facts_of_disks, run_provenance
 from jampetsc.flows.means import facts_of, left_out, short, worth
 from jampetsc.flows.quasistatic_shear import ENERGY_CUT, SHARE, SlowShear
 from jampetsc.flows.record import Record, remove_checkpoint, resumed, write_checkpoint, write_record
 from jampetsc.flows.run import INTERVAL, LINES
 from jampetsc.io.packing_file import write_packing
-from jampetsc.io.provenance import provenance
 from jampetsc.petsc import session
 from jampetsc.progress import Progress
 
 FORMAT = "jampetsc-shear"
-# per step: strain, then what `slowly.Look` and `slowly.Step` have
+# per step: strain, then what `quasistatic_shear.Minimum` and `Step` have
 COLUMNS = {
     "strain": 0, "energy": 0, "shear_stress": 0, "pressure": 0, "jammed": 0, "coordination": 0, "nonaffine": 0,
     "dissipated": 0, "plastic": 0, "evaluations": 0,
@@ -92,26 +92,20 @@ def execute(run: SlowRun, solver, to, last=None, team=None) -> str:
 
 
 def _facts(run, averages, slow, seconds):
-    running, potential = session.current(), run.disks.potential
     return {
-        **provenance(
-            versions=session.versions(), scalar_type=running.scalar_type, petsc_options=running.options_told(),
-            ranks=1, packing=(None, None), law={}, wall_seconds=seconds,
-        ),
+        **run_provenance(seconds, session.current()),
         **run.origin,
         "step": run.step,
         "phi": run.disks.phi,
         "particle_count": run.disks.n,
-        "potential": potential.kind,
-        "stiffness": potential.stiffness,
-        "k": float(potential.k),
+        **facts_of_disks(run.disks),
         "tolerance": run.tolerance,
         "discard": run.discard,
         "energy_cut": ENERGY_CUT,
         "plastic_share": SHARE,
         "newton_steps": slow.effort.newton_steps,
         **facts_of(**averages),
-    }  # fmt: skip
+    }
 
 
 def _summary(run, to, averages, record):

@@ -37,7 +37,7 @@ SHARE = 0.25  # of G_A V Δγ²: what a step must dissipate to be a plastic even
 
 
 @dataclass(frozen=True)
-class Look:
+class Minimum:
     """What is kept of a minimum."""
 
     energy: float  # U
@@ -62,10 +62,10 @@ class Step:
     evaluations: int  # of forces
 
 
-def look_at(disks: Disks) -> Look:
+def minimum_of(disks: Disks) -> Minimum:
     """Energy, stress and contacts of disks at a minimum."""
     state = measure(disks)
-    return Look(
+    return Minimum(
         state.energy,
         float(state.stress[0, 1]),
         state.pressure,
@@ -128,7 +128,7 @@ class SlowShear(ListedDisks):
         usual = scale * (2.0 * pressure * self.diameter * scale / law.k) ** (1.0 / (law.alpha - 1.0))
         self._stiffness = float(law.contact_stiffness(usual, self.diameter))
         self._factorise()
-        self.found = self._look(self._forces())
+        self.found = self._minimum(self._forces())
 
     def _arrange(self):
         """An order of elimination for the disks where they are now."""
@@ -213,7 +213,7 @@ class SlowShear(ListedDisks):
         self.steps += 1
         size, longest = compiled.without_drift(self._moved)
         self.last = self._moved if longest < LONGEST * self.diameter else np.zeros_like(self._moved)
-        self.found = now = self._look(sums)
+        self.found = now = self._minimum(sums)
         work = 0.5 * (before.shear_stress + now.shear_stress) * self.area * self.step
         dissipated = work - (now.energy - before.energy)
         return Step(
@@ -227,12 +227,12 @@ class SlowShear(ListedDisks):
         """Sums of `bond_forces` as it is now."""
         return self._go_down(np.empty_like(self.offsets), self.tolerance, 0)[2]
 
-    def _look(self, sums):
+    def _minimum(self, sums):
         disks, n = self.reference, self.reference.n
         contacts, stiffness = compiled.contacts_at(self.pairs.arrays, self.offsets, self.shear, self._law)
         self.affine_modulus = stiffness / self.area
         energy = sums.energy / disks.potential.alpha
-        return Look(
+        return Minimum(
             energy,
             -sums.elastic_xy / self.area,
             0.5 * (sums.elastic_xx + sums.elastic_yy) / self.area,

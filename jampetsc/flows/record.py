@@ -8,7 +8,6 @@ import shutil
 
 import numpy as np
 
-from jampetsc.analysis.order import bond_order
 from jampetsc.errors import InputError, named
 from jampetsc.io.atomic import follow
 from jampetsc.io.checkpoint import Checkpoint, discard, folder_of
@@ -66,17 +65,6 @@ class Record:
             found["snapshots/radii"] = self.radii
         return found
 
-    def order(self, held=0) -> dict:
-        """⟨|ψ₆|⟩ and |⟨ψ₆⟩| of every snapshot, (S,) each, of all disks but the first `held` (see `analysis.order`)."""
-        kept = zip(self.snapshots["positions"], self.snapshots["cell"], strict=True)
-        psi = [bond_order(positions, cell)[held:] for positions, cell in kept]
-        if not psi:
-            return {}
-        return {
-            "snapshots/psi6_local": np.abs(psi).mean(1),
-            "snapshots/psi6_global": np.abs(np.mean(psi, axis=1)),
-        }
-
     @classmethod
     def of(cls, arrays, columns=None) -> "Record":
         """The record in a result or a checkpoint, a mapping of names to arrays."""
@@ -85,22 +73,22 @@ class Record:
         )
         record.rows = {name: list(np.asarray(arrays[name])) for name in record.columns}
         if "snapshots/strain" in arrays:  # without images, and radii beside them, in older files
-            held = {name: f"snapshots/{name}" for name in SNAPSHOTS}
+            kept = {name: arrays.get(f"snapshots/{name}") for name in SNAPSHOTS}
             record.snapshots = {
-                name: list(np.asarray(arrays[at])) for name, at in held.items() if at in arrays
+                name: list(np.asarray(kept)) for name, kept in kept.items() if kept is not None
             }
             beside = "snapshots/radii" in arrays
             record.radii = np.asarray(arrays["snapshots/radii" if beside else f"{STATE}radii"])
         return record
 
 
-def write_record(writer, record: Record, state: dict, settings: dict, facts: dict, held=0) -> None:
-    """Give a writer the finished result: series, snapshots, their order, state, settings and `facts`, attributes.
+def write_record(writer, record: Record, state: dict, settings: dict, facts: dict) -> None:
+    """Give a writer the finished result: series, snapshots, state, settings and `facts`, attributes.
 
-    The first `held` disks are those of walls. Collective as the writer is. Raises as ResultWriter.
+    Collective as the writer is. Raises as ResultWriter.
     """
     with writer:
-        for name, array in (record.datasets() | record.order(held)).items():
+        for name, array in record.datasets().items():
             writer.dataset(name, array)
         for name, value in state.items():
             writer.dataset(f"state/{name}", value)

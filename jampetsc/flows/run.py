@@ -145,14 +145,14 @@ def run(shear: Shear, plan: Plan, out, settings: dict, record=None) -> Record:
 
 
 def _row(shear, steps, record):
-    """One row: means over `steps` time steps, and a look at their end."""
+    """One row: means over `steps` time steps, and a survey at their end."""
     shear.seen[:] = 0.0
     left = steps
     while left > 0:
         shear.advance(min(left, BATCH))
         left -= BATCH
     seen = dict(zip(TALLY, shear.seen / shear.seen[TALLY.index("steps")], strict=True))
-    area, look = shear.reference.area, shear.look()
+    area, survey = shear.reference.area, shear.survey()
     walls = seen_between_walls(shear) if shear.held else {}
     record.add(
         strain=shear.strain,
@@ -161,10 +161,10 @@ def _row(shear, steps, record):
         pressure=[seen[part] / (2.0 * area) for part in ("elastic", "viscous", "kinetic")],
         energy=seen["energy"],
         dissipation=seen["dissipation"],
-        coordination=look.coordination,
-        clusters=look.clusters,
-        largest_cluster=look.largest_cluster,
-        deepest_overlap=look.deepest,
+        coordination=survey.coordination,
+        clusters=survey.clusters,
+        largest_cluster=survey.largest_cluster,
+        deepest_overlap=survey.deepest,
         **walls,
     )
 

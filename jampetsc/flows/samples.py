@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 from jampetsc.collective import on_root
 from jampetsc.core.potentials import Potential
+from jampetsc.flows.facts import run_provenance
 from jampetsc.flows.jamming import Protocol, samples
 from jampetsc.flows.quasistatic_shear import ENERGY_CUT
 from jampetsc.flows.record import Record, remove_checkpoint, resumed, write_checkpoint
-from jampetsc.io.provenance import provenance
 from jampetsc.minimise.sizes import in_small_diameters, radii_of
 from jampetsc.petsc import session
 from jampetsc.progress import Progress
@@ -88,25 +88,13 @@ def execute(asked: Samples, solver, to) -> Record:
     with to.writer(FORMAT, comm) as writer:
         for name in protocol.columns:
             writer.dataset(name, record.series(name))
-        writer.attributes(**_facts(asked, running, time.perf_counter() - began))
+        own = {
+            "stiffness": STIFFNESS,
+            "units": asked.units,
+            "energy_cut": ENERGY_CUT,
+            "protocol": protocol.name,
+        }
+        how = run_provenance(time.perf_counter() - began, running, running.size)
+        writer.attributes(**how | own | asked.facts | protocol.facts)
     on_root(comm, lambda: remove_checkpoint(to.kept))
     return record
-
-
-def _facts(asked, running, seconds):
-    common = provenance(
-        versions=session.versions(),
-        scalar_type=running.scalar_type,
-        petsc_options=running.options_told(),
-        ranks=running.size,
-        packing=(None, None),
-        law={},
-        wall_seconds=seconds,
-    )
-    own = {
-        "stiffness": STIFFNESS,
-        "units": asked.units,
-        "energy_cut": ENERGY_CUT,
-        "protocol": asked.protocol.name,
-    }
-    return common | own | asked.facts | asked.protocol.facts

@@ -1,142 +1,31 @@
-"""Disks under steady shear: their state, and how it goes on from one pair list to the next."""
-
-from dataclasses import dataclass, replace
+"""Time steps of steady shear, from one pair list to the next."""
 
 import numpy as np
 
-from jampetsc.core.disks import PLACES, Disks
-from jampetsc.core.domains import borders, into_domains
-from jampetsc.core.neighbours import spatial_order
-from jampetsc.core.pairs import ListedDisks, deformed
+from jampetsc.core.pairs import deformed
 from jampetsc.core.threads import Team
 from jampetsc.errors import ConvergenceError, named
 from jampetsc.flows import moves
 from jampetsc.flows import steps as compiled
-from jampetsc.flows.clusters import find_clusters_of, unite_clusters
 from jampetsc.flows.models import Model, Scheme, stiffest
-from jampetsc.flows.resistance import Graph, Search, deepest_overlap, find_contacts_of
+from jampetsc.flows.sheared import ShearedDisks
 
-NEAR = 0.2  # of the skin of a list is that of the near pairs which forces are computed of; with these
 REACH = 0.25  # of the largest diameter: what a disk moves at most in a part of a step that was divided
 SMALLEST = 2.0**-30  # of a time step: such a part has no end
-SORTED = 0.25  # strain after which disks are put anew into an order in which domains are compact
 REBUILD = 25.0  # evaluations may go into a list: its width costs only where near pairs are chosen
 
 
-@dataclass(frozen=True)
-class Survey:
-    """What is looked at now and then: contacts, their clusters, the deepest overlap."""
+class Shear(ShearedDisks):
+    """Disks that `advance` shears; `team` does the steps: how many threads it has does not change them."""
 
-    coordination: float  # Z, mean number of contacts of disks that move, rattlers included
-    clusters: int  # connected ones, single disks included
-    largest_cluster: int  # its disks
-    deepest: float  # largest δ/σ
-
-
-class Shear(ListedDisks):
-    """N disks sheared at a rate γ̇ under Lees–Edwards conditions.
-
-    After `advance` the packing is `disks`, in a cell with tilt |γ| ≤ ½ Lx/Ly, at total strain `strain`, and
-    `velocities_now()` are the non-affine velocities. `seen` sums what every time step saw (see `steps.TALLY`).
-    The first `held` disks are those of walls, which go with the affine flow (see `walls`). `team` does the steps: how
-    many threads it has does not change them.
-
-    Inside, many disks have an order of their own, from patch to patch: disk a here is disk order[a] of those given.
-    """
-
-    ARRAYS = ("offsets", "velocities", "accelerations", "spins", "spin_rates")
-
-    def __init__(
-        self, disks: Disks, model: Model, rate: float, scheme: Scheme, team: Team | None = None, held=0
-    ):
-        self.model, self.rate, self.scheme = model, rate, scheme
-        self.held, self.team = held, team or Team()
-        n = disks.n
-        self.unit = float(disks.potential.k * model.law.tau1)  # kτ₁, of all weights
+    def __init__(self, disks, model: Model, rate: float, scheme: Scheme, team: Team | None = None, held=0):
+        super().__init__(disks, model, rate, scheme, held)
+        self.team = team or Team()
         # steps beyond 2 c/k are unstable, in parts too
         weights = [self.unit * weight for weight in model.law.on_contacts if weight]
         self.divides = bool(
             weights and not model.mass and scheme.step * stiffest(disks) <= 2.0 * min(weights)
         )
-        self.inertia = 0.5 * model.mass * disks.radii**2  # uniform disks
-        self.steps = 0  # time steps done in all
-        self.since = 0  # of them, since the list was made
-        self.rebuilds = 0
-        self.substeps = 0  # parts of steps that were divided
-        self.velocities = np.zeros((n, 2))
-        self.accelerations = np.zeros((n, 2))
-        self.spins, self.spin_rates = np.zeros(n), np.zeros(n)
-        self.seen = np.zeros(len(moves.TALLY))
-        self._borders = np.minimum(borders(n), n)
-        self.order, self._sorted_at = np.arange(n), -np.inf  # strain
-        sums = np.zeros((2, len(self._borders) - 1, moves.SUMMED + 2))
-        self._room = np.empty((2, n, 2)), np.empty((n, 2)), sums
-        self._ahead, self._direction = np.empty((n, 2)), np.empty((3, n, 2))
-        super().__init__(self._sorted(replace(disks, images=np.zeros((n, 2), int)).folded()))
-        if held and model.mass:  # at rest when the walls begin to slide
-            middle = 0.5 * disks.cell[1, 1]
-            self.velocities[held:, 0] = rate * (middle - self.reference.positions[held:, 1])
-        self.started = False
-
-    def list(self, disks):
-        """See `ListedDisks`; the disks are those at γ_ref."""
-        super().list(disks)
-        self.since = 0
-        domains = into_domains(self.pairs, self._borders)
-        self.lists = domains, domains.room()
-        if self.solves:
-            weights, number = self.model.law.on_contacts, domains.number
-            graph = Graph.room(domains, disks.n, self.held, weights[0] != weights[1])
-            self._contacts = compiled.Contacts(graph, Search(*self._direction, np.empty((2, number, 3))))
-
-    def fold(self):
-        """See `ListedDisks`."""
-        self.list(self._sorted(self.here))
-
-    def _sorted(self, disks):
-        """The disks, and what belongs to them, in an order in which domains are compact, from time to time."""
-        if len(self._borders) == 2 or abs(self.strain - self._sorted_at) < SORTED:
-            return disks
-        self._sorted_at, held = self.strain, self.held
-        order = np.append(np.arange(held), held + spatial_order(disks.positions[held:], disks.cell))
-        for name in (*self.ARRAYS[1:], "inertia", "order"):
-            setattr(self, name, getattr(self, name)[order])
-        return disks.reordered(order)
-
-    @property
-    def _back(self):
-        """The order (N,) in which disks here are those given."""
-        return np.argsort(self.order)
-
-    @property
-    def solves(self) -> bool:
-        """Whether velocities are found by conjugate gradients."""
-        return self.scheme.method != "verlet" and bool(self.model.law.damps_contacts or self.model.mass)
-
-    @property
-    def box(self):
-        """See `ListedDisks`."""
-        return 0.0, self.shear
-
-    @property
-    def strain(self) -> float:
-        """Total strain γ since the start."""
-        return self.steps * self.rate * self.scheme.step
-
-    @property
-    def shear(self) -> float:
-        """g = γ − γ_ref."""
-        return self.since * self.rate * self.scheme.step
-
-    @property
-    def here(self) -> Disks:
-        """The packing as it is now, folded, in the order inside."""
-        return super().disks.folded()
-
-    @property
-    def disks(self) -> Disks:
-        """The packing as it is now, folded."""
-        return self.here.reordered(self._back)
 
     def advance(self, steps: int) -> None:
         """So many time steps. Raises ConvergenceError where the time step is too long for them.
@@ -219,39 +108,11 @@ class Shear(ListedDisks):
         self.velocities = self.velocities - half * self.accelerations
         self.spins = self.spins - half * self.spin_rates
 
-    def residual(self, u, rolling=None):
-        """m u̇ (N, 2) at velocities u (N, 2); see `steps.residual_at`."""
-        forces, listed = np.empty_like(u), self.lists[0]
-        for d in range(listed.number):
-            compiled.residual_at(listed, d, self.offsets, self.shear, self.task(), u, forces, rolling)
-        return forces
-
     @property
     def _effort(self) -> float:
         """Cost of a time step that depends on the length of the list, in elastic force evaluations."""
         each = 1.5 if self.scheme.method == "verlet" else 5.0 if self.model.law.damps_contacts else 1.0
         return 2.0 * each if self.scheme.heun else each
-
-    def task(self, part: float = 1.0) -> moves.Task:
-        """What compiled steps from here are, or such a part of them."""
-        unit, scheme = self.unit, self.scheme
-        return moves.Task(
-            law=self.reference.potential.constants,
-            weights=tuple(unit * w for w in self.model.law.on_contacts),
-            drag=unit * self.model.drag,
-            mass=float(self.model.mass),
-            rate=float(self.rate),
-            background=unit * self.model.law.eta_f * self.reference.area,
-            held=self.held,
-            listed=(self.largest, self.skin, NEAR * self.skin),
-            step=part * scheme.step,
-            heun=scheme.heun,
-            tolerance=float(scheme.tolerance),
-            since=self.since,
-        )
-
-    def _space(self, velocities):
-        return moves.Space(*self.lists, self.offsets, self._ahead, velocities, *self._room, self.seen)
 
     def _run(self, steps, part=1.0):
         """Time steps, or such a part of them, with the list there is: (how many, status)."""
@@ -268,71 +129,3 @@ class Shear(ListedDisks):
             run, rest = compiled.contact_steps, (self._contacts,)
         space, shares = self._space(self.velocities), self.lists[0].number
         return self.team.run(run, shares, space, self.task(part), *rest, steps)[::-1]
-
-    def look(self) -> Survey:
-        """Contacts as they are now."""
-        (domains, _), o, shear, held = self.lists, self.offsets, self.shear, self.held
-        graph = Graph.room(domains, len(o), held, False)
-        for d in range(domains.number):
-            find_contacts_of(domains, d, o, shear, graph)
-            find_clusters_of(graph, d, o)
-        number, largest = unite_clusters(domains, graph)
-        deepest = deepest_overlap(self.pairs.arrays, o, shear)
-        return Survey(float(graph.number[held:].mean()), number, largest, deepest)
-
-    def velocities_now(self) -> np.ndarray:
-        """Non-affine velocities (N, 2) at the positions as they are now, of `disks`; see `velocities_here`."""
-        return self.velocities_here()[self._back]
-
-    def velocities_here(self) -> np.ndarray:
-        """Non-affine velocities (N, 2) at the positions as they are now, of `here`: those the next step begins with.
-
-        With them it takes its stresses and what is dissipated. By backward Euler they are the solution for that step:
-        those of the last one belong to the contacts that there were before it.
-        """
-        if self.scheme.method == "verlet":  # half a step on
-            return self.velocities + 0.5 * self.scheme.step * self.accelerations
-        if not self.solves:
-            return self.residual(np.zeros_like(self.velocities)) / (self.unit * self.model.drag)
-        u = self.velocities.copy()
-        place = self._space(u), self.task(), self._contacts, self.lists[0], self.offsets, self.shear, u
-        compiled.balance(0, 1, np.zeros(1, np.int64), *place)
-        return u
-
-    def spins_now(self) -> np.ndarray | None:
-        """Angular velocities (N,) at the same moment, of `disks`; None where disks do not roll."""
-        if not self.model.law.couples_rotations:
-            return None
-        return (self.spins + 0.5 * self.scheme.step * self.spin_rates)[self._back]
-
-    def state(self) -> dict:
-        """Everything that goes on from here, as arrays and numbers; `restore` takes it back to the last bit.
-
-        Disks are in the order they were given.
-        """
-        back = self._back
-        arrays, reference = (
-            {name: getattr(self, name)[back] for name in self.ARRAYS},
-            self.reference.reordered(back),
-        )
-        arrays |= {name: getattr(reference, name) for name in PLACES}
-        counts = {name: getattr(self, name) for name in ("steps", "since", "rebuilds", "substeps")}
-        arrays |= {"seen": self.seen.copy(), "skin": self.skin, "started": self.started, **counts}
-        return arrays | {"images": reference.images, "order": self.order, "sorted_at": self._sorted_at}
-
-    def restore(self, state: dict) -> None:
-        """Go on from what `state` gave."""
-        self.skin = float(state["skin"])
-        # older files have no order: disks are as they were given, nor images
-        disks, self.order = self.disks, np.asarray(state.get("order", np.arange(len(self.order))), int)
-        self._sorted_at = float(state.get("sorted_at", -np.inf))
-        places = {name: np.asarray(state[name], float) for name in PLACES}
-        images = state.get("images", disks.images)
-        self.list(replace(disks, images=images, **places).reordered(self.order))
-        self.inertia = 0.5 * self.model.mass * self.reference.radii**2
-        for name in self.ARRAYS:
-            setattr(self, name, np.array(state[name], float)[self.order])
-        self.seen = np.array(state["seen"], float)
-        self.steps, self.since, self.rebuilds = (int(state[name]) for name in ("steps", "since", "rebuilds"))
-        self.substeps = int(state.get("substeps", 0))  # which older files do not have
-        self.started = bool(state["started"])

@@ -9,6 +9,7 @@ from jampetsc.core.disks import Disks
 from jampetsc.core.laws import Law
 from jampetsc.core.state import find_contacts
 from jampetsc.errors import ConvergenceError, InputError, named
+from jampetsc.flows.facts import facts_of_disks, run_provenance
 from jampetsc.flows.means import Means, left_out, worth
 from jampetsc.flows.models import Model, Scheme, scheme_for
 from jampetsc.flows.record import (
@@ -26,8 +27,6 @@ from jampetsc.flows.shearing import Shear
 from jampetsc.flows.walls import phi_between
 from jampetsc.io.hdf5 import attributes, check_format, open_file, reading
 from jampetsc.io.packing_file import write_packing
-from jampetsc.io.provenance import provenance
-from jampetsc.petsc import session
 
 DEEPEST = 0.5  # overlap of two disks, in units of σ, beyond which a start is none of soft disks
 UNTOUCHED = 1e-6  # p/(γ̇ kτ₁) of disks that do not touch; what a start left of overlaps fades only slowly
@@ -134,46 +133,33 @@ def execute(run: FlowRun, to, last=None, team=None) -> Means:
             f"phi = {run.phi:.4g}: no two disks touched within the strain of {shear.strain:.3g}: "
             f"choose a larger {named('phi')}, or a longer {named('strain')}"
         )
-    facts = _facts(run, means, time.perf_counter() - began)
-    facts |= {"substeps": shear.substeps}
+    facts = _facts(run, means, time.perf_counter() - began) | {"substeps": shear.substeps}
     write_checkpoint(to.kept, record, shear.state(), settings)  # in case one of the files cannot be written
     if last is not None:
         protocol = f"steady shear, {run.model}, rate {run.rate:g}"
         write_packing(last, shear.disks.with_record(protocol=protocol))
     state = shear.state() | {"radii": run.disks.radii}
     # a file that goes on in place is replaced last
-    write_record(to.writer(FORMAT), record, state, run.settings, facts, held=run.held)
+    write_record(to.writer(FORMAT), record, state, run.settings, facts)
     remove_checkpoint(to.kept)
     return means
 
 
 def _facts(run, means, seconds):
     """Attributes of the file."""
-    disks, model, potential = run.disks, run.model, run.disks.potential
-    unit = potential.k * model.law.tau1
+    disks, model, k = run.disks, run.model, run.disks.potential.k
     law = model.law.parameters if model.law.family else {"tau1": model.law.tau1}
-    common = provenance(
-        versions=session.versions(),
-        scalar_type=None,
-        petsc_options=None,
-        ranks=1,
-        packing=(None, None),
-        law=law,
-        wall_seconds=seconds,
-    )
     return {
-        **common,
+        **run_provenance(seconds, law=law),
         **run.origin,
         "model": str(model),
         "rate": run.rate,
         "phi": run.phi,
         "mass": model.mass,
-        "quality": float(np.sqrt(model.mass * potential.k)) / unit if model.mass else None,
+        "quality": float(np.sqrt(model.mass * k)) / (k * model.law.tau1) if model.mass else None,
         "friction": model.friction,
         "particle_count": disks.n - run.held,
-        "potential": potential.kind,
-        "stiffness": potential.stiffness,
-        "k": float(potential.k),
+        **facts_of_disks(disks),
         "step": run.scheme.step,
         "method": run.scheme.method,
         "tolerance": run.scheme.tolerance,

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.analysis.averages import Average
+from jampetsc.analysis.statistics import draws_of
 from jampetsc.analysis.velocities import lane_products
 from jampetsc.errors import InputError, named
 
@@ -57,7 +58,7 @@ def _minimum_errors(x, products, pairs, squares):
     products, pairs = (np.array([block.sum(0) for block in part]) for part in parts[:2])
     squares = np.array([block.mean() for block in parts[2]])
     found = []
-    for draw in np.random.default_rng(0).integers(BLOCKS, size=(DRAWS, BLOCKS)):
+    for draw in draws_of(BLOCKS, DRAWS):
         with np.errstate(invalid="ignore"):
             g = products[draw].sum(0) / pairs[draw].sum(0) / squares[draw].mean()
         found.append(_minimum(x, g))

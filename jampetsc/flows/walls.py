@@ -25,10 +25,8 @@ from jampetsc.flows.record import LAYERS
 from jampetsc.flows.shearing import Shear
 
 GAP = 0.05  # between the disks of a row, in units of their diameters: they never touch
-SETTLING = (
-    2000,
-    0.05,
-)  # time steps of a random start at rest, and their length in units of the smallest k_d d²/k_e
+# time steps of a random start at rest, and their length in units of the smallest k_d d²/k_e
+SETTLING = 2000, 0.05
 
 
 def phi_between(disks: Disks, held: int) -> float:
@@ -114,16 +112,7 @@ def stress_on_walls(shear: Shear, u) -> tuple[float, float]:
     for side, sign in ((above, 1.0), ((lower | upper) & ~above, -1.0)):
         pairs = i[side], j[side], np.ascontiguousarray(r0[:, side]), sigma[side]
         forces = np.empty_like(shear.offsets)
-        bond_forces(
-            pairs,
-            shear.offsets,
-            0.0,
-            shear.shear,
-            task.law,
-            forces,
-            motion,
-            rolling,
-        )
+        bond_forces(pairs, shear.offsets, 0.0, shear.shear, task.law, forces, motion, rolling)
         total += sign * forces[: shear.held].sum(0)
     width = 2.0 * shear.reference.cell[0, 0]
     return float(total[0] / width), float(-total[1] / width)

@@ -7,6 +7,7 @@ import numpy as np
 from jampetsc.analysis.statistics import mean_with_error, median_interval, median_with_error
 from jampetsc.errors import InputError
 from jampetsc.plots.curves import Curve
+from jampetsc.plots.picture import grouped
 
 STATISTICS = {"mean": mean_with_error, "median": median_with_error}
 BANDS = {name: f"{name}, 68 % interval" for name in STATISTICS}  # what `bounds` are
@@ -22,22 +23,25 @@ def average_curves(curves, statistic="mean") -> list[Curve]:
     that makes up all of a mean: the median knows it only as one of many.
     Raises InputError for sweeps of one packing, and for frequencies that differ, among those of one curve.
     """
-    groups = {}
-    for curve in curves:
-        groups.setdefault(str(curve.description), []).append(curve)
+    groups = grouped(curves, lambda curve: str(curve.description))
     return [_average(group, statistic) for group in groups.values()]
 
 
-def _average(curves, statistic):
+def require_same_frequencies(curves) -> None:
+    """Raise InputError where curves that are averaged have other frequencies than the first."""
     first = curves[0]
-    seen = {}
     for curve in curves:
-        if len(curve.omega) != len(first.omega) or not np.allclose(
-            curve.omega, first.omega, rtol=_SAME, atol=0
-        ):
+        same = len(curve.omega) == len(first.omega)
+        if not (same and np.allclose(curve.omega, first.omega, rtol=_SAME, atol=0)):
             raise InputError(
                 f"{curve.name}: other frequencies than {first.name}: a mean needs the same; draw them as files"
             )
+
+
+def _average(curves, statistic):
+    first, seen = curves[0], {}
+    require_same_frequencies(curves)
+    for curve in curves:
         packing = curve.attributes.get("packing_sha256")
         if packing in seen:
             raise InputError(

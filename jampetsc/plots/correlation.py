@@ -7,7 +7,12 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
 from matplotlib.patches import Patch
 
-from jampetsc.analysis.correlations import LOG_EXPONENT, length_spread, medium_collapse, stokes_collapse
+from jampetsc.analysis.correlation_lengths import (
+    LOG_EXPONENT,
+    length_spread,
+    medium_collapse,
+    stokes_collapse,
+)
 from jampetsc.analysis.medium import dragged, first_root, solid
 from jampetsc.errors import InputError, named
 from jampetsc.plots.curves import Curve, group_curves
@@ -28,10 +33,8 @@ from jampetsc.plots.units import units_of
 
 _DASHES = ("-", DASHED, DOTTED, (0, (4, 1.2, 1, 1.2)))  # of files, where colours tell frequencies
 _PARTS = (("Re", "-", 0), ("Im", DASHED, 1))
-SYMBOLS = {
-    "stress": r"$u_y/\sigma$",
-    "strain": r"$u_y/\gamma$",
-}  # phase -> complex amplitudes of which parts are taken
+# phase -> complex amplitudes of which parts are taken
+SYMBOLS = {"stress": r"$u_y/\sigma$", "strain": r"$u_y/\gamma$"}
 _LEGEND_ROWS = 5  # more frequencies than this get a colour bar instead
 _FEW = 3  # so many or fewer: bands and the other lane widths are drawn too
 _SAME = 0.01  # frequencies closer than this, relatively, are one

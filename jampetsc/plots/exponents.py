@@ -2,12 +2,27 @@
 
 import numpy as np
 
-from jampetsc.analysis.scaling import BORDER, critical_exponents, local_slope, low_frequency_limit
+from jampetsc.analysis.scaling import (
+    BORDER,
+    critical_exponents,
+    local_exponents,
+    local_slope,
+    low_frequency_limit,
+)
 from jampetsc.analysis.statistics import log_median, mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.io.reader import SweepResult
+from jampetsc.plots.averages import require_same_frequencies
 from jampetsc.plots.curves import Curve, curve_of, group_curves
-from jampetsc.plots.floppy import PRESTRESS, QUANTITIES, groups_of, unstable, values_of
+from jampetsc.plots.floppy import (
+    PRESTRESS,
+    QUANTITIES,
+    groups_of,
+    handles_of,
+    unstable,
+    value_of,
+    values_of,
+)
 from jampetsc.plots.page import band, points
 from jampetsc.plots.picture import count, picture
 from jampetsc.plots.style import GREY, LOSS, PAGE, STORAGE, entry, hidden, looks
@@ -70,23 +85,20 @@ def exponent_samples(curves):
     Raises InputError where frequencies differ, or do not begin in the quasistatic limit.
     """
     omega = curves[0].omega
-    for curve in curves:
-        if len(curve.omega) != len(omega) or not np.allclose(curve.omega, omega, rtol=1e-9, atol=0):
-            raise InputError(f"{curve.name}: other frequencies than {curves[0].name}: a mean needs the same")
+    require_same_frequencies(curves)
     limits = [low_frequency_limit(curve.omega, curve.G) for curve in curves]
-    powers = [
-        critical_exponents(omega, curve.G, limit.modulus) for curve, limit in zip(curves, limits, strict=True)
+    samples = [
+        (
+            *critical_exponents(omega, curve.G, limit.modulus),
+            curve.G.imag / curve.G.real,
+            local_slope(omega, curve.G.imag),
+        )
+        for curve, limit in zip(curves, limits, strict=True)
     ]
-    G = np.array([curve.G for curve in curves])
-    slopes = np.array([local_slope(omega, one.imag) for one in G])
-    mean = [np.mean([getattr(limit, name) for limit in limits]) for name in ("modulus", "viscosity")]
-    samples = (
-        np.array([one[0] for one in powers]),
-        np.array([one[1] for one in powers]),
-        G.imag / G.real,
-        slopes,
+    modulus, viscosity = (
+        np.mean([getattr(limit, name) for limit in limits]) for name in ("modulus", "viscosity")
     )
-    return omega, samples, omega > mean[0] / mean[1]
+    return omega, np.swapaxes(samples, 0, 1), omega > modulus / viscosity
 
 
 def draw_pressure_exponents(results, page) -> str:
@@ -101,20 +113,17 @@ def draw_pressure_exponents(results, page) -> str:
     sizes = [size for size in sorted(levels) if len(levels[size]) >= _FEWEST]
     if not sizes:
         raise InputError(f"{results[0].path}: one pressure: local exponents need files at several")
-    axes = page.panels(2, 3, PAGE, 2 * HEIGHT)
+    axes, styles = page.panels(2, 3, PAGE, 2 * HEIGHT), dict(zip(sizes, looks(len(sizes)), strict=True))
     for ax, (name, (symbol, limit)) in zip(axes, _LIMITS.items(), strict=True):
         ax.axhline(limit, color=GREY, linewidth=0.8, linestyle=":", zorder=1)
-        for size, look in zip(sizes, looks(len(sizes)), strict=True):
+        for size, look in styles.items():
             for prefix, words, face in PRESTRESS:
-                samples = values_of(results, groups, size, name, prefix)
+                samples = values_of(results, groups, size, value_of, name, prefix)
                 label = hidden(f"$N={size}$, {words}")
                 points(ax, *local_exponents_of(levels[size], samples), label=label, **look, **face)
         ax.set(xlabel="$p/k$", ylabel=rf"$d\,\ln {symbol}\,/\,d\,\ln p$", xscale="log")
         ax.set(xlim=(min(p for _, p in groups), max(p for _, p in groups)), ylim=(limit - 0.5, limit + 0.5))
-    handles = [entry(f"$N={size}$", **look) for size, look in zip(sizes, looks(len(sizes)), strict=True)]
-    page.legend(
-        axes[2], handles + [entry(words, marker="o", mew=0.7, **face) for _, words, face in PRESTRESS]
-    )
+    page.legend(axes[2], handles_of(styles))
     of = count(results, "file", "files")
     return f"local exponents of G0, eta0 and omega* against p of {of}{unstable(results)}"
 
@@ -129,5 +138,4 @@ def local_exponents_of(levels, samples):
         for one in samples
     ]
     logs, errors = np.transpose(known)
-    steps = np.diff(np.log(levels))
-    return np.sqrt(levels[1:] * levels[:-1]), np.diff(logs) / steps, np.hypot(errors[1:], errors[:-1]) / steps
+    return local_exponents(levels, np.exp(logs), np.exp(logs) * errors)

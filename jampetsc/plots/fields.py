@@ -6,14 +6,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 
 from jampetsc.errors import InputError
-from jampetsc.io.fields import (
-    PHASES,
-    chosen_frequencies,
-    field_at,
-    packing_of,
-    particle_rows,
-    phase_factor,
-)
+from jampetsc.io.fields import PHASES, chosen_frequencies, field_at, packing_of, particle_rows, phase_factor
 from jampetsc.io.snapshots import snapshot
 from jampetsc.plots.correlation import OMEGA
 from jampetsc.plots.packing import circles
@@ -24,6 +17,7 @@ from jampetsc.plots.periodic import (
     lay_out,
     points_per_length,
     segment_images,
+    within,
     wrap,
 )
 from jampetsc.plots.picture import PACKING, Option, picture
@@ -155,64 +149,43 @@ def draw_panels(page, disks, panels, particles, symbol) -> None:
 def _draw(page, disks, panels, particles, symbol, rows, columns):
     """Panels [(title, field, rotations or None, name of the row), …] on cells of one size; gives the axes."""
     axes = cells(page, [disks.cell], rows, columns, COLUMN if columns <= 2 else PAGE)
-    shown = _Fields(disks, particles)
-    outlines = []
+    centres = wrap(disks.positions, disks.cell)
+    chosen = _spread(centres[particles], disks.cell)
+    spacing, outlines = np.sqrt(disks.area / max(len(chosen), 1)), []
     for ax, (title, u, spin, row) in zip(axes, panels, strict=True):
+        factor = _factor(u, spacing)
+        scales = rf"arrows ${number(factor)}\,{symbol}$" if factor else f"${symbol}=0$"
+        if spin is not None:
+            scales += rf",  $\theta_{{\rm rms}}={number(_rms(spin))}\,\gamma$"
         ax.set_title(title, pad=3)
         ax.set_ylabel(row, fontsize=9)
-        ax.set_xlabel(shown.scales(u, spin, symbol), fontsize=_SMALL, labelpad=3)
+        ax.set_xlabel(scales, fontsize=_SMALL, labelpad=3)
         outlines.append(frame_cell(ax, disks.cell, linewidth=0.4))
-    if shown.note and page.own:
-        page.figure.supxlabel(shown.note, fontsize=_SMALL)
-    lay_out(page, rows, 0.15 if shown.note else 0.0)
+    few = len(chosen) < len(particles)
+    if few and page.own:
+        page.figure.supxlabel(f"arrows on {len(chosen)} of {len(particles)} disks", fontsize=_SMALL)
+    lay_out(page, rows, 0.15 if few else 0.0)
+    images, places = disk_images(centres, disks.radii, disks.cell)
     for ax, outline, (_, u, spin, _) in zip(axes, outlines, panels, strict=True):
-        shown.draw(ax, outline, u, spin)
+        scale, faces = points_per_length(ax), np.ones((disks.n, 4))
+        if spin is not None:
+            faces[particles] = _colours()(0.5 + spin / (2 * _RANGE * (_rms(spin) or 1.0)))
+        look = {"facecolors": faces[images], "edgecolors": "0.72", "linewidths": min(0.3, 0.03 * scale)}
+        drawn = circles(ax, places, 2 * disks.radii[images], **look)
+        within(outline, [drawn], rasterized=disks.n > ARROWS)
+        if factor := _factor(u, spacing):
+            vectors = factor * u[chosen]
+            within(outline, [_arrows(ax, centres[particles][chosen], vectors, disks.cell, scale * spacing)])
     return axes
 
 
-class _Fields:
-    """What all panels share: the packing, and which disks carry an arrow."""
-
-    def __init__(self, disks, particles):
-        self.disks, self.particles = disks, particles
-        self.centres = wrap(disks.positions, disks.cell)
-        self.images = disk_images(self.centres, disks.radii, disks.cell)
-        self.arrows = _spread(self.centres[particles], disks.cell)
-        self.spacing = np.sqrt(disks.area / max(len(self.arrows), 1))
-        few = len(self.arrows) < len(particles)
-        self.note = f"arrows on {len(self.arrows)} of {len(particles)} disks" if few else ""
-
-    def scales(self, u, spin, symbol) -> str:
-        """How many times the field u (n, 2) its arrows are, and the rms of its rotations, in words."""
-        factor = _factor(u, self.spacing)
-        words = rf"arrows ${number(factor)}\,{symbol}$" if factor else f"${symbol}=0$"
-        return words + (rf",  $\theta_{{\rm rms}}={number(_rms(spin))}\,\gamma$" if spin is not None else "")
-
-    def draw(self, ax, outline, u, spin) -> None:
-        """Draw one field u (n, 2) and its rotations (n,) or None within the outline of the cell."""
-        scale, (rows, places) = points_per_length(ax), self.images
-        faces = np.ones((self.disks.n, 4))
-        if spin is not None:
-            faces[self.particles] = _colours()(0.5 + spin / (2 * _RANGE * (_rms(spin) or 1.0)))
-        look = {"facecolors": faces[rows], "edgecolors": "0.72", "linewidths": min(0.3, 0.03 * scale)}
-        drawn = circles(ax, places, 2 * self.disks.radii[rows], zorder=1, **look)
-        drawn.set_rasterized(self.disks.n > ARROWS)
-        ax.add_collection(drawn, autolim=False)
-        drawn.set_clip_path(outline)
-        drawn.set_in_layout(False)
-        factor = _factor(u, self.spacing)
-        if factor:
-            arrows = self._arrows(ax, factor * u[self.arrows], scale)
-            arrows.set_clip_path(outline)
-            arrows.set_in_layout(False)
-
-    def _arrows(self, ax, vectors, scale):
-        """Arrows that begin at their disks; one that leaves the cell goes on at the other side."""
-        rows, starts = segment_images(self.centres[self.particles][self.arrows], vectors, self.disks.cell)
-        width = min(0.7, max(0.3, 0.07 * self.spacing * scale)) * ax.figure.dpi / 72
-        heads = {"headwidth": 4, "headlength": 4.5, "headaxislength": 4, "minlength": 0.3}
-        units = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "units": "dots", "width": width}
-        return ax.quiver(*starts.T, *vectors[rows].T, **units, **heads, zorder=3, label=hidden("arrows"))
+def _arrows(ax, starts, vectors, cell, spacing):
+    """Arrows (M, 2) so many points apart; one that leaves the cell goes on at the other side."""
+    rows, starts = segment_images(starts, vectors, cell)
+    width = min(0.7, max(0.3, 0.07 * spacing)) * ax.figure.dpi / 72
+    heads = {"headwidth": 4, "headlength": 4.5, "headaxislength": 4, "minlength": 0.3}
+    units = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "units": "dots", "width": width}
+    return ax.quiver(*starts.T, *vectors[rows].T, **units, **heads, zorder=3, label=hidden("arrows"))
 
 
 def _colours():

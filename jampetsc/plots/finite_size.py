@@ -6,19 +6,19 @@ from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 from jampetsc.analysis.finite_size import FEWEST, logarithm_of_size
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError, named
-from jampetsc.plots.floppy import BARE, PRESTRESS, draw_intervals, groups_of, unstable, value_of
+from jampetsc.plots.floppy import (
+    BARE,
+    PRESTRESS,
+    draw_medians,
+    groups_of,
+    handles_of,
+    unstable,
+    value_of,
+    values_of,
+)
 from jampetsc.plots.page import points
 from jampetsc.plots.picture import Option, count, picture
-from jampetsc.plots.style import (
-    GREY,
-    PAGE,
-    entry,
-    exponent_text,
-    hidden,
-    looks,
-    power_or_number,
-    power_text,
-)
+from jampetsc.plots.style import GREY, PAGE, entry, exponent_text, looks, power_or_number, power_text
 from jampetsc.plots.units import units_of
 
 HEIGHT = 3.0  # inches
@@ -39,7 +39,13 @@ def plot_finite_size(results, page, size_power=1.0):
 
     Raises InputError for files of several laws, and where pressures are not positive.
     """
-    _require_one_law(results)
+    law = results[0].attributes.get("law")
+    for result in results:
+        if result.attributes.get("law") != law:
+            raise InputError(
+                f"{result.path}: law {result.attributes.get('law')}, {results[0].path.name} has {law}: "
+                f"finite-size pictures show one; choose by {named('where')} law=…"
+            )
     groups = groups_of(results)
     fluid = any(fluid_of(result) > 0 for result in results)
     symbols = [r"\eta_0"] + [r"(\eta_0-\eta_F)"] * fluid
@@ -51,21 +57,9 @@ def plot_finite_size(results, page, size_power=1.0):
         ax.set(xlabel="$N^2p/k$", ylabel=ylabel, xscale="log", yscale="log")
         _draw_collapse(ax, results, groups, styles, size_power, subtracted)
     _draw_sizes(page, axes[-1], results, groups, symbols[-1])
-    handles = [entry(f"$N={size}$", **look) for size, look in styles.items()]
-    handles += [entry(words, marker="o", mew=0.7, **face) for _, words, face in PRESTRESS]
-    handles.append(entry(f"slope ${exponent_text(-size_power / 2)}$", GREY, linestyle="--"))
-    page.legend(axes[0], handles, first="lower left", handlelength=1.8)
+    guide = entry(f"slope ${exponent_text(-size_power / 2)}$", GREY, linestyle="--")
+    page.legend(axes[0], [*handles_of(styles), guide], first="lower left", handlelength=1.8)
     return f"eta0/N^{size_power:g} against pN^2 of {count(results, 'file', 'files')}{unstable(results)}"
-
-
-def _require_one_law(results):
-    law = results[0].attributes.get("law")
-    for result in results:
-        if result.attributes.get("law") != law:
-            raise InputError(
-                f"{result.path}: law {result.attributes.get('law')}, {results[0].path.name} has {law}: "
-                f"finite-size pictures show one; choose by {named('where')} law=…"
-            )
 
 
 def fluid_of(result) -> float:
@@ -85,17 +79,11 @@ def _draw_collapse(ax, results, groups, styles, power, subtracted):
     for size, look in styles.items():
         x = np.array([level for n, level in groups if n == size]) * size**2
         for prefix, words, face in PRESTRESS:
-            samples = [
-                np.array([viscosity_of(results[row], prefix, subtracted) for row in rows]) / size**power
-                for (n, _), rows in groups.items()
-                if n == size
-            ]
-            y = np.array([np.median(sample) for sample in samples])
-            if not np.isfinite(y).any():
+            values = values_of(results, groups, size, viscosity_of, prefix, subtracted)
+            samples = [value / size**power for value in values]
+            if not np.isfinite(np.concatenate(samples)).any():
                 continue
-            name = f"$N={size}$, {words}"
-            ax.plot(x, y, linewidth=0.8, markeredgewidth=0.7, label=hidden(name), **look | face)
-            draw_intervals(ax, x, samples, look["color"], name)
+            y, _ = draw_medians(ax, x, samples, {"linewidth": 0.8} | look | face, f"$N={size}$, {words}")
             if prefix:
                 bare.append((x, y))
     x, y = np.concatenate(bare, axis=1)
@@ -107,11 +95,6 @@ def _draw_collapse(ax, results, groups, styles, power, subtracted):
         ax.dataLim.set(kept)
 
 
-def large_points(groups):
-    """[(N, p/k)] of `groups_of` that are large and near jamming: pN² > LARGE, p/k < CRITICAL."""
-    return [(size, level) for size, level in groups if level * size**2 > LARGE and level < CRITICAL]
-
-
 def scaled_by_pressure(results, rows) -> tuple[float, float]:
     """(mean, standard error) of √p (η₀ − η_F) without pre-stress over files of one pressure, k = τ₁ = 1."""
     scaled = [
@@ -121,7 +104,7 @@ def scaled_by_pressure(results, rows) -> tuple[float, float]:
 
 
 def _draw_sizes(page, ax, results, groups, symbol):
-    large = large_points(groups)
+    large = [(size, level) for size, level in groups if level * size**2 > LARGE and level < CRITICAL]
     levels = sorted({level for _, level in large})
     ax.set(xscale="log", xlabel="$N$", ylabel=rf"$(p/k)^{{1/2}}\,{symbol}$ $[k\tau_1]$")
     for level, look in zip(levels, looks(len(levels)), strict=True):

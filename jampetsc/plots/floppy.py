@@ -11,7 +11,7 @@ from jampetsc.errors import InputError
 from jampetsc.plots.logaxes import power_law
 from jampetsc.plots.page import band
 from jampetsc.plots.picture import count, picture
-from jampetsc.plots.style import DASHED, GREY, entry, hidden, looks, power_or_number
+from jampetsc.plots.style import GREY, OPEN, entry, hidden, looks, power_or_number
 from jampetsc.plots.units import units_of
 
 BARE = "no_prestress"
@@ -22,7 +22,7 @@ QUANTITIES = {  # attribute -> (symbol, exponent expected, BT eqs. 19-21)
 }
 PRESTRESS = (  # prefix of attributes, what it means, how it is drawn on top of a colour and a marker
     (f"{BARE}_", "no pre-stress", {}),
-    ("", "pre-stress", {"markerfacecolor": "white", "linestyle": DASHED}),
+    ("", "pre-stress", OPEN),
 )
 
 
@@ -64,16 +64,12 @@ def plot_medians(results, page):
         for size, marker in zip(sizes, [look["marker"]] if len(sizes) == 1 else markers, strict=True):
             levels, guide = np.array([level for n, level in groups if n == size]), None
             for prefix, words, face in PRESTRESS:
-                samples = values_of(results, groups, size, f"{name}_median", prefix)
+                samples = values_of(results, groups, size, value_of, f"{name}_median", prefix)
                 if not np.isfinite(np.concatenate(samples)).any():
                     continue
-                label, medians = (
-                    f"${symbol}$, $N={size}$, {words}",
-                    np.array([np.nanmedian(some) for some in samples]),
-                )
-                drawn = look | {"marker": marker, "markeredgewidth": 0.7, "label": hidden(label)} | face
-                ax.plot(levels, medians, **drawn)
-                bands = draw_intervals(ax, levels, samples, look["color"], label) or bands
+                label = f"${symbol}$, $N={size}$, {words}"
+                medians, drawn = draw_medians(ax, levels, samples, look | {"marker": marker} | face, label)
+                bands = drawn or bands
                 if max(map(len, samples)) > 1:
                     p, y = np.repeat(levels, [len(some) for some in samples]), np.concatenate(samples)
                     dots = {"markersize": 2, "markeredgewidth": 0, "label": hidden(f"{label}, single files")}
@@ -82,9 +78,8 @@ def plot_medians(results, page):
                 guide = medians if guide is None else guide
             if size == sizes[-1]:
                 power_law(ax, levels, guide, slope)
-    if len(sizes) > 1:
-        handles += [entry(f"$N={size}$", marker=m, ls="none") for size, m in zip(sizes, markers, strict=True)]
-    handles += [entry(words, marker="o", mew=0.7, **face) for _, words, face in PRESTRESS]
+    styles = {size: {"marker": marker, "ls": "none"} for size, marker in zip(sizes, markers, strict=True)}
+    handles += handles_of(styles if len(sizes) > 1 else {})
     handles.append(entry(r"$p^{\pm 1/4}$", GREY, linestyle=":", linewidth=0.8))
     if single:
         handles.append(entry("single files", marker=".", ms=2, ls="none"))
@@ -92,22 +87,31 @@ def plot_medians(results, page):
     return f"medians of floppy motion in {count(results, 'file', 'files')}"
 
 
-def values_of(results, groups, size, name, prefix) -> list:
-    """An attribute of the files of each pressure of one N, [(files,), …], as `value_of`."""
+def values_of(results, groups, size, value, *more) -> list:
+    """value(result, *more) of the files of each pressure of one N, [(files,), …]."""
     return [
-        np.array([value_of(results[row], name, prefix) for row in rows])
-        for (n, _), rows in groups.items()
-        if n == size
+        np.array([value(results[row], *more) for row in rows]) for (n, _), rows in groups.items() if n == size
     ]
 
 
-def draw_intervals(ax, x, samples, shade, name="") -> list:
-    """Where the medians of M samples lie, a band over x (M,); its legend entry, if each has the three that it takes."""
+def handles_of(styles) -> list:
+    """Legend entries of sizes, {N: how it is drawn}, and of what is drawn without pre-stress and with it."""
+    sizes = [entry(f"$N={size}$", **look) for size, look in styles.items()]
+    return sizes + [entry(words, marker="o", mew=0.7, **face) for _, words, face in PRESTRESS]
+
+
+def draw_medians(ax, x, samples, look, name) -> tuple:
+    """(medians (M,), legend entries) of M samples over x (M,): a line, and a band where the medians lie.
+
+    The band is drawn, and has an entry, if each sample has the three values that it takes.
+    """
     known = [sample[np.isfinite(sample)] for sample in samples]
+    medians = np.array([np.median(sample) if len(sample) else np.nan for sample in known])
+    ax.plot(x, medians, **{"markeredgewidth": 0.7, "label": hidden(name)} | look)
     if not all(len(sample) > 2 for sample in known):
-        return []
-    band(ax, x, *np.transpose([median_interval(sample) for sample in known]), name, color=shade)
-    return [Patch(facecolor="0.2", alpha=0.25, label="68 % interval")]
+        return medians, []
+    band(ax, x, *np.transpose([median_interval(sample) for sample in known]), name, color=look["color"])
+    return medians, [Patch(facecolor="0.2", alpha=0.25, label="68 % interval")]
 
 
 def value_of(result, name, prefix=f"{BARE}_"):
@@ -141,17 +145,15 @@ def plot_viscosities(results, page):
     ax = page.panels()
     ax.set(xlabel=r"$\beta$", ylabel=r"$\eta_0,\ \eta_\infty\ [k\tau_1]$", xscale="log", yscale="log")
     handles, bands = [], []
-    columns = ((r"$\eta_0$", {}), (r"$\eta_\infty$", {"markerfacecolor": "white", "linestyle": DASHED}))
+    columns = ((r"$\eta_0$", {}), (r"$\eta_\infty$", OPEN))
     for ((size, level), rows), look in zip(groups.items(), looks(len(groups)), strict=True):
         points = np.array([row for one in rows for row in _rows(results[one])])
         betas = np.unique(points[:, 0])
         label = f"${power_or_number(level)}$" + (f", $N={size}$" if several else "")
         handles.append(entry(label, **look))
         for column, (symbol, face) in enumerate(columns, 1):
-            name, samples = f"{symbol}, {label}", [points[points[:, 0] == beta, column] for beta in betas]
-            medians = [np.median(some) for some in samples]
-            ax.plot(betas, medians, markeredgewidth=0.7, label=hidden(name), **look | face)
-            bands = draw_intervals(ax, betas, samples, look["color"], name) or bands
+            samples = [points[points[:, 0] == beta, column] for beta in betas]
+            bands = draw_medians(ax, betas, samples, look | face, f"{symbol}, {label}")[1] or bands
     handles += [entry(symbol, marker="o", mew=0.7, **face) for symbol, face in columns]
     page.legend(ax, handles + bands, "$p/k$")
     return f"eta0 and eta_inf against beta of {count(results, 'file', 'files')}"

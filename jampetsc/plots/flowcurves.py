@@ -5,12 +5,13 @@ Local exponents d ln σ/d ln γ̇ tell the regime: 1 is Newtonian, 2 Bagnoldian 
 
 import numpy as np
 
-from jampetsc.analysis.averages import mean_of_runs
+from jampetsc.analysis.averages import mean_of_facts
+from jampetsc.analysis.scaling import local_exponents
 from jampetsc.errors import InputError
 from jampetsc.plots.page import points
 from jampetsc.plots.picture import count, picture
 from jampetsc.plots.shearing import draw_series, kind_of, labels_of
-from jampetsc.plots.style import DASHED, GREY, PAGE, entry, hidden, looks, number
+from jampetsc.plots.style import GREY, OPEN, PAGE, entry, hidden, looks, number
 from jampetsc.plots.units import flow_units
 
 HEIGHT = 2.3  # inches of one row of panels
@@ -42,24 +43,10 @@ def flow_curves(results, over="rate") -> dict:
     for kind, runs in sorted(curves.items()):
         x, found[kind] = np.array(sorted(runs)), {}
         for name in QUANTITIES:
-            parts = (
-                [
-                    [float(a.get(f"{name}_{part}", np.inf)) for a in runs[one]]
-                    for part in ("mean", "error", "samples")
-                ]
-                for one in x
-            )
-            values, errors = np.array([mean_of_runs(*three) for three in parts]).T
+            values, errors = np.array([mean_of_facts(runs[one], name) for one in x]).T
             unit = 1.0 if name == "coordination" else units.k
             found[kind][name] = x * (units.tau1 if over == "rate" else 1.0), values / unit, errors / unit
     return found
-
-
-def local_exponents(rates, values, errors):
-    """(middles, d ln O/d ln γ̇, errors) between neighbouring rates, (R − 1,) each: 1 is Newtonian, 2 Bagnoldian."""
-    steps, relative = np.diff(np.log(rates)), errors / values
-    exponents = np.diff(np.log(values)) / steps
-    return np.sqrt(rates[1:] * rates[:-1]), exponents, np.hypot(relative[1:], relative[:-1]) / np.abs(steps)
 
 
 def _ratio(one, other):
@@ -103,15 +90,14 @@ def draw_flow_curves(results, page) -> str:
         rates = rates[shown]
         for ax, both in zip(axes, (stress, pressure, _ratio(stress, pressure)), strict=False):
             points(ax, rates, *both, label=name, **look)
-        for symbol, both, filled in ((r"$\sigma$", stress, True), ("$p$", pressure, False)):
+        for symbol, both, face in ((r"$\sigma$", stress, {}), ("$p$", pressure, OPEN)):
             named = look | {"label": hidden(f"{name}, {symbol}")}
-            named |= {} if filled else {"markerfacecolor": "white"}
-            value, error = (part / rates for part in both)
-            points(axes[3], rates, value, error, ls="-" if filled else DASHED, **named)
-            exponents.append((named, *local_exponents(rates, *both)))
+            points(axes[3], rates, *(part / rates for part in both), **named | face)
+            hollow = {"markerfacecolor": "white"} if face else {}
+            exponents.append((named | hollow, *local_exponents(rates, *both)))
     _draw_exponents(axes[4], exponents)
     page.legend(axes[0], fontsize=7, handlelength=1.2, labelspacing=0.2)
-    both = [entry(r"$\sigma$", marker="o"), entry("$p$", marker="o", mfc="white", mew=0.7, ls=DASHED)]
+    both = [entry(r"$\sigma$", marker="o"), entry("$p$", marker="o", mew=0.7, **OPEN)]
     page.legend(axes[3], both, fontsize=7, named=False)
     return f"flow curves of {count(results, 'run', 'runs')} at {len(set(every))} rates"
 

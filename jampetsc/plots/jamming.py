@@ -10,7 +10,7 @@ import numpy as np
 from jampetsc.analysis.jamming import FEWEST, Share, density, memory, share_of
 from jampetsc.errors import InputError, named
 from jampetsc.plots.page import points
-from jampetsc.plots.picture import count, picture
+from jampetsc.plots.picture import count, differing, grouped, picture
 from jampetsc.plots.style import COLUMN, GREY, PAGE, colours, looks, number
 from jampetsc.plots.units import flow_units
 
@@ -49,8 +49,9 @@ def samples_of(results) -> list[Samples]:
     found, seen = {}, {}
     for result in results:
         a = result.attributes
-        words = _word(a, "sizes"), _word(a, "potential"), _step(result)
-        kind = _protocol(result), int(a["particle_count"]), *words
+        # of disks out of a packing they are not known
+        words = (str(a.get(name, "")) for name in ("sizes", "potential"))
+        kind = _protocol(result), int(a["particle_count"]), *words, _step(result)
         here = found.setdefault(kind, Samples(kind))
         for phi, seed, jammed, pressure in _runs(result):
             known = np.isfinite(jammed)
@@ -91,11 +92,6 @@ def _step(result):
     return rf"$\Delta\gamma={number(float(result.attributes['step']))}$" if sheared else ""
 
 
-def _word(attributes, name):
-    """What an attribute says; of disks out of a packing nothing may be known."""
-    return str(attributes.get(name, ""))
-
-
 def _runs(result):
     """(φ, seed, jammed (T,), pressure (T,)) of the runs of a file."""
     jammed, pressure = result["jammed"], result["pressure"]
@@ -105,22 +101,17 @@ def _runs(result):
         seed = a.get("seed", a.get("packing_sha256"))
         return [(round(float(a["phi"]), 9), seed, jammed[after], pressure[after])]
     phi, seed = np.round(result["phi"], 9), result["seed"]
-    groups = {}
-    for row, key in enumerate(zip(phi.tolist(), seed.tolist(), strict=True)):
-        groups.setdefault(key, []).append(row)
+    keys = list(zip(phi.tolist(), seed.tolist(), strict=True))
+    groups = grouped(range(len(keys)), keys.__getitem__)
     return [(*key, jammed[rows], pressure[rows]) for key, rows in groups.items()]
 
 
 def _labels(kinds):
     """A legend's words for each kind: the parts that differ, N at least."""
-    varied = [len(set(part) - {""}) > 1 for part in zip(*kinds, strict=True)]
-    varied[1] = varied[1] or not any(varied)
-    found = []
-    for protocol, n, *words in kinds:
-        parts = f"$N={n}$", protocol, *words
-        shown = varied[1], varied[0], *varied[2:]
-        found.append(", ".join(part for part, differs in zip(parts, shown, strict=True) if differs and part))
-    return found
+    protocols, sizes, *others = (len(set(part) - {""}) > 1 for part in zip(*kinds, strict=True))
+    alike = not any((protocols, sizes, *others))
+    parts = [(f"$N={n}$", protocol, *words) for protocol, n, *words in kinds]
+    return differing(parts, (sizes or alike, protocols, *others))
 
 
 @picture("fraction", "jam", "shear", mixed=True)

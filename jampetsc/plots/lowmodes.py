@@ -8,7 +8,7 @@ from jampetsc.plots.floppy import QUANTITIES, groups_of
 from jampetsc.plots.logaxes import power_law
 from jampetsc.plots.page import points
 from jampetsc.plots.picture import count, picture
-from jampetsc.plots.style import DASHED, DOTTED, GREY, MARKERS, PAGE, colours, entry, hidden
+from jampetsc.plots.style import DASHED, DOTTED, GREY, MARKERS, OPEN, PAGE, colours, entry, hidden
 
 HEIGHT = 3.1  # inches
 _DASHES = ("-", DASHED, DOTTED)
@@ -48,12 +48,10 @@ def plot_lowest(results, page):
         return (np.exp(means), np.exp(means) * errors) if log else (means, errors)
 
     axes = page.panels(1, 3, PAGE, HEIGHT)
-    for ax, what in zip(
-        axes, ("floppiness of the lowest modes", "share of the lowest modes", ""), strict=True
-    ):
-        ax.set(xlabel="$p/k$", ylabel=what or "median per unit strain", xscale="log")
-        ax.set_yscale("linear" if what.startswith("share") else "log")
-    axes[1].set_ylim(-0.03, 1.03)
+    labels = "floppiness of the lowest modes", "share of the lowest modes", "median per unit strain"
+    for ax, what in zip(axes, labels, strict=True):
+        ax.set(xlabel="$p/k$", ylabel=what, xscale="log", yscale="log")
+    axes[1].set(yscale="linear", ylim=(-0.03, 1.03))
     of_modes = [  # modes together -> how they are drawn
         (m, {"linestyle": dash, "marker": marker, "label": hidden(f"lowest {m}")})
         for m, dash, marker in zip(counts, _DASHES, MARKERS, strict=False)
@@ -70,14 +68,13 @@ def plot_lowest(results, page):
         alone = averages(lambda one, name=name: one[f"lowest/{name}_median"][-1])
         look = {"color": shade, "marker": "o"}
         points(axes[2], p, *whole, label=hidden(f"${symbol}$, whole"), **look)
-        look |= {"mfc": "white", "ls": DASHED, "label": hidden(f"${symbol}$, lowest {counts[-1]}")}
-        points(axes[2], p, *alone, **look)
+        points(axes[2], p, *alone, **look | OPEN, label=hidden(f"${symbol}$, lowest {counts[-1]}"))
         power_law(axes[2], p, whole[0], slope)
     handles = [entry(**look | {"label": f"lowest {m}"}) for m, look in of_modes]
     drawn = zip(QUANTITIES.values(), shades, strict=True)
     handles += [entry(f"${symbol}$", shade) for (symbol, _), shade in drawn]
     handles += [entry("(c) whole", marker="o")]
-    handles += [entry(f"(c) lowest {counts[-1]}", marker="o", mfc="white", ls=DASHED)]
+    handles += [entry(f"(c) lowest {counts[-1]}", marker="o", **OPEN)]
     handles += [entry(r"$p^{-1/2}$, $p^{\pm 1/4}$", GREY, ls=":", lw=0.8)]
     page.legend(axes[0], handles)
     return f"what the lowest modes carry of slow shear, of {count(results, 'packing', 'packings')}"

@@ -16,7 +16,7 @@ from jampetsc.plots.curves import curve_of, group_curves
 from jampetsc.plots.logaxes import draw_guide
 from jampetsc.plots.page import band
 from jampetsc.plots.picture import Option, count, picture
-from jampetsc.plots.style import DASHED, LOSS, STORAGE, entry, hidden, power_text, sequential
+from jampetsc.plots.style import DASHED, LOSS, OPEN, STORAGE, entry, hidden, power_text, sequential
 
 _FEW = 16  # so many frequencies or fewer: a marker on each
 _SPACED = 8  # markers along a longer curve
@@ -141,10 +141,7 @@ def _draw(page, curves, labels, critical, symbol, what, parts):
         bar.ax.tick_params(which="both", length=2)
         title, entries = "", []
     if len(parts) > 1:
-        entries += [
-            entry(STORAGE, marker="o"),
-            entry(LOSS, marker="o", mfc="white", mew=0.7, linestyle=DASHED),
-        ]
+        entries += [entry(STORAGE, marker="o"), entry(LOSS, marker="o", mew=0.7, **OPEN)]
     page.legend(ax, entries + ([Patch(facecolor="0.2", alpha=0.25, label=what)] if what else []), title)
 
 

@@ -24,8 +24,6 @@ def table(axes) -> list[dict]:
         told = dict(zip(COLUMNS, (letter, plain(ax.get_xlabel()), plain(ax.get_ylabel())), strict=False))
         for artist, what, columns in _drawn(ax):
             name = artist.get_label()
-            if name.startswith("_") and not name.startswith("_:"):
-                continue  # matplotlib's own name: guides, frames, zero lines
             values = np.broadcast_arrays(*columns.values())
             about = told | {"series": plain(name.removeprefix("_:")), "what": what}
             rows += [
@@ -49,22 +47,30 @@ def written(axes) -> bytes:
     return text.getvalue().encode()
 
 
+def _is_named(artist):
+    """Whether an artist shows data: guides, frames and zero lines have matplotlib's own names."""
+    return not artist.get_label().startswith("_") or artist.get_label().startswith("_:")
+
+
 def _drawn(ax):
     """(artist, what it is, {column: values}) of what is drawn from data."""
-    barred = set()
-    for bars in ax.containers:
+    barred = {bars.lines[0] for bars in ax.containers}
+    for bars in filter(_is_named, ax.containers):
         data, _, lines = bars.lines
-        barred.add(data)
-        columns, lines = _points(data), list(lines)
+        columns, lines, known = _points(data), list(lines), _known(data)
         for axis, there in ((0, bars.has_xerr), (1, bars.has_yerr)):
             if there:
-                ends = np.array(lines.pop(0).get_segments()).reshape(-1, 2, 2)[:, :, axis]
+                # matplotlib takes ends that are no numbers out
+                drawn = [
+                    one if len(one) == 2 else np.full((2, 2), np.nan) for one in lines.pop(0).get_segments()
+                ]
+                ends = np.reshape(drawn, (-1, 2, 2))[known, :, axis]
                 columns |= {f"{'xy'[axis]}_low": ends[:, 0], f"{'xy'[axis]}_high": ends[:, 1]}
         yield bars, "points", columns
-    for line in ax.get_lines():
+    for line in filter(_is_named, ax.get_lines()):
         if line not in barred:
             yield line, "line", _points(line)
-    for one in ax.collections:
+    for one in filter(_is_named, ax.collections):
         if isinstance(one, Quiver):
             yield one, "arrows", {"x_value": one.X, "y_value": one.Y, "u": one.U, "v": one.V}
         elif isinstance(one, PathCollection | EllipseCollection):
@@ -83,10 +89,17 @@ def _drawn(ax):
             yield one, "band", _band(one)
 
 
+def _known(line):
+    """Mask of the points of a line that are numbers."""
+    return np.isfinite(_values(line)).all(axis=0)
+
+
+def _values(line):
+    return np.array([np.ma.filled(np.ma.asarray(values, float), np.nan) for values in line.get_data()])
+
+
 def _points(line):
-    x, y = (np.ma.filled(np.ma.asarray(values, float), np.nan) for values in line.get_data())
-    known = np.isfinite(y)
-    return {"x_value": x[known], "y_value": y[known]}
+    return dict(zip(("x_value", "y_value"), _values(line)[:, _known(line)], strict=True))
 
 
 def _band(one):
@@ -102,6 +115,7 @@ def _band(one):
 
 def plain(text) -> str:
     """A label without TeX: omega tau_1, p/k=10^-3."""
+    text = re.sub(r"\\frac\{([^{}]*)\}\{([^{}]*)\}", r"\1/\2", text)
     text = re.sub(r"\\[, ]", " ", re.sub(r"\\(?:rm|mathrm|left|right)\b *", "", text))
     text = re.sub(r"[${}]", "", re.sub(r"\\([A-Za-z]+)", r" \1 ", text))
     return re.sub(r" (?=[/_^)\],])|(?<=[(\[]) ", "", " ".join(text.split()))

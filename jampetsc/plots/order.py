@@ -2,13 +2,14 @@
 
 import numpy as np
 
-from jampetsc.errors import InputError, named
-from jampetsc.plots.picture import count, picture
+from jampetsc.analysis.order import six_fold_order
+from jampetsc.errors import InputError
+from jampetsc.plots.picture import count, grouped, picture
 from jampetsc.plots.shearing import kind_of, labels_of
 from jampetsc.plots.style import PAGE, hidden, looks
 
 HEIGHT = 2.7  # inches
-PARTS = (("local", r"$\langle|\psi_6|\rangle$"), ("global", r"$|\langle\psi_6\rangle|$"))
+PARTS = (r"$\langle|\psi_6|\rangle$", r"$|\langle\psi_6\rangle|$")
 
 
 @picture("order", "flow")
@@ -17,26 +18,23 @@ def plot_order(results, page):
 
     Raises InputError for files without snapshots, and for runs of one kind with snapshots at other strains.
     """
-    kinds = {}
-    for result in results:
-        if "snapshots/psi6_local" not in result:
-            raise InputError(
-                f"{result.path}: holds no six-fold order: run the flow with {named('snapshots')}"
-            )
-        kinds.setdefault(kind_of(result), []).append(result)
-        first = kinds[kind_of(result)][0]
-        if not np.array_equal(result["snapshots/strain"], first["snapshots/strain"]):
-            raise InputError(
-                f"{result.path}: snapshots at other strains than {first.path.name}: a mean needs the same"
-            )
+    kinds = grouped([(result, six_fold_order(result)) for result in results], lambda pair: kind_of(pair[0]))
+    for (first, _), *others in kinds.values():
+        for result, _ in others:
+            if not np.array_equal(result["snapshots/strain"], first["snapshots/strain"]):
+                raise InputError(
+                    f"{result.path}: snapshots at other strains than {first.path.name}: a mean needs the same"
+                )
     axes = page.panels(1, 2, PAGE, HEIGHT)
-    for ax, (part, text) in zip(axes, PARTS, strict=True):
+    for part, (ax, text) in enumerate(zip(axes, PARTS, strict=True)):
         for runs, label, look in zip(kinds.values(), labels_of(list(kinds)), looks(len(kinds)), strict=True):
-            strain = runs[0]["snapshots/strain"]
-            values = np.array([run[f"snapshots/psi6_{part}"] for run in runs])
-            for run, one in zip(runs, values, strict=True) if len(runs) > 1 else ():
-                ax.plot(strain, one, color=look["color"], lw=0.3, alpha=0.6, label=hidden(run.path.name))
-            ax.plot(strain, values.mean(0), markevery=max(1, len(strain) // 10), label=label, **look)
+            strain = runs[0][0]["snapshots/strain"]
+            for run, order in runs if len(runs) > 1 else ():
+                ax.plot(
+                    strain, order[part], color=look["color"], lw=0.3, alpha=0.6, label=hidden(run.path.name)
+                )
+            mean = np.mean([order[part] for _, order in runs], axis=0)
+            ax.plot(strain, mean, markevery=max(1, len(strain) // 10), label=label, **look)
         ax.set(xlabel=r"$\gamma$", ylabel=text, ylim=(0, 1))
         ax.margins(x=0.01)
     page.legend(axes[1], title=f"thin: {len(results)} runs" if len(results) > len(kinds) else None)

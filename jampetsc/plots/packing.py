@@ -3,8 +3,6 @@
 import numpy as np
 from matplotlib.collections import EllipseCollection, LineCollection
 
-from jampetsc.core.disks import PLACES, Disks
-from jampetsc.core.potentials import Potential
 from jampetsc.core.state import find_contacts, measure, virial_pressure
 from jampetsc.errors import InputError
 from jampetsc.flows.walls import phi_between
@@ -16,6 +14,7 @@ from jampetsc.plots.periodic import (
     lay_out,
     points_per_length,
     segment_images,
+    within,
     wrap,
 )
 from jampetsc.plots.picture import picture
@@ -45,16 +44,9 @@ def plot_packing(results, page):
 @picture("minimum", "shear", single=True)
 def plot_minimum(results, page):
     """The last minimum of quasistatic shear, as `plot_packing`."""
-    disks = last_minimum(results[0])
+    disks = results[0].last
     plot_packing.function([disks], page)
     return f"{disks.n} disks at strain {results[0]['strain'][-1]:.4g}"
-
-
-def last_minimum(result) -> Disks:
-    """The last minimum of a shear file, to the last bit."""
-    a = result.attributes
-    potential = Potential(str(a["potential"]), str(a["stiffness"]), float(a["k"]))
-    return Disks(**{name: result[f"state/{name}"] for name in (*PLACES, "radii")}, potential=potential)
 
 
 @picture("snapshot", "flow")
@@ -111,12 +103,8 @@ def _draw(page, panels):
         centres = wrap(disks.positions, disks.cell)
         drawn = [_disks(disks, centres, hollow, ax)]
         if len(contacts):
-            drawn.append(_forces(disks, centres, contacts, points_per_length(ax)))
-        for collection in drawn:
-            ax.add_collection(collection, autolim=False)
-            collection.set_clip_path(outline)
-            collection.set_in_layout(False)
-            collection.set_rasterized(disks.n > MANY)
+            drawn.append(_forces(ax, disks, centres, contacts))
+        within(outline, drawn, rasterized=disks.n > MANY)
 
 
 def _disks(disks, centres, hollow, ax):
@@ -125,29 +113,26 @@ def _disks(disks, centres, hollow, ax):
     faces = np.where(hollow[:, None], (1.0, 1.0, 1.0, 1.0), (0.88, 0.88, 0.88, 1.0))
     faces[rows < disks.record.get("walls", 0)] = (0.45, 0.45, 0.45, 1.0)
     edges = np.where(hollow[:, None], (0.35, 0.35, 0.35, 1.0), (0.6, 0.6, 0.6, 1.0))
-    look = {
-        "facecolors": faces,
-        "edgecolors": edges,
-        "linewidths": 0.3 if disks.n <= MANY else 0.1,
-        "zorder": 1,
-    }
-    return circles(ax, places, 2 * disks.radii[rows], **look)
+    width = 0.3 if disks.n <= MANY else 0.1
+    return circles(ax, places, 2 * disks.radii[rows], facecolors=faces, edgecolors=edges, linewidths=width)
 
 
 def circles(ax, places, diameters, **look) -> EllipseCollection:
-    """Circles (M,) at places (M, 2)."""
-    look |= {"offsets": places, "transOffset": ax.transData, "label": hidden("disks")}
-    return EllipseCollection(diameters, diameters, np.zeros(len(places)), units="xy", **look)
+    """Circles (M,) at places (M, 2), drawn on `ax`."""
+    look |= {"offsets": places, "transOffset": ax.transData, "label": hidden("disks"), "zorder": 1}
+    drawn = EllipseCollection(diameters, diameters, np.zeros(len(places)), units="xy", **look)
+    return ax.add_collection(drawn, autolim=False)
 
 
-def _forces(disks, centres, contacts, scale):
+def _forces(ax, disks, centres, contacts):
     """Contacts as lines, the mean force as wide as a fixed part of a disk."""
+    scale = points_per_length(ax)
     rows, starts = segment_images(centres[contacts.i], contacts.r, disks.cell)
     mean_width = min(_WIDEST, _MEAN_WIDTH * 2 * np.mean(disks.radii) * scale)
     segments = np.stack((starts, starts + contacts.r[rows]), axis=1)
     widths = mean_width * contacts.force[rows] / np.mean(contacts.force)
     look = {"colors": "0.05", "capstyle": "round", "zorder": 2, "label": hidden("contacts")}
-    return LineCollection(segments, linewidths=widths, **look)
+    return ax.add_collection(LineCollection(segments, linewidths=widths, **look), autolim=False)
 
 
 def _caption(disks, contacts, pressure, coordination, hollow):

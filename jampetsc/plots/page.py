@@ -139,8 +139,11 @@ class Page:
                 ax.set_ylim(middle / _LEAST**0.5, middle * _LEAST**0.5)
         axes = self.figure.axes if self.own else self.axes
         short = [axis for ax in axes for axis in (ax.xaxis, ax.yaxis) if set_ticks(axis)]
-        if not self.laid_out:
-            self.figure.draw_without_rendering()  # also: ticks, which matplotlib makes when they are first drawn
+        if not self.laid_out:  # which also makes the ticks
+            if self.own:
+                self.figure.get_layout_engine().execute(self.figure)  # less work than to draw it
+            else:
+                self.figure.draw_without_rendering()
         for wanted in self._legends:
             self._place(*wanted)
         for axis in short:

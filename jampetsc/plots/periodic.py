@@ -72,6 +72,12 @@ def frame_cell(ax, cell, linewidth=0.6) -> Polygon:
     return outline
 
 
+def within(outline, artists, rasterized=False) -> None:
+    """Cut artists at an outline; they do not count for the layout."""
+    for artist in artists:
+        artist.set(clip_path=outline, in_layout=False, rasterized=rasterized)
+
+
 def points_per_length(ax) -> float:
     """How long a unit of length is on paper, in points; of axes that are laid out."""
     ax.apply_aspect()

@@ -125,6 +125,19 @@ def picture(kind, *of, options=(), single=False, mixed=False):
     return enter
 
 
+def grouped(results, key) -> dict:
+    """{key(result): results}, in the order in which keys are met."""
+    found = {}
+    for result in results:
+        found.setdefault(key(result), []).append(result)
+    return found
+
+
+def differing(parts, varied) -> list[str]:
+    """Words for each of `parts`, rows of words: those in columns that are `varied`, as far as there are any."""
+    return [", ".join(word for word, told in zip(row, varied, strict=True) if told and word) for row in parts]
+
+
 def count(items, one="sweep", many="sweeps") -> str:
     """So many of them, in words."""
     return f"{len(items)} {one if len(items) == 1 else many}"

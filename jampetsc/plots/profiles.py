@@ -6,7 +6,7 @@ import numpy as np
 
 from jampetsc.analysis.profiles import heights, mean_profile
 from jampetsc.errors import InputError
-from jampetsc.plots.picture import count, picture
+from jampetsc.plots.picture import count, grouped, picture
 from jampetsc.plots.shearing import kind_of, labels_of
 from jampetsc.plots.style import GREY, PAGE, looks, number
 
@@ -21,9 +21,7 @@ def plot_profiles(results, page):
 
     Raises InputError for files without profiles, and for more kinds than PANELS.
     """
-    kinds = {}
-    for result in results:
-        kinds.setdefault((kind_of(result), float(result.attributes["rate"])), []).append(result)
+    kinds = grouped(results, lambda one: (kind_of(one), float(one.attributes["rate"])))
     if len(kinds) > PANELS:
         raise InputError(f"{len(kinds)} kinds of flow: one picture of profiles shows {PANELS}; choose some")
     rates = {rate for _, rate in kinds}

@@ -5,8 +5,9 @@ Vågberg, thesis sec. 6.4: σ ~ γ̇ where disks stay together in large clusters
 
 import numpy as np
 
+from jampetsc.analysis.scaling import local_exponents
 from jampetsc.errors import InputError
-from jampetsc.plots.flowcurves import flow_curves, local_exponents
+from jampetsc.plots.flowcurves import flow_curves
 from jampetsc.plots.picture import count, picture
 from jampetsc.plots.shearing import kind_of
 from jampetsc.plots.style import GREY, PAGE, entry, hidden, looks

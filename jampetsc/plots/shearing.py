@@ -5,7 +5,7 @@ Quantities are in the units that the files tell (`units.flow_units`): Vågberg's
 
 from jampetsc.flows.velocity_correlation import BIN, FORMAT, LANE, correlate_lanes
 from jampetsc.plots.page import band
-from jampetsc.plots.picture import count, picture
+from jampetsc.plots.picture import count, differing, grouped, picture
 from jampetsc.plots.style import DASHED, GREY, PAGE, colours, entry, hidden, looks, number
 from jampetsc.plots.units import flow_units
 
@@ -30,8 +30,7 @@ def labels_of(kinds) -> list[str]:
     ]
     varied = [len(set(column)) > 1 for column in zip(*kinds, strict=True)]
     varied[3] = varied[3] and len({(kind[0], kind[3]) for kind in kinds}) > len({kind[0] for kind in kinds})
-    shown = [[part for part, differs in zip(one, varied, strict=True) if differs] for one in parts]
-    return [", ".join(filter(None, some)) or one[0] for some, one in zip(shown, parts, strict=True)]
+    return [words or one[0] for words, one in zip(differing(parts, varied), parts, strict=True)]
 
 
 def draw_series(results, page) -> str:
@@ -59,14 +58,13 @@ def lanes_of(results) -> list:
 
     Flow files are correlated as `jampetsc correlate` does unless told otherwise. Raises InputError without snapshots.
     """
-    found, groups = [], {}
-    for result in results:
+    found = []
+    for result in (one for one in results if one.format == FORMAT):
         a = result.attributes
-        if result.format == FORMAT:
-            label = rf"{a['model']}, $\phi={float(a['phi']):.5g}$, $\dot\gamma={number(float(a['rate']))}$"
-            found.append((label, result["x"], result["g_y"], result["g_y_error"]))
-        else:
-            groups.setdefault((kind_of(result), float(a["rate"])), []).append(result)
+        label = rf"{a['model']}, $\phi={float(a['phi']):.5g}$, $\dot\gamma={number(float(a['rate']))}$"
+        found.append((label, result["x"], result["g_y"], result["g_y_error"]))
+    flows = (one for one in results if one.format != FORMAT)
+    groups = grouped(flows, lambda one: (kind_of(one), float(one.attributes["rate"])))
     names = labels_of([kind for kind, _ in sorted(groups)]) if groups else []
     for ((_, rate), some), name in zip(sorted(groups.items()), names, strict=True):
         g = correlate_lanes(some, LANE, BIN)

@@ -21,6 +21,7 @@ from jampetsc.io.outputs import PICTURE, TABLE, check_output
 COLUMN, PAGE = 3.4, 7.0  # inches: one and two columns of a journal
 GREY = "0.45"
 DASHED, DOTTED = (0, (4, 1.6)), (0, (1, 1.2))
+OPEN = {"markerfacecolor": "white", "linestyle": DASHED}  # the second of two quantities in one colour
 STORAGE, LOSS = "$G$\u2032", "$G$\u2033"  # mathtext sets its own primes too small and too far off
 MARKERS = "osD^vP<X>*ph"
 FORMATS = {  # what to leave out so that the same data give the same file

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drawn import bars, figure_of, lines
+from drawn import Held, bars, figure_of, lines
 
 import jampetsc
 from jampetsc.analysis import collapse_errors, collapse_fit, jamming
@@ -310,11 +310,7 @@ def test_sizes_come_from_jam_files(tmp_path, capsys):
         jammed = 1.0 * (rng.random(400) < 1 / (1 + np.exp(-(phi - 0.835) * 10 * np.sqrt(n))))
         jammed[0] = np.nan  # one that reached no minimum
         with ResultWriter(path, "jampetsc-jam") as writer:
-            for name, values in {
-                "phi": phi,
-                "seed": np.tile(np.arange(100), 4),
-                "jammed": jammed,
-            }.items():
+            for name, values in {"phi": phi, "seed": np.tile(np.arange(100), 4), "jammed": jammed}.items():
                 writer.dataset(name, values)
             writer.attributes(particle_count=n, sizes="bidisperse", potential="harmonic", **VAGBERG)
         files.append(path)
@@ -922,11 +918,3 @@ def test_two_branches_are_drawn_against_the_distance():
     sized.path = "f.h5"
     with pytest.raises(InputError, match=r"f\.h5: is a collapse of sizes"):
         plot_branches([sized])
-
-
-class Held(dict):
-    """Arrays and attributes of a file."""
-
-    def __init__(self, arrays, attributes):
-        super().__init__(arrays)
-        self.attributes = attributes

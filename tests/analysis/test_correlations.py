@@ -8,17 +8,9 @@ from drawn import bands, bars, figure_of, lines
 from matplotlib.image import imread
 
 from jampetsc.analysis import correlations
-from jampetsc.analysis.correlations import (
-    ENOUGH_PACKINGS,
-    LaneSums,
-    bin_edges,
-    correlate,
-    first_root,
-    grid_cells,
-    lane_sums,
-    length_spread,
-    stokes_collapse,
-)
+from jampetsc.analysis.correlation_lengths import length_spread, stokes_collapse
+from jampetsc.analysis.correlations import ENOUGH_PACKINGS, correlate, first_root
+from jampetsc.analysis.lane_sums import LaneSums, bin_edges, grid_cells, lane_sums
 from jampetsc.analysis.medium import dragged, solid, stokes
 from jampetsc.analysis.medium import first_root as first_root_of
 from jampetsc.cli import main as cli
@@ -29,12 +21,7 @@ from jampetsc.io.provenance import derived_from
 from jampetsc.io.reader import load
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.jobs.correlate import _refuse_mixture
-from jampetsc.plots.correlation import (
-    CorrelationCurve,
-    correlation_curve,
-    plot_correlation,
-    plot_lengths,
-)
+from jampetsc.plots.correlation import CorrelationCurve, correlation_curve, plot_correlation, plot_lengths
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 
@@ -385,6 +372,27 @@ def test_pictures(tmp_path, kind):
     assert image.shape[1] == 2100 and image.std() > 0.05
 
 
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Sweeps that go together, and others."""
+    folder = tmp_path_factory.mktemp("sweeps")
+    others = {
+        "contact": {"law": "contact"},
+        "large": {"n": 900},
+        "dense": {"pressure": 1e-2},
+        "t": {"seed": 1},
+    }
+    others["other"] = {"seed": 2, "omega": np.array([1e-4, 3e-2])}
+    for name in ("s", "lost", "again", *others):
+        write_sweep(folder, name, **others.get(name, {}))
+    (folder / "packing-lost.h5").unlink()
+    with ResultWriter(folder / "bare.h5", "jampetsc-sweep") as writer:
+        for name in ("omega", "G", "error_bound"):
+            writer.dataset(name, np.ones(2))
+        writer.attributes(law="stokes")
+    return folder
+
+
 @pytest.mark.parametrize(
     ("line", "message"),
     [
@@ -405,25 +413,11 @@ def test_pictures(tmp_path, kind):
         ("s.h5 --lane 50", r"s\.h5: lane width 50: must be positive and at most the cell's height, 20"),
     ],
 )
-def test_bad_input(tmp_path, monkeypatch, line, message):
-    monkeypatch.chdir(tmp_path)
-    here = tmp_path.relative_to(tmp_path)
-    write_sweep(here, "s")
-    write_sweep(here, "t", seed=1)
-    write_sweep(here, "lost")
-    write_sweep(here, "again")
-    (tmp_path / "packing-lost.h5").unlink()
-    write_sweep(here, "contact", law="contact")
-    write_sweep(here, "large", n=900)
-    write_sweep(here, "dense", pressure=1e-2)
-    write_sweep(here, "other", seed=2, omega=np.array([1e-4, 3e-2]))
-    with ResultWriter("bare.h5", "jampetsc-sweep") as writer:
-        for name in ("omega", "G", "error_bound"):
-            writer.dataset(name, np.ones(2))
-        writer.attributes(law="stokes")
+def test_bad_input(folder, monkeypatch, line, message):
+    monkeypatch.chdir(folder)
     with pytest.raises(InputError, match=message):
         run(*line.split(), "--out", "c.h5")
-    assert not (tmp_path / "c.h5").exists()
+    assert not (folder / "c.h5").exists()
 
 
 def test_the_collapse_of_lengths_is_told_in_numbers(tmp_path, capsys):
@@ -466,9 +460,9 @@ def test_bins_and_grids():
 
 
 def test_errors_are_known_where_half_of_the_samples_have_a_value():
-    samples = np.array([[1.0, 3.0, np.nan, np.nan], [1.0, np.nan, np.nan, np.nan]])
-    found = correlations._scatter(samples)
-    assert found[0] == pytest.approx(np.sqrt(2.0)) and np.isnan(found[1])
+    values = iter([[n % 2 * 2.0 if n < known else np.nan for known in (100, 99)] for n in range(200)])
+    found = correlations._scatter(lambda rows: np.array(next(values)), 4)
+    assert found[0] == pytest.approx(np.sqrt(100 / 99)) and np.isnan(found[1])
 
 
 def test_a_root_may_lie_on_a_bin_or_between():
@@ -522,21 +516,20 @@ def test_units_count_as_often_as_they_are_drawn():
         )
         for p, s, n, d in ((1.0, 2.0, 4.0, 2.0), (6.0, 9.0, 3.0, 6.0))
     ]  # fmt: skip
-    units = correlations._Units(strips)
-    assert units.correlation(np.array([2, 0]))[0].tolist() == [1.0, 0.25 / 1.0, 3.0 / 1.0]
-    assert units.correlation(np.array([0, 1]))[0].tolist() == [1.0, 2.0 / 1.5, 3.0 / 1.5]
-    np.testing.assert_allclose(
-        units.correlation(np.array([1, 2]))[0], [1.0, 13 / 10 * 14 / 20, 3.0 * 14 / 20]
-    )
+    units = correlations._units(strips)
+    for draws, expected in (
+        ([2, 0], [1.0, 0.25, 3.0]),
+        ([0, 1], [1.0, 2.0 / 1.5, 3.0 / 1.5]),
+        ([1, 2], [1.0, 13 / 10 * 14 / 20, 3.0 * 14 / 20]),
+    ):
+        np.testing.assert_allclose(correlations._correlation(units, np.array(draws))[0], expected, rtol=1e-15)
 
 
 def test_two_units_have_an_error_one_has_none():
     """Of one value each, v and w: a mean of two drawn is v, w or, half of the time, between: σ = |v − w|/√8."""
 
     def drawn(count):
-        return correlations._scatter(
-            correlations._resampled(lambda rows: np.array([[float(rows.mean())]]), count, 0)
-        )
+        return correlations._scatter(lambda rows: np.array([[float(rows.mean())]]), count)
 
     assert np.isnan(drawn(1)) and drawn(2) == pytest.approx(1 / np.sqrt(8), rel=0.15)
     assert drawn(2) == drawn(2)
@@ -628,16 +621,7 @@ def test_what_belongs_to_flow_files_and_what_to_sweeps(tmp_path, monkeypatch):
 
 
 def correlation_file(
-    path,
-    tau1=1.0,
-    k=1.0,
-    d=2.0,
-    omega=(1e-3, 1e-2),
-    lanes=2,
-    pressure=1e-3,
-    low=-0.7,
-    G=None,
-    **more,
+    path, tau1=1.0, k=1.0, d=2.0, omega=(1e-3, 1e-2), lanes=2, pressure=1e-3, low=-0.7, G=None, **more
 ):
     """A file of correlations of known content, lengths in units of which a disk is d = 2; two lanes, four bins."""
     rng = np.random.default_rng(7)

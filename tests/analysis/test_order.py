@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from drawn import Held
 
-from jampetsc.analysis.order import bond_order
+from jampetsc.analysis.order import STORED, bond_order, six_fold_order
+from jampetsc.errors import InputError
 
 
 def lattice(rows, columns, slid=0.0):
@@ -37,3 +39,23 @@ def test_random_points_have_no_common_direction():
 def test_few_disks_are_neighbours_of_their_own_images():
     np.testing.assert_allclose(bond_order(*lattice(1, 1)), [1.0], atol=1e-9)
     np.testing.assert_allclose(bond_order(*lattice(2, 1)), [1.0, 1.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("walls", [0, 7])
+def test_order_of_a_flow_is_that_of_the_disks_that_move_in_each_snapshot(walls):
+    rng, cell = np.random.default_rng(1), np.array([[6.0, 0.0], [1.0, 5.0]])
+    snapshots = {
+        "snapshots/positions": rng.random((2, 30, 2)) @ cell,
+        "snapshots/cell": np.array([cell, cell]),
+    }
+    flow = Held(snapshots, {"walls": walls} if walls else {})
+    psi = [
+        bond_order(flow["snapshots/positions"][row], flow["snapshots/cell"][row])[walls:] for row in (0, 1)
+    ]
+    local, whole = six_fold_order(flow)
+    np.testing.assert_allclose(local, np.mean(np.abs(psi), axis=1))
+    np.testing.assert_allclose(whole, np.abs(np.mean(psi, axis=1)))
+    kept = Held(zip(STORED, (local, whole), strict=True), flow.attributes)
+    np.testing.assert_array_equal(six_fold_order(kept), (local, whole))
+    with pytest.raises(InputError, match=r"a\.h5: holds no snapshots: run the flow with"):
+        six_fold_order(Held({}, {}))

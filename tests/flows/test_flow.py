@@ -118,7 +118,7 @@ def test_the_flow_as_a_whole_stands_still(name):
     assert 5 < len(set(cluster)) < thin.n
     for root in set(cluster):
         assert np.abs(run.velocities[cluster == root].mean(0)).max() < 1e-14
-    look = run.look()
+    look = run.survey()
     assert look.clusters == len(set(cluster)) and look.largest_cluster == np.bincount(cluster).max()
     assert look.coordination == 2 * len(contacts) / thin.n
     assert look.deepest == pytest.approx(np.max(contacts.overlap / contacts.sigma), rel=1e-12)
@@ -500,7 +500,7 @@ def test_disks_of_walls_are_not_among_those_that_coordination_is_a_mean_over():
     contacts = find_contacts(disks)
     run = Shear(disks, Model(ROWS["RD0"][0]), 0.02, Scheme(0.05, "euler", 1e-6), held=4)
     free = np.count_nonzero(contacts.i >= 4) + np.count_nonzero(contacts.j >= 4)
-    assert run.look().coordination == free / 12
+    assert run.survey().coordination == free / 12
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])

@@ -13,7 +13,8 @@ from jampetsc.core.pairs import deformed
 from jampetsc.core.potentials import Potential
 from jampetsc.core.state import find_contacts
 from jampetsc.core.threads import Team
-from jampetsc.flows import moves, shearing
+from jampetsc.flows import moves
+from jampetsc.flows import sheared as state_of_disks
 from jampetsc.flows.models import Model, Scheme
 from jampetsc.flows.moves import TALLY
 from jampetsc.flows.shearing import Shear
@@ -226,7 +227,7 @@ def test_looking_at_a_run_does_not_change_it(name, method):
         for _ in range(5):
             run.advance(3)
             if run is looked:
-                run.velocities_now(), run.look(), run.disks, run.state()
+                run.velocities_now(), run.survey(), run.disks, run.state()
     for array in ("offsets", "velocities", "accelerations", "spins", "seen"):
         assert np.array_equal(getattr(looked, array), getattr(left, array)), array
 
@@ -257,11 +258,11 @@ def test_threads_and_domains_do_not_change_a_run(name, method, monkeypatch):
     law, mass = ROWS[name]
     disks, scheme = many(), Scheme(0.02, method, 1e-5)
     runs = [Shear(disks, Model(law, mass), 0.5, scheme, Team(threads)) for threads in (1, 2, 3)]
-    monkeypatch.setattr(shearing, "borders", lambda n: np.array([0, n]))
+    monkeypatch.setattr(state_of_disks, "borders", lambda n: np.array([0, n]))
     plain = Shear(disks, Model(law, mass), 0.5, scheme)
     monkeypatch.undo()
     assert len(runs[0].lists[0].across) == 3 and len(plain.lists[0].across) == 1
-    monkeypatch.setattr(shearing, "SORTED", 0.05)  # strain: five steps
+    monkeypatch.setattr(state_of_disks, "SORTED", 0.05)  # strain: five steps
     for run in (*runs, plain):
         before = run.order
         run.advance(7)
@@ -282,6 +283,6 @@ def test_threads_and_domains_do_not_change_a_run(name, method, monkeypatch):
     assert np.abs(apart - np.round(apart)).max() < 1e-9
     np.testing.assert_allclose(one.seen[: moves.SUMMED], plain.seen[: moves.SUMMED], rtol=1e-6, atol=1e-6)
     assert (
-        one.look().clusters == plain.look().clusters
-        and one.look().largest_cluster == plain.look().largest_cluster
+        one.survey().clusters == plain.survey().clusters
+        and one.survey().largest_cluster == plain.survey().largest_cluster
     )

@@ -13,14 +13,7 @@ from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.flows import record as records
 from jampetsc.flows import run as running
 from jampetsc.flows.means import ROWS, Means
-from jampetsc.flows.record import (
-    ON_WALLS,
-    SERIES,
-    Record,
-    check_space,
-    resumed,
-    write_checkpoint,
-)
+from jampetsc.flows.record import ON_WALLS, SERIES, Record, check_space, resumed, write_checkpoint
 from jampetsc.flows.run import Plan, _duration, _row, check_balance
 from jampetsc.flows.velocity_correlation import LaneCorrelation, correlate_lanes
 from jampetsc.io.checkpoint import folder_of

@@ -13,7 +13,7 @@ from jampetsc.core.state import measure
 from jampetsc.errors import InputError
 from jampetsc.flows import quasistatic_run as slowjob
 from jampetsc.flows import quasistatic_shear as slowly
-from jampetsc.flows.quasistatic_shear import ENERGY_CUT, SlowShear, look_at
+from jampetsc.flows.quasistatic_shear import ENERGY_CUT, SlowShear, minimum_of
 from jampetsc.minimise.descent import Goal
 from jampetsc.minimise.minimise import Effort, minimise, settle
 from jampetsc.minimise.protocols import random_start
@@ -72,9 +72,9 @@ def test_plastic_events_are_what_cannot_be_undone(jammed):
         step = slow.advance()
         back = SlowShear(slow.disks, -2e-3, jammed[1], 1e-8)
         back.advance()
-        loss = back.found.energy - look_at(here).energy
-        assert before is None or before.energy == pytest.approx(look_at(here).energy, rel=1e-9)
-        (kept if step.plastic else undone).append(abs(loss) / look_at(here).energy)
+        loss = back.found.energy - minimum_of(here).energy
+        assert before is None or before.energy == pytest.approx(minimum_of(here).energy, rel=1e-9)
+        (kept if step.plastic else undone).append(abs(loss) / minimum_of(here).energy)
     assert len(kept) >= 3 and len(undone) > 40
     assert np.median(undone) < 1e-6 and np.quantile(undone, 0.95) < 1e-3 < min(kept)
 
@@ -88,10 +88,10 @@ def test_what_is_followed_is_what_a_quench_finds(jammed):
     for _ in range(20):
         affine = deformed(slow.disks, np.zeros((48, 2)), 0.0, 5e-4)
         evaluations += slow.advance().evaluations
-        quenched = look_at(minimise(affine, Goal(), solver, tolerance=1e-9, effort=cost).disks)
+        quenched = minimum_of(minimise(affine, Goal(), solver, tolerance=1e-9, effort=cost).disks)
         same += slow.found.energy == pytest.approx(quenched.energy, rel=1e-9)
-        assert slow.found.coordination == look_at(slow.disks).coordination
-        assert slow.found.shear_stress == pytest.approx(look_at(slow.disks).shear_stress, rel=1e-9)
+        assert slow.found.coordination == minimum_of(slow.disks).coordination
+        assert slow.found.shear_stress == pytest.approx(minimum_of(slow.disks).shear_stress, rel=1e-9)
         state = measure(slow.disks)
         assert state.max_force < 1e-9 * state.pressure * slow.diameter
     assert same >= 18
@@ -105,7 +105,7 @@ def test_jammed_is_told_by_an_energy_in_units_of_k(jammed):
     for k in (1.0, 2.0**-50):
         slow = SlowShear(replace(disks, potential=replace(SOFT, k=k)), 5e-4, solver, 1e-6)
         plastic = slow.advance().plastic
-        assert slow.found.jammed and look_at(slow.disks).jammed and not plastic
+        assert slow.found.jammed and minimum_of(slow.disks).jammed and not plastic
         found.append(slow.found.energy / k)
     assert found[1] == pytest.approx(found[0], rel=1e-6) and found[0] * 2.0**-50 < 48 * ENERGY_CUT
 

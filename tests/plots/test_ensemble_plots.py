@@ -8,7 +8,6 @@ from test_plots import write_sweep
 
 from jampetsc.analysis.statistics import half_width, mean_with_error, median_interval
 from jampetsc.cli import main as cli
-from jampetsc.errors import InputError
 from jampetsc.io.reader import load
 from jampetsc.plots.averages import average_curves
 from jampetsc.plots.curves import curve_of, group_curves
@@ -72,15 +71,6 @@ def test_sizes_are_not_averaged(folder):
         "$p/k=10^{-2}$, $N=64$",
         "$p/k=10^{-2}$, $N=256$",
     ]
-
-
-def test_what_has_no_mean_is_refused(folder):
-    found = curves(folder)
-    with pytest.raises(InputError, match=r"sweep-0\.01-0\.h5: is of the same packing as sweep-0\.01-0\.h5"):
-        average_curves([*found, found[0]])
-    write_sweep(folder / "sweep-0.01-0.h5", 1e-2, OMEGA[:5], 1 + 1j * OMEGA[:5], particle_count=64)
-    with pytest.raises(InputError, match="other frequencies than"):
-        average_curves(curves(folder))
 
 
 @pytest.mark.parametrize("kind", [[], ["--kind", "storage"], ["--kind", "collapse"]])

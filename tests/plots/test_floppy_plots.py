@@ -1,10 +1,8 @@
 """Pictures of quasistatic files and modes, drawn through the command line from files of known content."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from drawn import bands, bars, figure_of, lines
+from drawn import Held, bands, bars, figure_of, lines
 from samples import published
 
 from jampetsc.analysis.statistics import median_interval
@@ -155,13 +153,7 @@ def quasistatic_of(medians, size=16, pressure=1e-3, k=1.0, bare=None, **more):
     for prefix, values in (("", medians), *([("no_prestress_", bare)] if bare is not None else [])):
         names = (f"{prefix}{name}_median" for name in ("normal", "transverse", "nonaffine"))
         attributes |= dict(zip(names, values, strict=True))
-    result = Scan()
-    result.path, result.attributes = Path("q.h5"), attributes | more
-    return result
-
-
-class Scan(dict):
-    """With what a file holds of β."""
+    return Held({}, attributes | more, "q.h5")
 
 
 def test_lines_run_through_medians_and_small_points_are_files():
@@ -236,16 +228,16 @@ def test_viscosities_are_medians_over_files_in_units_of_k_and_tau1():
 
 def modes_of(values, floppiness=None, pressure=1e-3, **more):
     """A result with these eigenvalues of 4 disks."""
-    result = Scan(eigenvalues=np.array(values), particles=np.arange(4))
-    result["floppiness"] = np.ones(len(values)) if floppiness is None else np.array(floppiness)
-    result.path, result.attributes = Path("m.h5"), {"pressure": pressure, "k": 1.0, "complete": True} | more
-    return result
+    arrays = {"eigenvalues": np.array(values), "particles": np.arange(4)}
+    arrays["floppiness"] = np.ones(len(values)) if floppiness is None else np.array(floppiness)
+    return Held(arrays, {"pressure": pressure, "k": 1.0, "complete": True} | more, "m.h5")
 
 
 def test_modes_keep_their_numbers_where_some_have_no_frequency():
     """Of λ = −1, 0, 4, 16 in k = 4 the third and fourth are shown, coloured by floppiness; infinite is the largest."""
     one = modes_of([-4.0, 0.0, 4.0, 16.0], [1.0, 10.0, 5.0, np.inf], k=4.0)
     fig = figure_of(plot_modes, [one])
+    fig.draw_without_rendering()  # which gives points their colours
     shown = fig.axes[0].collections[0]
     np.testing.assert_allclose(shown.get_offsets(), [(3, 1.0), (4, 2.0)])
     colours = shown.get_facecolors()

@@ -5,10 +5,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from drawn import bands, bars, figure_of, lines
+from drawn import Held, bands, bars, figure_of, lines
+from matplotlib.figure import Figure
 
 import jampetsc
 from jampetsc.analysis.profiles import heights, mean_profile, middle_share
+from jampetsc.analysis.scaling import local_exponents
 from jampetsc.analysis.statistics import half_width
 from jampetsc.cli import main as cli
 from jampetsc.core.state import measure
@@ -16,7 +18,14 @@ from jampetsc.errors import InputError
 from jampetsc.io.reader import Attributes
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.io.snapshots import snapshot
-from jampetsc.plots.flowcurves import _ratio, flow_curves, local_exponents, plot_against_phi, plot_flow
+from jampetsc.plots.flowcurves import (
+    _draw_exponents,
+    _ratio,
+    flow_curves,
+    plot_against_phi,
+    plot_flow,
+)
+from jampetsc.plots.numbers import table
 from jampetsc.plots.order import plot_order
 from jampetsc.plots.packing import touching
 from jampetsc.plots.profiles import plot_profiles
@@ -190,11 +199,9 @@ def test_what_cannot_be_drawn(runs, tmp_path, capsys):
     [(1.0, ["Newtonian"]), (2.0, ["Bagnoldian"]), (0.4, []), (2.5, ["Newtonian", "Bagnoldian"])],
 )
 def test_exponents_that_have_a_name_are_marked_where_they_are_in_sight(power, names):
-    some = [
-        facts(rate=r, shear_stress_mean=r**power, pressure_mean=r ** (0.9 if power == 2.5 else 1.01 * power))
-        for r in (0.1, 0.2, 0.4)
-    ]
-    ax = figure_of(plot_flow, some).axes[4]
+    ax, rates = Figure().subplots(), np.array([0.1, 0.2, 0.4])
+    powers = power, 0.9 if power == 2.5 else 1.01 * power
+    _draw_exponents(ax, [({}, *local_exponents(rates, rates**one, 0.1 * rates)) for one in powers])
     assert [text.get_text() for text in ax.texts] == names
     levels = [line.get_ydata()[0] for line in ax.get_lines() if line.get_linestyle() == ":"]
     assert levels == [{"Newtonian": 1, "Bagnoldian": 2}[name] for name in names]
@@ -224,24 +231,14 @@ def test_rates_at_which_phi_is_varied_are_named_with_their_kinds():
 
 def series(name, rate=0.1, **more):
     """A flow file of three rows."""
-    result = Rows(strain=np.array([0.1, 0.2, 0.3]))
-    result |= {key: np.array([[1.0, 0.5], [2.0, 0.5], [3.0, 0.5]]) for key in ("shear_stress", "pressure")}
-    one = Rows(result)
-    one.path, one.attributes, one.format = (
-        Path(name),
-        facts(rate=rate, discard=0.15, **more).attributes,
-        "jampetsc-flow",
-    )
-    return one
-
-
-class Rows(dict):
-    """What a file holds."""
+    arrays = {key: np.array([[1.0, 0.5], [2.0, 0.5], [3.0, 0.5]]) for key in ("shear_stress", "pressure")}
+    arrays["strain"] = np.array([0.1, 0.2, 0.3])
+    return Held(arrays, facts(rate=rate, discard=0.15, **more).attributes, name, "jampetsc-flow")
 
 
 def test_lanes_are_drawn_with_bands_of_one_error_kind_by_kind():
-    one = Rows(x=np.array([0.5, 1.5]), g_y=np.array([0.4, -0.1]), g_y_error=np.array([0.1, 0.05]))
-    one.path, one.format, one.attributes = Path("g.h5"), "jampetsc-velocity-correlation", facts().attributes
+    one = {"x": np.array([0.5, 1.5]), "g_y": np.array([0.4, -0.1]), "g_y_error": np.array([0.1, 0.05])}
+    one = Held(one, facts().attributes, "g.h5", "jampetsc-velocity-correlation")
     ax = figure_of(plot_lanes, [one]).axes[0]
     np.testing.assert_allclose(lines(ax, 2)[1][:2], [one["x"], one["g_y"]])
     np.testing.assert_allclose(bands(ax)[0], [one["x"], [0.3, -0.15], [0.5, -0.05]])
@@ -271,12 +268,8 @@ def test_regimes_are_exponents_and_clusters_at_the_lowest_rates():
 
 
 def seen(sizes, seed, **arrays):
-    file = Rows(arrays)
-    file.path, file.attributes = (
-        Path(f"{sizes}-{seed}.h5"),
-        facts(sizes=sizes, seed=seed, discard=1.0).attributes,
-    )
-    return file
+    attributes = facts(sizes=sizes, seed=seed, discard=1.0).attributes
+    return Held(arrays, attributes, f"{sizes}-{seed}.h5")
 
 
 def test_order_is_drawn_kind_by_kind_with_its_mean():
@@ -293,7 +286,7 @@ def test_order_is_drawn_kind_by_kind_with_its_mean():
         figure_of(
             plot_order, [files[0], seen("monodisperse", 3, **{**files[1], "snapshots/strain": strain + 1})]
         )
-    with pytest.raises(InputError, match="holds no six-fold order"):
+    with pytest.raises(InputError, match="holds no snapshots: run the flow with"):
         plot_order([seen("monodisperse", 1)])
 
 
@@ -308,6 +301,11 @@ def test_profiles_are_means_of_windows_and_of_runs():
     np.testing.assert_allclose(error, half_width(1) * np.abs(v) / 1.05 * 0.05)  # of two runs
     (ax,) = figure_of(plot_profiles, files).axes
     np.testing.assert_allclose(ax.get_lines()[0].get_data(), [[-0.5, 0.5], [-0.5, 0.5]])
+    files[0]["velocity_profile"][:, 1] = (
+        np.nan
+    )  # a layer that is empty all the time has no point, and no number
+    empty = figure_of(plot_profiles, files[:1]).axes
+    assert sum("x_value" in row for row in table(empty)) == 3 * 3
     steady = ax.containers[-1].lines[0]
     np.testing.assert_allclose(steady.get_data(), [1.05 * y, y])
     assert middle_share(heights(20)) == pytest.approx(1.0)

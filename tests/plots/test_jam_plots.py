@@ -1,11 +1,10 @@
 """Pictures of which packings jam: shares with their errors, densities, and samples of one kind put together."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from drawn import bars, figure_of, lines
+from drawn import Held, bars, figure_of, lines
 from samples import isostatic
 
 from jampetsc.analysis.averages import mean_of_runs
@@ -25,7 +24,6 @@ from jampetsc.io.reader import load
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.plots import jamming
 from jampetsc.plots.jamming import Samples, plot_fraction, plot_jamming_densities, plot_pressures, samples_of
-from jampetsc.plots.packing import last_minimum
 from jampetsc.plots.slowly import plot_slow_shear
 from jampetsc.studies.table import table_text
 
@@ -306,7 +304,7 @@ def test_a_mixture_that_no_picture_shows_is_refused(study, tmp_path, capsys):
 
 
 def test_the_last_minimum_is_the_last_state(study):
-    disks = replace(last_minimum(load(study / "shear-0.9.h5")), potential=isostatic().potential)
+    disks = replace(load(study / "shear-0.9.h5").last, potential=isostatic().potential)
     assert disks.fingerprint == isostatic().fingerprint
 
 
@@ -370,22 +368,14 @@ def test_means_of_phi_J_are_dotted(monkeypatch):
 def slow_shear(jammed, plastic=None, name="s.h5", **more):
     """A shear file of so many states."""
     jammed = np.array(jammed, float)
-    one = Rows(
-        jammed=jammed, strain=0.1 * np.arange(1, len(jammed) + 1), energy=np.where(jammed == 1, 1e-4, 1e-20)
-    )
-    one |= {
-        key: jammed * scale
-        for key, scale in (("shear_stress", 1e-3), ("pressure", 2e-3), ("coordination", 4.0))
-    }
-    file = Rows(one) if plastic is None else Rows(one, plastic=np.array(plastic, float))
+    scales = {"shear_stress": 1e-3, "pressure": 2e-3, "coordination": 4.0}
+    arrays = {key: jammed * scale for key, scale in scales.items()}
+    means = {f"{key}_mean": values.mean() for key, values in arrays.items()}
+    arrays |= {"jammed": jammed, "strain": 0.1 * np.arange(1, len(jammed) + 1)}
+    arrays |= {"energy": np.where(jammed == 1, 1e-4, 1e-20)}
+    arrays |= {} if plastic is None else {"plastic": np.array(plastic, float)}
     facts = {"discard": 0.25, "energy_cut": 1e-16, "particle_count": 10, "k": 2.0, "stiffness": "constant"}
-    means = {f"{key}_mean": one[key].mean() for key in ("shear_stress", "pressure", "coordination")}
-    file.path, file.attributes = Path(name), facts | means | more
-    return file
-
-
-class Rows(dict):
-    """What a file holds."""
+    return Held(arrays, facts | means | more, name)
 
 
 def test_states_that_jam_are_lines_others_dots_and_single_ones_dashes():

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import jampetsc
+from jampetsc.analysis.order import six_fold_order
 from jampetsc.asking.kinds import FREQUENCIES
 from jampetsc.asking.parameters import parameters
 from jampetsc.cli import main as cli
@@ -22,6 +23,7 @@ from jampetsc.studies.plan import plan
 sys.path.insert(0, str(launch.ROOT / "benchmarks"))
 from claims import motion  # noqa: F401  it enters its claims
 from claims.shared import CLAIMS
+from keep import slim
 
 FIGURES = launch.ROOT / "run" / "figures"
 STUDIES = sorted(path.name for path in FIGURES.iterdir())
@@ -391,6 +393,11 @@ def test_every_figure_is_made(tmp_path):
         if figure in ("bt-fig1", "bt-fig7", "bt-modes"):
             rows = list(claims(jampetsc.load(tmp_path / figure)))
             assert len(rows) >= 6 and all(np.isfinite(row.ours) and row.size for row in rows), figure
+    flow = next((tmp_path / "vagberg-fig4.6-4.7").glob("flow-*.h5"))
+    slim(flow, tmp_path / "kept.h5")  # without the positions that figures 4.6 and 4.7 show, with their order
+    order, kept = (six_fold_order(jampetsc.load(path)) for path in (flow, tmp_path / "kept.h5"))
+    np.testing.assert_allclose(kept, order, rtol=1e-6)
+    assert "snapshots/positions" not in jampetsc.load(tmp_path / "kept.h5")
     assert len(made) > 20 and len(STUDIES) > 15
     for path in made:
         assert os.path.getsize(path) > 5000, path

