@@ -9,6 +9,7 @@ from jampetsc.asking.kinds import input_told
 from jampetsc.asking.parameters import FILE, OPTION, parameter_of, parameters, parts
 from jampetsc.errors import InputError, named
 from jampetsc.io.outlet import Outlet
+from jampetsc.io.request import Request
 
 
 @dataclass(frozen=True)
@@ -118,6 +119,10 @@ class Job:
             if value is not None and usual.get(name) is not value
         }
 
+    def request(self, argv, overwrite=False) -> Request:
+        """What results record of the job, which the command line `argv` asks for."""
+        return Request(self.NAME, self.told(), argv, overwrite, self.same, self.held)
+
     def words(self) -> list[str]:
         """The options of a command line that asks for the same."""
         told, words = self.told(), []
@@ -146,10 +151,7 @@ class Job:
 
     def check_outputs(self, to: Outlet) -> None:
         """Raise InputError, before any work, unless all of its files may be written."""
-        from jampetsc.io.outputs import check_output
-
-        if to.path is not None:
-            check_output(to.path, self.FORMAT, self.paths)
+        to.check(self.FORMAT, self.paths)
 
     def work(self, to: Outlet) -> str:
         """Do it and put what is found into the outlet `to`; what a user wants to read. Collective."""

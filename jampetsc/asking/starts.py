@@ -77,9 +77,7 @@ class FromStart(Job):
     def check_last(self, to):
         """Refuse a packing where something else is."""
         if self.last is not None:
-            from jampetsc.io.outputs import check_output
-
-            check_output(self.last, "jampetsc-packing", self.paths, [to.path] if to.path else [])
+            to.check("jampetsc-packing", self.paths, self.last, [to.path] if to.path else [])
 
     @property
     def paths(self):

@@ -139,7 +139,7 @@ def execute(run: FlowRun, to, last=None, team=None) -> Means:
     write_checkpoint(to.kept, record, shear.state(), settings)  # in case one of the files cannot be written
     if last is not None:
         protocol = f"steady shear, {run.model}, rate {run.rate:g}"
-        write_packing(last, shear.disks.with_record(protocol=protocol))
+        write_packing(last, shear.disks.with_record(protocol=protocol), to.request)
     state = shear.state() | {"radii": run.disks.radii}
     # a file that goes on in place is replaced last
     write_record(to.writer(FORMAT), record, state, run.settings, facts, held=run.held)

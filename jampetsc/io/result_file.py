@@ -18,7 +18,6 @@ from jampetsc.io.atomic import follow, remove_abandoned, write_error
 from jampetsc.io.hdf5 import OutputFile, set_attributes, store
 from jampetsc.io.outputs import check_place
 from jampetsc.io.parts import GROUP, part_name, parts_of, remove_if_empty
-from jampetsc.io.request import recorded
 
 FORMAT_VERSION = "1.0"
 
@@ -45,11 +44,12 @@ class _Layout:
 class ResultWriter:
     """Writes a result file of `format`, say "jampetsc-sweep". Every method is collective.
 
-    `comm` is an mpi4py communicator, or None for one process. Use it as a context manager: leaving the block
-    closes the file, an exception removes what was written. Raises InputError or JampetscError, on all ranks.
+    `comm` is an mpi4py communicator, or None for one process; `request` is what was asked for. Use it as a context
+    manager: leaving the block closes the file, an exception removes what was written. Raises InputError or
+    JampetscError, on all ranks.
     """
 
-    def __init__(self, path, format, comm=None):
+    def __init__(self, path, format, comm=None, request=None):
         self.path = follow(path)
         self.comm = comm
         self.rank, self.size = (0, 1) if comm is None else (comm.rank, comm.size)
@@ -67,7 +67,8 @@ class ResultWriter:
             if self.rank == 0:
                 self._joint = OutputFile(self.path)
             self._part = self._joint if self.size == 1 else self._open_part()
-        self.attributes(format=format, format_version=FORMAT_VERSION, run_id=self.run_id, **recorded())
+        asked = request.recorded if request else {}
+        self.attributes(format=format, format_version=FORMAT_VERSION, run_id=self.run_id, **asked)
 
     def _part_path(self) -> Path:
         return self.path.parent / part_name(self.path, self.run_id, self.rank)

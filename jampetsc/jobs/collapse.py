@@ -118,12 +118,9 @@ examples:
 
     def check_outputs(self, to):
         """Refuse one result twice, and what may not be replaced."""
-        from jampetsc.io.outputs import check_output
-
         sources = self._named()
         refuse_repeated(sources)
-        if to.path is not None:
-            check_output(to.path, self.FORMAT, [one for one in sources if isinstance(one, str)])
+        to.check(self.FORMAT, [one for one in sources if isinstance(one, str)])
 
     def work(self, to):
         """Read, fit, write and tell what was found."""

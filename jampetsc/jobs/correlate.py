@@ -109,11 +109,9 @@ class Correlate(Job):
     def check_outputs(self, to):
         """Refuse a file that holds another kind of correlation."""
         from jampetsc.flows import velocity_correlation as lanes
-        from jampetsc.io.outputs import check_output
 
-        if to.path is not None:
-            flows = getattr(opened(self.results[0]), "format", "") == FLOW
-            check_output(to.path, lanes.FORMAT if flows else self.FORMAT, self.paths)
+        flows = getattr(opened(self.results[0]), "format", "") == FLOW
+        to.check(lanes.FORMAT if flows else self.FORMAT, self.paths)
 
     def work(self, to):
         """Correlate."""

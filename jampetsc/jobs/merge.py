@@ -34,7 +34,7 @@ class Merge(Job):
         """Merge and say what was done."""
         from jampetsc.io.merge import merge
 
-        joined = merge(self.file, to.path)
+        joined = merge(self.file, to.path, to.request)
         if joined:
             return f"{to.path or self.file}: {joined} parts in one file"
         if to.path and not os.path.samefile(to.path, self.file):

@@ -196,26 +196,23 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         """Refuse what may not be replaced, and a packing to start from that is none."""
         from jampetsc.io.outputs import check_output
         from jampetsc.io.packing_file import check_packing
-        from jampetsc.io.request import asked
 
         files = [self.from_] if isinstance(self.from_, str) else []
         for path in files:
             check_packing(path)
         if self.radii is not None and self.radii.path:
             files.append(self.radii.path)
-        with asked(None):  # each packing says itself what it was asked to be
-            for task in [] if to.path is None else self.tasks(str(to.path)):
-                check_output(task.path, self.FORMAT, files)
+        for task in [] if to.path is None else self.tasks(str(to.path)):
+            check_output(task.path, self.FORMAT, files)  # each packing says itself what it was asked to be
 
     def work(self, to):
         """Make what is not there yet, every rank its own packings. Collective."""
         from jampetsc.collective import on_root, own_cores
         from jampetsc.core.threads import Team
-        from jampetsc.io import request
         from jampetsc.petsc import session
 
         running = session.current()
-        comm, overwrite = running.comm, request.current().overwrite
+        comm, overwrite = running.comm, to.request.overwrite
         start, origin, k = self._start(comm)
         tasks = self.tasks(None if to.path is None else str(to.path), k)
         wanted = [origin | _asked(task) for task in tasks]
@@ -227,8 +224,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         )
         mine = left[running.rank :: running.size]
         team = Team(self.threads or own_cores(comm, bool(mine)))
-        with request.asked(None):
-            found = _make([(i, tasks[i], wanted[i]) for i in mine], start, to, team, running.rank)
+        found = _make([(i, tasks[i], wanted[i]) for i in mine], start, team, running.rank)
         found = dict(sorted(pair for some in comm.allgather(found) for pair in some.items()))
         failures = {i: one for i, one in found.items() if isinstance(one, JampetscError)}
         if failures:
@@ -307,8 +303,9 @@ def is_there(path, wanted, overwrite=False, source=None) -> bool:
     return True
 
 
-def _make(tasks, start, to, team, rank) -> dict:
+def _make(tasks, start, team, rank) -> dict:
     """{number: (disks or None where a file has them, what is told), or a JampetscError} of [(number, task, record)]."""
+    from jampetsc.io.packing_file import write_packing
     from jampetsc.minimise.protocols import Effort, make_packing
     from jampetsc.petsc import local
     from jampetsc.progress import Progress
@@ -322,7 +319,8 @@ def _make(tasks, start, to, team, rank) -> dict:
                 fresh = task.seed is not None
                 disks = make_packing(start(task), task.target, solver, fresh=fresh, team=team, effort=effort)
                 disks = disks.with_record(**record)
-                to.packing(disks, task.path)
+                if task.path is not None:
+                    write_packing(task.path, disks)
             except ConvergenceError as error:
                 remedy = f"use another {named('seed')}, or a larger {named('tolerance')}"
                 found[number] = ConvergenceError(f"{error.args[0]}: {remedy}")

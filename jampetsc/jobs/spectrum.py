@@ -49,12 +49,12 @@ class Spectrum(Job):
 
     def check_outputs(self, to):
         """Refuse what is neither a file of one spectrum nor a picture."""
-        from jampetsc.io.outputs import PICTURE, check_output
+        from jampetsc.io.outputs import PICTURE
         from jampetsc.plots.style import FORMATS
 
         suffix = "" if to.path is None else to.path.suffix.lower()
         if suffix in FORMATS:
-            check_output(to.path, PICTURE, self.paths)
+            to.check(PICTURE, self.paths)
             return
         if to.path is not None and suffix not in HDF5:
             raise InputError(

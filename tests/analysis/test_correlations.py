@@ -329,7 +329,7 @@ def test_packings_differ_in_size_and_their_mean_is_told(tmp_path):
 def test_the_names_of_many_sources_fit_into_attributes(tmp_path):
     sweep = load(write_sweep(tmp_path, "s" * 100))
     with ResultWriter(tmp_path / "c.h5", "jampetsc-correlation") as writer:
-        writer.attributes(**derived_from([sweep] * 5000, 0.0, argv=["jampetsc"] * 20000))
+        writer.attributes(**derived_from([sweep] * 5000, 0.0))
     assert load(tmp_path / "c.h5").attributes["sources"].endswith("…")
 
 

@@ -5,7 +5,6 @@ import functools
 import itertools
 import os
 import re
-import shlex
 import shutil
 import subprocess
 import sys
@@ -23,7 +22,6 @@ from jampetsc.asking.parameters import asked
 from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import write_packing
-from jampetsc.io.provenance import command_line
 from jampetsc.petsc.session import current
 from jampetsc.studies import run as study_run
 from jampetsc.studies import tasks as study_tasks
@@ -260,7 +258,7 @@ def test_a_task_is_a_job_with_its_share_of_the_cores(session, tmp_path, threads,
         NAME, FORMAT, scalar = "pack", "jampetsc-packing", None
 
         def work(self, to):
-            seen.append((getattr(self, "threads", None), command_line()))
+            seen.append((getattr(self, "threads", None), to.request.argv))
             shutil.copy(tmp_path / "p.h5", to.path)
             return ""
 
@@ -270,7 +268,7 @@ def test_a_task_is_a_job_with_its_share_of_the_cores(session, tmp_path, threads,
     job = dataclasses.make_dataclass("Copying", fields, bases=(Copy,), frozen=True)(**threads)
     task = dataclasses.replace(task, choice=dataclasses.replace(task.choice, job=job))
     made = study_tasks.Runner(tmp_path, {}, 5).run(task, [])
-    assert seen == [(used, shlex.join(task.words))] and made["state"] == "done"
+    assert seen == [(used, task.words)] and made["state"] == "done"
     assert (made["row"]["n"], made["row"]["pressure"]) == (16, 0.5)
 
 

@@ -1,5 +1,6 @@
 """The pieces of a study, each by itself: tasks, costs, numbers, lock, journal, table."""
 
+import dataclasses
 import errno
 import fcntl
 import functools
@@ -16,8 +17,7 @@ from jampetsc.analysis.statistics import half_width
 from jampetsc.asking.parameters import WORD, Parameter
 from jampetsc.errors import InputError
 from jampetsc.io import checksums
-from jampetsc.io.packing_file import read_identified, write_packing
-from jampetsc.io.provenance import command_line
+from jampetsc.io.packing_file import write_packing
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.jobs.correlate import Correlate
 from jampetsc.jobs.modes import Modes
@@ -766,24 +766,29 @@ def test_a_row_says_what_was_asked_for_before_what_was_found():
         )
 
 
-def test_a_file_is_taken_over_only_from_the_same_command_line_and_packing(tmp_path):
+def test_a_file_is_taken_over_only_from_the_same_job_and_packing(tmp_path):
     task = of(tasks(PACK + "[modes]\n"), "modes")[0]
-    (there,), path = task.inputs, tmp_path / task.file
-    write_packing(tmp_path / there.file, published())
-    digest = read_identified(tmp_path / there.file)[1][1]
-    runner = Runner(tmp_path, {})
+    (there,), path, packing = task.inputs, tmp_path / task.file, tmp_path / task.inputs[0].file
+    runner, job = Runner(tmp_path, {}), task.choice.job_of([str(packing)])
 
-    def is_there(words, of=digest):
-        attributes = {"argv": command_line(task.words), "packing_sha256": of}
-        result(path, "modes", attributes.items(), eigenvalues=[1.0])
-        return runner._is_there(task, words, [there])
+    def is_there(**changed):
+        request = dataclasses.replace(job, **changed).request(task.words)
+        request.read(job.paths)
+        with ResultWriter(path, "jampetsc-modes", request=request) as writer:
+            writer.dataset("eigenvalues", [1.0])
+        return runner._is_there(task, job)
 
-    assert not runner._is_there(task, task.words, [there])
-    assert is_there(task.words)
-    assert not is_there([*task.words, "--count", "3"]) and not is_there(task.words, "another")
-    assert not runner._is_there(there, there.words, [])  # a packing, at which `pack` looks
+    write_packing(packing, published())
+    assert not runner._is_there(task, job)
+    assert is_there() and not is_there(count=3)
+    assert not runner._is_there(there, there.choice.job)  # a packing, at which `pack` looks
+    result(path, "modes", eigenvalues=[1.0])  # that does not say with which settings
+    assert not runner._is_there(task, job)
+    is_there()
+    write_packing(packing, published().with_record(seed=2))
+    assert not runner._is_there(task, job)
     (tmp_path / f"{task.file}.resume").mkdir()
     (tmp_path / f"{task.file}.resume" / "00000-rank-0000").touch()
     (tmp_path / "other.h5.resume").touch()
-    assert is_there(task.words)
+    assert is_there()
     assert {one.name for one in tmp_path.iterdir()} == {task.file, there.file, "other.h5.resume"}
