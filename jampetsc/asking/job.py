@@ -1,12 +1,12 @@
 """A job: what is asked, as a frozen dataclass, and how it is answered. Functions and commands are made of its class."""
 
 import shlex
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
 from jampetsc.asking.kinds import input_told
-from jampetsc.asking.parameters import FILE, OPTION, parameter_of, parameters, parts
+from jampetsc.asking.parameters import FILE, OPTION, Part, fields, parameters, parts
 from jampetsc.errors import InputError, named
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.request import Request
@@ -33,40 +33,36 @@ class Job:
     OUT: ClassVar[str] = "required"  # whether its command needs --out: required, optional, or "" for no file
     OUT_HELP: ClassVar[str] = "result file (HDF5)"
     GIVES: ClassVar[str] = ""  # what python gets, where that is not what `load` gives for its file
+    scalar: ClassVar[str | None] = (
+        "real"  # PETSc's that it needs, or "complex", "any"; None: PETSc has nothing to do
+    )
     AGAIN: ClassVar[bool] = False  # whether its result is made anew without asking: pictures and tables
 
     def __post_init__(self):
-        for field in fields(self):
-            said = field.metadata.get("asked")
-            if isinstance(said, dict):
-                object.__setattr__(self, field.name, self._read(field))
-            elif said is not None and not isinstance(getattr(self, field.name), said.type):
-                value = getattr(self, field.name)
-                if value is None and field.default is None:
-                    continue
-                if not isinstance(value, str):
-                    raise InputError(f"{named(field.name)} {value!r}: must be a {said.type.__name__}")
-                made = said.make({said.parameters[0].name: value})  # "stokes": a name stands for its defaults
-                object.__setattr__(self, field.name, made)
+        for name, said in fields(type(self)).items():
+            read = self._made if isinstance(said, Part) else self._read
+            object.__setattr__(self, name, read(name, said, getattr(self, name)))
         self.check()
 
-    def _read(self, field):
-        parameter, value = parameter_of(field), getattr(self, field.name)
+    def _made(self, name, part, value):
+        """What several options make: a name stands for its defaults, "stokes"."""
+        if isinstance(value, part.type) or (value is None and part.optional):
+            return value
+        if not isinstance(value, str):
+            raise InputError(f"{named(name)} {value!r}: must be a {part.type.__name__}")
+        return part.make({part.parameters[0].name: value})
+
+    def _read(self, name, parameter, value):
         if parameter.place in (OPTION, FILE):
             return parameter.read(value)
         if isinstance(value, str | Path) or not hasattr(value, "__iter__"):
             value = (value,)
         if not value:
-            raise InputError(f"{named(field.name)}: must be given")
+            raise InputError(f"{named(name)}: must be given")
         return tuple(parameter.read(one) for one in value)
 
     def check(self) -> None:
         """Raise InputError for values that do not go together."""
-
-    @property
-    def scalar(self) -> str | None:
-        """PETSc's scalars that the job needs: "real", "complex", "any"; None where PETSc has nothing to do."""
-        return "real"
 
     @property
     def place(self):

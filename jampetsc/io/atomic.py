@@ -111,6 +111,25 @@ def remove_abandoned(folder, name="*") -> None:
                 os.close(handle)
 
 
+def locked(path):
+    """The file at `path`, made if need be and locked by this process until it is closed; None where another one has it.
+
+    The system's lock goes with its process, so that what was killed can go on at once. Where a file system has no locks
+    the file comes without. Raises OSError where it cannot be opened.
+    """
+    while True:
+        file = open(path, "a+")
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            if error.errno in (errno.EWOULDBLOCK, errno.EACCES):
+                file.close()
+                return None
+        if os.fstat(file.fileno()).st_nlink:  # else the one that had it was just ending, and has removed it
+            return file
+        file.close()
+
+
 class _Stream(io.FileIO):
     """Binary file that keeps the first error of a write, also an interrupt, for `NewFile.check`, and raises none.
 

@@ -54,6 +54,7 @@ class Collapse(Job):
 
     NAME: ClassVar = "collapse"
     FORMAT: ClassVar = "jampetsc-collapse"
+    scalar: ClassVar = None
     EPILOG: ClassVar = """\
 The name omega stands for omega/z with rates. A small probability of chi^2 says that the form is wrong, or the
 errors are.
@@ -101,10 +102,6 @@ examples:
         from jampetsc.analysis.collapse import form_named
 
         return form_named(self.fit, self.finite_size, self.corrections, self.degree, self.spline)
-
-    @property
-    def scalar(self):
-        """PETSc has nothing to do."""
 
     def _named(self) -> list:
         """What is read: files, of the folder of a study those of its rows, and results in memory."""

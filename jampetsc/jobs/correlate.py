@@ -61,6 +61,7 @@ class Correlate(Job):
 
     NAME: ClassVar = "correlate"
     FORMAT: ClassVar = "jampetsc-correlation"
+    scalar: ClassVar = None
     EPILOG: ClassVar = """examples
   jampetsc correlate sweep.h5 --out correlation.h5
   jampetsc correlate stokes-s*.h5 --lane 0.5,1 --out stokes.h5
@@ -92,10 +93,6 @@ class Correlate(Job):
     )
     omega: Numbers | None = asked(None, "fields at these frequencies (default: all)", kind=FREQUENCIES)
     packing: Disks | None = asked(None, "packing of a single sweep, if it is not beside it", kind=PACKING)
-
-    @property
-    def scalar(self):
-        """PETSc has nothing to do."""
 
     def check(self):
         """Refuse what is given twice."""

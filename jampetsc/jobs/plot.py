@@ -85,6 +85,7 @@ class Plot(Job):
 
     NAME: ClassVar = "plot"
     FORMAT: ClassVar = "picture"
+    scalar: ClassVar = None
     OUT_HELP: ClassVar = "picture to write: .png, .pdf or .svg"
     AGAIN: ClassVar = True
     EPILOG: ClassVar = """examples:
@@ -126,10 +127,6 @@ class Plot(Job):
     )
     style: str | None = asked(None, "style of matplotlib (.mplstyle) on top of the program's", metavar="FILE")
     options: dict = part(Part(_options, _given, dict, dict))
-
-    @property
-    def scalar(self):
-        """PETSc has nothing to do."""
 
     def check_outputs(self, to):
         """`draw` looks at them when it knows what it draws."""

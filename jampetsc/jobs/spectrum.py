@@ -29,6 +29,7 @@ class Spectrum(Job):
 
     NAME: ClassVar = "spectrum"
     FORMAT: ClassVar = "jampetsc-spectrum"
+    scalar: ClassVar = None
     OUT_HELP: ClassVar = "result (HDF5), or picture"
     EPILOG: ClassVar = """examples
   jampetsc spectrum sweep.h5 --out spectrum.h5
@@ -38,10 +39,6 @@ class Spectrum(Job):
     window: float | None = asked(
         None, "width of the average of H(τ)", low=0.01, high=1.5, unit="decades", metavar="DECADES"
     )
-
-    @property
-    def scalar(self):
-        """PETSc has nothing to do."""
 
     def check(self):
         """Refuse one sweep twice."""

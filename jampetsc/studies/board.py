@@ -9,9 +9,7 @@ import time
 
 import numpy as np
 
-NEXT, FINISHED, FAILED, FIRST = range(
-    4
-)  # places: next task, how many are finished, how many of them failed, states
+NEXT, FINISHED, FAILED, FIRST = range(4)  # places: next task, numbers of finished and of failed ones, states
 OPEN, DONE, BROKEN = range(3)  # states of a task
 NAP = 0.01  # seconds between two looks while a rank waits
 

@@ -637,9 +637,7 @@ def test_a_task_keeps_its_name_whatever_else_is_asked_for():
     more = [task.name for task in tasks(other + "[modes]\n")]
     assert len(more) == len(set(more)) == 18 + 36 + 18
     assert set(names[:2]) <= set(more)
-    assert tasks(text)[2].words == [
-        *["jampetsc", "sweep", f"{names[0]}.h5", "--out", f"{names[2]}.h5", "--law", "contact"]
-    ]
+    assert tasks(text)[2].words == [*["jampetsc", "sweep", f"{names[0]}.h5", "--out", f"{names[2]}.h5"]]
 
 
 def test_a_dry_run_tells_the_tasks_and_makes_nothing(tmp_path):

@@ -14,7 +14,6 @@ import pytest
 from samples import published
 
 from jampetsc.analysis.statistics import half_width
-from jampetsc.asking.parameters import WORD, Parameter
 from jampetsc.errors import InputError
 from jampetsc.io import checksums
 from jampetsc.io.packing_file import write_packing
@@ -29,7 +28,7 @@ from jampetsc.studies.journal import records_of
 from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.lock import Lock
 from jampetsc.studies.numbers import numbers_of
-from jampetsc.studies.options import choices_of, values_of, words_of
+from jampetsc.studies.options import choices_of, values_of
 from jampetsc.studies.plan import plan, read
 from jampetsc.studies.table import rows_of, table_text
 from jampetsc.studies.tasks import Runner, row_of
@@ -244,29 +243,22 @@ def test_reading_a_study_that_is_not_there(tmp_path):
         plan("s.toml", b"[pack]\n\xff")
 
 
-def option(name, default=None):
-    return Parameter(name, "", WORD, default)
-
-
 @pytest.mark.parametrize(
     ("value", "words"),
     [
-        (1e-3, ["--x", "0.001"]),
-        ("1e-3", ["--x", "0.001"]),
-        ("07", ["--x", "7"]),
-        (-0.5, ["--x=-0.5"]),
-        ("-inf", ["--x=-inf"]),
-        ("contact", ["--x", "contact"]),
-        (0.1 + 0.2, ["--x", "0.30000000000000004"]),
+        ("1e-3", ["--below", "0.001"]),
+        ('"1e-3"', ["--below", "0.001"]),
+        ("0.30000000000000004", ["--below", "0.30000000000000004"]),
+        ("0.5\nno-prestress = true", ["--below", "0.5", "--no-prestress"]),
+        ("0.5\nno-prestress = false", ["--below", "0.5"]),
     ],
 )
 def test_words_of_a_value(value, words):
-    assert words_of(option("x"), value) == words
-
-
-def test_words_of_a_switch():
-    switch = option("x", default=True)
-    assert (words_of(switch, True), words_of(switch, False)) == (["--no-x"], [])
+    """The same task however a value is written."""
+    task = of(tasks(f"{PACK}[modes]\nbelow = {value}\n"), "modes")[0]
+    assert task.words[5:] == words and (task.choice.given["below"] == float(words[1]))
+    if '"' in value:
+        assert task.name == of(tasks(f"{PACK}[modes]\nbelow = {words[1]}\n"), "modes")[0].name
 
 
 def test_the_job_for_real_files():
