@@ -130,7 +130,7 @@ def _read_as(names, what):
 
     def read(given):
         from jampetsc.core.disks import Disks
-        from jampetsc.io.reader import Result
+        from jampetsc.io.results import Result
 
         classes = tuple({"Disks": Disks, "Result": Result}[name] for name in names)
         if isinstance(given, Result):

@@ -95,7 +95,7 @@ def begun(
 
 
 def continued(earlier, strain) -> FlowRun:
-    """The run of an earlier flow, a `io.reader.Result`, `strain` farther. Raises InputError."""
+    """The run of an earlier flow, a `io.results.Result`, `strain` farther. Raises InputError."""
     record, state, settings, attrs = record_of(earlier)
     settings["model"]["law"] = Law(**settings["model"]["law"])
     model, scheme = Model(**settings["model"]), Scheme(**settings["scheme"])

@@ -1,4 +1,4 @@
-"""A result that is collected in memory, with the interface of `result_file.ResultWriter`: `reader.Result.of` reads it.
+"""A result that is collected in memory, with the interface of `result_file.ResultWriter`: `reader.collected` reads it.
 
 Rows of distributed arrays stay on their ranks.
 """
@@ -12,7 +12,7 @@ from jampetsc.io.result_file import FORMAT_VERSION
 
 
 class MemoryArray:
-    """An array of a result in memory, read as `reader.StoredArray` is.
+    """An array of a result in memory, read as `results.StoredArray` is.
 
     axis   the one along which ranks hold different rows; None: every rank holds all
     rows   slice of the whole array along `axis` that this rank holds; None with it

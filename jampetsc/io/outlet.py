@@ -82,13 +82,14 @@ class Outlet:
     def result(self):
         """The answer, as `load` gives it. Collective."""
         from jampetsc.core.disks import Disks
-        from jampetsc.io.reader import Result, load
+        from jampetsc.io.reader import collected, load
+        from jampetsc.io.results import Result
 
         if isinstance(self._found, list):
             return [one if isinstance(one, Disks) else load(one) for one in self._found]
         if self.path is None and isinstance(self._found, Disks):
             return self._found
-        found = Result.of(self._found) if self.path is None else load(self.path)
+        found = collected(self._found) if self.path is None else load(self.path)
         if isinstance(found, Result):
             found.packing = self._packing
         return found

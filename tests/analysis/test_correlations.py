@@ -28,7 +28,7 @@ from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.io.provenance import derived_from
 from jampetsc.io.reader import load
 from jampetsc.io.result_file import ResultWriter
-from jampetsc.jobs.correlate import _refuse_mixture
+from jampetsc.jobs.correlate_sweeps import refuse_mixture
 from jampetsc.plots.correlation import (
     CorrelationCurve,
     correlation_curve,
@@ -599,12 +599,12 @@ def test_sweeps_are_of_one_pressure_within_a_per_cent(tmp_path, off, same):
     paths = [write_sweep(tmp_path, f"s{k}", k, n=16, pressure=p) for k, p in enumerate((1e-3, off * 1e-3))]
     sweeps = [load(path) for path in paths]
     if same:
-        _refuse_mixture(sweeps)
+        refuse_mixture(sweeps)
     else:
         with pytest.raises(
             InputError, match=r"s1\.h5: pressure .*, but .*s0\.h5 has 0\.001: average those of one"
         ):
-            _refuse_mixture(sweeps)
+            refuse_mixture(sweeps)
 
 
 def test_what_belongs_to_flow_files_and_what_to_sweeps(tmp_path, monkeypatch):

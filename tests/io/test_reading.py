@@ -29,10 +29,10 @@ from jampetsc.io.hdf5 import (
 from jampetsc.io.outputs import PICTURE, TABLE, check_output
 from jampetsc.io.packing_file import read_packing, write_packing
 from jampetsc.io.provenance import derived_from, git_commit
-from jampetsc.io.reader import StoredArray
 from jampetsc.io.regular import kind, open_regular
 from jampetsc.io.request import LONGEST_LINE, Request
 from jampetsc.io.result_file import ResultWriter
+from jampetsc.io.results import StoredArray
 
 
 def handles():

@@ -4,11 +4,11 @@ import pytest
 
 from jampetsc.asking.kinds import HELD, PACKING, RESULT, opened
 from jampetsc.io.memory import MemoryWriter
-from jampetsc.io.reader import Result
+from jampetsc.io.reader import collected
 
 
 def test_a_result_in_memory_is_taken_as_it_is_and_one_in_a_file_by_its_name(tmp_path):
-    found = Result.of(MemoryWriter("jampetsc-quasistatic"))
+    found = collected(MemoryWriter("jampetsc-quasistatic"))
     assert RESULT.read(found) is HELD.read(found) is opened(found) is found
     with pytest.raises(ValueError, match="must be a packing"):
         PACKING.read(found)

@@ -13,8 +13,8 @@ from jampetsc.analysis.statistics import half_width
 from jampetsc.cli import main as cli
 from jampetsc.core.state import measure
 from jampetsc.errors import InputError
-from jampetsc.io.reader import Attributes
 from jampetsc.io.result_file import ResultWriter
+from jampetsc.io.results import Attributes
 from jampetsc.io.snapshots import snapshot
 from jampetsc.plots.flowcurves import _ratio, flow_curves, local_exponents, plot_against_phi, plot_flow
 from jampetsc.plots.order import plot_order

@@ -8,7 +8,8 @@ import re
 import shutil
 import subprocess
 import sys
-from time import perf_counter, sleep
+from threading import Timer
+from time import perf_counter
 from types import SimpleNamespace
 
 import launch
@@ -25,8 +26,7 @@ from jampetsc.io.packing_file import write_packing
 from jampetsc.petsc.session import current
 from jampetsc.studies import run as study_run
 from jampetsc.studies import tasks as study_tasks
-from jampetsc.studies.board import BROKEN, DONE, FINISHED, OPEN, Board
-from jampetsc.studies.journal import keep_record, records_of
+from jampetsc.studies.journal import Claims, keep_record, records_of, tidy
 from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.lock import Lock
 from jampetsc.studies.plan import plan
@@ -148,16 +148,6 @@ def test_large_tasks_are_done_by_all_ranks_together(session, shared_path, monkey
     assert session.rank or study_run.told_of(together.where(command="sweep")["file"]) in said
 
 
-@pytest.mark.scalar("real")
-def test_on_several_machines_rank_0_keeps_the_books(session, shared_path, monkeypatch):
-    only_on("several")
-    monkeypatch.setattr(study_run, "Board", functools.partial(Board, node=session.MPI.COMM_SELF))
-    mine = []
-    monkeypatch.setattr(study_run, "keep_record", lambda *what: mine.append(what) or keep_record(*what))
-    assert set(study(shared_path / "study", SMALL)["state"]) == {"done"}
-    assert session.comm.allreduce(len(mine)) == 4 and (session.rank or not mine)
-
-
 def told(capsys):
     """What a study said of its tasks on this rank: [(count, the rest of the line)]."""
     lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("[")]
@@ -277,69 +267,37 @@ def test_a_task_is_a_job_with_its_share_of_the_cores(session, tmp_path, threads,
 
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(2)
-def test_a_board_gives_each_task_to_one_rank_and_knows_what_became_of_all(session):
-    board, comm = Board(session, 5), session.comm
-    assert not board.keeps_books and board.state(3) == OPEN
-    taken = []
-    while (number := board.take()) < 5:
-        taken.append(number)
-        finished, failed = board.settle(number, BROKEN if number == 2 else DONE)
-        assert 1 <= finished <= 5 and (number == 2) <= failed <= 1
-        assert session.size > 1 or (finished, failed) == (len(taken), int(2 in taken))
-        assert board.settled(number) == (BROKEN if number == 2 else DONE)
-    calls = []
-    board.wait_for(5, lambda: calls.append(1))
-    assert sorted(number for some in comm.allgather(taken) for number in some) == list(range(5))
-    assert board.states() == [DONE, DONE, BROKEN, DONE, DONE]
+def test_each_task_is_one_ranks_and_all_know_what_became_of_it(session, shared_path):
+    comm, names = session.comm, ["a", "b/b", "c.5", "d"]
+    (shared_path / "journal").mkdir(exist_ok=True)
+    claims = comm.bcast(Claims(shared_path) if comm.rank == 0 else None)
+    mine = [name for name in names if claims.take(name)]
+    for name in mine:
+        claims.settle(name, name != "c.5")
+    assert sorted(name for some in comm.allgather(mine) for name in some) == names
+    assert [claims.done(name) for name in names] == [True, True, False, True]
     comm.Barrier()
-    if session.rank == 0:
-        board.wait_for(6, lambda: board._add(FINISHED, 1))  # what is done while waiting
-    board.close()
-    several = Board(session, 1, node=session.MPI.COMM_SELF)  # as if each rank had a machine of its own
-    assert several.keeps_books == (session.rank == 0 and session.size > 1)
-    several.close()
-
-
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(2)
-def test_nobody_takes_a_task_before_the_board_is_clean(session):
-    """Memory comes as it was left, and rank 0 may be late to wipe it."""
-    MPI, comm = session.MPI, session.comm
-
-    def allocate(*words, **more):
-        window = MPI.Win.Allocate(*words, **more)
-        if comm.rank == 0:
-            np.frombuffer(window.tomemory(), dtype=np.int64)[:] = 7
-        comm.Barrier()
-        if comm.rank == 0:
-            sleep(0.05)
-        return window
-
-    words = {"LOCK_SHARED": MPI.LOCK_SHARED, "SUM": MPI.SUM, "Win": SimpleNamespace(Allocate=allocate)}
-    board = Board(SimpleNamespace(MPI=SimpleNamespace(**words), comm=comm), 4, node=comm)
-    assert sorted(comm.allgather(board.take())) == list(range(comm.size))
-    assert board.states() == [OPEN] * 4
+    claims._looked = -1.0  # what the others have done since is seen a second later
+    assert claims.tally() == (4, 1) and not any(map(claims.take, names))
+    assert records_of(shared_path) == {}
     comm.Barrier()
-    assert board.settle(comm.rank, DONE)[1] == 0
-    board.wait_for(comm.size)
-    board.close()
+    if comm.rank == 0:
+        claims.end()
+        Claims(shared_path)  # of a study that was killed
+        tidy(shared_path)
+        assert not os.listdir(shared_path / "journal")
 
 
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
-def test_a_task_counts_as_finished_when_its_state_can_be_read(session, monkeypatch):
-    """Whoever has waited for all reads all states."""
-    board, add, seen = Board(session, 2), Board._add, []
-
-    def watched(self, place, amount):
-        if place == FINISHED and amount:
-            seen.append(board.states())
-        return add(self, place, amount)
-
-    monkeypatch.setattr(Board, "_add", watched)
-    assert board.settle(1, BROKEN) == (1, 1) and board.settle(0, DONE) == (2, 1)
-    assert seen == [[OPEN, BROKEN], [DONE, BROKEN]]
-    board.close()
+def test_a_claim_that_cannot_be_written_is_an_error_and_an_input_is_waited_for(tmp_path):
+    (tmp_path / "journal").mkdir()
+    claims = Claims(tmp_path)
+    later = Timer(0.05, claims.settle, ("a", True))
+    later.start()
+    assert claims.done("a") and claims.tally() == (1, 0)
+    later.join()
+    claims.end()
+    with pytest.raises(InputError, match="b: cannot be written"):
+        claims.take("b")
 
 
 @pytest.mark.scalar("real")

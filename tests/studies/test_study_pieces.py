@@ -24,7 +24,7 @@ from jampetsc.studies import lock as locks
 from jampetsc.studies import run as study_run
 from jampetsc.studies import tasks as study_tasks
 from jampetsc.studies.costs import Costs, in_words
-from jampetsc.studies.journal import records_of
+from jampetsc.studies.journal import Claims, records_of
 from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.lock import Lock
 from jampetsc.studies.numbers import numbers_of
@@ -404,10 +404,11 @@ def test_one_rank_does_everything_apart(monkeypatch):
 # What a study says and does beside its tasks
 
 
-def work(rank=0, records=None, refresh=None, tasks=3, folder=None):
+def work(rank=0, records=None, refresh=None, tasks=3, folder=None, claims=None):
     """A study's work on a rank."""
     runner = SimpleNamespace(records=records or {}, folder=folder)
-    return study_run._Work(SimpleNamespace(rank=rank), runner, [None] * tasks, refresh)
+    tasks = [SimpleNamespace(name=f"task {n}") for n in range(tasks)]
+    return study_run._Work(SimpleNamespace(rank=rank), runner, claims, tasks, refresh)
 
 
 @pytest.mark.parametrize(("rank", "every", "count"), [(0, -1.0, 2), (0, 1000.0, 0), (1, -1.0, 0)])
@@ -424,11 +425,12 @@ def test_the_table_is_written_now_and_then_by_rank_0(monkeypatch, rank, every, c
 def test_a_record_that_is_not_new_is_not_kept_again(tmp_path):
     (tmp_path / "journal").mkdir()
     old = {"task": "a", "state": "done", "row": {"command": "sweep"}, "seconds": 3.0}
-    one = work(records={"a": old}, folder=tmp_path)
-    one._keep(old)
+    one = work(records={"a": old}, folder=tmp_path, claims=Claims(tmp_path))
+    one._tell = lambda *_: None
+    one._finish(SimpleNamespace(name="a"), old, [], 1)
     assert records_of(tmp_path) == {} and one.made == []
     for new in (dict(old), dict(old, task="b", state="failed", seconds=99.0)):
-        one._keep(new)
+        one._finish(SimpleNamespace(name=new["task"]), new, [], 1)
     assert list(records_of(tmp_path).values()) == one.made and len(one.made) == 2
     assert one.costs.of(asked("sweep")) == 3.0  # of what is done alone
 
@@ -437,14 +439,15 @@ def test_a_study_says_how_far_it_is(capsys, monkeypatch, telling):
     clock = [10.0]
     monkeypatch.setattr(study_run, "time", SimpleNamespace(monotonic=lambda: clock[0]))
     records = {"z": {"task": "z", "state": "done", "row": {"command": "sweep"}, "seconds": 30.0}}
-    one = work(records=records, tasks=4)
-    task = SimpleNamespace(file="a.h5")
-    one._tell(task, {"state": "done", "seconds": 2.0}, 1, 0, [asked("sweep")] * 3, 2)
-    one.before, clock[0] = (1, 1), 10.9
-    one._tell(task, {"state": "failed", "seconds": 2.0, "why": "no"}, 1, 1, [asked("sweep")] * 2, 2)
+    tallies = iter([(1, 0), (2, 2), (3, 2), (4, 2)])
+    one = work(records=records, tasks=4, claims=SimpleNamespace(tally=lambda: next(tallies)))
+    task, done = SimpleNamespace(file="a.h5"), {"state": "done", "seconds": 2.0}
+    one._tell(task, done, [asked("sweep")] * 3, 2)
+    clock[0] = 10.9
+    one._tell(task, {"state": "failed", "seconds": 2.0, "why": "no"}, [asked("sweep")] * 2, 2)
     clock[0] = 11.1
-    one._tell(task, {"state": "done", "seconds": 2.0}, 2, 1, [asked("sweep")], 2)
-    one._tell(task, {"state": "done", "seconds": 2.0}, 3, 1, [], 2)
+    one._tell(task, done, [asked("sweep")], 2)
+    one._tell(task, done, [], 2)
     assert capsys.readouterr().err.splitlines() == [
         "[1/4] a.h5 2 s; 45 s left",
         "[2/4] a.h5: no; 2 failed; 45 s left",  # an estimate is good for a second
