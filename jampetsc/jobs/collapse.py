@@ -105,13 +105,15 @@ examples:
 
     def _named(self) -> list:
         """What is read: files, of the folder of a study those of its rows, and results in memory."""
+        from jampetsc.io.ensemble import Ensemble
+        from jampetsc.jobs.rows import rows_named
         from jampetsc.jobs.scaling import files_of
 
-        files = [one for one in self.results if isinstance(one, str)]
-        if self.where and not files:
-            raise InputError(f"{named('where')} {self.where}: chooses rows of a study, but none is given")
-        held = [one for one in self.results if not isinstance(one, str)]
-        return [*(files_of(files, self.finite_size, self.where) if files else []), *held]
+        found = []
+        for one in rows_named(self.results, self.where):
+            several = isinstance(one, Ensemble)
+            found += files_of(one, self.finite_size, self.where) if several else [one]
+        return found
 
     def check_outputs(self, to):
         """Refuse one result twice, and what may not be replaced."""

@@ -3,13 +3,11 @@
 import functools
 import math
 from dataclasses import dataclass
-from pathlib import Path
 from typing import ClassVar
 
 from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import FREQUENCIES, HELD
 from jampetsc.asking.parameters import FILES, NUMBER, SWITCH, WORD, Kind, Parameter, Part, asked, part
-from jampetsc.errors import InputError, named
 
 
 def _given(options) -> dict:
@@ -133,21 +131,10 @@ class Plot(Job):
 
     def work(self, to):
         """Draw the picture; what it shows."""
-        from jampetsc.io.ensemble import TABLE
-        from jampetsc.io.reader import load
-        from jampetsc.jobs.rows import wanted_of
+        from jampetsc.jobs.rows import rows_named
         from jampetsc.plots.draw import draw
 
-        wanted = wanted_of(self.where)
-        studies = [isinstance(one, str) and (Path(one) / TABLE).exists() for one in self.files]
-        if wanted and not any(studies):
-            raise InputError(
-                f"{named('where')} {self.where}: chooses rows of a study, but {self.files[0]} is none: leave it out"
-            )
-        items = [
-            load(one).where(**wanted) if wanted and study else one
-            for one, study in zip(self.files, studies, strict=True)
-        ]
+        items = rows_named(self.files, self.where)
         chosen = {name: getattr(self, name) for name in ("size", "xlim", "ylim", "style")}
         chosen["label"] = self.label or ()
         out = None if to.path is None else str(to.path)

@@ -6,8 +6,6 @@ import itertools
 import os
 import re
 import shutil
-import subprocess
-import sys
 from threading import Timer
 from time import perf_counter
 from types import SimpleNamespace
@@ -598,14 +596,12 @@ def test_a_task_keeps_its_name_whatever_else_is_asked_for():
     assert tasks(text)[2].words == [*["jampetsc", "sweep", f"{names[0]}.h5", "--out", f"{names[2]}.h5"]]
 
 
-def test_a_dry_run_tells_the_tasks_and_makes_nothing(tmp_path):
+def test_a_dry_run_tells_the_tasks_and_makes_nothing(tmp_path, monkeypatch, capsys):
     (tmp_path / "s.toml").write_text(SMALL)
-    line = [sys.executable, "-m", "jampetsc", "study", "s.toml", "--out", "new", "--dry-run"]
-    done = subprocess.run(
-        line, env=launch.environment(), cwd=tmp_path, capture_output=True, text=True, timeout=60
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.count("to do  jampetsc ") == 4
-    assert re.search(r"\n4 of 4 tasks to do, about [\d.]+ s on one rank\n$", done.stdout)
-    assert done.stdout.count("by a rough rule until some are done") == 2
+    monkeypatch.chdir(tmp_path)
+    assert cli.dispatch(["study", "s.toml", "--out", "new", "--dry-run"]) == 0
+    told = capsys.readouterr().out
+    assert told.count("to do  jampetsc ") == 4
+    assert re.search(r"\n4 of 4 tasks to do, about [\d.]+ s on one rank\n$", told)
+    assert told.count("by a rough rule until some are done") == 2
     assert not (tmp_path / "new").exists()
