@@ -8,20 +8,12 @@ from typing import ClassVar
 
 from jampetsc.asking.inputs import refuse_repeated
 from jampetsc.asking.job import Job
-from jampetsc.asking.kinds import RESULT, opened
+from jampetsc.asking.kinds import RESULT, opened, words
 from jampetsc.asking.parameters import FILES, Kind, asked
 from jampetsc.errors import InputError, named
 
 OBSERVABLES = ("pressure", "shear_stress", "jammed")
 SHARED = ("model", "mass", "sizes", "potential", "stiffness", "protocol", "units", "tau1")
-
-
-def _names(given):
-    """Names with commas between, or several."""
-    try:
-        return given if isinstance(given, str) else ",".join(map(str, given))
-    except TypeError:
-        raise ValueError("must be names with commas between") from None
 
 
 def _range(given):
@@ -72,7 +64,7 @@ examples:
     observable: str = asked(help="what is scaled", choices=OBSERVABLES)
     fit: str = asked(
         help="phi_J,y,znu[,omega]; nu for znu with finite_size; y=1 holds y",
-        kind=Kind(_names, metavar="NAMES"),
+        kind=Kind(lambda given: ",".join(map(str, words(given))), metavar="NAMES"),
     )
     finite_size: bool = asked(False, "scale with L = sqrt(N) instead of the rate")
     corrections: bool = asked(False, "with f1, which needs omega in fit")

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from jampetsc.asking.inputs import refuse_repeated
 from jampetsc.asking.job import Job
-from jampetsc.asking.kinds import FREQUENCIES, PACKING, RESULT, Numbers, opened
+from jampetsc.asking.kinds import FREQUENCIES, PACKING, RESULT, Numbers, opened, words
 from jampetsc.asking.parameters import FILES, Kind, asked, shown
 from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError
@@ -20,14 +20,7 @@ SWEEPS, FLOW = "jampetsc-sweep", "jampetsc-flow"
 def _lanes(given):
     """Widths in the order given, since the first is that of the summary."""
     try:
-        words = (
-            given.split(",")
-            if isinstance(given, str)
-            else [given]
-            if isinstance(given, int | float)
-            else given
-        )
-        lanes = tuple(float(word) for word in words)
+        lanes = tuple(map(float, words(given)))
     except (TypeError, ValueError):
         raise ValueError(f"must be widths in mean diameters, such as {_lanes_told(LANES)}") from None
     for width in lanes:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from jampetsc.asking.job import Job
-from jampetsc.asking.kinds import LAST_SEED, MOST_THREADS, PACKING, RADII, SEEDS
+from jampetsc.asking.kinds import LAST_SEED, MOST_THREADS, PACKING, RADII, SEEDS, words
 from jampetsc.asking.parameters import Kind, asked
 from jampetsc.core.disks import Disks
 from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
@@ -23,22 +23,17 @@ ONE_OF = (("pressure", "phi"), ("seed", "seeds", "from_"))  # of each at most on
 
 def _pressures(given):
     """A pressure as it is written, which names its file; several as a tuple."""
-    if not isinstance(given, str):
+    written, found = isinstance(given, str), []
+    for one in words(given):
         try:
-            several = isinstance(given, Sequence) or getattr(given, "ndim", 0)
-            words = tuple(repr(float(one)) for one in (given if several else [given]))
+            value = float(one)
         except (TypeError, ValueError):
-            raise ValueError("must be a number, or several") from None
-    else:
-        words, several = tuple(given.split(",")), "," in given
-    for word in words:
-        try:
-            value = float(word)
-        except ValueError:
             raise ValueError("must be a number, or several with commas between") from None
+        found.append(one if written else repr(value))
         if not PRESSURES[0] <= value <= PRESSURES[1]:
-            raise ValueError(f"{word} must lie in [{PRESSURES[0]:g}, {PRESSURES[1]:g}]")
-    return words if several else words[0]
+            raise ValueError(f"{found[-1]} must lie in [{PRESSURES[0]:g}, {PRESSURES[1]:g}]")
+    several = len(found) > 1 or isinstance(given, list | tuple) or getattr(given, "ndim", 0)
+    return tuple(found) if several else found[0]
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from jampetsc.asking.job import Job
-from jampetsc.asking.kinds import FREQUENCIES, HELD
+from jampetsc.asking.kinds import FREQUENCIES, HELD, words
 from jampetsc.asking.parameters import FILES, NUMBER, SWITCH, WORD, Kind, Parameter, Part, asked, part
 
 
@@ -40,14 +40,14 @@ def _options() -> tuple[Parameter, ...]:
 
 def _integers(given):
     try:
-        return [int(word) for word in (given.split(",") if isinstance(given, str) else given)]
+        return [int(word) for word in words(given)]
     except (TypeError, ValueError):
         raise ValueError("write numbers with commas, such as 1,2,5") from None
 
 
 def _size(given):
     try:
-        width, height = (float(word) for word in (given.split(",") if isinstance(given, str) else given))
+        width, height = map(float, words(given))
     except (TypeError, ValueError):
         raise ValueError("write the width and the height in inches, such as 3.4,2.9") from None
     if not (0.5 <= width <= 100 and 0.5 <= height <= 100):
@@ -121,7 +121,7 @@ class Plot(Job):
     label: tuple | None = asked(
         None,
         "words that replace those of the legend, in its order",
-        kind=Kind(lambda given: tuple(given.split(",")), ",".join, metavar="TEXT,…"),
+        kind=Kind(words, ",".join, metavar="TEXT,…"),
     )
     style: str | None = asked(None, "style of matplotlib (.mplstyle) on top of the program's", metavar="FILE")
     options: dict = part(Part(_options, _given, dict, dict))

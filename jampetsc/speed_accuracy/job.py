@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from jampetsc.asking.damping import DAMPING, PRESTRESS
 from jampetsc.asking.job import Job
-from jampetsc.asking.kinds import FREQUENCIES, PACKING, Numbers, grid_told
+from jampetsc.asking.kinds import FREQUENCIES, PACKING, Numbers, grid_told, words
 from jampetsc.asking.parameters import FILE, Kind, asked, part
 from jampetsc.core.disks import Disks
 from jampetsc.core.laws import Law, Physics
@@ -17,19 +17,15 @@ from jampetsc.shipped_files import located
 GROUPS = ("accuracy", "method", "physics", "frequencies")
 
 
-def _words(given):
-    return tuple(given.split(",")) if isinstance(given, str) else tuple(map(str, given))
-
-
 def _groups(given):
-    for word in _words(given):
+    for word in words(given):
         if word not in GROUPS:
             raise ValueError(f"{word!r} is none of {', '.join(GROUPS)}")
-    return _words(given)
+    return words(given)
 
 
 def _files(given):
-    paths = tuple(map(located, _words(given)))
+    paths = tuple(located(str(path)) for path in words(given))
     for path in paths:
         if not Path(path).is_file():
             raise ValueError(f"{path}: no such file")
