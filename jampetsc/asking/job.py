@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from jampetsc.asking.kinds import input_told
-from jampetsc.asking.parameters import FILE, OPTION, Part, fields, parameters, parts
+from jampetsc.asking.parameters import FILE, OPTION, Part, fields, parameters
 from jampetsc.errors import InputError, named
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.request import Request
@@ -82,12 +82,7 @@ class Job:
 
     def gathered(self) -> "Job":
         """The job with results in memory whole on every rank. Collective."""
-        held = {
-            name: one
-            for name, one in vars(self).items()
-            if isinstance(one, tuple) or hasattr(one, "gathered")
-        }
-        return replace(self, **{name: _whole(one) for name, one in held.items()})
+        return replace(self, **{name: _whole(one) for name, one in vars(self).items()})
 
     @property
     def held(self) -> list[str]:
@@ -100,20 +95,15 @@ class Job:
     def told(self) -> dict:
         """{parameter: value} as JSON and command lines hold it: all that is no file, switches that are not usual."""
         values = {}
-        for name, parameter in parameters(type(self)).items():
-            if hasattr(self, name) and parameter.place == OPTION and name not in parts(type(self)):
-                value = getattr(self, name)
-                values[name] = value if value is None else parameter.kind.tell(value)
-        for name, part in parts(type(self)).items():
-            made = getattr(self, name)
-            values |= {} if made is None else part.tell(made)
+        for name, one in fields(type(self)).items():
+            value = getattr(self, name)
+            if value is not None and isinstance(one, Part):
+                values |= one.tell(value)
+            elif value is not None and one.place == OPTION:
+                values[name] = one.kind.tell(value)
         known = parameters(type(self))
         usual = {name: one.default for name, one in known.items() if isinstance(one.default, bool)}
-        return {
-            name: value
-            for name, value in values.items()
-            if value is not None and usual.get(name) is not value
-        }
+        return {n: value for n, value in values.items() if value is not None and usual.get(n) is not value}
 
     def request(self, argv, overwrite=False) -> Request:
         """What results record of the job, which the command line `argv` asks for."""

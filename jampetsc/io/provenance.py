@@ -26,18 +26,14 @@ def provenance(*, versions, scalar_type, petsc_options, ranks, packing, law, wal
             f"law parameters {sorted(unknown)} would be lost on reading: add them to LAW_PARAMETERS"
         )
     return {
-        "jampetsc_version": VERSION,
-        "git_commit": git_commit(),
+        **_run(wall_seconds),
         **{f"{library}_version": version for library, version in versions.items()},
-        "python_version": sys.version.split()[0],
         "scalar_type": scalar_type,
         "petsc_options": petsc_options,
         "ranks": ranks,
         "packing": packing[0],
         "packing_sha256": packing[1],
         **{name: value for name, value in law.items() if value is not None},
-        "wall_seconds": float(wall_seconds),
-        "date": datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
     }
 
 
@@ -49,9 +45,7 @@ def derived_from(sweeps, wall_seconds) -> dict:
     shared = ("packing", "packing_sha256", "law", *LAW_PARAMETERS, "pressure", "phi", "k", "particle_count")
     known = [sweep.attributes for sweep in sweeps]
     return {
-        "jampetsc_version": VERSION,
-        "git_commit": git_commit(),
-        "python_version": sys.version.split()[0],
+        **_run(wall_seconds),
         "sources": shortened(shlex.join(sweep.path.name for sweep in sweeps)),
         "source_runs": shortened(" ".join(str(attributes.get("run_id", "?")) for attributes in known)),
         **{
@@ -59,6 +53,15 @@ def derived_from(sweeps, wall_seconds) -> dict:
             for name in shared
             if len({str(a.get(name)) for a in known}) == 1 and name in known[0]
         },
+    }
+
+
+def _run(wall_seconds) -> dict:
+    """By what program a result was made, when, and in which time."""
+    return {
+        "jampetsc_version": VERSION,
+        "git_commit": git_commit(),
+        "python_version": sys.version.split()[0],
         "wall_seconds": float(wall_seconds),
         "date": datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
     }

@@ -7,6 +7,7 @@ none: the joint file gets its name last, and the parts of the result it replaces
 
 import uuid
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import h5py
@@ -22,14 +23,14 @@ from jampetsc.io.parts import GROUP, part_name, parts_of, remove_if_empty
 FORMAT_VERSION = "1.0"
 
 
+@dataclass
 class _Layout:
     """How the rows of a distributed array lie on the ranks."""
 
-    def __init__(self, shape, axis, counts, dtype):
-        self.shape = list(shape)  # of the whole array
-        self.axis = axis
-        self.counts = counts  # rows of each rank
-        self.dtype = dtype
+    shape: list  # of the whole array
+    axis: int
+    counts: list  # rows of each rank
+    dtype: np.dtype
 
     def local_shape(self, rank):
         shape = list(self.shape)
@@ -152,7 +153,8 @@ class ResultWriter:
     def close(self) -> None:
         """Collective. Make everything durable, then let the joint file appear under its name."""
         for name, layout in self._layouts.items():
-            self._add_without_rows(name, layout)
+            if self.rank == 0 and not sum(layout.counts):  # no part holds any of it
+                self._joint.h5.create_dataset(name, shape=tuple(layout.shape), dtype=layout.dtype)
         if self.size > 1:
             with self._step():
                 finished = self._part.finish()
@@ -177,11 +179,6 @@ class ResultWriter:
         self._open = False
         if self.rank == 0 and replaced is not None:
             replaced.remove()
-
-    def _add_without_rows(self, name, layout):
-        """Arrays of no rows, which no part holds."""
-        if self.rank == 0 and not sum(layout.counts):
-            self._joint.h5.create_dataset(name, shape=tuple(layout.shape), dtype=layout.dtype)
 
     def _join(self, sizes, seals):
         joint = self._joint.h5
