@@ -36,6 +36,7 @@ class Job:
     scalar: ClassVar[str | None] = (
         "real"  # PETSc's that it needs, or "complex", "any"; None: PETSc has nothing to do
     )
+    place: ClassVar = None  # where its result goes where no name is given
     AGAIN: ClassVar[bool] = False  # whether its result is made anew without asking: pictures and tables
 
     def __post_init__(self):
@@ -63,10 +64,6 @@ class Job:
 
     def check(self) -> None:
         """Raise InputError for values that do not go together."""
-
-    @property
-    def place(self):
-        """Where its result goes where no name is given; None: nowhere."""
 
     @property
     def sources(self) -> list:

@@ -38,6 +38,8 @@ class Averages(Mapping):
     Raises InputError on reading a column where a group has two rows of one packing: they are not independent.
     """
 
+    _row = 0  # of what `_average` gives: value, error, count, below zero
+
     def __init__(self, ensemble, by, statistic):
         self.by = (by,) if isinstance(by, str) else tuple(by)
         self.statistic = statistic
@@ -47,8 +49,6 @@ class Averages(Mapping):
         ]
         self._found = {}
         self.error, self.count, self.below_zero = (self._other(row) for row in (1, 2, 3))
-
-    _row = 0  # of what `_average` gives: value, error, count, below zero
 
     def _other(self, row):
         """The same mapping of another row."""
@@ -92,15 +92,14 @@ def require_independent(key, rows, name) -> None:
     """Raise InputError where two rows, whose mean is to be taken, are of one packing."""
     if "packing" not in rows:
         return
-    seen, repeated = {}, None
-    for row, packing in enumerate(rows["packing"].tolist()):
+    seen = {}
+    for other, packing in enumerate(rows["packing"].tolist()):
         if packing and packing in seen:
-            repeated = seen[packing], row
             break
-        seen[packing] = row
-    if repeated is None:
+        seen[packing] = other
+    else:
         return
-    one, other = repeated
+    one = seen[packing]
     differ = [c for c in CHOICES if c in rows and not same(rows[c][[one]], rows[c][other])[0]]
     where = ", ".join(f"{column} {value}" for column, value in key.items()) or "all rows"
     raise InputError(

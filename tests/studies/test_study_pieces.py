@@ -197,6 +197,7 @@ def test_what_stays_out_of_a_table():
             "number 2: n 1: must lie in",
         ),
     ],
+    ids=lambda text: text[:30],
 )
 def test_a_table_that_cannot_be_meant(text, message):
     with pytest.raises(InputError, match=message):
