@@ -9,7 +9,6 @@ from samples import published
 from jampetsc.analysis.collapse_errors import Estimate
 from jampetsc.cli import main as cli
 from jampetsc.core.laws import Physics, damping_law
-from jampetsc.errors import InputError
 from jampetsc.io.packing_file import write_packing
 from jampetsc.jobs import collapse, correlate_sweeps, describe, modes, oscillate, quasistatic, sweep
 from jampetsc.studies import job as study
@@ -327,22 +326,3 @@ def test_a_trade_measures_what_is_asked_for(tmp_path, monkeypatch, capsys, words
     ((request, out),) = asked
     assert request.packing == "p.h5" and str(out) == "t.csv" and capsys.readouterr().out == "table\n"
     assert {name: getattr(request, name) for name in expected} == expected
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--out", "t.h5"], r"--out t\.h5: give it the ending \.csv"),
-        (["--out", "t.csv", "--ranks", "0"], r"--ranks 0: must lie in \[1, 100000\]"),
-        (["--out", "t.csv", "--ranks", "100001"], "--ranks 100001"),
-        (["--out", "t.csv", "--choices", "speed"], "--choices speed: 'speed' is none of accuracy, method"),
-        (
-            ["--out", "t.csv", "--options-files", "none.opts"],
-            r"--options-files none\.opts: no such file",
-        ),
-    ],
-)
-def test_what_a_trade_refuses(tmp_path, monkeypatch, words, message):
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(InputError, match=message):
-        cli.dispatch(["trade", "p.h5", *words])

@@ -17,7 +17,6 @@ from jampetsc.studies.table import table_text
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("sweep p.h5 --ouput s.h5", "--ouput: no such option; did you mean --out"),
         (
             "sweep p.h5 --out s.png",
             r"--out s\.png: would be an HDF5 file by that name: give it the ending \.h5",

@@ -117,6 +117,7 @@ def test_no_reference_is_one_line_and_no_file(packing, tmp_path):
         (["--out", "t.txt"], "--out t.txt: give it the ending .csv"),
         (["--out", "t.csv", "--choices", "method,speed"], "--choices method,speed: 'speed' is none of"),
         (["--out", "t.csv", "--ranks", 0], "--ranks 0: must lie in [1, 100000]"),
+        (["--out", "t.csv", "--ranks", 100001], "--ranks 100001: must lie in [1, 100000]"),
         (["--out", "t.csv", "--omega", "1:x:3"], "--omega 1:x:3: write low:high:count"),
         (
             ["--out", "t.csv", "--options-files", "none.opts"],
