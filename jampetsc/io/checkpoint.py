@@ -126,6 +126,8 @@ class Checkpoint:
             return
         try:
             self._lock = locked(self.journal / "lock")
+        except FileNotFoundError:  # a run that was just ending has removed the folder
+            return
         except OSError as error:
             raise write_error(self.journal, error) from None
         if self._lock is None:

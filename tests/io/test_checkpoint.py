@@ -1,5 +1,6 @@
 """Checkpoints: what is saved survives a kill, what is torn, lost, changed or another job's does not count."""
 
+import fcntl
 import os
 import random
 import resource
@@ -204,6 +205,21 @@ def test_two_processes_do_not_write_one_output(out):
     early.remove()
     assert not list(out.parent.iterdir())
     assert not [held for held in checkpoint_module._locks if held.startswith(str(out))]
+
+
+@pytest.mark.parametrize("remove", [shutil.rmtree, lambda folder: (folder / "lock").unlink()])
+def test_what_a_run_that_is_just_ending_removes_is_no_error(out, monkeypatch, remove):
+    """Between the opening of the lock and its locking."""
+    saved(out, 1)
+    flock, removed = fcntl.flock, []
+
+    def late(file, how):
+        if not removed:
+            removed.append(remove(out.with_name("s.h5.resume")))
+        flock(file, how)
+
+    monkeypatch.setattr(fcntl, "flock", late)
+    assert len(Checkpoint(out, KEY).done) == (remove is not shutil.rmtree) and removed
 
 
 def test_records_come_back_exactly(out):
