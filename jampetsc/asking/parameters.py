@@ -25,11 +25,8 @@ from pathlib import Path
 from jampetsc.errors import InputError, named
 
 NEAR = 0.75  # likeness of a name to what may have been meant
-OPTION, FILE, FILES = (
-    "option",
-    "file",
-    "files",
-)  # where a command line has it: --name, its place, all its places
+# where a command line has it: --name, its place, all its places
+OPTION, FILE, FILES = ("option", "file", "files")
 
 
 @dataclass(frozen=True)

@@ -103,9 +103,8 @@ def remove_abandoned(folder, name="*") -> None:
         with suppress(OSError):
             handle = os.open(leftover, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW)
             try:
-                fcntl.flock(
-                    handle, fcntl.LOCK_EX | fcntl.LOCK_NB
-                )  # its writer holds this as long as it lives
+                # its writer holds this as long as it lives
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 leftover.unlink()
             finally:
                 os.close(handle)

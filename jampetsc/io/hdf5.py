@@ -19,15 +19,7 @@ from jampetsc.io.checksums import Damaged, seal, verify
 from jampetsc.io.regular import open_regular
 
 MAJOR = 1  # version of the formats
-_DAMAGE = (
-    OSError,
-    RuntimeError,
-    LookupError,
-    ValueError,
-    TypeError,
-    ArithmeticError,
-    AttributeError,
-)
+_DAMAGE = (OSError, RuntimeError, LookupError, ValueError, TypeError, ArithmeticError, AttributeError)
 
 
 class OutputFile(NewFile):

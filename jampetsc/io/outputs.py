@@ -26,15 +26,8 @@ _EXPORTS = {  # ending -> how such a file begins
     ".mtx": re.compile(rb"%%MatrixMarket"),
     ".petsc": re.compile(rb"\x00\x12\x7b\x50"),  # MAT_FILE_CLASSID
 }
-_NOT_HDF5 = (
-    ".png",
-    ".pdf",
-    ".svg",
-    ".csv",
-    ".txt",
-    ".opts",
-    *_EXPORTS,
-)  # endings that promise something else
+# endings that promise something else
+_NOT_HDF5 = (".png", ".pdf", ".svg", ".csv", ".txt", ".opts", *_EXPORTS)
 
 
 def check_output(out, kind, inputs=(), beside=(), request=None) -> None:

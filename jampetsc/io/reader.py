@@ -27,9 +27,8 @@ class Fields:
     def __init__(self, result):
         self.omega = result["fields/omega"]  # (F,)
         self.displacement = result.stored("fields/displacement")  # (F, n, 2) complex, non-affine
-        self.rotation = (
-            result.stored("fields/rotation") if "fields/rotation" in result else None
-        )  # (F, n) complex
+        rolls = "fields/rotation" in result
+        self.rotation = result.stored("fields/rotation") if rolls else None  # (F, n) complex
 
 
 class SweepResult(Result):

@@ -73,7 +73,5 @@ def _short(value):
 def _told(name, old, new):
     if name == "inputs":
         return "other inputs"
-    without = {"true": "false", "false": "true"}.get(
-        old or new, "none"
-    )  # of a switch: how it is without a word
+    without = {"true": "false", "false": "true"}.get(old or new, "none")  # a switch without a word
     return f"{name} = {old or without}, not {new or without}"

@@ -25,9 +25,7 @@ class Reference:
         self.omega, self.G = result.omega, result.G
         self.certified = certified(result)
         inside = critical(result)
-        self.inside = (
-            inside if np.count_nonzero(inside) >= FEWEST else None
-        )  # which frequencies, if there are enough
+        self.inside = inside if np.count_nonzero(inside) >= FEWEST else None  # None: too few
 
     @property
     def window(self):

@@ -26,10 +26,7 @@ def measure(job, out) -> str:
     picture = Path(out).with_suffix(".png")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # as by the system, but stops the run in hand
     load = _load()
-    with (
-        tempfile.TemporaryDirectory(prefix="jampetsc-trade-") as folder,
-        Progress(None, "trade") as progress,
-    ):
+    with tempfile.TemporaryDirectory(prefix="jampetsc-trade-") as folder, Progress(None, "trade") as progress:
         bench = choices.Bench(job, folder, progress)
         rows = bench.find_reference()
         todo, remarks = choices.plan(bench)

@@ -128,10 +128,7 @@ def _phases(tasks, session):
     late = {task.name for task in tasks if any(one.name in large for one in task.inputs)}
     large -= late
     first = [task for task in tasks if task.name not in large | late]
-    yield (
-        False,
-        sorted(first, key=lambda task: task.level),
-    )  # stable: packings in their order, then what reads them
+    yield False, sorted(first, key=lambda task: task.level)  # packings in their order, then what reads them
     yield True, [task for task in tasks if task.name in large]
     yield False, [task for task in tasks if task.name in late]
 

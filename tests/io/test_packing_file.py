@@ -14,12 +14,7 @@ from jampetsc.core.disks import Disks
 from jampetsc.core.potentials import Potential
 from jampetsc.errors import InputError
 from jampetsc.io.atomic import check_writable
-from jampetsc.io.packing_file import (
-    is_known_as,
-    read_identified,
-    read_packing,
-    write_packing,
-)
+from jampetsc.io.packing_file import is_known_as, read_identified, read_packing, write_packing
 from jampetsc.io.reader import load
 
 RECORD = {

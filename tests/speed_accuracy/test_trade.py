@@ -119,10 +119,7 @@ def test_no_reference_is_one_line_and_no_file(packing, tmp_path):
         (["--out", "t.csv", "--ranks", 0], "--ranks 0: must lie in [1, 100000]"),
         (["--out", "t.csv", "--ranks", 100001], "--ranks 100001: must lie in [1, 100000]"),
         (["--out", "t.csv", "--omega", "1:x:3"], "--omega 1:x:3: write low:high:count"),
-        (
-            ["--out", "t.csv", "--options-files", "none.opts"],
-            "--options-files none.opts: no such file",
-        ),
+        (["--out", "t.csv", "--options-files", "none.opts"], "--options-files none.opts: no such file"),
         (["--out", "none/t.csv"], "none/t.csv: folder none does not exist"),
         (["--out", "t.csv", "--law", "stokes", "--beta", 1], "--beta: belongs to --law contact"),
     ],
