@@ -46,7 +46,7 @@ class FromStart(Job):
     last: Path | None = asked(None, "write the last state as a packing, too", metavar="FILE", group="run")
     threads: int | None = asked(
         None,
-        "at most so many (default: the cores there are)",
+        "at most so many threads (default: one for each core)",
         low=1,
         high=MOST_THREADS,
         metavar="T",

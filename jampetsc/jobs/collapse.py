@@ -45,8 +45,8 @@ class Collapse(Job):
     """
 
     NAME: ClassVar = "collapse"
-    FORMAT: ClassVar = "jampetsc-collapse"
     scalar: ClassVar = None
+    FORMAT: ClassVar = "jampetsc-collapse"
     EPILOG: ClassVar = """\
 The name omega stands for omega/z with rates. A small probability of chi^2 says that the form is wrong, or the
 errors are.

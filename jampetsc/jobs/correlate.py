@@ -50,8 +50,8 @@ class Correlate(Job):
     """
 
     NAME: ClassVar = "correlate"
-    FORMAT: ClassVar = "jampetsc-correlation"
     scalar: ClassVar = None
+    FORMAT: ClassVar = "jampetsc-correlation"
     EPILOG: ClassVar = """examples
   jampetsc correlate sweep.h5 --out correlation.h5
   jampetsc correlate stokes-s*.h5 --lane 0.5,1 --out stokes.h5
