@@ -5,8 +5,10 @@ import inspect
 import jampetsc
 from jampetsc import errors
 from jampetsc.flows.models import MODELS
-from jampetsc.io.ensemble import AverageCurve, Averages, Ensemble
-from jampetsc.io.reader import FlowResult, Result, SpectrumResult, SweepResult
+from jampetsc.io.averages import Averages
+from jampetsc.io.ensemble import AverageCurve, Ensemble
+from jampetsc.io.reader import FlowResult, SpectrumResult, SweepResult
+from jampetsc.io.results import Result
 from jampetsc.io.snapshots import Snapshot
 from jampetsc.mechanics.matrices import Matrices
 

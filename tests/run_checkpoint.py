@@ -1,4 +1,4 @@
-"""A program of the tests, also under mpirun: python tests/run_checkpoint.py FILE COUNT [STOP_AT] [KEY] [ordered]
+"""A program of the tests, also under mpirun: python tests/run_checkpoint.py FILE COUNT [STOP_AT]
 
 "Solves" COUNT frequencies, keeps each in the checkpoint of FILE, kills itself at the start of number STOP_AT,
 and prints per rank which ones it had to solve.
@@ -28,10 +28,10 @@ def fields(index, rank):
     return {"displacement": rng.random((4, 2)) * 1j, "rotation": rng.random(4)}
 
 
-def main(path, count, stop_at="-1", key="a", how=""):
+def main(path, count, stop_at="-1"):
     comm = MPI.COMM_WORLD
-    job = {"packing": key, "omega": np.arange(int(count)) / 3, "law": {"beta": 1.0}, "ranks": comm.size}
-    checkpoint = Checkpoint(path, job, comm, ordered=how == "ordered")
+    job = {"packing": "a", "omega": np.arange(int(count)) / 3, "law": {"beta": 1.0}, "ranks": comm.size}
+    checkpoint = Checkpoint(path, job, comm)
     solved = []
     for index in range(int(count)):
         if index in checkpoint.done:

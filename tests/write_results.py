@@ -1,7 +1,7 @@
 """A program of the tests, also under mpirun: python tests/write_results.py HOW FILE [SEED]
 
-HOW is `whole`, `forever` (again and again with the next seed), or what goes wrong: `limited` (no room on the
-last rank), `raising`, `killed`.
+HOW is `whole`, `forever` (again and again with the next seed), or what goes wrong: `limited` (no room on the last
+rank), `killed`. Or python tests/write_results.py several FOLDER RANKS-SEED…: FOLDER/RANKS-SEED/s.h5 of so many ranks.
 """
 
 import os
@@ -13,7 +13,7 @@ import time
 import numpy as np
 from mpi4py import MPI
 
-from jampetsc.errors import InputError, JampetscError
+from jampetsc.errors import JampetscError
 from jampetsc.io.result_file import ResultWriter
 
 N = 15  # rows in all, on any number of ranks
@@ -51,19 +51,31 @@ def write(comm, how, path, seed):
             resource.setrlimit(resource.RLIMIT_FSIZE, (1000, resource.RLIM_INFINITY))
         for name, (array, axis) in rows.items():
             writer.distributed(name, array[(slice(None),) * axis + (mine,)] if len(array) else array, axis)
-        if how == "raising":
-            raise InputError("something else went wrong")
         if how == "killed":
             writer._part.h5.flush()
             comm.Barrier()
             os.kill(os.getpid(), signal.SIGKILL)
 
 
-def main(how, path, seed=1):
+def several(folder, *names):
+    """Results of the first so many ranks."""
+    world = MPI.COMM_WORLD
+    for name in names:
+        ranks, seed = map(int, name.split("-"))
+        some = world.Split(0 if world.rank < ranks else MPI.UNDEFINED, world.rank)
+        os.makedirs(f"{folder}/{name}", exist_ok=True)
+        if some != MPI.COMM_NULL:
+            write(some, "whole", f"{folder}/{name}/s.h5", seed)
+
+
+def main(how, path, seed=1, *more):
+    if how == "several":
+        return several(path, seed, *more)
     write(MPI.COMM_WORLD, how, path, int(seed))
     if how == "forever":
         time.sleep(0.2)
         main(how, path, int(seed) + 1)
+    return None
 
 
 if __name__ == "__main__":

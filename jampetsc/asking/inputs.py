@@ -21,7 +21,7 @@ def refuse_repeated(sources) -> None:
 def refuse_one_packing(results) -> None:
     """Raise InputError where two results come from one packing, by its sha256: it would count twice.
 
-    results: `io.reader.Result`, each with `path` and `attributes`.
+    results: `io.results.Result`, each with `path` and `attributes`.
     """
     seen = {}
     for result in results:

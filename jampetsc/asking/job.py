@@ -1,14 +1,15 @@
 """A job: what is asked, as a frozen dataclass, and how it is answered. Functions and commands are made of its class."""
 
 import shlex
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
 from jampetsc.asking.kinds import input_told
-from jampetsc.asking.parameters import FILE, OPTION, parameter_of, parameters, parts
+from jampetsc.asking.parameters import FILE, OPTION, Part, fields, parameters
 from jampetsc.errors import InputError, named
 from jampetsc.io.outlet import Outlet
+from jampetsc.io.request import Request
 
 
 @dataclass(frozen=True)
@@ -32,44 +33,37 @@ class Job:
     OUT: ClassVar[str] = "required"  # whether its command needs --out: required, optional, or "" for no file
     OUT_HELP: ClassVar[str] = "result file (HDF5)"
     GIVES: ClassVar[str] = ""  # what python gets, where that is not what `load` gives for its file
+    scalar: ClassVar[str | None] = (
+        "real"  # PETSc's that it needs, or "complex", "any"; None: PETSc has nothing to do
+    )
+    place: ClassVar = None  # where its result goes where no name is given
     AGAIN: ClassVar[bool] = False  # whether its result is made anew without asking: pictures and tables
 
     def __post_init__(self):
-        for field in fields(self):
-            said = field.metadata.get("asked")
-            if isinstance(said, dict):
-                object.__setattr__(self, field.name, self._read(field))
-            elif said is not None and not isinstance(getattr(self, field.name), said.type):
-                value = getattr(self, field.name)
-                if value is None and field.default is None:
-                    continue
-                if not isinstance(value, str):
-                    raise InputError(f"{named(field.name)} {value!r}: must be a {said.type.__name__}")
-                made = said.make({said.parameters[0].name: value})  # "stokes": a name stands for its defaults
-                object.__setattr__(self, field.name, made)
+        for name, said in fields(type(self)).items():
+            read = self._made if isinstance(said, Part) else self._read
+            object.__setattr__(self, name, read(name, said, getattr(self, name)))
         self.check()
 
-    def _read(self, field):
-        parameter, value = parameter_of(field), getattr(self, field.name)
+    def _made(self, name, part, value):
+        """What several options make: a name stands for its defaults, "stokes"."""
+        if isinstance(value, part.type) or (value is None and part.optional):
+            return value
+        if not isinstance(value, str):
+            raise InputError(f"{named(name)} {value!r}: must be a {part.type.__name__}")
+        return part.make({part.parameters[0].name: value})
+
+    def _read(self, name, parameter, value):
         if parameter.place in (OPTION, FILE):
             return parameter.read(value)
         if isinstance(value, str | Path) or not hasattr(value, "__iter__"):
             value = (value,)
         if not value:
-            raise InputError(f"{named(field.name)}: must be given")
+            raise InputError(f"{named(name)}: must be given")
         return tuple(parameter.read(one) for one in value)
 
     def check(self) -> None:
         """Raise InputError for values that do not go together."""
-
-    @property
-    def scalar(self) -> str | None:
-        """PETSc's scalars that the job needs: "real", "complex", "any"; None where PETSc has nothing to do."""
-        return "real"
-
-    @property
-    def place(self):
-        """Where its result goes where no name is given; None: nowhere."""
 
     @property
     def sources(self) -> list:
@@ -85,12 +79,7 @@ class Job:
 
     def gathered(self) -> "Job":
         """The job with results in memory whole on every rank. Collective."""
-        held = {
-            name: one
-            for name, one in vars(self).items()
-            if isinstance(one, tuple) or hasattr(one, "gathered")
-        }
-        return replace(self, **{name: _whole(one) for name, one in held.items()})
+        return replace(self, **{name: _whole(one) for name, one in vars(self).items()})
 
     @property
     def held(self) -> list[str]:
@@ -103,20 +92,19 @@ class Job:
     def told(self) -> dict:
         """{parameter: value} as JSON and command lines hold it: all that is no file, switches that are not usual."""
         values = {}
-        for name, parameter in parameters(type(self)).items():
-            if hasattr(self, name) and parameter.place == OPTION and name not in parts(type(self)):
-                value = getattr(self, name)
-                values[name] = value if value is None else parameter.kind.tell(value)
-        for name, part in parts(type(self)).items():
-            made = getattr(self, name)
-            values |= {} if made is None else part.tell(made)
+        for name, one in fields(type(self)).items():
+            value = getattr(self, name)
+            if value is not None and isinstance(one, Part):
+                values |= one.tell(value)
+            elif value is not None and one.place == OPTION:
+                values[name] = one.kind.tell(value)
         known = parameters(type(self))
         usual = {name: one.default for name, one in known.items() if isinstance(one.default, bool)}
-        return {
-            name: value
-            for name, value in values.items()
-            if value is not None and usual.get(name) is not value
-        }
+        return {n: value for n, value in values.items() if value is not None and usual.get(n) is not value}
+
+    def request(self, argv, overwrite=False) -> Request:
+        """What results record of the job, which the command line `argv` asks for."""
+        return Request(self.NAME, self.told(), argv, overwrite, self.same, self.held)
 
     def words(self) -> list[str]:
         """The options of a command line that asks for the same."""
@@ -146,10 +134,7 @@ class Job:
 
     def check_outputs(self, to: Outlet) -> None:
         """Raise InputError, before any work, unless all of its files may be written."""
-        from jampetsc.io.outputs import check_output
-
-        if to.path is not None:
-            check_output(to.path, self.FORMAT, self.paths)
+        to.check(self.FORMAT, self.paths)
 
     def work(self, to: Outlet) -> str:
         """Do it and put what is found into the outlet `to`; what a user wants to read. Collective."""

@@ -18,6 +18,13 @@ MOST_SEEDS = 1_000_000
 MOST_THREADS = 256
 
 
+def words(given) -> tuple:
+    """Several values: words with commas between, or what there is in a list or array; a single one is one."""
+    if isinstance(given, str):
+        return tuple(given.split(","))
+    return tuple(given) if getattr(given, "ndim", 1) and hasattr(given, "__iter__") else (given,)
+
+
 def numbers(least, most, metavar="LIST", unit="", even=False) -> Kind:
     """Several numbers within [least, most], read as an array (M,), increasing and without repeats.
 
@@ -130,7 +137,7 @@ def _read_as(names, what):
 
     def read(given):
         from jampetsc.core.disks import Disks
-        from jampetsc.io.reader import Result
+        from jampetsc.io.results import Result
 
         classes = tuple({"Disks": Disks, "Result": Result}[name] for name in names)
         if isinstance(given, Result):

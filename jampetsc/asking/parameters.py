@@ -13,6 +13,7 @@ a command line, TOML.
 
 import dataclasses
 import difflib
+import functools
 import math
 import operator
 import types
@@ -24,11 +25,8 @@ from pathlib import Path
 from jampetsc.errors import InputError, named
 
 NEAR = 0.75  # likeness of a name to what may have been meant
-OPTION, FILE, FILES = (
-    "option",
-    "file",
-    "files",
-)  # where a command line has it: --name, its place, all its places
+# where a command line has it: --name, its place, all its places
+OPTION, FILE, FILES = ("option", "file", "files")
 
 
 @dataclass(frozen=True)
@@ -163,12 +161,14 @@ class Part:
     make         {option: value, those that are given} → the object; raises InputError
     tell         the object → {option: value}, of which `make` makes the same
     type         class of the object
+    optional     whether None stands for no object
     """
 
     options: Sequence[Parameter] | Callable
     make: Callable
     tell: Callable
     type: type
+    optional: bool = False
 
     @property
     def parameters(self) -> Sequence[Parameter]:
@@ -178,9 +178,8 @@ class Part:
 
 def asked(default=MISSING, help="", *, kind=None, place=OPTION, **told):
     """A field of a job that is a `Parameter`; its kind follows from the type where that is plain."""
-    said = {"help": help, "kind": kind, "place": place, **told}
-    if "choices" in said:
-        said["choices"] = tuple(said["choices"])
+    told["choices"] = tuple(told.get("choices", ()))
+    said = Parameter("", help, kind, default, place=place, **told)  # name and kind follow from the field
     return dataclasses.field(default=default, metadata={"asked": said}, kw_only=place == OPTION)
 
 
@@ -191,32 +190,34 @@ def part(part: Part, default=MISSING):
     """
     factory = MISSING if default is not MISSING else lambda: part.make({})
     default = {"default": default} if factory is MISSING else {"default_factory": factory}
-    return dataclasses.field(**default, metadata={"asked": part})
+    said = dataclasses.replace(part, optional=default.get("default", part) is None)
+    return dataclasses.field(**default, metadata={"asked": said})
 
 
-def parameters(job) -> dict[str, Parameter]:
-    """{name: Parameter} of a class of jobs, those of its parts among them."""
+@functools.cache
+def fields(job) -> dict[str, Parameter | Part]:
+    """{name: Parameter or Part} of the fields of a class of jobs."""
     found = {}
     for field in dataclasses.fields(job):
-        said = field.metadata.get("asked")
-        if isinstance(said, Part):
-            found |= {one.name: one for one in said.parameters}
-        elif said is not None:
-            found[field.name] = parameter_of(field)
+        said = field.metadata["asked"]
+        if isinstance(said, Parameter):
+            said = dataclasses.replace(said, name=field.name, kind=said.kind or KINDS[_plain(field.type)])
+        found[field.name] = said
     return found
 
 
-def parameter_of(field) -> Parameter:
-    """The Parameter that a field of a job is."""
-    said = dict(field.metadata["asked"])
-    said["kind"] = said["kind"] or KINDS[_plain(field.type)]
-    return Parameter(field.name, default=field.default, **said)
+@functools.cache
+def parameters(job) -> dict[str, Parameter]:
+    """{name: Parameter} of a class of jobs, those of its parts among them."""
+    found = {}
+    for name, said in fields(job).items():
+        found |= {one.name: one for one in said.parameters} if isinstance(said, Part) else {name: said}
+    return found
 
 
 def parts(job) -> dict[str, Part]:
     """{name of the field: Part} of a class of jobs."""
-    told = ((field.name, field.metadata.get("asked")) for field in dataclasses.fields(job))
-    return {name: said for name, said in told if isinstance(said, Part)}
+    return {name: said for name, said in fields(job).items() if isinstance(said, Part)}
 
 
 def made(job, given: dict):
@@ -231,23 +232,14 @@ def made(job, given: dict):
             raise InputError(f"{name}: no such parameter{did_you_mean(name, known)}")
     values = {}
     for field, said in parts(job).items():
-        mine = {one.name: one.read(given.pop(one.name)) for one in said.parameters if one.name in given}
-        mine = {
-            one.name: mine[one.name]
-            for one in said.parameters
-            if one.name in mine and (one.default is None or mine[one.name] != one.default)
-        }
+        mine = {one: one.read(given.pop(one.name)) for one in said.parameters if one.name in given}
+        mine = {one.name: value for one, value in mine.items() if one.default is None or value != one.default}
         if mine:
             values[field] = said.make(mine)
-    missing = [named(one.name) for one in known.values() if one.required and one.name not in given | values]
-    missing = [name for name in missing if name not in map(named, _made_by_parts(job))]
-    if missing:
+    own = [one for one in fields(job).values() if isinstance(one, Parameter)]
+    if missing := [named(one.name) for one in own if one.required and one.name not in given]:
         raise InputError(f"{', '.join(missing)}: must be given")
     return job(**values, **given)
-
-
-def _made_by_parts(job):
-    return [one.name for said in parts(job).values() for one in said.parameters]
 
 
 def did_you_mean(name, known) -> str:

@@ -1,23 +1,13 @@
 """One run of a job: may its result be put there, PETSc where it is needed, the work."""
 
-import contextlib
 import sys
 
 from jampetsc import progress
 from jampetsc.asking.job import Job
 from jampetsc.collective import on_root
 from jampetsc.io.outlet import Outlet
-from jampetsc.io.provenance import recorded_as
-from jampetsc.io.request import Request, asked
 from jampetsc.petsc import session
 from jampetsc.progress import LOG
-
-
-@contextlib.contextmanager
-def recording(job: Job, argv, overwrite=False):
-    """What is written inside records the job as its request and `argv` as its command line."""
-    with recorded_as(argv), asked(Request(job.NAME, job.told(), overwrite, job.same, job.held)):
-        yield
 
 
 def perform(job: Job, to: Outlet, *, petsc_argv=(), argv=None, overwrite=False, alone=False) -> str:
@@ -30,22 +20,20 @@ def perform(job: Job, to: Outlet, *, petsc_argv=(), argv=None, overwrite=False, 
 
     Raises InputError before any work for an output that cannot be, and as the job does.
     """
-    with recording(job, argv or sys.argv, overwrite):
-        job.check_outputs(to)
-        if job.scalar is not None:
-            running = session.start(None if job.scalar == "any" else job.scalar, petsc_argv)
-            if running.rank == 0:
-                version = ".".join(map(str, running.PETSc.Sys.getVersion()))
-                LOG.debug(
-                    "PETSc %s, %s scalars, %d ranks: %s", version, running.scalar_type, running.size, job
-                )
-            return job.work(to)
-        comm = None if alone else session.communicator()
-        job = job if comm is None else job.gathered()
-        told = on_root(comm, lambda: job.work(to))
-        if comm is not None and to.path is None:
-            to.share(comm)
-        return told
+    to.request = job.request(argv or sys.argv, overwrite)
+    job.check_outputs(to)
+    if job.scalar is not None:
+        running = session.start(None if job.scalar == "any" else job.scalar, petsc_argv)
+        if running.rank == 0:
+            version = ".".join(map(str, running.PETSc.Sys.getVersion()))
+            LOG.debug("PETSc %s, %s scalars, %d ranks: %s", version, running.scalar_type, running.size, job)
+        return job.work(to)
+    comm = None if alone else session.communicator()
+    job = job if comm is None else job.gathered()
+    told = on_root(comm, lambda: job.work(to))
+    if comm is not None and to.path is None:
+        to.share(comm)
+    return told
 
 
 def answer(job: Job, out=None, *, checkpoint=None, overwrite=False, told=False):

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from jampetsc.asking.job import Job
-from jampetsc.asking.kinds import LAST_SEED, PACKING, RADII, input_told
+from jampetsc.asking.kinds import LAST_SEED, MOST_THREADS, PACKING, RADII, input_told
 from jampetsc.asking.parameters import FILE, asked
 from jampetsc.core.disks import Disks
 from jampetsc.core.potentials import EXPONENTS, Potential
@@ -44,6 +44,14 @@ class FromStart(Job):
         None, "strain before the means (default 1, at most half)", low=0.0, metavar="S", group="run"
     )
     last: Path | None = asked(None, "write the last state as a packing, too", metavar="FILE", group="run")
+    threads: int | None = asked(
+        None,
+        "at most so many threads (default: one for each core)",
+        low=1,
+        high=MOST_THREADS,
+        metavar="T",
+        group="run",
+    )
 
     GIVEN = ("n", "phi", "seed", "sizes", "radii", "potential")  # without a packing only
 
@@ -77,14 +85,19 @@ class FromStart(Job):
     def check_last(self, to):
         """Refuse a packing where something else is."""
         if self.last is not None:
-            from jampetsc.io.outputs import check_output
-
-            check_output(self.last, "jampetsc-packing", self.paths, [to.path] if to.path else [])
+            to.check("jampetsc-packing", self.paths, self.last, [to.path] if to.path else [])
 
     @property
     def paths(self):
         """The file of radii is one, too."""
         return super().paths + ([self.radii.path] if self.radii is not None and self.radii.path else [])
+
+    @property
+    def team(self):
+        """The `core.threads.Team` that it may use."""
+        from jampetsc.core.threads import Team, cores
+
+        return Team(self.threads or cores())
 
     def disks(self) -> tuple[Disks, dict]:
         """(disks, attributes that say where they come from).

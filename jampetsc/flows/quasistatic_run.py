@@ -85,7 +85,8 @@ def execute(run: SlowRun, solver, to, last=None, team=None) -> str:
     facts = _facts(run, averages, slow, time.perf_counter() - began)
     minimum = {name: getattr(slow.disks, name) for name in (*PLACES, "radii")}
     if last is not None:
-        write_packing(last, slow.disks.with_record(protocol=f"quasistatic shear, steps of {run.step:g}"))
+        protocol = f"quasistatic shear, steps of {run.step:g}"
+        write_packing(last, slow.disks.with_record(protocol=protocol), to.request)
     write_record(to.writer(FORMAT), record, minimum, run.settings, facts)
     remove_checkpoint(to.kept)
     return _summary(run, to, averages, record)

@@ -130,7 +130,7 @@ def remove_checkpoint(out) -> None:
 
 
 def record_of(result):
-    """(record, state, settings, attributes) of a flow, a `io.reader.Result`. Raises InputError."""
+    """(record, state, settings, attributes) of a flow, a `io.results.Result`. Raises InputError."""
     attrs = result.attributes
     with reading(result.path):
         state = {name.removeprefix(STATE): result[name] for name in result if name.startswith(STATE)}

@@ -94,7 +94,7 @@ def begun(
 
 
 def continued(earlier, strain) -> FlowRun:
-    """The run of an earlier flow, a `io.reader.Result`, `strain` farther. Raises InputError."""
+    """The run of an earlier flow, a `io.results.Result`, `strain` farther. Raises InputError."""
     record, state, settings, attrs = record_of(earlier)
     settings["model"]["law"] = Law(**settings["model"]["law"])
     model, scheme = Model(**settings["model"]), Scheme(**settings["scheme"])
@@ -137,7 +137,7 @@ def execute(run: FlowRun, to, last=None, team=None) -> Means:
     write_checkpoint(to.kept, record, shear.state(), settings)  # in case one of the files cannot be written
     if last is not None:
         protocol = f"steady shear, {run.model}, rate {run.rate:g}"
-        write_packing(last, shear.disks.with_record(protocol=protocol))
+        write_packing(last, shear.disks.with_record(protocol=protocol), to.request)
     state = shear.state() | {"radii": run.disks.radii}
     # a file that goes on in place is replaced last
     write_record(to.writer(FORMAT), record, state, run.settings, facts)

@@ -103,12 +103,30 @@ def remove_abandoned(folder, name="*") -> None:
         with suppress(OSError):
             handle = os.open(leftover, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW)
             try:
-                fcntl.flock(
-                    handle, fcntl.LOCK_EX | fcntl.LOCK_NB
-                )  # its writer holds this as long as it lives
+                # its writer holds this as long as it lives
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 leftover.unlink()
             finally:
                 os.close(handle)
+
+
+def locked(path):
+    """The file at `path`, made if need be and locked by this process until it is closed; None where another one has it.
+
+    The system's lock goes with its process, so that what was killed can go on at once. Where a file system has no locks
+    the file comes without. Raises OSError where it cannot be opened.
+    """
+    while True:
+        file = open(path, "a+")
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            if error.errno in (errno.EWOULDBLOCK, errno.EACCES):
+                file.close()
+                return None
+        if os.fstat(file.fileno()).st_nlink:  # else the one that had it was just ending, and has removed it
+            return file
+        file.close()
 
 
 class _Stream(io.FileIO):

@@ -5,12 +5,9 @@ One that is torn, cut or changed does not count, and neither does another job's.
 `<path>.resume`; studies keep what became of a task in the same way (`studies.journal`).
 """
 
-import errno
-import fcntl
 import hashlib
 import io
 import json
-import os
 import re
 import sys
 import weakref
@@ -20,7 +17,7 @@ import numpy as np
 
 from jampetsc.collective import agreed
 from jampetsc.errors import InputError, JampetscError
-from jampetsc.io.atomic import follow, remove_abandoned, sync_folder, write_error, write_whole
+from jampetsc.io.atomic import follow, locked, remove_abandoned, sync_folder, write_error, write_whole
 from jampetsc.io.parts import remove_if_empty
 from jampetsc.io.regular import open_regular
 from jampetsc.version import VERSION
@@ -126,25 +123,19 @@ class Checkpoint:
         """Lock the folder, if there is one. Raises InputError where another process has it."""
         self._lock = _locks.get(str(self.journal))
         if self._lock is not None or not self.journal.is_dir():
-            return None
+            return
         try:
-            file = open(self.journal / "lock", "a")
+            self._lock = locked(self.journal / "lock")
+        except FileNotFoundError:  # a run that was just ending has removed the folder
+            return
         except OSError as error:
             raise write_error(self.journal, error) from None
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            if error.errno in (errno.EWOULDBLOCK, errno.EACCES):
-                file.close()
-                raise InputError(
-                    f"{self.journal.with_suffix('')}: another run is writing it (and {self.journal.name}): wait for "
-                    "it, or choose another file"
-                ) from None
-            # a file system without locks
-        if not os.fstat(file.fileno()).st_nlink:  # a run that was just ending has removed it
-            return self._hold()
-        self._lock = _locks[str(self.journal)] = file
-        return None
+        if self._lock is None:
+            raise InputError(
+                f"{self.journal.with_suffix('')}: another run is writing it (and {self.journal.name}): wait for "
+                "it, or choose another file"
+            )
+        _locks[str(self.journal)] = self._lock
 
     @property
     def next(self) -> int:

@@ -11,26 +11,10 @@ import numpy as np
 
 from jampetsc.analysis.statistics import mean_with_error, median_with_error
 from jampetsc.errors import InputError
-from jampetsc.io.provenance import LAW_PARAMETERS
+from jampetsc.io.averages import SAME, Averages, frame, require_independent, same
 from jampetsc.io.regular import open_regular
 
 TABLE = "table.csv"
-SAME = 1e-9  # numbers that differ by less, relatively, are the same
-CHOICES = (
-    "command",
-    "law",
-    *LAW_PARAMETERS,
-    "model",
-    "method",
-    "phase",
-    "omega",
-    "rate",
-    "mass",
-    "strain",
-    "accuracy",
-)
-NO_AVERAGE = ("seed", "seconds")
-STATISTICS = {"mean": mean_with_error, "median": median_with_error}
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +42,7 @@ class Ensemble(Mapping):
         if name not in self._columns:
             near = difflib.get_close_matches(name, self._columns, n=1)
             hint = f"did you mean {near[0]}?" if near else f"it has {', '.join(self._columns)}"
-            raise InputError(f"{self.path / TABLE}: no column {name}; {hint}")
+            raise InputError(f"{self.table}: no column {name}; {hint}")
         return self._columns[name]
 
     def get(self, name, default=None):
@@ -75,7 +59,12 @@ class Ensemble(Mapping):
         return name in self._columns
 
     def __repr__(self):
-        return f"<{self.rows} rows of {self.path / TABLE}>"
+        return f"<{self.rows} rows of {self.table}>"
+
+    @property
+    def table(self) -> Path:
+        """The file of the table, for messages."""
+        return self.path / TABLE
 
     @property
     def rows(self) -> int:
@@ -85,7 +74,7 @@ class Ensemble(Mapping):
     @property
     def failed(self) -> "Ensemble":
         """The tasks that failed; `state` says why."""
-        return self._taken(self["state"] != "done")
+        return self.taken(self["state"] != "done")
 
     def where(self, **values) -> "Ensemble":
         """The rows with these values, where(command="sweep", pressure=[1e-2, 1e-3]): any one of a list will do."""
@@ -93,10 +82,11 @@ class Ensemble(Mapping):
         for name, wanted in values.items():
             column = self[name]
             some = wanted if isinstance(wanted, list | tuple | set | np.ndarray) else [wanted]
-            chosen &= np.any([_same(column, value) for value in some], axis=0)
-        return self._taken(chosen)
+            chosen &= np.any([same(column, value) for value in some], axis=0)
+        return self.taken(chosen)
 
-    def _taken(self, rows):
+    def taken(self, rows) -> "Ensemble":
+        """Some of the rows, by number or as a mask."""
         columns = {name: column[rows] for name, column in self._columns.items()}
         return Ensemble(self.path, columns, self._load)
 
@@ -129,7 +119,7 @@ class Ensemble(Mapping):
     def _curves(self, name, by, over, statistic):
         found = []
         for key, rows in self.groups((by,) if isinstance(by, str) else tuple(by)):
-            _require_independent(key, rows, name)
+            require_independent(key, rows, name)
             results = rows.results()
             at = results[0][over]
             for result in results:
@@ -148,133 +138,18 @@ class Ensemble(Mapping):
 
     def to_pandas(self):
         """The table as a pandas.DataFrame. Raises InputError where pandas is not installed."""
-        return _frame(self)
+        return frame(self)
 
     def groups(self, by) -> list:
         """[({column: value}, rows as an Ensemble)] for the values that occur in the columns `by`, sorted; done rows."""
-        done = self._taken(self["state"] == "done")
+        done = self.taken(self["state"] == "done")
         keys = list(zip(*(done[name].tolist() for name in by), strict=True)) if by else [()] * done.rows
         keys = [tuple(None if value != value else value for value in key) for key in keys]
         order = sorted(set(keys), key=lambda key: [(value is None, value) for value in key])
         same = [np.array([key == one for key in keys], bool) for one in order]
         return [
-            (dict(zip(by, key, strict=True)), done._taken(rows))
-            for key, rows in zip(order, same, strict=True)
+            (dict(zip(by, key, strict=True)), done.taken(rows)) for key, rows in zip(order, same, strict=True)
         ]
-
-
-class Averages(Mapping):
-    """Averages over groups of rows: column -> (groups,) array, for the columns `by` the value of each group.
-
-    error        column -> (groups,) halves of 68 % intervals, see `analysis.statistics`; nan for a single row
-    count        column -> (groups,) numbers of rows averaged
-    below_zero   column -> (groups,) how many of these are negative, such as G₀ of packings unstable to shear: they
-                 count like all others
-
-    Raises InputError on reading a column where a group has two rows of one packing: they are not independent.
-    """
-
-    def __init__(self, ensemble, by, statistic):
-        self.by = (by,) if isinstance(by, str) else tuple(by)
-        self.statistic = statistic
-        self._groups = ensemble.groups(self.by)
-        self._names = [
-            name for name in ensemble if name not in NO_AVERAGE and ensemble[name].dtype.kind in "if"
-        ]
-        self._found = {}
-        self.error, self.count, self.below_zero = (_Part(self, row) for row in (1, 2, 3))
-
-    def __getitem__(self, name):
-        return self.part(name, 0)
-
-    def part(self, name, row):
-        """(groups,) of one column: value, error, count, below zero for row 0 to 3."""
-        if name in self.by:
-            return np.array([key[name] for key, _ in self._groups])
-        if name not in self._found:
-            found = [self._average(key, rows, name) for key, rows in self._groups]
-            self._found[name] = [np.array(column) for column in zip(*found, strict=True)]
-        return self._found[name][row]
-
-    def _average(self, key, rows, name):
-        column = rows[name]
-        if column.dtype.kind not in "if":
-            raise InputError(
-                f"{rows.path / TABLE}: column {name} holds words, which have no {self.statistic}"
-            )
-        known = np.isfinite(column)
-        _require_independent(key, rows._taken(known), name)
-        values = column[known]
-        if not len(values):
-            return np.nan, np.nan, 0, 0
-        value, error = STATISTICS[self.statistic](values)
-        return float(value), float(error), len(values), int(np.count_nonzero(values < 0))
-
-    def __iter__(self):
-        return iter([*self.by, *(name for name in self._names if name not in self.by)])
-
-    def __len__(self):
-        return len(list(iter(self)))
-
-    def to_pandas(self):
-        """A pandas.DataFrame of the averages, errors in columns `…_error`. Raises InputError without pandas."""
-        errors = {f"{name}_error": self.error[name] for name in self._names if name not in self.by}
-        return _frame({**self, **errors})
-
-
-class _Part(Mapping):
-    """One of error, count and below_zero of Averages."""
-
-    def __init__(self, averages, row):
-        self._averages, self._row = averages, row
-
-    def __getitem__(self, name):
-        return self._averages.part(name, self._row)
-
-    def __iter__(self):
-        return iter(self._averages)
-
-    def __len__(self):
-        return len(self._averages)
-
-
-def _frame(columns):
-    try:
-        import pandas
-    except ImportError:
-        raise InputError("to_pandas: needs the package pandas: pip install pandas") from None
-    return pandas.DataFrame(dict(columns))
-
-
-def _require_independent(key, rows, name):
-    if "packing" not in rows:
-        return
-    seen, repeated = {}, None
-    for row, packing in enumerate(rows["packing"].tolist()):
-        if packing and packing in seen:
-            repeated = seen[packing], row
-            break
-        seen[packing] = row
-    if repeated is None:
-        return
-    one, other = repeated
-    differ = [c for c in CHOICES if c in rows and not _same(rows[c][[one]], rows[c][other])[0]]
-    where = ", ".join(f"{column} {value}" for column, value in key.items()) or "all rows"
-    raise InputError(
-        f"{rows.path / TABLE}: {name} of {where}: {rows['file'][one]} and {rows['file'][other]} are of one packing: "
-        f"choose rows with where(…) or name what differs in by= ({', '.join(differ) or 'see the table'})"
-    )
-
-
-def _same(column, value):
-    """Which entries are this value: numbers to SAME, nan is nan, True is 1."""
-    if column.dtype.kind in "if":
-        try:
-            value = float(value)
-        except (TypeError, ValueError):
-            return np.zeros(len(column), bool)
-        return np.isclose(column, value, rtol=SAME, atol=0.0, equal_nan=True)
-    return column == str(value)
 
 
 def load_ensemble(folder, load) -> Ensemble:

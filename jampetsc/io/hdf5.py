@@ -18,15 +18,8 @@ from jampetsc.io.atomic import NewFile, remove_abandoned
 from jampetsc.io.checksums import Damaged, seal, verify
 from jampetsc.io.regular import open_regular
 
-_DAMAGE = (
-    OSError,
-    RuntimeError,
-    LookupError,
-    ValueError,
-    TypeError,
-    ArithmeticError,
-    AttributeError,
-)
+MAJOR = 1  # version of the formats
+_DAMAGE = (OSError, RuntimeError, LookupError, ValueError, TypeError, ArithmeticError, AttributeError)
 
 
 class OutputFile(NewFile):
@@ -205,7 +198,7 @@ def _plain(value):
     return value
 
 
-def check_format(path, attrs: dict, expected: str | None = None, major: int = 1) -> str:
+def check_format(path, attrs: dict, expected: str | None = None) -> str:
     """The file's `format`.
 
     Raises InputError if it is not one of ours, not the `expected` one, or of a newer major version.
@@ -217,15 +210,15 @@ def check_format(path, attrs: dict, expected: str | None = None, major: int = 1)
         )
     if expected is not None and name != expected:
         raise InputError(f"{path}: is a {name} file: a {expected} file is needed here")
-    version = str(attrs.get("format_version", major))
+    version = str(attrs.get("format_version", MAJOR))
     if not version.split(".")[0].isdigit():
         raise InputError(
-            f"{path}: attribute format_version = {version!r}: must be a number such as {major}.0"
+            f"{path}: attribute format_version = {version!r}: must be a number such as {MAJOR}.0"
         )
-    if int(version.split(".")[0]) > major:
+    if int(version.split(".")[0]) > MAJOR:
         writer = attrs.get("jampetsc_version")
         remedy = f"use jampetsc {writer} or newer" if writer else "use a newer jampetsc"
         raise InputError(
-            f"{path}: format_version {version}, but this jampetsc reads up to {major}.x: {remedy}"
+            f"{path}: format_version {version}, but this jampetsc reads up to {MAJOR}.x: {remedy}"
         )
     return name

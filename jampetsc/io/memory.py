@@ -1,4 +1,4 @@
-"""A result that is collected in memory, with the interface of `result_file.ResultWriter`: `reader.Result.of` reads it.
+"""A result that is collected in memory, with the interface of `result_file.ResultWriter`: `reader.collected` reads it.
 
 Rows of distributed arrays stay on their ranks.
 """
@@ -8,12 +8,11 @@ import uuid
 import numpy as np
 
 from jampetsc.io.hdf5 import as_stored
-from jampetsc.io.request import recorded
 from jampetsc.io.result_file import FORMAT_VERSION
 
 
 class MemoryArray:
-    """An array of a result in memory, read as `reader.StoredArray` is.
+    """An array of a result in memory, read as `results.StoredArray` is.
 
     axis   the one along which ranks hold different rows; None: every rank holds all
     rows   slice of the whole array along `axis` that this rank holds; None with it
@@ -59,11 +58,10 @@ class MemoryWriter:
     arrays   dataset name -> MemoryArray
     """
 
-    def __init__(self, format, comm=None):
+    def __init__(self, format, comm=None, request=None):
         self.comm, self.found, self.arrays = comm, {}, {}
-        self.attributes(
-            format=format, format_version=FORMAT_VERSION, run_id=uuid.uuid4().hex[:12], **recorded()
-        )
+        asked = request.recorded if request else {}
+        self.attributes(format=format, format_version=FORMAT_VERSION, run_id=uuid.uuid4().hex[:12], **asked)
 
     def attributes(self, **values) -> None:
         """Collective. Keep scalars, strings and short lists of rank 0 as attributes; None is left out."""

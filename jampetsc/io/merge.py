@@ -17,21 +17,22 @@ from jampetsc.io.hdf5 import (
 )
 from jampetsc.io.outputs import check_output, check_place
 from jampetsc.io.parts import GROUP, PartList
-from jampetsc.io.request import recorded
 
 _BLOCK_BYTES = 1 << 22  # copied at a time from each part
 
 
-def merge(path, out=None) -> int:
+def merge(path, out=None, request=None) -> int:
     """Write the result at `path` as one plain file at `out`, or in place and remove its parts.
+
+    request: what was asked for, which the file at `out` records.
 
     Returns the number of parts that were joined (0: it was a plain file already). Raises InputError for a
     file or part that is missing or damaged, JampetscError if writing fails; then everything is as it was.
     """
-    return undisturbed(path, lambda path: _merge(path, out))
+    return undisturbed(path, lambda path: _merge(path, out, request))
 
 
-def _merge(path, out):
+def _merge(path, out, request):
     target = Path(path if out is None else out)
     in_place = os.path.realpath(target) == os.path.realpath(path)
     with open_file(path) as h5:
@@ -44,10 +45,11 @@ def _merge(path, out):
         if in_place:
             check_place(target, kind)
         else:
-            check_output(target, kind, [path])
+            check_output(target, kind, [path], request=request)
         with OutputFile(target) as merged:
             _copy(h5, parts, merged, path)
-            merged.attrs.update({} if in_place else recorded())
+            if request and not in_place:
+                merged.attrs["request"] = request.text
             parts.check_present()
     if in_place:
         parts.remove()

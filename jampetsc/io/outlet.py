@@ -10,10 +10,11 @@ class Outlet:
 
     path        file of the result; None: it stays in memory
     checkpoint  where a long run keeps what it has finished, so that the same job goes on there; None: nowhere
+    request     what was asked for, a `request.Request`, which files record; None: nothing
     status      exit status of a command that has written what it could
     """
 
-    status = 0
+    request, status = None, 0
 
     def __init__(self, path=None, checkpoint=None):
         self.path = None if path is None else Path(path)
@@ -28,24 +29,32 @@ class Outlet:
         if self.path is None:
             raise InputError(f"{named('out')}: must be given: the file to write")
 
+    def check(self, kind, inputs=(), path=None, beside=()) -> None:
+        """Refuse what may not be replaced, see `outputs.check_output`; path: of another file than the result's."""
+        from jampetsc.io.outputs import check_output
+
+        if path or self.path:
+            request = self.request if kind.startswith("jampetsc-") else None
+            check_output(path or self.path, kind, inputs, beside, request)
+
     def writer(self, format, comm=None):
         """A `ResultWriter`, or what takes the same in memory. Collective over comm."""
         if self.path is not None:
             from jampetsc.io.result_file import ResultWriter
 
-            return ResultWriter(self.path, format, comm)
+            return ResultWriter(self.path, format, comm, self.request)
         from jampetsc.io.memory import MemoryWriter
 
-        self._found = MemoryWriter(format, comm)
+        self._found = MemoryWriter(format, comm, self.request)
         return self._found
 
-    def packing(self, disks, path=None) -> None:
-        """Take a packing that was made; path: its file, where there are several. Not collective."""
+    def packing(self, disks) -> None:
+        """Take a packing that was made. Not collective."""
         from jampetsc.io.packing_file import write_packing
 
         self._found = disks
         if self.path is not None:
-            write_packing(path or self.path, disks)
+            write_packing(self.path, disks, self.request)
 
     def packings(self, found) -> None:
         """Take the answer in place of one file: Disks, or a list of them or of their files, on every rank."""
@@ -73,13 +82,14 @@ class Outlet:
     def result(self):
         """The answer, as `load` gives it. Collective."""
         from jampetsc.core.disks import Disks
-        from jampetsc.io.reader import Result, load
+        from jampetsc.io.reader import collected, load
+        from jampetsc.io.results import Result
 
         if isinstance(self._found, list):
             return [one if isinstance(one, Disks) else load(one) for one in self._found]
         if self.path is None and isinstance(self._found, Disks):
             return self._found
-        found = Result.of(self._found) if self.path is None else load(self.path)
+        found = collected(self._found) if self.path is None else load(self.path)
         if isinstance(found, Result):
             found.packing = self._packing
         return found

@@ -9,7 +9,6 @@ import re
 from pathlib import Path
 
 from jampetsc.errors import InputError, named
-from jampetsc.io import request
 from jampetsc.io.atomic import check_writable
 from jampetsc.io.checksums import SIGNATURE
 from jampetsc.io.hdf5 import attributes, open_file, reading
@@ -27,23 +26,17 @@ _EXPORTS = {  # ending -> how such a file begins
     ".mtx": re.compile(rb"%%MatrixMarket"),
     ".petsc": re.compile(rb"\x00\x12\x7b\x50"),  # MAT_FILE_CLASSID
 }
-_NOT_HDF5 = (
-    ".png",
-    ".pdf",
-    ".svg",
-    ".csv",
-    ".txt",
-    ".opts",
-    *_EXPORTS,
-)  # endings that promise something else
+# endings that promise something else
+_NOT_HDF5 = (".png", ".pdf", ".svg", ".csv", ".txt", ".opts", *_EXPORTS)
 
 
-def check_output(out, kind, inputs=(), beside=()) -> None:
+def check_output(out, kind, inputs=(), beside=(), request=None) -> None:
     """Raise InputError unless a `kind` of file may be put at `out` now. Call it before long work.
 
     kind     "picture", "table", `exported(out)` or the format of a result, such as "jampetsc-sweep"
     inputs   paths of what the run reads; those that do not exist are left to who reads them
     beside   paths of what else the run writes
+    request  settings, of which a finished result that is there has to be
     """
     for other in beside:
         if is_same(out, other) or os.path.realpath(out) == os.path.realpath(other):
@@ -57,10 +50,9 @@ def check_output(out, kind, inputs=(), beside=()) -> None:
                 f"{out}: is the input{alias}, which would be lost: choose another {named('out')}"
             )
     check_place(out, kind)
-    asked = request.current()
-    if asked is not None and kind.startswith("jampetsc-"):
-        asked.read(inputs)
-        _check_settings(out, asked)
+    if request is not None:
+        request.read(inputs)
+        _check_settings(out, request)
 
 
 def check_place(out, kind) -> None:
@@ -76,18 +68,27 @@ def exported(out) -> str:
     return f"an exported {Path(out).suffix.lower()} file"
 
 
-def _check_settings(out, asked):
+def _check_settings(out, request):
     """Raise InputError where a finished result of other settings is at `out`, unless it is to be overwritten."""
-    if asked.overwrite or _held(out) is None:
+    if request.overwrite or _held(out) is None:
         return
-    with open_file(out) as h5, reading(out):
-        found = attributes(h5).get("request")
-    why = "does not say with which settings" if found is None else asked.differences(found)
-    if why:
+    if why := unlike(out, request):
         raise InputError(
-            f"{out}: is there already and {'' if found is None else 'has '}{why}: choose another {named('out')}, "
+            f"{out}: is there already and {why}: choose another {named('out')}, "
             f"or give {named('overwrite')} to replace it"
         )
+
+
+def unlike(path, request) -> str:
+    """In what the result at `path` has other settings than a request that has `read` its inputs; empty if in nothing.
+
+    Raises InputError for what is no HDF5 file.
+    """
+    with open_file(path) as h5, reading(path):
+        found = attributes(h5).get("request")
+    if found is None:
+        return "does not say with which settings"
+    return (why := request.differences(found)) and f"has {why}"
 
 
 def check_replaced(out, kind) -> None:

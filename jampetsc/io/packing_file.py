@@ -28,7 +28,6 @@ from jampetsc.io.hdf5 import (
 )
 from jampetsc.io.outputs import check_replaced
 from jampetsc.io.regular import open_regular
-from jampetsc.io.request import recorded
 
 FORMAT = "jampetsc-packing"
 FORMAT_VERSION = "1.0"
@@ -36,8 +35,10 @@ _ARRAYS = ("base", "offset", "radii", "cell_base", "cell_offset")
 _HEADER = ("format", "format_version", "potential", "stiffness", "k")
 
 
-def write_packing(path, disks: Disks) -> None:
+def write_packing(path, disks: Disks, request=None) -> None:
     """Write `disks` with its record (scalars and strings; None is left out), atomically, to the last bit.
+
+    request   what was asked for, where the record does not say it
 
     Raises InputError or JampetscError if the file cannot be written.
     """
@@ -55,7 +56,8 @@ def write_packing(path, disks: Disks) -> None:
     record = {name: value for name, value in disks.record.items() if name not in _HEADER}
     check_replaced(path, FORMAT)
     with OutputFile(path) as h5:
-        set_attributes(h5, dict(zip(_HEADER, header, strict=True)) | record | recorded())
+        set_attributes(h5, dict(zip(_HEADER, header, strict=True)) | record)
+        set_attributes(h5, {"request": request and request.text})
         for name, array in datasets.items():
             store(h5, name, array)
 

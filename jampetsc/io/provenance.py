@@ -1,44 +1,24 @@
 """How a result came about: the attributes that every result file carries."""
 
-import contextlib
 import datetime
 import re
 import shlex
 import sys
-from contextvars import ContextVar
 from pathlib import Path
 
 from jampetsc.core.laws import OPTIONS, WEIGHTS
+from jampetsc.io.request import shortened
 from jampetsc.version import VERSION
 
-LONGEST = 10_000  # characters of a list of files
 LAW_PARAMETERS = (*dict.fromkeys((*OPTIONS, *WEIGHTS)), "prestress", "tau1", "alpha", "stress")
 
-_recorded = ContextVar("argv that results record", default=None)
 
-
-@contextlib.contextmanager
-def recorded_as(argv):
-    """Results written inside record the command line `argv`: one process may do the work of several commands."""
-    token = _recorded.set([str(word) for word in argv])
-    try:
-        yield
-    finally:
-        _recorded.reset(token)
-
-
-def command_line(argv=None) -> str:
-    """The command line `argv` as results record it; default: that of `recorded_as`, else of this process."""
-    words = argv or _recorded.get() or sys.argv
-    return _shortened(shlex.join(words))
-
-
-def provenance(*, versions, scalar_type, petsc_options, ranks, packing, law, wall_seconds, argv=None) -> dict:
+def provenance(*, versions, scalar_type, petsc_options, ranks, packing, law, wall_seconds) -> dict:
     """Attributes of a result, for `ResultWriter.attributes(**…)`.
 
     versions: {"petsc": "3.18.5", "slepc": …, "mumps": …}; petsc_options: the options as one string;
     packing: (name, hash) from `read_identified`; law: {"law": "contact", "beta": 1.0, …}, entries of None
-    left out; argv: the full command line (default: as `command_line` has it).
+    left out.
     """
     unknown = set(law) - {"law", *LAW_PARAMETERS}
     if unknown:
@@ -46,23 +26,18 @@ def provenance(*, versions, scalar_type, petsc_options, ranks, packing, law, wal
             f"law parameters {sorted(unknown)} would be lost on reading: add them to LAW_PARAMETERS"
         )
     return {
-        "jampetsc_version": VERSION,
-        "git_commit": git_commit(),
+        **_run(wall_seconds),
         **{f"{library}_version": version for library, version in versions.items()},
-        "python_version": sys.version.split()[0],
         "scalar_type": scalar_type,
-        "argv": command_line(argv),
         "petsc_options": petsc_options,
         "ranks": ranks,
         "packing": packing[0],
         "packing_sha256": packing[1],
         **{name: value for name, value in law.items() if value is not None},
-        "wall_seconds": float(wall_seconds),
-        "date": datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
     }
 
 
-def derived_from(sweeps, wall_seconds, argv=None) -> dict:
+def derived_from(sweeps, wall_seconds) -> dict:
     """Attributes of a result that was computed from sweeps: what these have in common.
 
     `sources` and `source_runs` name the files and their run_id, separated by blanks.
@@ -70,25 +45,26 @@ def derived_from(sweeps, wall_seconds, argv=None) -> dict:
     shared = ("packing", "packing_sha256", "law", *LAW_PARAMETERS, "pressure", "phi", "k", "particle_count")
     known = [sweep.attributes for sweep in sweeps]
     return {
-        "jampetsc_version": VERSION,
-        "git_commit": git_commit(),
-        "python_version": sys.version.split()[0],
-        "argv": command_line(argv),
-        "sources": _shortened(shlex.join(sweep.path.name for sweep in sweeps)),
-        "source_runs": _shortened(" ".join(str(attributes.get("run_id", "?")) for attributes in known)),
+        **_run(wall_seconds),
+        "sources": shortened(shlex.join(sweep.path.name for sweep in sweeps)),
+        "source_runs": shortened(" ".join(str(attributes.get("run_id", "?")) for attributes in known)),
         **{
             name: known[0][name]
             for name in shared
             if len({str(a.get(name)) for a in known}) == 1 and name in known[0]
         },
-        "wall_seconds": float(wall_seconds),
-        "date": datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
     }
 
 
-def _shortened(text):
-    """`text`, cut where a large ensemble makes it too long for an HDF5 attribute, of 64 kB at most."""
-    return text if len(text) <= LONGEST else f"{text[:LONGEST]} …"
+def _run(wall_seconds) -> dict:
+    """By what program a result was made, when, and in which time."""
+    return {
+        "jampetsc_version": VERSION,
+        "git_commit": git_commit(),
+        "python_version": sys.version.split()[0],
+        "wall_seconds": float(wall_seconds),
+        "date": datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
+    }
 
 
 def law_of(attributes) -> dict:

@@ -1,28 +1,28 @@
 """What a result was asked for: its file records it, so that a finished one is not replaced by one of other settings."""
 
-import contextlib
 import hashlib
 import json
-from contextvars import ContextVar
+import shlex
 
 from jampetsc.io.checksums import identity_of
 
 NO_SETTINGS = ("last", "threads")  # which change no number of a result
 LONGEST = 200  # characters of a value; of a longer one its hash is kept
-
-_asked = ContextVar("the request that results record", default=None)
+LONGEST_LINE = 10_000  # characters of a command line or a list of files: an HDF5 attribute holds 64 kB
 
 
 class Request:
     """The settings of one run: its command and options, and what its input files hold.
 
     options     {parameter: value} of those that are given
+    argv        the command line
+    overwrite   whether a finished result of other settings may be replaced
     same        whether two values of a parameter mean the same
     held        what inputs in memory hold: hashes
     """
 
-    def __init__(self, command, options: dict, overwrite=False, same=lambda name, one, other: False, held=()):
-        self.overwrite, self.same, self.held = bool(overwrite), same, list(held)
+    def __init__(self, command, options: dict, argv, overwrite, same, held):
+        self.argv, self.overwrite, self.same, self.held = argv, bool(overwrite), same, held
         self.options = {
             name: value for name, value in options.items() if name not in NO_SETTINGS and value is not None
         }
@@ -49,26 +49,20 @@ class Request:
         ]
         return "; ".join(_told(name, found.get(name), self.settings.get(name)) for name in changed)
 
+    @property
+    def text(self) -> str:
+        """The settings as the attribute `request` of a file."""
+        return json.dumps(self.settings, sort_keys=True)
 
-@contextlib.contextmanager
-def asked(request: Request | None):
-    """Results written inside record what was asked for; None: nothing, as packings, whose records say it."""
-    token = _asked.set(request)
-    try:
-        yield
-    finally:
-        _asked.reset(token)
-
-
-def current() -> Request | None:
-    """The request of the command that runs, if one does."""
-    return _asked.get()
+    @property
+    def recorded(self) -> dict:
+        """The attributes of a result that say what was asked for."""
+        return {"argv": shortened(shlex.join(map(str, self.argv))), "request": self.text}
 
 
-def recorded() -> dict:
-    """The attribute of a result that says what was asked for."""
-    request = current()
-    return {} if request is None else {"request": json.dumps(request.settings, sort_keys=True)}
+def shortened(text: str) -> str:
+    """`text`, cut where a large ensemble makes it too long for an attribute."""
+    return text if len(text) <= LONGEST_LINE else f"{text[:LONGEST_LINE]} …"
 
 
 def _short(value):
@@ -79,7 +73,5 @@ def _short(value):
 def _told(name, old, new):
     if name == "inputs":
         return "other inputs"
-    without = {"true": "false", "false": "true"}.get(
-        old or new, "none"
-    )  # of a switch: how it is without a word
+    without = {"true": "false", "false": "true"}.get(old or new, "none")  # a switch without a word
     return f"{name} = {old or without}, not {new or without}"

@@ -7,6 +7,7 @@ none: the joint file gets its name last, and the parts of the result it replaces
 
 import uuid
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import h5py
@@ -18,19 +19,18 @@ from jampetsc.io.atomic import follow, remove_abandoned, write_error
 from jampetsc.io.hdf5 import OutputFile, set_attributes, store
 from jampetsc.io.outputs import check_place
 from jampetsc.io.parts import GROUP, part_name, parts_of, remove_if_empty
-from jampetsc.io.request import recorded
 
 FORMAT_VERSION = "1.0"
 
 
+@dataclass
 class _Layout:
     """How the rows of a distributed array lie on the ranks."""
 
-    def __init__(self, shape, axis, counts, dtype):
-        self.shape = list(shape)  # of the whole array
-        self.axis = axis
-        self.counts = counts  # rows of each rank
-        self.dtype = dtype
+    shape: list  # of the whole array
+    axis: int
+    counts: list  # rows of each rank
+    dtype: np.dtype
 
     def local_shape(self, rank):
         shape = list(self.shape)
@@ -45,11 +45,12 @@ class _Layout:
 class ResultWriter:
     """Writes a result file of `format`, say "jampetsc-sweep". Every method is collective.
 
-    `comm` is an mpi4py communicator, or None for one process. Use it as a context manager: leaving the block
-    closes the file, an exception removes what was written. Raises InputError or JampetscError, on all ranks.
+    `comm` is an mpi4py communicator, or None for one process; `request` is what was asked for. Use it as a context
+    manager: leaving the block closes the file, an exception removes what was written. Raises InputError or
+    JampetscError, on all ranks.
     """
 
-    def __init__(self, path, format, comm=None):
+    def __init__(self, path, format, comm=None, request=None):
         self.path = follow(path)
         self.comm = comm
         self.rank, self.size = (0, 1) if comm is None else (comm.rank, comm.size)
@@ -67,7 +68,8 @@ class ResultWriter:
             if self.rank == 0:
                 self._joint = OutputFile(self.path)
             self._part = self._joint if self.size == 1 else self._open_part()
-        self.attributes(format=format, format_version=FORMAT_VERSION, run_id=self.run_id, **recorded())
+        asked = request.recorded if request else {}
+        self.attributes(format=format, format_version=FORMAT_VERSION, run_id=self.run_id, **asked)
 
     def _part_path(self) -> Path:
         return self.path.parent / part_name(self.path, self.run_id, self.rank)
@@ -151,7 +153,8 @@ class ResultWriter:
     def close(self) -> None:
         """Collective. Make everything durable, then let the joint file appear under its name."""
         for name, layout in self._layouts.items():
-            self._add_without_rows(name, layout)
+            if self.rank == 0 and not sum(layout.counts):  # no part holds any of it
+                self._joint.h5.create_dataset(name, shape=tuple(layout.shape), dtype=layout.dtype)
         if self.size > 1:
             with self._step():
                 finished = self._part.finish()
@@ -176,11 +179,6 @@ class ResultWriter:
         self._open = False
         if self.rank == 0 and replaced is not None:
             replaced.remove()
-
-    def _add_without_rows(self, name, layout):
-        """Arrays of no rows, which no part holds."""
-        if self.rank == 0 and not sum(layout.counts):
-            self._joint.h5.create_dataset(name, shape=tuple(layout.shape), dtype=layout.dtype)
 
     def _join(self, sizes, seals):
         joint = self._joint.h5

@@ -8,20 +8,12 @@ from typing import ClassVar
 
 from jampetsc.asking.inputs import refuse_repeated
 from jampetsc.asking.job import Job
-from jampetsc.asking.kinds import RESULT, opened
+from jampetsc.asking.kinds import RESULT, opened, words
 from jampetsc.asking.parameters import FILES, Kind, asked
 from jampetsc.errors import InputError, named
 
 OBSERVABLES = ("pressure", "shear_stress", "jammed")
 SHARED = ("model", "mass", "sizes", "potential", "stiffness", "protocol", "units", "tau1")
-
-
-def _names(given):
-    """Names with commas between, or several."""
-    try:
-        return given if isinstance(given, str) else ",".join(map(str, given))
-    except TypeError:
-        raise ValueError("must be names with commas between") from None
 
 
 def _range(given):
@@ -53,6 +45,7 @@ class Collapse(Job):
     """
 
     NAME: ClassVar = "collapse"
+    scalar: ClassVar = None
     FORMAT: ClassVar = "jampetsc-collapse"
     EPILOG: ClassVar = """\
 The name omega stands for omega/z with rates. A small probability of chi^2 says that the form is wrong, or the
@@ -71,7 +64,7 @@ examples:
     observable: str = asked(help="what is scaled", choices=OBSERVABLES)
     fit: str = asked(
         help="phi_J,y,znu[,omega]; nu for znu with finite_size; y=1 holds y",
-        kind=Kind(_names, metavar="NAMES"),
+        kind=Kind(lambda given: ",".join(map(str, words(given))), metavar="NAMES"),
     )
     finite_size: bool = asked(False, "scale with L = sqrt(N) instead of the rate")
     corrections: bool = asked(False, "with f1, which needs omega in fit")
@@ -102,28 +95,23 @@ examples:
 
         return form_named(self.fit, self.finite_size, self.corrections, self.degree, self.spline)
 
-    @property
-    def scalar(self):
-        """PETSc has nothing to do."""
-
     def _named(self) -> list:
         """What is read: files, of the folder of a study those of its rows, and results in memory."""
+        from jampetsc.io.ensemble import Ensemble
+        from jampetsc.jobs.rows import rows_named
         from jampetsc.jobs.scaling import files_of
 
-        files = [one for one in self.results if isinstance(one, str)]
-        if self.where and not files:
-            raise InputError(f"{named('where')} {self.where}: chooses rows of a study, but none is given")
-        held = [one for one in self.results if not isinstance(one, str)]
-        return [*(files_of(files, self.finite_size, self.where) if files else []), *held]
+        found = []
+        for one in rows_named(self.results, self.where):
+            several = isinstance(one, Ensemble)
+            found += files_of(one, self.finite_size, self.where) if several else [one]
+        return found
 
     def check_outputs(self, to):
         """Refuse one result twice, and what may not be replaced."""
-        from jampetsc.io.outputs import check_output
-
         sources = self._named()
         refuse_repeated(sources)
-        if to.path is not None:
-            check_output(to.path, self.FORMAT, [one for one in sources if isinstance(one, str)])
+        to.check(self.FORMAT, [one for one in sources if isinstance(one, str)])
 
     def work(self, to):
         """Read, fit, write and tell what was found."""

@@ -6,7 +6,7 @@ from jampetsc.analysis.bounds import relative_bound
 from jampetsc.columns import aligned
 from jampetsc.core.minimum import ENTRIES, proved_minimum
 from jampetsc.core.state import BALANCED, imbalance, measure
-from jampetsc.io.ensemble import CHOICES
+from jampetsc.io.averages import CHOICES
 from jampetsc.io.parts import parts_of
 
 DIGITS = 10  # of numbers that one may want to compare with published ones

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jampetsc.asking.kinds import HELD, MOST_THREADS, input_told
+from jampetsc.asking.kinds import HELD, input_told
 from jampetsc.asking.model import MODEL
 from jampetsc.asking.parameters import FILE, asked, part
 from jampetsc.asking.starts import GROUP, FromStart
@@ -26,6 +26,7 @@ class Flow(FromStart):
 
     NAME: ClassVar = "flow"
     FORMAT: ClassVar = "jampetsc-flow"
+    scalar: ClassVar = None
     OUT: ClassVar = "optional"
     OUT_HELP: ClassVar = "result file (default for a flow file that goes on: itself)"
     EPILOG: ClassVar = """examples
@@ -69,15 +70,6 @@ to the last bit; independent runs are faster side by side."""
         f"of the velocities of contact damping (default {TOLERANCE:g})",
         low=1e-14,
         high=0.1,
-        metavar="T",
-        group="run",
-    )
-
-    threads: int | None = asked(
-        None,
-        "at most so many (default: the cores there are)",
-        low=1,
-        high=MOST_THREADS,
         metavar="T",
         group="run",
     )
@@ -130,10 +122,6 @@ to the last bit; independent runs are faster side by side."""
             raise InputError(f"{named(name)}: {path} goes on as it was begun; leave it out (or start anew)")
 
     @property
-    def scalar(self):
-        """PETSc has nothing to do."""
-
-    @property
     def place(self):
         """The file that it goes on from."""
         if not self._begun:
@@ -164,7 +152,6 @@ to the last bit; independent runs are faster side by side."""
 
     def work(self, to):
         """Shear."""
-        from jampetsc.core.threads import Team, cores
         from jampetsc.flows import steady as flows
         from jampetsc.petsc import launcher
         from jampetsc.progress import LOG
@@ -172,7 +159,7 @@ to the last bit; independent runs are faster side by side."""
         run = self._farther() if self._begun else self._fresh()
         if launcher.several():
             LOG.info("one rank does one flow, on threads; independent runs use more ranks")
-        return flows.summary(run, to, flows.execute(run, to, self.last, Team(self.threads or cores())))
+        return flows.summary(run, to, flows.execute(run, to, self.last, self.team))
 
     def _farther(self):
         """The earlier flow, farther."""

@@ -17,15 +17,12 @@ class Merge(Job):
 
     NAME: ClassVar = "merge"
     FORMAT: ClassVar = "that of the result"
+    scalar: ClassVar = None
     OUT: ClassVar = "optional"
     OUT_HELP: ClassVar = "write there and leave FILE and its parts as they are"
     GIVES: ClassVar = "the result, loaded"
 
     file: os.PathLike = asked(help="result of sweep, quasistatic, modes, …", place=FILE, kind=PATH)
-
-    @property
-    def scalar(self):
-        """Nothing to solve."""
 
     def check_outputs(self, to):
         """Left to `merge`, which knows what kind of file it is, and when it is the one itself."""
@@ -34,7 +31,7 @@ class Merge(Job):
         """Merge and say what was done."""
         from jampetsc.io.merge import merge
 
-        joined = merge(self.file, to.path)
+        joined = merge(self.file, to.path, to.request)
         if joined:
             return f"{to.path or self.file}: {joined} parts in one file"
         if to.path and not os.path.samefile(to.path, self.file):

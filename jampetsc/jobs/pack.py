@@ -1,18 +1,17 @@
 """Packings at a pressure or a packing fraction, one or an ensemble."""
 
 import re
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
 from jampetsc.asking.job import Job
-from jampetsc.asking.kinds import LAST_SEED, MOST_THREADS, PACKING, RADII, SEEDS
+from jampetsc.asking.kinds import LAST_SEED, MOST_THREADS, PACKING, RADII, SEEDS, words
 from jampetsc.asking.parameters import Kind, asked
 from jampetsc.core.disks import Disks
 from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
-from jampetsc.errors import ConvergenceError, InputError, JampetscError, named
+from jampetsc.errors import InputError, JampetscError, named
 from jampetsc.minimise.sizes import FEWEST, MOST, SIZES, Radii, radii_asked, sizes_told
 
 PRESSURES = (1e-8, 1.0)
@@ -24,36 +23,17 @@ ONE_OF = (("pressure", "phi"), ("seed", "seeds", "from_"))  # of each at most on
 
 def _pressures(given):
     """A pressure as it is written, which names its file; several as a tuple."""
-    if not isinstance(given, str):
+    written, found = isinstance(given, str), []
+    for one in words(given):
         try:
-            several = isinstance(given, Sequence) or getattr(given, "ndim", 0)
-            words = tuple(repr(float(one)) for one in (given if several else [given]))
+            value = float(one)
         except (TypeError, ValueError):
-            raise ValueError("must be a number, or several") from None
-    else:
-        words, several = tuple(given.split(",")), "," in given
-    for word in words:
-        try:
-            value = float(word)
-        except ValueError:
             raise ValueError("must be a number, or several with commas between") from None
+        found.append(one if written else repr(value))
         if not PRESSURES[0] <= value <= PRESSURES[1]:
-            raise ValueError(f"{word} must lie in [{PRESSURES[0]:g}, {PRESSURES[1]:g}]")
-    return words if several else words[0]
-
-
-@dataclass(frozen=True)
-class Task:
-    """One packing to make.
-
-    path    its file, None in memory
-    seed    of its random start, None where a packing is changed
-    target  a `protocols.Target`
-    """
-
-    path: Path | None
-    seed: int | None
-    target: object
+            raise ValueError(f"{found[-1]} must lie in [{PRESSURES[0]:g}, {PRESSURES[1]:g}]")
+    several = len(found) > 1 or isinstance(given, list | tuple) or getattr(given, "ndim", 0)
+    return tuple(found) if several else found[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,11 +131,12 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         """Whether a list of packings is asked for."""
         return isinstance(self.pressure, tuple) or self.seeds is not None
 
-    def tasks(self, out, k=1.0) -> list[Task]:
-        """The packings asked for; out: their files, None in memory; k: of the packing to start from.
+    def tasks(self, out, k=1.0) -> list:
+        """The packings asked for, `packings.Task`; out: their files, None in memory; k: of the packing to start from.
 
         Raises InputError for a name that is none for all of them.
         """
+        from jampetsc.jobs.packings import Task
         from jampetsc.minimise.protocols import Target
 
         how = {"stabilise": self.stabilise, "tolerance": self.tolerance}
@@ -196,49 +177,46 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         """Refuse what may not be replaced, and a packing to start from that is none."""
         from jampetsc.io.outputs import check_output
         from jampetsc.io.packing_file import check_packing
-        from jampetsc.io.request import asked
 
         files = [self.from_] if isinstance(self.from_, str) else []
         for path in files:
             check_packing(path)
         if self.radii is not None and self.radii.path:
             files.append(self.radii.path)
-        with asked(None):  # each packing says itself what it was asked to be
-            for task in [] if to.path is None else self.tasks(str(to.path)):
-                check_output(task.path, self.FORMAT, files)
+        for task in [] if to.path is None else self.tasks(str(to.path)):
+            check_output(task.path, self.FORMAT, files)  # each packing says itself what it was asked to be
 
     def work(self, to):
         """Make what is not there yet, every rank its own packings. Collective."""
         from jampetsc.collective import on_root, own_cores
         from jampetsc.core.threads import Team
-        from jampetsc.io import request
+        from jampetsc.jobs.packings import is_there, make, raise_failures, summary
         from jampetsc.petsc import session
 
         running = session.current()
-        comm, overwrite = running.comm, request.current().overwrite
+        comm, overwrite = running.comm, to.request.overwrite
         start, origin, k = self._start(comm)
         tasks = self.tasks(None if to.path is None else str(to.path), k)
-        wanted = [origin | _asked(task) for task in tasks]
-        left = on_root(
-            comm,
-            lambda: [
-                i for i, task in enumerate(tasks) if not is_there(task.path, wanted[i], overwrite, self.from_)
-            ],
-        )
+        wanted = [origin | task.asked for task in tasks]
+
+        def missing():
+            pairs = enumerate(zip(tasks, wanted, strict=True))
+            return [i for i, (one, record) in pairs if not is_there(one.path, record, overwrite, self.from_)]
+
+        left = on_root(comm, missing)
         mine = left[running.rank :: running.size]
         team = Team(self.threads or own_cores(comm, bool(mine)))
-        with request.asked(None):
-            found = _make([(i, tasks[i], wanted[i]) for i in mine], start, to, team, running.rank)
+        found = make([(i, tasks[i], wanted[i]) for i in mine], start, team, running.rank)
         found = dict(sorted(pair for some in comm.allgather(found) for pair in some.items()))
         failures = {i: one for i, one in found.items() if isinstance(one, JampetscError)}
         if failures:
-            _raise(failures, tasks)
+            raise_failures(failures, tasks)
         if to.path is None:
-            packings = [disks for disks, _ in found.values()]
-            to.packings(packings if self.several else packings[0])
+            made = [disks for disks, _ in found.values()]
+            to.packings(made if self.several else made[0])
         elif self.several:
             to.packings([task.path for task in tasks])
-        return _summary(tasks, {i: told for i, (_, told) in found.items()}, running.size)
+        return summary(tasks, {i: told for i, (_, told) in found.items()}, running.size)
 
     def _start(self, comm):
         """(function of a task that gives the disks to begin with, entries of all records, k). Collective."""
@@ -274,97 +252,3 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
             return random_start(radii, phi, task.seed, potential)
 
         return start, request, 1.0
-
-
-def _asked(task) -> dict:
-    """Entries of the record of a task's packing that say which of all it is."""
-    name = "phi" if task.target.phi else "pressure"
-    seed = {} if task.seed is None else {"seed": task.seed}
-    return {f"requested_{name}": getattr(task.target, name)} | seed
-
-
-def is_there(path, wanted, overwrite=False, source=None) -> bool:
-    """Whether the packing that is wanted, by entries of its record, is at a path already.
-
-    source   the packing that was changed, which files of older versions know by its bytes
-
-    Raises InputError if that holds something else that is not to be replaced.
-    """
-    from jampetsc.io.packing_file import is_known_as, read_packing
-
-    if path is None or not path.exists():
-        return False
-    found = read_packing(path).record
-    for name, value in wanted.items():
-        older = name == "source_sha256" and isinstance(source, str) and is_known_as(source, found.get(name))
-        if found.get(name) != value and not older:
-            if overwrite:
-                return False
-            raise InputError(
-                f"{path}: is there already with {name} = {found.get(name)}, not {value}: "
-                f"choose another {named('out')}, or give {named('overwrite')} to replace it"
-            )
-    return True
-
-
-def _make(tasks, start, to, team, rank) -> dict:
-    """{number: (disks or None where a file has them, what is told), or a JampetscError} of [(number, task, record)]."""
-    from jampetsc.minimise.protocols import Effort, make_packing
-    from jampetsc.petsc import local
-    from jampetsc.progress import Progress
-
-    solver, found = local.NewtonSolver(), {}
-    with Progress(len(tasks), "packings", rank) as progress:
-        for number, task, record in tasks:
-            began = time.perf_counter()
-            effort = Effort(report=lambda e: progress.show(f"{e.stage}, max|F|/p = {e.residual:.0e}"))
-            try:
-                fresh = task.seed is not None
-                disks = make_packing(start(task), task.target, solver, fresh=fresh, team=team, effort=effort)
-                disks = disks.with_record(**record)
-                to.packing(disks, task.path)
-            except ConvergenceError as error:
-                remedy = f"use another {named('seed')}, or a larger {named('tolerance')}"
-                found[number] = ConvergenceError(f"{error.args[0]}: {remedy}")
-                continue
-            except JampetscError as error:
-                found[number] = error
-                continue
-            told = _told(task.path or "in memory", disks, time.perf_counter() - began)
-            found[number] = (disks if task.path is None else None), told
-            if len(tasks) > 1:
-                progress.step(told)
-    return found
-
-
-def _raise(failures, tasks):
-    """Raise the error of one packing, or say which of several failed and why."""
-    if len(tasks) == 1:
-        raise failures[0]
-    told = [f"{tasks[i].path or f'packing {i + 1}'}: {error.args[0]}" for i, error in failures.items()]
-    others = ", the others are on disk" if tasks[0].path else ""
-    raise ConvergenceError(f"{len(failures)} of {len(tasks)} packings failed{others}: {'; '.join(told)}")
-
-
-def _summary(tasks, made, ranks) -> str:
-    """What a user wants to read: the packings made, and what was there or had nothing to do."""
-    lines = []
-    if len(made) < len(tasks):
-        lines.append(f"{len(tasks) - len(made)} of {len(tasks)} packings are there already")
-    if 0 < len(made) < ranks:
-        idle = ranks - len(made)
-        lines.append(f"one rank makes a packing: {idle} of {ranks} ranks had nothing to do")
-    return "\n".join([*lines, *made.values()])
-
-
-def _told(name, disks, seconds) -> str:
-    """A line about a packing, and one more where rounding forbids its tolerance."""
-    record = disks.record
-    residual = record["max_force"] / (record["pressure"] * 2.0 * float(disks.radii.mean()))
-    note = f"\n  max|F|/(p d) = {residual:.1e} is what rounding leaves, more than the tolerance {record['tolerance']:g}"
-    return (
-        f"{name}: N = {disks.n}, p = {record['pressure']:.6g}, phi = {record['phi']:.6f}, "
-        f"Z = {record['coordination']:.4f}, "
-        f"{record['rattlers']} rattlers, max|F|/p = {record['max_force'] / record['pressure']:.1e}, "
-        f"{record['evaluations']} force evaluations, {seconds:.2f} s{note * bool(residual > record['tolerance'])}"
-    )

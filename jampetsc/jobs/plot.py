@@ -3,13 +3,11 @@
 import functools
 import math
 from dataclasses import dataclass
-from pathlib import Path
 from typing import ClassVar
 
 from jampetsc.asking.job import Job
-from jampetsc.asking.kinds import FREQUENCIES, HELD
+from jampetsc.asking.kinds import FREQUENCIES, HELD, words
 from jampetsc.asking.parameters import FILES, NUMBER, SWITCH, WORD, Kind, Parameter, Part, asked, part
-from jampetsc.errors import InputError, named
 
 
 def _given(options) -> dict:
@@ -42,14 +40,14 @@ def _options() -> tuple[Parameter, ...]:
 
 def _integers(given):
     try:
-        return [int(word) for word in (given.split(",") if isinstance(given, str) else given)]
+        return [int(word) for word in words(given)]
     except (TypeError, ValueError):
         raise ValueError("write numbers with commas, such as 1,2,5") from None
 
 
 def _size(given):
     try:
-        width, height = (float(word) for word in (given.split(",") if isinstance(given, str) else given))
+        width, height = map(float, words(given))
     except (TypeError, ValueError):
         raise ValueError("write the width and the height in inches, such as 3.4,2.9") from None
     if not (0.5 <= width <= 100 and 0.5 <= height <= 100):
@@ -85,6 +83,7 @@ class Plot(Job):
 
     NAME: ClassVar = "plot"
     FORMAT: ClassVar = "picture"
+    scalar: ClassVar = None
     OUT_HELP: ClassVar = "picture to write: .png, .pdf or .svg"
     AGAIN: ClassVar = True
     EPILOG: ClassVar = """examples:
@@ -122,35 +121,20 @@ class Plot(Job):
     label: tuple | None = asked(
         None,
         "words that replace those of the legend, in its order",
-        kind=Kind(lambda given: tuple(given.split(",")), ",".join, metavar="TEXT,…"),
+        kind=Kind(words, ",".join, metavar="TEXT,…"),
     )
     style: str | None = asked(None, "style of matplotlib (.mplstyle) on top of the program's", metavar="FILE")
     options: dict = part(Part(_options, _given, dict, dict))
-
-    @property
-    def scalar(self):
-        """PETSc has nothing to do."""
 
     def check_outputs(self, to):
         """`draw` looks at them when it knows what it draws."""
 
     def work(self, to):
         """Draw the picture; what it shows."""
-        from jampetsc.io.ensemble import TABLE
-        from jampetsc.io.reader import load
-        from jampetsc.jobs.rows import wanted_of
+        from jampetsc.jobs.rows import rows_named
         from jampetsc.plots.draw import draw
 
-        wanted = wanted_of(self.where)
-        studies = [isinstance(one, str) and (Path(one) / TABLE).exists() for one in self.files]
-        if wanted and not any(studies):
-            raise InputError(
-                f"{named('where')} {self.where}: chooses rows of a study, but {self.files[0]} is none: leave it out"
-            )
-        items = [
-            load(one).where(**wanted) if wanted and study else one
-            for one, study in zip(self.files, studies, strict=True)
-        ]
+        items = rows_named(self.files, self.where)
         chosen = {name: getattr(self, name) for name in ("size", "xlim", "ylim", "style")}
         chosen["label"] = self.label or ()
         out = None if to.path is None else str(to.path)

@@ -2,38 +2,30 @@
 
 from pathlib import Path
 
+from jampetsc.asking.kinds import input_told
 from jampetsc.errors import InputError, named
 
 
-def files_named(paths, where, chosen) -> tuple[list[str], bool]:
-    """(files, whether some come from a study): in the place of the folder of a study the files of some of its rows.
+def rows_named(sources, where) -> list:
+    """The sources, in the place of the folder of a study its table, an `Ensemble`, of the rows that have these values.
 
-    where    column=value,… : of its rows those that have these values
-    chosen   (path, rows that are done, " where …" or nothing for messages) → the rows whose files are meant
+    where    column=value,…, or None
 
-    Raises InputError for `where` that is not so written, or without a study, and what `chosen` raises.
+    Raises InputError for `where` that is not so written, or without a study.
     """
     from jampetsc.io.ensemble import TABLE
     from jampetsc.io.reader import load
 
-    files, study, wanted = [], False, wanted_of(where)
-    for path in paths:
-        if not (Path(path) / TABLE).exists():
-            files.append(path)
-            continue
-        study = True
-        rows = chosen(
-            path, load(path).where(**wanted).where(state="done"), f" where {where}" if where else ""
-        )
-        files += [str(Path(path) / name) for name in rows["file"].tolist()]
-    if where and not study:
+    wanted = _wanted(where)
+    studies = [isinstance(one, str) and (Path(one) / TABLE).exists() for one in sources]
+    if wanted and not any(studies):
         raise InputError(
-            f"{named('where')} {where}: chooses rows of a study, but {paths[0]} is none: leave it out"
+            f"{named('where')} {where}: chooses rows of a study, but {input_told(sources[0])} is none: leave it out"
         )
-    return files, study
+    return [load(one).where(**wanted) if study else one for one, study in zip(sources, studies, strict=True)]
 
 
-def wanted_of(where) -> dict:
+def _wanted(where) -> dict:
     """{column: value} of column=value,…, nothing of None. Raises InputError."""
     pairs = [word.partition("=") for word in where.split(",")] if where else []
     if not all(name and equals and value for name, equals, value in pairs):

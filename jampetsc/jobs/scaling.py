@@ -12,7 +12,6 @@ from jampetsc.analysis.collapse_fit import ranges
 from jampetsc.analysis.jamming import share_of
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError, named
-from jampetsc.jobs.rows import files_named
 
 FORMATS = {False: ("jampetsc-flow",), True: ("jampetsc-jam", "jampetsc-shear")}  # by rate, by size
 ALIKE = (
@@ -127,19 +126,16 @@ def _mean(runs, observable):
     return mean_of_averages(averages)
 
 
-def files_of(paths, finite_size, where=None) -> list[str]:
-    """`files_named`: of the folder of a study those of its flow, or jam and shear tasks. Raises InputError for none."""
+def files_of(rows, finite_size, where) -> list[str]:
+    """The files of the flow, or jam and shear tasks of a study, an `Ensemble`. Raises InputError for none."""
     commands = [name.removeprefix("jampetsc-") for name in FORMATS[finite_size]]
-
-    def chosen(path, done, here):
-        rows = done.where(command=commands)
-        if not rows.rows:
-            raise InputError(
-                f"{path}: a study without {' or '.join(commands)} that is done{here}: nothing to scale"
-            )
-        return rows
-
-    return files_named(paths, where, chosen)[0]
+    done = rows.where(state="done", command=commands)
+    if not done.rows:
+        here = f" where {where}" if where else ""
+        raise InputError(
+            f"{rows.path}: a study without {' or '.join(commands)} that is done{here}: nothing to scale"
+        )
+    return [str(rows.path / name) for name in done["file"].tolist()]
 
 
 def text_of(parameters, found, finite_size) -> str:

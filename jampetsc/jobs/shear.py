@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jampetsc.asking.kinds import MOST_THREADS
 from jampetsc.asking.parameters import asked
 from jampetsc.asking.starts import FromStart
 from jampetsc.errors import InputError, named
@@ -35,15 +34,6 @@ prefix -newton_."""
         1e-6, "max|F|/(p d) of a minimum", low=1e-13, high=1e-2, metavar="T", group="run"
     )
 
-    threads: int | None = asked(
-        None,
-        "of quenches, at most (default: the cores there are)",
-        low=1,
-        high=MOST_THREADS,
-        metavar="T",
-        group="run",
-    )
-
     def check(self):
         """Refuse what does not go together."""
         super().check()
@@ -59,7 +49,6 @@ prefix -newton_."""
 
     def work(self, to):
         """Shear."""
-        from jampetsc.core.threads import Team, cores
         from jampetsc.flows.quasistatic_run import SlowRun, execute
         from jampetsc.petsc import local, session
 
@@ -69,6 +58,6 @@ prefix -newton_."""
         run = SlowRun(*self.disks(), self.step, self.strain, self.tolerance, self.discard)
         solver = local.NewtonSolver()
         try:
-            return execute(run, solver, to, self.last, Team(self.threads or cores()))
+            return execute(run, solver, to, self.last, self.team)
         finally:
             solver.destroy()

@@ -29,6 +29,7 @@ class Spectrum(Job):
 
     NAME: ClassVar = "spectrum"
     FORMAT: ClassVar = "jampetsc-spectrum"
+    scalar: ClassVar = None
     OUT_HELP: ClassVar = "result (HDF5), or picture"
     EPILOG: ClassVar = """examples
   jampetsc spectrum sweep.h5 --out spectrum.h5
@@ -39,22 +40,18 @@ class Spectrum(Job):
         None, "width of the average of H(τ)", low=0.01, high=1.5, unit="decades", metavar="DECADES"
     )
 
-    @property
-    def scalar(self):
-        """PETSc has nothing to do."""
-
     def check(self):
         """Refuse one sweep twice."""
         refuse_repeated(self.sweeps)
 
     def check_outputs(self, to):
         """Refuse what is neither a file of one spectrum nor a picture."""
-        from jampetsc.io.outputs import PICTURE, check_output
+        from jampetsc.io.outputs import PICTURE
         from jampetsc.plots.style import FORMATS
 
         suffix = "" if to.path is None else to.path.suffix.lower()
         if suffix in FORMATS:
-            check_output(to.path, PICTURE, self.paths)
+            to.check(PICTURE, self.paths)
             return
         if to.path is not None and suffix not in HDF5:
             raise InputError(

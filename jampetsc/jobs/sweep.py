@@ -124,7 +124,7 @@ def _summary(run, omega, G, bounds) -> str:
     )
     lines = [
         f"{run.to}: {run.physics}, {len(omega)} frequencies, "
-        f"{'certified' if run.certified else 'estimated'} to {storage:.1e} in G' and {loss:.1e} in G''",
+        f"{'certified' if run.certified else 'estimated'} to {storage:.1e} in G' and {loss:.1e} in G''"
     ]
     lines += [
         f"  omega {omega[end]:.3g}: G' = {G[end].real:.6g}, G'' = {G[end].imag:.6g}"

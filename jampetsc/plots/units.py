@@ -16,7 +16,7 @@ class Units:
 
 
 def units_of(result) -> Units:
-    """Units of a `io.reader.Result`; k and τ₁ are one where it has none.
+    """Units of a `io.results.Result`; k and τ₁ are one where it has none.
 
     Raises InputError, naming the file, for units that are not positive and for a pressure that is no number.
     """

@@ -1,7 +1,7 @@
 """The command `jampetsc trade`: what speed costs in accuracy, and simpler physics or fewer disks in truth.
 
-Each choice there is for one packing is run as a `jampetsc` command in processes of its own and compared with the
-tightest certified sweep. So this room stands above `words`, which says how a law is written on a command line.
+Each choice there is for one packing is run as a `jampetsc` command in processes of its own, which have a time and a
+memory of their own, and compared with the tightest certified sweep.
 
 choices    what can be chosen, and the sweeps that measure it against the tightest certified one
 ensembles  one big packing against many small ones

@@ -15,49 +15,43 @@ from jampetsc.speed_accuracy import processes
 from jampetsc.speed_accuracy.compare import Reference, certified, log_interpolate
 from jampetsc.speed_accuracy.table import Row
 
-GROUPS = ("accuracy", "method", "physics", "frequencies")
 ACCURACIES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 TIGHTEST = (1e-12, 1e-11, *reversed(ACCURACIES))  # what the reference tries, until one can be certified
 PHYSICS_ACCURACY = 1e-3  # well below what simpler physics changes, and certified at all frequencies
 PER_DECADE = (0.5, 1, 2, 4)  # frequencies, solved one by one
-OPTIONS_FILES = tuple(
-    Path(located(f"jampetsc:{name}")) for name in ("iterative", "superlu_dist", "low_memory")
-)
-
-
-def words_of(physics, **options) -> list[str]:
-    """The options of a command line for a sweep under this physics."""
-    return Sweep("packing", physics.law, prestress=physics.prestress, **options).words()
+OPTIONS_FILES = tuple(located(f"jampetsc:{name}") for name in ("iterative", "superlu_dist", "low_memory"))
 
 
 @dataclass(frozen=True)
 class Choice:
-    """One run of `jampetsc sweep`, and how to make a row of its result."""
+    """One sweep, and how to make a row of its result."""
 
     group: str
     name: str
-    words: list  # options of the sweep, the law's included
+    sweep: Sweep
     judge: Callable  # (reference, result) -> the fields of a Row
-    omega: str | None = None  # None: the frequencies of the reference
+    petsc: tuple = ()  # PETSc's own options
 
 
 class Bench:
-    """Runs sweeps of one packing under one physics, in a folder of its own, and tells a Progress about them."""
+    """Runs sweeps for a `job.Trade`, in a folder of its own, and tells a Progress about them."""
 
-    def __init__(self, packing, physics: Physics, omega: str, ranks: int | None, folder, progress):
-        self.packing, self.physics, self.omega, self.ranks = Path(packing), physics, omega, ranks
-        self.folder, self.progress = Path(folder), progress
-        self.reference = None
-        self.reference_accuracy = None
-        self._runs = {}  # (packing, words) -> what came out: two choices may need the same run
+    def __init__(self, job, folder, progress):
+        self.job, self.folder, self.progress = job, Path(folder), progress
+        self.reference = self.reference_accuracy = None
+        self._runs = {}  # command line -> what came out: two choices may need the same run
 
-    def sweep(self, packing, words, omega=None):
+    def asked(self, **changes) -> Sweep:
+        """The sweep that the trade is about, with what is changed of it."""
+        usual = {name: getattr(self.job, name) for name in ("packing", "law", "prestress", "omega")}
+        return Sweep(**usual | changes)
+
+    def run(self, sweep: Sweep, petsc=()):
         """(Outcome, result or None) of one sweep. A run that cannot be read counts as failed."""
-        words = ["--omega", omega or self.omega, *map(str, words)]
-        key = (packing, *words)
+        key = (*sweep.line(), *petsc)
         if key not in self._runs:
-            out = self.folder / f"run{len(self._runs)}.h5"
-            outcome, result = processes.run(["sweep", packing, "--out", out, *words], self.ranks), None
+            out, result = self.folder / f"run{len(self._runs)}.h5", None
+            outcome = processes.run([*sweep.line(out)[1:], *petsc], self.job.ranks)
             try:
                 result = None if outcome.status else load(out)
             except JampetscError as error:
@@ -72,78 +66,63 @@ class Bench:
         """
         rows = []
         for accuracy in TIGHTEST:
-            words = words_of(self.physics, accuracy=accuracy)
-            outcome, result = self.sweep(self.packing, words)
+            outcome, result = self.run(self.asked(accuracy=accuracy))
             name = f"accuracy {accuracy:g}"
-            if result is None:
-                if outcome.status == InputError.exit_code:
-                    raise InputError(outcome.error)
-                if outcome.status != ConvergenceError.exit_code:
-                    raise JampetscError(f"no reference: {outcome.error}")
-                failed = self.failed("accuracy", name, outcome)
-                rows += [failed] if accuracy in ACCURACIES else []
-                continue
-            self.reference, self.reference_accuracy = Reference(result), accuracy
-            spent = {**_spent(outcome, result), **_slopes(self.reference, result.G)}
-            row = Row("reference", name, **spent, note="the others are compared with it")
-            self._tell(row)
-            return [row, *rows]
+            if result is not None:
+                self.reference, self.reference_accuracy = Reference(result), accuracy
+                found = _spent(outcome, result) | self.reference.exponents(result.G)
+                row = Row("reference", name, **found, note="the others are compared with it")
+                self.progress.step(f"reference {name}: {row.seconds:.2f} s  certified to {row.certified:.1e}")
+                return [row, *rows]
+            if outcome.status == InputError.exit_code:
+                raise InputError(outcome.error)
+            if outcome.status != ConvergenceError.exit_code:
+                raise JampetscError(f"no reference: {outcome.error}")
+            failed = self.failed("accuracy", name, outcome)
+            rows += [failed] if accuracy in ACCURACIES else []
         raise ConvergenceError(f"no reference, the rational sweep failed at every accuracy: {outcome.error}")
 
     def measure(self, choice: Choice) -> Row:
         """The row of a choice; a failed run gives a row that says why."""
-        outcome, result = self.sweep(self.packing, choice.words, choice.omega)
+        group, name = choice.group, choice.name
+        outcome, result = self.run(choice.sweep, choice.petsc)
         if result is None:
-            return self.failed(choice.group, choice.name, outcome)
-        row = Row(
-            choice.group, choice.name, **_spent(outcome, result), **choice.judge(self.reference, result)
-        )
-        self._tell(row)
+            return self.failed(group, name, outcome)
+        row = Row(group, name, **_spent(outcome, result), **choice.judge(self.reference, result))
+        self.progress.step(f"{group} {name}: {row.seconds:.2f} s  error {row.error:.1e}")
         return row
 
     def failed(self, group, name, outcome) -> Row:
         """The row of a run that failed."""
         row = Row(group, name, process_seconds=outcome.seconds, note=f"failed: {outcome.error}", failed=True)
-        self._tell(row)
+        self.progress.step(f"{group} {name}: {row.note}")
         return row
 
-    def _tell(self, row):
-        if row.failed:
-            what = row.note
-        elif row.group == "reference":
-            what = f"{row.seconds:.2f} s  certified to {row.certified:.1e}"
-        else:
-            what = f"{row.seconds:.2f} s  error {row.error:.1e}"
-        self.progress.step(f"{row.group} {row.choice}: {what}")
 
-
-def plan(bench: Bench, groups, options_files) -> tuple[list[Choice], list[str]]:
-    """(choices, lines on what is left out and why) for the groups asked for."""
-    physics, choices, left_out = bench.physics, [], []
-    if "accuracy" in groups:
-        choices += [_accuracy(physics, a) for a in ACCURACIES if a > bench.reference_accuracy]
-    if "method" in groups:
-        missing = [path for path in options_files if not Path(path).is_file()]
-        left_out += [f"{path} is not there: left out; options_files names others" for path in missing]
-        choices.append(_method(physics, "direct, MUMPS", []))
-        choices += [
-            _method(physics, f"direct, {Path(path).name}", ["-options_file", path])
-            for path in options_files
-            if path not in missing
-        ]
-    if "physics" in groups:
-        choices += [_physics(name, other) for name, other in simpler(physics)]
-    if "frequencies" in groups:
-        low, colon, _ = bench.omega.partition(":")
-        if colon:
-            high = bench.omega.split(":")[1]
-            decades = np.log10(float(high) / float(low))
-            counts = sorted({max(2, 1 + round(decades * n)) for n in PER_DECADE})
-            grids = {f"{low}:{high}:{count}": count for count in counts if count < len(bench.reference.omega)}
-            grids[bench.omega] = len(bench.reference.omega)
-            choices += [_frequencies(physics, grid, count) for grid, count in grids.items()]
-        else:
-            left_out.append("number of frequencies: left out, it needs a logarithmic grid of omega")
+def plan(bench: Bench) -> tuple[list[Choice], list[str]]:
+    """(choices, lines on what is left out and why) for the groups asked for, once there is a reference."""
+    job, choices, left_out = bench.job, [], []
+    if "accuracy" in job.choices:
+        looser = [accuracy for accuracy in ACCURACIES if accuracy > bench.reference_accuracy]
+        choices += [Choice("accuracy", f"accuracy {a:g}", bench.asked(accuracy=a), _exact) for a in looser]
+    direct = bench.asked(method="direct")
+    if "method" in job.choices:
+        choices.append(Choice("method", "direct, MUMPS", direct, _exact))
+        for path in job.options_files or OPTIONS_FILES:
+            petsc = ("-options_file", path)
+            choices.append(Choice("method", f"direct, {Path(path).name}", direct, _exact, petsc))
+    if "physics" in job.choices:
+        for name, other in simpler(job.physics):
+            sweep = bench.asked(law=other.law, prestress=other.prestress, accuracy=PHYSICS_ACCURACY)
+            choices.append(Choice("physics", name, sweep, lambda exact, found: exact.deviation(found.G)))
+    if "frequencies" in job.choices and ":" in job.frequencies and not job.frequencies.startswith("lin:"):
+        low, high = direct.omega[[0, -1]]
+        counts = {max(2, 1 + round(np.log10(high / low) * n)) for n in PER_DECADE}
+        for count in [*sorted(n for n in counts if n < len(direct.omega)), len(direct.omega)]:
+            sweep = replace(direct, omega=np.geomspace(low, high, count))
+            choices.append(Choice("frequencies", f"{count} frequencies", sweep, _interpolated))
+    elif "frequencies" in job.choices:
+        left_out.append("number of frequencies: left out, it needs a logarithmic grid of omega")
     if bench.reference.window is None:
         left_out.append("critical window, 10 p/k < omega tau1 < 0.1: too few frequencies in it, no slopes")
     return choices, left_out
@@ -169,66 +148,26 @@ def simpler(physics: Physics) -> list[tuple[str, Physics]]:
     return others
 
 
-def deviation(reference, G) -> dict:
-    """Errors and slopes of a curve G (M,) at the reference's frequencies, as fields of a Row."""
-    storage, loss = reference.errors(G)
-    inside = reference.window_errors(G)
-    fields = {"error_storage": storage, "error_loss": loss}
-    fields |= {"window_storage": inside[0], "window_loss": inside[1]}
-    return fields | _slopes(reference, G)
-
-
-def _accuracy(physics, accuracy):
-    name = f"accuracy {accuracy:g}"
-    return Choice("accuracy", name, words_of(physics, accuracy=accuracy), _judge_certified)
-
-
-def _method(physics, name, words):
-    return Choice("method", name, [*words_of(physics, method="direct"), *words], _judge_certified)
-
-
-def _physics(name, physics):
-    words = words_of(physics, accuracy=PHYSICS_ACCURACY)
-    return Choice("physics", name, words, lambda reference, result: deviation(reference, result.G))
-
-
-def _frequencies(physics, grid, count):
-    def judge(reference, result):
-        storage, loss = reference.interpolation_errors(result.omega, result.G)
-        seen = log_interpolate(reference.omega, result.omega, result.G)
-        fields = deviation(reference, seen)
-        note = "direct, log-log interpolation between them"
-        return fields | {"error_storage": storage, "error_loss": loss, "note": note}
-
-    words = words_of(physics, method="direct")
-    return Choice("frequencies", f"{count} frequencies", words, judge, grid)
-
-
-def _judge_certified(reference, result):
+def _exact(reference, result) -> dict:
     """Errors of a run that claims to be exact to its bound, and whether it is."""
     beyond = reference.violation(result)
     note = "" if beyond is None else f"EXCEEDS ITS BOUND at omega = {beyond:g}"
-    return deviation(reference, result.G) | {"note": note}
+    return reference.deviation(result.G) | {"note": note}
+
+
+def _interpolated(reference, result) -> dict:
+    """Errors of what few frequencies give between them."""
+    storage, loss = reference.interpolation_errors(result.omega, result.G)
+    fields = reference.deviation(log_interpolate(reference.omega, result.omega, result.G))
+    note = "direct, log-log interpolation between them"
+    return fields | {"error_storage": storage, "error_loss": loss, "note": note}
 
 
 def _spent(outcome, result) -> dict:
-    attributes = result.attributes
     return {
-        "seconds": float(attributes["wall_seconds"]),
+        "seconds": float(result.attributes["wall_seconds"]),
         "process_seconds": outcome.seconds,
         "memory_mb": outcome.memory,
-        "factorisations": int(attributes["factorisations"]),
+        "factorisations": int(result.attributes["factorisations"]),
         "certified": certified(result),
-    }
-
-
-def _slopes(reference, G) -> dict:
-    found = reference.exponents(G)
-    if found is None:
-        return {}
-    return {
-        "exponent_storage": found.storage,
-        "exponent_storage_error": found.storage_error,
-        "exponent_loss": found.loss,
-        "exponent_loss_error": found.loss_error,
     }

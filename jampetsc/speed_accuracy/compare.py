@@ -1,25 +1,20 @@
 """How far a curve G*(ω) is from the reference: errors of G' and G'', slopes of the critical branch."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from jampetsc.analysis.bounds import relative_bound
 from jampetsc.analysis.scaling import CRITICAL_END, fit_power_law
 
 CRITICAL_START = 10.0  # ωτ₁ over p/k: well above the lower crossover, which is near 2 to 4 (BT eq. 16)
-_FEWEST = 5  # frequencies of the reference in the critical window
+FEWEST = 5  # frequencies in the critical window for a slope
 _FINE = 40  # frequencies per decade at which interpolation is judged
 
 
-@dataclass(frozen=True)
-class Exponents:
-    """Slopes d ln G'/d ln ω and d ln G''/d ln ω over the critical window, and standard errors."""
-
-    storage: float
-    loss: float
-    storage_error: float
-    loss_error: float
+def critical(result):
+    """Which frequencies (M,) of a sweep lie between both crossovers: 10 p/k < ωτ₁ < 0.1."""
+    attributes = result.attributes
+    x = result.omega * float(attributes.get("tau1", 1.0))
+    return (x >= CRITICAL_START * attributes["pressure"] / attributes["k"]) & (x <= CRITICAL_END)
 
 
 class Reference:
@@ -29,39 +24,34 @@ class Reference:
         self.result = result
         self.omega, self.G = result.omega, result.G
         self.certified = certified(result)
-        self.inside = self._critical()
+        inside = critical(result)
+        self.inside = inside if np.count_nonzero(inside) >= FEWEST else None  # None: too few
 
     @property
     def window(self):
         """(first, last) frequency of the critical window in the sweep, or None if it has too few there."""
         return None if self.inside is None else (self.omega[self.inside][0], self.omega[self.inside][-1])
 
-    def _critical(self):
-        """Which frequencies lie between both crossovers: 10 p/k < ωτ₁ < 0.1; None if too few do."""
-        attributes = self.result.attributes
-        x = self.omega * float(attributes["tau1"])
-        inside = (x >= CRITICAL_START * attributes["pressure"] / attributes["k"]) & (x <= CRITICAL_END)
-        return inside if np.count_nonzero(inside) >= _FEWEST else None
+    def deviation(self, G) -> dict:
+        """Largest relative errors of G (M,) at `omega`, anywhere and in the critical window, and slopes: of a Row."""
+        found = dict(zip(("error_storage", "error_loss"), _largest(self.G, G), strict=True))
+        if self.inside is not None:
+            inside = _largest(self.G[self.inside], G[self.inside])
+            found |= dict(zip(("window_storage", "window_loss"), inside, strict=True))
+        return found | self.exponents(G)
 
-    def errors(self, G):
-        """Largest relative error of (G', G'') over all frequencies; G (M,) at `omega`."""
-        return _largest(self.G, G)
+    def exponents(self, G) -> dict:
+        """Slopes of G (M,) at `omega` over the critical window with standard errors, as fields of a Row.
 
-    def window_errors(self, G):
-        """The same over the critical window; nan without one."""
-        if self.inside is None:
-            return np.nan, np.nan
-        return _largest(self.G[self.inside], G[self.inside])
-
-    def exponents(self, G) -> Exponents | None:
-        """Slopes of G (M,) at `omega` over the critical window; None without one, or where G' or G'' ≤ 0."""
-        if self.inside is None:
-            return None
-        omega, G = self.omega[self.inside], G[self.inside]
-        if (G.real <= 0).any() or (G.imag <= 0).any():
-            return None
-        storage, loss = (fit_power_law(omega, part) for part in (G.real, G.imag))
-        return Exponents(storage.exponent, loss.exponent, storage.exponent_error, loss.exponent_error)
+        None without a window, or where G' or G'' ≤ 0.
+        """
+        if self.inside is None or (G[self.inside].real <= 0).any() or (G[self.inside].imag <= 0).any():
+            return {}
+        found = {}
+        for name, part in (("storage", G.real), ("loss", G.imag)):
+            fit = fit_power_law(self.omega[self.inside], part[self.inside])
+            found |= {f"exponent_{name}": fit.exponent, f"exponent_{name}_error": fit.exponent_error}
+        return found
 
     def violation(self, result):
         """Frequency where an error of `result` exceeds its bound plus the reference's; None if nowhere."""

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from jampetsc.asking.damping import DAMPING, PRESTRESS
 from jampetsc.asking.job import Job
-from jampetsc.asking.kinds import FREQUENCIES, PACKING, Numbers, grid_told
+from jampetsc.asking.kinds import FREQUENCIES, PACKING, Numbers, grid_told, words
 from jampetsc.asking.parameters import FILE, Kind, asked, part
 from jampetsc.core.disks import Disks
 from jampetsc.core.laws import Law, Physics
@@ -17,19 +17,15 @@ from jampetsc.shipped_files import located
 GROUPS = ("accuracy", "method", "physics", "frequencies")
 
 
-def _words(given):
-    return tuple(map(str, given)) if isinstance(given, list | tuple) else tuple(str(given).split(","))
-
-
 def _groups(given):
-    for word in _words(given):
+    for word in words(given):
         if word not in GROUPS:
             raise ValueError(f"{word!r} is none of {', '.join(GROUPS)}")
-    return _words(given)
+    return words(given)
 
 
 def _files(given):
-    paths = tuple(map(located, _words(given)))
+    paths = tuple(located(str(path)) for path in words(given))
     for path in paths:
         if not Path(path).is_file():
             raise ValueError(f"{path}: no such file")
@@ -52,6 +48,7 @@ class Trade(Job):
 
     NAME: ClassVar = "trade"
     FORMAT: ClassVar = "table"
+    scalar: ClassVar = None  # its runs are processes of their own
     OUT_HELP: ClassVar = "table, .csv; the picture goes beside it as .png"
     AGAIN: ClassVar = True
     GIVES: ClassVar = "str, the table and the advice"
@@ -80,10 +77,6 @@ Times mean something on a machine that does nothing else."""
     )
 
     @property
-    def scalar(self):
-        """Its runs are processes of their own."""
-
-    @property
     def physics(self) -> Physics:
         """Of the runs."""
         return Physics(self.law, self.prestress)
@@ -100,11 +93,22 @@ Times mean something on a machine that does nothing else."""
 
     def check_outputs(self, to):
         """Refuse other endings, files that may not be replaced, and what no run could begin with."""
-        from jampetsc.speed_accuracy.measure import check
+        from jampetsc.io.outputs import PICTURE, TABLE
+        from jampetsc.io.packing_file import read_packing
+        from jampetsc.petsc import launcher
+        from jampetsc.speed_accuracy import processes
 
         if to.path is None or to.path.suffix.lower() != ".csv":
             raise InputError(f"{named('out')} {to.path}: give it the ending .csv; the picture gets .png")
-        check(self, to.path)
+        if launcher.several():
+            raise InputError(
+                f"trade starts its own processes: run it without mpirun and give {named('ranks')}"
+            )
+        processes.launcher(self.ranks)
+        inputs = [self.packing, *(self.options_files or ())]
+        to.check(TABLE, inputs)
+        to.check(PICTURE, inputs, to.path.with_suffix(".png"))
+        read_packing(self.packing)
 
     def work(self, to):
         """Measure and write both files. Raises JampetscError only if the reference fails."""

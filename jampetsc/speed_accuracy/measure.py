@@ -9,13 +9,10 @@ import sys
 import tempfile
 from pathlib import Path
 
-from jampetsc.errors import InputError, named
-from jampetsc.io.outputs import PICTURE, TABLE, check_output
-from jampetsc.io.packing_file import read_identified, read_packing
+from jampetsc.io.packing_file import read_identified
 from jampetsc.io.provenance import git_commit
-from jampetsc.petsc import launcher
 from jampetsc.progress import Progress
-from jampetsc.speed_accuracy import choices, ensembles, processes
+from jampetsc.speed_accuracy import choices, ensembles
 from jampetsc.speed_accuracy.advice import advise
 from jampetsc.speed_accuracy.table import Table
 from jampetsc.version import VERSION
@@ -29,19 +26,15 @@ def measure(job, out) -> str:
     picture = Path(out).with_suffix(".png")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # as by the system, but stops the run in hand
     load = _load()
-    with (
-        tempfile.TemporaryDirectory(prefix="jampetsc-trade-") as folder,
-        Progress(None, "trade") as progress,
-    ):
-        bench = choices.Bench(job.packing, job.physics, job.frequencies, job.ranks, folder, progress)
+    with tempfile.TemporaryDirectory(prefix="jampetsc-trade-") as folder, Progress(None, "trade") as progress:
+        bench = choices.Bench(job, folder, progress)
         rows = bench.find_reference()
-        todo, remarks = choices.plan(bench, job.choices, job.options_files or choices.OPTIONS_FILES)
-        shares, more = ensembles.plan(job.packing) if job.ensemble else ([], [])
-        progress.note(
-            f"{len(todo)} runs{f' and {sum(shares)} packings with one each' if shares else ''} to do"
-        )
+        todo, remarks = choices.plan(bench)
+        packs, more = ensembles.plan(bench) if job.ensemble else ([], [])
+        count = sum(len(pack.seeds) for pack in packs)
+        progress.note(f"{len(todo)} runs{f' and {count} packings with one each' if packs else ''} to do")
         rows += [bench.measure(choice) for choice in todo]
-        rows += [ensembles.measure(bench, share) for share in shares]
+        rows += [ensembles.measure(bench, pack) for pack in packs]
     table = Table(rows, _facts(job, out, bench.reference, load) + remarks + more)
     table.write(out)
     from jampetsc.plots.trade import plot_trade  # only now: matplotlib's memory is the runs' until then
@@ -49,17 +42,6 @@ def measure(job, out) -> str:
     plot_trade(rows, bench.reference.certified, picture)
     lines = [str(table), "", *table.facts, "", *advise(rows), "", f"{out}, {picture}"]
     return "\n".join(lines)
-
-
-def check(job, out) -> None:
-    """Raise InputError for what can be known to be wrong before anything runs."""
-    if launcher.several():
-        raise InputError(f"trade starts its own processes: run it without mpirun and give {named('ranks')}")
-    processes.launcher(job.ranks)
-    inputs = [job.packing, *(job.options_files or ())]
-    check_output(out, TABLE, inputs)
-    check_output(Path(out).with_suffix(".png"), PICTURE, inputs)
-    read_packing(job.packing)
 
 
 def _facts(job, out, reference, load):

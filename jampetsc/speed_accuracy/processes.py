@@ -41,15 +41,10 @@ def launcher(ranks: int | None) -> list[str]:
 def run(words, ranks: int | None = None) -> Outcome:
     """Run `jampetsc words` to its end, on `ranks` ranks under mpirun or without it."""
     command = [*launcher(ranks), sys.executable, "-m", "jampetsc", *map(str, words)]
-    with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as errors:
-        began = time.perf_counter()
-        process = subprocess.Popen(
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=errors,
-            env=without_launcher(os.environ),
-        )
+    with tempfile.TemporaryFile() as errors:
+        began, nothing = time.perf_counter(), subprocess.DEVNULL
+        environment = without_launcher(os.environ)
+        process = subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=errors, env=environment)
         try:
             _, status, usage = os.wait4(process.pid, 0)  # for the memory of this run alone
         except BaseException:

@@ -3,70 +3,47 @@
 import csv
 import io
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 from jampetsc.columns import aligned
 from jampetsc.io.atomic import write_whole
 
-MEANINGS = {
-    "group": "what is varied",
-    "choice": "how",
-    "seconds": "time of the run as its result file has it; of an ensemble, packing included",
-    "process_seconds": "time of its processes, start and imports included",
-    "memory_mb": "largest resident memory of one process",
-    "factorisations": "sparse factorisations",
-    "certified": "largest relative error bound, of G' and of G''",
-    "error_storage": "largest relative deviation of G' from the reference",
-    "error_loss": "the same of G''",
-    "window_storage": "largest relative deviation of G' in the critical window",
-    "window_loss": "the same of G''",
-    "exponent_storage": "slope d ln G'/d ln omega over the critical window",
-    "exponent_storage_error": "its standard error; of an ensemble, from packing to packing",
-    "exponent_loss": "slope d ln G''/d ln omega over the critical window",
-    "exponent_loss_error": "its standard error",
-    "stderr_storage": "largest relative standard error of a mean of G', in the window if there is one",
-    "stderr_loss": "the same of G''",
-    "note": "what else is to be said; what went wrong",
-}
-_SHOWN = {  # column of the text -> (field, format)
-    "seconds": ("seconds", ".2f"),
-    "process s": ("process_seconds", ".2f"),
-    "MB": ("memory_mb", ".0f"),
-    "factors": ("factorisations", "d"),
-    "certified": ("certified", ".0e"),
-    "error G'": ("error_storage", ".1e"),
-    "error G''": ("error_loss", ".1e"),
-    "in window G'": ("window_storage", ".1e"),
-    "in window G''": ("window_loss", ".1e"),
-    "slope G'": ("exponent_storage", ".3f"),
-    "slope G''": ("exponent_loss", ".3f"),
-    "std. err. G'": ("stderr_storage", ".1e"),
-    "std. err. G''": ("stderr_loss", ".1e"),
-}
+
+def _word(meaning, **default):
+    return field(**default, metadata={"meaning": meaning})
+
+
+def _number(meaning, title="", form=".1e"):
+    """A field that is nan where it has no meaning; title, form: its column in the text, if it has one."""
+    return field(default=math.nan, metadata={"meaning": meaning, "title": title, "form": form})
 
 
 @dataclass(frozen=True)
 class Row:
-    """One measured choice; nan where a quantity has no meaning. The fields are told in `MEANINGS`."""
+    """One measured choice. The file tells what its fields mean."""
 
-    group: str  # reference | accuracy | method | physics | frequencies | ensemble
-    choice: str
-    seconds: float = math.nan
-    process_seconds: float = math.nan
-    memory_mb: float = math.nan
-    factorisations: int | None = None
-    certified: float = math.nan
-    error_storage: float = math.nan
-    error_loss: float = math.nan
-    window_storage: float = math.nan
-    window_loss: float = math.nan
-    exponent_storage: float = math.nan
-    exponent_storage_error: float = math.nan
-    exponent_loss: float = math.nan
-    exponent_loss_error: float = math.nan
-    stderr_storage: float = math.nan
-    stderr_loss: float = math.nan
-    note: str = ""
+    group: str = _word("what is varied")  # reference | accuracy | method | physics | frequencies | ensemble
+    choice: str = _word("how")
+    seconds: float = _number(
+        "time of the run as its result file has it; of an ensemble, packing included", "seconds", ".2f"
+    )
+    process_seconds: float = _number("time of its processes, start and imports included", "process s", ".2f")
+    memory_mb: float = _number("largest resident memory of one process", "MB", ".0f")
+    factorisations: float = _number("sparse factorisations", "factors", "d")
+    certified: float = _number("largest relative error bound, of G' and of G''", "certified", ".0e")
+    error_storage: float = _number("largest relative deviation of G' from the reference", "error G'")
+    error_loss: float = _number("the same of G''", "error G''")
+    window_storage: float = _number("largest relative deviation of G' in the critical window", "in window G'")
+    window_loss: float = _number("the same of G''", "in window G''")
+    exponent_storage: float = _number("slope d ln G'/d ln omega over the critical window", "slope G'", ".3f")
+    exponent_storage_error: float = _number("its standard error; of an ensemble, from packing to packing")
+    exponent_loss: float = _number("slope d ln G''/d ln omega over the critical window", "slope G''", ".3f")
+    exponent_loss_error: float = _number("its standard error")
+    stderr_storage: float = _number(
+        "largest relative standard error of a mean of G', in the window if there is one", "std. err. G'"
+    )
+    stderr_loss: float = _number("the same of G''", "std. err. G''")
+    note: str = _word("what else is to be said; what went wrong", default="")
     failed: bool = False
 
     @property
@@ -85,9 +62,9 @@ class Table:
     def write(self, path) -> None:
         """Write the CSV, complete or not at all: comment lines with #, a header, a line per row."""
         text = io.StringIO()
-        meanings = [f"{name}: {meaning}" for name, meaning in MEANINGS.items()]
-        text.writelines(f"# {line}\n" for line in [*self.facts, *meanings])
-        names = [field.name for field in fields(Row)]
+        told = [f"{one.name}: {one.metadata['meaning']}" for one in fields(Row) if one.metadata]
+        text.writelines(f"# {line}\n" for line in [*self.facts, *told])
+        names = [one.name for one in fields(Row)]
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(names)
         for row in self.rows:
@@ -99,23 +76,23 @@ class Table:
         """The bound of the reference: smaller errors are not resolved."""
         return next((row.certified for row in self.rows if row.group == "reference"), 0.0)
 
-    def _text(self, row, field, form):
-        value = getattr(row, field)
-        if not _known(value):
+    def _text(self, row, column):
+        value = getattr(row, column.name)
+        if math.isnan(value):
             return ""
-        small = field.startswith(("error_", "window_")) and value < self.resolved
-        return f"< {self.resolved:.0e}" if small else format(value, form)
+        small = column.name.startswith(("error_", "window_")) and value < self.resolved
+        return f"< {self.resolved:.0e}" if small else format(value, column.metadata["form"])
 
     def __str__(self):
-        columns = {
-            title: (field, form)
-            for title, (field, form) in _SHOWN.items()
-            if any(_known(getattr(row, field)) for row in self.rows)
-        }
-        lines = [["", "choice", *columns, "note"]]
+        shown = [
+            one
+            for one in fields(Row)
+            if one.metadata.get("title") and any(not math.isnan(getattr(row, one.name)) for row in self.rows)
+        ]
+        lines = [["", "choice", *(one.metadata["title"] for one in shown), "note"]]
         before = None
         for row in self.rows:
-            cells = [self._text(row, field, form) for field, form in columns.values()]
+            cells = [self._text(row, column) for column in shown]
             lines.append([row.group if row.group != before else "", row.choice, *cells, row.note])
             before = row.group
         lines = aligned(lines)
@@ -123,13 +100,7 @@ class Table:
         return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-def _known(value):
-    return value is not None and not (isinstance(value, float) and math.isnan(value))
-
-
 def _cell(value):
-    if not _known(value):
-        return ""
-    if isinstance(value, bool):
-        return int(value)
-    return f"{value:.6g}" if isinstance(value, float) else value
+    if isinstance(value, float):
+        return "" if math.isnan(value) else f"{value:.6g}"
+    return int(value) if isinstance(value, bool) else value

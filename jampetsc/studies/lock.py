@@ -1,20 +1,18 @@
 """One study at a time in a folder, on one machine or many that share a disk.
 
-The system's lock on `FOLDER/lock` goes with its process, so that what was killed can continue at once. Some network
-file systems keep such locks within one machine; for those the file is touched now and then, and a lock that another
-machine has touched lately counts, too: after the loss of a node the folder is free when that is past.
+`FOLDER/lock` is locked by the system. Some network file systems keep such locks within one machine; for those the file
+is touched now and then, and a lock that another machine has touched lately counts, too: after the loss of a node the
+folder is free when that is past.
 """
 
 import contextlib
-import errno
-import fcntl
 import os
 import socket
 import threading
 from pathlib import Path
 
 from jampetsc.errors import InputError
-from jampetsc.io.atomic import write_error
+from jampetsc.io.atomic import locked, write_error
 
 NAME = "lock"
 BEAT = 20.0  # seconds between touches
@@ -32,28 +30,23 @@ class Lock:
     def take(self) -> None:
         """Raises InputError where another study has it."""
         try:
-            self._file = open(self.path, "a+")
+            self._file = locked(self.path)
+            other = self.path.read_text().strip()
         except OSError as error:
             raise write_error(self.path, error) from None
-        mine = f"{socket.gethostname()} {os.getpid()}"
-        self._file.seek(0)
-        other = self._file.read().strip()
-        elsewhere = other and other.split()[0] != socket.gethostname()
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            if error.errno in (errno.EWOULDBLOCK, errno.EACCES):
-                self._refuse(other)
-            # a file system without locks: what the file says has to do
-        if elsewhere and (age := self._age()) < LOST:
+        if self._file is None:
+            self._refuse(other)
+        here = socket.gethostname()
+        if other and other.split()[0] != here and (age := self._age()) < LOST:
             self._refuse(other, f"; if it is dead, its lock is void in {LOST - age:.0f} s")
         self._file.truncate(0)
-        self._file.write(f"{mine}\n")
+        self._file.write(f"{here} {os.getpid()}\n")
         self._file.flush()
         threading.Thread(target=self._beat, daemon=True).start()
 
     def _refuse(self, other, remedy=""):
-        self._file.close()
+        if self._file is not None:
+            self._file.close()
         host, _, process = other.partition(" ") if other else ("another machine", "", "?")
         raise InputError(
             f"{self.path.parent}: a study is running there (process {process} on {host}): "

@@ -2,16 +2,15 @@
 
 import numpy as np
 
-from jampetsc.analysis.scaling import CRITICAL_END, fit_power_law, low_frequency_limit
+from jampetsc.analysis.scaling import fit_power_law, low_frequency_limit
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load
-from jampetsc.speed_accuracy.compare import CRITICAL_START
+from jampetsc.speed_accuracy.compare import FEWEST, critical
 
 WORDS = ("law", "model", "method", "packing", "phase")  # texts that a row tells
 NOT = ("ranks", "wall_seconds", "negative_modes", "requested_n", "requested_pressure", "requested_phi")
-_ENOUGH = 5  # frequencies in the critical window
 
 
 def numbers_of(path) -> dict:
@@ -48,12 +47,10 @@ def _sweep(result):
         found |= {"G0": limit.modulus, "eta0": limit.viscosity, "omega_star": limit.crossover}
     except InputError:
         pass
-    attributes = result.attributes
-    x = result.omega * float(attributes.get("tau1", 1.0))
-    inside = (x >= CRITICAL_START * attributes["pressure"] / attributes["k"]) & (x <= CRITICAL_END)
+    inside = critical(result)
     for name, part in (("storage", result.G.real), ("loss", result.G.imag)):
-        if np.count_nonzero(inside) >= _ENOUGH and (part[inside] > 0).all():
-            found[f"exponent_{name}"] = fit_power_law(x[inside], part[inside]).exponent
+        if np.count_nonzero(inside) >= FEWEST and (part[inside] > 0).all():
+            found[f"exponent_{name}"] = fit_power_law(result.omega[inside], part[inside]).exponent
     return found
 
 

@@ -18,7 +18,6 @@ STAND_IN = "x.h5"  # for files while values are checked
 class Choice:
     """One value for every key of a table."""
 
-    words: tuple  # the options on a command line
     given: dict  # parameter -> value, those that the table gives
     changed: dict  # parameter -> value, those that differ from the default
     job: Job  # with STAND_IN for the files
@@ -64,7 +63,6 @@ def choices_of(job, lists: list, where: str, begins: bool) -> list[Choice]:
     found = []
     for values in itertools.product(*(values for _, values in lists)):
         chosen = [(one, value) for (one, _), value in zip(lists, values, strict=True)]
-        words = [word for one, value in chosen for word in words_of(one, value)]
         given = {one.name: _typed(one, value) for one, value in chosen}
         try:
             asked = made(job, files | given)
@@ -73,7 +71,7 @@ def choices_of(job, lists: list, where: str, begins: bool) -> list[Choice]:
         defaults = {one.name: None if one.required else one.default for one, _ in chosen}
         changed = {name: value for name, value in given.items() if value != defaults[name]}
         told = {name: number_of(value) for name, value in given.items()}
-        found.append(Choice(tuple(words), told, changed, asked))
+        found.append(Choice(told, changed, asked))
     return found
 
 
@@ -118,28 +116,15 @@ def _toml(value):
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _written(value):
-    """A value as a command line has it, the same for 1e-3 and "0.001"."""
-    value = number_of(value)
-    return repr(value) if isinstance(value, float) else str(value)
-
-
-def words_of(one, value):
-    """The words of a command line for one value of a parameter."""
-    if _is_switch(one):
-        return [one.word] if value else []
-    text = _written(value)
-    return [f"{one.word}={text}"] if text.startswith("-") else [one.word, text]
-
-
 def _typed(one, value):
     """What a value is to the name of a task: a number where the parameter is one, else text."""
     if _is_switch(one):
         return one.default != value  # a switch that is on by default has a key that turns it off
+    text = str(number_of(value))  # the same for 1e-3 and "0.001"
     try:
-        return one.kind.word(_written(value))
+        return one.kind.word(text)
     except ValueError:
-        return _written(value)
+        return text
 
 
 def number_of(value):

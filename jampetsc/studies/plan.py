@@ -51,7 +51,7 @@ class Task:
 
     def line(self, inputs, out) -> list[str]:
         """The command line for these names of files."""
-        return ["jampetsc", self.command, *inputs, "--out", out, *self.choice.words]
+        return ["jampetsc", self.command, *inputs, "--out", out, *self.choice.job.words()]
 
     @property
     def level(self) -> int:

@@ -3,6 +3,7 @@
 import os
 import time
 from pathlib import Path
+from time import sleep
 
 from jampetsc.collective import agreed, on_root, own_cores
 from jampetsc.errors import InputError
@@ -10,10 +11,9 @@ from jampetsc.io.atomic import write_error, write_whole
 from jampetsc.io.ensemble import TABLE
 from jampetsc.io.outputs import is_same
 from jampetsc.progress import Progress
-from jampetsc.studies.board import BROKEN, DONE, Board
 from jampetsc.studies.costs import Costs, in_words
 from jampetsc.studies.journal import NAME as JOURNAL
-from jampetsc.studies.journal import keep_record, records_of, tidy
+from jampetsc.studies.journal import NAP, Claims, keep_record, records_of, tidy
 from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.lock import Lock
 from jampetsc.studies.table import rows_of, table_text
@@ -36,7 +36,7 @@ def run(tasks, folder, path, source: bytes | dict, session) -> list[dict]:
     """
     folder, comm = Path(folder), session.comm
     lock = Lock(folder)
-    on_root(comm, lambda: _open(folder, path, lock))
+    claims = on_root(comm, lambda: _open(folder, path, lock))
     try:
         runner = Runner(folder, {}, own_cores(comm))
 
@@ -53,7 +53,7 @@ def run(tasks, folder, path, source: bytes | dict, session) -> list[dict]:
             now = records_of(folder).items()
             _write_table(folder, tasks, {name: one for name, one in now if one != void.get(name)}, runner)
 
-        work = _Work(session, runner, left, refresh)
+        work = _Work(session, runner, claims, left, refresh)
         with work.progress:
             if changed:
                 work.progress.note(told_of(changed))
@@ -63,6 +63,7 @@ def run(tasks, folder, path, source: bytes | dict, session) -> list[dict]:
         rows = None
         with agreed(comm):
             if comm.rank == 0:
+                claims.end()
                 records |= {record["task"]: record for made in new for record in made}
                 rows = _write_table(folder, tasks, records, runner)
                 if isinstance(source, bytes) and not is_same(
@@ -104,7 +105,8 @@ def check_folder(folder, path) -> None:
             )
 
 
-def _open(folder, path, lock):
+def _open(folder, path, lock) -> Claims:
+    """Take the folder for this study; the claims of its run."""
     check_folder(folder, path)
     try:
         for made in (folder, folder / JOURNAL):  # which tells that table.csv and study.toml are a study's
@@ -115,6 +117,7 @@ def _open(folder, path, lock):
         raise write_error(made, error) from None
     lock.take()
     tidy(folder)
+    return Claims(folder)
 
 
 def _phases(tasks, session):
@@ -125,10 +128,7 @@ def _phases(tasks, session):
     late = {task.name for task in tasks if any(one.name in large for one in task.inputs)}
     large -= late
     first = [task for task in tasks if task.name not in large | late]
-    yield (
-        False,
-        sorted(first, key=lambda task: task.level),
-    )  # stable: packings in their order, then what reads them
+    yield False, sorted(first, key=lambda task: task.level)  # packings in their order, then what reads them
     yield True, [task for task in tasks if task.name in large]
     yield False, [task for task in tasks if task.name in late]
 
@@ -146,75 +146,59 @@ def _most_disks(session):
 class _Work:
     """What is left of a study, done by this rank and the others."""
 
-    def __init__(self, session, runner, tasks, refresh):
-        self.session, self.runner = session, runner
+    def __init__(self, session, runner, claims, tasks, refresh):
+        self.session, self.runner, self.claims = session, runner, claims
+        self.names = {task.name for task in tasks}  # of what is left
         self.costs = Costs(runner.records.values())
         self.made = []  # records of this rank
         self.progress = Progress(len(tasks), "study", rank=0)
-        self.before = (0, 0)  # tasks finished, and failed, in earlier phases
         self.estimated, self.rest = -1.0, ""  # when the time left was estimated, and how much it is, in words
         self.refresh, self.refreshed = refresh, time.monotonic()  # what rank 0 does now and then
-        self.broken = set()  # names of tasks that have failed, as far as this rank knows
+
+    def _there(self, task):
+        """Those of its inputs whose files are there, once that is known."""
+        return [one for one in task.inputs if one.name not in self.names or self.claims.done(one.name)]
 
     def apart(self, tasks):
         """Each task on a rank of its own. Collective."""
-        if not tasks:
-            return
-        comm = self.session.comm
-        board = Board(self.session, len(tasks))
-        numbers = {task.name: number for number, task in enumerate(tasks)}
-        if board.keeps_books:
-            board.wait_for(len(tasks), self._now_and_then)
-        else:
-            while (number := board.take()) < len(tasks):
-                task = tasks[number]
-                there = [one for one in task.inputs if self._there(board, numbers, one)]
+        for place, task in enumerate(tasks):
+            if self.claims.take(task.name):
+                there = self._there(task)
                 with self.session.alone():
                     record = self.runner.run(task, there)
-                self._keep(record)
-                finished, failed = board.settle(number, DONE if record["state"] == "done" else BROKEN)
-                self._tell(task, record, finished, failed, tasks[number + 1 :], comm.size)
+                self._finish(task, record, tasks[place + 1 :], self.session.size)
                 self._now_and_then()
-        board.wait_for(len(tasks))
-        states = board.states()
-        self.broken |= {task.name for task, state in zip(tasks, states, strict=True) if state == BROKEN}
-        self.before = (self.before[0] + len(tasks), self.before[1] + states.count(BROKEN))
-        board.close()
+        ended = self.session.comm.Ibarrier()
+        while not ended.Test():
+            self._now_and_then()
+            sleep(NAP)
         self.session.collect()
-
-    def _there(self, board, numbers, task):
-        """Whether the file of a task is there, once it is known."""
-        if task.name in numbers:
-            return board.settled(numbers[task.name]) == DONE
-        return task.name not in self.broken
 
     def together(self, tasks):
         """One task after another, on all ranks. Collective."""
-        for number, task in enumerate(tasks):
-            there = [one for one in task.inputs if one.name not in self.broken]
-            record = self.session.comm.bcast(self.runner.run(task, there, together=True))
-            if record["state"] != "done":
-                self.broken.add(task.name)
-            self.before = (self.before[0] + 1, self.before[1] + (record["state"] != "done"))
+        for place, task in enumerate(tasks):
+            record = self.session.comm.bcast(self.runner.run(task, self._there(task), together=True))
             with agreed(self.session.comm):
                 if self.session.rank == 0:
-                    self._keep(record)
-                    self._tell(task, record, 0, 0, tasks[number + 1 :], 1)
+                    self._finish(task, record, tasks[place + 1 :], 1)
 
     def _now_and_then(self):
         if self.session.rank == 0 and time.monotonic() > self.refreshed + REFRESH:
             self.refresh()
             self.refreshed = time.monotonic()
 
-    def _keep(self, record):
-        if record is not self.runner.records.get(record["task"]):
+    def _finish(self, task, record, left, ranks):
+        """Keep what became of a task and tell it."""
+        if record is not self.runner.records.get(task.name):
             keep_record(self.runner.folder, record)
             self.made.append(record)
             if record["state"] == "done":
                 self.costs.learn(record["row"], record["seconds"])
+        self.claims.settle(task.name, record["state"] == "done")
+        self._tell(task, record, left, ranks)
 
-    def _tell(self, task, record, finished, failed, left, ranks):
-        finished, failed = finished + self.before[0], failed + self.before[1]
+    def _tell(self, task, record, left, ranks):
+        finished, failed = self.claims.tally()
         if time.monotonic() > self.estimated + 1.0:
             self.estimated, rest = time.monotonic(), self.costs.total(left)
             self.rest = "" if rest is None or not left else f"{in_words(rest / ranks)} left"

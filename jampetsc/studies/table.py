@@ -3,17 +3,8 @@
 import csv
 import io
 
-FIRST = (
-    "command",
-    "state",
-    "file",
-    "packing",
-    "n",
-    "pressure",
-    "phi",
-    "seed",
-    "law",
-)  # columns, where there are any
+# columns, where there are any
+FIRST = ("command", "state", "file", "packing", "n", "pressure", "phi", "seed", "law")
 LAST = ("seconds",)
 
 

@@ -13,9 +13,8 @@ from jampetsc.errors import InputError, JampetscError
 from jampetsc.io.checkpoint import discard, folder_of
 from jampetsc.io.checksums import identity_of
 from jampetsc.io.outlet import Outlet
-from jampetsc.io.packing_file import is_known_as
+from jampetsc.io.outputs import unlike
 from jampetsc.io.parts import parts_of
-from jampetsc.io.provenance import command_line, derived_from
 from jampetsc.io.reader import load
 from jampetsc.petsc import session
 from jampetsc.studies.numbers import numbers_of
@@ -100,34 +99,36 @@ class Runner:
     def _work(self, task, there):
         """Make the file, unless a run that was killed has made it just before it could say so."""
         out = self.folder / task.file
-        words = task.line([one.file for one in there], task.file)
-        if on_root(session.current().comm, lambda: self._is_there(task, words, there)):
-            return
         job = task.choice.job_of([str(self.folder / one.file) for one in there])
+        if on_root(session.current().comm, lambda: self._is_there(task, job)):
+            return
+        words = task.line([one.file for one in there], task.file)
         if getattr(job, "threads", 0) is None:
             job = dataclasses.replace(job, threads=self.cores)
         overwrite = task.name in self.records  # what the study itself has made
         with progress.telling(False):
             perform(job, Outlet(out, out), argv=words, overwrite=overwrite)
 
-    def _is_there(self, task, words, there) -> bool:
-        """Whether the file is the result of this command line on these files; a packing is left to `pack`, which looks
-        for itself. What the study has made and somebody has changed makes way, under another name.
+    def _is_there(self, task, job) -> bool:
+        """Whether the file is the result of this job; a packing is left to `pack`, which looks for itself. What the
+        study has made and somebody has changed makes way, under another name.
         """
         path, known = self.folder / task.file, self.records.get(task.name)
         if _done(known) and identity_of(path, every_byte=True) != known.get("files", {}).get(task.file):
             with contextlib.suppress(FileNotFoundError):
                 os.replace(path, f"{path}{ASIDE}")
-        try:
-            found = load(path)
-            return (
-                task.command != "pack"
-                and found.attributes["argv"] == command_line(words)
-                and _made_from(found, task, [self.folder / one.file for one in there])
-                and _tidied(path)
-            )
-        except (InputError, AttributeError):
+        if task.command == "pack" or not path.exists():
             return False
+        try:
+            load(path)  # all of its parts are there
+            asked = job.request(())
+            asked.read(job.paths)
+            if unlike(path, asked):
+                return False
+        except InputError:
+            return False
+        discard(folder_of(path))  # the checkpoint of a run that is killed with its file just made
+        return True
 
 
 def row_of(task, found) -> dict:
@@ -148,19 +149,3 @@ def _current(record, inputs, identity) -> bool:
         and {one.name for one in inputs} == set(record["inputs"])
         and all(identity(name) == one for name, one in record["files"].items())
     )
-
-
-def _made_from(result, task, paths) -> bool:
-    """Whether a result was made from the files at `paths` as they are now, by what it says of them."""
-    if not paths:
-        return True
-    if task.inputs[0].command == "pack":
-        return is_known_as(paths[0], result.attributes["packing_sha256"])
-    runs = derived_from([load(path) for path in paths], 0.0)["source_runs"]
-    return result.attributes["source_runs"] == runs
-
-
-def _tidied(path):
-    """Remove the checkpoint that a run leaves when it is killed with its file just made; True."""
-    discard(folder_of(path))
-    return True

@@ -16,7 +16,7 @@ from jampetsc.analysis.statistics import half_width, mean_with_error
 from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
 from jampetsc.io.memory import MemoryWriter
-from jampetsc.io.reader import Result, load
+from jampetsc.io.reader import collected, load
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.jobs.scaling import ALIKE, notes_of, read_points, text_of
 from jampetsc.plots.branches import plot_branches
@@ -248,7 +248,7 @@ def test_flows_in_memory_are_scaled_as_their_files_are(study):
     for flow in flows:
         writer = MemoryWriter(flow.format)
         writer.attributes(**flow.attributes)
-        held.append(Result.of(writer))
+        held.append(collected(writer))
     how = {"observable": "pressure", "fit": ["phi_J", "y=1.1", "znu"], "degree": 1, "range": (0.8, 0.9)}
     one, other = jampetsc.collapse(*held, **how), jampetsc.collapse(*flows, **how)
     assert one.file is None and set(one) == set(other)

@@ -20,7 +20,7 @@ from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.io.provenance import derived_from
 from jampetsc.io.reader import load
 from jampetsc.io.result_file import ResultWriter
-from jampetsc.jobs.correlate import _refuse_mixture
+from jampetsc.jobs.correlate_sweeps import refuse_mixture
 from jampetsc.plots.correlation import CorrelationCurve, correlation_curve, plot_correlation, plot_lengths
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
@@ -316,7 +316,7 @@ def test_packings_differ_in_size_and_their_mean_is_told(tmp_path):
 def test_the_names_of_many_sources_fit_into_attributes(tmp_path):
     sweep = load(write_sweep(tmp_path, "s" * 100))
     with ResultWriter(tmp_path / "c.h5", "jampetsc-correlation") as writer:
-        writer.attributes(**derived_from([sweep] * 5000, 0.0, argv=["jampetsc"] * 20000))
+        writer.attributes(**derived_from([sweep] * 5000, 0.0))
     assert load(tmp_path / "c.h5").attributes["sources"].endswith("…")
 
 
@@ -592,12 +592,12 @@ def test_sweeps_are_of_one_pressure_within_a_per_cent(tmp_path, off, same):
     paths = [write_sweep(tmp_path, f"s{k}", k, n=16, pressure=p) for k, p in enumerate((1e-3, off * 1e-3))]
     sweeps = [load(path) for path in paths]
     if same:
-        _refuse_mixture(sweeps)
+        refuse_mixture(sweeps)
     else:
         with pytest.raises(
             InputError, match=r"s1\.h5: pressure .*, but .*s0\.h5 has 0\.001: average those of one"
         ):
-            _refuse_mixture(sweeps)
+            refuse_mixture(sweeps)
 
 
 def test_what_belongs_to_flow_files_and_what_to_sweeps(tmp_path, monkeypatch):

@@ -12,13 +12,7 @@ import numpy as np
 import pytest
 
 from jampetsc.errors import InputError, JampetscError
-from jampetsc.io.atomic import (
-    NewFile,
-    check_writable,
-    remove_abandoned,
-    write_error,
-    write_whole,
-)
+from jampetsc.io.atomic import NewFile, check_writable, remove_abandoned, write_error, write_whole
 from jampetsc.io.hdf5 import OutputFile
 from jampetsc.io.result_file import ResultWriter
 

@@ -10,7 +10,8 @@ import jampetsc
 from jampetsc.analysis.statistics import mean_with_error, median_interval, median_with_error
 from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
-from jampetsc.io.ensemble import CHOICES, load_ensemble
+from jampetsc.io.averages import CHOICES
+from jampetsc.io.ensemble import load_ensemble
 from jampetsc.io.reader import load
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.studies.table import table_text

@@ -5,7 +5,7 @@ import pytest
 from samples import physics, published, put, run_of
 
 from jampetsc.io.memory import MemoryWriter
-from jampetsc.io.reader import Result, SweepResult, load
+from jampetsc.io.reader import SweepResult, collected, load
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.linear import rational_sweep
 
@@ -69,7 +69,7 @@ def test_a_sweep_in_memory_is_that_of_its_file(session, shared_path):
     job.to.writer = lambda *words: Both(job.to.path, *words)
     rational_sweep.solve(job)
     session.comm.Barrier()
-    found, expected = Result.of(made.pop()), load(job.to.path)
+    found, expected = collected(made.pop()), load(job.to.path)
     assert_same(found, expected)
     assert isinstance(found, SweepResult) and found.modulus(0.3) == expected.modulus(0.3)
     assert found.law == expected.law and found.fields.omega == [1e-3]
@@ -97,7 +97,7 @@ def test_any_rows_and_attributes(session, shared_path):
             writer.append("grown", kept)
     session.comm.Barrier()
     memory = made.pop()
-    found, expected = Result.of(memory), load(shared_path / "a.h5")
+    found, expected = collected(memory), load(shared_path / "a.h5")
     assert_same(found, expected)
     for path in ("b.h5", "b.h5"):  # onto itself, too
         assert_same(saved(found, shared_path / path, session.comm), expected)

@@ -8,23 +8,12 @@ import signal
 import h5py
 import numpy as np
 import pytest
-from test_result_file import assert_holds, names, parts, written
+from test_result_file import assert_holds, names, parts
 
 from jampetsc.cli import main as cli
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.io import merge as merging
 from jampetsc.io.merge import merge
-
-
-@pytest.fixture(scope="module")
-def three_ranks(tmp_path_factory):
-    return written(tmp_path_factory.mktemp("three") / "s.h5", 3)
-
-
-@pytest.fixture
-def joint(three_ranks, tmp_path):
-    shutil.copytree(three_ranks.parent, tmp_path / "copy")
-    return tmp_path / "copy" / "s.h5"
 
 
 def test_in_place(joint):

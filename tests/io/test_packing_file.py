@@ -14,12 +14,7 @@ from jampetsc.core.disks import Disks
 from jampetsc.core.potentials import Potential
 from jampetsc.errors import InputError
 from jampetsc.io.atomic import check_writable
-from jampetsc.io.packing_file import (
-    is_known_as,
-    read_identified,
-    read_packing,
-    write_packing,
-)
+from jampetsc.io.packing_file import is_known_as, read_identified, read_packing, write_packing
 from jampetsc.io.reader import load
 
 RECORD = {
@@ -220,25 +215,14 @@ def test_readers_see_a_whole_file_at_any_time(path):
     assert process.stdout.readline() == "0\n"
     seeds = []
     while len(seeds) < 50 or seeds[-1] == seeds[0]:
-        found = read_packing(path)
+        found, identity = read_identified(path)
+        assert identity == ("p.h5", found.fingerprint)
         seeds.append(found.record["seed"])
         first = 2 * np.sqrt(5000) * np.random.default_rng(seeds[-1]).random(2)
         assert np.array_equal(found.positions[0], first)
     process.kill()
     process.communicate()
     assert seeds == sorted(seeds)
-
-
-def test_arrays_and_hash_are_of_one_file_while_it_is_replaced(path, tmp_path):
-    process = launch.start(0, "write_packings.py", "forever", path)
-    assert process.stdout.readline() == "0\n"
-    seen = set()
-    while len(seen) < 20:
-        found, identity = read_identified(path)
-        assert identity == ("p.h5", found.fingerprint)
-        seen.add(found.record["seed"])
-    process.kill()
-    process.communicate()
 
 
 @pytest.mark.scalar("real")

@@ -11,7 +11,7 @@ from jampetsc.errors import InputError
 from jampetsc.io import parts as parts_module
 from jampetsc.io.hdf5 import OutputFile, open_file, store, values
 from jampetsc.io.parts import PartList, part_name, parts_of
-from jampetsc.io.reader import StoredArray
+from jampetsc.io.results import StoredArray
 
 RUN = "0123456789ab"
 COUNTS = (3, 0, 4, 1)  # rows of each rank

@@ -9,9 +9,8 @@ from samples import published
 from jampetsc.analysis.collapse_errors import Estimate
 from jampetsc.cli import main as cli
 from jampetsc.core.laws import Physics, damping_law
-from jampetsc.errors import InputError
 from jampetsc.io.packing_file import write_packing
-from jampetsc.jobs import collapse, correlate, describe, modes, oscillate, quasistatic, sweep
+from jampetsc.jobs import collapse, correlate_sweeps, describe, modes, oscillate, quasistatic, sweep
 from jampetsc.studies import job as study
 
 PHYSICS = Physics(damping_law())
@@ -88,20 +87,20 @@ def test_a_study_tells_what_failed_and_what_is_unstable():
 
 
 def test_lengths_are_told_with_their_errors():
-    assert correlate._with_error(np.nan, 1.0) == "no root"
+    assert correlate_sweeps._with_error(np.nan, 1.0) == "no root"
     assert (
-        correlate._with_error(1.2345, np.nan) == "1.23"
-        and correlate._with_error(1.2345, 0.05) == "1.23 ± 0.05"
+        correlate_sweeps._with_error(1.2345, np.nan) == "1.23"
+        and correlate_sweeps._with_error(1.2345, 0.05) == "1.23 ± 0.05"
     )
     values = np.array([[1.0, 3.0, np.nan], [1.0, 4.0, np.nan]])
-    assert correlate._rms(values) == pytest.approx(np.sqrt(12.5)) and np.isnan(
-        correlate._rms(values[:, [0, 2]])
+    assert correlate_sweeps._rms(values) == pytest.approx(np.sqrt(12.5)) and np.isnan(
+        correlate_sweeps._rms(values[:, [0, 2]])
     )
     sweeps = [SimpleNamespace(attributes={"pressure": p}) for p in (1e-3, 3e-3)]
-    assert correlate._mean_pressure([*sweeps, SimpleNamespace(attributes={})]) == {
+    assert correlate_sweeps._mean_pressure([*sweeps, SimpleNamespace(attributes={})]) == {
         "pressure": pytest.approx(2e-3)
     }
-    assert correlate._mean_pressure([]) == {}
+    assert correlate_sweeps._mean_pressure([]) == {}
 
 
 def test_an_oscillation_tells_both_ends_of_its_frequencies():
@@ -270,7 +269,9 @@ def test_lanes_of_other_widths_are_compared_with_errors_of_both():
 
     results = [result(0.5, 0.03), result(0.7, 0.04), result(np.nan, 0.1)]
     found = SimpleNamespace(results=results, length=40.0, diameter=2.0)
-    lines = correlate._summary("c.h5", 1, np.array([1e-3]), "strain", [0.5, 1.0, 2.0], found).split("\n")
+    lines = correlate_sweeps._summary("c.h5", 1, np.array([1e-3]), "strain", [0.5, 1.0, 2.0], found).split(
+        "\n"
+    )
     assert lines == [
         "c.h5: 1 packing, L = 20 d, lanes of 0.5 d, 9 pairs, in phase with the strain",
         "  omega 0.001: l/d Re 2 ± 0.2,  Im no root",
@@ -278,7 +279,9 @@ def test_lanes_of_other_widths_are_compared_with_errors_of_both():
         "  lanes of 2 d: C is not known",
     ]
     found.results = results[:1]
-    assert correlate._summary("c.h5", 2, np.ones(1), "strain", [0.5], found).startswith("c.h5: 2 packings, ")
+    assert correlate_sweeps._summary("c.h5", 2, np.ones(1), "strain", [0.5], found).startswith(
+        "c.h5: 2 packings, "
+    )
 
 
 def test_the_worst_error_of_the_loss_is_over_the_loss():
@@ -323,22 +326,3 @@ def test_a_trade_measures_what_is_asked_for(tmp_path, monkeypatch, capsys, words
     ((request, out),) = asked
     assert request.packing == "p.h5" and str(out) == "t.csv" and capsys.readouterr().out == "table\n"
     assert {name: getattr(request, name) for name in expected} == expected
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--out", "t.h5"], r"--out t\.h5: give it the ending \.csv"),
-        (["--out", "t.csv", "--ranks", "0"], r"--ranks 0: must lie in \[1, 100000\]"),
-        (["--out", "t.csv", "--ranks", "100001"], "--ranks 100001"),
-        (["--out", "t.csv", "--choices", "speed"], "--choices speed: 'speed' is none of accuracy, method"),
-        (
-            ["--out", "t.csv", "--options-files", "none.opts"],
-            r"--options-files none\.opts: no such file",
-        ),
-    ],
-)
-def test_what_a_trade_refuses(tmp_path, monkeypatch, words, message):
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(InputError, match=message):
-        cli.dispatch(["trade", "p.h5", *words])

@@ -9,14 +9,14 @@ from jampetsc.asking.inputs import refuse_one_packing, refuse_repeated
 from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load
-from jampetsc.jobs.rows import files_named
+from jampetsc.jobs.rows import rows_named
+from jampetsc.jobs.scaling import files_of
 from jampetsc.studies.table import table_text
 
 
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("sweep p.h5 --ouput s.h5", "--ouput: no such option; did you mean --out"),
         (
             "sweep p.h5 --out s.png",
             r"--out s\.png: would be an HDF5 file by that name: give it the ending \.h5",
@@ -58,17 +58,15 @@ def test_files_of_a_study_are_of_rows_that_are_done(tmp_path):
         for n, (state, rate) in enumerate((("done", 0.1), ("failed: no", 0.1), ("done", 0.2), ("done", 0.1)))
     ]
     (tmp_path / "table.csv").write_text(table_text(rows))
-    asked = []
-
-    def chosen(path, done, here):
-        asked.append((path, here))
-        return done
-
-    assert files_named([tmp_path], None, chosen) == ([str(tmp_path / f"{n}.h5") for n in (0, 2, 3)], True)
-    some = files_named(["other.h5", tmp_path], "cooling-rate=0.1, command = jam", chosen)
-    assert some == (["other.h5", str(tmp_path / "0.h5"), str(tmp_path / "3.h5")], True)
-    assert asked == [(tmp_path, ""), (tmp_path, " where cooling-rate=0.1, command = jam")]
-    assert files_named(["other.h5"], None, chosen) == (["other.h5"], False)
+    folder, where = str(tmp_path), "cooling-rate=0.1, command = jam"
+    (rows,) = rows_named([folder], None)
+    assert files_of(rows, True, None) == [str(tmp_path / f"{n}.h5") for n in (0, 2, 3)]
+    other, some = rows_named(["other.h5", folder], where)
+    assert other == "other.h5" and files_of(some, True, where) == [f"{folder}/0.h5", f"{folder}/3.h5"]
+    assert rows_named(["other.h5"], None) == ["other.h5"]
+    for finite, here in ((False, where), (True, "cooling-rate=7")):
+        with pytest.raises(InputError, match=f"a study without .* that is done where {here}: nothing"):
+            files_of(rows_named([folder], here)[0], finite, here)
 
 
 def test_a_flow_that_goes_on_elsewhere_leaves_what_it_goes_on_from(tmp_path):

@@ -18,6 +18,7 @@ from jampetsc.core.state import measure
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.io.packing_file import read_packing, write_packing
 from jampetsc.jobs import pack as job
+from jampetsc.jobs import packings
 from jampetsc.minimise.protocols import Target, changed
 from jampetsc.minimise.sizes import Radii
 
@@ -194,16 +195,16 @@ def test_packings_that_are_there_are_counted_left_or_refused(session, tmp_path, 
 
 def test_a_packing_that_is_there_is_the_one_that_is_asked_for(tmp_path):
     (task,) = job.Pack(n=16, pressure=1e-3, seed=3).tasks(str(tmp_path / "p.h5"))
-    wanted = {"sizes": "bidisperse", "requested_n": 16, **job._asked(task)}
+    wanted = {"sizes": "bidisperse", "requested_n": 16, **task.asked}
     assert wanted["requested_pressure"] == 1e-3 and wanted["seed"] == 3
-    assert not job.is_there(task.path, wanted)
+    assert not packings.is_there(task.path, wanted)
     write_packing(task.path, published().with_record(**wanted))
-    assert job.is_there(task.path, wanted)
+    assert packings.is_there(task.path, wanted)
     for name in wanted:
         write_packing(task.path, published().with_record(**{k: v for k, v in wanted.items() if k != name}))
         with pytest.raises(InputError, match=f"is there already with {name} = None, not .*out.*overwrite"):
-            job.is_there(task.path, wanted)
-        assert not job.is_there(task.path, wanted, overwrite=True)
+            packings.is_there(task.path, wanted)
+        assert not packings.is_there(task.path, wanted, overwrite=True)
 
 
 def test_packings_are_asked_for_as_told():
@@ -228,7 +229,7 @@ def test_a_packing_tells_when_rounding_forbids_its_tolerance(factor, note):
     disks = disks.with_record(
         pressure=1e-3, phi=0.84, coordination=4.0, rattlers=1, max_force=force, tolerance=1e-10, evaluations=7
     )
-    text = job._told("p.h5", disks, 1.234)
+    text = packings._told("p.h5", disks, 1.234)
     assert text.startswith(
         f"p.h5: N = {disks.n}, p = 0.001, phi = 0.840000, Z = 4.0000, 1 rattlers, max|F|/p = "
     )

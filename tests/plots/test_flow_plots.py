@@ -15,8 +15,8 @@ from jampetsc.analysis.statistics import half_width
 from jampetsc.cli import main as cli
 from jampetsc.core.state import measure
 from jampetsc.errors import InputError
-from jampetsc.io.reader import Attributes
 from jampetsc.io.result_file import ResultWriter
+from jampetsc.io.results import Attributes
 from jampetsc.io.snapshots import snapshot
 from jampetsc.plots.flowcurves import (
     _draw_exponents,

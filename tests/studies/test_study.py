@@ -5,11 +5,9 @@ import functools
 import itertools
 import os
 import re
-import shlex
 import shutil
-import subprocess
-import sys
-from time import perf_counter, sleep
+from threading import Timer
+from time import perf_counter
 from types import SimpleNamespace
 
 import launch
@@ -23,12 +21,10 @@ from jampetsc.asking.parameters import asked
 from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import write_packing
-from jampetsc.io.provenance import command_line
 from jampetsc.petsc.session import current
 from jampetsc.studies import run as study_run
 from jampetsc.studies import tasks as study_tasks
-from jampetsc.studies.board import BROKEN, DONE, FINISHED, OPEN, Board
-from jampetsc.studies.journal import keep_record, records_of
+from jampetsc.studies.journal import Claims, keep_record, records_of, tidy
 from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.lock import Lock
 from jampetsc.studies.plan import plan
@@ -150,16 +146,6 @@ def test_large_tasks_are_done_by_all_ranks_together(session, shared_path, monkey
     assert session.rank or study_run.told_of(together.where(command="sweep")["file"]) in said
 
 
-@pytest.mark.scalar("real")
-def test_on_several_machines_rank_0_keeps_the_books(session, shared_path, monkeypatch):
-    only_on("several")
-    monkeypatch.setattr(study_run, "Board", functools.partial(Board, node=session.MPI.COMM_SELF))
-    mine = []
-    monkeypatch.setattr(study_run, "keep_record", lambda *what: mine.append(what) or keep_record(*what))
-    assert set(study(shared_path / "study", SMALL)["state"]) == {"done"}
-    assert session.comm.allreduce(len(mine)) == 4 and (session.rank or not mine)
-
-
 def told(capsys):
     """What a study said of its tasks on this rank: [(count, the rest of the line)]."""
     lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("[")]
@@ -260,7 +246,7 @@ def test_a_task_is_a_job_with_its_share_of_the_cores(session, tmp_path, threads,
         NAME, FORMAT, scalar = "pack", "jampetsc-packing", None
 
         def work(self, to):
-            seen.append((getattr(self, "threads", None), command_line()))
+            seen.append((getattr(self, "threads", None), to.request.argv))
             shutil.copy(tmp_path / "p.h5", to.path)
             return ""
 
@@ -270,7 +256,7 @@ def test_a_task_is_a_job_with_its_share_of_the_cores(session, tmp_path, threads,
     job = dataclasses.make_dataclass("Copying", fields, bases=(Copy,), frozen=True)(**threads)
     task = dataclasses.replace(task, choice=dataclasses.replace(task.choice, job=job))
     made = study_tasks.Runner(tmp_path, {}, 5).run(task, [])
-    assert seen == [(used, shlex.join(task.words))] and made["state"] == "done"
+    assert seen == [(used, task.words)] and made["state"] == "done"
     assert (made["row"]["n"], made["row"]["pressure"]) == (16, 0.5)
 
 
@@ -279,69 +265,37 @@ def test_a_task_is_a_job_with_its_share_of_the_cores(session, tmp_path, threads,
 
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(2)
-def test_a_board_gives_each_task_to_one_rank_and_knows_what_became_of_all(session):
-    board, comm = Board(session, 5), session.comm
-    assert not board.keeps_books and board.state(3) == OPEN
-    taken = []
-    while (number := board.take()) < 5:
-        taken.append(number)
-        finished, failed = board.settle(number, BROKEN if number == 2 else DONE)
-        assert 1 <= finished <= 5 and (number == 2) <= failed <= 1
-        assert session.size > 1 or (finished, failed) == (len(taken), int(2 in taken))
-        assert board.settled(number) == (BROKEN if number == 2 else DONE)
-    calls = []
-    board.wait_for(5, lambda: calls.append(1))
-    assert sorted(number for some in comm.allgather(taken) for number in some) == list(range(5))
-    assert board.states() == [DONE, DONE, BROKEN, DONE, DONE]
+def test_each_task_is_one_ranks_and_all_know_what_became_of_it(session, shared_path):
+    comm, names = session.comm, ["a", "b/b", "c.5", "d"]
+    (shared_path / "journal").mkdir(exist_ok=True)
+    claims = comm.bcast(Claims(shared_path) if comm.rank == 0 else None)
+    mine = [name for name in names if claims.take(name)]
+    for name in mine:
+        claims.settle(name, name != "c.5")
+    assert sorted(name for some in comm.allgather(mine) for name in some) == names
+    assert [claims.done(name) for name in names] == [True, True, False, True]
     comm.Barrier()
-    if session.rank == 0:
-        board.wait_for(6, lambda: board._add(FINISHED, 1))  # what is done while waiting
-    board.close()
-    several = Board(session, 1, node=session.MPI.COMM_SELF)  # as if each rank had a machine of its own
-    assert several.keeps_books == (session.rank == 0 and session.size > 1)
-    several.close()
-
-
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(2)
-def test_nobody_takes_a_task_before_the_board_is_clean(session):
-    """Memory comes as it was left, and rank 0 may be late to wipe it."""
-    MPI, comm = session.MPI, session.comm
-
-    def allocate(*words, **more):
-        window = MPI.Win.Allocate(*words, **more)
-        if comm.rank == 0:
-            np.frombuffer(window.tomemory(), dtype=np.int64)[:] = 7
-        comm.Barrier()
-        if comm.rank == 0:
-            sleep(0.05)
-        return window
-
-    words = {"LOCK_SHARED": MPI.LOCK_SHARED, "SUM": MPI.SUM, "Win": SimpleNamespace(Allocate=allocate)}
-    board = Board(SimpleNamespace(MPI=SimpleNamespace(**words), comm=comm), 4, node=comm)
-    assert sorted(comm.allgather(board.take())) == list(range(comm.size))
-    assert board.states() == [OPEN] * 4
+    claims._looked = -1.0  # what the others have done since is seen a second later
+    assert claims.tally() == (4, 1) and not any(map(claims.take, names))
+    assert records_of(shared_path) == {}
     comm.Barrier()
-    assert board.settle(comm.rank, DONE)[1] == 0
-    board.wait_for(comm.size)
-    board.close()
+    if comm.rank == 0:
+        claims.end()
+        Claims(shared_path)  # of a study that was killed
+        tidy(shared_path)
+        assert not os.listdir(shared_path / "journal")
 
 
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
-def test_a_task_counts_as_finished_when_its_state_can_be_read(session, monkeypatch):
-    """Whoever has waited for all reads all states."""
-    board, add, seen = Board(session, 2), Board._add, []
-
-    def watched(self, place, amount):
-        if place == FINISHED and amount:
-            seen.append(board.states())
-        return add(self, place, amount)
-
-    monkeypatch.setattr(Board, "_add", watched)
-    assert board.settle(1, BROKEN) == (1, 1) and board.settle(0, DONE) == (2, 1)
-    assert seen == [[OPEN, BROKEN], [DONE, BROKEN]]
-    board.close()
+def test_a_claim_that_cannot_be_written_is_an_error_and_an_input_is_waited_for(tmp_path):
+    (tmp_path / "journal").mkdir()
+    claims = Claims(tmp_path)
+    later = Timer(0.05, claims.settle, ("a", True))
+    later.start()
+    assert claims.done("a") and claims.tally() == (1, 0)
+    later.join()
+    claims.end()
+    with pytest.raises(InputError, match="b: cannot be written"):
+        claims.take("b")
 
 
 @pytest.mark.scalar("real")
@@ -639,19 +593,15 @@ def test_a_task_keeps_its_name_whatever_else_is_asked_for():
     more = [task.name for task in tasks(other + "[modes]\n")]
     assert len(more) == len(set(more)) == 18 + 36 + 18
     assert set(names[:2]) <= set(more)
-    assert tasks(text)[2].words == [
-        *["jampetsc", "sweep", f"{names[0]}.h5", "--out", f"{names[2]}.h5", "--law", "contact"]
-    ]
+    assert tasks(text)[2].words == [*["jampetsc", "sweep", f"{names[0]}.h5", "--out", f"{names[2]}.h5"]]
 
 
-def test_a_dry_run_tells_the_tasks_and_makes_nothing(tmp_path):
+def test_a_dry_run_tells_the_tasks_and_makes_nothing(tmp_path, monkeypatch, capsys):
     (tmp_path / "s.toml").write_text(SMALL)
-    line = [sys.executable, "-m", "jampetsc", "study", "s.toml", "--out", "new", "--dry-run"]
-    done = subprocess.run(
-        line, env=launch.environment(), cwd=tmp_path, capture_output=True, text=True, timeout=60
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.count("to do  jampetsc ") == 4
-    assert re.search(r"\n4 of 4 tasks to do, about [\d.]+ s on one rank\n$", done.stdout)
-    assert done.stdout.count("by a rough rule until some are done") == 2
+    monkeypatch.chdir(tmp_path)
+    assert cli.dispatch(["study", "s.toml", "--out", "new", "--dry-run"]) == 0
+    told = capsys.readouterr().out
+    assert told.count("to do  jampetsc ") == 4
+    assert re.search(r"\n4 of 4 tasks to do, about [\d.]+ s on one rank\n$", told)
+    assert told.count("by a rough rule until some are done") == 2
     assert not (tmp_path / "new").exists()

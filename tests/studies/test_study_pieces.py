@@ -1,5 +1,6 @@
 """The pieces of a study, each by itself: tasks, costs, numbers, lock, journal, table."""
 
+import dataclasses
 import errno
 import fcntl
 import functools
@@ -13,11 +14,9 @@ import pytest
 from samples import published
 
 from jampetsc.analysis.statistics import half_width
-from jampetsc.asking.parameters import WORD, Parameter
 from jampetsc.errors import InputError
 from jampetsc.io import checksums
-from jampetsc.io.packing_file import read_identified, write_packing
-from jampetsc.io.provenance import command_line
+from jampetsc.io.packing_file import write_packing
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.jobs.correlate import Correlate
 from jampetsc.jobs.modes import Modes
@@ -25,11 +24,11 @@ from jampetsc.studies import lock as locks
 from jampetsc.studies import run as study_run
 from jampetsc.studies import tasks as study_tasks
 from jampetsc.studies.costs import Costs, in_words
-from jampetsc.studies.journal import records_of
+from jampetsc.studies.journal import Claims, records_of
 from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.lock import Lock
 from jampetsc.studies.numbers import numbers_of
-from jampetsc.studies.options import choices_of, values_of, words_of
+from jampetsc.studies.options import choices_of, values_of
 from jampetsc.studies.plan import plan, read
 from jampetsc.studies.table import rows_of, table_text
 from jampetsc.studies.tasks import Runner, row_of
@@ -198,6 +197,7 @@ def test_what_stays_out_of_a_table():
             "number 2: n 1: must lie in",
         ),
     ],
+    ids=lambda text: text[:30],
 )
 def test_a_table_that_cannot_be_meant(text, message):
     with pytest.raises(InputError, match=message):
@@ -244,29 +244,22 @@ def test_reading_a_study_that_is_not_there(tmp_path):
         plan("s.toml", b"[pack]\n\xff")
 
 
-def option(name, default=None):
-    return Parameter(name, "", WORD, default)
-
-
 @pytest.mark.parametrize(
     ("value", "words"),
     [
-        (1e-3, ["--x", "0.001"]),
-        ("1e-3", ["--x", "0.001"]),
-        ("07", ["--x", "7"]),
-        (-0.5, ["--x=-0.5"]),
-        ("-inf", ["--x=-inf"]),
-        ("contact", ["--x", "contact"]),
-        (0.1 + 0.2, ["--x", "0.30000000000000004"]),
+        ("1e-3", ["--below", "0.001"]),
+        ('"1e-3"', ["--below", "0.001"]),
+        ("0.30000000000000004", ["--below", "0.30000000000000004"]),
+        ("0.5\nno-prestress = true", ["--below", "0.5", "--no-prestress"]),
+        ("0.5\nno-prestress = false", ["--below", "0.5"]),
     ],
 )
 def test_words_of_a_value(value, words):
-    assert words_of(option("x"), value) == words
-
-
-def test_words_of_a_switch():
-    switch = option("x", default=True)
-    assert (words_of(switch, True), words_of(switch, False)) == (["--no-x"], [])
+    """The same task however a value is written."""
+    task = of(tasks(f"{PACK}[modes]\nbelow = {value}\n"), "modes")[0]
+    assert task.words[5:] == words and (task.choice.given["below"] == float(words[1]))
+    if '"' in value:
+        assert task.name == of(tasks(f"{PACK}[modes]\nbelow = {words[1]}\n"), "modes")[0].name
 
 
 def test_the_job_for_real_files():
@@ -412,10 +405,11 @@ def test_one_rank_does_everything_apart(monkeypatch):
 # What a study says and does beside its tasks
 
 
-def work(rank=0, records=None, refresh=None, tasks=3, folder=None):
+def work(rank=0, records=None, refresh=None, tasks=3, folder=None, claims=None):
     """A study's work on a rank."""
     runner = SimpleNamespace(records=records or {}, folder=folder)
-    return study_run._Work(SimpleNamespace(rank=rank), runner, [None] * tasks, refresh)
+    tasks = [SimpleNamespace(name=f"task {n}") for n in range(tasks)]
+    return study_run._Work(SimpleNamespace(rank=rank), runner, claims, tasks, refresh)
 
 
 @pytest.mark.parametrize(("rank", "every", "count"), [(0, -1.0, 2), (0, 1000.0, 0), (1, -1.0, 0)])
@@ -432,11 +426,12 @@ def test_the_table_is_written_now_and_then_by_rank_0(monkeypatch, rank, every, c
 def test_a_record_that_is_not_new_is_not_kept_again(tmp_path):
     (tmp_path / "journal").mkdir()
     old = {"task": "a", "state": "done", "row": {"command": "sweep"}, "seconds": 3.0}
-    one = work(records={"a": old}, folder=tmp_path)
-    one._keep(old)
+    one = work(records={"a": old}, folder=tmp_path, claims=Claims(tmp_path))
+    one._tell = lambda *_: None
+    one._finish(SimpleNamespace(name="a"), old, [], 1)
     assert records_of(tmp_path) == {} and one.made == []
     for new in (dict(old), dict(old, task="b", state="failed", seconds=99.0)):
-        one._keep(new)
+        one._finish(SimpleNamespace(name=new["task"]), new, [], 1)
     assert list(records_of(tmp_path).values()) == one.made and len(one.made) == 2
     assert one.costs.of(asked("sweep")) == 3.0  # of what is done alone
 
@@ -445,14 +440,15 @@ def test_a_study_says_how_far_it_is(capsys, monkeypatch, telling):
     clock = [10.0]
     monkeypatch.setattr(study_run, "time", SimpleNamespace(monotonic=lambda: clock[0]))
     records = {"z": {"task": "z", "state": "done", "row": {"command": "sweep"}, "seconds": 30.0}}
-    one = work(records=records, tasks=4)
-    task = SimpleNamespace(file="a.h5")
-    one._tell(task, {"state": "done", "seconds": 2.0}, 1, 0, [asked("sweep")] * 3, 2)
-    one.before, clock[0] = (1, 1), 10.9
-    one._tell(task, {"state": "failed", "seconds": 2.0, "why": "no"}, 1, 1, [asked("sweep")] * 2, 2)
+    tallies = iter([(1, 0), (2, 2), (3, 2), (4, 2)])
+    one = work(records=records, tasks=4, claims=SimpleNamespace(tally=lambda: next(tallies)))
+    task, done = SimpleNamespace(file="a.h5"), {"state": "done", "seconds": 2.0}
+    one._tell(task, done, [asked("sweep")] * 3, 2)
+    clock[0] = 10.9
+    one._tell(task, {"state": "failed", "seconds": 2.0, "why": "no"}, [asked("sweep")] * 2, 2)
     clock[0] = 11.1
-    one._tell(task, {"state": "done", "seconds": 2.0}, 2, 1, [asked("sweep")], 2)
-    one._tell(task, {"state": "done", "seconds": 2.0}, 3, 1, [], 2)
+    one._tell(task, done, [asked("sweep")], 2)
+    one._tell(task, done, [], 2)
     assert capsys.readouterr().err.splitlines() == [
         "[1/4] a.h5 2 s; 45 s left",
         "[2/4] a.h5: no; 2 failed; 45 s left",  # an estimate is good for a second
@@ -766,24 +762,29 @@ def test_a_row_says_what_was_asked_for_before_what_was_found():
         )
 
 
-def test_a_file_is_taken_over_only_from_the_same_command_line_and_packing(tmp_path):
+def test_a_file_is_taken_over_only_from_the_same_job_and_packing(tmp_path):
     task = of(tasks(PACK + "[modes]\n"), "modes")[0]
-    (there,), path = task.inputs, tmp_path / task.file
-    write_packing(tmp_path / there.file, published())
-    digest = read_identified(tmp_path / there.file)[1][1]
-    runner = Runner(tmp_path, {})
+    (there,), path, packing = task.inputs, tmp_path / task.file, tmp_path / task.inputs[0].file
+    runner, job = Runner(tmp_path, {}), task.choice.job_of([str(packing)])
 
-    def is_there(words, of=digest):
-        attributes = {"argv": command_line(task.words), "packing_sha256": of}
-        result(path, "modes", attributes.items(), eigenvalues=[1.0])
-        return runner._is_there(task, words, [there])
+    def is_there(**changed):
+        request = dataclasses.replace(job, **changed).request(task.words)
+        request.read(job.paths)
+        with ResultWriter(path, "jampetsc-modes", request=request) as writer:
+            writer.dataset("eigenvalues", [1.0])
+        return runner._is_there(task, job)
 
-    assert not runner._is_there(task, task.words, [there])
-    assert is_there(task.words)
-    assert not is_there([*task.words, "--count", "3"]) and not is_there(task.words, "another")
-    assert not runner._is_there(there, there.words, [])  # a packing, at which `pack` looks
+    write_packing(packing, published())
+    assert not runner._is_there(task, job)
+    assert is_there() and not is_there(count=3)
+    assert not runner._is_there(there, there.choice.job)  # a packing, at which `pack` looks
+    result(path, "modes", eigenvalues=[1.0])  # that does not say with which settings
+    assert not runner._is_there(task, job)
+    is_there()
+    write_packing(packing, published().with_record(seed=2))
+    assert not runner._is_there(task, job)
     (tmp_path / f"{task.file}.resume").mkdir()
     (tmp_path / f"{task.file}.resume" / "00000-rank-0000").touch()
     (tmp_path / "other.h5.resume").touch()
-    assert is_there(task.words)
+    assert is_there()
     assert {one.name for one in tmp_path.iterdir()} == {task.file, there.file, "other.h5.resume"}

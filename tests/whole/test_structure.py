@@ -33,7 +33,6 @@ ROOMS = (  # from the ground up; a module may import its own room and those befo
 )
 TOP = {"__main__": "cli"}  # other modules: ground
 WITHOUT_PETSC = ("ground", "core", "analysis", "io", "minimise", "plots")
-PETSC = ("ground", "contacts", "analysis", "storage", "packing", "plots", "words")
 PETSC = ("petsc4py", "slepc4py", "mpi4py")
 DOORS = (
     "petsc.session",

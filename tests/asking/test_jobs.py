@@ -13,10 +13,13 @@ from samples import SAMPLES, physics, polydisperse, published, put
 
 import jampetsc
 from jampetsc import ContactDamping, StokesDrag
+from jampetsc.asking.kinds import HELD, PACKING, RESULT, opened
 from jampetsc.asking.parameters import made, parameters, parts
 from jampetsc.cli import main as cli
 from jampetsc.cli.parser import in_words, job_of
 from jampetsc.errors import InputError
+from jampetsc.io.memory import MemoryWriter
+from jampetsc.io.reader import collected
 from jampetsc.jobs import JOBS, job_class
 from jampetsc.jobs.correlate import Correlate
 from jampetsc.jobs.modes import Modes
@@ -103,6 +106,16 @@ def test_every_parameter_has_help_and_a_default_that_it_takes(name):
         assert parameter.help and "--" not in parameter.help, parameter.name
         if not parameter.required:
             parameter.read(parameter.default)
+
+
+def test_a_result_in_memory_is_taken_as_it_is_and_one_in_a_file_by_its_name(tmp_path):
+    found = collected(MemoryWriter("jampetsc-quasistatic"))
+    assert RESULT.read(found) is HELD.read(found) is opened(found) is found
+    with pytest.raises(ValueError, match="must be a packing"):
+        PACKING.read(found)
+    found.save(tmp_path / "a.h5")
+    assert RESULT.read(found) == PACKING.read(found) == str(tmp_path / "a.h5")
+    assert opened(RESULT.read(found)).attributes["run_id"] == found.attributes["run_id"]
 
 
 P, OSC = ("p.h5",), {"omega": 0.1, "strain": 1e-6}

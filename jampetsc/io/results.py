@@ -1,0 +1,187 @@
+"""A result as a mapping of numpy arrays with attributes, from a file or from memory. Needs neither PETSc nor MPI."""
+
+import difflib
+import html
+from collections.abc import Mapping
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from jampetsc.errors import InputError
+from jampetsc.io.hdf5 import attributes, open_file, reading, undisturbed
+from jampetsc.io.parts import GROUP, PartList
+from jampetsc.io.provenance import law_of
+from jampetsc.io.result_file import ResultWriter
+
+_SHOWN = 6  # datasets that a line about a result names
+_LONGEST = 60  # characters of an attribute in a table
+
+
+class StoredArray:
+    """A dataset that stays in its file: `array[…]` reads what is asked for, `numpy.asarray(array)` all of it.
+
+    Raises InputError on reading if the file was replaced, or one of its parts went, since it was loaded.
+    """
+
+    axis = rows = None  # every rank reads all, as `memory.MemoryArray` has it
+    grown = False
+
+    def __init__(self, path, name, h5):
+        self._path, self._name, self._run_id = Path(path).resolve(), name, h5.attrs.get("run_id", "")
+        self.shape, self.dtype = h5[name].shape, h5[name].dtype
+
+    def __getitem__(self, selection):
+        return undisturbed(self._path, lambda path: self._read(path, selection))
+
+    def _read(self, path, selection):
+        with open_file(path) as h5:
+            parts = PartList(h5, path)
+            if parts.run_id != self._run_id:
+                raise InputError(f"{path}: was replaced by another run since it was loaded: load it again")
+            with reading(path):
+                values = parts.read(h5[self._name], selection)
+            parts.check_present()
+        return values
+
+    def __len__(self):
+        return self.shape[0]
+
+    def __array__(self, dtype=None, copy=None):
+        return np.asarray(self[...], dtype=dtype)
+
+    def __repr__(self):
+        return f"<{self._name} {self.shape} {self.dtype} in {self._path.name}>"
+
+
+class Attributes(dict):
+    """Attributes of a result; asking for one that is missing is an InputError that names the file."""
+
+    def __init__(self, path, values):
+        super().__init__(values)
+        self.path = path
+
+    def __missing__(self, name):
+        near = difflib.get_close_matches(name, self, n=1, cutoff=0.8)
+        remedy = f"did you mean {near[0]}?" if near else "make the file again"
+        raise InputError(f"{self.path}: attribute {name} is missing: {remedy}")
+
+
+class Result(Mapping):
+    """A result: `attributes` (how it came about), and a mapping of dataset names to numpy arrays.
+
+    path      its file; of a result in memory words that stand for it in messages: "sweep in memory"
+    packing   Disks that the result is of, where they were in memory with it; else None
+
+    A file's array is read when it is asked for; `stored(name)` leaves it in the file, to read slices of it. In memory
+    a distributed array is this rank's rows, and `stored(name).rows` says which.
+    """
+
+    def __init__(self, attributes: dict, arrays: dict, path, comm=None):
+        self.attributes, self._arrays, self._comm = Attributes(path, attributes), arrays, comm
+        self.path, self.packing = Path(path), None
+
+    @classmethod
+    def read(cls, h5, path) -> "Result":
+        """The result in an open file; `path` is for messages and later reading."""
+        arrays = {}
+
+        def collect(name, item):
+            if isinstance(item, h5py.Dataset) and not name.startswith(f"{GROUP}/"):
+                arrays[name] = StoredArray(path, name, h5)
+
+        with reading(path):
+            h5.visititems(collect)
+            return cls(attributes(h5), arrays, Path(path).resolve())
+
+    @property
+    def file(self) -> Path | None:
+        """Its file; None in memory."""
+        return self.path if self.path.is_absolute() else None
+
+    def gathered(self) -> "Result":
+        """The same with all rows of distributed arrays on every rank. Collective for a result in memory."""
+        if all(array.axis is None for array in self._arrays.values()):
+            return self
+        arrays = {
+            name: array if array.axis is None else array.gathered(self._comm)
+            for name, array in self._arrays.items()
+        }
+        found = type(self)(self.attributes, arrays, self.path, self._comm)
+        found.packing = self.packing
+        return found
+
+    def save(self, path) -> None:
+        """Write it to a file, which `path` is from then on; an earlier result of its kind there is replaced.
+
+        Collective for a result in memory: every rank writes its rows. Raises as ResultWriter.
+        """
+        with ResultWriter(path, self.format, self._comm) as writer:
+            for name, array in self._arrays.items():
+                if array.axis is None:
+                    writer.dataset(name, array[...])
+                elif array.grown:
+                    for entry in range(len(array)):
+                        writer.append(name, array[entry])
+                else:
+                    writer.distributed(name, array[...], array.axis)
+            writer.attributes(**self.attributes | {"run_id": writer.run_id})
+        self.path = self.attributes.path = Path(path).resolve()
+        self.attributes["run_id"] = writer.run_id
+        if any(
+            isinstance(array, StoredArray) for array in self._arrays.values()
+        ):  # what is in memory stays there
+            with open_file(path) as h5:
+                self._arrays = type(self).read(h5, path)._arrays
+
+    def __repr__(self):
+        held = ", ".join(f"{name} {self._arrays[name].shape}" for name in list(self)[:_SHOWN])
+        more = f" and {len(self) - _SHOWN} more" if len(self) > _SHOWN else ""
+        return f"<{type(self).__name__} {self.path.name}: {held}{more}>"
+
+    def _repr_html_(self):
+        """A table of shapes and attributes for notebooks."""
+        rows = [(name, f"{array.shape} {array.dtype}") for name, array in self._arrays.items()]
+        rows += [(name, _told(value)) for name, value in self.attributes.items()]
+        cells = "".join(f"<tr><td>{html.escape(a)}</td><td>{html.escape(b)}</td></tr>" for a, b in rows)
+        title = html.escape(f"{type(self).__name__} {self.path.name}")
+        return f"<table><caption>{title}</caption>{cells}</table>"
+
+    def __getitem__(self, name):
+        return self.stored(name)[...]
+
+    def stored(self, name) -> StoredArray:
+        """A dataset without reading it. Raises InputError if there is none of this name."""
+        if name not in self._arrays:
+            near = difflib.get_close_matches(name, self._arrays, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"it holds {', '.join(self._arrays) or 'none'}"
+            raise InputError(f"{self.path}: no dataset {name}: {hint}")
+        return self._arrays[name]
+
+    def get(self, name, default=None):
+        """The array of a dataset, or `default` where there is none."""
+        return self[name] if name in self else default
+
+    def __iter__(self):
+        return iter(self._arrays)
+
+    def __len__(self):
+        return len(self._arrays)
+
+    def __contains__(self, name):
+        return name in self._arrays
+
+    @property
+    def format(self) -> str:
+        """What kind of file it is, such as "jampetsc-modes"."""
+        return self.attributes["format"]
+
+    @property
+    def law(self) -> dict:
+        """The damping law and its parameters: {"law": "contact", "beta": 1.0, …}."""
+        return law_of(self.attributes)
+
+
+def _told(value):
+    text = " ".join(str(value).split())
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]} …"

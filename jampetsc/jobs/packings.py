@@ -1,0 +1,109 @@
+"""The packings that a `pack.Pack` asks for, made one after another by one rank, and what is told of them."""
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from jampetsc.errors import ConvergenceError, InputError, JampetscError, named
+from jampetsc.io.packing_file import is_known_as, read_packing, write_packing
+from jampetsc.minimise.protocols import Effort, Target, make_packing
+from jampetsc.petsc import local
+from jampetsc.progress import Progress
+
+
+@dataclass(frozen=True)
+class Task:
+    """One packing to make."""
+
+    path: Path | None  # its file, None in memory
+    seed: int | None  # of its random start, None where a packing is changed
+    target: Target
+
+    @property
+    def asked(self) -> dict:
+        """Entries of its record that say which of all it is."""
+        name = "phi" if self.target.phi else "pressure"
+        seed = {} if self.seed is None else {"seed": self.seed}
+        return {f"requested_{name}": getattr(self.target, name)} | seed
+
+
+def is_there(path, wanted, overwrite=False, source=None) -> bool:
+    """Whether the packing that is wanted, by entries of its record, is at a path already.
+
+    source   the packing that was changed, which files of older versions know by its bytes
+
+    Raises InputError if that holds something else that is not to be replaced.
+    """
+    if path is None or not path.exists():
+        return False
+    found = read_packing(path).record
+    for name, value in wanted.items():
+        older = name == "source_sha256" and isinstance(source, str) and is_known_as(source, found.get(name))
+        if found.get(name) != value and not older:
+            if overwrite:
+                return False
+            raise InputError(
+                f"{path}: is there already with {name} = {found.get(name)}, not {value}: "
+                f"choose another {named('out')}, or give {named('overwrite')} to replace it"
+            )
+    return True
+
+
+def make(tasks, start, team, rank) -> dict:
+    """{number: (disks or None where a file has them, what is told), or a JampetscError} of [(number, task, record)]."""
+    solver, found = local.NewtonSolver(), {}
+    with Progress(len(tasks), "packings", rank) as progress:
+        for number, task, record in tasks:
+            began = time.perf_counter()
+            effort = Effort(report=lambda e: progress.show(f"{e.stage}, max|F|/p = {e.residual:.0e}"))
+            try:
+                fresh = task.seed is not None
+                disks = make_packing(start(task), task.target, solver, fresh=fresh, team=team, effort=effort)
+                disks = disks.with_record(**record)
+                if task.path is not None:
+                    write_packing(task.path, disks)
+            except ConvergenceError as error:
+                remedy = f"use another {named('seed')}, or a larger {named('tolerance')}"
+                found[number] = ConvergenceError(f"{error.args[0]}: {remedy}")
+                continue
+            except JampetscError as error:
+                found[number] = error
+                continue
+            told = _told(task.path or "in memory", disks, time.perf_counter() - began)
+            found[number] = (disks if task.path is None else None), told
+            if len(tasks) > 1:
+                progress.step(told)
+    return found
+
+
+def raise_failures(failures, tasks) -> None:
+    """Raise the error of one packing, or say which of several failed and why."""
+    if len(tasks) == 1:
+        raise failures[0]
+    told = [f"{tasks[i].path or f'packing {i + 1}'}: {error.args[0]}" for i, error in failures.items()]
+    others = ", the others are on disk" if tasks[0].path else ""
+    raise ConvergenceError(f"{len(failures)} of {len(tasks)} packings failed{others}: {'; '.join(told)}")
+
+
+def summary(tasks, made, ranks) -> str:
+    """What a user wants to read: the packings made, and what was there or had nothing to do."""
+    lines = []
+    if len(made) < len(tasks):
+        lines.append(f"{len(tasks) - len(made)} of {len(tasks)} packings are there already")
+    if 0 < len(made) < ranks:
+        idle = ranks - len(made)
+        lines.append(f"one rank makes a packing: {idle} of {ranks} ranks had nothing to do")
+    return "\n".join([*lines, *made.values()])
+
+
+def _told(name, disks, seconds) -> str:
+    """A line about a packing, and one more where rounding forbids its tolerance."""
+    record = disks.record
+    residual = record["max_force"] / (record["pressure"] * 2.0 * float(disks.radii.mean()))
+    note = f"\n  max|F|/(p d) = {residual:.1e} is what rounding leaves, more than the tolerance {record['tolerance']:g}"
+    return (
+        f"{name}: N = {disks.n}, p = {record['pressure']:.6g}, phi = {record['phi']:.6f}, "
+        f"Z = {record['coordination']:.4f}, "
+        f"{record['rattlers']} rattlers, max|F|/p = {record['max_force'] / record['pressure']:.1e}, "
+        f"{record['evaluations']} force evaluations, {seconds:.2f} s{note * bool(residual > record['tolerance'])}"
+    )
