@@ -18,6 +18,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from jampetsc.collective import agreed
+from jampetsc.mechanics.matrices import whole_matrix
 from jampetsc.oscillation.cycle import Cycle
 from jampetsc.oscillation.equations import Contacts
 from jampetsc.petsc.cholesky import Cholesky, NotPositiveDefinite
@@ -38,16 +39,13 @@ class HarmonicPreconditioner:
         self._shares = [slice(*pair) for pair in itertools.pairwise(ends)]
         self._mine = self._shares[comm.rank]
 
-        indptr, columns, values = pencil.K.getValuesCSR()
-        parts = comm.allgather((np.diff(indptr), columns, values.real))
-        lengths, columns, values = (np.concatenate(part) for part in zip(*parts, strict=True))
-        indptr, size = np.append(0, np.cumsum(lengths)), len(lengths)
-        self._K = csr_array((values, columns, indptr), shape=(size, size))
-        keys = np.repeat(np.arange(size), lengths) * size + columns
-        felt, self._products = contacts.products()
+        self._K = K = whole_matrix(pencil.K)
+        size = K.shape[0]
+        self._rows = np.repeat(np.arange(size), np.diff(K.indptr))
+        keys = self._rows * size + K.indices
+        felt, self._squares = contacts.squares()
         self._places = np.searchsorted(keys, felt[:, :, None] * size + felt[:, None, :])
         self._diagonal = np.searchsorted(keys, np.arange(size) * (size + 1))
-        self._rows = np.repeat(np.arange(size), lengths)
         k_gamma = np.concatenate(comm.allgather(pencil.k_gamma.getArray().real)) / contacts.length
         self._border_K = np.append(k_gamma, pencil.k_gg / contacts.length**2)
 
@@ -65,7 +63,7 @@ class HarmonicPreconditioner:
         """
         contacts = self._contacts
         weights = stiffness * contacts.roots**2
-        local = weights.reshape(-1, 1, 1) * self._products
+        local = weights.reshape(-1, 1, 1) * self._squares
         data = np.bincount(self._places.ravel(), local.ravel(), minlength=self._K.nnz)
         self._B = csr_array(
             (contacts.network.sum(data), self._K.indices, self._K.indptr), shape=self._K.shape

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 
 from jampetsc.errors import ConvergenceError, named
 from jampetsc.oscillation.moving import MovingContacts
-from jampetsc.oscillation.stage import STAGE, WEIGHTS, Imposed, Instant
+from jampetsc.oscillation.response import Imposed
+from jampetsc.oscillation.stage import STAGE, WEIGHTS, StageEnd
 
 FINEST = 30  # halvings of a step; no motion of a contact is so sudden
 ROOM = 0.1  # of the error that is allowed: a step with less is followed by one of twice its length, 8 times as far off
@@ -27,12 +28,12 @@ class Step:
 
     begin: float  # time
     length: float
-    instants: list[Instant]  # at the ends of its stages
+    ends: list[StageEnd]
 
     def stages(self):
-        """(time, its share of the step times the length, Instant) of each."""
-        for part, weight, instant in zip((STAGE, 1.0), WEIGHTS, self.instants, strict=True):
-            yield self.begin + part * self.length, weight * self.length, instant
+        """(time, its share of the step times the length, StageEnd) of each."""
+        for part, weight, end in zip((STAGE, 1.0), WEIGHTS, self.ends, strict=True):
+            yield self.begin + part * self.length, weight * self.length, end
 
 
 class Steps:
@@ -64,10 +65,10 @@ class Steps:
     def _take(self, step, allowed) -> float:
         """What the step is off by, and infinity where it fails; it is taken back where that is more than allowed."""
         motion, last = self._motion, self._halvings == FINEST
-        motion.pace(step.length)
-        ends = [step.begin + part * step.length for part in (STAGE, 1.0)]
+        motion.set_length(step.length)
+        imposed = [self._imposed(step.begin + part * step.length) for part in (STAGE, 1.0)]
         try:
-            step.instants.extend(motion.follow([self._imposed(time) for time in ends]))
+            step.ends.extend(motion.advance(imposed))
         except ConvergenceError:
             if last:
                 raise
@@ -78,9 +79,7 @@ class Steps:
         off = max(abs(fed - motion.gained) - motion.rounding, 0.0)
         if off > allowed:
             if last:
-                remedy = (
-                    f"less {named('stress')}" if self._imposed(ends[-1]).free else f"more {named('steps')}"
-                )
+                remedy = f"less {named('stress')}" if imposed[-1].free else f"more {named('steps')}"
                 raise ConvergenceError(
                     f"energy is lost in the shortest step of a cycle, {off / allowed:.1e} times what one may, as where "
                     f"nothing holds the packing: give {remedy}"
