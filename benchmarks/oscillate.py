@@ -100,7 +100,7 @@ def main():
     )
 
     equations = Equations(compatibility, oscillation.power.coefficient, args.alpha, args.omega, args.stress)
-    first = oscillation.start(Drive(args.omega, args.stress, stress_controlled=True))
+    first = oscillation.equivalent(Drive(args.omega, args.stress, stress_controlled=True))[0].waves
     kept = np.append(equations.free, first.shape[1] - 1)
     Q, v = (first[0] / (1j * args.omega)).real[kept], first[0].real[kept]
     equations.prepare(v)

@@ -14,6 +14,7 @@ import numpy as np
 
 from jampetsc.core.forms import linear_forms
 from jampetsc.core.laws import Law
+from jampetsc.mechanics.compatibility import stacked
 from jampetsc.minimise.hessian import Bonds
 from jampetsc.oscillation.powerlaw import PowerLaw
 
@@ -90,9 +91,7 @@ def motion_rows(bonds: Bonds, rims, dofs: int, chosen=slice(None)):
     """`linear_forms` of the chosen bonds as (M, forms, 2 dofs), and what a strain adds, (M, forms)."""
     i, j = bonds.pairs.i[chosen], bonds.pairs.j[chosen]
     ends = (rims[i], rims[j]) if dofs == 3 else None
-    forms = linear_forms(bonds.normal[:, chosen].T, bonds.r[1, chosen], ends)
-    rows = np.stack([np.hstack((on_i, on_j)) for on_i, on_j, _ in forms], axis=1)
-    return rows, np.stack([on_gamma for *_, on_gamma in forms], axis=1)
+    return stacked(linear_forms(bonds.normal[:, chosen].T, bonds.r[1, chosen], ends))
 
 
 def gathered(ends, i, j, n: int):

@@ -49,12 +49,11 @@ class HarmonicPreconditioner:
         k_gamma = np.concatenate(comm.allgather(pencil.k_gamma.getArray().real)) / contacts.length
         self._border_K = np.append(k_gamma, pencil.k_gg / contacts.length**2)
 
-        self._level_of, levels = [], []
+        self._factor_of = []  # of each of this rank's harmonics
         for Omega in cycle.frequencies[self._mine]:
-            if not levels or Omega > SHARED * levels[-1]:
-                levels.append(Omega)
-            self._level_of.append(len(levels) - 1)
-        self._levels = [_Level(self._K, Omega) for Omega in levels]
+            near = self._factor_of and Omega <= SHARED * self._factor_of[-1].Omega
+            self._factor_of.append(self._factor_of[-1] if near else _Factor(K, Omega))
+        self._factors = list(dict.fromkeys(self._factor_of))
 
     def update(self, stiffness):
         """Factorise for mean stiffness (contacts, damped) of the damping.
@@ -73,10 +72,10 @@ class HarmonicPreconditioner:
         forces, corner = contacts.forces((tensions.ravel() * contacts.g)[None])
         self._border_B = np.append(np.concatenate(contacts.network.comm.allgather(forces[0])), corner)
         with agreed(contacts.network.comm):
-            for level in self._levels:
-                data = self._K.data / level.Omega + self._B.data
-                border = self._border_K / level.Omega + self._border_B if self._bordered else None
-                level.factorise(data, data[self._diagonal], self._rows, border)
+            for factor in self._factors:
+                data = self._K.data / factor.Omega + self._B.data
+                border = self._border_K / factor.Omega + self._border_B if self._bordered else None
+                factor.factorise(data, data[self._diagonal], self._rows, border)
 
     def apply(self, v, rate):
         """Approximate solution (m, unknowns), (m,) for right-hand sides of these shapes, rate on all ranks."""
@@ -101,18 +100,16 @@ class HarmonicPreconditioner:
         return u - y + 1j * y
 
     def _inverse(self, right):
-        solution = np.zeros_like(right)
-        for at, one, out in zip(self._level_of, right, solution, strict=True):
-            out[:] = self._levels[at].solve(one)
-        return solution
+        solved = [factor.solve(one) for factor, one in zip(self._factor_of, right, strict=True)]
+        return np.array(solved).reshape(right.shape)
 
     def destroy(self):
         """Free the factors."""
-        for level in self._levels:
-            level.destroy()
+        for factor in self._factors:
+            factor.destroy()
 
 
-class _Level:
+class _Factor:
     """H = K/Ω + B̄ with its border, factorised, scaled to a unit diagonal; of one rank."""
 
     def __init__(self, pattern, Omega: float):

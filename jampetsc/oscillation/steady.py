@@ -54,7 +54,7 @@ class SteadyOscillation:
 
         Raises ConvergenceError where Newton's method fails.
         """
-        first, stress = self._equivalent(drive)
+        first, stress = self.equivalent(drive)
         squares = np.array([np.sum(first.z**2), first.z.shape[0] * first.z.shape[1]])
         total, count = self.network.sum(squares)
         speed = float(np.sqrt(total / count))
@@ -119,8 +119,8 @@ class SteadyOscillation:
         forced = (strain * k * self.rho0 / self.power.coefficient) ** (1.0 / self.law.exponent)
         return run.strain, min(drive.omega * run.strain * self.rho0, forced)
 
-    def _equivalent(self, drive) -> tuple["_Run", float]:
-        """With linear damping that dissipates as much at the amplitude BT assume, and the stress there is."""
+    def equivalent(self, drive: Drive) -> tuple["_Run", float]:
+        """Under linear damping that dissipates as much at the amplitude BT assume, and the stress there is."""
         law, k, scaled = self.law, self.network.k, drive.omega * self.law.tau1
         stress = drive.amplitude  # in k
         for _ in range(1 if drive.stress_controlled or law.exponent == 1.0 else 4):
