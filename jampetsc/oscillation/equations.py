@@ -57,12 +57,18 @@ class Contacts:
         """On the unknowns, (m, unknowns), and on the strain, (m,) the same on all ranks, of tensions (m, rows)."""
         return self._product("transposeMatMult", tensions), self.network.sum(tensions @ self.g)
 
-    def squares(self):
-        """Of each damped row of C: the unknowns it feels (rows, e), and the products of its entries (rows, e, e)."""
+    def squares(self, g):
+        """Of each damped row of (C, g): the unknowns it feels (rows, e), γL the last, and the products of its entries.
+
+        These are (rows, e, e).
+        """
         _, columns, values = self.compatibility.C.getValuesCSR()
         rows = (np.arange(self.count)[:, None] * self.forms + self.damped).ravel()
-        entries = 2 * self.compatibility.pencil.law.dofs
-        felt, values = (part.reshape(self.rows, entries)[rows] for part in (columns, values))
+        pencil = self.compatibility.pencil
+        felt, values = (
+            np.column_stack((part.reshape(self.rows, 2 * pencil.law.dofs), strain))[rows]
+            for part, strain in ((columns, np.full(self.rows, pencil.unknowns)), (values.real, g))
+        )
         return felt, values[:, :, None] * values[:, None, :]
 
     def damping_motions(self, a):
