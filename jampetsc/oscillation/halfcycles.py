@@ -10,8 +10,8 @@ and where they do so without turning around each other, the derivative of Φ lie
 (Anderson; Walker & Ni, SIAM J. Numer. Anal. 49, 1715 (2011)) makes it five to ten times. Repeating cycles as they come
 would keep whatever sticks.
 
-Every oscillation has its own units, time 1/ω, the strain there is and the larger of elastic and damping forces: with
-ωτ₁ ∝ X^(1/α) numbers of any size, nothing in it is large or small.
+Frequencies ωτ₁ ∝ X^(1/α), X the ratio of damping to elastic forces, span hundreds of powers of ten. Every oscillation
+is therefore solved in its own units: time 1/ω, the amplitude of the strain, the larger of elastic and damping forces.
 
 Two runs, the second from where the first has ended: half of the steps, then all of them.
 """
@@ -26,7 +26,6 @@ from jampetsc.mechanics.network import Network
 from jampetsc.oscillation.dashpots import LINEAR_BELOW, Damping
 from jampetsc.oscillation.fixed import FixedSprings
 from jampetsc.oscillation.powerlaw import PowerLaw
-from jampetsc.oscillation.preconditioner import PREFIX
 from jampetsc.oscillation.response import Drive, Moduli, Response
 from jampetsc.oscillation.stage import STAGE, TOLERANCE, WEIGHTS, Stages
 from jampetsc.oscillation.start import Start
@@ -50,14 +49,14 @@ class Stepped(Response):
 
 @dataclass(frozen=True)
 class _Units:
-    """Of one oscillation, time being 1/ω: of strains and displacements, and of stiffness; and what has them."""
+    """Units of one oscillation, time being 1/ω, and its constants in them."""
 
-    strain: float
-    stiffness: float
-    work: float  # per area
-    k: float
-    c: float  # coefficient of the law
-    amplitude: float  # of what is imposed
+    strain: float  # unit, of displacements too
+    stiffness: float  # unit
+    work: float  # unit, per area
+    k: float  # stiffness of a contact, in that unit
+    c: float  # coefficient of the power law
+    amplitude: float  # of the drive
 
     @classmethod
     def of(cls, law: Law, rho0: float, k: float, drive: Drive, log_strain: float) -> "_Units":
@@ -107,11 +106,11 @@ class _Motion:
         self.drive = replace(drive, omega=1.0, amplitude=self.units.amplitude)
         self._damping = Damping.of(law, self._power, rho0)
         self.springs = FixedSprings(network, law, self.units.k, self._damping)
-        self.matrix = StepMatrix(PREFIX, self.springs)
+        self.matrix = StepMatrix(self.springs)
         self.iterations = 0
 
     def moves_at(self, speed: float):
-        """Contacts are linear where they are much slower than this typical |z|."""
+        """From now on contacts are linear where they are much slower than this typical |z|."""
         self._damping = Damping.of(self._law, self._power, speed)
         self.springs.damp(self._damping)
 
@@ -151,7 +150,7 @@ class _Motion:
         )
 
     def _measured(self, end):
-        """What answers, power dissipated, what more would be if contacts were softer, power left, Σ|z|²."""
+        """Response, power dissipated, how much more if contacts were softer, power of unbalanced forces, Σ|z|²."""
         softer = np.sum(self._power.forces(end.z, 0.5 * self._damping.floor) * end.z) - end.power
         response = end.gamma if self.drive.stress_controlled else end.stress
         return response, end.power, softer, end.unbalanced, np.sum(end.z**2)
@@ -186,7 +185,7 @@ class _Repeated:
         return np.sqrt(max(sizes, 0.0)) / (springs.area * moduli.strain**2) + strained
 
     def _mixed(self, starts, lefts):
-        """Where to begin next: the affine combination of what was tried that leaves least, and ⅔ of that less."""
+        """The next start: the affine combination of those tried that leaves least of Q + Φ(Q), less ⅔ of that."""
         changes = lefts[-1] - lefts[:-1]
         forces = np.array([self._motion.springs.times_K(change) for change in changes]).reshape(changes.shape)
         shares = np.linalg.lstsq(forces @ changes.T, forces @ lefts[-1], rcond=1e-10)[0]

@@ -6,7 +6,8 @@ F = [[1, g], [0, 1]]; their non-affine velocity in the laboratory is u = F ȯ. F
     ∂R/∂u = f(o, γ) ,     ∂R/∂γ̇ = σV − ∂U/∂γ   where the stress σ is imposed and the strain free,
 
 f = −∂U/∂r in full, R(u, γ̇) the dissipation potential of the contacts there are (see `powerlaw`); where damping is
-linear ∂R/∂u = B u + b γ̇. `stage` solves for a step; here are the springs, and the motion that steps add up to.
+linear ∂R/∂u = B u + b γ̇. `stage` solves for a step. Here are forces and energy of the springs, and the state of the
+packing between steps.
 """
 
 import numpy as np
@@ -35,7 +36,7 @@ class MovingContacts(ListedDisks):
     u: (N, dofs) velocities, and spins times the mean diameter
     """
 
-    def __init__(self, disks: Disks, law: Law, step: float, scale: float, prefix: str, speed=0.0, gamma=0.0):
+    def __init__(self, disks: Disks, law: Law, step: float, scale: float, speed=0.0, gamma=0.0):
         self.step, self.gamma, self.rate = step, gamma, 0.0
         super().__init__(disks)
         potential = self._potential = disks.potential
@@ -48,7 +49,7 @@ class MovingContacts(ListedDisks):
         self._damping = Damping.of(law, PowerLaw.of(law, float(potential.k), self.diameter), speed)
         self.u = np.zeros((disks.n, law.dofs))
         self.gained = 0.0  # energy of springs, in the last step
-        self.matrix = StepMatrix(prefix, self)
+        self.matrix = StepMatrix(self)
         self.stages = Stages(self, self.matrix, STAGE * step, scale)
 
     def list(self, disks):

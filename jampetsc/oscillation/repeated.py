@@ -4,8 +4,8 @@ What is imposed is ∝ sin ωt, from the steady oscillation with fixed contacts,
 exponents ω may be any power of ten. Under stress the strain may creep from cycle to cycle; that ramp is no part of the
 harmonics. Work is ∮σdγ of what is imposed and answers, so πG''γ₁².
 
-Steps are cut where they lose too much energy (see `steps`). Harmonics are integrals by the same quadrature: where the
-strain is imposed a cycle is off by the sum of what its steps are.
+Steps are cut where they lose too much energy (see `steps`). Harmonics are integrals by the same quadrature, so where
+the strain is imposed the error of a cycle is the sum of those of its steps.
 
 Two runs, the second from where the first has ended: half of the steps, then all of them. Their difference estimates
 the error of the steps; what the last cycles still changed, as a geometric series goes on, that of the repetitions.
@@ -19,7 +19,6 @@ from jampetsc.core.disks import Disks
 from jampetsc.core.laws import Law
 from jampetsc.errors import ConvergenceError, named
 from jampetsc.oscillation.moving import MovingContacts
-from jampetsc.oscillation.preconditioner import PREFIX
 from jampetsc.oscillation.response import Moduli, Response
 from jampetsc.oscillation.start import Start
 from jampetsc.oscillation.steps import Steps
@@ -95,7 +94,7 @@ class Cycles:
         unit = float(disks.potential.k) if drive.stress_controlled else 1.0
         self.count, self.drive = steps, replace(drive, omega=1.0, amplitude=unit * drive.amplitude)
         scaled = replace(law, tau1=drive.omega * law.tau1)
-        self.motion = MovingContacts(disks, scaled, PERIOD / steps, start.strain, PREFIX, start.speed, gamma)
+        self.motion = MovingContacts(disks, scaled, PERIOD / steps, start.strain, start.speed, gamma)
         self.steps = Steps(self.motion, self.drive.at)
         self._lost = LOST / steps**3 * np.pi * self.motion.area  # over |G*|γ₁²
         self._stored = start.modulus * start.strain**2  # |G*|γ₁² of the last cycle

@@ -1,4 +1,4 @@
-"""What drives an oscillation, a sine of stress or strain, and what answers to it: G*, harmonics, work."""
+"""The sine of stress or strain that drives an oscillation, and the response to it: G*, harmonics, work."""
 
 from dataclasses import dataclass, fields
 from typing import NamedTuple
@@ -23,7 +23,7 @@ class Imposed:
 
 
 class Moduli(NamedTuple):
-    """One cycle of what answers to a drive, in the units of that drive."""
+    """Of one cycle, in the units of its drive."""
 
     G: complex
     harmonics: np.ndarray  # (2,) complex: third and fifth over the first

@@ -1,16 +1,16 @@
 """A step in time without inertia, in two implicit stages, each solved by Newton's method.
 
-A stage is backward Euler over h from some places and strain, whatever holds the disks. Over the displacements w = h u,
-where the law has them turns hΩ of disks, and the growth s of a free strain it minimises
+A stage is backward Euler over a time h. It minimises, over the displacements w = h u of the disks, their rotations hΩ
+where the law has them, and the growth s of the strain where a stress is imposed,
 
     U(w, γ + s) − σV s + h R(w/h, s/h) ,
 
-U of the springs that it is given, R that of their dashpots. These are those where the stage begins, or where the last
-velocities would lead: if dashpots came and went during the search, there might be no minimum. Newton's method takes the
-Hessian of that, and keeps a factor as long as it serves.
+U the energy of the springs, R the dissipation potential of the dashpots. The set of dashpots is fixed during a stage:
+if they came and went, there might be no minimum. It is that of the contacts at the beginning of the stage, or at the
+places to which the last velocities lead. Newton's method keeps a factor of the Hessian as long as it serves.
 
-A step has two equal stages, L-stable and of second order (Alexander, SIAM J. Numer. Anal. 14, 1006 (1977)): stiff
-motions are damped however long it is.
+A step has two stages of equal length; this method is L-stable, so that stiff motions are damped however long a step is,
+and of second order (Alexander, SIAM J. Numer. Anal. 14, 1006 (1977)).
 """
 
 from dataclasses import dataclass
@@ -243,7 +243,7 @@ class Stages:
         return NOISE * self.unit + TOLERANCE * np.abs(now.f).max(initial=0.0) + moved
 
     def _dashpots(self, problem, q, last) -> Dashpots:
-        """Of contacts here, or where the last velocities lead: whichever leave less of the forces there."""
+        """Those of the contacts here or of those where the last velocities lead, whichever leave the smaller forces."""
         ahead = np.append(
             self.h * last[0], self.h * last[1] * problem.length if problem.imposed.free else 0.0
         )

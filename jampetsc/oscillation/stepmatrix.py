@@ -9,6 +9,7 @@ import numpy as np
 from jampetsc.core.state import both_ends, find_rattlers
 from jampetsc.minimise.hessian import Bonds, Pattern
 from jampetsc.oscillation.dashpots import Dashpots, gathered, motion_rows
+from jampetsc.oscillation.preconditioner import PREFIX
 from jampetsc.petsc.local import NewtonSolver
 
 # of k or, in a short step, of what is stiffest: least μ on the diagonal, for what nothing holds, which rounding would
@@ -23,8 +24,8 @@ class StepMatrix:
     factorisations: so far; pairs: the list whose pattern it has
     """
 
-    def __init__(self, prefix: str, springs):
-        self._solver = NewtonSolver(prefix, "the matrix of a time step", proves=False)
+    def __init__(self, springs):
+        self._solver = NewtonSolver(PREFIX, "the matrix of a time step", proves=False)
         self._springs, self._length, self._mu = springs, float(np.sqrt(springs.area)), 0.0
         self.factorisations, self.pairs = 0, None
 

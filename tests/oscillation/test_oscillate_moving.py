@@ -19,7 +19,6 @@ from jampetsc.flows.shearing import Shear
 from jampetsc.minimise.hessian import Bonds
 from jampetsc.oscillation import dashpots, repeated, stage, steps
 from jampetsc.oscillation.moving import MovingContacts
-from jampetsc.oscillation.powerlaw import PowerLaw
 from jampetsc.oscillation.repeated import START_STEPS, left_to_change, repeat_cycles
 from jampetsc.oscillation.response import Drive, Imposed, Moduli
 from jampetsc.oscillation.stage import STAGE
@@ -109,7 +108,7 @@ def test_against_integration_in_time(alpha, omega, imposed):
     Q, stress = exact.until(end)
     assert len(exact.counts) >= 3
     strain = imposed.get("strain", 3e-3)
-    motion = MovingContacts(published(), law.law, end / steps, strain, "osc_factor_", omega * strain)
+    motion = MovingContacts(published(), law.law, end / steps, strain, omega * strain)
     for n in range(steps):
         phase = omega * motion.step * (n + np.array([STAGE, 1.0]))
         if "stress" in imposed:
@@ -152,20 +151,6 @@ def test_what_newtons_method_leaves_of_the_forces_does_not_matter(monkeypatch):
     usual = shaken(0.1, 2e-3, 16, 1, rotations=False).G
     monkeypatch.setattr(stage, "TOLERANCE", 1e-12)
     assert abs(shaken.__wrapped__(0.1, 2e-3, 16, 1, rotations=False).G - usual) < 1e-9 * abs(usual)
-
-
-@pytest.mark.parametrize("alpha", [0.1, 0.5, 1.0, 1.7])
-def test_stiffness_is_the_derivative_of_the_force(alpha):
-    """And positive definite whatever force is predicted."""
-    rng = np.random.default_rng(1)
-    law, z, dz, floor = PowerLaw(alpha, 1.3), *rng.normal(size=(2, 20, 2)), 0.1
-    change = (law.forces(z + 1e-6 * dz, floor) - law.forces(z - 1e-6 * dz, floor)) / 2e-6
-    exact = law.stiffness(z, law.forces(z, floor), floor)
-    np.testing.assert_allclose(np.einsum("cab,cb->ca", exact, dz), change, rtol=1e-6, atol=1e-8)
-    for f in (np.zeros_like(z), 10.0 * rng.normal(size=z.shape)):
-        predicted = law.stiffness(z, f, floor)
-        np.testing.assert_array_equal(predicted, np.swapaxes(predicted, 1, 2))
-        assert np.linalg.eigvalsh(predicted).min() > 0.0
 
 
 def test_rattlers_do_not_matter_where_they_touch_nothing():
@@ -243,7 +228,7 @@ def test_order_of_the_steps():
 def test_forces_balance_after_a_step(rotations):
     """Elastic and viscous forces of the compiled pair loop, at a state in which some contacts have opened."""
     law, strain = physics(rotations=rotations).law, 1e-2
-    motion = MovingContacts(published(), law, 0.02, strain, "osc_factor_")
+    motion = MovingContacts(published(), law, 0.02, strain)
     for step in range(40):
         strained(motion, strain * 0.02 * np.array([step + 0.3, step + 1.0]), np.full(2, strain))
     disks = motion.disks
@@ -260,7 +245,7 @@ def test_forces_balance_after_a_step(rotations):
 
 def sheared(disks, law, strain, steps, step=1.0):
     """`disks` after a steady shear in so many steps of this duration."""
-    motion = MovingContacts(disks, law, step, 1e-3, "osc_factor_")
+    motion = MovingContacts(disks, law, step, 1e-3)
     for n in range(steps):
         strained(motion, strain / steps * np.array([n + STAGE, n + 1.0]), np.full(2, strain / steps / step))
     motion.matrix.destroy()
@@ -350,7 +335,7 @@ def test_steps_that_are_too_long_are_refused(monkeypatch):
 def test_short_steps_do_not_carry_all_disks_away(step, rotations):
     """Nothing holds them together: of forces that are rounded they would go as far as disks move towards each other."""
     law = physics(rotations=rotations).law
-    motion = MovingContacts(published(), law, step, 1e-3, "osc_factor_")
+    motion = MovingContacts(published(), law, step, 1e-3)
     motion.displace(1e-4 * np.random.default_rng(1).normal(size=(16, 2)), np.zeros((16, law.dofs)), 0.0, 0.0)
     before = motion.offsets
     strained(motion, (0.0, 0.0), (0.0, 0.0))
@@ -414,7 +399,7 @@ def test_steps_are_cut_where_disks_rearrange():
 def test_energy_of_a_change(kind):
     """As the difference of energies, but for rounding; of a small change to the last digits."""
     rng = np.random.default_rng(1)
-    motion = MovingContacts(published(kind), physics().law, 1.0, 1e-3, "osc_factor_")
+    motion = MovingContacts(published(kind), physics().law, 1.0, 1e-3)
     x = rng.normal(size=(16, 2))
     still = motion.at(np.zeros((16, 2)), np.zeros((16, 2)), 0.0)
 
@@ -435,7 +420,7 @@ def test_energy_of_a_change(kind):
 def test_curved_steps_follow_the_forces():
     """Their curvature is the second derivative of the forces of springs along a straight step."""
     rng = np.random.default_rng(1)
-    motion = MovingContacts(published(), physics().law, 1.0, 1e-3, "osc_factor_")
+    motion = MovingContacts(published(), physics().law, 1.0, 1e-3)
     x, growth = rng.normal(size=(16, 2)), 0.7
     still, h = np.zeros((16, 2)), 1e-5
     pulls = [motion.forces(motion.at(still, t * x, t * growth)) for t in (-h, 0.0, h)]
@@ -572,7 +557,7 @@ def moved(motion):
 
 def test_a_step_is_taken_back_whole():
     """Places, velocities, strain and rate; and the same step then leads to the same place."""
-    motion = MovingContacts(published(), physics(rotations=False).law, 1.0, 1e-3, "osc_factor_")
+    motion = MovingContacts(published(), physics(rotations=False).law, 1.0, 1e-3)
     imposed = [[Imposed(stress=1e-5 * n * part) for part in (STAGE, 1.0)] for n in (1, 2)]
     motion.advance(imposed[0])
     before = moved(motion)
@@ -592,7 +577,7 @@ def test_steps_of_another_length_end_where_those_of_that_length_do():
     """The factor at hand is one of the old length; a new motion has none."""
     found = []
     for first in (1.0, 0.25):
-        motion = MovingContacts(published(), physics(rotations=False).law, first, 1e-3, "osc_factor_")
+        motion = MovingContacts(published(), physics(rotations=False).law, first, 1e-3)
         strained(motion, np.zeros(2), np.zeros(2))
         motion.set_length(0.25)
         strained(motion, 1e-3 * np.array([STAGE, 1.0]), np.full(2, 4e-3))
@@ -607,7 +592,7 @@ def test_steps_of_another_length_end_where_those_of_that_length_do():
 def test_what_to_do_about_forces_that_are_not_balanced(monkeypatch, stress):
     """Less stress, where one is imposed."""
     monkeypatch.setattr(stage, "ITERATIONS", 1)
-    motion = MovingContacts(published(), physics(rotations=False).law, 1.0, 1e-3, "osc_factor_")
+    motion = MovingContacts(published(), physics(rotations=False).law, 1.0, 1e-3)
     imposed = [Imposed(stress=1e-3)] * 2 if stress else [Imposed(1e-2, 1e-2)] * 2
     with pytest.raises(
         ConvergenceError, match=r"after 1 of Newton's steps, .* is left: give more steps"
@@ -619,7 +604,7 @@ def test_what_to_do_about_forces_that_are_not_balanced(monkeypatch, stress):
 
 def test_disks_that_move_too_far_for_any_list():
     """A step so long is refused, and the motion goes on from where it was."""
-    motion = MovingContacts(published(), physics(rotations=False).law, 1.0, 1.0, "osc_factor_")
+    motion = MovingContacts(published(), physics(rotations=False).law, 1.0, 1.0)
     before = moved(motion)
     with pytest.raises(ConvergenceError, match="disks move too far in one step: give more steps"):
         strained(motion, np.array([30.0, 100.0]), np.full(2, 100.0))
@@ -627,7 +612,7 @@ def test_disks_that_move_too_far_for_any_list():
         np.testing.assert_array_equal(a, b)
     strained(motion, 1e-4 * np.array([STAGE, 1.0]), np.full(2, 1e-4))
     assert motion.gamma == 1e-4
-    fresh = MovingContacts(published(), physics(rotations=False).law, 1.0, 1.0, "osc_factor_")
+    fresh = MovingContacts(published(), physics(rotations=False).law, 1.0, 1.0)
     strained(fresh, 1e-4 * np.array([STAGE, 1.0]), np.full(2, 1e-4))
     np.testing.assert_allclose(motion.disks.positions, fresh.disks.positions, atol=1e-9)
     assert motion.skin == fresh.skin
@@ -648,7 +633,7 @@ def test_how_far_a_list_reaches_hardly_matters():
     """Pairs that it does not have and that come near are found in time."""
     found = []
     for skin in (1e-3, 0.05, 1.5):
-        motion = MovingContacts(published(), physics(rotations=False).law, 10.0, 1e-2, "osc_factor_")
+        motion = MovingContacts(published(), physics(rotations=False).law, 10.0, 1e-2)
         motion.skin = skin * motion.diameter
         motion.fold()
         for n in range(4):

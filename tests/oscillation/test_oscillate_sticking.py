@@ -154,7 +154,7 @@ def test_springs_are_those_of_slow_shear(options):
     elastic.destroy()
     damping = Damping.of(law.law, PowerLaw(1.0, 1.0), 1.0)
     springs = FixedSprings(network, law.law, 2.0 * network.k, damping)
-    matrix = StepMatrix(halfcycles.PREFIX, springs)
+    matrix = StepMatrix(springs)
     assert springs.shear_modulus(matrix) == pytest.approx(2.0 * exact / network.k, rel=1e-7)
     matrix.destroy()
 
