@@ -81,7 +81,8 @@ def main():
     from jampetsc.mechanics.assembly import assemble
     from jampetsc.mechanics.compatibility import build_compatibility
     from jampetsc.mechanics.network import build_network
-    from jampetsc.oscillation.steady import Point, SteadyOscillation
+    from jampetsc.oscillation.response import Drive
+    from jampetsc.oscillation.steady import SteadyOscillation
     from jampetsc.petsc import session
 
     disks = read_packing(path)
@@ -89,17 +90,17 @@ def main():
     compatibility = build_compatibility(assemble(network, damping_law(exponent=args.alpha)))
     oscillation = SteadyOscillation(compatibility, 2.0 * float(disks.radii.mean()), args.steps)
     begun = time.perf_counter(), time.process_time()
-    found = oscillation.solve(Point(args.omega, args.stress, stress_controlled=True))
+    found = oscillation.solve(Drive(args.omega, args.stress, stress_controlled=True))
     ours = time.perf_counter() - begun[0], time.process_time() - begun[1]
     print(machine())
     print(
         f"jampetsc: {ours[0]:.1f} s ({ours[1]:.1f} s of CPU), {args.steps} steps, G* = {found.G:.6g}, "
-        f"error {found.error / abs(found.G):.0e}, Newton {found.newton}, linear {found.linear}",
+        f"error {found.error / abs(found.G):.0e}, Newton {found.newton_steps}, linear {found.linear_iterations}",
         flush=True,
     )
 
     equations = Equations(compatibility, oscillation.power.coefficient, args.alpha, args.omega, args.stress)
-    first = oscillation.start(Point(args.omega, args.stress, stress_controlled=True))
+    first = oscillation.equivalent(Drive(args.omega, args.stress, stress_controlled=True))[0].waves
     kept = np.append(equations.free, first.shape[1] - 1)
     Q, v = (first[0] / (1j * args.omega)).real[kept], first[0].real[kept]
     equations.prepare(v)

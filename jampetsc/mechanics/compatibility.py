@@ -62,6 +62,12 @@ class Compatibility:
         self.C.destroy()
 
 
+def stacked(forms):
+    """What `linear_forms` gives for M bonds as coefficients on both disks, (M, forms, 2 dofs), and on γ, (M, forms)."""
+    rows = np.stack([np.hstack((on_i, on_j)) for on_i, on_j, _ in forms], axis=1)
+    return rows, np.stack([on_gamma for *_, on_gamma in forms], axis=1)
+
+
 def build_compatibility(pencil: Pencil) -> Compatibility:
     """C of a pencil, with zero columns for its pinned unknowns. Collective."""
     network, law = pencil.network, pencil.law
@@ -71,14 +77,11 @@ def build_compatibility(pencil: Pencil) -> Compatibility:
     m, f, d = len(i), len(forms), law.dofs
     size_K = np.abs(w.real)
     contacts = network.contacts[once]
-    bend = contacts.stiffness * contacts.overlap / contacts.force - 1.0  # α − 2
-    size_K[:, 0] += contacts.stiffness * np.abs(bend) * contacts.sigma / contacts.overlap
+    excess = contacts.stiffness * contacts.overlap / contacts.force - 1.0  # α − 2
+    size_K[:, 0] += contacts.stiffness * np.abs(excess) * contacts.sigma / contacts.overlap
     if network.prestress:
         size_K[:, 1] += contacts.stiffness * contacts.sigma / contacts.distance
-    values = np.empty((m, f, 2 * d))
-    g = np.empty((m, f))
-    for row, (on_i, on_j, on_gamma) in enumerate(forms):
-        values[:, row, :d], values[:, row, d:], g[:, row] = on_i[once], on_j[once], on_gamma[once]
+    values, g = (part[once] for part in stacked(forms))
     columns = np.concatenate((i[:, None] * d + np.arange(d), j[:, None] * d + np.arange(d)), axis=1)
     columns = np.broadcast_to(columns[:, None, :], values.shape)
     values[np.isin(columns, pencil.pins)] = 0.0

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jampetsc.core.laws import Law
-from jampetsc.mechanics.assembly import Pencil, assemble
+from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.minimum import count_modes
 from jampetsc.mechanics.network import Network
 from jampetsc.petsc.inertia import Inertia, count_eigenvalues
@@ -25,9 +25,7 @@ class Examination:
     pins: int  # unknowns held because nothing else holds them
     asymmetry_K: float  # ‖K − Kᵀ‖ / ‖K‖ (Frobenius)
     asymmetry_B: float
-    with_prestress: (
-        Inertia  # of K on the displacements, nothing pinned: two zeros per piece are its translations
-    )
+    with_prestress: Inertia  # of K on the displacements, nothing pinned: two zeros per piece are translations
     without_prestress: Inertia
     damping: Inertia  # of B, pinned unknowns left out
 
@@ -53,28 +51,22 @@ def examine(network: Network, law: Law) -> Examination:
 
     Raises ConvergenceError if a factorisation fails.
     """
-    pencil: Pencil = assemble(network, law)
-    info = pencil.K.getInfo(current().PETSc.Mat.InfoType.GLOBAL_SUM)
+    pencil = assemble(network, law)
     roots = pencil.pieces.roots
     try:
-        facts = Examination(
+        return Examination(
             contacts=network.contact_count,
             unknowns=pencil.unknowns,
             dofs=law.dofs,
-            nonzeros=int(info["nz_used"]),
+            nonzeros=int(pencil.K.getInfo(current().PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]),
             pieces=len(roots),
             gears=int(np.count_nonzero(pencil.pieces.bipartite[roots])),
             pins=len(pencil.pins),
             asymmetry_K=asymmetry(pencil.K),
             asymmetry_B=asymmetry(pencil.B),
-            with_prestress=None,
-            without_prestress=None,
+            with_prestress=count_modes(replace(network, prestress=True)),
+            without_prestress=count_modes(network.unstressed()),
             damping=count_eigenvalues(pencil.B, "B", pencil.pins),
         )
     finally:
         pencil.destroy()
-    return replace(
-        facts,
-        with_prestress=count_modes(replace(network, prestress=True)),
-        without_prestress=count_modes(network.unstressed()),
-    )

@@ -53,7 +53,7 @@ class Matrices:
             return self
         comm = self.K.getComm().tompi4py()
         return Matrices(
-            *(_gathered(comm, getattr(self, name)) for name in SPARSE),
+            *(whole_matrix(getattr(self, name)) for name in SPARSE),
             *(np.concatenate(comm.allgather(getattr(self, name).getArray().real)) for name in VECTORS),
             *(getattr(self, name) for name in (*NUMBERS, *ROWS)),
         )
@@ -107,15 +107,12 @@ def matrices_of(disks: Disks, physics: Physics, comm) -> Matrices:
     )
 
 
-def _gathered(comm, matrix):
-    """All rows of a distributed matrix as csr_array, real."""
-    parts = comm.allgather(matrix.getValuesCSR())
-    before = np.cumsum([0] + [len(columns) for _, columns, _ in parts[:-1]])
-    starts = [start[:-1] + first for (start, _, _), first in zip(parts, before, strict=True)]
+def whole_matrix(matrix):
+    """All rows of a distributed PETSc Mat, real, as csr_array on every rank. Collective."""
+    parts = matrix.getComm().tompi4py().allgather(matrix.getValuesCSR())
+    lengths = np.concatenate([np.diff(starts) for starts, *_ in parts])
     columns, values = (np.concatenate([part[which] for part in parts]) for which in (1, 2))
-    return csr_array(
-        (values.real, columns, np.append(np.concatenate(starts), len(columns))), matrix.getSize()
-    )
+    return csr_array((values.real, columns, np.append(0, np.cumsum(lengths))), shape=matrix.getSize())
 
 
 def files_of(out) -> dict:

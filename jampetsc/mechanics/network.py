@@ -1,8 +1,8 @@
 """The contact network of a packing, spread over the ranks by ranges of disks along a space-filling curve.
 
-Every rank knows the coordinates of all disks (a few MB at N = 1e5), but searches and keeps only the contacts
-that touch its own range. A contact between two ranks is kept by both, each seeing it from its own end, so
-that matrices assemble without communication.
+Every rank knows the coordinates of all disks (a few MB at N = 1e5), but looks for and keeps only the contacts of the
+disks in its own range. A contact between disks of two ranks is kept by both, each seeing it from its own end, so that
+matrices assemble without communication.
 """
 
 from dataclasses import dataclass, replace
@@ -15,13 +15,7 @@ from scipy.sparse.csgraph import connected_components
 from jampetsc.core.disks import Disks
 from jampetsc.core.laws import Law
 from jampetsc.core.neighbours import spatial_order
-from jampetsc.core.state import (
-    Contacts,
-    find_contacts,
-    find_rattlers,
-    force_threshold,
-    virial_pressure,
-)
+from jampetsc.core.state import Contacts, find_contacts, find_rattlers, force_threshold, virial_pressure
 from jampetsc.errors import InputError
 from jampetsc.petsc.session import current
 
@@ -75,11 +69,6 @@ class Network:
         return 2.0 * self.contact_count / self.n if self.n else 0.0
 
 
-def _range(n, rank, size):
-    """First and last + 1 of this rank's share of n items."""
-    return rank * n // size, (rank + 1) * n // size
-
-
 def build_network(disks: Disks, comm, prestress: bool = True) -> Network:
     """The network of a packing that every rank has read, linearised with pre-stress or without. Collective.
 
@@ -88,7 +77,7 @@ def build_network(disks: Disks, comm, prestress: bool = True) -> Network:
     """
     order = spatial_order(disks.positions, disks.cell)
     disks = disks.reordered(order)
-    rows = _range(disks.n, comm.rank, comm.size)
+    rows = tuple((comm.rank + end) * disks.n // comm.size for end in (0, 1))
     every = find_contacts(disks, rows)
     pressure = comm.allreduce(virial_pressure(every.force, every.distance, disks.area)) / 2.0  # two ends each
     threshold = force_threshold(disks, pressure)
@@ -99,20 +88,15 @@ def build_network(disks: Disks, comm, prestress: bool = True) -> Network:
 
     contacts = loaded[~(rattler[loaded.i] | rattler[loaded.j])]
     number = np.cumsum(~rattler) - 1
-    owned = ~rattler[rows[0] : rows[1]]
+    owned = ~rattler[slice(*rows)]
     before = int(np.count_nonzero(~rattler[: rows[0]]))
-    renumbered = Contacts(
-        number[contacts.i],
-        number[contacts.j],
-        *(getattr(contacts, name) for name in ("r", "distance", "overlap", "sigma", "force", "stiffness")),
-    )
     network = Network(
         comm=comm,
         n=int(number[-1]) + 1,
         first=before,
         last=before + int(np.count_nonzero(owned)),
-        particles=order[rows[0] : rows[1]][owned],
-        contacts=renumbered,
+        particles=order[slice(*rows)][owned],
+        contacts=replace(contacts, i=number[contacts.i], j=number[contacts.j]),
         radii=disks.radii[~rattler],
         area=disks.area,
         k=disks.potential.k,

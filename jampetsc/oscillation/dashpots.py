@@ -12,44 +12,40 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.core.disks import Disks
 from jampetsc.core.forms import linear_forms
 from jampetsc.core.laws import Law
+from jampetsc.mechanics.compatibility import stacked
 from jampetsc.minimise.hessian import Bonds
 from jampetsc.oscillation.powerlaw import PowerLaw
 
-REST = 1e-5  # of the typical speed: below it the force of a contact is linear in its velocity
+LINEAR_BELOW = 1e-5  # of the typical speed: there the force of a contact is linear in its velocity
 
 
 @dataclass(frozen=True, eq=False)
 class Damping:
-    """A law as the contacts of one packing have it."""
+    """A law as contacts have it that typically move with this |z|."""
 
     power: PowerLaw
     roots: np.ndarray  # (forms,) square roots of the weights
     floor: float  # |z| below which the force is linear
 
     @classmethod
-    def of(cls, law: Law, disks: Disks, speed: float) -> "Damping":
+    def of(cls, law: Law, power: PowerLaw, speed: float) -> "Damping":
         """speed: typical |z|; nothing depends on it where damping is linear."""
-        unit = float(disks.potential.k) * law.tau1
-        rho0 = 2.0 * float(disks.radii.mean())
-        power = PowerLaw(law.exponent, unit * (rho0 / law.tau1) ** (1.0 - law.exponent))
-        return cls(power, np.sqrt(law.on_contacts), REST * speed)
+        return cls(power, np.sqrt(law.on_contacts), LINEAR_BELOW * speed)
 
 
 class Dashpots:
     """The contacts of some bonds; arrays (contacts, damped) for z and f.
 
-    radii: in the length that turns are multiplied by
+    rims: radii of all disks, in the length that turns are multiplied by
     """
 
-    def __init__(self, bonds: Bonds, radii, damping: Damping, dofs: int):
+    def __init__(self, bonds: Bonds, rims, damping: Damping, dofs: int):
         self.touching = np.flatnonzero(bonds.overlap > 0.0)
         self.i, self.j = bonds.pairs.i[self.touching], bonds.pairs.j[self.touching]
-        self._dofs, self._damping = dofs, damping
-        rims = (radii[self.i], radii[self.j]) if dofs == 3 else None
-        rows, sheared = motion_rows(bonds.normal[:, self.touching].T, bonds.r[1, self.touching], rims)
+        self._damping = damping
+        rows, sheared = motion_rows(bonds, rims, dofs, self.touching)
         damped = np.flatnonzero(damping.roots[: rows.shape[1]])
         roots = damping.roots[damped]
         self._Z, self._sheared = roots[:, None] * rows[:, damped], roots * sheared[:, damped]
@@ -82,20 +78,20 @@ class Dashpots:
 
     def squares(self, tangents):
         """Zᵀ D Z of each contact: on its disks, on them and the strain, on the strain alone."""
-        held = np.einsum("cfg,cgx->cfx", tangents, self._Z)
+        weighted = np.einsum("cfg,cgx->cfx", tangents, self._Z)
         along = np.einsum("cfg,cg->cf", tangents, self._sheared)
         return (
-            np.einsum("cfx,cfy->cxy", self._Z, held),
+            np.einsum("cfx,cfy->cxy", self._Z, weighted),
             np.einsum("cfx,cf->cx", self._Z, along),
             np.einsum("cf,cf->c", self._sheared, along),
         )
 
 
-def motion_rows(normal, r_y, rims):
-    """`linear_forms` as (M, forms, 2 dofs), and what a strain adds, (M, forms)."""
-    forms = linear_forms(normal, r_y, rims)
-    rows = np.stack([np.hstack((on_i, on_j)) for on_i, on_j, _ in forms], axis=1)
-    return rows, np.stack([on_gamma for *_, on_gamma in forms], axis=1)
+def motion_rows(bonds: Bonds, rims, dofs: int, chosen=slice(None)):
+    """`linear_forms` of the chosen bonds as (M, forms, 2 dofs), and what a strain adds, (M, forms)."""
+    i, j = bonds.pairs.i[chosen], bonds.pairs.j[chosen]
+    ends = (rims[i], rims[j]) if dofs == 3 else None
+    return stacked(linear_forms(bonds.normal[:, chosen].T, bonds.r[1, chosen], ends))
 
 
 def gathered(ends, i, j, n: int):

@@ -13,19 +13,19 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from jampetsc.mechanics.compatibility import Compatibility
 from jampetsc.oscillation.cycle import Cycle
 from jampetsc.oscillation.powerlaw import PowerLaw
+from jampetsc.oscillation.response import Drive
 from jampetsc.petsc.session import current
 
 
 class Contacts:
     """What contacts feel of motion at several times, and forces on the unknowns. Methods are collective.
 
-    All times go through C together, in one exchange between ranks. The strain enters as γL, L = √V, so that its row of
-    the equations is a force like the others.
+    C takes all times at once. The strain enters as γL, L = √V, so that its row of the equations is a force like the
+    others.
     """
 
     def __init__(self, compatibility: Compatibility):
@@ -33,40 +33,42 @@ class Contacts:
         self.compatibility, self.network = compatibility, network
         self.length = np.sqrt(network.area)
         self.g = compatibility.g / self.length
-        self.w_K = compatibility.w_K
-        self.forms = compatibility.forms
+        self.w_K, self.forms = compatibility.w_K, compatibility.forms
         weights = np.array(law.on_contacts[: self.forms])
         self.damped = np.flatnonzero(weights)  # of the forms
         self.roots = np.sqrt(weights[self.damped])
         self.rows, self.unknowns = compatibility.C.getLocalSize()
         self.count = self.rows // self.forms  # of contacts
-        indptr, columns, values = compatibility.C.getValuesCSR()
-        self._felt, places = np.unique(columns, return_inverse=True)  # unknowns that contacts here feel
-        self._C = csr_array((values.real, places, indptr), shape=(self.rows, len(self._felt)))
-        self._CT = self._C.T.tocsr()
-        self._exchanges = {}
+        self._products = {}
 
-    def _exchange(self, times: int) -> "_Exchange":
-        if times not in self._exchanges:
-            self._exchanges[times] = _Exchange(self.network.comm, self.unknowns, self._felt, times)
-        return self._exchanges[times]
+    def _product(self, name, values):
+        """Rows of `values` (m, …) each multiplied by C ("matMult") or Cᵀ ("transposeMatMult")."""
+        key = name, len(values)
+        if key not in self._products:
+            multiply = getattr(self.compatibility.C, name)
+            self._products[key] = _Product(multiply, *values.shape, self.network.comm)
+        return self._products[key](values)
 
     def motions(self, x, strain):
         """(m, rows) of x (m, unknowns) and strain (m,) on all ranks."""
-        felt = self._exchange(len(x)).gather(x.T)
-        return (self._C @ felt).T + np.outer(strain, self.g)
+        return self._product("matMult", x) + np.outer(strain, self.g)
 
     def forces(self, tensions):
         """On the unknowns, (m, unknowns), and on the strain, (m,) the same on all ranks, of tensions (m, rows)."""
-        on_unknowns = self._exchange(len(tensions)).add(self._CT @ tensions.T)
-        return on_unknowns.T, self.network.sum(tensions @ self.g)
+        return self._product("transposeMatMult", tensions), self.network.sum(tensions @ self.g)
 
-    def products(self):
-        """Of each damped row of C: the unknowns it feels (rows, e), and the products of its entries (rows, e, e)."""
-        entries = len(self._C.data) // self.rows if self.rows else 0
+    def squares(self, g):
+        """Of each damped row of (C, g): the unknowns it feels (rows, e), γL the last, and the products of its entries.
+
+        These are (rows, e, e).
+        """
+        _, columns, values = self.compatibility.C.getValuesCSR()
         rows = (np.arange(self.count)[:, None] * self.forms + self.damped).ravel()
-        felt = self._felt[self._C.indices.reshape(self.rows, entries)[rows]]
-        values = self._C.data.reshape(self.rows, entries)[rows]
+        pencil = self.compatibility.pencil
+        felt, values = (
+            np.column_stack((part.reshape(self.rows, 2 * pencil.law.dofs), strain))[rows]
+            for part, strain in ((columns, np.full(self.rows, pencil.unknowns)), (values.real, g))
+        )
         return felt, values[:, :, None] * values[:, None, :]
 
     def damping_motions(self, a):
@@ -78,41 +80,30 @@ class Contacts:
         tensions.reshape(len(f), self.count, self.forms)[..., self.damped] += self.roots * f
 
     def destroy(self):
-        """Free what exchanges between ranks."""
-        for exchange in self._exchanges.values():
-            exchange.destroy()
+        """Free what products are made in."""
+        for product in self._products.values():
+            product.destroy()
 
 
-class _Exchange:
-    """Values of unknowns between the ranks that own them and those that feel them, several times at once."""
+class _Product:
+    """A sparse matrix times so many vectors at once, again and again. Collective."""
 
-    def __init__(self, comm, unknowns: int, felt, times: int):
-        PETSc = current().PETSc
-        self._shapes = (unknowns, times), (len(felt), times)
-        self._owned = PETSc.Vec().createMPI((unknowns * times, None), bsize=times, comm=comm)
-        self._felt = PETSc.Vec().createSeq(len(felt) * times)
-        source = PETSc.IS().createBlock(times, felt.astype(PETSc.IntType), comm=PETSc.COMM_SELF)
-        self._scatter = PETSc.Scatter().create(self._owned, source, self._felt, None)
-        source.destroy()
+    def __init__(self, multiply, count: int, rows: int, comm):
+        self._multiply = multiply
+        self._vectors = current().PETSc.Mat().createDense(((rows, None), (None, count)), comm=comm)
+        self._vectors.setUp()
+        self._vectors.assemble()
+        self._result = multiply(self._vectors)
 
-    def gather(self, owned):
-        """(felt, times) of (unknowns, times)."""
-        self._owned.setArray(np.ascontiguousarray(owned).ravel())
-        self._scatter.scatter(self._owned, self._felt)
-        return self._felt.getArray().reshape(self._shapes[1])
-
-    def add(self, felt):
-        """(unknowns, times), sums over ranks of (felt, times)."""
-        PETSc = current().PETSc
-        self._felt.setArray(np.ascontiguousarray(felt).ravel())
-        self._owned.zeroEntries()
-        backwards = {"addv": PETSc.InsertMode.ADD_VALUES, "mode": PETSc.ScatterMode.REVERSE}
-        self._scatter.scatter(self._felt, self._owned, **backwards)
-        return self._owned.getArray().reshape(self._shapes[0]).copy()
+    def __call__(self, values):
+        """(count, rows of the result) of (count, rows)."""
+        self._vectors.getDenseArray()[:] = values.T
+        self._vectors.assemble()
+        self._multiply(self._vectors, self._result)
+        return self._result.getDenseArray().T.copy()
 
     def destroy(self):
-        """Free PETSc's objects."""
-        for item in (self._owned, self._felt, self._scatter):
+        for item in (self._vectors, self._result):
             item.destroy()
 
 
@@ -126,15 +117,6 @@ class State:
 
 
 @dataclass(frozen=True, eq=False)
-class Drive:
-    """The amplitude of what is imposed, ∝ cos ωt: of stress in `force` = σ₀V/L, or of strain, γ₀L."""
-
-    stress_controlled: bool
-    force: float  # under strain control the size that it is expected to have
-    strain: float  # imposed; not used under stress control
-
-
-@dataclass(frozen=True, eq=False)
 class Equations:
     """Residual and its derivative on one cycle. Methods are collective; arrays are this rank's."""
 
@@ -142,7 +124,13 @@ class Equations:
     cycle: Cycle
     law: PowerLaw
     drive: Drive
+    stress: float  # amplitude; where the strain is imposed, the one that is expected
     unit: float  # what a unit of damping velocity counts in the second equation, as a force
+
+    @property
+    def force(self) -> float:
+        """σ₀V/L, on the strain."""
+        return self.stress * self.contacts.length
 
     def motions(self, state: State):
         """z (m, contacts, damped)."""
@@ -172,7 +160,8 @@ class Equations:
         """γ̇L (m,) on all ranks."""
         if self.drive.stress_controlled:
             return self.contacts.network.comm.bcast(state.rate)
-        return -self.cycle.omega * self.drive.strain * np.sin(self.cycle.phase)
+        strain = self.drive.amplitude * self.contacts.length
+        return -self.cycle.omega * strain * np.sin(self.cycle.phase)
 
     def balance(self, state: State, rate):
         """Forces on unknowns and strain without the drive, and z, of motions with this strain rate."""
@@ -185,13 +174,12 @@ class Equations:
         """What is left of the equations."""
         out.v[:], row, z = self.balance(state, self.rate(state))
         if self.holds_rate:
-            out.rate[:] = row - self.drive.force * np.cos(self.cycle.phase)
+            out.rate[:] = row - self.force * np.cos(self.cycle.phase)
         out.f[:] = self.law.mismatch(z, state.f, self.unit)
 
     def derivative(self, tangent, change: State, out: State):
         """Its derivative along a change."""
-        held = self.drive.stress_controlled
-        rate = self.rate(change) if held else np.zeros(self.cycle.m)
+        rate = self.rate(change) if self.drive.stress_controlled else np.zeros(self.cycle.m)
         out.v[:], row, z = self.balance(change, rate)
         if self.holds_rate:
             out.rate[:] = row

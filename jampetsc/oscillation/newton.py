@@ -4,6 +4,8 @@ A step solves the linear equations by FGMRES on all times together, precondition
 forces are eliminated exactly.
 """
 
+from types import SimpleNamespace
+
 import numpy as np
 
 from jampetsc.errors import ConvergenceError, InputError
@@ -47,7 +49,7 @@ class Newton:
             equations.contacts, equations.cycle, equations.drive.stress_controlled
         )
         sizes = ((equations.size, None), (equations.size, None))
-        self.jacobian = PETSc.Mat().createPython(sizes, _Derivative(self), comm=comm)
+        self.jacobian = PETSc.Mat().createPython(sizes, SimpleNamespace(mult=self._derivative), comm=comm)
         self.x, self.left = self.jacobian.createVecs()
         session.set_defaults({PREFIX + name: value for name, value in DEFAULTS.items()})
         self.snes = snes = PETSc.SNES().create(comm)
@@ -57,7 +59,7 @@ class Newton:
         ksp = snes.getKSP()
         ksp.setPCSide(PETSc.PC.Side.RIGHT)
         ksp.getPC().setType("python")
-        ksp.getPC().setPythonContext(_Eliminated(self))
+        ksp.getPC().setPythonContext(SimpleNamespace(apply=self._precondition))
         snes.setFromOptions()
         if snes.getType() not in NEWTON:
             raise InputError(
@@ -96,45 +98,28 @@ class Newton:
         self.tangent = equations.law.tangent(equations.motions(state), state.f)
         self.preconditioner.update(self.tangent.mean_stiffness())
 
+    def _derivative(self, matrix, x, y):
+        split = self.equations.split
+        self.equations.derivative(self.tangent, split(x.getArray(readonly=True)), split(y.getArray()))
+
+    def _precondition(self, pc, x, y):
+        """Damping forces eliminated exactly, the rest harmonic by harmonic."""
+        equations, tangent = self.equations, self.tangent
+        contacts = equations.contacts
+        right, out = equations.split(x.getArray(readonly=True)), equations.split(y.getArray())
+        eliminated = tangent.eliminated(right.f, equations.unit)
+        tensions = np.zeros((len(eliminated), contacts.rows))
+        contacts.add_damping(tensions, eliminated)
+        forces, row = contacts.forces(tensions)
+        row = row + equations.rate(right) if equations.drive.stress_controlled else np.zeros_like(row)
+        out.v[:], rate = self.preconditioner.apply(right.v + forces, row)
+        if equations.holds_rate:
+            out.rate[:] = rate
+        z = contacts.damping_motions(contacts.motions(out.v, rate))
+        out.f[:] = tangent.forces(z) - eliminated
+
     def destroy(self):
         """Free PETSc's objects."""
         self.preconditioner.destroy()
         for item in (self.snes, self.jacobian, self.x, self.left):
             item.destroy()
-
-
-class _Derivative:
-    """Shell matrix: y ← J x."""
-
-    def __init__(self, newton: Newton):
-        self.newton = newton
-
-    def mult(self, matrix, x, y):
-        split = self.newton.equations.split
-        right, out = split(x.getArray(readonly=True)), split(y.getArray())
-        self.newton.equations.derivative(self.newton.tangent, right, out)
-
-
-class _Eliminated:
-    """Shell preconditioner: damping forces eliminated exactly, the rest harmonic by harmonic."""
-
-    def __init__(self, newton: Newton):
-        self.newton = newton
-
-    def apply(self, pc, x, y):
-        newton, equations = self.newton, self.newton.equations
-        contacts = equations.contacts
-        right, out = equations.split(x.getArray(readonly=True)), equations.split(y.getArray())
-        held = newton.tangent.held(right.f, equations.unit)
-        tensions = np.zeros((len(held), contacts.rows))
-        contacts.add_damping(tensions, held)
-        forces, row = contacts.forces(tensions)
-        if equations.drive.stress_controlled:
-            row = row + equations.rate(right)
-        else:
-            row = np.zeros_like(row)
-        out.v[:], rate = newton.preconditioner.apply(right.v + forces, row)
-        if equations.holds_rate:
-            out.rate[:] = rate
-        z = contacts.damping_motions(contacts.motions(out.v, rate))
-        out.f[:] = newton.tangent.forces(z) - held

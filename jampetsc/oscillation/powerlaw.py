@@ -17,9 +17,11 @@ has none, so the force is the unknown:
 the infinite slope, and f(z) is taken as it is.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+
+from jampetsc.core.laws import Law
 
 TINY = 1e-300
 STIFFEST = 1e7  # slope of a contact at rest over that of one that moves as most do
@@ -38,19 +40,20 @@ class PowerLaw:
     coefficient: float  # c
     softening: float = 0.0  # δ
 
+    @classmethod
+    def of(cls, law: Law, k: float, rho0: float) -> "PowerLaw":
+        """Of a damping law; k: stiffness of a contact, rho0: mean diameter."""
+        return cls(law.exponent, k * law.tau1 * (rho0 / law.tau1) ** (1.0 - law.exponent))
+
     @property
     def by_force(self) -> bool:
         """Whether z(f) stands in the equations, and not f(z)."""
         return self.alpha <= 1.0
 
-    @property
-    def _p(self):
-        return 1.0 / self.alpha
-
     def softened(self, velocity: float, stiffest: float = STIFFEST) -> "PowerLaw":
         """The law with the δ of `relative_softening` for this typical velocity."""
         typical = self.coefficient * velocity**self.alpha
-        return PowerLaw(self.alpha, self.coefficient, typical * relative_softening(self.alpha, stiffest))
+        return replace(self, softening=typical * relative_softening(self.alpha, stiffest))
 
     def dissipation(self, z):
         """f·z = c |z|^(1+α) of each contact, without softening."""
@@ -83,8 +86,8 @@ class PowerLaw:
         return self._isotropic(f)[0][..., None] * f
 
     def _isotropic(self, f):
-        size = np.einsum("...f,...f", f, f)
-        return self.coefficient**-self._p * (size + self.softening**2) ** (0.5 * (self._p - 1.0)), size
+        p, size = 1.0 / self.alpha, np.einsum("...f,...f", f, f)
+        return self.coefficient**-p * (size + self.softening**2) ** (0.5 * (p - 1.0)), size
 
     def mismatch(self, z, f, unit: float):
         """What z and f are off, as a force, where a unit of velocity counts `unit`."""
@@ -99,7 +102,8 @@ class PowerLaw:
             stiffness = self.coefficient * size ** (0.5 * (self.alpha - 1.0))
             return Tangent(stiffness, (self.alpha - 1.0) / size, z.copy(), False)
         compliance, size = self._isotropic(f)
-        ratio = (self._p - 1.0) / (size + self.softening**2) if self._p > 1.0 else np.zeros_like(size)
+        softened = size + self.softening**2
+        ratio = (1.0 / self.alpha - 1.0) / softened if self.alpha < 1.0 else np.zeros_like(size)
         return Tangent(1.0 / compliance, -ratio / (1.0 + ratio * size), f.copy(), True)
 
 
@@ -127,7 +131,7 @@ class Tangent:
         """Change of `PowerLaw.mismatch`."""
         return unit * (dz - self.velocities(df)) if self.by_force else self.forces(dz) - df
 
-    def held(self, mismatch, unit: float):
+    def eliminated(self, mismatch, unit: float):
         """The −df of a change of the mismatch with dz = 0."""
         return self.forces(mismatch / unit) if self.by_force else mismatch
 

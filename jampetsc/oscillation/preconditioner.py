@@ -7,7 +7,7 @@ semidefinite, so the block form
     (A, −B̄; B̄, A) ≈ (A, −B̄; B̄, A + 2B̄)                      (Axelsson, Neytcheva & Ahmad, Numer. Algor. 66, 811 (2014))
 
 has all eigenvalues between ½ and 1 and costs two solves with the real, positive definite H = A + B̄. Harmonics whose
-Ω differ by less than a factor SHARED use one factor of H. The strain is a border of H, eliminated.
+Ω differ by less than a factor SHARED use one factor of H. The strain, as γL, is the last unknown.
 
 Ranks share the harmonics: each factorises whole matrices H, for its own harmonics, alone.
 """
@@ -15,9 +15,10 @@ Ranks share the harmonics: each factorises whole matrices H, for its own harmoni
 import itertools
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import bmat, csr_array
 
 from jampetsc.collective import agreed
+from jampetsc.mechanics.matrices import whole_matrix
 from jampetsc.oscillation.cycle import Cycle
 from jampetsc.oscillation.equations import Contacts
 from jampetsc.petsc.cholesky import Cholesky, NotPositiveDefinite
@@ -31,54 +32,40 @@ class HarmonicPreconditioner:
     """For the equations of one cycle; `bordered` where the strain is unknown. Methods are collective."""
 
     def __init__(self, contacts: Contacts, cycle: Cycle, bordered: bool):
-        self._contacts, self._cycle, self._bordered = contacts, cycle, bordered
-        network, pencil = contacts.network, contacts.compatibility.pencil
-        comm, count = network.comm, len(cycle.orders)
-        ends = np.arange(comm.size + 1) * count // comm.size
+        self._contacts, self._cycle = contacts, cycle
+        comm, pencil = contacts.network.comm, contacts.compatibility.pencil
+        ends = np.arange(comm.size + 1) * len(cycle.orders) // comm.size
         self._shares = [slice(*pair) for pair in itertools.pairwise(ends)]
         self._mine = self._shares[comm.rank]
 
-        indptr, columns, values = pencil.K.getValuesCSR()
-        parts = comm.allgather((np.diff(indptr), columns, values.real))
-        lengths, columns, values = (np.concatenate(part) for part in zip(*parts, strict=True))
-        indptr, size = np.append(0, np.cumsum(lengths)), len(lengths)
-        self._K = csr_array((values, columns, indptr), shape=(size, size))
-        keys = np.repeat(np.arange(size), lengths) * size + columns
-        felt, self._products = contacts.products()
-        self._places = np.searchsorted(keys, felt[:, :, None] * size + felt[:, None, :])
-        self._diagonal = np.searchsorted(keys, np.arange(size) * (size + 1))
-        self._rows = np.repeat(np.arange(size), lengths)
-        k_gamma = np.concatenate(comm.allgather(pencil.k_gamma.getArray().real)) / contacts.length
-        self._border_K = np.append(k_gamma, pencil.k_gg / contacts.length**2)
+        n, L = pencil.unknowns, contacts.length
+        k = bordered * np.concatenate(comm.allgather(pencil.k_gamma.getArray().real)) / L
+        column = csr_array((k, (np.arange(n), np.zeros(n, int))), shape=(n, 1))
+        corner = csr_array([[pencil.k_gg / L**2 if bordered else 1.0]])
+        self._K = K = csr_array(bmat([[whole_matrix(pencil.K), column], [column.T, corner]], format="csr"))
+        K.sort_indices()
+        felt, self._squares = contacts.squares(bordered * contacts.g)
+        keys = np.repeat(np.arange(n + 1), np.diff(K.indptr)) * (n + 1) + K.indices
+        self._places = np.searchsorted(keys, felt[:, :, None] * (n + 1) + felt[:, None, :])
 
-        self._level_of, levels = [], []
+        self._factor_of = []  # of each of this rank's harmonics
         for Omega in cycle.frequencies[self._mine]:
-            if not levels or Omega > SHARED * levels[-1]:
-                levels.append(Omega)
-            self._level_of.append(len(levels) - 1)
-        self._levels = [_Level(self._K, Omega) for Omega in levels]
+            near = self._factor_of and Omega <= SHARED * self._factor_of[-1].Omega
+            self._factor_of.append(self._factor_of[-1] if near else _Factor(K, Omega))
+        self._factors = list(dict.fromkeys(self._factor_of))
 
     def update(self, stiffness):
         """Factorise for mean stiffness (contacts, damped) of the damping.
 
         Raises NotPositiveDefinite, on all ranks, where K has negative modes that matter.
         """
-        contacts = self._contacts
-        weights = stiffness * contacts.roots**2
-        local = weights.reshape(-1, 1, 1) * self._products
-        data = np.bincount(self._places.ravel(), local.ravel(), minlength=self._K.nnz)
-        self._B = csr_array(
-            (contacts.network.sum(data), self._K.indices, self._K.indptr), shape=self._K.shape
-        )
-        tensions = np.zeros((contacts.count, contacts.forms))
-        tensions[:, contacts.damped] = weights
-        forces, corner = contacts.forces((tensions.ravel() * contacts.g)[None])
-        self._border_B = np.append(np.concatenate(contacts.network.comm.allgather(forces[0])), corner)
+        contacts, K = self._contacts, self._K
+        local = (stiffness * contacts.roots**2).reshape(-1, 1, 1) * self._squares
+        data = np.bincount(self._places.ravel(), local.ravel(), minlength=K.nnz)
+        self._B = csr_array((contacts.network.sum(data), K.indices, K.indptr), shape=K.shape)
         with agreed(contacts.network.comm):
-            for level in self._levels:
-                data = self._K.data / level.Omega + self._B.data
-                border = self._border_K / level.Omega + self._border_B if self._bordered else None
-                level.factorise(data, data[self._diagonal], self._rows, border)
+            for factor in self._factors:
+                factor.factorise(csr_array((K.data / factor.Omega + self._B.data, K.indices, K.indptr)))
 
     def apply(self, v, rate):
         """Approximate solution (m, unknowns), (m,) for right-hand sides of these shapes, rate on all ranks."""
@@ -94,28 +81,23 @@ class HarmonicPreconditioner:
         return self._cycle.samples(found), self._cycle.samples(last)
 
     def _solve(self, right):
-        """Of this rank's harmonics, all unknowns and the strain: (harmonics, size + 1)."""
+        """Of this rank's harmonics, all unknowns and the strain: (harmonics, unknowns + 1)."""
         u = self._inverse(right.real + right.imag)
-        Bu = np.empty_like(u)
-        Bu[:, :-1] = (self._B @ u[:, :-1].T).T + u[:, -1:] * self._border_B[:-1]
-        Bu[:, -1] = u @ self._border_B
-        y = self._inverse(right.imag - Bu)
+        y = self._inverse(right.imag - (self._B @ u.T).T)
         return u - y + 1j * y
 
     def _inverse(self, right):
-        solution = np.zeros_like(right)
-        for at, one, out in zip(self._level_of, right, solution, strict=True):
-            out[:] = self._levels[at].solve(one)
-        return solution
+        solved = [factor.solve(one) for factor, one in zip(self._factor_of, right, strict=True)]
+        return np.array(solved).reshape(right.shape)
 
     def destroy(self):
         """Free the factors."""
-        for level in self._levels:
-            level.destroy()
+        for factor in self._factors:
+            factor.destroy()
 
 
-class _Level:
-    """H = K/Ω + B̄ with its border, factorised, scaled to a unit diagonal; of one rank."""
+class _Factor:
+    """H = K/Ω + B̄, factorised, scaled to a unit diagonal; of one rank."""
 
     def __init__(self, pattern, Omega: float):
         PETSc = current().PETSc
@@ -125,32 +107,21 @@ class _Level:
         self._cholesky = Cholesky(matrix, PREFIX, f"K/Ω + B at Ω = {Omega:g}")
         self._right, self._solution = matrix.createVecs()
 
-    def factorise(self, data, diagonal, rows, border):
-        """Values of H, those on its diagonal, the row of each value, and the border or None."""
-        matrix = self._cholesky.matrix
+    def factorise(self, H):
+        """H, a csr_array, for the next `solve`s."""
+        matrix, diagonal = self._cholesky.matrix, H.diagonal()
         if not (diagonal > 0.0).all():  # nan as well
             raise NotPositiveDefinite(f"{self._cholesky.what} is not positive definite")
-        scale = 1.0 / np.sqrt(diagonal)
-        self._scale, self._border = scale, border
-        matrix.setValuesCSR(*self._csr, data * scale[rows] * scale[self._csr[1]])
+        self._scale = scale = 1.0 / np.sqrt(diagonal)
+        matrix.setValuesCSR(*self._csr, H.data * np.repeat(scale, np.diff(H.indptr)) * scale[H.indices])
         matrix.assemble()
         self._cholesky.factorise()
-        if border is not None:
-            self._response = self._inverse(border[:-1])
-            self._corner = border[-1] - border[:-1] @ self._response
 
-    def _inverse(self, right):
+    def solve(self, right):
+        """H⁻¹ of a vector."""
         self._right.setArray(self._scale * right)
         self._cholesky.ksp.solve(self._right, self._solution)
         return self._scale * self._solution.getArray()
-
-    def solve(self, right):
-        """Unknowns and, last, strain; without a border the strain is 0."""
-        x = self._inverse(right[:-1])
-        if self._border is None:
-            return np.append(x, 0.0)
-        strain = (right[-1] - self._border[:-1] @ x) / self._corner
-        return np.append(x - strain * self._response, strain)
 
     def destroy(self):
         for item in (self._cholesky, self._right, self._solution):

@@ -1,6 +1,9 @@
 """Steady oscillations at several amplitudes and frequencies: progress, checkpoint, failures, result file."""
 
+import contextlib
 import time
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,108 +16,53 @@ from jampetsc.linear.record import run_record
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.mechanics.network import Network, build_network
-from jampetsc.oscillation.dashpots import REST
+from jampetsc.oscillation.dashpots import LINEAR_BELOW
 from jampetsc.oscillation.halfcycles import SteppedOscillation
-from jampetsc.oscillation.harmonics import HARMONICS
 from jampetsc.oscillation.powerlaw import relative_softening
-from jampetsc.oscillation.repeated import START_STEPS, Start, shake
-from jampetsc.oscillation.steady import LEAST_ALPHA, Point, SteadyOscillation
+from jampetsc.oscillation.repeated import START_STEPS, repeat_cycles
+from jampetsc.oscillation.response import HARMONICS, Drive, Response
+from jampetsc.oscillation.steady import LEAST_ALPHA, SteadyOscillation
 from jampetsc.petsc.session import current
 from jampetsc.progress import Progress
 
 COUNTS = ("newton_steps", "linear_iterations", "factorisations", "steps_taken", "cycles", "half_cycles")
 
 
-class _Fixed:
-    """Oscillations with the contacts of the packing, a cycle at once, one after the other, on all ranks together."""
+class _Solver(NamedTuple):
+    """How the points of a job are solved."""
 
-    together = 1  # points solved at the same time
-
-    def __init__(self, job, disks: Disks, network: Network):
-        self._items = [assemble(network, job.physics.law)]
-        self._items.append(build_compatibility(self._items[0]))
-        self._oscillation = SteadyOscillation(self._items[1], 2.0 * float(disks.radii.mean()), job.steps)
-        self.facts = {"solver": "cycle", "regularisation": relative_softening(job.physics.law.exponent)}
-
-    def solve(self, points) -> list:
-        """The record of each point, or the ConvergenceError that it ended with. Collective."""
-        return [_outcome(self._oscillation.solve, point) for point in points]
-
-    def destroy(self):
-        """Free PETSc's objects."""
-        for item in (self._oscillation, *reversed(self._items)):
-            item.destroy()
+    solve: Callable[[Drive], Response]
+    alone: bool  # each rank solves points of its own; else all work on one
+    facts: dict  # attributes of the file
 
 
-class _InTime:
-    """Oscillations by steps in time, one on each rank at a time."""
+@contextlib.contextmanager
+def _solver(job, disks: Disks, network: Network):
+    """The _Solver of a job for a packing. Collective; freed in the end unless one rank may have failed alone."""
+    law, rho0, items = job.physics.law, 2.0 * float(disks.radii.mean()), []
+    moving, sticks = job.contacts == "moving", job.alpha < LEAST_ALPHA
+    alone, steps = moving or sticks, START_STEPS if moving else job.steps
+    with current().alone() if alone else contextlib.nullcontext():
+        if alone:
+            network = build_network(disks, current().comm, job.prestress)
+        if sticks:
+            oscillation = SteppedOscillation(network, law, rho0, steps)
+        else:
+            items.append(assemble(network, law))
+            items.append(build_compatibility(items[0]))
+            items.append(SteadyOscillation(items[1], rho0, steps))
+            oscillation = items[2]
 
-    def __init__(self, job, disks: Disks, network: Network):
-        alpha = job.physics.law.exponent
-        self.facts = {"solver": "steps", "regularisation": 0.0 if alpha == 1.0 else REST**alpha}
-        self._job, self._disks, self._comm = job, disks, network.comm
-        self.together = self._comm.size
-        with current().alone():
-            self._prepare(build_network(disks, current().comm, job.physics.prestress))
+    def with_moving_contacts(drive):
+        return repeat_cycles(disks, law, oscillation.start(drive), job.steps, job.cycles)
 
-    def solve(self, points) -> list:
-        """The record of each point, or the ConvergenceError that it ended with. Collective."""
-        found = None
-        if self._comm.rank < len(points):
-            with current().alone():
-                found = _outcome(self._one, points[self._comm.rank])
-        return self._comm.allgather(found)[: len(points)]
-
-    def _stepped(self, network, steps):
-        return SteppedOscillation(
-            network, self._job.physics.law, 2.0 * float(self._disks.radii.mean()), steps
-        )
-
-
-class _Sticking(_InTime):
-    """With the contacts of the packing and so small an exponent that they stick."""
-
-    def _prepare(self, network):
-        self._one = self._stepped(network, self._job.steps).solve
-
-    def destroy(self):
-        """Nothing outlives a point."""
-
-
-class _Moving(_InTime):
-    """Of contacts that open and close."""
-
-    def _prepare(self, network):
-        job, self._items = self._job, []
-        if _sticks(job):
-            self._start, self._oscillation = Start.of_steps, self._stepped(network, START_STEPS)
-            return
-        self._items.append(assemble(network, job.physics.law))
-        self._items.append(build_compatibility(self._items[0]))
-        diameter = 2.0 * float(self._disks.radii.mean())
-        self._items.append(SteadyOscillation(self._items[1], diameter, START_STEPS))
-        self._start, self._oscillation = Start.of, self._items[-1]
-
-    def _one(self, point):
-        start = self._start(self._oscillation, self._disks.n, point)
-        return shake(self._disks, self._job.physics.law, start, self._job.steps, self._job.cycles)
-
-    def destroy(self):
-        """Free PETSc's objects."""
-        for item in reversed(self._items):
-            item.destroy()
-
-
-def _outcome(solve, point):
-    try:
-        return solve(point).record()
-    except ConvergenceError as error:
-        return error
-
-
-def _sticks(job) -> bool:
-    """Whether the exponent is too small for a cycle to be solved at once."""
-    return job.alpha < LEAST_ALPHA
+    if alone:
+        facts = {"solver": "steps", "regularisation": LINEAR_BELOW**job.alpha if job.alpha != 1.0 else 0.0}
+    else:
+        facts = {"solver": "cycle", "regularisation": relative_softening(job.alpha)}
+    yield _Solver(with_moving_contacts if moving else oscillation.solve, alone, facts)
+    for item in reversed(items):
+        item.destroy()
 
 
 def solve(job, to: Outlet) -> dict:
@@ -129,16 +77,13 @@ def solve(job, to: Outlet) -> dict:
     to.made_from(disks)
     with session.stage("assembly"):
         try:
-            network = build_network(disks, session.comm, job.physics.prestress)
+            network = build_network(disks, session.comm, job.prestress)
             ElasticResponse(network).destroy()  # refuses what has negative or floppy modes
         except InputError as error:
             raise InputError(f"{source_told(job.packing)}: {error.told(named)}") from None
-        kind = _Moving if job.contacts == "moving" else _Sticking if _sticks(job) else _Fixed
-        solver = kind(job, disks, network)
-    checkpoint = to.checkpoint(job.key(identity), session.comm)
-    failures = _solve_all(job, solver, checkpoint)
-    facts = solver.facts
-    solver.destroy()
+    with _solver(job, disks, network) as solver:
+        checkpoint = to.checkpoint(job.key(identity), session.comm)
+        failures = _solve_all(job, solver, checkpoint)
     if not checkpoint.done:
         raise next(iter(failures.values()))
     arrays = _arrays(job, checkpoint.done)
@@ -152,7 +97,7 @@ def solve(job, to: Outlet) -> dict:
             control=job.control,
             contacts=job.contacts,
             steps=job.steps,
-            **facts,
+            **solver.facts,
         )
     if failures:
         first = failures[min(failures)]
@@ -164,25 +109,44 @@ def solve(job, to: Outlet) -> dict:
     return arrays
 
 
+def _outcomes(solver, drives) -> list:
+    """The record of each oscillation, or the ConvergenceError that it ended with. Collective."""
+
+    def outcome(drive):
+        try:
+            return solver.solve(drive).record()
+        except ConvergenceError as error:
+            return error
+
+    session = current()
+    if not solver.alone:
+        return [outcome(drive) for drive in drives]
+    found, comm = None, session.comm
+    if session.rank < len(drives):
+        with session.alone():
+            found = outcome(drives[comm.rank])
+    return comm.allgather(found)[: len(drives)]
+
+
 def _solve_all(job, solver, checkpoint):
     """Solve and save what is not done; {index: ConvergenceError} of what failed."""
     session, failures = current(), {}
-    total = len(job.amplitude) * len(job.omega)
-    points = [
-        Point(float(omega), float(amplitude), job.control == "stress")
+    drives = [
+        Drive(float(omega), float(amplitude), job.control == "stress")
         for amplitude in job.amplitude
         for omega in job.omega
     ]
-    left = [index for index in range(total) if index not in checkpoint.done]
-    with Progress(total, "oscillate", session.rank, done=len(checkpoint.done)) as progress:
+    left = [index for index in range(len(drives)) if index not in checkpoint.done]
+    together = session.size if solver.alone else 1
+    with Progress(len(drives), "oscillate", session.rank, done=len(checkpoint.done)) as progress:
         if checkpoint.done:
             progress.note(f"continuing {checkpoint.journal}: {len(checkpoint.done)} points are finished")
         while left:
-            now, left = left[: solver.together], left[solver.together :]
+            now, left = left[:together], left[together:]
             with session.stage("oscillation"):
-                outcomes = solver.solve([points[index] for index in now])
+                outcomes = _outcomes(solver, [drives[index] for index in now])
             for index, found in zip(now, outcomes, strict=True):
-                name = f"omega {points[index].omega:.3e}  {job.control} {points[index].amplitude:.1e}"
+                name = f"omega {drives[index].omega:.3e}  {job.control} {drives[index].amplitude:.1e}"
                 if isinstance(found, ConvergenceError):
                     failures[index] = ConvergenceError(f"{name}: {found.told(named)}")
                     progress.step(f"failed: {name}: {found}")

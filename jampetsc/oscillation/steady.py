@@ -1,4 +1,4 @@
-"""The steady oscillation of a packing with fixed contacts at one frequency and amplitude.
+"""The steady oscillation of a packing with fixed contacts at one frequency and amplitude, solved for a whole cycle.
 
 Three solves, each the start of the next: linear damping equivalent in energy (BT 25, 26), half of the steps, all of
 them. The difference of the last two estimates the error of the steps; what is left of the equations, times the motion,
@@ -10,12 +10,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
-from jampetsc.oscillation.answer import Answer
+from jampetsc.errors import ConvergenceError
+from jampetsc.mechanics.compatibility import Compatibility
 from jampetsc.oscillation.cycle import Cycle
-from jampetsc.oscillation.equations import Contacts, Drive, Equations
-from jampetsc.oscillation.harmonics import HARMONICS
+from jampetsc.oscillation.equations import Contacts, Equations
 from jampetsc.oscillation.newton import Newton
 from jampetsc.oscillation.powerlaw import STIFFEST, PowerLaw
+from jampetsc.oscillation.response import HARMONICS, Drive, Response
+from jampetsc.oscillation.start import Start
 
 # what may be left of the equations, over what drives them, with all steps and with half
 TOLERANCE, HALF_TOLERANCE = 1e-10, 1e-7
@@ -25,138 +27,129 @@ SLOW = 1e-3  # of k: ωc of dashpots that springs hardly feel
 SMALLEST, LARGEST = 1e-30, 1.0  # stress in k that the equivalent damping takes
 
 
-@dataclass(frozen=True)
-class Point:
-    """What is imposed. Stress in units of the stiffness k, as everywhere."""
+@dataclass(frozen=True, kw_only=True)
+class Steady(Response):
+    """The response, the same on all ranks but for `velocity`, of which each has its part."""
 
-    omega: float
-    amplitude: float  # σ₀ or γ₀
-    stress_controlled: bool
-
-
-@dataclass(frozen=True)
-class Steady(Answer):
-    """The answer, the same on all ranks but for `velocity`, of which each has its part."""
-
-    regularisation: float  # |ΔG*| when δ is halved, estimated in the same way as the solver's error
     speed: float  # root mean square of |z| over contacts and time, of the equivalent linear damping
-    velocity: (
-        np.ndarray
-    )  # (odd harmonics, unknowns + 1) complex amplitudes of velocities; last, of the strain rate times √V
-    linear: int  # iterations of the linear solver
-
-    def record(self) -> dict:
-        """What a file keeps, by the names of its datasets."""
-        more = {"regularisation_effect": self.regularisation, "linear_iterations": self.linear}
-        return super().record() | more
+    # (odd harmonics, unknowns + 1) complex amplitudes of velocities; last, of the strain rate times √V
+    velocity: np.ndarray
 
 
 class SteadyOscillation:
-    """All points of one packing and law. Methods are collective.
+    """All oscillations of one packing and law. Methods are collective.
 
     rho0: mean diameter, the length in the power law
     """
 
-    def __init__(self, compatibility, rho0: float, steps: int, stiffest: float = STIFFEST):
+    def __init__(self, compatibility: Compatibility, rho0: float, steps: int, stiffest: float = STIFFEST):
         pencil = compatibility.pencil
         self.law, self.network = pencil.law, pencil.network
         self.contacts = Contacts(compatibility)
         self.steps, self.stiffest, self.rho0 = steps, stiffest, rho0
-        unit = self.network.damping(self.law)
-        alpha, tau1 = self.law.exponent, self.law.tau1
-        self.power = PowerLaw(alpha, unit * (rho0 / tau1) ** (1.0 - alpha))
+        self.power = PowerLaw.of(self.law, self.network.k, rho0)
 
-    def solve(self, point: Point) -> Steady:
+    def solve(self, drive: Drive) -> Steady:
         """The steady oscillation of a packing whose K has no negative modes.
 
         Raises ConvergenceError where Newton's method fails.
         """
-        coarse, fine = Cycle(self.steps // 2, point.omega), Cycle(self.steps, point.omega)
-        first = self._equivalent(point)
-        velocity = self._typical(first)
-        law = self.power.softened(velocity, self.stiffest)
-        drive = first.equations.drive
-        half = self._nonlinear(coarse, law, drive, velocity, first.waves)
-        whole = self._nonlinear(fine, law, drive, velocity, half.waves)
-        softer = PowerLaw(law.alpha, law.coefficient, 0.5 * law.softening)
-        runs = (first, half, whole)
+        first, stress = self.equivalent(drive)
+        squares = np.array([np.sum(first.z**2), first.z.shape[0] * first.z.shape[1]])
+        total, count = self.network.sum(squares)
+        speed = float(np.sqrt(total / count))
+        law = self.power.softened(speed, self.stiffest)
+        unit = law.coefficient * speed ** (law.alpha - 1.0)
+        half, whole = (
+            Equations(self.contacts, Cycle(steps, drive.omega), law, drive, stress, unit)
+            for steps in (self.steps // 2, self.steps)
+        )
+        half = self._run(half, first.waves, speed)
+        whole = self._run(whole, half.waves, speed)
+        softer = replace(law, softening=0.5 * law.softening)
         return Steady(
             G=whole.G,
             error=abs(whole.G - half.G) + whole.left_under(law) * abs(whole.G),
             harmonics=whole.harmonics,
             work=whole.work,
-            balance=whole.dissipation / whole.work - 1.0,
-            regularisation=whole.left_under(softer) * abs(whole.G),
-            speed=velocity,
+            energy_balance=whole.dissipation / whole.work - 1.0,
+            regularisation_effect=whole.left_under(softer) * abs(whole.G),
+            newton_steps=first.newton + half.newton + whole.newton,
+            linear_iterations=first.linear + half.linear + whole.linear,
+            speed=speed,
             velocity=whole.waves,
-            newton=sum(run.newton for run in runs),
-            linear=sum(run.linear for run in runs),
         )
 
-    def scales(self, point: Point) -> tuple[float, float]:
-        """Rough amplitudes of the strain and of |z|: from springs alone or, where that is less, from dashpots alone."""
-        strain, k = point.amplitude, self.network.k
-        if not point.stress_controlled:
-            return strain, point.omega * strain * self.rho0
-        slow = PowerLaw(1.0, SLOW * k / point.omega)
-        drive = Drive(True, strain * k * self.contacts.length, 0.0)
-        run = self._run(Equations(self.contacts, Cycle(4, point.omega), slow, drive, slow.coefficient), None)
-        forced = (strain * k * self.rho0 / self.power.coefficient) ** (1.0 / self.law.exponent)
-        return run.strain, min(point.omega * run.strain * self.rho0, forced)
+    def start(self, drive: Drive) -> Start:
+        """Where moving contacts begin, on one rank alone; at rest where Newton's method fails."""
+        network, length = self.network, self.contacts.length
+        still = np.zeros((network.n + network.rattlers, self.law.dofs))
+        try:
+            found = self.solve(drive)
+        except ConvergenceError:
+            strain, speed = self._scales(drive)
+            return Start(drive, still[:, :2], still, 0.0, 0.0, strain, network.k, speed / drive.omega)
+        cycle = Cycle(self.steps, drive.omega)
+        waves = found.velocity * (-1j) ** cycle.orders[:, None]  # a quarter of a cycle before the largest
+        parts = []
+        for motion in (waves / (1j * cycle.frequencies[:, None]), waves / drive.omega):
+            now = motion.sum(axis=0).real
+            field = still.copy()
+            field[network.particles] = now[:-1].reshape(network.n, -1)
+            parts.append((field, float(now[-1]) / length))
+        (displacement, gamma), (velocity, rate) = parts
+        strain = drive.amplitude
+        if drive.stress_controlled:
+            strain *= network.k / abs(found.G)
+        else:
+            gamma = 0.0  # but for rounding
+        speed = found.speed / drive.omega
+        return Start(drive, displacement[:, :2], velocity, gamma, rate, strain, abs(found.G), speed)
 
     def destroy(self):
         """Free the vectors made here."""
         self.contacts.destroy()
 
-    def _equivalent(self, point) -> "_Run":
-        """Linear damping that dissipates as much at the amplitude BT assume."""
-        law, network = self.law, self.network
-        L = self.contacts.length
-        stress = point.amplitude * network.k
-        run = None
-        for _ in range(1 if point.stress_controlled or law.exponent == 1.0 else 4):
-            ratio = 1.0
-            if law.exponent != 1.0:
-                within = min(max(stress / network.k, SMALLEST), LARGEST)
-                equivalent = EquivalentDamping(law.exponent, within)
-                ratio = float(equivalent.frequency(point.omega * law.tau1)) / (point.omega * law.tau1)
-            linear = PowerLaw(1.0, network.damping(law) * ratio)
-            drive = Drive(point.stress_controlled, stress * L, point.amplitude * L)
-            run = self._run(
-                Equations(self.contacts, Cycle(4, point.omega), linear, drive, linear.coefficient), None
-            )
-            if not point.stress_controlled:
-                stress = abs(run.G) * point.amplitude
-        run.equations = replace(
-            run.equations, drive=Drive(point.stress_controlled, stress * L, point.amplitude * L)
-        )
-        return run
+    def _scales(self, drive) -> tuple[float, float]:
+        """Rough amplitudes of the strain and of |z|: from springs alone or, where that is less, from dashpots alone."""
+        strain, k = drive.amplitude, self.network.k
+        if not drive.stress_controlled:
+            return strain, drive.omega * strain * self.rho0
+        run = self._linear(drive, SLOW * k / drive.omega, strain)
+        forced = (strain * k * self.rho0 / self.power.coefficient) ** (1.0 / self.law.exponent)
+        return run.strain, min(drive.omega * run.strain * self.rho0, forced)
 
-    def _typical(self, run):
-        """Root mean square of |z| over contacts and time."""
-        network = self.network
-        total, count = network.sum(np.array([np.sum(run.z**2), run.z.shape[0] * run.z.shape[1]]))
-        return float(np.sqrt(total / count))
+    def equivalent(self, drive: Drive) -> tuple["_Run", float]:
+        """Under linear damping that dissipates as much at the amplitude BT assume, and the stress there is."""
+        law, k, scaled = self.law, self.network.k, drive.omega * self.law.tau1
+        stress = drive.amplitude  # in k
+        for _ in range(1 if drive.stress_controlled or law.exponent == 1.0 else 4):
+            within = min(max(stress, SMALLEST), LARGEST)
+            ratio = float(EquivalentDamping(law.exponent, within).frequency(scaled)) / scaled
+            run = self._linear(drive, self.network.damping(law) * ratio, stress)
+            if not drive.stress_controlled:
+                stress = abs(run.G) * drive.amplitude / k
+        return run, stress * k
 
-    def _nonlinear(self, cycle, law, drive, velocity, waves) -> "_Run":
-        unit = law.coefficient * velocity ** (law.alpha - 1.0)
-        equations = Equations(self.contacts, cycle, law, drive, unit)
-        values = np.zeros(equations.size)
-        state = equations.split(values)
-        state.v[:] = cycle.samples(waves[:, :-1])
-        rate = cycle.samples(waves[:, -1])
-        if equations.holds_rate:
-            state.rate[:] = rate
-        state.f[:] = law.forces(equations.motions(state), FLOOR * velocity)
-        return self._run(equations, values)
+    def _linear(self, drive, coefficient, stress) -> "_Run":
+        """Under linear damping; stress in k."""
+        cycle, law = Cycle(4, drive.omega), PowerLaw(1.0, coefficient)
+        return self._run(Equations(self.contacts, cycle, law, drive, stress * self.network.k, coefficient))
 
-    def _run(self, equations, values) -> "_Run":
+    def _run(self, equations, waves=None, speed=None) -> "_Run":
+        """Solve from these harmonics of the velocities, typically of this |z|, or from rest."""
+        cycle, values = equations.cycle, np.zeros(equations.size)
+        if waves is not None:
+            state = equations.split(values)
+            state.v[:] = cycle.samples(waves[:, :-1])
+            if equations.holds_rate:
+                state.rate[:] = cycle.samples(waves[:, -1])
+            state.f[:] = equations.law.forces(equations.motions(state), FLOOR * speed)
         newton = Newton(equations)
         try:
-            start = np.zeros(equations.size) if values is None else values
-            size = equations.drive.force * np.sqrt(0.5 * equations.cycle.m)
-            tolerance = TOLERANCE if equations.cycle.steps == self.steps else HALF_TOLERANCE
-            return _Run(equations, newton.solve(start, tolerance * size), newton)
+            size = equations.force * np.sqrt(0.5 * cycle.m)
+            tolerance = TOLERANCE if cycle.steps == self.steps else HALF_TOLERANCE
+            return _Run(equations, newton.solve(values, tolerance * size), newton)
         finally:
             newton.destroy()
 
@@ -169,24 +162,18 @@ class _Run:
         network, L = contacts.network, contacts.length
         self.equations, self.state = equations, equations.split(values)
         self.newton, self.linear = newton.iterations, newton.linear_iterations
-        self.rate = equations.rate(self.state)
-        self.waves = cycle.harmonics(np.column_stack((self.state.v, self.rate)))
-        _, row, self.z = equations.balance(self.state, self.rate)
+        rate = equations.rate(self.state)
+        self.waves = cycle.harmonics(np.column_stack((self.state.v, rate)))
+        _, row, self.z = equations.balance(self.state, rate)
         strain = self.waves[:, -1] / (1j * cycle.frequencies * L)
-        if drive.stress_controlled:
-            stress = drive.force / L * np.cos(cycle.phase)
-            self.G = complex(drive.force / L / strain[0])
-            response = strain
-        else:
-            stress = row / L
-            response = cycle.harmonics(stress)
-            self.G = complex(response[0] / strain[0])
+        stress = equations.stress * np.cos(cycle.phase) if drive.stress_controlled else row / L
+        response = strain if drive.stress_controlled else cycle.harmonics(stress)
+        self.G = complex((equations.stress if drive.stress_controlled else response[0]) / strain[0])
         self.harmonics = np.append(response[1:] / response[0], np.zeros(HARMONICS))[:HARMONICS]
         weight = 2.0 * np.pi / cycle.omega / cycle.m  # a step and its mirror image in the other half cycle
-        self.work = float(stress @ self.rate) / L * weight
-        self.dissipation = (
-            float(network.sum(np.sum(equations.law.dissipation(self.z)))) / network.area * weight
-        )
+        self.work = float(stress @ rate) / L * weight
+        power = network.sum(np.sum(equations.law.dissipation(self.z)))
+        self.dissipation = float(power) / network.area * weight
         self.strain = abs(strain[0])
 
     def left_under(self, law: PowerLaw) -> float:

@@ -1,13 +1,13 @@
-"""Steps in time as long as they may be: one that fails, or that loses energy, is cut in two.
+"""Steps in time of adaptive length: one that fails, or whose energy does not balance, is cut in two.
 
-Whatever moves, work goes into what is stored and what is dissipated. With the weights b_i of the two stages, at whose
-ends forces balance, a step of length Δt is off by
+Work is stored or dissipated. With the weights b_i of the two stages, at whose ends forces balance, the energy balance
+of a step of length Δt is off by
 
     ε = Δt Σ_i b_i (σ_i V γ̇_i − P_i) − ΔU ,
 
 the error of a quadrature of U̇, of third order in Δt; where disks rearrange suddenly within a long step it is what they
-dissipate there. That is measured without further work, and a step may be off by so much and no more. Lengths are those
-of a step of the cycle over powers of two, so that one factor goes on to serve.
+dissipate there. It costs nothing to compute, and a step is accepted if it is below a limit. Lengths are those of a step
+of the cycle over powers of two, so that one factor serves for many steps.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,8 @@ from dataclasses import dataclass
 
 from jampetsc.errors import ConvergenceError, named
 from jampetsc.oscillation.moving import MovingContacts
-from jampetsc.oscillation.stage import STAGE, WEIGHTS, Imposed, Instant
+from jampetsc.oscillation.response import Imposed
+from jampetsc.oscillation.stage import STAGE, WEIGHTS, StageEnd
 
 FINEST = 30  # halvings of a step; no motion of a contact is so sudden
 ROOM = 0.1  # of the error that is allowed: a step with less is followed by one of twice its length, 8 times as far off
@@ -27,12 +28,12 @@ class Step:
 
     begin: float  # time
     length: float
-    instants: list[Instant]  # at the ends of its stages
+    ends: list[StageEnd]
 
     def stages(self):
-        """(time, its share of the step times the length, Instant) of each."""
-        for part, weight, instant in zip((STAGE, 1.0), WEIGHTS, self.instants, strict=True):
-            yield self.begin + part * self.length, weight * self.length, instant
+        """(time, its share of the step times the length, StageEnd) of each."""
+        for part, weight, end in zip((STAGE, 1.0), WEIGHTS, self.ends, strict=True):
+            yield self.begin + part * self.length, weight * self.length, end
 
 
 class Steps:
@@ -47,7 +48,7 @@ class Steps:
         self.taken = 0
 
     def over(self, begin: float, length: float, allowed: float):
-        """The Steps over a time, none off by more than this energy. Raises ConvergenceError where steps fail."""
+        """The Steps over a time, each with at most this error of energy. Raises ConvergenceError where steps fail."""
         done, whole = 0, 1 << FINEST
         while done < whole:
             part = whole >> self._halvings
@@ -62,12 +63,12 @@ class Steps:
                 self._halvings -= 1
 
     def _take(self, step, allowed) -> float:
-        """What the step is off by, and infinity where it fails; it is taken back where that is more than allowed."""
+        """Error of the energy balance, infinite where the step fails; a step with more than is allowed is undone."""
         motion, last = self._motion, self._halvings == FINEST
-        motion.pace(step.length)
-        ends = [step.begin + part * step.length for part in (STAGE, 1.0)]
+        motion.set_length(step.length)
+        imposed = [self._imposed(step.begin + part * step.length) for part in (STAGE, 1.0)]
         try:
-            step.instants.extend(motion.follow([self._imposed(time) for time in ends]))
+            step.ends.extend(motion.advance(imposed))
         except ConvergenceError:
             if last:
                 raise
@@ -78,9 +79,7 @@ class Steps:
         off = max(abs(fed - motion.gained) - motion.rounding, 0.0)
         if off > allowed:
             if last:
-                remedy = (
-                    f"less {named('stress')}" if self._imposed(ends[-1]).free else f"more {named('steps')}"
-                )
+                remedy = f"less {named('stress')}" if imposed[-1].free else f"more {named('steps')}"
                 raise ConvergenceError(
                     f"energy is lost in the shortest step of a cycle, {off / allowed:.1e} times what one may, as where "
                     f"nothing holds the packing: give {remedy}"

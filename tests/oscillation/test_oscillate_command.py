@@ -33,20 +33,20 @@ def oscillate(*words, ranks=0):
 
 
 def test_a_file_from_one_rank_and_two(packing, tmp_path):
-    words = ("--alpha", 0.5, "--omega", "1e-9,1e-8", "--stress", "1e-5,1e-4", "--steps", 16)
+    words = ("--alpha", 0.5, "--omega", "1e-9,1e-8", "--stress", "1e-5", "--steps", 16)
     files = []
     for ranks in (0, 2):
         path = tmp_path / f"{ranks}.h5"
         done = oscillate(packing, "--out", path, *words, ranks=ranks)
         assert done.returncode == 0, done.stderr
-        assert "4 oscillations" in done.stdout and "[4/4]" in done.stderr
+        assert "2 oscillations" in done.stdout and "[2/2]" in done.stderr
         files.append(load(path))
     one, two = files
     assert (one.attributes["alpha"], one.attributes["control"]) == (0.5, "stress")
     assert one.attributes["contacts"] == "fixed"
     np.testing.assert_array_equal(one["omega"], [1e-9, 1e-8])
-    np.testing.assert_array_equal(one["amplitude"], [1e-5, 1e-4])
-    assert one["harmonics"].shape == (2, 2, 2)
+    np.testing.assert_array_equal(one["amplitude"], [1e-5])
+    assert one["harmonics"].shape == (1, 2, 2)
     strain = one["amplitude"][:, None] / abs(one["G"])
     np.testing.assert_allclose(one["work"], np.pi * one["G"].imag * strain**2, rtol=1e-7)
     np.testing.assert_allclose(one["G"], two["G"], rtol=1e-7)
@@ -55,13 +55,17 @@ def test_a_file_from_one_rank_and_two(packing, tmp_path):
     assert not list(tmp_path.glob("*.resume*"))
 
 
+def checked(packing, *words):
+    """The job of a command line."""
+    line = ["oscillate", str(packing), "--out", "o.h5", *map(str, words)]
+    args = cli.command_parser(line)[0].parse_args(line)
+    return args.check(args)
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (
-            "--alpha 2.5 --stress 1e-5",
-            "--alpha 2.5: must be positive and at most 2",
-        ),
+        ("--alpha 2.5 --stress 1e-5", "--alpha 2.5: must be positive and at most 2"),
         ("--alpha nan --stress 1e-5", "--alpha nan: must be positive"),
         (
             "--alpha 0.01 --tau1 1e-301 --stress 1e-5",
@@ -71,13 +75,25 @@ def test_a_file_from_one_rank_and_two(packing, tmp_path):
         ("--strain 1e-5,-1", "--strain 1e-5,-1: -1 must lie between"),
         ("--stress 1e-5 --steps 20", "--steps 20: must be a multiple of 8"),
         ("--stress 1e-5 --law stokes", "--law stokes: no contact dissipates"),
-        ("--stress 1e-5 -osc_snes_type nrichardson", "-osc_snes_type nrichardson: what is solved here needs"),
+        ("--strain 1e-5 --cycles 3", "--cycles 3: belongs to --contacts moving"),
+        ("--contacts moving --stress 1e-12", "--stress 1e-12: must be at least 1e-09"),
+        ("--contacts moving --strain 1e-12", "--strain 1e-12: must be at least 1e-09"),
+        ("--contacts moving --strain 1e-5 --alpha 0", "--alpha 0: must be positive"),
+        ("--contacts moving --strain 1e-5 --no-prestress", "--no-prestress: contacts that open"),
+        ("--contacts moving --strain 1e-5 --cycles 2", "--cycles 2: must be auto or a number from 3"),
     ],
 )
-def test_refused(packing, tmp_path, words, message):
-    done = oscillate(packing, "--out", tmp_path / "out.h5", "--omega", "1", *words.split())
+def test_refused(packing, words, message):
+    with pytest.raises(InputError, match=message):
+        checked(packing, "--omega", 1, *words.split())
+
+
+def test_a_method_without_a_derivative_is_refused(packing, tmp_path):
+    words = "--omega 1 --stress 1e-5 -osc_snes_type nrichardson"
+    done = oscillate(packing, "--out", tmp_path / "out.h5", *words.split())
     assert done.returncode == 2 and not (tmp_path / "out.h5").exists()
-    assert message in done.stderr and len(done.stderr.splitlines()) == 1
+    assert "-osc_snes_type nrichardson: what is solved here needs" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
 
 
 def test_a_packing_that_is_no_minimum(tmp_path):
@@ -91,19 +107,8 @@ def test_a_packing_that_is_no_minimum(tmp_path):
 def test_what_failed_is_tried_again_and_the_rest_kept(packing, tmp_path):
     """With few Newton steps only the easy point is solved; without the limit, only the other one is left to do."""
     path = tmp_path / "out.h5"
-    words = (
-        packing,
-        "--out",
-        path,
-        "--alpha",
-        0.5,
-        "--omega",
-        "1e-12,1e-6",
-        "--stress",
-        "1e-4",
-        "--steps",
-        16,
-    )
+    how = "--alpha 0.5 --omega 1e-12,1e-6 --stress 1e-4 --steps 16"
+    words = (packing, "--out", path, *how.split())
     failed = oscillate(*words, "-osc_snes_max_it", 3)
     assert failed.returncode == 3 and "1 of 2 points failed" in failed.stderr
     assert list(np.isnan(load(path)["G"][0])) == [False, True]
@@ -115,25 +120,16 @@ def test_what_failed_is_tried_again_and_the_rest_kept(packing, tmp_path):
 def test_a_checkpoint_is_of_the_same_oscillation(packing):
     """Whatever decides a result is in the key of its checkpoint."""
 
-    def key(*words):
-        line = ["oscillate", str(packing), "--out", "o.h5", "--omega", "1", "--strain", "1e-5", *words]
-        args = cli.command_parser(line)[0].parse_args(line)
-        return json.dumps(args.check(args).key(("name", "hash")), default=list, sort_keys=True)
+    def key(*words, imposed=("--strain", "1e-5")):
+        job = checked(packing, "--omega", "1", *imposed, *words)
+        return json.dumps(job.key(("name", "hash")), default=list, sort_keys=True)
 
     moving = ("--contacts", "moving")
-    asked = [
-        (),
-        ("--alpha", "0.5"),
-        ("--beta", "0.5"),
-        ("--no-prestress",),
-        ("--steps", "16"),
-        ("--omega", "2"),
-    ]
-    asked += [("--strain", "1e-4"), moving, (*moving, "--cycles", "3"), (*moving, "--cycles", "4")]
+    asked = ["", "--alpha 0.5", "--beta 0.5", "--no-prestress", "--steps 16", "--omega 2", "--strain 1e-4"]
+    asked = [words.split() for words in asked]
+    asked += [moving, (*moving, "--cycles", "3"), (*moving, "--cycles", "4")]
     assert len({key(*words) for words in asked}) == len(asked)
-    stress = ["oscillate", str(packing), "--out", "o.h5", "--omega", "1", "--stress", "1e-5"]
-    args = cli.command_parser(stress)[0].parse_args(stress)
-    assert json.dumps(args.check(args).key(("name", "hash")), default=list, sort_keys=True) != key()
+    assert key(imposed=("--stress", "1e-5")) != key()
     assert key() == key() == key("--out", "other.h5")
 
 
@@ -145,50 +141,20 @@ def test_a_checkpoint_is_of_the_same_oscillation(packing):
     ],
 )
 def test_steps_in_time_on_any_number_of_ranks(packing, tmp_path, contacts, words):
-    """Points are shared between ranks, and each is the same to the last bit; a journal of one rank serves three."""
+    """Points are shared between ranks, and each is the same to the last bit; a journal of one rank serves two."""
     words = ("--contacts", contacts, *words.split(), "--stress", "1e-6", "--steps", 16)
-    failed = oscillate(packing, "--out", tmp_path / "3.h5", *words, "-osc_factor_pc_type", "none")
-    assert failed.returncode == 3 and not (tmp_path / "3.h5").exists()
-    line = ("oscillate", packing, "--out", tmp_path / "3.h5", *words)
+    line = ("oscillate", packing, "--out", tmp_path / "2.h5", *words)
     assert launch.run(0, "run_interrupted.py", 1, *line).returncode < 0  # killed
     files = []
-    for ranks in (0, 3):
+    for ranks in (0, 2):
         done = oscillate(packing, "--out", tmp_path / f"{ranks}.h5", *words, ranks=ranks)
         assert done.returncode == 0, done.stderr
-        assert ("1 points are finished" in done.stderr) == (ranks == 3)
+        assert ("1 points are finished" in done.stderr) == (ranks == 2)
         files.append(load(tmp_path / f"{ranks}.h5"))
-    one, three = files
+    one, two = files
     assert (one.attributes["contacts"], one.attributes["control"]) == (contacts, "stress")
     assert one.attributes["solver"] == "steps"
-    np.testing.assert_array_equal(one["G"], three["G"])
+    np.testing.assert_array_equal(one["G"], two["G"])
     if contacts == "moving":
         np.testing.assert_array_equal(one["cycles"], [[6, 6]])
     assert np.all(one["error"] < 0.05 * abs(one["G"]))
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ("--stress 1e-12", "--stress 1e-12: must be at least 1e-09"),
-        ("--strain 1e-12", "--strain 1e-12: must be at least 1e-09"),
-        ("--strain 1e-5 --alpha 0", "--alpha 0: must be positive"),
-        ("--strain 1e-5 --no-prestress", "--no-prestress: contacts that open"),
-        ("--strain 1e-5 --cycles 2", "--cycles 2: must be auto or a number from 3"),
-        ("--strain 1e-5 --contacts fixed --cycles 3", "--cycles 3: belongs to --contacts moving"),
-    ],
-)
-def test_moving_contacts_refuse(packing, tmp_path, words, message):
-    words = [
-        "oscillate",
-        str(packing),
-        "--out",
-        "o.h5",
-        "--omega",
-        "1",
-        "--contacts",
-        "moving",
-        *words.split(),
-    ]
-    args = cli.command_parser(words)[0].parse_args(words)
-    with pytest.raises(InputError, match=message):
-        args.check(args)

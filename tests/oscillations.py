@@ -1,0 +1,34 @@
+"""Solvers of oscillations of a packing, as tests of several rooms ask for them."""
+
+from contextlib import contextmanager
+
+from samples import network_of
+
+from jampetsc.mechanics.assembly import assemble
+from jampetsc.mechanics.compatibility import build_compatibility
+from jampetsc.oscillation.halfcycles import SteppedOscillation
+from jampetsc.oscillation.powerlaw import STIFFEST
+from jampetsc.oscillation.steady import SteadyOscillation
+from jampetsc.petsc.session import current
+
+
+def mean_diameter(disks):
+    """The length in the power law."""
+    return 2.0 * float(disks.radii.mean())
+
+
+@contextmanager
+def steady_oscillation(disks, physics, steps, stiffest=STIFFEST):
+    """A SteadyOscillation of these disks. Collective."""
+    pencil = assemble(network_of(disks, physics, current().comm), physics.law)
+    compatibility = build_compatibility(pencil)
+    oscillation = SteadyOscillation(compatibility, mean_diameter(disks), steps, stiffest)
+    yield oscillation
+    for item in (oscillation, compatibility, pencil):
+        item.destroy()
+
+
+def stepped_oscillation(disks, physics, steps):
+    """A SteppedOscillation of these disks, on one rank."""
+    network = network_of(disks, physics, current().comm)
+    return SteppedOscillation(network, physics.law, mean_diameter(disks), steps)
