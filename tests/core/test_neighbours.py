@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from jampetsc.core.neighbours import neighbour_pairs, spatial_order
+from jampetsc.core.pair_search import half_list
 
 CELLS = {
     "square": [(9.0, 0.0), (0.0, 9.0)],
@@ -42,7 +43,22 @@ def test_finds_every_pair_of_every_image_once(name, n, skin):
     positions = rng.uniform(-1.0, 2.0, (n, 2)) @ cell
     radii = rng.uniform(0.3, 0.8, n)
     wanted = every_pair(positions, radii, cell, skin, images=12)
-    assert as_set(neighbour_pairs(positions, radii, cell, skin)) == wanted
+    found = neighbour_pairs(positions, radii, cell, skin)
+    assert as_set(found) == wanted
+    for ours, theirs in zip(half_list(positions, radii, cell, skin), found, strict=True):
+        assert np.array_equal(ours, theirs)  # in the same order, too: sums over contacts depend on it
+
+
+@pytest.mark.parametrize("name", CELLS)
+def test_ranges_that_fill_chunks_join(name, monkeypatch):
+    """Neighbours are looked for by chunks of disks."""
+    rng, cell = np.random.default_rng(4), np.array(CELLS[name])
+    positions, radii = rng.uniform(0.0, 1.0, (40, 2)) @ cell, rng.uniform(0.4, 0.6, 40)
+    at_once = [neighbour_pairs(positions, radii, cell, 0.1, rows) for rows in (None, (3, 29))]
+    monkeypatch.setattr("jampetsc.core.neighbours.CHUNK", 7)
+    for rows, wanted in zip((None, (3, 29)), at_once, strict=True):
+        for part, whole in zip(neighbour_pairs(positions, radii, cell, 0.1, rows), wanted, strict=True):
+            assert np.array_equal(part, whole)
 
 
 @pytest.mark.parametrize("name", CELLS)
@@ -55,6 +71,7 @@ def test_a_disk_a_rounding_error_outside_is_in_the_cell_or_beside_it(name):
     radii = rng.uniform(0.3, 0.8, 30)
     wanted = every_pair(positions, radii, cell, 0.1, images=12)
     assert as_set(neighbour_pairs(positions, radii, cell, 0.1)) == wanted
+    assert as_set(half_list(positions, radii, cell, 0.1)) == wanted
     assert np.array_equal(np.sort(spatial_order(positions, cell)), np.arange(30))
 
 
