@@ -269,7 +269,10 @@ def test_what_a_launcher_gives_is_left_out():
 
 SETTINGS = {  # of other programs -> a command, and what it says
     "MPLBACKEND=nonsense": ("plot s.h5 --out s.png", "matplotlib knows no backend of this name: unset it"),
-    "NUMBA_DISABLE_JIT=1": ("pack --n 16 --phi 0.9 --out p.h5", "loops over contacts have to be compiled: unset it"),
+    "NUMBA_DISABLE_JIT=1": (
+        "pack --n 16 --phi 0.9 --out p.h5",
+        "loops over contacts have to be compiled: unset it",
+    ),
 }
 
 
