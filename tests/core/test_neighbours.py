@@ -1,5 +1,7 @@
 """Pair search over periodic images against trying every pair and every image."""
 
+import sys
+
 import numpy as np
 import pytest
 
@@ -33,10 +35,16 @@ def as_set(pairs):
     return set(listed)
 
 
+@pytest.fixture
+def plain(monkeypatch):
+    """Pairs are found without compiled code, as where nothing has loaded it."""
+    monkeypatch.delitem(sys.modules, "jampetsc.core.pair_search")
+
+
 @pytest.mark.parametrize("name", CELLS)
 @pytest.mark.parametrize("skin", [0.0, 0.3, 1.5])
 @pytest.mark.parametrize("n", [1, 2, 16, 80])
-def test_finds_every_pair_of_every_image_once(name, n, skin):
+def test_finds_every_pair_of_every_image_once(name, n, skin, plain):
     rng = np.random.default_rng(n)
     cell = np.array(CELLS[name])
     # up to one cell outside on every side: coordinates need not be wrapped
@@ -50,7 +58,7 @@ def test_finds_every_pair_of_every_image_once(name, n, skin):
 
 
 @pytest.mark.parametrize("name", CELLS)
-def test_ranges_that_fill_chunks_join(name, monkeypatch):
+def test_ranges_that_fill_chunks_join(name, plain, monkeypatch):
     """Neighbours are looked for by chunks of disks."""
     rng, cell = np.random.default_rng(4), np.array(CELLS[name])
     positions, radii = rng.uniform(0.0, 1.0, (40, 2)) @ cell, rng.uniform(0.4, 0.6, 40)
@@ -62,7 +70,7 @@ def test_ranges_that_fill_chunks_join(name, monkeypatch):
 
 
 @pytest.mark.parametrize("name", CELLS)
-def test_a_disk_a_rounding_error_outside_is_in_the_cell_or_beside_it(name):
+def test_a_disk_a_rounding_error_outside_is_in_the_cell_or_beside_it(name, plain):
     """A coordinate of −1e-17 cell vectors plus one is one, which no cell of the grid begins with."""
     cell = np.array(CELLS[name])
     rng, edge = np.random.default_rng(3), -1e-17
@@ -75,14 +83,14 @@ def test_a_disk_a_rounding_error_outside_is_in_the_cell_or_beside_it(name):
     assert np.array_equal(np.sort(spatial_order(positions, cell)), np.arange(30))
 
 
-def test_a_pair_can_touch_through_two_images():
+def test_a_pair_can_touch_through_two_images(plain):
     cell = np.array([(1.9, 0.0), (0.0, 5.0)])
     pairs = as_set(neighbour_pairs(np.array([(0.0, 0.0), (0.95, 0.0)]), np.full(2, 0.5), cell))
     assert pairs == {(0, 1, 0, 0), (0, 1, -1, 0)}
 
 
 @pytest.mark.parametrize("name", CELLS)
-def test_ranges_of_rows_see_each_contact_from_both_ends(name):
+def test_ranges_of_rows_see_each_contact_from_both_ends(name, plain):
     rng = np.random.default_rng(7)
     cell = np.array(CELLS[name])
     positions, radii = rng.uniform(0, 1, (40, 2)) @ cell, rng.uniform(0.4, 0.6, 40)
