@@ -8,10 +8,10 @@ number of threads.
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
-from jampetsc.core.kernel import FAST, add_forces
+from jampetsc.core.compiled import FAST, compiled
+from jampetsc.core.kernel import add_forces
 from jampetsc.core.pairs import PairList
 
 GRAIN = 256  # disks: domains begin at multiples of it, and arrays are padded to one
@@ -60,7 +60,7 @@ def into_domains(pairs: PairList, disks) -> Domains:
     return Domains(disks, *_by_domain(disks, *pairs.arrays))
 
 
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
+@compiled(False)
 def _by_domain(disks, i, j, r0, sigma):
     """What a Domains has beside the borders `disks`."""
     number = len(disks) - 1
@@ -104,7 +104,7 @@ def _by_domain(disks, i, j, r0, sigma):
     return begin, across, end, to_i, to_j, to_r0, to_sigma
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+@compiled(FAST, forceinline=True)
 def domain_forces(domains, d, o, strain, shear, law, forces, motion, rolling):
     """Net forces on the disks of domain d into their rows of `forces`; its share of the Sums, see `bond_forces`."""
     own = slice(domains.disks[d], domains.disks[d + 1])
@@ -116,7 +116,7 @@ def domain_forces(domains, d, o, strain, shear, law, forces, motion, rolling):
     return add_forces(pairs, *ends, o, strain, shear, law, forces, motion, rolling)
 
 
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
+@compiled(False)
 def choose_near(domains, d, o, shear, skin, near):
     """Put the pairs of domain d that are closer than σ + skin at offsets o and `shear` into `near`, in order."""
     # taken out of their tuples, or their references would be counted at every access

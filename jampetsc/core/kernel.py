@@ -19,21 +19,15 @@ compile time, motion or rolling, is not in the loop at all.
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from jampetsc.core.compiled import FAST, compiled
 from jampetsc.core.potentials import secant_stiffness
 
 BLOCK = 1024  # pairs worked on at a time: their temporaries stay in the first-level cache
 # Rows of one array: with an array for each the compiler would have too many to prove that none overlaps
 # another, and would not vectorise.
 UX, UY, ROLL, END = (row * BLOCK for row in range(4))
-# Sums may be reordered and multiplications fused: that lets the compiler use its widest vectors.
-# What sums so has to be inlined by force: of copies in several modules, each optimised in its own way, it would depend
-# on numba's cache which one is run, and so the last digit of a result.
-# Every compiled function says which it is, False too: one that does not say is as fast as the first that calls it.
-FAST = {"reassoc", "contract", "nsz", "arcp", "nnan", "ninf"}
-NUMBERS = FAST - {"nnan", "ninf"}  # where NaN must be seen
 
 
 class Sums(NamedTuple):
@@ -51,10 +45,10 @@ class Sums(NamedTuple):
     viscous_yy: float
 
 
-_secant = numba.njit(fastmath=FAST, error_model="numpy", forceinline=True)(secant_stiffness)
+_secant = compiled(FAST, cache=False, forceinline=True)(secant_stiffness)
 
 
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
+@compiled(False)
 def pair_energy(rx, ry, sigma, law):
     """V of one pair at distance |r|; law = `potential.constants`."""
     overlap = sigma - np.sqrt(rx * rx + ry * ry)
@@ -63,7 +57,7 @@ def pair_energy(rx, ry, sigma, law):
     return _secant(overlap, sigma, law) * overlap * overlap / (2.5 if law[1] else 2.0)
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+@compiled(FAST, forceinline=True)
 def _block_forces(r0x, r0y, sigma, bx, by, moving, scale, mix, law, motion, rolling):
     """Turn o_j − o_i in (bx, by) into the forces on j, for one block of pairs: no branches, no indices.
 
@@ -126,7 +120,7 @@ def _block_forces(r0x, r0y, sigma, bx, by, moving, scale, mix, law, motion, roll
     return energy, wxx, wxy, wyy, contacts, dissipation, vxx, vxy, vyx, vyy
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+@compiled(FAST, forceinline=True)
 def add_forces(pairs, first, middle, last, o, strain, shear, law, forces, motion, rolling):
     """Add to `forces` (N, 2) those of the pairs first … last − 1, from `middle` on those on i alone; their Sums.
 
@@ -206,7 +200,7 @@ def add_forces(pairs, first, middle, last, o, strain, shear, law, forces, motion
     return Sums(energy, wxx, wxy, wyy, contacts, dissipation, vxx, vxy, vyx, vyy)
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+@compiled(FAST)
 def bond_forces(pairs, o, strain, shear, law, forces, motion, rolling):
     """Net forces of all bonds into `forces` (N, 2); returns their Sums.
 

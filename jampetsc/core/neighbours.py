@@ -1,144 +1,37 @@
 """Pairs of nearby disks in a periodic, possibly sheared cell, through a grid of cells.
 
 Every periodic image counts as a neighbour of its own, so small cells, where two disks can touch through more
-than one image, need no special case.
+than one image, need no special case. No compiled code is needed: numba takes longer to load than the contacts of 1e5
+disks take to find. `pair_search` is for lists that are made anew all the time, and for all pairs where it is loaded.
 """
 
 import math
-from typing import NamedTuple
+import sys
 
-import numba
 import numpy as np
 
-
-class Grid(NamedTuple):
-    """Disks sorted by the cells of a grid, row by row, with a margin of images: neighbours are in runs of cells.
-
-    An entry is a disk or an image of one; cell c holds the entries start[c] to start[c + 1].
-    """
-
-    corner: np.ndarray  # (N,) uint64: lower left of the cells around each disk
-    width: int  # cells in a row, with margins
-    start: np.ndarray  # (cells + 1,) uint64
-    x: np.ndarray  # (E,)
-    y: np.ndarray  # (E,)
-    reach: np.ndarray  # (E,) ρ + skin
-    disk: np.ndarray  # (E,) uint32
-    image: np.ndarray  # (E, 2) of the coordinates as they were given
-    inside: np.ndarray  # (N, 2) coordinates of the disks in the cell
-    wrapped: np.ndarray  # (N, 2) whole cell vectors that were taken away for that
+CHUNK = 65536  # disks whose neighbours are looked at together: memory
 
 
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
-def _grid(positions, radii, cell, skin, shape, margin):
-    """The Grid of `shape` cells and `margin` more on each side, both (columns, rows)."""
-    n = len(positions)
-    nx, ny = shape
-    width, height = nx + 2 * margin[0], ny + 2 * margin[1]
-    home, corner = np.empty(n, np.uint32), np.empty(n, np.uint64)
-    inside, wrapped = np.empty((n, 2)), np.empty((n, 2), np.int32)
-    held = np.zeros(nx * ny + 1, np.uint32)  # disks in cells before each
-    for p in range(n):
-        fy = positions[p, 1] / cell[1, 1]
-        fx = (positions[p, 0] - fy * cell[1, 0]) / cell[0, 0]
-        over, up = np.floor(fx), np.floor(fy)
-        wrapped[p, 0], wrapped[p, 1] = over, up
-        inside[p, 0] = positions[p, 0] - over * cell[0, 0] - up * cell[1, 0]
-        inside[p, 1] = positions[p, 1] - up * cell[1, 1]
-        column, row = min(int((fx - over) * nx), nx - 1), min(int((fy - up) * ny), ny - 1)
-        home[p] = row * nx + column
-        corner[p] = row * width + column
-        held[row * nx + column + 1] += np.uint32(1)
-    for c in range(nx * ny):
-        held[c + 1] += held[c]
-    fill, members = held[:-1].copy(), np.empty(n, np.uint32)
-    for p in range(n):
-        members[fill[home[p]]] = p
-        fill[home[p]] += np.uint32(1)
-    start = np.zeros(width * height + 1, np.uint64)
-    for r in range(height):
-        first = (r - margin[1]) % ny * nx
-        for c in range(width):
-            real = first + (c - margin[0]) % nx
-            start[r * width + c + 1] = start[r * width + c] + np.uint64(held[real + 1] - held[real])
-    entries = start[width * height]
-    x, y, reach = np.empty(entries), np.empty(entries), np.empty(entries)
-    disk, image = np.empty(entries, np.uint32), np.empty((entries, 2), np.int32)
-    for r in range(height):
-        up = (r - margin[1]) // ny
-        first = (r - margin[1] - up * ny) * nx
-        for c in range(width):
-            over = (c - margin[0]) // nx
-            real = first + c - margin[0] - over * nx
-            shift_x, shift_y = over * cell[0, 0] + up * cell[1, 0], up * cell[1, 1]
-            e = start[r * width + c]
-            for m in range(held[real], held[real + 1]):
-                j = members[m]
-                x[e] = inside[j, 0] + shift_x
-                y[e] = inside[j, 1] + shift_y
-                reach[e] = radii[j] + skin
-                disk[e] = j
-                image[e, 0] = over - wrapped[j, 0]
-                image[e, 1] = up - wrapped[j, 1]
-                e += np.uint64(1)
-    return Grid(corner, width, start, x, y, reach, disk, image, inside, wrapped)
-
-
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
-def _search(grid, radii, first, last, half, around, found, ends):
-    """Entries near disks first … last − 1 into `found`, those of each up to its `ends`; their number, −1 without room.
-
-    around = (columns, rows) of cells to look at. Which entries are near is hard to predict: all are stored, and
-    only near ones counted.
-    """
-    x, y, reach, disk = grid.x, grid.y, grid.reach, grid.disk
-    columns, rows, width = np.uint64(around[0]), np.uint64(around[1]), np.uint64(grid.width)
-    count = np.uint64(0)
-    for i in range(np.uint64(first), np.uint64(last)):
-        xi, yi, radius = grid.inside[i, 0], grid.inside[i, 1], radii[i]
-        least = i if half else np.uint64(0)
-        for row in range(rows):
-            cells = grid.corner[i] + row * width
-            begin, end = grid.start[cells], grid.start[cells + columns]
-            if count + end - begin > np.uint64(len(found)):
-                return -1
-            for e in range(begin, end):
-                dx, dy, near = x[e] - xi, y[e] - yi, radius + reach[e]
-                found[count] = e
-                count += np.uint64((dx * dx + dy * dy < near * near) & (disk[e] >= least) & (disk[e] != i))
-        ends[i - np.uint64(first)] = count
-    return np.int64(count)
-
-
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
-def _pairs(positions, radii, cell, skin, shape, margin, first, last, half):
-    """`neighbour_pairs` on a grid of `shape` cells with `margin` cells within reach of each, both (columns, rows)."""
-    grid = _grid(positions, radii, cell, skin, shape, margin)
-    around = (2 * margin[0] + 1, 2 * margin[1] + 1)
-    ends = np.empty(last - first, np.int64)
-    room = (4 if half else 8) * (last - first) + 64
-    while True:
-        found = np.empty(room, np.uint32)
-        count = _search(grid, radii, first, last, half, around, found, ends)
-        if count >= 0:
-            break
-        room *= 2
-    i, j, image = np.empty(count, np.int32), np.empty(count, np.int32), np.empty((count, 2), np.int32)
-    q = 0
-    for a in range(first, last):
-        while q < ends[a - first]:
-            e = found[q]
-            i[q], j[q] = a, grid.disk[e]
-            image[q, 0] = grid.image[e, 0] + grid.wrapped[a, 0]
-            image[q, 1] = grid.image[e, 1] + grid.wrapped[a, 1]
-            q += 1
-    return i, j, image
-
-
-def _upright(cell):
+def upright(cell):
     """(rows a1 and a2 − m a1, m) with the least tilt: of all cells of this lattice the widest one for a grid."""
     turns = round(cell[1, 0] / cell[0, 0])
     return np.array([cell[0], cell[1] - turns * cell[0]]), turns
+
+
+def grid_shape(cell, n, cutoff):
+    """Cells of a grid over an upright `cell`, and how many of them lie within `cutoff`, both (columns, rows)."""
+    (length, _), (tilt, height) = cell.tolist()
+    # At most about one particle per cell: a dilute cell would only cost memory.
+    limit = math.isqrt(n) + 1
+    heights = (length * height / math.hypot(tilt, height), height)
+    shape = tuple(min(max(int(h / cutoff), 1), limit) for h in heights)
+    return shape, tuple(math.ceil(cutoff * s / h) for s, h in zip(shape, heights, strict=True))
+
+
+def _runs(first, count):
+    """first[0], first[0] + 1, … for count[0] numbers, then the same of first[1], …"""
+    return np.repeat(first - (np.cumsum(count) - count), count) + np.arange(count.sum())
 
 
 def neighbour_pairs(positions, radii, cell, skin=0.0, rows=None):
@@ -149,37 +42,64 @@ def neighbour_pairs(positions, radii, cell, skin=0.0, rows=None):
     once from each end. Returns int32 arrays (M,), (M,) and (M, 2), ordered by i. A disk is never its own
     neighbour (`Disks` sees to it that cells are wide enough).
     """
-    cutoff = 2.0 * float(radii.max()) + skin
-    cell, turns = _upright(cell)
-    (length, _), (tilt, height) = cell.tolist()
-    # At most about one particle per cell: a dilute cell would only cost memory.
-    limit = math.isqrt(len(radii)) + 1
-    heights = (length * height / math.hypot(tilt, height), height)
-    shape = tuple(min(max(int(h / cutoff), 1), limit) for h in heights)
-    margin = tuple(math.ceil(cutoff * s / h) for s, h in zip(shape, heights, strict=True))
-    first, last = rows or (0, len(radii))
-    i, j, image = _pairs(positions, radii, cell, skin, shape, margin, first, last, rows is None)
+    compiled = sys.modules.get(f"{__package__}.pair_search")
+    if compiled and rows is None:  # it is there, and has the same answer ten times as fast
+        return compiled.half_list(positions, radii, cell, skin)
+    n = len(radii)
+    cell, turns = upright(cell)
+    shape, margin = grid_shape(cell, n, 2.0 * float(radii.max()) + skin)
+    up = positions[:, 1] / cell[1, 1]
+    over = (positions[:, 0] - up * cell[1, 0]) / cell[0, 0]
+    wrapped = np.floor(np.column_stack((over, up)))
+    column, row = np.minimum(
+        ((np.column_stack((over, up)) - wrapped) * shape).astype(np.int64), np.array(shape) - 1
+    ).T
+    inside = positions - wrapped[:, :1] * cell[0] - wrapped[:, 1:] * cell[1]
+
+    # The cells with a margin of images, row by row: the neighbours of a disk are in runs of entries.
+    width = shape[0] + 2 * margin[0]
+    (over, column_of), (up, row_of) = (
+        np.divmod(np.arange(-m, s + m), s) for s, m in zip(shape, margin, strict=True)
+    )
+    home = row * shape[0] + column
+    held = np.bincount(home, minlength=shape[0] * shape[1])
+    cells = (row_of[:, None] * shape[0] + column_of).ravel()
+    start = np.concatenate(([0], np.cumsum(held[cells])))
+    disk = np.argsort(home, kind="stable")[_runs((np.cumsum(held) - held)[cells], held[cells])]
+    shift = np.stack(np.broadcast_arrays(over, up[:, None]), axis=-1).reshape(-1, 2)
+    shift = np.repeat(shift, held[cells], axis=0)
+    place = inside[disk] + (shift[:, :1] * cell[0] + shift[:, 1:] * cell[1])
+    reach = radii[disk] + skin
+
+    corner = (row * width + column)[:, None] + width * np.arange(2 * margin[1] + 1)
+    first, last = rows or (0, n)
+    found = []
+    for begin in range(first, max(last, first + 1), CHUNK):
+        some = slice(begin, min(begin + CHUNK, last))
+        runs = start[corner[some]]
+        count = start[corner[some] + 2 * margin[0] + 1] - runs
+        e = _runs(runs.ravel(), count.ravel())
+        i = np.repeat(np.arange(some.start, some.stop), count.sum(axis=1))
+        x, y = (place[e] - inside[i]).T
+        near = radii[i] + reach[e]
+        chosen = (x * x + y * y < near * near) & (disk[e] > i if rows is None else disk[e] != i)
+        found.append((i[chosen], e[chosen]))
+    i, e = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    image = (shift[e] - wrapped[disk[e]] + wrapped[i]).astype(np.int32)
     image[:, 0] -= turns * image[:, 1]
-    return i, j, image
+    return i.astype(np.int32), disk[e].astype(np.int32), image
 
 
-@numba.njit(cache=True, fastmath=False)
-def _hilbert(column, row, bits):
+def _hilbert(x, y, bits):
     """Distance along the Hilbert curve of integer coordinates, taken modulo 2**bits."""
-    key = np.empty(len(column), np.int64)
-    for p in range(len(column)):
-        x, y, d = column[p], row[p], 0
-        s = 1 << (bits - 1)
-        while s > 0:
-            rx = 1 if x & s else 0
-            ry = 1 if y & s else 0
-            d += s * s * ((3 * rx) ^ ry)
-            if ry == 0:
-                if rx == 1:
-                    x, y = s - 1 - (x & (s - 1)), s - 1 - (y & (s - 1))
-                x, y = y, x
-            s >>= 1
-        key[p] = d
+    key = np.zeros(len(x), np.int64)
+    for s in 1 << np.arange(bits)[::-1]:
+        right, high = (x & s) != 0, (y & s) != 0
+        key += s * s * ((3 * right) ^ high)
+        x, y = x & (s - 1), y & (s - 1)
+        turned = right & ~high
+        x, y = np.where(turned, s - 1 - x, x), np.where(turned, s - 1 - y, y)
+        x, y = np.where(high, x, y), np.where(high, y, x)
     return key
 
 
@@ -191,7 +111,7 @@ def spatial_order(positions, cell):
     the same on every rank.
     """
     bits = 16
-    fractional = positions @ np.linalg.inv(_upright(cell)[0])
+    fractional = positions @ np.linalg.inv(upright(cell)[0])
     fractional -= np.floor(fractional)
     grid = (fractional * 2**bits).astype(np.int64)
     return np.argsort(_hilbert(grid[:, 0], grid[:, 1], bits), kind="stable")

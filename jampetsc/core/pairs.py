@@ -27,11 +27,11 @@ so moves Δo since then count ‖F(g)‖ times, and the shear since then as that
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
+from jampetsc.core.compiled import compiled
 from jampetsc.core.disks import GRID, Disks, split
-from jampetsc.core.neighbours import neighbour_pairs
+from jampetsc.core.pair_search import half_list
 
 SKIN_START = 0.3  # skin of the first list in units of d,
 SKIN_RANGE = (0.02, 0.5)  # and between which it is tuned
@@ -52,7 +52,7 @@ class PairList:
     @classmethod
     def build(cls, disks: Disks, skin: float) -> "PairList":
         """All pairs of `disks` closer than σ + skin."""
-        i, j, image = neighbour_pairs(disks.positions, disks.radii, disks.cell, skin=skin)
+        i, j, image = half_list(disks.positions, disks.radii, disks.cell, skin)
         i, j = i.view(np.uint32), j.view(np.uint32)
         r0, sigma = _bonds(
             disks.base, disks.offset, disks.cell_base, disks.cell_offset, disks.radii, i, j, image
@@ -65,7 +65,7 @@ class PairList:
         return self.i, self.j, self.r0, self.sigma
 
 
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
+@compiled(False)
 def _bonds(base, offset, cell_base, cell_offset, radii, i, j, image):
     """`state.bond_vectors` as (2, M), and σ (M,): differences of bases are exact, offsets are added to them."""
     r0, sigma = np.empty((2, len(i))), np.empty(len(i))
@@ -81,14 +81,14 @@ def _bonds(base, offset, cell_base, cell_offset, radii, i, j, image):
     return r0, sigma
 
 
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
+@compiled(False)
 def is_stale(far, strain, shear, largest, skin):
     """Whether a list may miss a touching pair: far = max |o|, (ε, g) = (strain, shear), largest = σ_max."""
     stretch = np.exp(-strain) * (np.sqrt(1.0 + 0.25 * shear * shear) + 0.5 * abs(shear))
     return 2.0 * far + max(stretch - 1.0, 0.0) * largest > skin
 
 
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
+@compiled(False)
 def are_worn(moved, shear, then, largest, skin):
     """Whether near pairs within `skin`, chosen at the shear `then`, may miss a contact; moved: since then."""
     stretch = np.sqrt(1.0 + 0.25 * then * then) + 0.5 * abs(then)
@@ -166,7 +166,7 @@ class ListedDisks:
         self.skin = tuned_skin(self.skin, steps, self.diameter, rebuild)
 
 
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
+@compiled(False)
 def _deformed(base, offset, moves, growth, mixing, grid):
     """(base, offset) of x + o + (F − 1)(x + o), all (N, 2), with F − 1 = [[growth, mixing], [0, growth]]."""
     to, rest = np.empty_like(base), np.empty_like(base)

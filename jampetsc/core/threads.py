@@ -10,11 +10,12 @@ import os
 import time
 from concurrent.futures import ThreadPoolExecutor
 
-import numba
 import numpy as np
 from numba import types
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
+
+from jampetsc.core.compiled import compiled
 
 LOOK = 16  # runs after which the slower number of threads is tried again
 SPINS = 2000  # looks at the counter before the core is offered to others: about a microsecond
@@ -45,7 +46,7 @@ def _look(typing, counter):
     return types.int64(counter), generate
 
 
-@numba.njit(cache=True, fastmath=False, nogil=True)
+@compiled(False, nogil=True)
 def meet(counter, threads):
     """Wait until all `threads` are here. counter (1,) int64, zero before the first meeting."""
     if threads == 1:

@@ -3,16 +3,15 @@
 Each domain finds those of its own disks; then those that touch across borders become one.
 """
 
-import numba
 import numpy as np
 
-from jampetsc.core.kernel import FAST
+from jampetsc.core.compiled import FAST, compiled
 from jampetsc.flows.resistance import WIDTH
 
 NONE = np.uint32(2**32 - 1)
 
 
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
+@compiled(False)
 def find_clusters_of(graph, d, u):
     """Clusters of the disks of domain d by contacts within it, and their sums of u (N, 2)."""
     # taken out of their tuple, or their references would be counted at every access
@@ -40,7 +39,7 @@ def find_clusters_of(graph, d, u):
         graph.size[start] = found - np.uint64(first)
 
 
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
+@compiled(False)
 def _unite(over, a, b):
     while over[a] != a:
         a = over[a]
@@ -49,7 +48,7 @@ def _unite(over, a, b):
     over[max(a, b)] = min(a, b)
 
 
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
+@compiled(False)
 def unite_clusters(domains, graph):
     """Make one of clusters of several domains that touch; returns (number, largest) of all.
 
@@ -79,7 +78,7 @@ def unite_clusters(domains, graph):
     return number, largest
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+@compiled(FAST)
 def centre_clusters_of(graph, d, u):
     """Take the mean of its cluster out of u (N, 2) for every disk of domain d; a disk alone has u = 0 then."""
     root, over, total, size = graph.root, graph.over, graph.total, graph.size

@@ -2,11 +2,10 @@
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from jampetsc.core.compiled import FAST, NUMBERS, compiled
 from jampetsc.core.domains import Domains, choose_near
-from jampetsc.core.kernel import FAST, NUMBERS
 from jampetsc.core.pairs import are_worn, is_stale
 
 # Σ f_x r_y and Σ f·r of elastic and viscous bonds, Σ m u_x u_y and Σ m |u|², U, dissipation, iterations, steps
@@ -52,7 +51,7 @@ class Space(NamedTuple):
     seen: np.ndarray  # (TALLY,)
 
 
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
+@compiled(False)
 def move(o, u, g, dt, out):
     """out = o + dt (u_x − g u_y, u_y), all (n, 2); returns max |out| and the longest move, NaN where there is one."""
     far = longest = total = 0.0
@@ -69,7 +68,7 @@ def move(o, u, g, dt, out):
     return np.sqrt(far), np.sqrt(longest) if total == total else np.nan
 
 
-@numba.njit(cache=True, fastmath=NUMBERS, error_model="numpy")
+@compiled(NUMBERS)
 def drift(o, forces, mobility, g, dt, u, out):
     """u = mobility · forces, and out = o moved by it, (n, 2) each, in one pass: four would take half as long as forces.
 
@@ -90,7 +89,7 @@ def drift(o, forces, mobility, g, dt, u, out):
     return np.sqrt(far), np.sqrt(longest) if squares == squares else np.nan, xy, squares
 
 
-@numba.njit(cache=True, fastmath=NUMBERS, error_model="numpy")
+@compiled(NUMBERS)
 def kick(o, forces, predicted, task, g, u, a_last, after, out):
     """Accelerations into a_last, u half a step on, and out = o moved by it, (n, 2) each, in one pass.
 
@@ -118,7 +117,7 @@ def kick(o, forces, predicted, task, g, u, a_last, after, out):
     return np.sqrt(far), np.sqrt(longest) if total == total else np.nan, xy, squares
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+@compiled(FAST)
 def squares_of(u):
     """(Σ u_x u_y, Σ |u|²) of u (n, 2)."""
     xy = squares = 0.0
@@ -128,7 +127,7 @@ def squares_of(u):
     return xy, squares
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+@compiled(FAST)
 def note(task, sums, xy, squares, seen):
     """What one domain has of an instant into `seen`; sums: of its bonds, xy and squares: see `squares_of`."""
     alpha = 2.5 if task.law[1] else 2.0
@@ -142,7 +141,7 @@ def note(task, sums, xy, squares, seen):
     seen[7] = sums.dissipation + task.drag * squares
 
 
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
+@compiled(False)
 def tell(task, sums, seen):
     """Add what all domains have noted, sums (D, SUMMED + 2), to `seen`, and what the fluid behind the disks has."""
     fluid = task.background * task.rate
@@ -156,7 +155,7 @@ def tell(task, sums, seen):
     seen[STEPS] += 1.0
 
 
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
+@compiled(False)
 def verdict_of(far, longest, g, listed):
     """What a move means for the list: listed = (σ_max, its skin, that of its near pairs)."""
     if not longest <= JUMP * listed[0]:
@@ -164,7 +163,7 @@ def verdict_of(far, longest, g, listed):
     return STALE if is_stale(far, 0.0, g, listed[0], listed[1]) else DONE
 
 
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
+@compiled(False)
 def reached(task, sums, g):
     """(`verdict_of` the moves of all domains, the longest one)."""
     far = longest = 0.0
@@ -175,7 +174,7 @@ def reached(task, sums, g):
     return verdict_of(far, longest, g, task.listed), longest
 
 
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
+@compiled(False)
 def own_domains(me, threads, space):
     """(first, last + 1) of the domains of thread `me`, and its disks likewise."""
     disks = space.listed.disks
@@ -184,7 +183,7 @@ def own_domains(me, threads, space):
     return first, last, disks[first], disks[last]
 
 
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
+@compiled(False)
 def with_near(space, task, mine, o, g, moved, then):
     """Near pairs that serve at offsets o and shear g; (moved, then) as in `contacts.pairs.are_worn`, FAR at first."""
     largest, _, skin = task.listed

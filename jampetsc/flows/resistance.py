@@ -18,10 +18,9 @@ Threads share the work by domains (see `core.domains`); every one takes all deci
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
-from jampetsc.core.kernel import FAST
+from jampetsc.core.compiled import FAST, compiled
 from jampetsc.core.threads import meet
 
 SOLVES = 20_000  # iterations at most: far more than any tolerance above rounding takes
@@ -61,7 +60,7 @@ class Graph(NamedTuple):
         )  # fmt: skip
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy", nogil=True)
+@compiled(FAST, nogil=True)
 def find_contacts_of(domains, d, o, shear, graph):
     """Write the rows of domain d, with disks at offsets o (N, 2) and `shear`."""
     i, j, sigma = domains.i, domains.j, domains.sigma
@@ -121,7 +120,7 @@ def deepest_overlap(pairs, o, shear) -> float:
     return float(np.max(1.0 - np.hypot(x + shear * y, y) / sigma, initial=0.0))
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+@compiled(FAST, forceinline=True)
 def resist(graph, d, weights, hold, x, y):
     """y = (A + hold) x for the disks of domain d, x, y (N, 2), zero for held ones; returns its share of x·y."""
     column, normals = graph.column, graph.normals
@@ -168,7 +167,7 @@ def resist(graph, d, weights, hold, x, y):
     return product
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+@compiled(FAST)
 def invert_diagonal(graph, d, weights, hold, inverse):
     """1 / diagonal of A + hold into the rows (N, 2) of domain d; 1 where that is zero: nothing acts on such a disk."""
     along, across = weights[0], weights[1]
@@ -199,7 +198,7 @@ class Search(NamedTuple):
     )  # (2, D, 3) each domain's share of sums: of two meetings, as some threads still read the last ones
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+@compiled(FAST, forceinline=True)
 def solve(me, threads, counter, graph, weights, hold, residual, u, tolerance, search):
     """Add to u (N, 2) the correction x with (A + hold) x = residual, both axes in one conjugate gradient.
 

@@ -16,11 +16,10 @@ method, and every thread takes the same decisions from the same sums.
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from jampetsc.core.compiled import FAST, compiled
 from jampetsc.core.domains import domain_forces
-from jampetsc.core.kernel import FAST
 from jampetsc.core.threads import meet
 from jampetsc.flows.clusters import centre_clusters_of, find_clusters_of, unite_clusters
 from jampetsc.flows.moves import (
@@ -49,7 +48,7 @@ class Contacts(NamedTuple):
     search: Search
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy", nogil=True)
+@compiled(FAST, nogil=True)
 def drag_steps(me, threads, counter, space, task, steps):
     """Overdamped disks in a fluid, u = f/(k_d drag), by Euler or Heun: (status, steps done)."""
     first, last, begin, stop = own_domains(me, threads, space)
@@ -97,7 +96,7 @@ def drag_steps(me, threads, counter, space, task, steps):
     return status, done
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+@compiled(FAST, forceinline=True)
 def residual_at(pairs, d, o, g, task, u, forces, rolling):
     """m u̇ at velocities u into `forces`, what is not balanced in domain d: bonds, drag and SLLOD's shift of momentum.
 
@@ -114,7 +113,7 @@ def residual_at(pairs, d, o, g, task, u, forces, rolling):
     return sums
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy", nogil=True, forceinline=True)
+@compiled(FAST, nogil=True, forceinline=True)
 def balance(me, threads, counter, space, task, contacts, pairs, o, g, u):
     """Velocities at which forces balance, or that backward Euler gives a mass, into u.
 
@@ -148,7 +147,7 @@ def balance(me, threads, counter, space, task, contacts, pairs, o, g, u):
     return DONE if iterations >= 0 else UNSOLVED, iterations
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy", nogil=True)
+@compiled(FAST, nogil=True)
 def contact_steps(me, threads, counter, space, task, contacts, steps):
     """Disks damped by contacts, implicit in the velocities: without mass by Euler or Heun, with mass by Euler.
 
@@ -223,7 +222,7 @@ class Turning(NamedTuple):
     torques: np.ndarray
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy", nogil=True)
+@compiled(FAST, nogil=True)
 def massive_steps(me, threads, counter, space, task, a_last, turning, steps):
     """Massive disks by velocity Verlet, one force per step, taken at the predicted velocity: (status, steps done).
 

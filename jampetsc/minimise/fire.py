@@ -8,11 +8,10 @@ Bitzek et al., PRL 97, 170201 (2006), in the form of Guénolé et al., Comput. M
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from jampetsc.core.compiled import FAST, compiled
 from jampetsc.core.domains import domain_forces
-from jampetsc.core.kernel import FAST
 from jampetsc.core.pairs import is_stale
 from jampetsc.core.threads import meet
 from jampetsc.minimise.descent import Descent
@@ -42,7 +41,7 @@ class Clock(NamedTuple):
     downhill: int
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+@compiled(FAST, forceinline=True)
 def _sums(f, v, sums):
     top = fv = ff = vv = 0.0
     for q in range(len(f)):
@@ -54,7 +53,7 @@ def _sums(f, v, sums):
     sums[0], sums[1], sums[2], sums[3] = top, fv, ff, vv
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+@compiled(FAST, forceinline=True)
 def _move(o, v, f, keep, push, step, back):
     """v ← keep v + push f, o ← o + step v − back v_old; returns max |o|."""
     far = 0.0
@@ -69,7 +68,7 @@ def _move(o, v, f, keep, push, step, back):
     return far
 
 
-@numba.njit(cache=True, fastmath=False, nogil=True, error_model="numpy")
+@compiled(False, nogil=True)
 def _fall(me, threads, counter, domains, motion, law, skin, force, steps, clock, longest):
     """Steps of FIRE by thread `me` of `threads` until max |F| ≤ force, a stale list, or `steps` are done.
 

@@ -9,9 +9,9 @@ Bonds become e^ε [[1, g], [0, 1]] (r + o_j − o_i). With M = k n nᵀ − (f/r
 
 from dataclasses import dataclass, replace
 
-import numba
 import numpy as np
 
+from jampetsc.core.compiled import compiled
 from jampetsc.core.forms import linear_forms, squares
 from jampetsc.core.pairs import PairList
 
@@ -104,7 +104,7 @@ class Pattern:
         return values
 
 
-@numba.njit(cache=True, fastmath=False)
+@compiled(False)
 def _sum(values, i, j, on_i, on_j, across, free, diagonal, blocks):
     dofs = diagonal.shape[1]
     for p in range(len(i)):

@@ -13,9 +13,9 @@ energies: slopes stay accurate down to the rounding of forces, differences of en
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from jampetsc.core.compiled import compiled
 from jampetsc.core.pairs import is_stale
 from jampetsc.core.threads import meet
 from jampetsc.minimise.lbfgs_kernels import Space, adjust, measure, step
@@ -43,7 +43,7 @@ class Task(NamedTuple):
     steps: int  # force evaluations
 
 
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
+@compiled(False)
 def _collect(space, task, total, box_gradient):
     """Sums over all domains into `total`, the gradient of the cell into `box_gradient`; g·g and products complete."""
     rows = len(space.box_pairs)
@@ -66,7 +66,7 @@ def _collect(space, task, total, box_gradient):
         total[rows + 1] += box_gradient[b] * box_gradient[b]
 
 
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
+@compiled(False)
 def _direction(total, products, count, head, memory, softness, coefficients):
     """Coefficients of the direction, for the pairs' rows and last for the gradient.
 
@@ -113,14 +113,14 @@ def _direction(total, products, count, head, memory, softness, coefficients):
     return slope, count
 
 
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
+@compiled(False)
 def _adjust_box(box, move, ratio, scale):
     for b in range(2):
         box[b] += (ratio - 1.0) * move[b] / scale
         move[b] *= ratio
 
 
-@numba.njit(cache=True, fastmath=False, nogil=True, error_model="numpy")
+@compiled(False, nogil=True)
 def descend(me, threads, counter, domains, space, task, count, head):
     """Steps of L-BFGS by thread `me` of `threads`, until the forces are small, the list stale, or `steps` are done.
 
@@ -136,7 +136,7 @@ def descend(me, threads, counter, domains, space, task, count, head):
     total, before = np.zeros(rows + 6), np.zeros(rows + 6)
     pull, pull_before = np.zeros(2), np.zeros(2)  # gradient of the cell
     coefficients, move = np.zeros(rows + 1), np.zeros(2)
-    factors = np.ones(2)
+    factors = np.zeros(2)
     status, evaluations = MORE, 0
     # which forces, and which pair they complete; plain numbers would have types of their own
     now, slot = np.int64(0), np.int64(-1)

@@ -9,11 +9,10 @@ The pairs are kept in single precision; a stored s is exactly the move that was 
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from jampetsc.core.compiled import FAST, compiled
 from jampetsc.core.domains import GRAIN, domain_forces
-from jampetsc.core.kernel import FAST
 
 CHUNK = 2 * GRAIN  # coordinates worked on at a time
 
@@ -31,7 +30,7 @@ class Space(NamedTuple):
     reaches: np.ndarray  # (D, 3) each domain's longest move and offset
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+@compiled(FAST, forceinline=True)
 def _dot(a, b):
     total = 0.0
     for q in range(len(a)):
@@ -39,7 +38,7 @@ def _dot(a, b):
     return total
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+@compiled(FAST, forceinline=True)
 def _square(f, peaks):
     """f · f; peaks ← max(peaks, |f|) place by place, which compilers turn into wide instructions and a single
     maximum not."""
@@ -51,14 +50,14 @@ def _square(f, peaks):
     return total
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+@compiled(FAST)
 def _peaks(f, peaks):
     for q in range(len(f)):
         size = abs(f[q])
         peaks[q] = size if size > peaks[q] else peaks[q]
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+@compiled(FAST, forceinline=True)
 def _change(new, factor_new, old, factor_old, y):
     """y ← g_new − g_old, in single precision; returns y · y and y · f_new."""
     square = product = 0.0
@@ -70,19 +69,19 @@ def _change(new, factor_new, old, factor_old, y):
     return square, product
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+@compiled(FAST, forceinline=True)
 def _add_pair(sum_, c_s, s, c_y, y):
     for q in range(len(sum_)):
         sum_[q] += c_s * s[q] + c_y * y[q]
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+@compiled(FAST)
 def _scaled(f, c, out):
     for q in range(len(out)):
         out[q] = c * f[q]
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+@compiled(FAST)
 def _move(direction, s, o):
     """s ← direction in single precision, o ← o + s."""
     for q in range(len(o)):
@@ -90,7 +89,7 @@ def _move(direction, s, o):
         o[q] += np.float64(s[q])
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+@compiled(FAST)
 def _rescale(ratio, s, o):
     """The last move s made longer by `ratio`, in s and in o; returns max |o|."""
     far = 0.0
@@ -104,7 +103,7 @@ def _rescale(ratio, s, o):
     return far
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+@compiled(FAST, forceinline=True)
 def _shear(f, growth, shear):
     """f ← Fᵀ f, f (n, 2)."""
     for q in range(len(f)):
@@ -112,7 +111,7 @@ def _shear(f, growth, shear):
         f[q, 0] = growth * f[q, 0]
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+@compiled(FAST, forceinline=True)
 def measure(domains, d, space, task, factors, now, slot):
     """Forces of domain d, the change of its gradient into pair `slot` (unless −1), and its share of all sums."""
     strain, shear = space.box[0], space.box[1]
@@ -148,7 +147,7 @@ def measure(domains, d, space, task, factors, now, slot):
     sums[rows + 4] = bonds.elastic_xy
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
+@compiled(FAST, forceinline=True)
 def step(domains, d, space, now, factor, coefficients, head):
     """Move the disks of domain d along the direction, which becomes the s of pair `head`."""
     rows = len(space.box_pairs)
@@ -172,7 +171,7 @@ def step(domains, d, space, now, factor, coefficients, head):
     space.reaches[d, 0], space.reaches[d, 1] = longest.max(), far.max()
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+@compiled(FAST)
 def adjust(domains, d, space, ratio, head):
     """The last move, the s of pair `head`, made longer by `ratio` for the disks of domain d; returns max |o|."""
     rows = len(space.box_pairs)

@@ -9,13 +9,12 @@ W_j = L_kj D_j,
 j running over the disks that the elimination tree leads to from the neighbours of k.
 """
 
-import numba
 import numpy as np
 
-from jampetsc.core.kernel import FAST, NUMBERS
+from jampetsc.core.compiled import FAST, NUMBERS, compiled
 
 
-@numba.njit(cache=True, fastmath=False)
+@compiled(False)
 def minimum_degree(n, i, j, chosen):
     """N disks in the order of their elimination (N,): always one that then has the fewest neighbours.
 
@@ -78,7 +77,7 @@ def minimum_degree(n, i, j, chosen):
     return order
 
 
-@numba.njit(cache=True, fastmath=False)
+@compiled(False)
 def rows_below(order, i, j, chosen):
     """(start (N + 1,), column, pair): for each disk, in the order of elimination, its contacts with earlier ones.
 
@@ -106,7 +105,7 @@ def rows_below(order, i, j, chosen):
     return start, column, pair
 
 
-@numba.njit(cache=True, fastmath=False)
+@compiled(False)
 def _tree(start, column):
     """(parent (N,), entries of each column of L (N,)) of the elimination tree."""
     n = len(start) - 1
@@ -125,7 +124,7 @@ def _tree(start, column):
     return parent, entries
 
 
-@numba.njit(cache=True, fastmath=NUMBERS, error_model="numpy")
+@compiled(NUMBERS)
 def factorise(order, i, j, blocks, chosen, shift):
     """L D Lᵀ of Σ blocks (u_j − u_i)² + Σ shift u², blocks (M, 2, 2) of the chosen pairs (M,), shift (N,), in `order`.
 
@@ -199,7 +198,7 @@ def factorise(order, i, j, blocks, chosen, shift):
     return definite, (order, begin, row, lower)
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+@compiled(FAST)
 def solve(factor, b, x, work):
     """x = A⁻¹ b, (N, 2) each; work (N, 2)."""
     order, begin, row, lower = factor

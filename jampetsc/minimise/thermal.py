@@ -7,9 +7,9 @@ states come with the Boltzmann weight e^(−U/T) as long as `reach` is left alon
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from jampetsc.core.compiled import compiled
 from jampetsc.core.disks import Disks
 from jampetsc.core.kernel import pair_energy
 from jampetsc.core.pairs import ListedDisks, PairList, is_stale
@@ -42,7 +42,7 @@ class Around(NamedTuple):
         )
 
 
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
+@compiled(False)
 def energy_of(a, x, y, around, o, law):
     """Σ V of disk a's contacts if its offset were (x, y), those of the others being o (N, 2)."""
     energy = 0.0
@@ -54,7 +54,7 @@ def energy_of(a, x, y, around, o, law):
     return energy
 
 
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
+@compiled(False)
 def _moves(around, law, o, temperature, reach, stale, draws):
     """Moves by the random numbers draws (M, 4) until all are done or one would make the list stale.
 

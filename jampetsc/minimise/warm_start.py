@@ -5,10 +5,10 @@ open or close are what the pairs (s, y) of L-BFGS are for. (Nocedal & Wright, Nu
 H₀ the inverse of the factor.) For disks in a cell of fixed shape; moves are in the laboratory.
 """
 
-import numba
 import numpy as np
 
-from jampetsc.core.kernel import FAST, NUMBERS, _secant, bond_forces
+from jampetsc.core.compiled import FAST, NUMBERS, compiled
+from jampetsc.core.kernel import _secant, bond_forces
 from jampetsc.core.pairs import is_stale
 from jampetsc.minimise.ldl import factorise, solve
 
@@ -26,7 +26,7 @@ def nothing_remembered(n: int):
     return np.zeros((2, MEMORY, 2 * n)), np.zeros(MEMORY), np.zeros(2, np.int64), np.zeros((4, 2 * n))
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+@compiled(FAST)
 def springs(pairs, o, g, law, nearby, stress):
     """Blocks k n nᵀ − (f/r) t tᵀ (M, 2, 2) of the pairs at offsets o and shear g, and which of them there are, (M,).
 
@@ -55,7 +55,7 @@ def springs(pairs, o, g, law, nearby, stress):
     return blocks, chosen
 
 
-@numba.njit(cache=True, fastmath=False)
+@compiled(False)
 def held_by(pairs, chosen, n):
     """How many chosen pairs each of N disks has, (N,)."""
     number = np.zeros(n, np.int64)
@@ -66,7 +66,7 @@ def held_by(pairs, chosen, n):
     return number
 
 
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
+@compiled(False)
 def factor_of(order, pairs, o, g, law, nearby, damping, stiffness):
     """A factor of the Hessian with `damping` on its diagonal; without pre-stress where it is not definite with it.
 
@@ -86,7 +86,7 @@ def factor_of(order, pairs, o, g, law, nearby, damping, stiffness):
     return factor
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+@compiled(FAST)
 def _go(o, moved, d, length, g):
     """Move by length · d in the laboratory; returns max |o|."""
     far = 0.0
@@ -100,14 +100,14 @@ def _go(o, moved, d, length, g):
     return np.sqrt(far)
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+@compiled(FAST)
 def moved_on(o, g, way, moved):
     """Move offsets o by `way` (N, 2) in the laboratory, which is copied into `moved`; returns max |o|."""
     moved[:] = 0.0
     return _go(o, moved, way, 1.0, g)
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+@compiled(FAST)
 def without_drift(moved):
     """Take the mean out of `moved` (N, 2); returns the rms of what is left, and its largest component."""
     n, square, longest = len(moved), 0.0, 0.0
@@ -120,7 +120,7 @@ def without_drift(moved):
     return np.sqrt(square / n), longest
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+@compiled(FAST)
 def contacts_at(pairs, o, g, law):
     """(number of contacts, Σ k (n_x r_y)², V times the modulus of affine motion) at offsets o and shear g."""
     i, j, r0, sigma = pairs
@@ -137,7 +137,7 @@ def contacts_at(pairs, o, g, law):
     return number, modulus
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+@compiled(FAST)
 def _dot(a, b):
     total = 0.0
     for q in range(len(a)):
@@ -145,7 +145,7 @@ def _dot(a, b):
     return total
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+@compiled(FAST)
 def _add_dot(x, c, y, z):
     """x ← x + c y; returns z · x."""
     total = 0.0
@@ -155,7 +155,7 @@ def _add_dot(x, c, y, z):
     return total
 
 
-@numba.njit(cache=True, fastmath=FAST, error_model="numpy")
+@compiled(FAST)
 def _direction(factor, softness, memory, forces, d, work):
     """d = H F, (2N,), by the two loops over what is remembered; H₀ without a factor: about `softness`."""
     both, product, count, spaces = memory
@@ -185,7 +185,7 @@ def _direction(factor, softness, memory, forces, d, work):
         m = newer
 
 
-@numba.njit(cache=True, fastmath=NUMBERS, error_model="numpy")
+@compiled(NUMBERS)
 def _longest(a):
     """Largest a_x² + a_y² of a (2N,), NaN where there is one."""
     longest = total = 0.0
@@ -196,7 +196,7 @@ def _longest(a):
     return longest if total == total else np.nan
 
 
-@numba.njit(cache=True, fastmath=NUMBERS, error_model="numpy")
+@compiled(NUMBERS)
 def _down(pairs, listed, law, area, factor, memory, o, g, moved, forces, aim):
     both, product, count, spaces = memory
     s, y = both[0], both[1]
@@ -249,7 +249,7 @@ def _down(pairs, listed, law, area, factor, memory, o, g, moved, forces, aim):
             count[1] = (m + 1) % MEMORY
 
 
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
+@compiled(False)
 def follow(
     i, j, r0, sigma, law, scalars, order, begin, row, lower, both, product, count, spaces, o, moved, forces
 ):

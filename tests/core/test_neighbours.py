@@ -1,9 +1,12 @@
 """Pair search over periodic images against trying every pair and every image."""
 
+import sys
+
 import numpy as np
 import pytest
 
 from jampetsc.core.neighbours import neighbour_pairs, spatial_order
+from jampetsc.core.pair_search import half_list
 
 CELLS = {
     "square": [(9.0, 0.0), (0.0, 9.0)],
@@ -32,8 +35,42 @@ def as_set(pairs):
     return set(listed)
 
 
+@pytest.fixture
+def plain(monkeypatch):
+    """Pairs are found without compiled code, as where nothing has loaded it."""
+    monkeypatch.delitem(sys.modules, "jampetsc.core.pair_search")
+
+
 @pytest.mark.parametrize("name", CELLS)
-def test_a_disk_a_rounding_error_outside_is_in_the_cell_or_beside_it(name):
+@pytest.mark.parametrize("skin", [0.0, 0.3, 1.5])
+@pytest.mark.parametrize("n", [1, 2, 16, 80])
+def test_finds_every_pair_of_every_image_once(name, n, skin, plain):
+    rng = np.random.default_rng(n)
+    cell = np.array(CELLS[name])
+    # up to one cell outside on every side: coordinates need not be wrapped
+    positions = rng.uniform(-1.0, 2.0, (n, 2)) @ cell
+    radii = rng.uniform(0.3, 0.8, n)
+    wanted = every_pair(positions, radii, cell, skin, images=12)
+    found = neighbour_pairs(positions, radii, cell, skin)
+    assert as_set(found) == wanted
+    for ours, theirs in zip(half_list(positions, radii, cell, skin), found, strict=True):
+        assert np.array_equal(ours, theirs)  # in the same order, too: sums over contacts depend on it
+
+
+@pytest.mark.parametrize("name", CELLS)
+def test_ranges_that_fill_chunks_join(name, plain, monkeypatch):
+    """Neighbours are looked for by chunks of disks."""
+    rng, cell = np.random.default_rng(4), np.array(CELLS[name])
+    positions, radii = rng.uniform(0.0, 1.0, (40, 2)) @ cell, rng.uniform(0.4, 0.6, 40)
+    at_once = [neighbour_pairs(positions, radii, cell, 0.1, rows) for rows in (None, (3, 29))]
+    monkeypatch.setattr("jampetsc.core.neighbours.CHUNK", 7)
+    for rows, wanted in zip((None, (3, 29)), at_once, strict=True):
+        for part, whole in zip(neighbour_pairs(positions, radii, cell, 0.1, rows), wanted, strict=True):
+            assert np.array_equal(part, whole)
+
+
+@pytest.mark.parametrize("name", CELLS)
+def test_a_disk_a_rounding_error_outside_is_in_the_cell_or_beside_it(name, plain):
     """A coordinate of −1e-17 cell vectors plus one is one, which no cell of the grid begins with."""
     cell = np.array(CELLS[name])
     rng, edge = np.random.default_rng(3), -1e-17
@@ -42,17 +79,18 @@ def test_a_disk_a_rounding_error_outside_is_in_the_cell_or_beside_it(name):
     radii = rng.uniform(0.3, 0.8, 30)
     wanted = every_pair(positions, radii, cell, 0.1, images=12)
     assert as_set(neighbour_pairs(positions, radii, cell, 0.1)) == wanted
+    assert as_set(half_list(positions, radii, cell, 0.1)) == wanted
     assert np.array_equal(np.sort(spatial_order(positions, cell)), np.arange(30))
 
 
-def test_a_pair_can_touch_through_two_images():
+def test_a_pair_can_touch_through_two_images(plain):
     cell = np.array([(1.9, 0.0), (0.0, 5.0)])
     pairs = as_set(neighbour_pairs(np.array([(0.0, 0.0), (0.95, 0.0)]), np.full(2, 0.5), cell))
     assert pairs == {(0, 1, 0, 0), (0, 1, -1, 0)}
 
 
 @pytest.mark.parametrize("name", CELLS)
-def test_ranges_of_rows_see_each_contact_from_both_ends(name):
+def test_ranges_of_rows_see_each_contact_from_both_ends(name, plain):
     rng = np.random.default_rng(7)
     cell = np.array(CELLS[name])
     positions, radii = rng.uniform(0, 1, (40, 2)) @ cell, rng.uniform(0.4, 0.6, 40)

@@ -277,9 +277,12 @@ def test_what_a_launcher_gives_is_left_out():
     assert launcher.without_launcher(given | kept) == kept
 
 
-SETTINGS = {  # of other programs -> what `jampetsc plot s.h5 --out s.png` says
-    "MPLBACKEND=nonsense": "error: MPLBACKEND=nonsense: matplotlib knows no backend of this name: unset it",
-    "NUMBA_DISABLE_JIT=1": "error: NUMBA_DISABLE_JIT=1: loops over contacts have to be compiled: unset it",
+SETTINGS = {  # of other programs -> a command, and what it says
+    "MPLBACKEND=nonsense": ("plot s.h5 --out s.png", "matplotlib knows no backend of this name: unset it"),
+    "NUMBA_DISABLE_JIT=1": (
+        "pack --n 16 --phi 0.9 --out p.h5",
+        "loops over contacts have to be compiled: unset it",
+    ),
 }
 
 
@@ -290,10 +293,11 @@ def test_settings_of_other_programs_are_one_line_or_nothing(setting, tmp_path):
             writer.dataset(name, np.array([1.0, 2.0]))
         writer.attributes(law="contact", beta=1.0)
     name, _, value = setting.partition("=")
-    line = [sys.executable, "-m", "jampetsc", "plot", "s.h5", "--out", "s.png"]
+    command, message = SETTINGS[setting]
+    line = [sys.executable, "-m", "jampetsc", *command.split()]
     settings = {"env": launch.environment() | {name: value}, "cwd": tmp_path}
     done = subprocess.run(line, capture_output=True, text=True, timeout=60, **settings)
-    assert (done.returncode, done.stderr) == (2, f"jampetsc: {SETTINGS[setting]}\n")
+    assert (done.returncode, done.stderr) == (2, f"jampetsc: error: {setting}: {message}\n")
 
 
 def processes_of(folder):

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import jampetsc
-from jampetsc import recompile
+from jampetsc.core import compiled
 from jampetsc.core.laws import FAMILIES
 
 PACKAGE = Path(jampetsc.__file__).parent
@@ -114,6 +114,17 @@ def test_no_modules_import_each_other():
     assert not graph, "circles among these"
 
 
+def test_jobs_that_load_compiled_code():
+    """The others start in half the time."""
+    known = {f"jampetsc.{name(path)}".removesuffix(".__init__"): path for path in MODULES}
+    graph = {one: {*runs(ast.parse(path.read_text()))} & known.keys() for one, path in known.items()}
+    needing = {"jampetsc.core.compiled"}
+    while more := {one for one, others in graph.items() if others & needing} - needing:
+        needing |= more
+    jobs = {module.split(".")[-1] for module in needing if module.startswith("jampetsc.jobs.")}
+    assert jobs == {"pack", "flow", "shear", "jam", "oscillate", "modes"}
+
+
 def test_one_door_to_petsc():
     wrong = []
     for path in MODULES:
@@ -152,37 +163,31 @@ def test_no_module_knows_a_law_by_its_name():
     assert not wrong, wrong
 
 
-def test_every_compiled_function_says_how_fast_its_mathematics_is():
-    """One that does not say inherits it from whatever calls it first: NaN might be seen or not."""
-    wrong = [
-        f"{name(path)}:{node.lineno}"
+def test_one_module_has_numba_compile():
+    """A function that does not say how fast its mathematics is inherits it from whatever calls it first."""
+    compiling = {
+        name(path)
         for path in MODULES
         for node in nodes(path)
-        if isinstance(node, ast.Call) and ast.unparse(node.func) in ("numba.njit", "numba.jit", "njit", "jit")
-        if "fastmath" not in {keyword.arg for keyword in node.keywords}
-    ]
-    bare = [
-        f"{name(path)}:{node.lineno}"
-        for path in MODULES
-        for node in nodes(path)
-        if isinstance(node, ast.FunctionDef)
-        and any("jit" in ast.unparse(d) and not isinstance(d, ast.Call) for d in node.decorator_list)
-    ]
-    assert not wrong + bare, wrong + bare
+        if isinstance(node, ast.Attribute | ast.Name) and ast.unparse(node).split(".")[-1] in ("njit", "jit")
+    }
+    assert compiling == {"core.compiled"}
 
 
 def taken(path):
-    """Names that a module's compiled functions use, or that it has numba compile."""
+    """Names that a module's compiled functions use, or that it has compiled."""
     for node in nodes(path):
-        if isinstance(node, ast.FunctionDef) and any("njit" in ast.unparse(d) for d in node.decorator_list):
+        if isinstance(node, ast.FunctionDef) and any(
+            "compiled(" in ast.unparse(d) for d in node.decorator_list
+        ):
             yield from (part.id for part in ast.walk(node) if isinstance(part, ast.Name))
-        elif isinstance(node, ast.Call) and "njit" in ast.unparse(node.func):
+        elif isinstance(node, ast.Call) and "compiled(" in ast.unparse(node.func):
             yield from (part.id for part in ast.walk(node) if isinstance(part, ast.Name))
 
 
 def test_compiled_code_is_made_of_known_sources():
-    """What numba keeps is thrown away when one of these changes: see `recompile`."""
-    known, wrong, found = set(recompile.sources()), [], 0
+    """What numba keeps is thrown away when one of these changes: see `core.compiled`."""
+    known, wrong, found = set(compiled.sources()), [], 0
     for path in MODULES:
         names = set(taken(path))
         for words in imported(path):
@@ -203,8 +208,8 @@ def test_compiled_code_does_not_outlive_its_sources(tmp_path):
         "import numba\nfrom sample.a import g\n@numba.njit(cache=True)\ndef f():\n    return g()\n"
     )
     (package / "__init__.py").write_text(
-        "from pathlib import Path\nfrom jampetsc import recompile\n"
-        "recompile.forget_outdated(Path(__file__).parent)\n"
+        "from pathlib import Path\nfrom jampetsc.core import compiled\n"
+        "compiled.forget_outdated(Path(__file__).parent)\n"
     )
     code = "from sample.b import f; print(f(), sum(f.stats.cache_hits.values()))"
 
