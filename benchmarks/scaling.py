@@ -4,7 +4,7 @@
     .venv/bin/python benchmarks/scaling.py FOLDER --draw scaling.png
 
 Packings at p = 1e-2 are made in FOLDER, one thread each, and swept (141 frequencies, 1e-3), `shifts` and `matrix` on
-several ranks; 50 modes are found; a steady flow, RD0, is begun with a strain of 0.005. FOLDER/scaling.csv has a row
+several ranks; 50 modes are found; a steady flow, RD0, is begun with a strain of 0.5. FOLDER/scaling.csv has a row
 for each run: seconds elapsed and of processor time, all ranks together, and the memory of the largest process. What
 is in it is not run again. The picture shows the table with exponents over its last decade of N.
 """
@@ -24,7 +24,7 @@ from jampetsc.plots.page import Page
 from jampetsc.plots.style import PAGE, colours, drawn_in, save
 from jampetsc.speed_accuracy import processes
 
-PRESSURE, ACCURACY, COUNT, RATE, STRAIN = "1e-2", "1e-3", 50, "1e-3", "0.005"
+PRESSURE, ACCURACY, COUNT, RATE, STRAIN = "1e-2", "1e-3", 50, "1e-3", "0.5"
 COLUMNS = "command n ranks seconds processor memory G0 G_inf eta_inf certified".split()
 NAMES = {
     "pack": "pack",
@@ -32,7 +32,7 @@ NAMES = {
     "sweep --parallel shifts": "sweep, a shift per rank",
     "sweep --parallel matrix": "sweep, shared factors",
     "modes": "50 modes",
-    "flow": "flow, strain 0.005",
+    "flow": "flow, strain 0.5",
 }
 
 

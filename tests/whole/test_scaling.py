@@ -1,5 +1,7 @@
 """The benchmark of time and memory against N, at a tiny size: benchmarks/scaling.py."""
 
+import os
+import subprocess
 import sys
 
 import launch
@@ -34,3 +36,21 @@ def test_an_exponent_is_that_of_the_last_decade(power):
     values = np.where(n < 1000, 7.0, n**power)
     assert scaling.exponent(n, values) == pytest.approx(power)
     assert np.isnan(scaling.exponent(n[:1], values[:1]))
+
+
+def test_the_job_of_slurm_goes_on_and_draws(tmp_path):
+    """All that one rank does for N = 16 is in the table already. It has to be told where the clone is."""
+    for command in scaling.commands_on(1):
+        row = {"command": command, "n": 16, "ranks": 1, "processor": 1.0, "memory": 0.1}
+        scaling.append(tmp_path / "scaling.csv", row)
+    kept = (tmp_path / "scaling.csv").read_bytes()
+    path = f"{os.path.dirname(sys.executable)}:/usr/bin:/bin"
+    job = launch.environment() | {"N": "16", "FOLDER": str(tmp_path), "PATH": path}
+    script = ["bash", launch.ROOT / "run" / "slurm" / "scaling.sbatch"]
+    settings = {"capture_output": True, "text": True, "cwd": tmp_path}
+    done = subprocess.run(script, env=job | {"TREE": str(launch.ROOT)}, **settings)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "scaling.csv").read_bytes() == kept
+    assert (tmp_path / "scaling.png").stat().st_size > 5000
+    done = subprocess.run(script, env=job | {"TREE": ""}, **settings)
+    assert done.returncode and "say where the clone is: TREE=" in done.stderr
