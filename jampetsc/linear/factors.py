@@ -17,6 +17,10 @@ from jampetsc.petsc.shifted import ShiftedFactor, shifted
 
 SAME_SHIFT = 1.5  # a factor within this ratio of the shift wanted serves instead of a new one
 MOST_AT_ONCE = 4  # more shifts at once than a sweep needs would be guesses
+SHARE = (
+    0.25  # of the memory that factors may take: the basis and what it is projected to take as much and more
+)
+BYTES = 50.0  # of a factor and its matrix per n log₂ n, n unknowns: 47 to 52 at N = 32768 to 900 000
 ALONE = 400_000  # unknowns up to which one rank is given whole matrices: a factor then takes about 1 GB
 
 
@@ -28,9 +32,21 @@ def make_factors(pencil: Pencil, parallel: str = "auto"):
     return SideBySide(pencil) if parallel == "shifts" and size > 1 else Distributed(pencil)
 
 
-def _factor(K, B, s, law, project):
-    needed = project if law.holds_translations else None
-    return ShiftedFactor(shifted(K, B, s), f"K + sB at s = {s:g}", needed)
+def most_held(pencil: Pencil) -> int:
+    """How many factors of K + sB, shared by all ranks, may be held at a time: one at least. Collective."""
+    n = pencil.unknowns
+    room = SHARE * pencil.network.sum(current().memory())
+    return max(1, int(room / (BYTES * n * np.log2(n))))
+
+
+def _named(s):
+    return f"K + sB at s = {s:g}"
+
+
+def _new_factor(pencil, matrices, s, project):
+    """That of K + sB; `matrices` has K and B as they are to be factorised."""
+    needed = project if pencil.law.holds_translations else None
+    return ShiftedFactor(shifted(matrices.K, matrices.B, s), _named(s), needed)
 
 
 def closest(shifts, s):
@@ -39,54 +55,64 @@ def closest(shifts, s):
 
 
 class Distributed:
-    """One factor at a time on all ranks. Methods are collective."""
+    """One factor at a time on all ranks. Methods are collective.
+
+    As many are held as fit into `SHARE` of the memory; others are let go, and made again when they are needed.
+    """
 
     width = 1  # shifts that are done at once
 
     def __init__(self, pencil: Pencil):
         self.pencil = pencil
-        self.factors: dict[float, ShiftedFactor] = {}
+        self.shifts: list[float] = []  # those of all factors
+        self._held: dict[float, ShiftedFactor] = {}  # of the latest use last
+        self._most = most_held(pencil)
 
-    @property
-    def shifts(self) -> list[float]:
-        """Shifts of the factors at hand."""
-        return list(self.factors)
+    def _factor(self, s):
+        """The factor of K + sB."""
+        factor = self._held.pop(s, None)
+        if factor is None and len(self._held) == self._most:
+            factor = self._held.pop(next(iter(self._held)))
+            factor.renew(self.pencil.K, self.pencil.B, s, _named(s))
+        self._held[s] = factor or _new_factor(self.pencil, self.pencil, s, self.pencil.project)
+        return self._held[s]
 
     def factorise(self, shifts) -> None:
         """Have a factor for each of the shifts."""
         for s in shifts:
-            if closest(self.factors, s) is None:
-                pencil = self.pencil
-                self.factors[s] = _factor(pencil.K, pencil.B, s, pencil.law, pencil.project)
+            if closest(self.shifts, s) is None:
+                self._factor(s)
+                self.shifts.append(s)
 
     def start(self, s: float) -> RationalBasis:
         """The basis without vectors that starts from the field at shift s, if contacts dissipate."""
         if not self.pencil.law.damps_contacts:
             return _from_infinity(self.pencil)
-        s = closest(self.factors, s)
-        return RationalBasis(self.pencil, s, field_at(self.pencil, self.factors[s], s))
+        s = closest(self.shifts, s)
+        return RationalBasis(self.pencil, s, field_at(self.pencil, self._factor(s), s))
 
     def extend(self, basis: RationalBasis, shifts, count: int) -> None:
         """Add `count` vectors at each shift."""
         for s in shifts:
-            at = closest(self.factors, s)
-            basis.extend(self.factors[at], at, count)
+            at = closest(self.shifts, s)
+            basis.extend(self._factor(at), at, count)
 
     def energies(self, v) -> dict[float, tuple[float, float]]:
-        """vᵀ(K + sB)⁻¹v for every shift s at hand, as `ShiftedFactor.energy` has it; v (n_local,)."""
+        """vᵀ(K + sB)⁻¹v for every shift s there is, as `ShiftedFactor.energy` has it; v (n_local,)."""
         rhs = self.pencil.K.createVecRight()
         rhs.setArray(v)
-        found = {s: factor.energy(rhs) for s, factor in self.factors.items()}
+        held = list(self._held)  # first, before they make room for the others
+        found = {s: self._factor(s).energy(rhs) for s in sorted(self.shifts, key=lambda s: s not in held)}
         rhs.destroy()
-        return found
+        return {s: found[s] for s in self.shifts}
 
     def least_eigenvalue(self, s: float) -> float:
-        """That of K + sB scaled to a unit diagonal, see `Cholesky.least_eigenvalue`; s a shift at hand."""
-        return self.factors[s].least_eigenvalue()
+        """That of K + sB scaled to a unit diagonal, see `Cholesky.least_eigenvalue`; s one of `shifts`."""
+        return self._factor(s).least_eigenvalue()
 
     def destroy(self):
         """Free the factors."""
-        for factor in self.factors.values():
+        for factor in self._held.values():
             factor.destroy()
 
 
@@ -151,8 +177,7 @@ class SideBySide:
         with agreed(self.comm):
             for s in new:
                 if self.owner[s] == self.comm.rank:
-                    whole, pencil = self.whole, self.pencil
-                    self.mine[s] = _factor(whole.K, whole.B, s, pencil.law, pencil.project_whole)
+                    self.mine[s] = _new_factor(self.pencil, self.whole, s, self.pencil.project_whole)
 
     def start(self, s: float) -> RationalBasis:
         """The basis without vectors that starts from the field at shift s, if contacts dissipate."""

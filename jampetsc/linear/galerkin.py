@@ -12,6 +12,7 @@ from scipy.linalg import lapack, solve_triangular
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.collective import on_root
 from jampetsc.errors import ConvergenceError
+from jampetsc.linear import tall
 from jampetsc.linear.basis import RationalBasis
 from jampetsc.linear.certificate import EPSILON, ROUNDING, field_bound
 from jampetsc.linear.residual import Residual
@@ -32,7 +33,9 @@ class Galerkin:
         self.network = compatibility.pencil.network
         comm = self.network.comm
         fields = np.column_stack((basis.x0, *basis.vectors))
-        motions = np.column_stack([compatibility.motions(field) for field in fields.T])
+        motions = np.empty((len(compatibility.g), basis.size + 1))
+        for motion, field in zip(motions.T, fields.T, strict=True):
+            motion[:] = compatibility.motions(field)
         motions[:, 0] += compatibility.g
         rates = np.empty(0)
         if basis.size:
@@ -40,10 +43,10 @@ class Galerkin:
             # rates are exact.
             K = self._projected_K(motions)
             rotation = on_root(comm, lambda: np.linalg.eigh(K)[1])
-            fields[:, 1:], motions[:, 1:] = fields[:, 1:] @ rotation, motions[:, 1:] @ rotation
+            self._rotate(fields, motions, rotation)
             K, B = self._projected_K(motions), self._projected_B(fields, motions)
             rates, rotation = on_root(comm, lambda: _graded_eigen(K, B))
-            fields[:, 1:], motions[:, 1:] = fields[:, 1:] @ rotation, motions[:, 1:] @ rotation
+            self._rotate(fields, motions, rotation)
             still = -self.network.sum(motions[:, 1:].T @ (compatibility.w_K * motions[:, 0])) / rates
             fields[:, 0] += fields[:, 1:] @ still
             motions[:, 0] += motions[:, 1:] @ still
@@ -58,15 +61,19 @@ class Galerkin:
         rates = self.spectrum.rates
         return Residual(self.compatibility, still, modes, self.quasistatic, self.modes, rates, self.loads)
 
+    @staticmethod
+    def _rotate(fields, motions, rotation):
+        for columns in (fields, motions):
+            tall.rotate(columns[:, 1:], rotation)
+
     def _projected_K(self, motions):
         """Vᵀ K V, (m, m), from the motions of x₀ and V."""
-        modes = motions[:, 1:]
-        return self.network.sum(modes.T @ (self.compatibility.w_K[:, None] * modes))
+        return self.network.sum(tall.gram(motions[:, 1:], self.compatibility.w_K))
 
     def _projected_B(self, fields, motions):
         """Vᵀ B V, (m, m)."""
-        c, modes, V = self.compatibility, motions[:, 1:], fields[:, 1:]
-        B = modes.T @ (c.w_B[:, None] * modes)
+        c, V = self.compatibility, fields[:, 1:]
+        B = tall.gram(motions[:, 1:], c.w_B)
         return self.network.sum(B + c.drag * (V.T @ V) if c.drag else B)
 
     def _finish(self, motions, rates):
@@ -97,14 +104,14 @@ class Galerkin:
 
         # What rounding does to a sum Σ w a² : see `_rounding`. Reach: what the terms of the motions a = C x +
         # g come to.
-        squares = np.column_stack((field**2, self.modes**2))
-        norms = self._norms = np.sqrt(self.network.sum(squares.sum(axis=0)))
+        of_modes = tall.squares(self.modes, np.ones((1, len(field))))[0]
+        norms = self._norms = np.sqrt(self.network.sum(np.append(field @ field, of_modes)))
         reach_K, reach_B = (
             np.sqrt(ROW * largest_entry(matrix)) * norms for matrix in (c.pencil.K, c.pencil.B)
         )
         reach_K[0] += np.sqrt(elastic[2])
         reach_B[0] += np.sqrt(viscous[2])
-        sizes, of_weights = self.network.sum(np.array([size_K @ modes**2, c.size_K @ modes**2]))
+        sizes, of_weights = self.network.sum(tall.squares(modes, np.array([size_K, c.size_K])))
         of_rates = (_rounding(sizes, reach_K[1:]) + EPSILON * of_weights) / rates + _rounding(
             1.0, reach_B[1:]
         )

@@ -27,6 +27,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from jampetsc.collective import on_root
+from jampetsc.linear import tall
 from jampetsc.linear.certificate import EPSILON
 from jampetsc.mechanics.assembly import ROW
 from jampetsc.mechanics.compatibility import Compatibility
@@ -34,7 +35,6 @@ from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.petsc.matrices import diagonal_of
 
 SUMMED = 2.0 * EPSILON  # rounding of the sum over the contacts of a disk, relative to its terms
-BLOCK = 2048  # rows
 DIRECTIONS = 12  # at most; where so many do not do, the solves are too poor for what is asked
 
 
@@ -123,12 +123,13 @@ class Residual:
         inverse = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0)
         of_K, of_both, of_B = inverse * c.w_K**2, inverse * c.w_K * c.w_B, inverse * c.w_B**2
         on_disks = c.drag**2 / diagonal
-        squares, rates = self._modes**2, self.rates
+        sums = tall.squares(self._modes, np.array([of_K, of_both, of_B]))
+        of_fields = tall.squares(self._mode_fields, on_disks[None])[0]
+        rates = self.rates
         terms = np.empty(len(rates) + 2)
         terms[0] = of_K @ self._still**2
         terms[1] = of_B @ self._fast**2 + on_disks @ self._flow**2
-        terms[2:] = of_K @ squares - 2.0 * rates * (of_both @ squares)
-        terms[2:] += rates**2 * (of_B @ squares + on_disks @ self._mode_fields**2)
+        terms[2:] = sums[0] - 2.0 * rates * sums[1] + rates**2 * (sums[2] + of_fields)
         return SUMMED * np.sqrt(ROW * np.maximum(c.pencil.network.sum(terms), 0.0))
 
 
@@ -217,9 +218,9 @@ class ResidualBound:
 
     def _triangle(self, anchor):
         """The triangle T of D^(−½) [v_1, …, R] = QT, on rank 0."""
-        scaled = np.column_stack((self.directions, self.residual.columns)) / np.sqrt(anchor.diagonal)[:, None]
-        parts = self.network.comm.gather(_triangle(scaled))
-        return None if parts is None else _triangle(np.vstack(parts))
+        mine = tall.triangle((self.directions, self.residual.columns), np.sqrt(anchor.diagonal))
+        parts = self.network.comm.gather(mine)
+        return None if parts is None else np.linalg.qr(np.vstack(parts), mode="r")
 
     def _judge(self, triangles, stretch, allowed):
         """What `_evaluate` gives, on rank 0. By anchor: T, and stretch at each shift at hand."""
@@ -271,9 +272,3 @@ class ResidualBound:
             solve_triangular(triangle[:k, :k], triangle[:k, k:] @ of_columns) if k else np.empty(0)
         )
         return _Worst(float(omega), of_columns, of_directions, bool(np.sqrt(2.0) * known**2 > allowed))
-
-
-def _triangle(tall):
-    """R of QR of a tall matrix, by blocks of rows that stay in the cache."""
-    blocks = [np.linalg.qr(tall[row : row + BLOCK], mode="r") for row in range(0, max(len(tall), 1), BLOCK)]
-    return blocks[0] if len(blocks) == 1 else np.linalg.qr(np.vstack(blocks), mode="r")

@@ -70,6 +70,9 @@ def _load(petsc_argv):
 
         # Open MPI 4 would start a daemon for ranks to be spawned later, which outlives a kill of its process
         os.environ.setdefault("OMPI_MCA_ess_singleton_isolated", "1")
+        # CHOLMOD asks for four threads whatever OMP_NUM_THREADS says, and has them wait for each other
+        if threads := os.environ.get("OMP_NUM_THREADS"):
+            os.environ.setdefault("OMP_THREAD_LIMIT", threads.partition(",")[0])
         from mpi4py import MPI
 
         if MPI.Is_finalized():
@@ -185,6 +188,13 @@ class Session:
     def stage(self, name):
         """A log stage, a context: what runs inside is summed under `name` by -log_view. Collective."""
         return self.PETSc.Log.Stage(name)
+
+    def memory(self) -> int:
+        """Bytes of this machine's memory for each rank of `comm` on it. Collective."""
+        node = self.comm.Split_type(self.MPI.COMM_TYPE_SHARED)
+        share = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // node.size
+        node.Free()
+        return share
 
     def collect(self):
         """Free the PETSc objects that python has dropped, even if on some ranks only. Collective.

@@ -16,8 +16,12 @@ PREFIX = "shift_"
 def shifted(K, B, s: float):
     """K + sB as a new matrix, for PETSc matrices of one pattern. Collective."""
     matrix = K.copy()
-    matrix.axpy(s, B, structure=current().PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+    _add(matrix, s, B)
     return matrix
+
+
+def _add(matrix, s, B):
+    matrix.axpy(s, B, structure=current().PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
 
 
 class ShiftedFactor:
@@ -33,18 +37,31 @@ class ShiftedFactor:
 
     def __init__(self, matrix, what: str, project=None):
         self.project = project
-        self.scale = matrix.getDiagonal()
+        self.scale, self.work = matrix.createVecs()
+        self.cholesky = Cholesky(matrix, PREFIX, what, None if project is None else self._project_scaled)
+        self._factorise()
+
+    def renew(self, K, B, s: float, what: str) -> None:
+        """Become the factor of K + sB, of the pattern that A has had: its analysis serves again. Collective.
+
+        Raises as a new one does, and is of no use then.
+        """
+        matrix = self.cholesky.matrix
+        K.copy(matrix, structure=current().PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        _add(matrix, s, B)
+        self.cholesky.what = what
+        self._factorise()
+
+    def _factorise(self):
+        matrix, what = self.cholesky.matrix, self.cholesky.what
+        matrix.getDiagonal(self.scale)
         diagonal = self.scale.getArray()
         unfit = int(np.count_nonzero(~(diagonal > 0)))
-        if matrix.getComm().tompi4py().allreduce(unfit):
-            for item in (matrix, self.scale):
-                item.destroy()
-            raise NotPositiveDefinite(f"{what} is not positive definite")
-        self.scale.setArray(1.0 / np.sqrt(diagonal))
-        matrix.diagonalScale(self.scale, self.scale)
-        self.work = matrix.createVecRight()
-        self.cholesky = Cholesky(matrix, PREFIX, what, None if project is None else self._project_scaled)
         try:
+            if matrix.getComm().tompi4py().allreduce(unfit):
+                raise NotPositiveDefinite(f"{what} is not positive definite")
+            self.scale.setArray(1.0 / np.sqrt(diagonal))
+            matrix.diagonalScale(self.scale, self.scale)
             self.cholesky.factorise()
         except ConvergenceError:
             self.destroy()

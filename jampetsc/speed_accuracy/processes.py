@@ -1,5 +1,6 @@
 """One run of jampetsc in processes of its own: each can load one PETSc build, and has its time and memory."""
 
+import math
 import os
 import re
 import shutil
@@ -23,6 +24,7 @@ class Outcome:
     seconds: float  # of the whole process, imports included
     memory: float  # MB, the largest of its processes
     error: str  # one line; empty if it succeeded
+    processor: float = math.nan  # seconds of all its processes
 
 
 def launcher(ranks: int | None) -> list[str]:
@@ -56,7 +58,9 @@ def run(words, ranks: int | None = None) -> Outcome:
         errors.seek(0)
         text = errors.read().decode(errors="replace")
     error = _reason(text, process.returncode) if process.returncode else ""
-    return Outcome(process.returncode, seconds, usage.ru_maxrss / 1024.0, error)
+    return Outcome(
+        process.returncode, seconds, usage.ru_maxrss / 1024.0, error, usage.ru_utime + usage.ru_stime
+    )
 
 
 def _reason(text, status):

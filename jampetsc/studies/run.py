@@ -1,6 +1,5 @@
 """A study as a run: what is left to do goes to the ranks, task by task, and the table is written at the end."""
 
-import os
 import time
 from pathlib import Path
 from time import sleep
@@ -135,12 +134,7 @@ def _phases(tasks, session):
 
 def _most_disks(session):
     """Largest packing that a rank works on alone while the others of its machine do the same. Collective."""
-    comm, MPI = session.comm, session.MPI
-    node = comm.Split_type(MPI.COMM_TYPE_SHARED)
-    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    fits = memory // 2 // node.size // BYTES
-    node.Free()
-    return comm.allreduce(min(LARGE, fits), op=MPI.MIN)
+    return session.comm.allreduce(min(LARGE, session.memory() // 2 // BYTES), op=session.MPI.MIN)
 
 
 class _Work:

@@ -29,7 +29,7 @@ from jampetsc.core.disks import Disks
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.io.checkpoint import Checkpoint
 from jampetsc.io.packing_file import write_packing
-from jampetsc.linear import direct_sweep, rational, rational_sweep
+from jampetsc.linear import direct_sweep, factors, rational, rational_sweep
 
 pytestmark = pytest.mark.scalar("real")
 
@@ -67,6 +67,25 @@ def test_ranks_may_be_used_in_two_ways(session, parallel):
     law = str(physics())
     with Sweep(SAMPLES["polydisperse"](), LAWS[law], OMEGA, 1e-8, session.comm, parallel) as found:
         judge(found.G, found.bounds, exact("polydisperse", law), 1e-8, parallel)
+
+
+@pytest.mark.most_ranks(2)
+def test_factors_that_do_not_fit_are_made_again(session, monkeypatch):
+    """With room for one the factor at hand is not that of every shift: what is found does not depend on it."""
+    law = str(physics())
+    disks, accuracy = SAMPLES["polydisperse"](), 1e-8
+    with Sweep(disks, LAWS[law], OMEGA, accuracy, session.comm, "matrix") as plenty:
+        made, n = plenty.sweep.factors, plenty.pencil.unknowns
+        assert len(made._held) == len(made.shifts) > 1
+        monkeypatch.setattr(factors, "BYTES", 1.0)
+        monkeypatch.setattr(factors, "SHARE", 2.5 * n * np.log2(n) / session.comm.allreduce(session.memory()))
+        assert factors.most_held(plenty.pencil) == 2
+    monkeypatch.setattr(factors, "SHARE", 0.0)
+    with Sweep(disks, LAWS[law], OMEGA, accuracy, session.comm, "matrix") as few:
+        assert len(few.sweep.factors._held) == 1
+        np.testing.assert_allclose(few.sweep.factors.shifts, made.shifts, rtol=1e-9)
+        np.testing.assert_allclose(few.G, plenty.G, rtol=1e-11)
+        judge(few.G, few.bounds, exact("polydisperse", law), accuracy, law)
 
 
 def test_frequencies_are_those_of_rank_0(session):
