@@ -54,8 +54,8 @@ class Collapse(Job):
 
     NAME: ClassVar = "collapse"
     FORMAT: ClassVar = "jampetsc-collapse"
-    EPILOG: ClassVar = """The name omega stands for omega/z with rates. A small probability of chi^2 says that the form is wrong, or the
-errors are.
+    EPILOG: ClassVar = """The name omega stands for omega/z with rates. A small probability of chi^2 says that
+the form is wrong, or the errors are.
 
 examples:
   jampetsc collapse flows --observable pressure --fit phi_J,y,znu --out scaling.h5       # the folder of a study

@@ -42,7 +42,9 @@ A run that was killed goes on when the same command is given again. Options of t
         help="packing fractions: M from A to B evenly, or a list with commas",
         kind=numbers(*PHIS, "A:B:M|LIST", "; disks jam near 0.84", even=True),
     )
-    seeds: str | range = asked(help="samples at each packing fraction, one for each seed, both ends included", kind=SEEDS)
+    seeds: str | range = asked(
+        help="a sample at each packing fraction for each seed, both ends included", kind=SEEDS
+    )
     sizes: str = asked(SIZES[0], "half of each radius 1:1.4, or all alike", choices=SIZES)
     potential: str = asked("harmonic", "energy of an overlap", choices=EXPONENTS)
     tolerance: float = asked(1e-6, "max|F|/(p d) of a minimum", low=1e-13, high=1e-2, metavar="T")

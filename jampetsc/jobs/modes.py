@@ -28,14 +28,17 @@ class Modes(Job):
   jampetsc modes p.h5 --count 20 --out modes.h5
   jampetsc modes p.h5 --below 0.01 --out soft.h5 -options_file jampetsc:modes_many       # hundreds of modes
 
-PETSc options: -modes_… for SLEPc's eigensolver, -inertia_… for the proof that no mode was missed. LAPACK finds all modes,
-or most of them, and takes no options."""
+PETSc options: -modes_… for SLEPc's eigensolver, -inertia_… for the proof that no mode was missed. All modes, or most
+of them, are found by LAPACK, which takes no options."""
 
     SOLVERS: ClassVar = ("modes_", "shift_", "inertia_")
 
     packing: Disks = asked(help="packing", kind=PACKING, place=FILE)
     count: int | None = asked(
-        None, f"number of modes (default {COUNT}); more where the last eigenvalues are equal", low=1, metavar="M"
+        None,
+        f"number of modes (default {COUNT}); more where the last eigenvalues are equal",
+        low=1,
+        metavar="M",
     )
     below: float | None = asked(
         None, "all modes with eigenvalues below this", above=0.0, unit="k", metavar="LAMBDA"

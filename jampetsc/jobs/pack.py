@@ -107,7 +107,10 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         None, "text file of radii, one per disk, or an array, instead of n and sizes", kind=RADII, group=WHAT
     )
     stabilise: str = asked(
-        "volume", "shear: the shape of the cell relaxes, too, so that G₀ > 0", choices=("volume", "shear"), group=WHAT
+        "volume",
+        "shear: the shape of the cell relaxes, too, so that G₀ > 0",
+        choices=("volume", "shear"),
+        group=WHAT,
     )
     tolerance: float = asked(
         1e-10, "max|F|/(p d) and |Δp|/p", low=TOLERANCES[0], high=TOLERANCES[1], metavar="T", group=WHAT

@@ -2,7 +2,6 @@
 
 import re
 import shlex
-import shutil
 
 import launch
 import numpy as np
@@ -22,7 +21,16 @@ SMALL = {  # option -> {its value: that here}
     **{"--omega": {"1e-9:1e-5:9": "1e-6"}, "--stress": {"1e-6,1e-5": "1e-5", "1e-5,1e-4": "1e-5"}},
 }
 SHEARED = ("flow", "shear", "jam")  # whose strain is that of a run
-FIRST = ("pack", "sweep", "modes", "quasistatic", "flow", "shear", "jam", "study")  # make what the others read
+FIRST = (
+    "pack",
+    "sweep",
+    "modes",
+    "quasistatic",
+    "flow",
+    "shear",
+    "jam",
+    "study",
+)  # make what the others read
 LONG = ("trade", "--corrections")  # have tests of their own
 MORE = """\
 pack --n 16 --pressure 1e-2 --stabilise shear --out p.h5
