@@ -18,7 +18,8 @@ SMALL = {  # option -> {its value: that here}
     "--seeds": {"1:4": "1:1", "1:20": "1:1", "1:40": "1:1", "1:100": "1:2", "1:500": "1:2"},
     **{"--phi": {"0.78": "0.86"}, "--snapshots": {"40": "4"}, "--below": {"0.01": "0.5"}},
     **{"--cooling-rate": {"1e-3": "0.5"}, "--discard": {"1": "0.01"}, "--steps": {"256": "64"}},
-    **{"--omega": {"1e-9:1e-5:9": "1e-6"}, "--stress": {"1e-6,1e-5": "1e-5", "1e-5,1e-4": "1e-5"}},
+    "--omega": {"1e-9:1e-5:9": "1e-6", "1e-4": "1e-2", "1e-6": "1e-2"},
+    **{"--stress": {"1e-6,1e-5": "1e-5", "1e-5,1e-4": "1e-4"}, "--steps": {"256": "64"}},
 }
 SHEARED = ("flow", "shear", "jam")  # whose strain is that of a run
 FIRST = (
@@ -60,6 +61,8 @@ def small(words, folder):
         named[n] = SMALL.get(words[n - 1], {}).get(words[n], words[n])
         if words[n - 1] == "--strain" and words[0] in SHEARED:
             named[n] = "0.05"
+        if words[n - 1] == "--strain" and "," in words[n]:
+            named[n] = "1e-4"
     return [
         name
         for word in named
@@ -98,27 +101,40 @@ def write_scaled(folder):
             writer.attributes(particle_count=n, stiffness="constant", units="smallest diameter", **facts)
 
 
-def test_the_examples_run(tmp_path):
-    """A dozen seconds: a hundred lines, three of them with packings, in few processes."""
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    """(folder, lines): after all examples but those of pictures, which are left to draw."""
+    folder = tmp_path_factory.mktemp("help")
     lines = {command: examples(job_class(command).EPILOG) for command in JOBS}
     order = [words for command in FIRST for words in lines.pop(command)]
+    order += [words for some in lines.values() for words in some if not set(words) & set(LONG)]
     study = re.search(r"(?:^  [\[a-z].*\n)+", job_class("study").EPILOG, re.MULTILINE)[0]
-    (tmp_path / "STUDY.toml").write_text(re.sub("1:20", "1:1", study).replace("[256, 1024]", "16"))
-    write_scaled(tmp_path)
-    packs = [small(words, tmp_path) for words in order if words[0] == "pack"]
-    launch.run_lines(tmp_path, packs + [line.split() for line in MORE.splitlines()])
-    text = (tmp_path / "p.dump").read_text()
-    (tmp_path / "dump.lammpstrj").write_text(2 * text)
-    disks = np.loadtxt(text.splitlines()[9:], usecols=(2, 3, 5))
-    np.savetxt(tmp_path / "disks.txt", disks)
-    rest = [words for some in lines.values() for words in some if not set(words) & set(LONG)]
-    runs, apart = [], []
-    for words in [words for words in order if words[0] != "pack"] + rest:
-        has_options = any(re.match(r"-[a-z]", word) for word in words)
-        (apart if has_options else runs).append(small(words, tmp_path))
-    launch.run_lines(tmp_path, runs)
+    (folder / "STUDY.toml").write_text(re.sub("1:20", "1:1", study).replace("[256, 1024]", "16"))
+    write_scaled(folder)
+    packs = [small(words, folder) for words in order if words[0] == "pack"]
+    launch.run_lines(folder, packs + [line.split() for line in MORE.splitlines()])
+    text = (folder / "p.dump").read_text()
+    (folder / "dump.lammpstrj").write_text(2 * text)
+    np.savetxt(folder / "disks.txt", np.loadtxt(text.splitlines()[9:], usecols=(2, 3, 5)))
+    rest = [small(words, folder) for words in order if words[0] != "pack"]
+    apart = [words for words in rest if any(re.match(r"-[a-z]", word) for word in words)]
+    pictures = [words for words in rest if words[0] == "plot"]
+    launch.run_lines(folder, [words for words in rest if words not in apart + pictures])
     for words in apart:  # one process has one set of PETSc's options
-        launch.run_lines(tmp_path, [words])
-    for words in runs + apart:
-        if "--out" in words:
-            assert (tmp_path / words[words.index("--out") + 1]).exists(), words
+        launch.run_lines(folder, [words])
+    return folder, rest, pictures
+
+
+def test_the_examples_run(ran):
+    """A dozen seconds of processors, for sixty commands; half of it are steps in time of `oscillate`."""
+    folder, lines, pictures = ran
+    for words in lines:
+        if "--out" in words and words not in pictures:
+            assert (folder / words[words.index("--out") + 1]).exists(), words
+
+
+def test_the_examples_draw(ran):
+    """Ten seconds: a dozen pictures."""
+    folder, _, pictures = ran
+    assert len(pictures) > 10
+    launch.run_lines(folder, pictures)
