@@ -2,8 +2,8 @@
 
     python examples/other_programs.py [N]
 
-Writes packing.xyz, .dump, .data, .vtp and, with the package gsd, .gsd into this folder. Where ASE is installed, it opens
-packing.xyz, counts the rattlers in it, and writes the packing as ase.xyz.
+Writes packing.xyz, .dump, .data, .vtp and, with the package gsd, .gsd into this folder. Where ASE is installed, it
+opens packing.xyz, counts the rattlers in it, and writes the packing as ase.xyz.
 """
 
 import importlib.util

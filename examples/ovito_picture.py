@@ -3,7 +3,7 @@
 jampetsc pack --n 256 --pressure 1e-2 --out p.h5
 python examples/ovito_picture.py p.h5 packing.png
 
-LAMMPS data files have contacts as bonds; of .xyz and .dump OVITO has coordination, rattlers and stress as properties of disks.
+LAMMPS data files have contacts as bonds; .xyz and .dump give OVITO coordination, rattlers and stress of every disk.
 """
 
 import sys

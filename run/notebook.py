@@ -1,7 +1,7 @@
 """The page docs/tutorial.md of the site is a notebook: its pieces of python run in Jupyter, and their output follows.
 
-The file is the source; what it prints and draws is in the site only, and beside it the executed notebook, to be taken along.
-A cell that fails, or that warns, ends the building of the site.
+The file is the source. What it prints and draws is in the site only, and beside it the executed notebook. A cell that
+fails or warns ends the building of the site.
 """
 
 import base64
