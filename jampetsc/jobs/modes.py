@@ -26,7 +26,7 @@ class Modes(Job):
     FORMAT: ClassVar = "jampetsc-modes"
     EPILOG: ClassVar = """examples:
   jampetsc modes p.h5 --count 20 --out modes.h5
-  jampetsc modes p.h5 --below 0.01 --out soft.h5 -options_file jampetsc:modes_many       # hundreds of modes
+  jampetsc modes p.h5 --below 0.01 --out below.h5 -options_file jampetsc:modes_many       # hundreds of modes
 
 PETSc options: -modes_… for SLEPc's eigensolver, -inertia_… for the proof that no mode was missed. All modes, or most
 of them, are found by LAPACK, which takes no options."""

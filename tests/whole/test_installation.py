@@ -121,4 +121,6 @@ def test_what_conda_installs_is_what_pip_asks_for():
     for text in (run_part, (launch.ROOT / "environment.yml").read_text()):
         listed = set(re.findall(r"^ +- ([\w-]+)", text, re.MULTILINE))
         assert names | {"matplotlib-base"} <= listed
-        assert all(re.search(rf"- {name}(=\*=| \* )real_\*$", text, re.MULTILINE) for name in ("petsc", "slepc"))
+        assert all(
+            re.search(rf"- {name}(=\*=| \* )real_\*$", text, re.MULTILINE) for name in ("petsc", "slepc")
+        )
