@@ -69,7 +69,7 @@ def _limits(text):
 
 INTEGERS = Kind(_integers, lambda numbers: ",".join(map(str, numbers)))
 LIMITS = Kind(_limits, str, metavar="LOW:HIGH")
-PANELS = "of all panels, or with commas of each; nothing leaves one"
+PANELS = "of all panels, or of each, with commas; an empty one stays as it is"
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +103,9 @@ class Plot(Job):
 
 Every result is drawn without --kind; a wrong name after --kind lists those there are."""
 
-    files: tuple = asked(help="sweeps, or one packing, or the folder of a study", kind=HELD, place=FILES)
+    files: tuple = asked(
+        help="files of results or packings, or the folder of a study", kind=HELD, place=FILES
+    )
     kind: str | None = asked(None, "what to draw (default: follows from the files and options)")
     where: str | None = asked(
         None,
