@@ -109,6 +109,8 @@ def seeds_of(given) -> Sequence[int]:
         raise ValueError("the last must not be below the first")
     if len(seeds) > MOST_SEEDS:
         raise ValueError(f"{len(seeds)} seeds: at most {MOST_SEEDS} at a time")
+    if not isinstance(seeds, range) and len(set(seeds)) < len(seeds):
+        raise ValueError("has a seed twice")
     if not 0 <= min(seeds) <= max(seeds) <= LAST_SEED:
         raise ValueError(f"must lie in [0, {LAST_SEED}]")
     return seeds

@@ -1,5 +1,6 @@
 """Which of many packings jam."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -42,7 +43,7 @@ A run that was killed goes on when the same command is given again. Options of t
         help="packing fractions: M from A to B evenly, or a list with commas",
         kind=numbers(*PHIS, "A:B:M|LIST", "; disks jam near 0.84", even=True),
     )
-    seeds: str | range = asked(
+    seeds: Sequence[int] = asked(
         help="a sample at each packing fraction for each seed, both ends included", kind=SEEDS
     )
     sizes: str = asked(SIZES[0], "half of each radius 1:1.4, or all alike", choices=SIZES)

@@ -14,7 +14,7 @@ from jampetsc.jobs import JOBS, job_class
 from jampetsc.studies.table import table_text
 
 SMALL = {  # option -> {its value: that here}
-    "--n": {"64": "16", "256": "24", "1024": "32"},
+    "--n": {"64": "16", "256": "24", "1024": "20"},
     "--seeds": {"1:4": "1:1", "1:20": "1:1", "1:40": "1:1", "1:100": "1:2", "1:500": "1:2"},
     **{"--phi": {"0.78": "0.86"}, "--snapshots": {"40": "4"}, "--below": {"0.01": "0.5"}},
     **{"--cooling-rate": {"1e-3": "0.5"}, "--discard": {"1": "0.01"}, "--steps": {"256": "64"}},
