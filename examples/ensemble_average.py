@@ -1,36 +1,35 @@
-"""G₀ and η₀ of slow shear against the pressure: means over packings, with standard errors.
+"""G₀ and η₀ of slow shear, and G*(ω), against the pressure: means over packings, with errors.
 
-    python examples/ensemble_average.py [N] [packings]
+    python examples/ensemble_average.py [N] [packings] [FOLDER]
 
-For more than a look make it a study (`jampetsc study`): it uses all ranks, and goes on after a stop.
+The study in FOLDER goes on where it was when the program is started again; `mpirun -n 8 python …` shares its tasks.
 """
 
 import sys
 
-import numpy as np
-
 import jampetsc
 from jampetsc.analysis.scaling import fit_power_law
-from jampetsc.analysis.statistics import mean_with_error
 
 n = int(sys.argv[1]) if len(sys.argv) > 1 else 256
 packings = int(sys.argv[2]) if len(sys.argv) > 2 else 8
-pressures = np.array([1e-2, 1e-3, 1e-4])
-means = []
-for pressure in pressures:
-    moduli, viscosities = [], []
-    for seed in range(1, packings + 1):
-        packing = jampetsc.pack(n=n, pressure=pressure, seed=seed, stabilise="shear")
-        slow = jampetsc.quasistatic(packing)
-        moduli.append(slow.attributes["G0"])
-        viscosities.append(slow.attributes["eta0"])
-    (G0, G0_error), (eta0, eta0_error) = mean_with_error(moduli), mean_with_error(viscosities)
-    means.append((G0, eta0))
-    print(
-        f"p = {pressure:.0e}: G0 = {G0:.3g} ± {G0_error:.1g} k, eta0 = {eta0:.3g} ± {eta0_error:.1g} k tau1"
-    )
+folder = sys.argv[3] if len(sys.argv) > 3 else f"ensemble-n{n}"
+asked = {
+    "pack": {"n": n, "pressure": [1e-2, 1e-3, 1e-4], "seeds": f"1:{packings}", "stabilise": "shear"},
+    "quasistatic": {},
+    "sweep": {"omega": "1e-8:1e2:51"},
+}
+table = jampetsc.study(asked, out=folder)
+slow = table.where(command="quasistatic").mean(by="pressure")
+for row, p in enumerate(slow["pressure"]):
+    G0, eta0 = (f"{slow[name][row]:.3g} ± {slow.error[name][row]:.1g}" for name in ("G0", "eta0"))
+    print(f"p = {p:.0e}: G0 = {G0} k, eta0 = {eta0} k tau1")
+G0, eta0 = (fit_power_law(slow["pressure"], slow[name]).exponent for name in ("G0", "eta0"))
+print(f"G0 ~ p^{G0:.2f}, eta0 ~ p^{eta0:.2f}")
 
-G0, eta0 = np.transpose(means)
-print(
-    f"G0 ~ p^{fit_power_law(pressures, G0).exponent:.2f}, eta0 ~ p^{fit_power_law(pressures, eta0).exponent:.2f}"
-)
+for curve in table.mean_curve("G", by="pressure"):
+    middle = len(curve.omega) // 2
+    print(
+        f"p = {curve.key['pressure']:.0e}: G'({curve.omega[middle]:.0e}) = {curve.value[middle].real:.3g} "
+        f"± {curve.error[middle].real:.1g} k, mean of {curve.count}"
+    )
+jampetsc.plot(table, kind="collapse", out=f"{folder}/collapse.png")

@@ -6,7 +6,7 @@ from python any list or array.
 
 import operator
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from jampetsc.asking.parameters import Kind, shown
 from jampetsc.linear.limits import LARGEST, SMALLEST
@@ -99,18 +99,25 @@ def grid_told(values) -> str:
 
 
 def seeds_of(given) -> Sequence[int]:
-    """The seeds that `FIRST:LAST` stands for, both included, or several whole numbers. Raises ValueError."""
+    """The seeds that `FIRST:LAST`, both included, or `a,b,…` stands for; one or several whole numbers.
+
+    Raises ValueError.
+    """
     try:
         if isinstance(given, str):
-            first, last = (int(word) for word in given.split(":"))
-            given = range(first, last + 1)
+            first, colon, last = given.partition(":")
+            given = range(int(first), int(last) + 1) if colon else tuple(map(int, given.split(",")))
+        elif not isinstance(given, Iterable):
+            given = (given,)
         seeds = given if isinstance(given, range) else tuple(operator.index(one) for one in given)
     except (TypeError, ValueError):
-        raise ValueError("must be FIRST:LAST, for instance 1:20") from None
+        raise ValueError("must be FIRST:LAST, for instance 1:20, or a,b,…") from None
     if not len(seeds):
         raise ValueError("the last must not be below the first")
     if len(seeds) > MOST_SEEDS:
         raise ValueError(f"{len(seeds)} seeds: at most {MOST_SEEDS} at a time")
+    if not isinstance(seeds, range) and len(set(seeds)) < len(seeds):
+        raise ValueError("has a seed twice")
     if not 0 <= min(seeds) <= max(seeds) <= LAST_SEED:
         raise ValueError(f"must lie in [0, {LAST_SEED}]")
     return seeds
@@ -171,6 +178,6 @@ def input_told(source) -> str:
 PACKING = Kind(_read_as(["Disks"], "a packing"), input_told, metavar="PACKING")  # Disks, or a path
 RESULT = Kind(_read_as(["Result"], "a result"), input_told, metavar="FILE")  # Result in memory, or a path
 HELD = Kind(_read_as(["Disks", "Result"], "a packing, a result"), input_told, metavar="FILE")  # either
-SEEDS = Kind(seeds_of, _seeds_told, metavar="FIRST:LAST")
+SEEDS = Kind(seeds_of, _seeds_told, metavar="FIRST:LAST|LIST")
 RADII = Kind(_radii, lambda radii: radii.path or radii.told, metavar="FILE")  # a `minimise.sizes.Radii`
 FREQUENCIES = numbers(SMALLEST, LARGEST, "LOW:HIGH:COUNT|LIST", " (for the limits ω → 0 and ∞: quasistatic)")

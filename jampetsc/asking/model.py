@@ -29,7 +29,7 @@ OWN = (
     ),
     Parameter(
         "friction",
-        "drag δ beside contact damping (default: its limit zero)",
+        "drag δ of the fluid beside contact damping (default: the limit δ → 0)",
         NUMBER,
         None,
         low=0.0,

@@ -1,5 +1,6 @@
 """One run of a job: may its result be put there, PETSc where it is needed, the work."""
 
+import contextlib
 import sys
 
 from jampetsc import progress
@@ -40,9 +41,9 @@ def answer(job: Job, out=None, *, checkpoint=None, overwrite=False, told=False):
     """The result of a job, as a python function gives it: in memory, or in the file `out` and loaded. Collective.
 
     checkpoint  file, beside which a long run keeps what it has finished; default: out
-    told        whether progress is told on stderr
+    told        whether progress is told on stderr; else it is what handlers of python's logger `jampetsc` make of it
     """
     to = Outlet(out, out if checkpoint is None else checkpoint)
-    with progress.telling(told):
+    with progress.telling(True) if told else contextlib.nullcontext():
         told = perform(job, to, argv=job.line(out), overwrite=overwrite)
     return job.answer(to, told)

@@ -15,7 +15,7 @@ PHIS = (0.1, 1.0)
 SETTLED = 1e-6  # max |F| in k_e/d, to which a random start is relaxed
 UNITS = "k_e = k_d = 1, diameter of the small disks 1"  # Vågberg, thesis sec. 4.1
 OWN_UNITS = "k_e = k_d = 1, length as of the radii given"
-GROUP = "disks, where START is no file: smallest diameter 1, k_e = k_d = 1"
+GROUP = "random disks, without START; smallest diameter 1, k_e = k_d = 1"
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class FromStart(Job):
     )
 
     discard: float | None = asked(
-        None, "strain before the means (default 1, at most half)", low=0.0, metavar="S", group="run"
+        None, "strain left out of the means (default 1, at most half)", low=0.0, metavar="S", group="run"
     )
     last: Path | None = asked(None, "write the last state as a packing, too", metavar="FILE", group="run")
     threads: int | None = asked(

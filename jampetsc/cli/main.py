@@ -133,8 +133,12 @@ def command_parser(words):
     """(parser, its subparsers) for these words: with the one command that they name, or else with all."""
     parser = Parser(
         prog="jampetsc",
-        description="Linear rheology of jammed packings: how they respond to slow and fast shear.",
-        epilog="jampetsc COMMAND --help tells more. Options with a single dash are PETSc's and go last,\n"
+        description="How jammed packings of soft disks respond to slow and fast shear.",
+        epilog="examples:\n"
+        "  jampetsc pack --n 1024 --pressure 1e-3 --out p.h5\n"
+        "  jampetsc sweep p.h5 --out sweep.h5\n"
+        "  jampetsc plot sweep.h5 --out moduli.png\n\n"
+        "jampetsc COMMAND --help tells more. Options with a single dash are PETSc's and go last,\n"
         "for example -options_file FILE or -log_view. In parallel: mpirun -n RANKS jampetsc …",
     )
     parser.add_argument("--version", action="version", version=f"jampetsc {VERSION}")

@@ -29,9 +29,9 @@ def add_job(job, subparsers, whole=True) -> None:
     if job.OUT:
         parser.add_argument("--out", metavar="FILE", required=job.OUT == "required", help=job.OUT_HELP)
     told = parser.add_mutually_exclusive_group()
-    quiet = "do not tell how far the run has come"
+    quiet = "print no progress"
     told.add_argument("-q", "--quiet", action="store_true", default=None, help=quiet)
-    told.add_argument("-v", "--verbose", action="store_true", default=None, help="tell more of it")
+    told.add_argument("-v", "--verbose", action="store_true", default=None, help="print more about the run")
     if job.OUT and not job.AGAIN:
         overwrite = "replace a finished result of other settings, which is refused otherwise"
         parser.add_argument("--overwrite", action="store_true", default=None, help=overwrite)

@@ -1,6 +1,7 @@
 """Many samples of which packings jam: seeds at several packing fractions, shared by the ranks, and their result."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from jampetsc.collective import on_root
@@ -24,7 +25,7 @@ class Samples:
 
     n: int
     phis: tuple  # M packing fractions
-    seeds: range
+    seeds: Sequence[int]
     protocol: Protocol
     sizes: str = "bidisperse"
     potential: str = "harmonic"
@@ -44,8 +45,9 @@ class Samples:
     @property
     def settings(self) -> dict:
         """What decides the result, as plain values."""
-        seeds = {"seeds": [self.seeds.start, self.seeds.stop], "phi": list(self.phis)}
-        return seeds | self.facts | vars(self.protocol)
+        seeds = self.seeds
+        told = [seeds.start, seeds.stop] if isinstance(seeds, range) else {"each": list(seeds)}
+        return {"seeds": told, "phi": list(self.phis)} | self.facts | vars(self.protocol)
 
     @property
     def facts(self) -> dict:

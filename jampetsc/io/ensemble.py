@@ -108,7 +108,8 @@ class Ensemble(Mapping):
 
         over   the dataset that it is a function of, the same in all files of a curve
 
-        Raises InputError where it is not the same, or where two rows of a curve are of one packing.
+        Rows of commands whose files have no such datasets are left out. Raises InputError where no file has them, where
+        `over` is not the same, or where two rows of a curve are of one packing.
         """
         return self._curves(name, by, over, mean_with_error)
 
@@ -116,9 +117,21 @@ class Ensemble(Mapping):
         """Medians, as `mean_curve`."""
         return self._curves(name, by, over, median_with_error)
 
+    def _holding(self, *names):
+        """The rows that are done of commands whose files hold these datasets: the first file of each tells."""
+        done = self._taken(self["state"] == "done")
+        commands = []
+        for command in set(done["command"].tolist()):
+            first = self._load(self.path / done["file"][done["command"] == command][0])
+            if isinstance(first, Mapping) and all(name in first for name in names):
+                commands.append(command)
+        if not commands:
+            raise InputError(f"{self.path / TABLE}: no file of these rows holds {' and '.join(names)}")
+        return done.where(command=commands)
+
     def _curves(self, name, by, over, statistic):
-        found = []
-        for key, rows in self.groups((by,) if isinstance(by, str) else tuple(by)):
+        found, holding = [], self._holding(name, over)
+        for key, rows in holding.groups((by,) if isinstance(by, str) else tuple(by)):
             require_independent(key, rows, name)
             results = rows.results()
             at = results[0][over]

@@ -54,17 +54,19 @@ def read_lammps_dump(content, index):
     if not {"NUMBER", "BOX"} <= set(found):
         raise InputError("ITEM: NUMBER OF ATOMS or BOX BOUNDS is missing: truncated or edited")
     words, body = found["BOX"]
-    tilted = "xy" in words
-    if "abc" in words:
-        raise InputError(f"ITEM: {' '.join(words)}: write the dump with triclinic/general no")
-    if any(flag != "pp" for flag in words[5 if tilted else 2 :][:2]):
+    general, tilted = "abc" in words, "xy" in words
+    if any(flag != "pp" for flag in words[4 if general else 5 if tilted else 2 :][:2]):
         raise InputError(f"ITEM: {' '.join(words)}: must be periodic (pp) in x and y")
-    bounds = _table(body, 3, 3 if tilted else 2)
-    if tilted and (bounds[1:, 2] != 0).any():
+    rows = _table(body, 3, 4 if general else 3 if tilted else 2)
+    if general:  # a row for each cell vector, and the origin, as OVITO writes them
+        cell, low = rows[:, :3], rows[:, 3]
+    else:  # bounds of the tilted box
+        tilt = rows[:, 2] if tilted else np.zeros(3)  # xy, xz, yz
+        rows[0, :2] -= min(0.0, tilt[0]), max(0.0, tilt[0])
+        cell, low = np.diag(rows[:, 1] - rows[:, 0]), rows[:, 0]
+        cell[1, 0], cell[2, :2] = tilt[0], tilt[1:]
+    if cell[2, :2].any() or cell[:2, 2].any():
         raise InputError(FLAT_BOX)
-    xy = bounds[0, 2] if tilted else 0.0
-    low, size = bounds[:, 0], bounds[:, 1] - bounds[:, 0]
-    low[0], size[0] = low[0] - min(0.0, xy), size[0] - abs(xy)  # the file has the bounds of the tilted box
     columns = _columns(found["ATOMS"][0][1:], _rows(found["ATOMS"][1], _count(found["NUMBER"][1])))
     for x, y, z, scaled in (
         ("x", "y", "z", False),
@@ -75,13 +77,12 @@ def read_lammps_dump(content, index):
         if x in columns and y in columns:
             place = np.column_stack([_floats(columns[name]) for name in (x, y, z) if name in columns])
             if scaled:
-                place *= size[: place.shape[1]]
-                place[:, 0] += xy * place[:, 1] / size[1]
-                place += low[: place.shape[1]]
+                axes = place.shape[1]
+                place = place @ cell[:axes, :axes] + low[:axes]
             break
     else:
         raise InputError(f"no coordinates x y, xu yu, xs ys or xsu ysu among {', '.join(columns)}")
-    return {**columns, "positions": place}, [[size[0], 0.0], [xy, size[1]]]
+    return {**columns, "positions": place}, cell[:2, :2]
 
 
 def read_lammps_data(content, index):
@@ -96,8 +97,6 @@ def read_lammps_data(content, index):
             f"Atoms # {style or '(no style)'}: has no diameters: say 'Atoms # sphere' of {STYLES['sphere']}, "
             "or dump a column radius"
         )
-    if "avec" in header:
-        raise InputError("avec, bvec, cvec: write the file with triclinic/general no")
 
     def said(what, count, default=None):
         found = re.search(rf"(?m)^[ \t]*((?:\S+[ \t]+){{{count}}}){what}\b", header)
@@ -105,12 +104,16 @@ def read_lammps_data(content, index):
             raise InputError(f"no {what} in the header: truncated or edited")
         return default if found is None else found[1].split()
 
-    (x0, x1), (y0, y1) = _floats(said("xlo xhi", 2)), _floats(said("ylo yhi", 2))
-    xy, xz, yz = _floats(said("xy xz yz", 3, [0, 0, 0]))
-    if xz or yz:
+    if re.search(r"\bavec\b", header):  # cell vectors, as OVITO writes them
+        cell = np.array([_floats(said(vector, 3)) for vector in ("avec", "bvec", "cvec")])
+    else:
+        (x0, x1), (y0, y1) = _floats(said("xlo xhi", 2)), _floats(said("ylo yhi", 2))
+        xy, xz, yz = _floats(said("xy xz yz", 3, [0, 0, 0]))
+        cell = np.array([[x1 - x0, 0.0, 0.0], [xy, y1 - y0, 0.0], [xz, yz, 1.0]])
+    if cell[2, :2].any() or cell[:2, 2].any():
         raise InputError(FLAT_BOX)
     rows = _rows(body, _count(said("atoms", 1)[0]))
-    return _columns(STYLES[style].split(), rows), [[x1 - x0, 0.0], [xy, y1 - y0]]
+    return _columns(STYLES[style].split(), rows), cell[:2, :2]
 
 
 def read_extxyz(content, index):
@@ -210,7 +213,7 @@ def format_of(content) -> str | None:
     looks = {
         "lammps-dump": r"\s*ITEM: ",
         "extxyz": r"\s*\d+[ \t]*\r?\n.*\b(Lattice|Properties)=",
-        "lammps-data": r"(?s).*\bxlo[ \t]+xhi\b",
+        "lammps-data": r"(?s).*\b(xlo[ \t]+xhi|avec)\b",
     }
     found = next((name for name, look in looks.items() if re.match(look, text)), None)
     first = _xyr(text)[0][:1]

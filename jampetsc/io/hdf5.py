@@ -127,7 +127,7 @@ def _explain(error) -> str:
     if "truncated file" in str(error):
         return "truncated: it was not written or copied completely; copy or make it again"
     if "signature not found" in str(error):
-        return "not an HDF5 file: jampetsc reads its own files; `jampetsc import` reads published packings"
+        return "not an HDF5 file: jampetsc reads its own files; `jampetsc import` reads packings of other programs"
     return f"cannot be read as HDF5 ({' '.join(str(error).split())}): copy or make it again"
 
 

@@ -47,16 +47,14 @@ class Collapse(Job):
     NAME: ClassVar = "collapse"
     scalar: ClassVar = None
     FORMAT: ClassVar = "jampetsc-collapse"
-    EPILOG: ClassVar = """\
-The name omega stands for omega/z with rates. A small probability of chi^2 says that the form is wrong, or the
-errors are.
+    EPILOG: ClassVar = """The name omega stands for omega/z with rates. A small probability of chi^2 says that
+the form is wrong, or the errors are.
 
 examples:
-  jampetsc collapse rd0-*.h5 --observable pressure --fit phi_J,y,znu --out p.h5
-  jampetsc collapse study --observable pressure --fit phi_J,y,znu,omega --corrections --out p.h5
-  jampetsc collapse study --where model=CD0 --observable pressure --fit phi_J,y,znu --out cd0.h5
-  jampetsc collapse f*.h5 --finite-size --observable jammed --fit phi_J,y=0,nu --out f.h5
-  jampetsc plot p.h5 --out p.png"""
+  jampetsc collapse flows --observable pressure --fit phi_J,y,znu --out scaling.h5       # the folder of a study
+  jampetsc collapse flows --where model=RD0 --observable pressure --fit phi_J,y,znu,omega --corrections --out full.h5
+  jampetsc collapse jam-*.h5 --finite-size --observable jammed --fit phi_J,y=0,nu --out sizes.h5
+  jampetsc plot scaling.h5 --out scaling.png"""
 
     results: Sequence = asked(
         help="flows, or jam and shear results, or the folder of a study", kind=RESULT, place=FILES

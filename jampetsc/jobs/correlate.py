@@ -52,12 +52,11 @@ class Correlate(Job):
     NAME: ClassVar = "correlate"
     scalar: ClassVar = None
     FORMAT: ClassVar = "jampetsc-correlation"
-    EPILOG: ClassVar = """examples
+    EPILOG: ClassVar = """examples:
   jampetsc correlate sweep.h5 --out correlation.h5
-  jampetsc correlate stokes-s*.h5 --lane 0.5,1 --out stokes.h5
-  jampetsc correlate rd0-s1.h5 rd0-s2.h5 --out g.h5              of flows, with --lane 1 --bin 1
-  jampetsc plot stokes.h5 --out correlation.png
-  jampetsc plot p1e-2.h5 p1e-3.h5 p1e-4.h5 --kind length --out length.png"""
+  jampetsc correlate stokes-*.h5 --lane 0.5,1 --out stokes.h5    # the mean over several packings
+  jampetsc correlate rd0.h5 --out g.h5                           # of a flow with snapshots
+  jampetsc plot correlation.h5 --out correlation.png"""
 
     results: Sequence = asked(
         help="sweeps with fields, or flows with snapshots, of one kind", kind=RESULT, place=FILES

@@ -23,7 +23,7 @@ class Examples(Job):
     OUT: ClassVar = ""
     AGAIN: ClassVar = True
     GIVES: ClassVar = "str, the files"
-    EPILOG: ClassVar = "Example: jampetsc examples --copy jampetsc-examples"
+    EPILOG: ClassVar = "examples:\n  jampetsc examples --copy mine"
 
     copy: Path = asked(help="folder to make; it must not be there yet", metavar="DIR")
 

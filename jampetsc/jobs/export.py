@@ -16,17 +16,21 @@ OWNERS = {"mode": ("modes",), "field": ("sweep",), "packing": ("modes", "sweep",
 class Export(Job):
     """Write packings, modes, fields and flows for OVITO, ASE, LAMMPS, ParaView, HOOMD and numpy.
 
-    A packing with radius, coordination, rattlers and stress of every disk and its contacts (data, vtp, npz, gsd) with
-    force and overlap; the motion in a mode, in a sweep's field or in slow shear as vectors on its packing; or the
-    snapshots of a flow, with velocities, as frames of one file (xyz, dump, gsd). The ending of the file that is written
-    chooses the format.
+    Of a packing: radius, coordination, rattlers and stress of every disk and, in data, vtp, npz and gsd, its contacts
+    with force and overlap. Of modes, a sweep's fields or slow shear: the motion as vectors on the packing. Of a flow:
+    the snapshots with their velocities, as frames of one file (xyz, dump, gsd). The ending of the name chooses the
+    format.
     """
 
     NAME: ClassVar = "export"
     FORMAT: ClassVar = "exported"
     OUT_HELP: ClassVar = "file to write: .xyz, .dump, .data, .vtp, .npz or .gsd"
     GIVES: ClassVar = "the name of the file, a Path"
-    EPILOG: ClassVar = "Example: jampetsc export modes.h5 --mode 3 --out mode3.xyz"
+    EPILOG: ClassVar = """examples:
+  jampetsc export p.h5 --out p.vtp
+  jampetsc export modes.h5 --mode 3 --out mode3.xyz
+  jampetsc export sweep.h5 --field 1e-3 --out field.dump
+  jampetsc export rd0.h5 --out rd0.xyz                  # the snapshots of a flow"""
 
     file: Disks = asked(
         help="packing, modes, sweep with fields, quasistatic or flow file", place=FILE, kind=HELD

@@ -20,8 +20,8 @@ class Flow(FromStart):
     """Steady shear at a rate: stress, pressure, energy balance.
 
     Shears soft disks steadily under Lees–Edwards conditions, by one of Vågberg's six models (thesis sec. 4.3) or a
-    damping law, overdamped or massive. Starts from a packing, from random disks of a number and a packing fraction, or
-    goes on from an earlier flow as it was begun.
+    damping law, overdamped or with a mass. Starts from a packing, or from random disks of a given number and packing
+    fraction; or continues an earlier flow with its settings.
     """
 
     NAME: ClassVar = "flow"
@@ -29,11 +29,11 @@ class Flow(FromStart):
     scalar: ClassVar = None
     OUT: ClassVar = "optional"
     OUT_HELP: ClassVar = "result file (default for a flow file that goes on: itself)"
-    EPILOG: ClassVar = """examples
-  jampetsc flow --n 1024 --phi 0.8433 --model RD0 --rate 1e-3 --strain 20 --out rd0.h5
-  jampetsc flow packing.h5 --model CD0 --rate 1e-4 --strain 5 --out cd0.h5 --snapshots 100
+    EPILOG: ClassVar = """examples:
+  jampetsc flow --n 1024 --phi 0.8433 --model RD0 --rate 1e-3 --strain 20 --snapshots 40 --out rd0.h5
+  jampetsc flow p.h5 --model CD0 --rate 1e-4 --strain 5 --out cd0.h5
   jampetsc flow --n 256 --phi 0.78 --model CDn --mass 1 --rate 1e-3 --strain 40 --out cdn.h5
-  jampetsc flow rd0.h5 --strain 20                                 twenty more
+  jampetsc flow rd0.h5 --strain 20                      # twenty more
 
 A run that was killed goes on when the same command is given again. Many disks use several cores, with the same result
 to the last bit; independent runs are faster side by side."""
@@ -48,13 +48,13 @@ to the last bit; independent runs are faster side by side."""
     walls: bool = asked(False, "between sliding rough walls, rows of disks", group=GROUP)
     snapshots: int | None = asked(
         None,
-        "states to keep, after what is discarded; a run that goes on keeps their spacing",
+        "number of states to keep, at equal strains after what is discarded",
         low=0,
         metavar="K",
         group="run",
     )
     snapshot_every: float | None = asked(
-        None, "strain between them, instead of their number", above=0.0, metavar="S", group="run"
+        None, "strain between snapshots, instead of their number", above=0.0, metavar="S", group="run"
     )
     snapshot_spacing: str | None = asked(
         None,
@@ -63,7 +63,7 @@ to the last bit; independent runs are faster side by side."""
         group="run",
     )
     step: float | None = asked(
-        None, "time step (default: what suits the model)", above=0.0, metavar="DT", group="run"
+        None, "time step (default: by the model)", above=0.0, metavar="DT", group="run"
     )
     tolerance: float | None = asked(
         None,

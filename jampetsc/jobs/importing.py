@@ -30,18 +30,23 @@ def _box_told(box) -> str:
 class Import(Job):
     """Turn a packing of another program into a packing file.
 
-    LAMMPS data (atom style sphere) and dump, extended XYZ, GSD (needs the package gsd), lines x y r with a line
-    'box Lx Ly xy', npz with positions, radii or diameters, and box; periodic in x and y, in one plane. Lengths are
-    taken as they are. Of published files, jamBashbulk text (U = ½ δ², k = 1) and jax-md netCDF4 (U = ½ (1 − r/σ)²),
-    pressure and energy must agree with those stored in FILE.
+    Reads LAMMPS data (atom style sphere) and dump, extended XYZ, GSD (needs the package gsd), lines x y r with a line
+    'box Lx Ly xy', and npz with positions, radii or diameters, and box. Disks lie in one plane, periodic in x and y;
+    lengths keep their unit. Also the published packings of jamBashbulk (text; U = ½ δ², k = 1) and jax-md (netCDF4;
+    U = ½ (1 − r/σ)²), whose pressure and energy must be those stored in FILE.
     """
 
     NAME: ClassVar = "import"
     FORMAT: ClassVar = "jampetsc-packing"
+    EPILOG: ClassVar = """examples:
+  jampetsc import dump.lammpstrj --frame 1 --out dump.h5
+  jampetsc import disks.txt --box 7.5,7 --potential hertzian --out own.h5      # lines x y r without a box
+
+A packing that is not at rest: jampetsc pack --from dump.h5 --pressure 1e-2 --out rest.h5"""
     OUT_HELP: ClassVar = "packing file to write"
 
     file: Path = asked(help="file of the other program", place=FILE, kind=PATH)
-    format: str | None = asked(None, "(default: found out)", choices=READERS)
+    format: str | None = asked(None, "(default: by the content of FILE)", choices=READERS)
     index: int = asked(0, "which packing of FILE, from 0", low=0, metavar="I", also="--frame")
     radius: str | None = asked(
         None,
@@ -53,7 +58,7 @@ class Import(Job):
         "of a file that has none; a₂ = (xy Ly, Ly): xy is a number",
         kind=Kind(_box, _box_told, metavar="L|Lx,Ly[,xy]"),
     )
-    potential: str | None = asked(None, "(default harmonic)", choices=EXPONENTS)
+    potential: str | None = asked(None, "energy of an overlap (default harmonic)", choices=EXPONENTS)
     stiffness: str | None = asked(
         None, "convention of the contact stiffness (default constant)", choices=STIFFNESSES
     )

@@ -15,17 +15,21 @@ from jampetsc.errors import InputError, named
 
 @dataclass(frozen=True, eq=False)
 class Info(Job):
-    """Tell what a file holds; with matrices whether a packing is a minimum.
+    """Tell what a file holds; with `matrices`, whether a packing is a minimum of its energy.
 
-    With matrices K and B of a packing are assembled, in parallel under mpirun, and their negative, zero and positive
-    eigenvalues counted.
+    For `matrices`, the Hessian K and the damping matrix B of a packing are assembled, in parallel under mpirun, and
+    their negative, zero and positive eigenvalues counted.
     """
 
     NAME: ClassVar = "info"
     FORMAT: ClassVar = "no file"
     OUT: ClassVar = ""
     GIVES: ClassVar = "str, lines of text"
-    EPILOG: ClassVar = "PETSc options: -inertia_… reach the factorisations of --matrices."
+    EPILOG: ClassVar = """examples:
+  jampetsc info p.h5
+  jampetsc info p.h5 --matrices --beta 0.1
+
+PETSc options: -inertia_… for the factorisations of --matrices."""
     SOLVERS: ClassVar = ("inertia_",)
 
     file: Disks = asked(help="packing file, result file or folder of a study", place=FILE, kind=HELD)

@@ -1,5 +1,6 @@
 """Which of many packings jam."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -20,17 +21,17 @@ class Jam(Job):
     """The fraction of packings that jam, and their pressures.
 
     Makes many samples at each packing fraction, jammed or not, with their energies and pressures (Vågberg et al., PRE
-    83, 030303 (2011); thesis sec. 4.7). random: uniformly random disks, quenched. shear: minima along quasistatic shear
-    of such disks, some strain apart. compress: a liquid, cooled, quenched, sheared where a strain is given, then
-    compressed or decompressed to the phi_J of that sample; how far large and small disks have separated is told, too.
+    83, 030303 (2011); thesis sec. 4.7), by one of three protocols. random: random disks, quenched. shear: minima at
+    several strains of a quasistatic shear of such disks. compress: a liquid is cooled and quenched, sheared if a strain
+    is given, then compressed or decompressed to its phi_J; also how far large and small disks have separated.
     """
 
     NAME: ClassVar = "jam"
     FORMAT: ClassVar = "jampetsc-jam"
-    EPILOG: ClassVar = """examples
+    EPILOG: ClassVar = """examples:
   jampetsc jam --n 64 --phi 0.83:0.85:9 --seeds 1:500 --out f64.h5
   mpirun -n 2 jampetsc jam --n 256 --phi 0.84,0.8425 --seeds 1:100 --out f256.h5
-  jampetsc jam --n 64 --phi 0.84 --seeds 1:4 --protocol shear --strain 4 --out qs64.h5
+  jampetsc jam --n 64 --phi 0.84 --seeds 1:4 --protocol shear --discard 1 --strain 4 --out qs64.h5
   jampetsc jam --n 64 --phi 0.84 --seeds 1:40 --protocol compress --cooling-rate 1e-3 --out slow64.h5
 
 A run that was killed goes on when the same command is given again. Options of the Newton steps have the prefix
@@ -42,7 +43,9 @@ A run that was killed goes on when the same command is given again. Options of t
         help="packing fractions: M from A to B evenly, or a list with commas",
         kind=numbers(*PHIS, "A:B:M|LIST", "; disks jam near 0.84", even=True),
     )
-    seeds: str | range = asked(help="samples of each, A to B included", kind=SEEDS)
+    seeds: Sequence[int] = asked(
+        help="a sample at each packing fraction for each seed, both ends included", kind=SEEDS
+    )
     sizes: str = asked(SIZES[0], "half of each radius 1:1.4, or all alike", choices=SIZES)
     potential: str = asked("harmonic", "energy of an overlap", choices=EXPONENTS)
     tolerance: float = asked(1e-6, "max|F|/(p d) of a minimum", low=1e-13, high=1e-2, metavar="T")

@@ -16,9 +16,9 @@ from jampetsc.errors import InputError, named
 class Matrices(Job):
     """Write K, B and the border of a packing for scipy, Matrix Market or PETSc.
 
-    Nothing held and nothing scaled, with k_gamma, b_gamma, k_gg, b_gg, the area, which unknown is which disk and
-    component, and the unknowns to leave out where K + i omega B is to be regular (pins). docs/python.md computes G* of
-    them in five lines; in python `assemble` gives them without a file.
+    The matrices of physics.md, not scaled and without constraints. With them come their border k_gamma, b_gamma, k_gg,
+    b_gg, the area, the disk and the component of every unknown, and the unknowns to leave out where K + i omega B is to
+    be regular (pins). docs/python.md computes G* of them in five lines; in python `assemble` gives them without a file.
     """
 
     NAME: ClassVar = "matrices"
@@ -27,7 +27,7 @@ class Matrices(Job):
         "file to write: .npz (numpy), .petsc (PETSc binary) or .mtx (Matrix Market, NAME-K.mtx and so on)"
     )
     GIVES: ClassVar = "the names of the files, a list of Path"
-    EPILOG: ClassVar = "Example: jampetsc matrices p.h5 --beta 0.1 --out K.npz"
+    EPILOG: ClassVar = "examples:\n  jampetsc matrices p.h5 --beta 0.1 --out K.npz"
 
     packing: Disks = asked(help="packing", kind=PACKING, place=FILE)
     law: Law = part(DAMPING)

@@ -12,7 +12,7 @@ from jampetsc.asking.parameters import FILE, PATH, asked
 class Merge(Job):
     """Make one plain file of a result written by many ranks.
 
-    In place, its parts removed, where no other name is given.
+    Without another name the file takes the place of the result, and its parts are removed.
     """
 
     NAME: ClassVar = "merge"
@@ -21,6 +21,7 @@ class Merge(Job):
     OUT: ClassVar = "optional"
     OUT_HELP: ClassVar = "write there and leave FILE and its parts as they are"
     GIVES: ClassVar = "the result, loaded"
+    EPILOG: ClassVar = "examples:\n  jampetsc merge sweep.h5 --out one.h5"
 
     file: os.PathLike = asked(help="result of sweep, quasistatic, modes, …", place=FILE, kind=PATH)
 

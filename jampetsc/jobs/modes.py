@@ -15,25 +15,30 @@ COUNT = 50
 
 @dataclass(frozen=True, eq=False)
 class Modes(Job):
-    """Lowest modes of K, how floppy they are, and what they carry of the response to shear.
+    """Lowest vibrational modes of a packing, how floppy they are, and their share of the response to shear.
 
-    Of the Hessian K, translations left out; masses are one, so frequencies are the square roots of the eigenvalues:
-    floppiness, participation ratio, share of the response to shear. That no mode was missed is proved by inertia.
+    Eigenvectors of the Hessian K without its translations. Disks have mass one: frequencies are the square roots of
+    the eigenvalues. Each mode has its floppiness, participation ratio and share of the response to shear. That none
+    was missed is proved by the inertia of K.
     """
 
     NAME: ClassVar = "modes"
     FORMAT: ClassVar = "jampetsc-modes"
-    EPILOG: ClassVar = """example
+    EPILOG: ClassVar = """examples:
   jampetsc modes p.h5 --count 20 --out modes.h5
+  jampetsc modes p.h5 --below 0.01 --out below.h5 -options_file jampetsc:modes_many       # hundreds of modes
 
-PETSc options: -modes_… reach SLEPc's eigensolver, -inertia_… the proof that no mode was missed. Where most of the modes
-are asked for, LAPACK finds them. For hundreds: -options_file jampetsc:modes_many."""
+PETSc options: -modes_… for SLEPc's eigensolver, -inertia_… for the proof that no mode was missed. All modes, or most
+of them, are found by LAPACK, which takes no options."""
 
     SOLVERS: ClassVar = ("modes_", "shift_", "inertia_")
 
     packing: Disks = asked(help="packing", kind=PACKING, place=FILE)
     count: int | None = asked(
-        None, f"so many of the lowest modes (default {COUNT}); a cluster is kept whole", low=1, metavar="M"
+        None,
+        f"number of modes (default {COUNT}); more where the last eigenvalues are equal",
+        low=1,
+        metavar="M",
     )
     below: float | None = asked(
         None, "all modes with eigenvalues below this", above=0.0, unit="k", metavar="LAMBDA"

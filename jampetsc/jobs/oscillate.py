@@ -43,15 +43,15 @@ class Oscillate(Job):
 
     NAME: ClassVar = "oscillate"
     FORMAT: ClassVar = "jampetsc-oscillate"
-    EPILOG: ClassVar = """examples
+    EPILOG: ClassVar = """examples:
   jampetsc oscillate p1e-3.h5 --out half.h5 --alpha 0.5 --omega 1e-9:1e-5:9 --stress 1e-6,1e-5
   jampetsc oscillate p1e-3.h5 --out strain.h5 --alpha 0.6667 --omega 1e-4 --strain 1e-6
   mpirun -n 2 jampetsc oscillate p1e-3.h5 --out fine.h5 --alpha 0.5 --omega 1e-7 --stress 1e-5 --steps 256
   jampetsc oscillate p1e-3.h5 --out soft.h5 --contacts moving --omega 1e-4 --strain 1e-6,1e-4,1e-3
   jampetsc oscillate p1e-3.h5 --out open.h5 --contacts moving --alpha 0.5 --omega 1e-6 --stress 1e-5,1e-4
 
-PETSc options: -osc_snes_… and -osc_ksp_… reach Newton's method and its linear solver, -osc_factor_… the
-factorisations of its preconditioner, -shift_… the proof that the packing is a minimum.
+PETSc options: -osc_snes_… and -osc_ksp_… for Newton's method and its linear solver, -osc_factor_… for the
+factorisations of its preconditioner, -shift_… for the proof that the packing is a minimum.
 A run that was killed goes on when the same command is given again."""
 
     SOLVERS: ClassVar = ("osc_", "osc_factor_", "shift_", "inertia_")

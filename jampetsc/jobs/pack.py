@@ -40,21 +40,21 @@ def _pressures(given):
 class Pack(Job):
     """Make a packing, or an ensemble.
 
-    Packings of soft disks: minima of enthalpy at given p, of energy at given φ. Several pressures or seeds, also one
-    of each in a list, give a list of packings, pressures in the order that is asked for within seeds.
+    A packing of soft disks at rest: a minimum of the enthalpy at a given pressure, or of the energy at a given packing
+    fraction. A list of pressures or seeds gives a list of packings: for each seed, the pressures in the given order.
     """
 
     NAME: ClassVar = "pack"
     FORMAT: ClassVar = "jampetsc-packing"
     OUT_HELP: ClassVar = "packing file; {seed} and {pressure} are replaced"
     GIVES: ClassVar = "Disks, or a list of them"
-    EPILOG: ClassVar = """examples
-  jampetsc pack --n 1024 --pressure 1e-4 --seed 1 --out p1e-4.h5
-  jampetsc pack --n 1024 --pressure 1e-5 --from p1e-4.h5 --out p1e-5.h5
-  mpirun -n 4 jampetsc pack --n 1024 --pressure 1e-2,1e-3 --seeds 1:20 --out out/p{pressure}-{seed}.h5
+    EPILOG: ClassVar = """examples:
+  jampetsc pack --n 1024 --pressure 1e-3 --seed 1 --out p1e-3.h5
+  jampetsc pack --pressure 1e-4 --from p1e-3.h5 --out p1e-4.h5
+  mpirun -n 4 jampetsc pack --n 1024 --pressure 1e-2,1e-3 --seeds 1:20 --out "p{pressure}-{seed}.h5"
 
-One packing is made by one rank, with all the cores that are its own; several are shared among the ranks. The same
-seed gives the same packing to the last bit, whatever the number of threads and ranks.
+One packing is made by one rank with several threads; several packings are shared among the ranks. The same seed gives
+the same packing to the last bit, whatever the number of threads and ranks.
 
 Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat_solver_type mumps."""
 
@@ -76,7 +76,9 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         high=PHIS[1],
         group=WHAT,
     )
-    potential: str | None = asked(None, "(default harmonic)", choices=EXPONENTS, group=WHAT)
+    potential: str | None = asked(
+        None, "energy of an overlap (default harmonic)", choices=EXPONENTS, group=WHAT
+    )
     stiffness: str | None = asked(
         None, "convention of the contact stiffness (default constant)", choices=STIFFNESSES, group=WHAT
     )
@@ -85,7 +87,10 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         None, "text file of radii, one per disk, or an array, instead of n and sizes", kind=RADII, group=WHAT
     )
     stabilise: str = asked(
-        "volume", "shear: also relax the shear of the cell", choices=("volume", "shear"), group=WHAT
+        "volume",
+        "shear: the shape of the cell relaxes, too, so that G₀ > 0",
+        choices=("volume", "shear"),
+        group=WHAT,
     )
     tolerance: float = asked(
         1e-10, "max|F|/(p d) and |Δp|/p", low=TOLERANCES[0], high=TOLERANCES[1], metavar="T", group=WHAT
@@ -94,12 +99,12 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         None, "of the random start (default 1)", low=0, high=LAST_SEED, metavar="S", group=HOW
     )
     seeds: Sequence[int] | None = asked(
-        None, "an ensemble, both ends included, shared among the ranks", kind=SEEDS, group=HOW
+        None, "a packing for each seed, both ends included", kind=SEEDS, group=HOW
     )
     from_: Disks | None = asked(None, "change the pressure of this packing", kind=PACKING, group=HOW)
     threads: int | None = asked(
         None,
-        "of each rank (default: the cores it may use, shared with the node's other ranks at work)",
+        "threads of a rank (default: its share of the cores of the node)",
         low=1,
         high=MOST_THREADS,
         metavar="T",

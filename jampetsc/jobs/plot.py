@@ -67,7 +67,7 @@ def _limits(text):
 
 INTEGERS = Kind(_integers, lambda numbers: ",".join(map(str, numbers)))
 LIMITS = Kind(_limits, str, metavar="LOW:HIGH")
-PANELS = "of all panels, or with commas of each; nothing leaves one"
+PANELS = "of all panels, or of each, with commas; an empty one stays as it is"
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,27 +87,24 @@ class Plot(Job):
     OUT_HELP: ClassVar = "picture to write: .png, .pdf or .svg"
     AGAIN: ClassVar = True
     EPILOG: ClassVar = """examples:
-  jampetsc plot p1e-2.h5 p1e-3.h5 p1e-4.h5 --out moduli.png      G', G'' of three sweeps
-  jampetsc plot p1e-2.h5 p1e-3.h5 p1e-4.h5 --kind collapse --out collapse.pdf
-  jampetsc plot packing.h5 --out packing.svg
-  jampetsc plot sweep.h5 --kind fields --omega 1e-6,1e-3,1 --out fields.png      --total with the affine part
-  jampetsc plot correlation.h5 --out correlation.png             C(delta) at all its frequencies
-  jampetsc plot stokes.h5 contact.h5 --omega 1e-3 --out compared.png
-  jampetsc plot p1e-2.h5 p1e-3.h5 --kind length --out length.png  of correlations
-  jampetsc plot q-p*.h5 --kind medians --out medians.png         of quasistatic files
-  jampetsc plot q-n*.h5 --kind finite-size --out sizes.png       eta0/N against pN^2
-  jampetsc plot ensemble --kind exponents --out exponents.png    local exponents of G* and their limits
-  jampetsc plot ensemble --kind collapse --out collapse.png      means over the packings of a study
-  jampetsc plot ensemble --where law=stokes --out stokes.png     of those under Stokes drag
-  jampetsc plot rd0-*.h5 --out flow.png                          flow curves of runs at several rates
-  jampetsc plot rd0.h5 --kind snapshot --out snapshot.png        or velocities
-  jampetsc plot f64.h5 f256.h5 --out f.png                       f(phi) of jam files, with errors
-  jampetsc plot f64.h5 qs.h5 --kind pressures --out p.png        P(p), of quasistatic shear too
-  jampetsc plot p.h5 --out collapse.png                          of `jampetsc collapse`, with residuals
-  jampetsc plot modes.h5 --mode 1,2,5 --out modes.png            on the packing
-  jampetsc plot rd0-*.h5 --size 7,4 --style paper.mplstyle --csv flow.csv --out flow.pdf"""
+  jampetsc plot s1e-2.h5 s1e-3.h5 s1e-4.h5 --out moduli.png           # G' and G'' of three sweeps
+  jampetsc plot s1e-2.h5 s1e-3.h5 s1e-4.h5 --kind collapse --out collapse.pdf
+  jampetsc plot p.h5 --out packing.svg
+  jampetsc plot sweep.h5 --kind fields --omega 1e-3 --total --out fields.png
+  jampetsc plot modes.h5 --mode 1,2,5 --out modes.png                 # on the packing
+  jampetsc plot q-p*.h5 --kind medians --out medians.png              # of quasistatic files
+  jampetsc plot ensemble --kind exponents --out exponents.png         # means over the packings of a study
+  jampetsc plot ensemble --where beta=1e-3 --out beta.png           # of those with this beta
+  jampetsc plot rd0-*.h5 --size 7,4 --csv flow.csv --out flow.pdf     # flow curves of several rates
+  jampetsc plot rd0.h5 --kind snapshot --out snapshot.png
+  jampetsc plot f64.h5 f256.h5 --out f.png                            # of jam files: f(phi) with errors
+  jampetsc plot f64.h5 qs.h5 --kind pressures --out pressures.png     # P(p), of quasistatic shear too
 
-    files: tuple = asked(help="sweeps, or one packing, or the folder of a study", kind=HELD, place=FILES)
+Every result is drawn without --kind; a wrong name after --kind lists those there are."""
+
+    files: tuple = asked(
+        help="files of results or packings, or the folder of a study", kind=HELD, place=FILES
+    )
     kind: str | None = asked(None, "what to draw (default: follows from the files and options)")
     where: str | None = asked(
         None,

@@ -16,14 +16,18 @@ from jampetsc.errors import InputError, named
 class Quasistatic(Job):
     """Fields, moduli and viscosities of the limit of slow shear.
 
-    Δu∥ and Δu⊥ of every contact and the non-affine displacement of every disk per unit strain, their medians, means,
-    rms and histograms; G₀, bulk modulus, η₀ = lim G''/ω and η_∞ (BT eqs. 18–24). With pre-stress also what K without
-    pre-stress gives (names with no_prestress).
+    The motion of touching disks relative to each other, Δu∥ and Δu⊥, and the non-affine displacement of every disk, per
+    unit strain, with medians, means, rms and histograms; G₀, bulk modulus, η₀ = lim G''/ω and η_∞ (BT eqs. 18–24).
+    Numbers whose names have no_prestress are those without the pre-stress of K.
     """
 
     NAME: ClassVar = "quasistatic"
     FORMAT: ClassVar = "jampetsc-quasistatic"
-    EPILOG: ClassVar = "PETSc options: -shift_… reach the factorisations."
+    EPILOG: ClassVar = """examples:
+  jampetsc quasistatic p.h5 --out slow.h5
+  jampetsc quasistatic p.h5 --betas 1e-4,1e-2,1 --out betas.h5
+
+PETSc options: -shift_… for the factorisations."""
 
     SOLVERS: ClassVar = ("shift_", "inertia_")
 

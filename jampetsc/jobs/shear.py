@@ -20,9 +20,9 @@ class Shear(FromStart):
 
     NAME: ClassVar = "shear"
     FORMAT: ClassVar = "jampetsc-shear"
-    EPILOG: ClassVar = """examples
+    EPILOG: ClassVar = """examples:
   jampetsc shear --n 64 --phi 0.845 --step 1e-3 --strain 8 --out qs.h5
-  jampetsc shear packing.h5 --step 1e-3 --strain 1 --out qs.h5
+  jampetsc shear p.h5 --step 1e-3 --strain 1 --out from-p.h5
 
 A run that was killed goes on when the same command is given again. Options of the Newton steps of its quenches have the
 prefix -newton_."""

@@ -31,9 +31,9 @@ class Spectrum(Job):
     FORMAT: ClassVar = "jampetsc-spectrum"
     scalar: ClassVar = None
     OUT_HELP: ClassVar = "result (HDF5), or picture"
-    EPILOG: ClassVar = """examples
+    EPILOG: ClassVar = """examples:
   jampetsc spectrum sweep.h5 --out spectrum.h5
-  jampetsc spectrum p1e-2.h5 p1e-3.h5 p1e-4.h5 --out spectra.png"""
+  jampetsc spectrum s1e-2.h5 s1e-3.h5 s1e-4.h5 --out spectra.png"""
 
     sweeps: Sequence = asked(help="sweeps by the rational method", kind=RESULT, place=FILES, metavar="SWEEP")
     window: float | None = asked(

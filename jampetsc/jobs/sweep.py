@@ -21,18 +21,18 @@ POWER_LAW = (
 class Sweep(Job):
     """Complex modulus G*(ω) of a packing under oscillatory shear.
 
-    Each value comes with a bound on its error (BT eqs. 10–15; physics.md). Method `rational` has the whole spectrum
-    from a few real factorisations, `direct` solves K + iωB at every frequency.
+    Each value comes with a bound on its error (BT eqs. 10–15; physics.md). Method `rational` gets the whole
+    spectrum from a few real factorisations, `direct` solves K + iωB at every frequency.
     """
 
     NAME: ClassVar = "sweep"
     FORMAT: ClassVar = "jampetsc-sweep"
-    EPILOG: ClassVar = """example
-  jampetsc sweep p.h5 --beta 0.1 --omega 1e-6:1e2:81 --out sweep.h5
+    EPILOG: ClassVar = """examples:
+  jampetsc sweep p.h5 --beta 0.1 --omega 1e-6:1e2:81 --fields 1e-3,1 --out sweep.h5
+  jampetsc sweep p.h5 --method direct --omega 1e-3,1 --out direct.h5 -options_file jampetsc:iterative
 
-PETSc options: -shift_… and -inertia_… reach the factorisations of the rational method, -freq_… the solver of
---method direct; -options_file jampetsc:low_memory, jampetsc:iterative and others
-come with the program."""
+PETSc options: -shift_… and -inertia_… for the factorisations of the rational method, -freq_… for the solver of
+--method direct. `jampetsc examples` copies the options files that come with the program."""
 
     SOLVERS: ClassVar = ("shift_", "freq_", "inertia_")
 

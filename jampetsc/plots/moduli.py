@@ -23,7 +23,7 @@ _SPACED = 8  # markers along a longer curve
 _LEGEND_ROWS = 7  # more pressures than this get a colour bar instead
 _BOTH = (STORAGE, LOSS)
 STATISTIC = Option(
-    "statistic", "word", "moduli, storage, loss, collapse: what is drawn of packings alike (of a study: mean)",
+    "statistic", "word", "moduli, storage, loss, collapse: mean or median of packings of one kind (of a study: mean)",
     choices=tuple(STATISTICS),
 )  # fmt: skip
 EXPONENTS = (

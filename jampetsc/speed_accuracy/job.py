@@ -36,9 +36,9 @@ def _files(given):
 class Trade(Job):
     """Measure what speed costs in accuracy.
 
-    Runs the choices there are for one packing, each as a sweep in processes of its own, and compares them with the
-    tightest certified rational sweep: time, memory, factorisations, errors of G' and of G'', critical slopes. Writes a
-    table (CSV) and a picture of time against error beside it (.png), and recommends settings by stated rules.
+    Runs a sweep of one packing with each of many settings, and compares time, memory, factorisations, errors of G' and
+    G'' and critical slopes with those of the most accurate sweep. Writes a table (CSV) and, beside it, a picture of
+    time against error (.png), and recommends settings by rules that it states.
 
       accuracy     accuracies 1e-2 ... 1e-10 of the rational sweep
       method       method direct with MUMPS and with the options files
@@ -52,10 +52,10 @@ class Trade(Job):
     OUT_HELP: ClassVar = "table, .csv; the picture goes beside it as .png"
     AGAIN: ClassVar = True
     GIVES: ClassVar = "str, the table and the advice"
-    EPILOG: ClassVar = """examples
-  jampetsc trade packing.h5 --out trade.csv
-  jampetsc trade packing.h5 --out trade.csv --choices accuracy,physics --ensemble --beta 0.1
-  jampetsc trade packing.h5 --out trade.csv --ranks 2 --choices method --options-files mine.opts
+    EPILOG: ClassVar = """examples:
+  jampetsc trade p.h5 --out trade.csv
+  jampetsc trade p.h5 --choices accuracy,physics --ensemble --beta 0.1 --out trade.csv
+  jampetsc trade p.h5 --choices method --options-files jampetsc:mumps,jampetsc:iterative --ranks 2 --out trade.csv
 
 Times mean something on a machine that does nothing else."""
 

@@ -27,10 +27,10 @@ def _description(given):
 class Study(Job):
     """An ensemble: packings, responses and their table.
 
-    Runs every task of STUDY.toml that is not done yet: tables are jobs, keys their parameters, lists are multiplied
-    out, and every response runs on every packing. Under mpirun each rank takes the next task as soon as it is free.
-    The same command continues a study that was stopped, on another number of ranks too; a changed STUDY.toml adds
-    tasks. Writes FOLDER/table.csv, one row per task; jampetsc.load(FOLDER) reads it.
+    Runs every task of STUDY.toml that is not done yet. A table is a command and its keys are options; lists give a
+    task for every combination of their values, and every response runs on every packing. Under mpirun each rank takes
+    the next task as soon as it is free. The same command continues a study that was stopped, on another number of
+    ranks too; a changed STUDY.toml adds tasks. FOLDER/table.csv has one row per task; jampetsc.load(FOLDER) reads it.
     """
 
     NAME: ClassVar = "study"
@@ -40,10 +40,18 @@ class Study(Job):
     SOLVERS: ClassVar = tuple(SOLVERS)
     EPILOG: ClassVar = """STUDY.toml, for instance:
 
-  [pack]                         [[sweep]]
-  n = [256, 1024]                beta = [1.0, 1e-3]
-  pressure = [1e-2, 1e-3]        omega = "1e-8:1e2:61"
-  seeds = "1:20"                 [quasistatic]
+  [pack]
+  n = [256, 1024]
+  pressure = [1e-2, 1e-3]
+  seeds = "1:20"
+  [[sweep]]
+  beta = [1.0, 1e-3]
+  omega = "1e-8:1e2:61"
+  [quasistatic]
+
+examples:
+  jampetsc study STUDY.toml --out ensemble --dry-run        # the tasks, and what they may cost
+  mpirun -n 4 jampetsc study STUDY.toml --out ensemble
 
 A task that fails is a row with its reason and is tried again by the next run; the status is then 3."""
 

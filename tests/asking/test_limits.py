@@ -36,7 +36,7 @@ RANGES = [  # (line, option, values within, values beyond)
     (PACK, "tolerance", [1e-13, 1e-4], [0.99e-13, 1.01e-4, "nan"]),
     (PACK, "threads", [1, 256], [0, 257]),
     (PACK, "seed", [0, LAST], [-1, LAST + 1]),
-    (f"{PACK} --out p{{seed}}.h5", "seeds", ["0:0", "3:4"], ["1:0", "1:1000001", "-1:3", "1", "a:b"]),
+    (f"{PACK} --out p{{seed}}.h5", "seeds", ["0:0", "3", "4,2"], ["1:0", "1:1000001", "-1:3", "1:", "3,3", "a:b"]),
     (PHI, "phi", [0.8, 1.5], [0.79, 1.51, "nan"]),
     (PHI, "pressure", ["1e-8", "1"], ["0.99e-8", "1.01", "nan", "inf"]),
     ("pack --pressure 1e-2 --out p.h5", "n", [16], [15, 10_000_001]),

@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+import samples
 
 import jampetsc
 from jampetsc.analysis.statistics import mean_with_error, median_interval, median_with_error
@@ -12,6 +13,7 @@ from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
 from jampetsc.io.averages import CHOICES
 from jampetsc.io.ensemble import load_ensemble
+from jampetsc.io.packing_file import write_packing
 from jampetsc.io.reader import load
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.studies.table import table_text
@@ -261,6 +263,8 @@ def swept(tmp_path_factory):
             writer.dataset("error_bound", np.zeros(2))
         told = {"command": "sweep", "state": "done", "file": f"{number}.h5", "packing": f"p{p}{s}.h5"}
         rows.append(told | {"pressure": p, "seed": s, "beta": beta})
+    write_packing(folder / "p0.011.h5", samples.published())  # its row has no curve
+    rows.append(rows[0] | {"command": "pack", "file": "p0.011.h5", "beta": 1.0})
     (folder / "table.csv").write_text(table_text(rows))
     return folder
 
@@ -282,6 +286,8 @@ def test_averages_of_curves_are_those_of_their_points(swept):
     assert real.value.dtype == float and real.key == {}
     with pytest.raises(InputError, match=r"G of pressure 0\.001: .* are of one packing"):
         jampetsc.load(swept).mean_curve("G", by="pressure")
+    with pytest.raises(InputError, match="no file of these rows holds G and times"):
+        table.mean_curve("G", over="times")
     with pytest.raises(InputError, match="other G than"):
         jampetsc.load(swept).where(beta=1.0).mean_curve(over="G")
 

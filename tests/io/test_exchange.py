@@ -2,6 +2,7 @@
 
 import importlib.util
 import io
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -49,6 +50,13 @@ def dump(names, *columns, tilt=TILT, low=(0.0, 0.0), flags="pp pp pp", step=0):
     )
 
 
+def general(text, low=(0.0, 0.0), flags="pp pp pp", lean=0.0):
+    """The same snapshot with the box as OVITO has it: cell vectors, and the origin behind them."""
+    rows = [(LX, 0, 0, low[0]), (TILT - LX, LY, lean, low[1]), (0, 0, 1, -0.5)]
+    box = f"abc origin {flags}\n" + "".join(" ".join(f"{x:.17g}" for x in row) + "\n" for row in rows)
+    return re.sub(r"xy xz yz pp pp pp\n(.*\n){3}", box, text)
+
+
 def unwrapped():
     """Whole cell vectors away, another one for every disk; in the cell with a₂ − a₁ for a₂."""
     turns = np.random.default_rng(2).integers(-1, 2, (16, 2))
@@ -76,6 +84,12 @@ def data(style="sphere", tilt=f"{TILT:.17g} 0 0 xy xz yz\n", z=None):
     )
 
 
+def vectors(text, lean=0):
+    """The same data file with the box as OVITO has it."""
+    box = f"{LX:.17g} 0 0 avec\n{TILT:.17g} {LY:.17g} {lean} bvec\n0 0 1 cvec\n3 -2 0 abc origin\n"
+    return re.sub(r"3 .* xlo xhi\n(.*\n){3}", box, text)
+
+
 def extxyz(more="", radii=R, lattice=f"{LX:.17g} 0 0 {TILT:.17g} {LY:.17g} 0 0 0 1"):
     names = "Properties=species:S:1:pos:R:3:velo:R:2:radius:R:1"
     rows = table(*X.T, np.zeros(16), *X.T, radii).splitlines()
@@ -97,7 +111,9 @@ FILES = {  # name -> (content, what is told to `import_packing`)
         {"index": 1, "radius": "r"},
     ),
     "lammps-dump xs ys": (dump("radius xs ys zs", R, *FRACTIONS.T, 0 * R + 0.5, low=LOW, tilt=TILT - LX), {}),
+    "lammps-dump xs ys of cell vectors": (general(dump("radius xs ys", R, *FRACTIONS.T), LOW), {}),
     "lammps-data": (data(), {}),
+    "lammps-data of cell vectors": (vectors(data()), {}),
     "extxyz": (extxyz(radii=2 * R) + extxyz('pbc="T T F" Time=1 Note="two words"') + "\n", {"index": 1}),
     "xyr": (f"# x y r\n# box: {LX:.17g}, {LY:.17g}, {TILT / LY:.17g}\n{XYR.replace(' ', ',  ')}", {}),
     "xyr without a box": (XYR, {"box": (LX, LY, TILT / LY)}),
@@ -190,9 +206,11 @@ REFUSED = {  # what is wrong -> (content, what is told, the message)
     "walls of xyz": (extxyz('pbc="T F F"'), {}, 'pbc="T F F": must be periodic'),
     "tilted in z": (TEXT.replace("-0.5 0.5 0\n", "-0.5 0.5 1\n"), {}, "tilted out of the plane"),
     "tilted data": (data(tilt="0 1 0 xy xz yz\n"), {}, "tilted out of the plane"),
+    "leaning data": (vectors(data(), lean=1), {}, "tilted out of the plane"),
     "tilted lattice": (extxyz(lattice="9 0 1 0 9 0 0 0 1"), {}, "need a₁ and a₂ in the plane"),
     "turned lattice": (extxyz(lattice="9 1 0 0 9 0 0 0 1"), {}, r"need rows \(Lx, 0\)"),
-    "general triclinic": (TEXT.replace("xy xz yz", "abc origin"), {}, "triclinic/general no"),
+    "cell vector out of the plane": (general(TEXT, lean=1.0), {}, "tilted out of the plane"),
+    "walls of cell vectors": (general(TEXT, flags="ff pp pp"), {}, r"must be periodic \(pp\) in x and y"),
     "cut off": (TEXT[:-300], {}, "lines for 16 disks: truncated"),
     "line cut off": (TEXT[:-25], {}, "need id type x y radius"),
     "no radii": (

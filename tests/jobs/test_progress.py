@@ -1,11 +1,13 @@
 """What a long run says on standard error: a line for each step where there is no terminal, from rank 0."""
 
 import io
+import logging
 
-from jampetsc.progress import Progress
+import jampetsc
+from jampetsc.progress import LOG, Progress
 
 
-def test_lines_count_from_what_was_done_before(capsys):
+def test_lines_count_from_what_was_done_before(capsys, telling):
     with Progress(5, "sweep", done=2) as progress:
         progress.step("omega 1")
         progress.note("beside")
@@ -13,7 +15,7 @@ def test_lines_count_from_what_was_done_before(capsys):
     assert capsys.readouterr().err == "[3/5] omega 1\nbeside\n[4/5] omega 2\n"
 
 
-def test_a_total_that_is_not_known_is_not_told(capsys):
+def test_a_total_that_is_not_known_is_not_told(capsys, telling):
     with Progress(None, "trade") as progress:
         progress.step("a")
     assert capsys.readouterr().err == "[1] a\n"
@@ -26,12 +28,25 @@ def test_other_ranks_count_in_silence(capsys):
     assert progress.count == 1 and capsys.readouterr().err == ""
 
 
+def test_a_function_is_silent_unless_its_user_listens(capsys, monkeypatch):
+    """To the logger `jampetsc`, by python's own means."""
+    heard, handler = [], logging.Handler()
+    handler.emit = lambda record: heard.append(record.getMessage())
+    monkeypatch.setattr(LOG, "handlers", [handler])
+    for level, steps in ((logging.WARNING, 0), (logging.INFO, 25)):
+        monkeypatch.setattr(LOG, "level", level)
+        LOG.manager._clear_cache()
+        jampetsc.flow(n=16, phi=0.86, model="RD0", rate=1e-2, strain=0.05)
+        assert len([line for line in heard if "/50] strain" in line]) == steps
+    assert capsys.readouterr().err == ""
+
+
 class Terminal(io.StringIO):
     def isatty(self):
         return True
 
 
-def test_a_terminal_has_a_bar_that_goes_in_the_end(monkeypatch):
+def test_a_terminal_has_a_bar_that_goes_in_the_end(monkeypatch, telling):
     monkeypatch.setattr("sys.stderr", terminal := Terminal())
     with Progress(5, "sweep", done=2) as progress:
         assert "sweep:  40%" in terminal.getvalue() and "2/5" in terminal.getvalue()

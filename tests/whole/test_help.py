@@ -1,0 +1,140 @@
+"""The examples of every --help run as they are written, at small sizes."""
+
+import re
+import shlex
+
+import launch
+import numpy as np
+import pytest
+from test_collapse import PHIS, RATES, write_flow
+
+from jampetsc.cli import main as cli
+from jampetsc.io.result_file import ResultWriter
+from jampetsc.jobs import JOBS, job_class
+from jampetsc.studies.table import table_text
+
+SMALL = {  # option -> {its value: that here}
+    "--n": {"64": "16", "256": "24", "1024": "20"},
+    "--seeds": {"1:4": "1:1", "1:20": "1:1", "1:40": "1:1", "1:100": "1:2", "1:500": "1:2"},
+    **{"--phi": {"0.78": "0.86"}, "--snapshots": {"40": "4"}, "--below": {"0.01": "0.5"}},
+    **{"--cooling-rate": {"1e-3": "0.5"}, "--discard": {"1": "0.01"}, "--steps": {"256": "64"}},
+    "--omega": {"1e-9:1e-5:9": "1e-6", "1e-4": "1e-2", "1e-6": "1e-2"},
+    **{"--stress": {"1e-6,1e-5": "1e-5", "1e-5,1e-4": "1e-4"}, "--steps": {"256": "64"}},
+}
+SHEARED = ("flow", "shear", "jam")  # whose strain is that of a run
+FIRST = (
+    "pack",
+    "sweep",
+    "modes",
+    "quasistatic",
+    "flow",
+    "shear",
+    "jam",
+    "study",
+)  # make what the others read
+LONG = ("trade", "--corrections")  # have tests of their own
+MORE = """\
+pack --n 16 --pressure 1e-2 --stabilise shear --out p.h5
+pack --n 16 --pressure 1e-2 --stabilise shear --seed 2 --out p2.h5
+export p.h5 --out p.dump
+sweep p.h5 --out s1e-2.h5
+sweep p1e-3.h5 --out s1e-3.h5
+sweep p1e-4.h5 --out s1e-4.h5
+sweep p.h5 --law stokes --fields 1e-3 --out stokes-1.h5
+sweep p2.h5 --law stokes --fields 1e-3 --out stokes-2.h5
+quasistatic p1e-3.h5 --out q-p1e-3.h5
+quasistatic p1e-4.h5 --out q-p1e-4.h5
+flow p.h5 --model RD0 --rate 1e-2 --strain 0.05 --out rd0-1e-2.h5
+flow p.h5 --model RD0 --rate 2e-2 --strain 0.05 --out rd0-2e-2.h5"""
+
+
+def examples(text):
+    """The command lines under `examples:` in a help, as lists of words after `jampetsc`."""
+    found = re.findall(r"^  (?:mpirun -n \d+ )?jampetsc (.*)$", text, re.MULTILINE)
+    return [shlex.split(line, comments=True) for line in found]
+
+
+def small(words, folder):
+    """A command line at a size for tests, its patterns as a shell in the folder replaces them."""
+    named = [*words]
+    for n in range(1, len(words)):
+        named[n] = SMALL.get(words[n - 1], {}).get(words[n], words[n])
+        if words[n - 1] == "--strain" and words[0] in SHEARED:
+            named[n] = "0.05"
+        if words[n - 1] == "--strain" and "," in words[n]:
+            named[n] = "1e-4"
+    return [
+        name
+        for word in named
+        for name in (sorted(path.name for path in folder.glob(word)) if "*" in word else [word])
+    ]
+
+
+@pytest.mark.parametrize("command", ["", *JOBS])
+def test_every_help_has_an_example(command):
+    parser, parsers = cli.command_parser([command] if command else ["--help"])
+    text = (parsers.choices[command] if command else parser).format_help()
+    lines = examples(text[text.index("\nexamples:\n") :])
+    assert not command or command in [words[0] for words in lines]
+    for words in lines:
+        if set(words) & set(LONG):
+            cli.command_parser(words)[0].parse_args(words)
+
+
+def write_scaled(folder):
+    """Flows and samples whose collapse is known, which a fit to so small ones would not tell."""
+    (folder / "flows").mkdir()
+    rows = []
+    for name, phi, rate in ((f"{phi}-{rate:.3g}.h5", phi, rate) for phi in PHIS[1:6] for rate in RATES[:5]):
+        write_flow(folder / "flows" / name, phi, rate)
+        rows.append({"command": "flow", "state": "done", "file": name, "seconds": 0.1, "model": "RD0"})
+    (folder / "flows" / "table.csv").write_text(table_text(rows))
+    rng = np.random.default_rng(1)
+    for n in (64, 128, 256):
+        phi = np.repeat(np.linspace(0.83, 0.85, 9), 200)
+        jammed = rng.random(phi.size) < 1 / (1 + np.exp(-30 * (phi - 0.841) * n**0.5))
+        with ResultWriter(folder / f"jam-{n}.h5", "jampetsc-jam") as writer:
+            for column, values in {"phi": phi, "jammed": 1.0 * jammed, "pressure": 1e-3 * jammed}.items():
+                writer.dataset(column, values)
+            writer.dataset("seed", np.arange(phi.size))
+            facts = {"protocol": "random", "sizes": "bidisperse", "potential": "harmonic", "k": 1.0}
+            writer.attributes(particle_count=n, stiffness="constant", units="smallest diameter", **facts)
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    """(folder, lines): after all examples but those of pictures, which are left to draw."""
+    folder = tmp_path_factory.mktemp("help")
+    lines = {command: examples(job_class(command).EPILOG) for command in JOBS}
+    order = [words for command in FIRST for words in lines.pop(command)]
+    order += [words for some in lines.values() for words in some if not set(words) & set(LONG)]
+    study = re.search(r"(?:^  [\[a-z].*\n)+", job_class("study").EPILOG, re.MULTILINE)[0]
+    (folder / "STUDY.toml").write_text(re.sub("1:20", "1:1", study).replace("[256, 1024]", "16"))
+    write_scaled(folder)
+    packs = [small(words, folder) for words in order if words[0] == "pack"]
+    launch.run_lines(folder, packs + [line.split() for line in MORE.splitlines()])
+    text = (folder / "p.dump").read_text()
+    (folder / "dump.lammpstrj").write_text(2 * text)
+    np.savetxt(folder / "disks.txt", np.loadtxt(text.splitlines()[9:], usecols=(2, 3, 5)))
+    rest = [small(words, folder) for words in order if words[0] != "pack"]
+    apart = [words for words in rest if any(re.match(r"-[a-z]", word) for word in words)]
+    pictures = [words for words in rest if words[0] == "plot"]
+    launch.run_lines(folder, [words for words in rest if words not in apart + pictures])
+    for words in apart:  # one process has one set of PETSc's options
+        launch.run_lines(folder, [words])
+    return folder, rest, pictures
+
+
+def test_the_examples_run(ran):
+    """A dozen seconds of processors, for sixty commands; half of it are steps in time of `oscillate`."""
+    folder, lines, pictures = ran
+    for words in lines:
+        if "--out" in words and words not in pictures:
+            assert (folder / words[words.index("--out") + 1]).exists(), words
+
+
+def test_the_examples_draw(ran):
+    """Ten seconds: a dozen pictures."""
+    folder, _, pictures = ran
+    assert len(pictures) > 10
+    launch.run_lines(folder, pictures)
