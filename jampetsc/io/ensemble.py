@@ -119,7 +119,7 @@ class Ensemble(Mapping):
 
     def _holding(self, *names):
         """The rows that are done of commands whose files hold these datasets: the first file of each tells."""
-        done = self._taken(self["state"] == "done")
+        done = self.taken(self["state"] == "done")
         commands = []
         for command in set(done["command"].tolist()):
             first = self._load(self.path / done["file"][done["command"] == command][0])

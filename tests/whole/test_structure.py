@@ -11,6 +11,7 @@ import pytest
 import jampetsc
 from jampetsc.core import compiled
 from jampetsc.core.laws import FAMILIES
+from jampetsc.jobs import JOBS
 
 PACKAGE = Path(jampetsc.__file__).parent
 ROOMS = (  # from the ground up; a module may import its own room and those before it
@@ -122,7 +123,7 @@ def test_jobs_that_load_compiled_code():
     while more := {one for one, others in graph.items() if others & needing} - needing:
         needing |= more
     jobs = {module.split(".")[-1] for module in needing if module.startswith("jampetsc.jobs.")}
-    assert jobs == {"pack", "flow", "shear", "jam", "oscillate", "modes"}
+    assert jobs & JOBS.keys() == {"pack", "flow", "shear", "jam", "oscillate", "modes"}
 
 
 def test_one_door_to_petsc():
