@@ -31,8 +31,8 @@ WORDS = re.compile(rb"numba|core\.compiled")
 def compiled(fastmath, **options):
     """Decorator: compile this function, with these liberties in its mathematics, and keep the result on disk.
 
-    options are numba's. Division by zero gives inf or NaN. No function here is handed to others as a pointer, and a
-    tenth of the compiler's time went into making that possible.
+    options are numba's. Division by zero gives inf or NaN. No function here is handed to C as a pointer: none has an
+    entry for that, which takes its time to compile.
     """
     settings = {"cache": True, "error_model": "numpy", "no_cfunc_wrapper": True, **options}
     return numba.njit(fastmath=fastmath, **settings)

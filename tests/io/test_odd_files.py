@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
-import jampetsc.core.neighbours  # noqa: F401  numba, whose import warns
+import jampetsc.core.compiled  # noqa: F401  numba, whose import warns
 from jampetsc.cli import main as cli
 from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError
