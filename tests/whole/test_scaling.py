@@ -13,8 +13,9 @@ sys.path.insert(0, str(launch.ROOT / "benchmarks"))
 import scaling
 
 
-def test_a_table_grows_by_what_it_lacks(tmp_path, capsys):
+def test_a_table_grows_by_what_it_lacks(tmp_path, capsys, monkeypatch):
     """A packing and its sweep, each a process; what failed is told and tried again, nothing else."""
+    monkeypatch.setenv("OMPI_MCA_mpi_yield_when_idle", "1")  # which `measure` changes
     scaling.measure(tmp_path, [16], [1], ["sweep"])
     assert "n16.h5: no such file" in capsys.readouterr().out and not scaling.read(tmp_path / "scaling.csv")
     scaling.measure(tmp_path, [16], [1], ["pack", "sweep"])
@@ -31,8 +32,8 @@ def test_a_table_grows_by_what_it_lacks(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("power", [0.5, 1.2])
-def test_an_exponent_is_that_of_the_last_decade(power):
-    n = np.array([10.0, 100.0, 1000.0, 3000.0, 10_000.0])
+def test_an_exponent_is_that_of_the_largest_sizes(power):
+    n = np.array([10.0, 100.0, 1000.0, 3000.0])
     values = np.where(n < 1000, 7.0, n**power)
     assert scaling.exponent(n, values) == pytest.approx(power)
     assert np.isnan(scaling.exponent(n[:1], values[:1]))
