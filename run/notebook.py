@@ -29,7 +29,9 @@ def executed(markdown):
     notebook = v4.new_notebook(cells=[make[kind](text) for kind, text in parts])
     notebook.metadata["kernelspec"] = {"name": "python3", "display_name": "Python 3", "language": "python"}
     with tempfile.TemporaryDirectory() as folder:
-        nbclient.NotebookClient(notebook, timeout=600, resources={"metadata": {"path": folder}}).execute()
+        nbclient.NotebookClient(
+            notebook, timeout=600, startup_timeout=300, resources={"metadata": {"path": folder}}
+        ).execute()
     for cell in notebook.cells:
         for output in cell.get("outputs", []):
             if output.get("name") == "stderr":

@@ -86,7 +86,11 @@ def test_the_site_has_every_page_and_every_name(tmp_path):
     entries = runpy.run_path(str(launch.ROOT / "run" / "reference.py"))["reference"]()
     for name in {*jampetsc.__all__, "models.CD0"} - {"__version__", "models"}:
         assert f"\n## jampetsc.{name}\n\n```text\n" in entries
-    if importlib.util.find_spec("mkdocs"):  # after run/docs, which is such a build
+    cells = runpy.run_path(str(launch.ROOT / "run" / "notebook.py"))["cells"]
+    tutorial = cells((launch.ROOT / "docs" / "tutorial.md").read_text())
+    pieces = [text.strip("\n") for text in blocks("docs/tutorial.md", "python")]
+    assert [text for kind, text in tutorial if kind == "code"] == pieces and len(pieces) == 4
+    if all(map(importlib.util.find_spec, ("mkdocs", "nbclient", "ipykernel"))):  # run/docs is such a build
         build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path)]
         done = subprocess.run(build, cwd=launch.ROOT, capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
