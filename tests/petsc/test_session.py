@@ -81,6 +81,16 @@ def test_no_session_before_start():
     assert "RuntimeError: no session: call jampetsc.petsc.session.start() first" in done.stderr
 
 
+@pytest.mark.parametrize(
+    "asked, most", [({"OMP_NUM_THREADS": "2,1"}, 2), ({"OMP_NUM_THREADS": "2", "OMP_THREAD_LIMIT": "3"}, 3)]
+)
+def test_openmp_keeps_to_the_threads_asked_for(asked, most):
+    """CHOLMOD asks for four in its own code; libgomp, which it is built with, says how many it gets."""
+    code = "import ctypes\nfrom jampetsc.petsc import session\nsession.start()\n"
+    done = python(f"{code}print(ctypes.CDLL('libgomp.so.1').omp_get_thread_limit())", **asked)
+    assert done.stdout == f"{most}\n", done.stderr
+
+
 # Which build
 
 

@@ -14,7 +14,7 @@ from jampetsc.jobs import JOBS, job_class
 from jampetsc.studies.table import table_text
 
 SMALL = {  # option -> {its value: that here}
-    "--n": {"64": "16", "256": "24", "1024": "20"},
+    "--n": {"64": "16", "256": "24", "1024": "32"},
     "--seeds": {"1:4": "1:1", "1:20": "1:1", "1:40": "1:1", "1:100": "1:2", "1:500": "1:2"},
     **{"--phi": {"0.78": "0.86"}, "--snapshots": {"40": "4"}, "--below": {"0.01": "0.5"}},
     **{"--cooling-rate": {"1e-3": "0.5"}, "--discard": {"1": "0.01"}, "--steps": {"256": "64"}},
@@ -126,7 +126,7 @@ def ran(tmp_path_factory):
 
 
 def test_the_examples_run(ran):
-    """A dozen seconds of processors, for sixty commands; half of it are steps in time of `oscillate`."""
+    """Eighteen seconds of a processor, for sixty commands; half of it are steps in time of `oscillate`."""
     folder, lines, pictures = ran
     for words in lines:
         if "--out" in words and words not in pictures:
