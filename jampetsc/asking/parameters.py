@@ -139,15 +139,15 @@ class Parameter:
             raise InputError(f"{named(self.name)} {shown(value)}: {text}") from None
 
     def _check_range(self, value):
-        if math.isnan(value):
-            raise ValueError("must be a number")
         inside = (self.low is None or value >= self.low) and (self.high is None or value <= self.high)
-        if inside and (self.above is None or value > self.above):
+        if inside and (self.above is None or value > self.above) and not math.isnan(value):
             return
         if self.above is not None:
             least = "positive" if self.above == 0 else f"above {self.above:g}"
             most = "" if self.high is None or math.isinf(self.high) else f" and at most {self.high:g}"
             raise ValueError(f"must be {least}{most}")
+        if self.low is None:
+            raise ValueError("must be a number" if self.high is None else f"must be at most {self.high:g}")
         if self.high is None:
             raise ValueError(f"must be at least {self.low:g}")
         raise ValueError(f"must lie in [{self.low:g}, {self.high:g}]")

@@ -66,7 +66,7 @@ def checked(packing, *words):
     ("words", "message"),
     [
         ("--alpha 2.5 --stress 1e-5", "--alpha 2.5: must be positive and at most 2"),
-        ("--alpha nan --stress 1e-5", "--alpha nan: must be a number"),
+        ("--alpha nan --stress 1e-5", "--alpha nan: must be positive"),
         (
             "--alpha 0.01 --tau1 1e-301 --stress 1e-5",
             "--omega 1 --tau1 1e-301: their product must lie between",
