@@ -4,9 +4,8 @@
 
 The archive holds the folder of the study with its table and its results, these without what `run/figures/NAME --kept`
 and benchmarks/reproduction.py do not need: packings, displacements, states to go on from. Of snapshots their six-fold
-order is kept. Numbers are kept to single
-precision, the series of steady flows as means over a hundredth of the run. Every result still names the commit and
-the command line that made it.
+order is kept. Numbers are kept to single precision, the series of steady flows as means over a hundredth of the run.
+Every result still names the commit and the command line that made it.
 """
 
 import io

@@ -5,9 +5,8 @@
 
 Packings at p = 1e-2 are made in FOLDER, one thread each, and swept (141 frequencies, 1e-3), `shifts` and `matrix` on
 several ranks; 50 modes are found; a steady flow, RD0, is begun with a strain of 0.5. FOLDER/scaling.csv has a row
-for each run: seconds elapsed and of processor time, all ranks together, and the memory of the largest process. What
-is in it is not run again. The picture shows the table with exponents between the two
-largest N.
+for each run: seconds elapsed and of processor time, all ranks together, and the memory of the largest process. What is
+in it is not run again. The picture shows the table with exponents between the two largest N.
 """
 
 import argparse
@@ -20,10 +19,10 @@ import numpy as np
 from common import environment, machine
 
 from jampetsc import load
-from jampetsc.analysis.bounds import relative_bound
 from jampetsc.plots.page import Page
 from jampetsc.plots.style import PAGE, drawn_in, looks, save
 from jampetsc.speed_accuracy import processes
+from jampetsc.speed_accuracy.compare import certified
 
 PRESSURE, ACCURACY, COUNT, RATE, STRAIN = "1e-2", "1e-3", 50, "1e-3", "0.5"
 COLUMNS = "command n ranks seconds processor memory G0 G_inf eta_inf certified".split()
@@ -58,15 +57,11 @@ def commands_on(ranks: int) -> list[str]:
 def facts(out) -> dict:
     """Physics of a sweep: G₀ and G_∞ in k, η_∞ in kτ₁, the largest relative bound on G' and on G″."""
     sweep = load(out)
-    bounds = (
-        relative_bound(sweep["error_bound_storage"], sweep.G_storage),
-        relative_bound(sweep["error_bound_loss"], sweep.G_loss),
-    )
     return {
         "G0": sweep.spectrum.G0,
         "G_inf": float(sweep.G_storage[-1]),
         "eta_inf": sweep.spectrum.eta_inf,
-        "certified": float(np.max(bounds)),
+        "certified": certified(sweep),
     }
 
 

@@ -17,12 +17,12 @@ different ways, so that only means can agree.
 import argparse
 
 import common
-import numba
 import numpy as np
 from common import processor
 
 from jampetsc.analysis.statistics import mean_with_error
-from jampetsc.core.kernel import FAST, bond_forces
+from jampetsc.core.compiled import FAST, compiled
+from jampetsc.core.kernel import bond_forces
 from jampetsc.core.pairs import PairList, deformed, is_stale
 from jampetsc.core.potentials import Potential
 from jampetsc.core.threads import Team
@@ -42,7 +42,7 @@ BLOCK = 20  # steps in a row by each, as in a run
 STRAIN = 5.0  # of --runs
 
 
-@numba.njit(fastmath=FAST, error_model="numpy")
+@compiled(FAST, cache=False)
 def conjugate_gradients(pairs, listed, law, o, f, d, state, goal, most):
     """Steps of Polak–Ribière with a secant along each direction; state = (slope before, |F|² before, last length).
 

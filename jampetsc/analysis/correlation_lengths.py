@@ -12,7 +12,7 @@ SHORTEST, LONGEST = 1.3, 0.13  # lengths that can collapse: above so many diamet
 def stokes_collapse(omega, length, pressure, exponent=LOG_EXPONENT):
     """(ω/p^½, l (−ln p)^exponent): collapse of the correlation length under Stokes drag, p in units of k.
 
-    BT print the exponent 0.65. Lengths measured with this program, p from 1e-4 to 1e-2 and N up to 32768,
+    BT print the exponent 0.65. Lengths measured with this program, p from 1e-5 to 1e-2 and N up to 32768,
     grow as p falls at equal ω/p^½ and collapse with −0.65. Raises InputError unless 0 < p < 1.
     """
     if not 0 < pressure < 1:

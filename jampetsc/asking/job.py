@@ -34,7 +34,7 @@ class Job:
     OUT_HELP: ClassVar[str] = "result file (HDF5)"
     GIVES: ClassVar[str] = ""  # what python gets, where that is not what `load` gives for its file
     scalar: ClassVar[str | None] = (
-        "real"  # PETSc's that it needs, or "complex", "any"; None: PETSc has nothing to do
+        "real"  # PETSc's that it needs, or complex, any; None: nothing to do for it
     )
     place: ClassVar = None  # where its result goes where no name is given
     AGAIN: ClassVar[bool] = False  # whether its result is made anew without asking: pictures and tables

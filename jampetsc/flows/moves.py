@@ -185,7 +185,7 @@ def own_domains(me, threads, space):
 
 @compiled(False)
 def with_near(space, task, mine, o, g, moved, then):
-    """Near pairs that serve at offsets o and shear g; (moved, then) as in `contacts.pairs.are_worn`, FAR at first."""
+    """Near pairs that serve at offsets o and shear g; (moved, then) as in `core.pairs.are_worn`, FAR at first."""
     largest, _, skin = task.listed
     if not are_worn(moved, g, then, largest, skin):
         return moved, then

@@ -73,10 +73,8 @@ class Record:
         )
         record.rows = {name: list(np.asarray(arrays[name])) for name in record.columns}
         if "snapshots/strain" in arrays:  # without images, and radii beside them, in older files
-            kept = {name: arrays.get(f"snapshots/{name}") for name in SNAPSHOTS}
-            record.snapshots = {
-                name: list(np.asarray(kept)) for name, kept in kept.items() if kept is not None
-            }
+            found = {name: arrays.get(f"snapshots/{name}") for name in SNAPSHOTS}
+            record.snapshots = {name: list(np.asarray(one)) for name, one in found.items() if one is not None}
             beside = "snapshots/radii" in arrays
             record.radii = np.asarray(arrays["snapshots/radii" if beside else f"{STATE}radii"])
         return record

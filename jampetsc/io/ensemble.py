@@ -126,7 +126,7 @@ class Ensemble(Mapping):
             if isinstance(first, Mapping) and all(name in first for name in names):
                 commands.append(command)
         if not commands:
-            raise InputError(f"{self.path / TABLE}: no file of these rows holds {' and '.join(names)}")
+            raise InputError(f"{self.table}: no file of these rows holds {' and '.join(names)}")
         return done.where(command=commands)
 
     def _curves(self, name, by, over, statistic):

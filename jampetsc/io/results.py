@@ -128,9 +128,8 @@ class Result(Mapping):
             writer.attributes(**self.attributes | {"run_id": writer.run_id})
         self.path = self.attributes.path = Path(path).resolve()
         self.attributes["run_id"] = writer.run_id
-        if any(
-            isinstance(array, StoredArray) for array in self._arrays.values()
-        ):  # what is in memory stays there
+        # what is in memory stays there
+        if any(isinstance(array, StoredArray) for array in self._arrays.values()):
             with open_file(path) as h5:
                 self._arrays = type(self).read(h5, path)._arrays
 

@@ -17,9 +17,7 @@ from jampetsc.petsc.shifted import ShiftedFactor, shifted
 
 SAME_SHIFT = 1.5  # a factor within this ratio of the shift wanted serves instead of a new one
 MOST_AT_ONCE = 4  # more shifts at once than a sweep needs would be guesses
-SHARE = (
-    0.25  # of the memory that factors may take: the basis and what it is projected to take as much and more
-)
+SHARE = 0.25  # of the memory that factors may take: the basis and its projection take as much and more
 BYTES = 60.0  # of a factor and its matrix per n log₂ n, n unknowns: 60 to 61 at N = 32768 to 900 000
 ALONE = 400_000  # unknowns up to which one rank is given whole matrices: a factor then takes about 1 GB
 

@@ -20,7 +20,7 @@ from jampetsc.oscillation.stepmatrix import StepMatrix
 class FixedSprings:
     """The `stage.Springs` of a network that one rank has whole. A motion (2n + 1,) is that of the disks and a strain.
 
-    modulus   k, in the units of this oscillation
+    k   stiffness of a contact, in the units of this oscillation
     """
 
     stiffness, reach = 1.0, np.inf  # in these units; forces are linear in all displacements

@@ -52,9 +52,8 @@ class Drive:
         weights: (n,), or one number, of a quadrature over the cycle; drift: a ramp over the cycle, left out
         """
         orders = 2 * np.arange(HARMONICS + 1) + 1
-        waves = np.exp(
-            -1j * np.outer(2.0 * np.pi * times - 0.5 * np.pi, orders)
-        )  # 1 where the drive is largest
+        phases = 2.0 * np.pi * times - 0.5 * np.pi  # zero where the drive is largest
+        waves = np.exp(-1j * np.outer(phases, orders))
         first, *higher = (2.0 * weights * (values - drift * times)) @ waves
         work = np.pi * self.amplitude * float(first.imag)  # ∮σdγ = −∮γdσ
         if self.stress_controlled:

@@ -2,7 +2,6 @@
 
 import time
 from pathlib import Path
-from time import sleep
 
 from jampetsc.collective import agreed, on_root, own_cores
 from jampetsc.errors import InputError
@@ -165,7 +164,7 @@ class _Work:
         ended = self.session.comm.Ibarrier()
         while not ended.Test():
             self._now_and_then()
-            sleep(NAP)
+            time.sleep(NAP)
         self.session.collect()
 
     def together(self, tasks):
