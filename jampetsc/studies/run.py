@@ -2,6 +2,7 @@
 
 import time
 from pathlib import Path
+from time import sleep
 
 from jampetsc.collective import agreed, on_root, own_cores
 from jampetsc.errors import InputError
@@ -164,7 +165,7 @@ class _Work:
         ended = self.session.comm.Ibarrier()
         while not ended.Test():
             self._now_and_then()
-            time.sleep(NAP)
+            sleep(NAP)
         self.session.collect()
 
     def together(self, tasks):
