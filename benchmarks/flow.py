@@ -5,9 +5,9 @@
 
 From one state, sheared to strain 0.2 by RD0 first. jampetsc, jampetsc on threads and LAMMPS take turns; least and most
 of the rounds are told, and ratios of the best, in processor time, list rebuilds included, compilation not. What
-threads gain is elapsed time: it says nothing where others use the cores.
+threads gain, and their ratio to LAMMPS on as many MPI ranks, is elapsed time: it tells nothing where others use cores.
   RD0 Euler   against LAMMPS: fix brownian without noise, harmonic/cut, fix deform remap x
-  CDn         m = 1, against LAMMPS: gran/hooke, fix nve, fix deform remap v (one stiffness for all pairs)
+  CDn         m = 1, k = 1 for all pairs, against LAMMPS: gran/hooke, fix nve, fix deform remap v
   CD, CDt     m = 1, no counterpart
   CD0         tolerance 1e-3, time steps of 0.5: also steps per second, and iterations of the solve per step
 Both also print σ and p of what they ran, to see that they do the same.
@@ -18,6 +18,7 @@ import argparse
 import re
 import tempfile
 import time
+from dataclasses import replace
 from functools import partial
 
 import common
@@ -100,13 +101,13 @@ def ours(name, disks, rate, threads=1):
     run.advance(steps)
     seconds, elapsed = time.process_time() - began, time.perf_counter() - elapsed
     seen, area = dict(zip(TALLY, run.seen / steps, strict=True)), disks.area
-    stress = -(seen["elastic_xy"] + seen["viscous_xy"] + seen["kinetic_xy"]) / area
+    stress = -(seen["elastic_xy"] + seen["viscous_xy"]) / area
     pressure = (seen["elastic"] + seen["viscous"]) / (2 * area)
     return seconds, steps, stress, pressure, seen["iterations"], elapsed
 
 
-def theirs(lmp, name, disks, rate):
-    """(seconds, steps, σ, p) of the same by LAMMPS."""
+def theirs(lmp, name, disks, rate, ranks=1):
+    """(seconds, steps, σ, p, seconds elapsed) of the same by LAMMPS."""
     small, large = 2 * disks.radii.min(), 2 * disks.radii.max()
     mixed, step = 0.5 * (small + large), STEPS.get(name, 0.1)
     words = {"small": small, "large": large, "mixed": mixed, "reach": large + 0.6, "rate": rate, "step": step}
@@ -115,13 +116,14 @@ def theirs(lmp, name, disks, rate):
     words |= {"top": rate * disks.cell[1, 1], "height": disks.cell[1, 1]}
     with tempfile.TemporaryDirectory() as folder:
         lammps.write_data(folder, disks, tilted=True, spheres=name != "RD0")
-        log = lammps.run(lmp, folder, (HEAD + (DRAG if name == "RD0" else NORMAL)).format(**words))
+        log = lammps.run(lmp, folder, (HEAD + (DRAG if name == "RD0" else NORMAL)).format(**words), ranks)
     share = float(re.findall(r"([\d.]+)% CPU use", log)[0]) / 100.0
-    seconds = share * float(re.findall(r"Loop time of (\S+)", log)[0])
+    elapsed = float(re.findall(r"Loop time of (\S+)", log)[0])
     rows = np.array([line.split() for line in re.findall(r"^ *\d+(?: +\S+){5} *$", log, re.M)], float)[1:]
     thickness = 1.0  # of the box in z
     pressures = rows[:, 1:4].mean(0) * thickness
-    return seconds, words["steps"], -pressures[2], 0.5 * (pressures[0] + pressures[1])
+    stress, pressure = -pressures[2], 0.5 * (pressures[0] + pressures[1])
+    return share * elapsed, words["steps"], stress, pressure, elapsed
 
 
 def main():
@@ -145,14 +147,18 @@ def main():
 
 def measure(name, disks, args, lmp):
     """One line of the table."""
+    if name == "CDn":
+        disks = replace(disks, potential=Potential())  # gran/hooke has one stiffness
     ours(name, disks, args.rate)  # compiled, and in cache
     runs = {"ours": partial(ours, name, disks, args.rate)}
     if args.threads:
         runs["shared"] = partial(ours, name, disks, args.rate, args.threads)
     if lmp:
         runs["theirs"] = partial(theirs, lmp, name, disks, args.rate)
+    if lmp and args.threads:
+        runs["ranks"] = partial(theirs, lmp, name, disks, args.rate, args.threads)
     rounds = common.in_turn(args.rounds, runs)
-    found, shared, other = (rounds.get(kind) for kind in ("ours", "shared", "theirs"))
+    found, shared, other, ranks = (rounds.get(kind) for kind in ("ours", "shared", "theirs", "ranks"))
     best, speeds = min(found), speeds_of(disks, found)
     line = f"{name:4} N = {disks.n:6}: {told(speeds)}, sigma {best[2]:.4g}, p {best[3]:.4g}"
     if name == "CD0":
@@ -165,6 +171,9 @@ def measure(name, disks, args, lmp):
         line += (
             f"; LAMMPS {told(its)}, sigma {peer[2]:.4g}, p {peer[3]:.4g}; ratio {max(speeds) / max(its):.2f}"
         )
+    if ranks:
+        ratio = min(one[4] / one[1] for one in ranks) / min(one[5] / one[1] for one in shared)
+        line += f"; elapsed, {args.threads} threads against as many ranks of LAMMPS: {ratio:.2f}"
     print(line, flush=True)
 
 

@@ -35,10 +35,11 @@ def write_data(folder, disks, tilted=False, spheres=False) -> None:
     (Path(folder) / "start.data").write_text("\n".join(lines) + "\n")
 
 
-def run(lmp, folder, script) -> str:
-    """Run a script in a folder; the log."""
+def run(lmp, folder, script, ranks=1) -> str:
+    """Run a script in a folder, on so many MPI ranks; the log."""
     (Path(folder) / "in.lmp").write_text(script)
-    words = [lmp, "-in", "in.lmp", "-screen", "none", "-log", "log"]
+    launch = [Path(lmp).parent / "mpiexec", "-n", str(ranks)] if ranks > 1 else []
+    words = [*launch, lmp, "-in", "in.lmp", "-screen", "none", "-log", "log"]
     variables = environment() | {"LD_LIBRARY_PATH": str(Path(lmp).absolute().parents[1] / "lib")}
     done = subprocess.run(words, cwd=folder, env=variables, capture_output=True)
     log = (Path(folder) / "log").read_text()
