@@ -14,7 +14,8 @@ from jampetsc.plots.picture import PICTURES, Drawn, Picture
 
 MODULES = (  # with pictures; a file shows by itself the first that suits it and the options given
     "moduli", "spectrum", "correlation", "floppy", "exponents", "finite_size", "vibrations", "lowmodes", "flowcurves",
-    "slowly", "regimes", "order", "profiles", "shearing", "jamming", "scaling", "branches", "fields", "packing",
+    "quasistatic_shear", "regimes", "order", "profiles", "shearing", "jamming", "scaling", "branches", "fields",
+    "packing",
 )  # fmt: skip
 COMMANDS = {  # format -> the command, where they have two names
     "correlation": "correlate",

@@ -24,7 +24,7 @@ from jampetsc.io.reader import load
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.plots import jamming
 from jampetsc.plots.jamming import Samples, plot_fraction, plot_jamming_densities, plot_pressures, samples_of
-from jampetsc.plots.slowly import plot_slow_shear
+from jampetsc.plots.quasistatic_shear import plot_quasistatic_shear
 from jampetsc.studies.table import table_text
 
 UNITS = {"units": "k_e = k_d = 1, diameter of the small disks 1", "stiffness": "inverse-square-diameter"}
@@ -274,7 +274,7 @@ def test_pictures(study, tmp_path, capsys, files, kind, says):
 def test_series_of_slow_shear_are_per_disk_and_in_units_of_k(tmp_path):
     write_shear(tmp_path / "s.h5", isostatic(), 0.9, k=2.0)
     result = load(tmp_path / "s.h5")
-    axes = figure_of(plot_slow_shear, [result]).axes
+    axes = figure_of(plot_quasistatic_shear, [result]).axes
     jammed = result["jammed"] == 1
     units = {"energy": 2.0 * 24, "shear_stress": 2.0, "pressure": 2.0, "coordination": 1.0}
     for ax, (name, unit) in zip(axes, units.items(), strict=True):
@@ -380,7 +380,7 @@ def slow_shear(jammed, plastic=None, name="s.h5", **more):
 
 def test_states_that_jam_are_lines_others_dots_and_single_ones_dashes():
     file = slow_shear([1, 1, 0, 1, 0, 0, 1, 1])
-    fig = figure_of(plot_slow_shear, [file])
+    fig = figure_of(plot_quasistatic_shear, [file])
     strain = file["strain"]
     for ax, (name, unit) in zip(
         fig.axes,
@@ -400,12 +400,12 @@ def test_states_that_jam_are_lines_others_dots_and_single_ones_dashes():
 
 
 def test_where_all_is_jammed_no_cut_is_drawn_and_plastic_events_are_marked():
-    fig = figure_of(plot_slow_shear, [slow_shear(np.ones(6), [0, 1, 0, 0, 1, 0])])
+    fig = figure_of(plot_quasistatic_shear, [slow_shear(np.ones(6), [0, 1, 0, 0, 1, 0])])
     told = [text.get_text() for text in fig.axes[0].get_legend().get_texts()]
     assert told == ["jammed", "plastic events, in (b)", "means"]
     assert not [1 for _, _, dash, _ in lines(fig.axes[0], 2) if dash == ":"]
     marks = [line for line in fig.axes[1].get_lines() if line.get_marker() == "|"]
     np.testing.assert_allclose(marks[0].get_xdata(), [0.2, 0.5])
     assert (np.asarray(marks[0].get_ydata()) == 0.02).all()  # of the height of the panel
-    quiet = figure_of(plot_slow_shear, [slow_shear(np.ones(6), np.zeros(6))])
+    quiet = figure_of(plot_quasistatic_shear, [slow_shear(np.ones(6), np.zeros(6))])
     assert [text.get_text() for text in quiet.axes[0].get_legend().get_texts()] == ["jammed", "means"]

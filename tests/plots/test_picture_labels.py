@@ -19,7 +19,7 @@ from jampetsc.plots import (
     jamming,
     lowmodes,
     moduli,
-    slowly,
+    quasistatic_shear,
     trade,
     vibrations,
 )
@@ -71,7 +71,7 @@ PICTURES = [  # (function, what it draws, (x, y, scales) of the panels: linear o
      [(r"$\phi$", r"$\sigma\ [k]$", "-l"), (r"$\phi$", r"$p\ [k]$", "-l"), (r"$\phi$", "$Z$", "--")]),
     (flowcurves.plot_flow, lambda folder: [series("a.h5")],
      [(r"$\gamma$", r"$\sigma\ [k]$", "--"), (r"$\gamma$", r"$p\ [k]$", "--")]),
-    (slowly.plot_slow_shear, lambda folder: [slow_shear(np.ones(5))],
+    (quasistatic_shear.plot_quasistatic_shear, lambda folder: [slow_shear(np.ones(5))],
      [("", r"$U/N\ [k]$", "-l"), ("", r"$\sigma\ [k]$", "--"), (r"$\gamma$", r"$p\ [k]$", "--"),
       (r"$\gamma$", "$Z$", "--")]),
     (jamming.plot_fraction, cooled, [(r"$\phi$", r"$f(\phi)$", "--")]),

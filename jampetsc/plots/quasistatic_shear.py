@@ -10,7 +10,7 @@ HEIGHT = 2.3  # inches of one row of panels
 
 
 @picture("strain", "shear")
-def plot_slow_shear(results, page):
+def plot_quasistatic_shear(results, page):
     """U/N on a log scale, σ, p and Z over γ of one run or several; unjammed states are light, means dashed."""
     units = flow_units(results)
     panels = (
