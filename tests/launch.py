@@ -32,7 +32,8 @@ def command(ranks, program, *args):
 
 def mpirun(ranks):
     """Words before a command for so many ranks, more than there are cores or not; none for 0."""
-    return ["mpirun", "--oversubscribe", "--bind-to", "none", "-n", str(ranks)] if ranks else []
+    words = ["env", "OMPI_MCA_mpi_yield_when_idle=1", "mpirun", "--oversubscribe", "--bind-to", "none"]
+    return [*words, "-n", str(ranks)] if ranks else []
 
 
 def run_lines(folder, items):

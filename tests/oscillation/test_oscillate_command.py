@@ -24,12 +24,7 @@ def packing(tmp_path_factory):
 
 def oscillate(*words, ranks=0):
     line = [*launch.mpirun(ranks), sys.executable, "-m", "jampetsc", "oscillate", *map(str, words)]
-    shared = {
-        "OMPI_MCA_mpi_yield_when_idle": "1"
-    }  # small messages, many of them: ranks may have to share a core
-    return subprocess.run(
-        line, env=launch.environment() | shared, capture_output=True, text=True, timeout=120
-    )
+    return subprocess.run(line, env=launch.environment(), capture_output=True, text=True, timeout=120)
 
 
 def test_a_file_from_one_rank_and_two(packing, tmp_path):
