@@ -82,13 +82,14 @@ def draw(found, path):
         for ax, low, potential in zip(axes, axes[2:], EXPONENTS, strict=False):
             for one in (one for one in found if one.potential == potential and len(one.values)):
                 colour, marker = looks[one.name, one.n]
-                label = f"{one.name}, $N={one.n}$"
-                _draw_density(ax, one, {"color": colour, "marker": marker, "label": label})
-                _draw_cuts(low, one, {"color": colour, "marker": marker, "label": label})
+                _draw_density(
+                    ax, one, {"color": colour, "marker": marker, "label": f"{one.name}, $N={one.n}$"}
+                )
+                _draw_cuts(low, one, {"color": colour, "marker": marker})
             y = EXPONENTS[potential] - 1.0
             _draw_guide(ax, round(1.0 / y - 1.0, 12))
-            low.axhline(y, color=style.GREY, lw=0.6, ls=":", label=r"$\alpha-1$")
-            low.legend()
+            low.axhline(y, color=style.GREY, lw=0.6, ls=":")
+            low.annotate(r"$\alpha-1$", (0.06, y), color=style.GREY, ha="center", va="bottom")
             ax.set_title(potential, pad=3)
 
 
