@@ -75,12 +75,16 @@ def sample(n, pressure, seed, solver):
     start = protocols.random_start(
         radii_of("bidisperse", n), protocols.start_phi(pressure), seed, Potential()
     )
-    disks = protocols.make_packing(start, protocols.Target(pressure), solver)
+    return of_packing(protocols.make_packing(start, protocols.Target(pressure), solver), pressure, solver)
+
+
+def of_packing(disks, pressure, solver):
+    """QUANTITIES of disks at a pressure."""
     state = measure(disks)
     root = np.sqrt(pressure)
     return (
         disks.phi,
-        (state.coordination - 4 + 4 / n) / root,
+        (state.coordination - 4 + 4 / disks.n) / root,
         state.rattlers.mean(),
         unstressed_modulus(disks, state, solver) / root,
         disks.record["shear_modulus"] / root,

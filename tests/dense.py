@@ -96,6 +96,9 @@ class NewtonSteps:
     def solve(self, b):
         return np.linalg.solve(self.matrix, b)
 
+    def order(self, n, i, j):
+        return np.arange(n, dtype=np.uint32)
+
 
 class Reference:
     """K, B and G* of `disks` for `physics` (law, prestress), rattlers left out.

@@ -16,7 +16,6 @@ from jampetsc.core.state import find_contacts, measure
 from jampetsc.core.threads import Team
 from jampetsc.minimise import warm_start as compiled
 from jampetsc.minimise.descent import Goal
-from jampetsc.minimise.ldl import minimum_degree
 from jampetsc.minimise.minimise import UNJAMMED, Effort, minimise, stress_unit
 from jampetsc.minimise.newton import FORCE_FLOOR
 
@@ -135,7 +134,7 @@ class SlowShear(ListedDisks):
         r = self.pairs.r0 + (self.offsets[self.pairs.j] - self.offsets[self.pairs.i]).T
         r[0] += self.shear * r[1]
         near = np.hypot(*r) < self.pairs.sigma + ORDERED * self.diameter
-        self._order = minimum_degree(self.reference.n, self.pairs.i, self.pairs.j, near)
+        self._order = self.solver.order(self.reference.n, self.pairs.i[near], self.pairs.j[near])
         self._entries = 0
 
     def _factorise(self):

@@ -2,7 +2,8 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
@@ -11,7 +12,7 @@ from jampetsc.asking.kinds import LAST_SEED, MOST_THREADS, PACKING, RADII, SEEDS
 from jampetsc.asking.parameters import Kind, asked
 from jampetsc.core.disks import Disks
 from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
-from jampetsc.errors import InputError, JampetscError, named
+from jampetsc.errors import ConvergenceError, InputError, JampetscError, named
 from jampetsc.minimise.sizes import FEWEST, MOST, SIZES, Radii, radii_asked, sizes_told
 
 PRESSURES = (1e-8, 1.0)
@@ -19,6 +20,7 @@ PHIS = (0.8, 1.5)
 TOLERANCES = (1e-13, 1e-4)
 WHAT, HOW = "what", "from where, and how"
 ONE_OF = (("pressure", "phi"), ("seed", "seeds", "from_"))  # of each at most one is given
+OF_DISKS = ("potential", "stiffness", "sizes", "radii")  # what a packing to start from has already
 
 
 def _pressures(given):
@@ -41,7 +43,8 @@ class Pack(Job):
     """Make a packing, or an ensemble.
 
     A packing of soft disks at rest: a minimum of the enthalpy at a given pressure, or of the energy at a given packing
-    fraction. A list of pressures or seeds gives a list of packings: for each seed, the pressures in the given order.
+    fraction. A list of pressures or seeds gives a list of packings: for each seed, the pressures in the given order,
+    each from random disks, or with `ladder` from the packing at the pressure before it.
     """
 
     NAME: ClassVar = "pack"
@@ -52,6 +55,7 @@ class Pack(Job):
   jampetsc pack --n 1024 --pressure 1e-3 --seed 1 --out p1e-3.h5
   jampetsc pack --pressure 1e-4 --from p1e-3.h5 --out p1e-4.h5
   mpirun -n 4 jampetsc pack --n 1024 --pressure 1e-2,1e-3 --seeds 1:20 --out "p{pressure}-{seed}.h5"
+  jampetsc pack --n 1024 --pressure 1e-3,1e-4 --ladder --seeds 1:20 --out "down-{pressure}-{seed}.h5"
 
 One packing is made by one rank with several threads; several packings are shared among the ranks. The same seed gives
 the same packing to the last bit, whatever the number of threads and ranks.
@@ -102,6 +106,9 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         None, "a packing for each seed, both ends included", kind=SEEDS, group=HOW
     )
     from_: Disks | None = asked(None, "change the pressure of this packing", kind=PACKING, group=HOW)
+    ladder: bool = asked(
+        False, "each pressure starts from the packing at the one before it, not from random disks", group=HOW
+    )
     threads: int | None = asked(
         None,
         "threads of a rank (default: its share of the cores of the node)",
@@ -123,10 +130,12 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
             raise InputError(
                 f"{named('stabilise')} shear: needs {named('pressure')}; at fixed {named('phi')} the cell does not move"
             )
+        if self.ladder and self.pressure is None:
+            raise InputError(f"{named('ladder')}: needs {named('pressure')}")
         if self.from_ is None:
             radii_asked(self.n, self.sizes, self.radii)
             return
-        for name in ("potential", "stiffness", "sizes", "radii"):
+        for name in OF_DISKS:
             if getattr(self, name) is not None:
                 source = PACKING.tell(self.from_)
                 raise InputError(f"{named(name)}: belongs to the packing {source}; leave it out")
@@ -135,6 +144,10 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
     def several(self) -> bool:
         """Whether a list of packings is asked for."""
         return isinstance(self.pressure, tuple) or self.seeds is not None
+
+    def rung(self, above) -> "Pack":
+        """The job that makes the same packing from the one at the pressure above it in a ladder."""
+        return replace(self, **dict.fromkeys(("n", "seed", *OF_DISKS)), from_=above, ladder=False)
 
     def tasks(self, out, k=1.0) -> list:
         """The packings asked for, `packings.Task`; out: their files, None in memory; k: of the packing to start from.
@@ -154,9 +167,14 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         if out is not None:
             self._check_name(out, {"{seed}": len(seeds), "{pressure}": len(targets)})
         return [
-            Task(out and Path(out.replace("{seed}", str(seed)).replace("{pressure}", word)), seed, target)
+            Task(
+                out and Path(out.replace("{seed}", str(seed)).replace("{pressure}", word)),
+                None if self.ladder and rung else seed,
+                target,
+                rung if self.ladder else 0,
+            )
             for seed in seeds
-            for word, target in targets.items()
+            for rung, (word, target) in enumerate(targets.items())
         ]
 
     def _check_name(self, out, counts):
@@ -195,24 +213,37 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         """Make what is not there yet, every rank its own packings. Collective."""
         from jampetsc.collective import on_root, own_cores
         from jampetsc.core.threads import Team
-        from jampetsc.jobs.packings import is_there, make, raise_failures, summary
+        from jampetsc.jobs.packings import Change, is_there, make, raise_failures, summary
         from jampetsc.petsc import session
 
         running = session.current()
         comm, overwrite = running.comm, to.request.overwrite
-        start, origin, k = self._start(comm)
-        tasks = self.tasks(None if to.path is None else str(to.path), k)
-        wanted = [origin | task.asked for task in tasks]
+        begin = self._begin(comm)
+        tasks = self.tasks(None if to.path is None else str(to.path), begin.k)
+        found = {}
 
-        def missing():
-            pairs = enumerate(zip(tasks, wanted, strict=True))
-            return [i for i, (one, record) in pairs if not is_there(one.path, record, overwrite, self.from_)]
+        def beginning(i):
+            if not tasks[i].rung:
+                return begin
+            return Change.of(tasks[i - 1].path or found[i - 1][0], self._how)
 
-        left = on_root(comm, missing)
-        mine = left[running.rank :: running.size]
-        team = Team(self.threads or own_cores(comm, bool(mine)))
-        found = make([(i, tasks[i], wanted[i]) for i in mine], start, team, running.rank)
-        found = dict(sorted(pair for some in comm.allgather(found) for pair in some.items()))
+        def missing(numbers):
+            wanted = ((i, beginning(i).record | tasks[i].asked) for i in numbers)
+            return [i for i, record in wanted if not is_there(tasks[i].path, record, overwrite, self.from_)]
+
+        for rung in range(1 + max(task.rung for task in tasks)):
+            numbers = [i for i, task in enumerate(tasks) if task.rung == rung]
+            lost = {
+                i: ConvergenceError(f"{tasks[i - 1].told}, which it starts from, failed")
+                for i in numbers
+                if rung and isinstance(found.get(i - 1), JampetscError)
+            }
+            left = on_root(comm, partial(missing, [i for i in numbers if i not in lost]))
+            mine = left[running.rank :: running.size]
+            team = Team(self.threads or own_cores(comm, bool(mine)))
+            made = make([(i, tasks[i], beginning(i)) for i in mine], team, running.rank)
+            found |= lost | dict(pair for some in comm.allgather(made) for pair in some.items())
+        found = dict(sorted(found.items()))
         failures = {i: one for i, one in found.items() if isinstance(one, JampetscError)}
         if failures:
             raise_failures(failures, tasks)
@@ -223,37 +254,29 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
             to.packings([task.path for task in tasks])
         return summary(tasks, {i: told for i, (_, told) in found.items()}, running.size)
 
-    def _start(self, comm):
-        """(function of a task that gives the disks to begin with, entries of all records, k). Collective."""
-        from jampetsc.io.packing_file import read_identified, source_told
-        from jampetsc.minimise.protocols import changed, random_start, start_phi
+    @property
+    def _how(self):
+        """Entries of the records of all packings."""
+        return {"stabilise": self.stabilise, "tolerance": self.tolerance}
 
-        request = {"stabilise": self.stabilise, "tolerance": self.tolerance}
-        if self.from_ is not None:
-            source, identity = read_identified(self.from_, comm)
-            if self.n not in (None, source.n):
-                raise InputError(
-                    f"{named('n')} {self.n}: {source_told(self.from_)} has {source.n} disks; leave it out with "
-                    f"{named('from_')}"
-                )
-            request |= dict(zip(("source", "source_sha256"), identity, strict=True))
-            try:
-                changed(source, self.tasks(None)[0].target)
-            except InputError as error:
-                raise InputError(f"{source_told(self.from_)}: {error.told(named)}") from None
-            return lambda task: changed(source, task.target), request, source.potential.k
-        # of one rank for all: the file may have been replaced
-        radii = comm.bcast(radii_asked(self.n, self.sizes, self.radii))
-        potential = Potential(self.potential or "harmonic", self.stiffness or "constant")
-        request |= {
-            "sizes": sizes_told(self.sizes, self.radii),
-            "requested_n": self.n or 0,
-            "requested_potential": potential.kind,
-            "requested_stiffness": potential.stiffness,
-        }
+    def _begin(self, comm):
+        """What packings start from, but for the lower rungs of a ladder: `packings.Random` or `Change`. Collective."""
+        from jampetsc.io.packing_file import source_told
+        from jampetsc.jobs.packings import Change, Random
 
-        def start(task):
-            phi = task.target.phi or start_phi(task.target.pressure)
-            return random_start(radii, phi, task.seed, potential)
-
-        return start, request, 1.0
+        if self.from_ is None:  # of one rank for all: the file may have been replaced
+            radii = comm.bcast(radii_asked(self.n, self.sizes, self.radii))
+            potential = Potential(self.potential or "harmonic", self.stiffness or "constant")
+            told = {"sizes": sizes_told(self.sizes, self.radii), "requested_n": self.n or 0}
+            return Random(radii, potential, self._how | told)
+        begin = Change.of(self.from_, self._how, comm)
+        if self.n not in (None, begin.source.n):
+            raise InputError(
+                f"{named('n')} {self.n}: {source_told(self.from_)} has {begin.source.n} disks; leave it out with "
+                f"{named('from_')}"
+            )
+        try:
+            begin.disks(self.tasks(None)[0])
+        except InputError as error:
+            raise InputError(f"{source_told(self.from_)}: {error.told(named)}") from None
+        return begin

@@ -4,9 +4,13 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
+from jampetsc.core.disks import Disks
+from jampetsc.core.potentials import Potential
 from jampetsc.errors import ConvergenceError, InputError, JampetscError, named
-from jampetsc.io.packing_file import is_known_as, read_packing, write_packing
-from jampetsc.minimise.protocols import Effort, Target, make_packing
+from jampetsc.io.packing_file import is_known_as, read_identified, read_packing, write_packing
+from jampetsc.minimise.protocols import Effort, Target, changed, make_packing, random_start, start_phi
 from jampetsc.petsc import local
 from jampetsc.progress import Progress
 
@@ -18,6 +22,12 @@ class Task:
     path: Path | None  # its file, None in memory
     seed: int | None  # of its random start, None where a packing is changed
     target: Target
+    rung: int = 0  # of a ladder: it starts from the packing of the task before it, unless this is 0
+
+    @property
+    def told(self) -> str:
+        """Its name in messages."""
+        return str(self.path or f"the packing at p = {self.target.pressure:g}")
 
     @property
     def asked(self) -> dict:
@@ -25,6 +35,50 @@ class Task:
         name = "phi" if self.target.phi else "pressure"
         seed = {} if self.seed is None else {"seed": self.seed}
         return {f"requested_{name}": getattr(self.target, name)} | seed
+
+
+@dataclass(frozen=True)
+class Random:
+    """Packings that start from disks at random places."""
+
+    radii: np.ndarray  # (N,)
+    potential: Potential
+    how: dict
+    k: float = 1.0
+
+    @property
+    def record(self) -> dict:
+        """Entries of the record of each of them."""
+        kind = {"requested_potential": self.potential.kind, "requested_stiffness": self.potential.stiffness}
+        return self.how | kind
+
+    def disks(self, task) -> Disks:
+        """What one of them starts from."""
+        phi = task.target.phi or start_phi(task.target.pressure)
+        return random_start(self.radii, phi, task.seed, self.potential)
+
+
+@dataclass(frozen=True)
+class Change:
+    """Packings that start from another one."""
+
+    source: Disks
+    record: dict
+
+    @classmethod
+    def of(cls, source, how: dict, comm=None) -> "Change":
+        """From a file or Disks; how: entries of the record. Collective over comm."""
+        disks, identity = read_identified(source, comm)
+        return cls(disks, how | dict(zip(("source", "source_sha256"), identity, strict=True)))
+
+    @property
+    def k(self) -> float:
+        """In whose units pressures are asked for."""
+        return self.source.potential.k
+
+    def disks(self, task) -> Disks:
+        """What one of them starts from."""
+        return changed(self.source, task.target)
 
 
 def is_there(path, wanted, overwrite=False, source=None) -> bool:
@@ -49,17 +103,20 @@ def is_there(path, wanted, overwrite=False, source=None) -> bool:
     return True
 
 
-def make(tasks, start, team, rank) -> dict:
-    """{number: (disks or None where a file has them, what is told), or a JampetscError} of [(number, task, record)]."""
+def make(tasks, team, rank) -> dict:
+    """{number: (disks or None where a file has them, what is told), or a JampetscError} of [(number, task, beginning)].
+
+    beginning   `Random` or `Change`
+    """
     solver, found = local.NewtonSolver(), {}
     with Progress(len(tasks), "packings", rank) as progress:
-        for number, task, record in tasks:
+        for number, task, beginning in tasks:
             began = time.perf_counter()
             effort = Effort(report=lambda e: progress.show(f"{e.stage}, max|F|/p = {e.residual:.0e}"))
             try:
-                fresh = task.seed is not None
-                disks = make_packing(start(task), task.target, solver, fresh=fresh, team=team, effort=effort)
-                disks = disks.with_record(**record)
+                start, fresh = beginning.disks(task), task.seed is not None
+                disks = make_packing(start, task.target, solver, fresh=fresh, team=team, effort=effort)
+                disks = disks.with_record(**beginning.record, **task.asked)
                 if task.path is not None:
                     write_packing(task.path, disks)
             except ConvergenceError as error:

@@ -15,69 +15,6 @@ from jampetsc.core.compiled import FAST, NUMBERS, compiled
 
 
 @compiled(False)
-def minimum_degree(n, i, j, chosen):
-    """N disks in the order of their elimination (N,): always one that then has the fewest neighbours.
-
-    i, j, chosen (M,): pairs, and which of them are neighbours at the start. A pair is a group of two; the groups of a
-    disk that is eliminated become one, of all its neighbours (the quotient graph of George & Liu, SIAM Rev. 31, 1
-    (1989)).
-    """
-    pairs = len(i)
-    first, of = np.zeros(n + 1, np.int64), np.empty(2 * pairs, np.int64)  # groups of each disk
-    number = np.zeros(n, np.int64)
-    for p in range(pairs):
-        first[i[p] + 1] += 1
-        first[j[p] + 1] += 1
-    first = np.cumsum(first)
-    begin, end = np.zeros(pairs + n, np.int64), np.zeros(pairs + n, np.int64)  # of each group
-    members = np.empty(16 * n + 2 * pairs, np.int64)
-    for p in range(pairs):
-        begin[p], end[p] = 2 * p, 2 * p + 2
-        members[2 * p], members[2 * p + 1] = i[p], j[p]
-        if chosen[p]:
-            for disk in (i[p], j[p]):
-                of[first[disk] + number[disk]] = p
-                number[disk] += 1
-    order, degree, seen = np.empty(n, np.uint32), number.copy(), np.full(n, -1)
-    merged = np.zeros(pairs + n, np.bool_)
-    filled, mark = 2 * pairs, 0
-    for k in range(n):
-        disk = np.argmin(degree)
-        order[k], degree[disk] = disk, 3 * n
-        if filled + n > len(members):
-            members = np.concatenate((members, np.empty_like(members)))
-        group = pairs + k
-        begin[group] = filled
-        mark += 1
-        seen[disk] = mark
-        for e in of[first[disk] : first[disk] + number[disk]]:
-            merged[e] = True
-            for other in members[begin[e] : end[e]]:
-                if seen[other] != mark:
-                    seen[other] = mark
-                    members[filled] = other
-                    filled += 1
-        end[group] = filled
-        for a in members[begin[group] : filled]:
-            kept = first[a]
-            for e in of[first[a] : first[a] + number[a]]:
-                if not merged[e]:
-                    of[kept] = e
-                    kept += 1
-            of[kept] = group
-            number[a] = kept + 1 - first[a]
-            mark += 1
-            seen[a] = mark
-            degree[a] = 0
-            for e in of[first[a] : kept + 1]:
-                for other in members[begin[e] : end[e]]:
-                    if seen[other] != mark:
-                        seen[other] = mark
-                        degree[a] += 1
-    return order
-
-
-@compiled(False)
 def rows_below(order, i, j, chosen):
     """(start (N + 1,), column, pair): for each disk, in the order of elimination, its contacts with earlier ones.
 

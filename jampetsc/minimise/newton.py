@@ -10,6 +10,7 @@ The factorisation is passed in (`solver`), so that this package needs no PETSc:
 
     solver.factorise(indptr, indices, values) -> bool    upper triangle as CSR; False if not positive definite
     solver.solve(b) -> x
+    solver.order(n, i, j) -> disks as `ldl` is to eliminate them, of whom the pairs i, j are neighbours
 """
 
 from dataclasses import dataclass, replace

@@ -30,7 +30,7 @@ class Blocks:
         # unsigned, as in a list of pairs: compiled code is compiled for them already
         self.i, self.j = rows[upper].astype(np.uint32), blocks.indices[upper].astype(np.uint32)
         self.values = -blocks.data[upper]
-        self.order = _order(blocks.indptr, blocks.indices)
+        self.order = elimination_order(size[0] // 2, self.i, self.j)
 
     def factorise(self, shift: float):
         """A function b → (A + shift)⁻¹b, (2N,) each; None where A + shift is not positive definite."""
@@ -50,12 +50,15 @@ class Blocks:
         return solve
 
 
-def _order(indptr, indices):
-    """Disks by approximate minimum degree (N,), from the pattern of their blocks."""
-    petsc, n = current().PETSc, len(indptr) - 1
+def elimination_order(n: int, i, j):
+    """N disks in the order of their elimination, by approximate minimum degree (N,); pairs (M,) i, j are neighbours."""
+    petsc, disks = current().PETSc, np.arange(n)
+    ends, others = np.concatenate((i, j, disks)), np.concatenate((j, i, disks))
+    entries = np.unique(ends * n + others)  # row by row
+    indptr = np.searchsorted(entries, n * np.arange(n + 1)).astype(petsc.IntType)
     pattern = petsc.Mat().createAIJ(
         (n, n),
-        csr=(indptr.astype(petsc.IntType), indices.astype(petsc.IntType), np.ones(len(indices))),
+        csr=(indptr, (entries % n).astype(petsc.IntType), np.ones(len(entries))),
         comm=petsc.COMM_SELF,
     )
     rows, columns = pattern.getOrdering("amd" if suitesparse() else "qmd")

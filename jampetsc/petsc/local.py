@@ -60,6 +60,12 @@ class NewtonSolver:
         self._cholesky.solve(self._right, self._solution)
         return self._solution.getArray().copy()
 
+    def order(self, n, i, j):
+        """Disks in an order of elimination (N,) of little fill; pairs (M,) i, j are neighbours."""
+        from jampetsc.petsc.blocks import elimination_order  # loads scipy, which a quench does without
+
+        return elimination_order(n, i, j)
+
     def destroy(self) -> None:
         """Free the factor and the matrix."""
         if self._cholesky is not None:

@@ -22,7 +22,7 @@ class Kind:
 
 
 KINDS = {
-    "pack": Kind(NOTHING),
+    "pack": Kind(NOTHING, alone=True),
     "sweep": Kind(PACKING),
     "quasistatic": Kind(PACKING),
     "modes": Kind(PACKING),

@@ -30,10 +30,18 @@ class Choice:
         files = tuple(inputs) if place.place == FILES else inputs[0]
         return dataclasses.replace(self.job, **{place.name: files})
 
+    def without(self, switch) -> "Choice":
+        """The same with a switch as it is by default."""
+        given, changed = ({n: v for n, v in one.items() if n != switch} for one in (self.given, self.changed))
+        return Choice(
+            given, changed, dataclasses.replace(self.job, **{switch: not getattr(self.job, switch)})
+        )
+
 
 def _place(job):
-    """The parameter of a class of jobs that is no option, or None."""
-    return next((one for one in parameters(job).values() if one.place != OPTION), None)
+    """The parameter of a class of jobs that other tasks' files are given to, or None."""
+    known = parameters(job)
+    return next((one for one in known.values() if one.place != OPTION), known.get("from_"))
 
 
 def values_of(job, table: dict, where: str) -> list:

@@ -10,6 +10,7 @@ where = {pressure = 1e-2} only on these packings
 [quasistatic]
 """
 
+import dataclasses
 import difflib
 import hashlib
 import json
@@ -21,9 +22,9 @@ from jampetsc.errors import InputError
 from jampetsc.io.regular import open_regular
 from jampetsc.jobs import job_class
 from jampetsc.studies.kinds import KINDS, NOTHING, PACKING, SEEDS, START, SWEEP
-from jampetsc.studies.options import Choice, choices_of, label_of, number_of, values_of
+from jampetsc.studies.options import STAND_IN, Choice, choices_of, label_of, number_of, values_of
 
-SEED = "seed"
+SEED, LADDER = "seed", "ladder"
 WHERE = "where"  # key of a table: of what it begins with, those that were asked for with these values
 MANY = 100_000  # tasks of one study
 HASH = 8  # hexadecimal digits in the name of a file
@@ -51,7 +52,7 @@ class Task:
 
     def line(self, inputs, out) -> list[str]:
         """The command line for these names of files."""
-        return ["jampetsc", self.command, *inputs, "--out", out, *self.choice.job.words()]
+        return self.choice.job_of(inputs).line(out)
 
     @property
     def level(self) -> int:
@@ -90,9 +91,12 @@ def plan(path, content: bytes | dict) -> list[Task]:
             if len(tasks) + count > MANY:
                 before = f" with the {len(tasks)} before them" if tasks else ""
                 raise InputError(f"{where}: {count} tasks{before}: at most {MANY} in one study")
+            above = {}  # of each ladder: the task of its last pressure so far
             for choice in choices_of(job_class(command), lists, where, begins):
                 for inputs in starts:
-                    task = _task(command, choice, inputs)
+                    task = (
+                        _rung(choice, above) if LADDER in choice.changed else _task(command, choice, inputs)
+                    )
                     if task.name not in tasks:
                         tasks[task.name] = task
                         found[command].append(task)
@@ -178,6 +182,20 @@ def _task(command, choice, inputs):
     return Task(
         "-".join(filter(None, (command, label_of(columns), digest))), command, choice, columns, inputs
     )
+
+
+def _rung(choice, above):
+    """The task of a pressure of a ladder, which reads the packing at the pressure before it; `above` is kept.
+
+    The first one reads nothing and is the packing that there would be without a ladder.
+    """
+    ladder = json.dumps({n: v for n, v in choice.changed.items() if n != "pressure"}, sort_keys=True)
+    if ladder in above:
+        below = dataclasses.replace(choice, job=choice.job.rung(STAND_IN))
+        above[ladder] = _task("pack", below, (above[ladder],))
+    else:
+        above[ladder] = _task("pack", choice.without(LADDER), ())
+    return above[ladder]
 
 
 def _identity(task, without_seed=False):

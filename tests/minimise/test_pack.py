@@ -1,5 +1,6 @@
 """Packings as a user asks for them: in memory and in files, ensembles over ranks, continuation, and bad input."""
 
+import itertools
 import subprocess
 import sys
 import tempfile
@@ -193,6 +194,101 @@ def test_packings_that_are_there_are_counted_left_or_refused(session, tmp_path, 
     assert read_packing(tmp_path / "1.h5").record["requested_phi"] == 0.96
 
 
+# Ladders
+
+LADDER = {"n": 24, "pressure": "1e-2,1e-3,1e-4", "seeds": "2:3", "tolerance": 1e-6, "ladder": True}
+
+
+@pytest.fixture(scope="module")
+def by_hand():
+    """The same as LADDER, each pressure asked for by itself: {(seed, pressure): Disks}."""
+    found = {}
+    for seed in (2, 3):
+        one = jampetsc.pack(n=24, pressure=1e-2, seed=seed, tolerance=1e-6)
+        found[seed, "1e-2"] = one
+        for pressure in ("1e-3", "1e-4"):
+            one = found[seed, pressure] = jampetsc.pack(from_=one, pressure=pressure, tolerance=1e-6)
+    return found
+
+
+@pytest.mark.scalar("real")
+def test_each_pressure_of_a_ladder_starts_from_the_packing_before_it(session, empty, by_hand):
+    found = jampetsc.pack(**LADDER)
+    assert [one.fingerprint for one in found] == [one.fingerprint for one in by_hand.values()]
+    assert [one.record for one in found] == [one.record for one in by_hand.values()]
+    for above, below in itertools.pairwise(found[:3]):
+        assert below.record["source_sha256"] == above.fingerprint
+    (alone,) = jampetsc.pack(**LADDER | {"pressure": "1e-3", "seeds": "2"})  # the first one is like any other
+    assert alone.record["seed"] == 2 and alone.fingerprint != found[1].fingerprint
+    down = jampetsc.pack(from_=alone, pressure=[1e-3, 1e-4], tolerance=1e-6, ladder=True)
+    assert down[1].record["source_sha256"] == down[0].fingerprint
+    assert down[0].record["source_sha256"] == alone.fingerprint
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_files_of_a_ladder_are_gone_on_with(session, shared_path, monkeypatch, by_hand):
+    """Whatever is missing; and what another packing is like is not taken for one of them."""
+    monkeypatch.chdir(shared_path)
+    how = LADDER | {"out": "p{pressure}-{seed}.h5"}
+    names = [f"p{pressure}-{seed}.h5" for seed, pressure in by_hand]
+
+    def found(**more):
+        session.comm.Barrier()
+        return [one.fingerprint for one in jampetsc.pack(**how | more)]
+
+    def written():
+        session.comm.Barrier()
+        times = {name: (shared_path / name).stat().st_mtime_ns for name in names}
+        session.comm.Barrier()
+        return times
+
+    whole = [one.fingerprint for one in by_hand.values()]
+    assert found(pressure="1e-2,1e-3") == [whole[k] for k in (0, 1, 3, 4)]
+    assert found() == whole  # a lower pressure
+    wanted = by_hand[3, "1e-4"].with_record(source="p1e-3-3.h5")  # what `--from` makes
+    assert read_packing("p1e-4-3.h5").record == wanted.record
+    for lost in (["p1e-3-2.h5"], ["p1e-2-3.h5", "p1e-3-3.h5"], ["p1e-4-2.h5"]):
+        before = written()
+        if session.rank == 0:
+            for name in lost:
+                (shared_path / name).unlink()
+        assert found() == whole
+        assert {name for name, time in written().items() if time != before[name]} == set(lost)
+    with pytest.raises(InputError, match=r"p1e-3-2\.h5: is there already with sizes = None, not bidisperse"):
+        found(ladder=False)
+    assert len(set(found(ladder=False, overwrite=True)) & set(whole)) == 2
+    with pytest.raises(
+        InputError, match=r"p1e-3-2\.h5: is there already with source = None, not p1e-2-2\.h5"
+    ):
+        found()
+    assert found(overwrite=True) == whole
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_what_starts_from_a_packing_that_failed_fails_too(session, shared_path, monkeypatch):
+    monkeypatch.chdir(shared_path)
+    whole = packings.make_packing
+
+    def make_packing(start, target, solver, **how):
+        if target.pressure == 1e-3 and lost.fingerprint == start.fingerprint:
+            raise ConvergenceError("no minimum")
+        return whole(start, target, solver, **how)
+
+    lost = jampetsc.pack(n=24, pressure=1e-2, seed=3, tolerance=1e-6)
+    monkeypatch.setattr(packings, "make_packing", make_packing)
+    with pytest.raises(ConvergenceError) as told:
+        jampetsc.pack(**LADDER, out="p{pressure}-{seed}.h5")
+    assert str(told.value).startswith(
+        "2 of 6 packings failed, the others are on disk: p1e-3-3.h5: no minimum: use"
+    )
+    assert str(told.value).endswith("; p1e-4-3.h5: p1e-3-3.h5, which it starts from, failed")
+    session.comm.Barrier()
+    made = {path.name for path in shared_path.iterdir()}
+    assert made == {"p1e-2-2.h5", "p1e-3-2.h5", "p1e-4-2.h5", "p1e-2-3.h5"}
+
+
 def test_a_packing_that_is_there_is_the_one_that_is_asked_for(tmp_path):
     (task,) = job.Pack(n=16, pressure=1e-3, seed=3).tasks(str(tmp_path / "p.h5"))
     wanted = {"sizes": "bidisperse", "requested_n": 16, **task.asked}
@@ -208,7 +304,8 @@ def test_a_packing_that_is_there_is_the_one_that_is_asked_for(tmp_path):
 
 
 def test_packings_are_asked_for_as_told():
-    asked = job.Pack(n=16, pressure="1e-2,1e-3", seeds="0:2", tolerance=1e-8, stabilise="shear")
+    words = {"n": 16, "pressure": "1e-2,1e-3", "seeds": "0:2", "tolerance": 1e-8, "stabilise": "shear"}
+    asked = job.Pack(**words)
     tasks = asked.tasks("s{seed}-p{pressure}.h5")
     assert [task.path.name for task in tasks[:3]] == ["s0-p1e-2.h5", "s0-p1e-3.h5", "s1-p1e-2.h5"]
     assert [task.seed for task in tasks] == [0, 0, 1, 1, 2, 2]
@@ -217,6 +314,18 @@ def test_packings_are_asked_for_as_told():
     for seed, meant in ((None, 1), (0, 0)):
         (task,) = job.Pack(n=16, phi=0.9, seed=seed).tasks(None)
         assert (task.path, task.seed, task.target.phi) == (None, meant, 0.9)
+    down = job.Pack(**words, ladder=True).tasks("s{seed}-p{pressure}.h5")
+    assert [(task.path, task.target) for task in down] == [(task.path, task.target) for task in tasks]
+    assert [(task.seed, task.rung) for task in down] == [
+        (0, 0),
+        (None, 1),
+        (1, 0),
+        (None, 1),
+        (2, 0),
+        (None, 1),
+    ]
+    with pytest.raises(InputError, match=r"^ladder: needs pressure$"):
+        job.Pack(n=16, phi=0.9, ladder=True)
     soft = job.Pack(from_="soft.h5", pressure=[1e-3, 1e-2]).tasks("p{pressure}.h5", k=1e-6)
     assert [(task.path.name, task.seed) for task in soft] == [("p0.001.h5", None), ("p0.01.h5", None)]
     assert [task.target.pressure for task in soft] == pytest.approx([1e-9, 1e-8])

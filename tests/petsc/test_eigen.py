@@ -3,11 +3,14 @@
 import numpy as np
 import pytest
 from samples import SAMPLES, physics
+from sheared import crowd
 
+from jampetsc.core.pairs import PairList
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.linear.modes import lowest_modes
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.network import build_network
+from jampetsc.minimise import ldl
 from jampetsc.petsc import blocks, eigen
 
 alone = pytest.mark.most_ranks(1)
@@ -32,6 +35,31 @@ def test_factor_solves_with_the_matrix_shifted(session, ordering, monkeypatch):
     np.testing.assert_allclose((K + 1e-3 * np.eye(2 * n)) @ made.factorise(1e-3)(b), b, rtol=0, atol=1e-11)
     lowest = np.linalg.eigvalsh(K)[2]
     assert made.factorise(-0.5 * lowest) is None
+
+
+@real
+@alone
+@pytest.mark.parametrize("ordering", ["amd", "qmd"])
+def test_an_order_of_elimination_fills_little(session, ordering, monkeypatch):
+    """A chain not at all, of a packing a third of what the order of the disks does; also where pairs are told twice."""
+    monkeypatch.setattr(blocks, "suitesparse", lambda: ordering == "amd")
+    chain = np.random.default_rng(1).permutation(30).astype(np.uint32)
+
+    def entries(order, n, i, j):
+        assert sorted(order.tolist()) == list(range(n))
+        one = np.tile(np.eye(2), (len(i), 1, 1))
+        return len(ldl.factorise(order, i, j, one, np.ones(len(i), bool), np.ones(n))[1][2])
+
+    links = chain[:-1], chain[1:]
+    assert entries(blocks.elimination_order(30, *links), 30, *links) == 29
+    disks = crowd(n=400, phi=0.9)
+    pairs = PairList.build(disks, 0.3)
+    near = np.hypot(*pairs.r0) < pairs.sigma
+    i, j = pairs.i[near], pairs.j[near]
+    found = blocks.elimination_order(400, i, j)
+    assert entries(found, 400, i, j) < entries(np.arange(400, dtype=np.uint32), 400, i, j) / 3
+    twice = blocks.elimination_order(400, np.concatenate((i, j)), np.concatenate((j, i)))
+    np.testing.assert_array_equal(found, twice)
 
 
 @real

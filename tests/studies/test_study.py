@@ -19,8 +19,9 @@ import jampetsc
 from jampetsc.asking.job import Job
 from jampetsc.asking.parameters import asked
 from jampetsc.cli import main as cli
-from jampetsc.errors import InputError
+from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.io.packing_file import write_packing
+from jampetsc.jobs import packings
 from jampetsc.petsc.session import current
 from jampetsc.studies import run as study_run
 from jampetsc.studies import tasks as study_tasks
@@ -235,6 +236,57 @@ def test_more_seeds_are_added_and_the_rest_is_kept(session, shared_path):
     assert fewer.rows == 7 and sorted(fewer["file"]) == sorted(second["file"])
 
 
+LADDER = '[pack]\nn = 16\npressure = [1e-2, 1e-3, 1e-4]\nseeds = "1:2"\nladder = true\n'
+
+
+@pytest.mark.scalar("real")
+def test_a_ladder_is_the_one_that_pack_makes_and_a_lower_pressure_is_added(session, shared_path):
+    folder = shared_path / "study"
+    study(folder, LADDER.replace(", 1e-4]", "]"))
+    before = times(folder)
+    session.comm.Barrier()
+    packs = study(folder, LADDER + "[quasistatic]\n").where(command="pack")
+    assert before.items() <= times(folder).items() and packs.rows == 6
+    whole = jampetsc.pack(n=16, pressure=[1e-2, 1e-3, 1e-4], seeds="1:2", ladder=True)
+    asked = {
+        (seed, p): one
+        for (seed, p), one in zip(itertools.product((1, 2), (1e-2, 1e-3, 1e-4)), whole, strict=True)
+    }
+    for seed, pressure, disks in zip(packs["seed"], packs["pressure"], packs.results(), strict=True):
+        assert disks.fingerprint == asked[seed, pressure].fingerprint
+        assert disks.record.get("source_sha256") == asked[seed, pressure].record.get("source_sha256")
+    assert np.isnan(packs["ladder"][:2]).all() and packs["ladder"][2:].tolist() == [1.0] * 4
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_of_a_ladder_what_is_below_a_packing_that_fails_fails_too(session, shared_path, monkeypatch):
+    """And is made by the next run."""
+    make, folder = packings.make_packing, shared_path / "study"
+
+    def make_packing(start, target, solver, **how):
+        if target.pressure == 1e-3:
+            raise ConvergenceError("no minimum")
+        return make(start, target, solver, **how)
+
+    monkeypatch.setattr(packings, "make_packing", make_packing)
+    states = study(folder, LADDER, status=3)["state"].tolist()
+    session.comm.Barrier()
+    assert states[:2] == ["done"] * 2 and all(state.startswith("failed: no minimum") for state in states[2:4])
+    assert all(re.fullmatch(r"failed: pack-n16-p0\.001-s[12]-\w+\.h5 failed", state) for state in states[4:])
+    monkeypatch.setattr(packings, "make_packing", make)
+    whole = study(folder, LADDER)
+    assert set(whole["state"]) == {"done"}
+    session.comm.Barrier()
+    if session.rank == 0:
+        truncated(folder / whole["file"][2])
+    before = times(folder)
+    session.comm.Barrier()
+    require_same(whole, study(folder, LADDER))
+    made = [name for name, time in times(folder).items() if time != before[name]]
+    assert made == [whole["file"][2]]  # it comes out as it was, so that what was made of it stays
+
+
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(1)
 @pytest.mark.parametrize(("threads", "used"), [({}, None), ({"threads": None}, 5), ({"threads": 2}, 2)])
@@ -374,7 +426,8 @@ def launched(ranks, count, moment, *words):
 
 def test_killed_at_any_moment_the_same_command_continues(tmp_path):
     path, folder = tmp_path / "study.toml", tmp_path / "study"
-    path.write_text(SMALL + '[sweep]\nomega = "1e-2,1"\n')
+    ladder = LADDER.replace(", 1e-4", "").replace("1:2", "1:1")
+    path.write_text(ladder + '[quasistatic]\n[sweep]\nomega = "1e-2,1"\n')
     words = ("study", path, "--out", folder)
     kept = {}
     for ranks, count, moment in ((0, 2, "before"), (2, 2, "within"), (0, 1, "after")):

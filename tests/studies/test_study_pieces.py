@@ -114,6 +114,51 @@ def test_a_correlation_takes_all_seeds_of_one_kind_and_keeps_its_name():
     assert [task.name for task in one] == [task.name for task in found] and "seed" not in one[0].columns
 
 
+LADDER = PACK.replace("1e-2", "[1e-2, 1e-3, 1e-4]") + "ladder = true\n"
+
+
+def test_a_packing_of_a_ladder_reads_the_one_at_the_pressure_before_it():
+    found = tasks(LADDER)
+    rungs = {(one.columns["seed"], one.columns["pressure"]): one for one in found}
+    assert len(rungs) == len({one.name for one in found}) == 6
+    alone = {one.name for one in tasks(LADDER.replace("true", "false"))}
+    assert alone == {one.name for one in tasks(PACK.replace("1e-2", "[1e-2, 1e-3, 1e-4]"))}
+    for seed in (1, 2):
+        first, second, third = (rungs[seed, pressure] for pressure in (1e-2, 1e-3, 1e-4))
+        assert (first.inputs, second.inputs, third.inputs) == ((), (first,), (second,))
+        assert first.name in alone and not {second.name, third.name} & alone
+        assert "ladder" not in first.columns and second.columns["ladder"] is third.columns["ladder"] is True
+        assert third.name.startswith(f"pack-n16-p0.0001-s{seed}-") and third.level == 2
+    assert rungs[2, 1e-4].words == [
+        *("jampetsc", "pack", "--out", rungs[2, 1e-4].file, "--pressure", "0.0001"),
+        *("--from", rungs[2, 1e-3].file),
+    ]
+
+
+def test_a_ladder_is_another_one_from_where_its_pressures_differ():
+    names = [one.name for one in tasks(LADDER)]
+    lower = [one.name for one in tasks(LADDER.replace("1e-4", "1e-4, 1e-5"))]
+    assert set(names) < set(lower) and len(lower) == 8
+    between = [one.name for one in tasks(LADDER.replace("1e-4", "3e-4, 1e-4"))]
+    assert set(between) & set(names) == set(names[:4]) and len(between) == 8
+    upward = [one.name for one in tasks(LADDER.replace("1e-2, 1e-3, 1e-4", "1e-4, 1e-3, 1e-2"))]
+    assert not set(upward) & set(names)
+
+
+def test_a_study_may_have_both_ladders_and_independent_packings():
+    text = LADDER.replace("true", "[false, true]") + "stabilise = ['volume', 'shear']\n"
+    found = tasks(text + "[[modes]]\nwhere = {ladder = true}\n[[quasistatic]]\n")
+    assert [len(of(found, name)) for name in ("pack", "modes", "quasistatic")] == [20, 8, 20]
+    for task in of(found, "modes"):
+        assert task.columns["ladder"] is True and task.columns["pressure"] < 1e-2
+    for task in of(found, "pack"):
+        assert {one.columns.get("stabilise") for one in task.inputs} <= {task.columns["stabilise"]}
+    seeds = of(tasks(LADDER + '[sweep]\nomega = "1"\nfields = "1"\n[correlate]\n'), "correlate")
+    assert [len(task.inputs) for task in seeds] == [2] * 3
+    with pytest.raises(InputError, match=r"\[pack\]: ladder: needs pressure"):
+        tasks("[pack]\nn = 16\nphi = [0.9, 0.88]\nladder = true\n")
+
+
 def test_columns_of_a_mean_are_those_of_all_that_it_is_of():
     """One packing says in so many words what the other has by default."""
     packs = '[[pack]]\nn = 16\npressure = 1e-2\nseed = 1\nstabilise = "volume"\n' + PACK.replace(
@@ -396,6 +441,17 @@ def test_large_tasks_are_done_by_all_and_what_reads_their_files_after_them(monke
 
 def test_a_task_of_just_the_most_is_not_large(monkeypatch):
     assert phases(LARGE, 64, monkeypatch)[1:] == [(True, []), (False, [])]
+
+
+def test_packings_of_a_ladder_are_made_apart_in_their_order(monkeypatch):
+    (_, apart), *rest = phases(LADDER, 10, monkeypatch)
+    assert apart == [("pack", 16)] * 6 and rest == [(True, []), (False, [])]
+    monkeypatch.setattr(study_run, "_most_disks", lambda session: 10)
+    order = [
+        task.columns["pressure"]
+        for task in next(study_run._phases(tasks(LADDER), SimpleNamespace(size=2)))[1]
+    ]
+    assert order == [1e-2] * 2 + [1e-3] * 2 + [1e-4] * 2
 
 
 def test_one_rank_does_everything_apart(monkeypatch):
