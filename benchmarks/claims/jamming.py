@@ -219,7 +219,7 @@ def drift_of(result, name, digits):
             result["drift/errors"][:, column],
             strict=True,
         )
-        if cut > 1.01 * result["N"].min()
+        if cut > 1.01 * result["N"].min() and np.isfinite(error)  # nan: the data do not tell
     ]
     return ", ".join(parts)
 
