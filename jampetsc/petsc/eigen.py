@@ -84,7 +84,7 @@ class _BlockFactor:
     """(K − σ)⁻¹ of a matrix that one rank has whole, as a preconditioner that PETSc calls."""
 
     def __init__(self, matrix, shift):
-        from jampetsc.petsc.blocks import Blocks  # loads numba
+        from jampetsc.petsc.blocks import Blocks  # compiled code, which takes its time to load
 
         self._solve = Blocks(matrix).factorise(shift)
         if self._solve is None:

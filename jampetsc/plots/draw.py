@@ -111,7 +111,8 @@ def asked_kinds(kind, options) -> list[str]:
         left = [one for one in kinds if one in meant]
         if not left:
             raise InputError(
-                f"{named(name)} {value}: belongs to {' or '.join(meant)} pictures, not to {' or '.join(kinds)}: leave it out"
+                f"{named(name)} {value}: belongs to {' or '.join(meant)} pictures, not to {' or '.join(kinds)}: leave "
+                "it out"
             )
         kinds = left
     return kinds
