@@ -33,17 +33,16 @@ class Galerkin:
         self.network = compatibility.pencil.network
         comm = self.network.comm
         fields = np.column_stack((basis.x0, *basis.vectors))
-        motions = np.empty((len(compatibility.g), basis.size + 1))
-        self._set_motions(fields, motions)
-        motions[:, 0] += compatibility.g
         rates = np.empty(0)
         if basis.size:
             # The basis is orthonormal in B up to rounding; in the eigenvectors of K, K is graded and small
             # rates are exact.
-            K = self._projected_K(motions)
-            rotation = on_root(comm, lambda: np.linalg.eigh(K)[1])
-            tall.rotate(fields[:, 1:], rotation)
-            self._set_motions(fields[:, 1:], motions[:, 1:])
+            tall.rotate(fields[:, 1:], on_root(comm, lambda: np.linalg.eigh(basis.K)[1]))
+        motions = np.empty((len(compatibility.g), basis.size + 1))
+        for motion, field in zip(motions.T, fields.T, strict=True):
+            motion[:] = compatibility.motions(field)
+        motions[:, 0] += compatibility.g
+        if basis.size:
             K, B = self._projected_K(motions), self._projected_B(fields, motions)
             rates, rotation = on_root(comm, lambda: _graded_eigen(K, B))
             self._rotate(fields, motions, rotation)
@@ -60,11 +59,6 @@ class Galerkin:
         still, modes = motions[:, 0], motions[:, 1:]
         rates = self.spectrum.rates
         return Residual(self.compatibility, still, modes, self.quasistatic, self.modes, rates, self.loads)
-
-    def _set_motions(self, fields, motions):
-        """Those of the contacts in each field."""
-        for motion, field in zip(motions.T, fields.T, strict=True):
-            motion[:] = self.compatibility.motions(field)
 
     @staticmethod
     def _rotate(fields, motions, rotation):
