@@ -211,8 +211,7 @@ class Reference:
 
     def solution(self, omega):
         """(x, G*) at frequency ω: the field per unit strain, without free moves, and the modulus."""
-        moves = np.zeros((self.n * self.dofs, 0), LONG) if self.law.drag else self.free_moves()
-        x, value = self._relax(self.K + COMPLEX(1j) * LONG(omega) * self.B, moves)
+        x, value = self._relax(self.K + COMPLEX(1j) * LONG(omega) * self.B, self._costless())
         return without(self.free_moves(), x), value / self.area
 
     def modulus(self, omega):
@@ -277,5 +276,11 @@ class Reference:
         return float(self._relax(form, gears[:, (gears != 0).any(axis=0)])[1] / self.area)
 
     def eta_infinity(self):
-        """η_∞ under contact damping: the least dissipation that any field allows."""
-        return float(self._relax(self.B, self.free_moves())[1] / self.area)
+        """η_∞: the least dissipation that any field allows."""
+        return float(self._relax(self.B, self._costless())[1] / self.area)
+
+    def _costless(self):
+        """Moves that cost nothing at any frequency: under drag only those in which no disk changes its place."""
+        moves = self.free_moves()
+        travels = np.abs(moves.reshape(self.n, self.dofs, -1)[:, :2]).max(axis=(0, 1)) > 0
+        return moves[:, ~travels] if self.law.drag else moves

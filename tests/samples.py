@@ -10,7 +10,7 @@ import numpy as np
 from dense import Reference
 
 from jampetsc.core.disks import Disks
-from jampetsc.core.laws import Physics, damping_law
+from jampetsc.core.laws import Law, Physics, damping_law
 from jampetsc.core.potentials import Potential
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_packing, write_packing
@@ -150,6 +150,7 @@ LAWS = {
         physics("stokes", prestress=False, eta_f=1e-5),
         physics("stokes", eta_f=0.0, tau1=0.3),
         physics("stokes", eta_f=0.7, tau1=0.3),
+        Physics(Law("all weights", normal=0.5, transverse=0.3, sliding=0.7, drag=0.2, eta_f=0.4)),
     )
 }
 

@@ -50,10 +50,10 @@ PRESTRESS = asked(
 )
 
 
-def refuse_law_without_contacts(law: Law, parameter: str, remedy: str) -> None:
-    """Raise InputError where no contact dissipates under a law and `parameter` needs that."""
-    if not law.damps_contacts:
+def refuse_law_of_fluid(law: Law, parameter: str, remedy: str) -> None:
+    """Raise InputError where not contacts alone dissipate under a law and `parameter` needs that."""
+    if not law.is_of_contacts:
         owners = [name for name in FAMILIES if damping_law(name).damps_contacts]
         raise InputError(
-            f"{named(parameter)}: belongs to {named('law')} {' or '.join(owners)}, not to {law.family}; {remedy}"
+            f"{named(parameter)}: belongs to {named('law')} {' or '.join(owners)}, not to {law.family or law}; {remedy}"
         )

@@ -98,6 +98,16 @@ class Law:
         return any(self.on_contacts)
 
     @property
+    def is_of_contacts(self) -> bool:
+        """Whether contacts dissipate and no fluid."""
+        return self.damps_contacts and not (self.drag or self.eta_f)
+
+    def require_dissipation(self) -> None:
+        """Raise InputError where motions of disks dissipate nothing."""
+        if not (self.damps_contacts or self.drag):
+            raise InputError(f"{self.label}: nothing dissipates; raise one of the weights")
+
+    @property
     def couples_rotations(self) -> bool:
         """Whether the law needs the angles θ: only the sliding of rims couples to them."""
         return self.sliding > 0
@@ -191,8 +201,7 @@ def damping_law(name: str = DEFAULT, *, tau1: float = 1.0, exponent: float = 1.0
         family=name,
         options=(*values.items(),),
     )
-    if not (made.damps_contacts or made.drag):
-        raise InputError(f"{label}: nothing dissipates; raise one of the weights")
+    made.require_dissipation()
     return made
 
 

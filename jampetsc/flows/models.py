@@ -59,6 +59,7 @@ class Model:
             )
         if law.tau1 > LARGEST:
             raise InputError(f"{named('tau1')} {law.tau1:g}: must be at most {LARGEST:g}")
+        law.require_dissipation()
         if law.exponent != 1.0:
             raise InputError(f"{named('alpha')} {law.exponent:g}: flow has linear damping only; leave it out")
         if self.friction and not law.damps_contacts:

@@ -60,9 +60,11 @@ class SweepResult(Result):
 
         Elsewhere from the relaxation spectrum that a rational sweep stores in the group `reduced`, under
         power-law damping at the equivalent frequency; beyond the swept range without a certificate.
-        Raises InputError for a frequency that is not stored if there is none.
+        Raises InputError for a frequency that is not stored if there is none, and for one that is not finite.
         """
         wanted = np.atleast_1d(np.asarray(omega, float))
+        if not np.isfinite(wanted).all():
+            raise InputError(f"omega = {wanted[~np.isfinite(wanted)][0]:g}: must be finite")
         nearest = np.abs(wanted[..., None] - self.omega).argmin(axis=-1)
         values = self.G[nearest]
         elsewhere = np.abs(self.omega[nearest] - wanted) > _SAME * np.abs(wanted)

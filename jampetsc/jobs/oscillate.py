@@ -94,10 +94,11 @@ A run that was killed goes on when the same command is given again."""
             raise InputError(f"{named('stress')}, {named('strain')}: give one of them")
         if self.steps % 8:
             raise InputError(f"{named('steps')} {self.steps}: must be a multiple of 8")
-        if not self.law.damps_contacts:
+        if not self.law.is_of_contacts:
+            what = "the fluid dissipates, too" if self.law.damps_contacts else "no contact dissipates"
             raise InputError(
-                f"{named('law')} {self.law.family or self.law}: no contact dissipates: take one of contacts; a sweep "
-                "solves linear damping of any kind"
+                f"{named('law')} {self.law.family or self.law}: {what}: take one of contacts; a sweep solves linear "
+                "damping of any kind"
             )
         self._check_contacts()
         self._check_frequencies()

@@ -41,12 +41,13 @@ PETSc options: -shift_… for the factorisations."""
     )
 
     def check(self):
-        """Refuse β of a law that has none."""
+        """Refuse a law without damping, and β of one that has none."""
+        self.law.require_dissipation()
         owners = having("beta")
         if self.betas is not None and self.law.family not in owners:
             raise InputError(
-                f"{named('betas')}: belongs to {named('law')} {' or '.join(owners)}, not to {self.law.family}; "
-                "leave it out"
+                f"{named('betas')}: belongs to {named('law')} {' or '.join(owners)}, not to "
+                f"{self.law.family or self.law}; leave it out"
             )
         for beta in [] if self.betas is None else self.betas:
             self.law.altered(beta=beta)  # where nothing dissipates

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jampetsc.asking.damping import DAMPING, PRESTRESS, refuse_law_without_contacts
+from jampetsc.asking.damping import DAMPING, PRESTRESS, refuse_law_of_fluid
 from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import FREQUENCIES, PACKING, Numbers
 from jampetsc.asking.parameters import FILE, asked, part
@@ -68,6 +68,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
 
     def check(self):
         """Refuse what does not go together."""
+        self.law.require_dissipation()
         if self.parallel and self.method == "direct":
             raise InputError(
                 f"{named('parallel')} {self.parallel}: belongs to {named('method')} rational; with direct all ranks "
@@ -83,7 +84,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
                 f"{named('stress')}, in units of k"
             )
         if self.alpha is not None:
-            refuse_law_without_contacts(self.law, "alpha", "leave it out")
+            refuse_law_of_fluid(self.law, "alpha", "leave it out")
 
     @property
     def damping(self):
@@ -141,6 +142,10 @@ def _damping_lines(run, G):
         f"  alpha {damping.alpha:g}, stress {damping.stress:g} k: equivalent linear frequencies "
         f"{run.omega[0]:.3g} to {run.omega[-1]:.3g}; the stored spectrum is that of the linear law"
     ]
+    if G.real.min() < 0.0:
+        lines.append(
+            "  G' < 0: the packing is unstable to shear, so that no stress can be imposed on it; G* is formal"
+        )
     pressure = run.disks.record.get("pressure", float("inf")) / run.disks.potential.k
     if strain > pressure:
         lines.append(

@@ -24,8 +24,9 @@ recurrence gives, but free of the cancellation that the recurrence suffers where
 import numpy as np
 
 from jampetsc.collective import on_root
+from jampetsc.linear.certificate import EPSILON
 from jampetsc.mechanics.assembly import ROW, Pencil
-from jampetsc.petsc.matrices import largest_entry
+from jampetsc.petsc.matrices import diagonal_of, largest_entry
 
 BREAKDOWN = 1e-15  # what is left is rounding when it is this small, relative to what it is the difference of
 NEW = 1e-5  # shortest new part of a vector, relative to it, that still has enough right digits
@@ -48,7 +49,7 @@ class RationalBasis:
             self.g = pencil.k_gamma.getArray().copy()
         else:
             self.g = self._without_torque(self._apply(pencil.B, x0) + pencil.b_gamma.getArray())
-        self._most_K = ROW * largest_entry(pencil.K)
+        self._most_K, self._diagonal_B = ROW * largest_entry(pencil.K), diagonal_of(pencil.B)
         # No force is left where nothing moves against the strain (crystals), or where B is proportional to K
         # (Kelvin and Voigt): then x₀ is the answer at every frequency.
         self.complete = not np.sqrt(self._sum(self.g @ self.g)) > BREAKDOWN * self._size_of_terms()
@@ -125,8 +126,8 @@ class RationalBasis:
     def append(self, w, s) -> bool:
         """Add the direction of w (n_local,), made with shift s, and say whether that was done. Collective.
 
-        Not if it lies so close to the space that what is new in it has few right digits: rounding would spoil
-        φ.
+        Not if it lies so close to the space that what is new in it has few right digits, or so close to moves that
+        dissipate nothing that its norm is rounding: that would spoil φ.
         """
         m = self.size
         V = self.vectors
@@ -140,7 +141,7 @@ class RationalBasis:
             w = w - overlaps[:-1] @ V
         Bw = self._apply(self.pencil.B, w)
         norm2 = self._sum(w @ Bw)
-        if not norm2 > NEW**2 * length:
+        if not norm2 > max(NEW**2 * length, EPSILON * ROW * self._sum(self._diagonal_B @ w**2)):
             return False
         if m == len(self._V):
             self._V, self._BV = (np.concatenate((a, np.empty_like(a))) for a in (self._V, self._BV))

@@ -121,7 +121,7 @@ class Functional:
             np.sum(forces2),
             self.diagonal(trial.omega) @ x2,
             here @ (trial.strain * c.g) ** 2,
-            (trial.omega * c.drag) ** 2 * np.sum(x2 / diagonal),
+            np.sum((trial.omega * c.drag) ** 2 * x2 / diagonal),
         ]
         of_sums, of_x, of_g, of_drag = self.network.sum(np.array(local))
         stretch = self.network.max(float((self.diagonal(omega) / diagonal).max(initial=0.0)))
@@ -133,8 +133,8 @@ class Functional:
         c, network, omega = self.compatibility, self.network, trial.omega
         a, field = trial.motions, trial.x
         parts = np.array([a.real**2, a.imag**2, a.real * a.imag])
-        drag = c.drag * np.array(
-            [np.sum(field.real**2), np.sum(field.imag**2), np.sum(field.real * field.imag)]
+        drag = np.array(
+            [c.drag @ square for square in (field.real**2, field.imag**2, field.real * field.imag)]
         )
         (K_rr, K_ii, K_ri), (B_rr, B_ii, B_ri), (abs_rr, abs_ii, _), (x_rr, x_ii) = (
             network.sum(sums)
@@ -190,7 +190,8 @@ def field_bound(
     c = compatibility
     network = c.pencil.network
     a = np.abs(c.motions(x)) ** 2
-    local = np.array([(c.w_K + omega * c.w_B) @ a + omega * c.drag * np.vdot(x, x).real, np.vdot(x, x).real])
+    x2 = np.abs(x) ** 2
+    local = np.array([(c.w_K + omega * c.w_B) @ a + omega * c.drag @ x2, np.sum(x2)])
     energy, norm2 = network.sum(local)
     if energy == 0.0:  # a crystal: nothing moves against the strain
         return 0.0 if squared == 0.0 else float("inf")

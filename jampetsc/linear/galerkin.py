@@ -33,17 +33,16 @@ class Galerkin:
         self.network = compatibility.pencil.network
         comm = self.network.comm
         fields = np.column_stack((basis.x0, *basis.vectors))
-        motions = np.empty((len(compatibility.g), basis.size + 1))
-        for motion, field in zip(motions.T, fields.T, strict=True):
-            motion[:] = compatibility.motions(field)
-        motions[:, 0] += compatibility.g
         rates = np.empty(0)
         if basis.size:
             # The basis is orthonormal in B up to rounding; in the eigenvectors of K, K is graded and small
             # rates are exact.
-            K = self._projected_K(motions)
-            rotation = on_root(comm, lambda: np.linalg.eigh(K)[1])
-            self._rotate(fields, motions, rotation)
+            tall.rotate(fields[:, 1:], on_root(comm, lambda: np.linalg.eigh(basis.K)[1]))
+        motions = np.empty((len(compatibility.g), basis.size + 1))
+        for motion, field in zip(motions.T, fields.T, strict=True):
+            motion[:] = compatibility.motions(field)
+        motions[:, 0] += compatibility.g
+        if basis.size:
             K, B = self._projected_K(motions), self._projected_B(fields, motions)
             rates, rotation = on_root(comm, lambda: _graded_eigen(K, B))
             self._rotate(fields, motions, rotation)
@@ -74,12 +73,12 @@ class Galerkin:
         """Vᵀ B V, (m, m)."""
         c, V = self.compatibility, fields[:, 1:]
         B = tall.gram(motions[:, 1:], c.w_B)
-        return self.network.sum(B + c.drag * (V.T @ V) if c.drag else B)
+        return self.network.sum(B + tall.gram(V, c.drag) if c.pencil.law.drag else B)
 
     def _finish(self, motions, rates):
         c, volume = self.compatibility, self.network.area
         still, modes, field = motions[:, 0], motions[:, 1:], self.quasistatic
-        loads = modes.T @ (c.w_B * still) + c.drag * (self.modes.T @ field)
+        loads = modes.T @ (c.w_B * still) + self.modes.T @ (c.drag * field)
         loads = self.network.sum(loads)  # h: viscous force of the quasistatic flow on each mode
         fast = still - modes @ loads
         flow = field - self.modes @ loads
@@ -89,8 +88,8 @@ class Galerkin:
                 [
                     [c.w_K @ still**2, size_K @ still**2, size_K @ c.g**2, c.size_K @ still**2],
                     [
-                        c.w_B @ fast**2 + c.drag * (flow @ flow),
-                        c.w_B @ still**2 + c.drag * (field @ field),
+                        c.w_B @ fast**2 + c.drag @ flow**2,
+                        c.w_B @ still**2 + c.drag @ field**2,
                         c.w_B @ c.g**2,
                         0.0,
                     ],

@@ -185,7 +185,7 @@ class RationalSweep:
         self.basis = basis
         c = self.compatibility
         squares = (c.motions(basis.x0) + c.g) ** 2
-        drag = c.drag * (basis.x0 @ basis.x0)
+        drag = c.drag @ basis.x0**2
         self._still = self.pencil.network.sum(np.array([c.w_K @ squares, c.w_B @ squares + drag]))
         self._still[1] += c.drag_gg
 

@@ -2,10 +2,10 @@
 
 For weights w and an imposed strain that moves the contacts by g, the field x that minimises
 
-    E(x) = Σ_c w (C x + g)²
+    E(x) = Σ_c w (C x + g)² + Σ drag x²
 
-obeys r = Cᵀ w (C x + g) = 0. At the minimum E = Σ w g (C x + g) as well (the border's form, k_γγ + k_γᵀx):
-their difference is xᵀr.
+obeys r = Cᵀ w (C x + g) + drag x = 0. At the minimum E = Σ w g (C x + g) as well (the border's form,
+k_γγ + k_γᵀx): their difference is xᵀr.
 """
 
 from dataclasses import dataclass
@@ -26,17 +26,18 @@ class Relaxed:
 
     x: np.ndarray  # (unknowns_local,)
     motions: np.ndarray  # (contacts_local, forms): C x + g
-    value: float  # E = Σ w (C x + g)² on all ranks
+    value: float  # E on all ranks
     error: float  # energy norm of ‖x − exact‖ over that of the imposed motion, estimated with the residual
-    defect: float  # |Σ w a² − Σ w g a| / Σ |w| a², zero but for rounding
+    defect: float  # |E − Σ w g a| / Σ |w| a², zero but for rounding
 
 
-def relax(compatibility: Compatibility, weights, solve, g, what: str, start=None) -> Relaxed:
+def relax(compatibility: Compatibility, weights, solve, g, what: str, start=None, drag=0.0) -> Relaxed:
     """Minimise from `start` (zero if None), with one step of refinement. Collective.
 
     weights, g   (rows_local,) per row of C
     solve        solve(rhs, out) with PETSc vectors: out ← A⁻¹ rhs, for the unknowns that may move
     what         names the field, for messages
+    drag         (n_local,) per unknown, or a number
 
     Raises ConvergenceError where the field is not certain to 1e-8 in the energy norm, or where E in its two
     forms differs by more than 1e-8.
@@ -55,13 +56,17 @@ def relax(compatibility: Compatibility, weights, solve, g, what: str, start=None
         motions = a.getArray().copy()
         a.setArray(weights * motions)
         C.multTranspose(a, r)
+        r.getArray()[:] += drag * x.getArray()
         solve(r, z)
         energies.append(abs(z.dot(r)))
         if step < 2:
             x.axpy(-1.0, z)
     size = np.abs(weights)
-    value, after, before = network.sum(np.array([weights @ motions**2, size @ motions**2, size @ g**2]))
     field = x.getArray().copy()
+    of_drag = np.sum(drag * field**2)
+    value, after, before = network.sum(
+        np.array([weights @ motions**2 + of_drag, size @ motions**2 + of_drag, size @ g**2])
+    )
     defect = abs(x.dot(r)) / (after + FLOOR * before) if start is None else 0.0
     for vector in (x, a, r, z):
         vector.destroy()

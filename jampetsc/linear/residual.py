@@ -158,9 +158,10 @@ class ResidualBound:
 
     def _first_anchor(self):
         """Under drag on disks that do not turn K + sB ≥ s kτ₁ drag; else the factor in the middle will often do."""
-        c, top = self.residual.compatibility, float(self.omega[-1])
-        if c.drag and c.pencil.law.dofs == 2:
-            return self._held(top, np.ones_like(self._diagonals[0]), top * c.drag)
+        law, top = self.residual.compatibility.pencil.law, float(self.omega[-1])
+        if law.drag and law.dofs == 2:
+            drag = self.network.damping(law) * law.drag
+            return self._held(top, np.ones_like(self._diagonals[0]), top * drag)
         shifts = sorted(self.factors.shifts)
         return self._anchor(shifts[len(shifts) // 2])
 
@@ -245,7 +246,7 @@ class ResidualBound:
         bound = np.nan_to_num(bound, nan=np.inf)
         if np.all(bound <= allowed):
             return bound, None
-        with np.errstate(divide="ignore"):
+        with np.errstate(divide="ignore", over="ignore"):
             i = int(np.argmax(bound / allowed))
         anchor = best[i]
         return bound, self._worst(

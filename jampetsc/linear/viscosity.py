@@ -7,6 +7,8 @@ torques vanish as ω → 0):
     η₀ = (kτ₁/V) [ Σ a∥² + β min_θ Σ (a⊥ − ρ_i θ_i − ρ_j θ_j)² ]     damping by contacts, split as in BT eq. 22
     η₀ = (kτ₁/V) Σ |ũ_i|² + η_F                                      by the fluid
 
+and the sum of both with their weights where both dissipate.
+
 η_∞ V γ² is the minimum of B over all fields and angles.
 """
 
@@ -30,7 +32,7 @@ from jampetsc.petsc.shifted import ShiftedFactor
 class Flow:
     """η₀ of one quasistatic field, in its parts, and how the disks turn in it. Viscosities in kτ₁."""
 
-    parts: dict  # "normal" and "transverse", or "drag" and "fluid"
+    parts: dict  # "normal" and "transverse" of contacts, "drag" and "fluid": what the law has
     rotation: np.ndarray | None  # (n_local,) θ per unit strain where disks roll
     sliding: np.ndarray | None  # (contacts_local,) a⊥ᶜ where disks roll
 
@@ -54,10 +56,12 @@ class Viscosity:
         With drag it must be without the mean of each piece, else with the disks of pins at rest.
         """
         network, law, c = self.network, self.law, self.compatibility
+        parts = {}
+        if law.drag or law.eta_f:
+            drag = network.damping(law) * law.drag * network.sum(float(np.sum(displacement**2)))
+            parts = {"drag": drag / network.area, "fluid": c.drag_gg / network.area}
         if not law.damps_contacts:
-            drag = network.sum(float(np.sum(displacement**2)))
-            fluid = c.drag_gg / network.area
-            return Flow({"drag": c.drag * drag / network.area, "fluid": fluid}, None, None)
+            return Flow(parts, None, None)
         start = np.zeros((len(displacement), law.dofs))
         start[:, :2] = displacement
         if law.couples_rotations:
@@ -69,7 +73,7 @@ class Viscosity:
             motions, rotation = (c.motions(start.ravel()) + c.g).reshape(-1, c.forms), None
         costs = network.sum(np.einsum("cf,cf->f", c.w_B.reshape(motions.shape), motions**2)) / network.area
         return Flow(
-            {"normal": float(costs[0]), "transverse": float(costs[-1])},
+            {"normal": float(costs[0]), "transverse": float(costs[1:].sum()), **parts},
             rotation,
             None if rotation is None else motions[:, -1].copy(),
         )
@@ -111,9 +115,9 @@ class Viscosity:
         block = self.pencil.B.copy()
         set_diagonal(block, self.pencil.pins, self.network.damping(self.law))
         factor = self._factor(block)
-        relaxed = relax(c, c.w_B, factor.solve, c.g, "flow of least dissipation")
+        relaxed = relax(c, c.w_B, factor.solve, c.g, "flow of least dissipation", drag=c.drag)
         factor.destroy()
-        return relaxed.value / self.network.area
+        return (relaxed.value + c.drag_gg) / self.network.area
 
     def _factor(self, block):
         try:

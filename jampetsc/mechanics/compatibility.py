@@ -3,7 +3,7 @@
 A row of C turns unknowns into one of the relative motions a∥, a⊥, a⊥ᶜ of one contact, g holds what a unit
 shear strain adds:
 
-    a = C x + γ g ,      K = Cᵀ W_K C ,      B = Cᵀ W_B C   (+ kτ₁ drag 1).
+    a = C x + γ g ,      K = Cᵀ W_K C ,      B = Cᵀ W_B C   (+ kτ₁ drag 1 on displacements, not on angles).
 
 Sums over contacts of W a² lose no digits where the assembled matrices would: at low pressure the relative
 motions are far smaller than the displacements, and only here the difference is rounded once, contact by
@@ -32,7 +32,9 @@ class Compatibility:
     size_K: (
         np.ndarray
     )  # (rows,) |w_K| plus what rounding may do to it, in units of ε: an overlap is off by ε σ
-    drag: float  # kτ₁ times the drag per disk: the part of B that acts on disks, not contacts
+    drag: (
+        np.ndarray
+    )  # (n_local,) kτ₁ times the drag, 0 for angles: the part of B that acts on disks, not contacts
     drag_gg: float  # the part of b_γγ that does not come from contacts, kτ₁ η_F V
 
     def motions(self, x):
@@ -100,7 +102,9 @@ def build_compatibility(pencil: Pencil) -> Compatibility:
         comm=network.comm,
     )
     damping = network.damping(law)
+    drag = np.zeros((network.last - network.first, d))
+    drag[:, :2] = damping * law.drag
     return Compatibility(
-        pencil, C, f, g.ravel(), w.real.ravel(), w.imag.ravel(), size_K.ravel(), damping * law.drag,
+        pencil, C, f, g.ravel(), w.real.ravel(), w.imag.ravel(), size_K.ravel(), drag.ravel(),
         damping * law.eta_f * network.area,
     )  # fmt: skip

@@ -21,7 +21,8 @@ HANDOVER = 1e-5  # max |F| / (p d) at which Newton's method is tried first
 EVALUATIONS = 20_000_000  # of the forces, before a minimisation is given up
 SLICE = 20_000  # evaluations between two reports
 SETTLING = 20_000  # evaluations for a random start, at most
-SADDLES = 20  # to leave before it is given up
+SADDLES = 20  # to leave before it is given up, or disks are shaken
+SHAKEN = 0.02  # how far disks move in the first, in units of d; twice as far in the next
 UNJAMMED = 1e-11  # pressure in units of k below which disks in a fixed cell do not touch
 
 
@@ -32,6 +33,7 @@ class Effort:
     evaluations: int = 0
     newton_steps: int = 0  # factorisations
     saddles: int = 0
+    shakes: int = 0
     stage: str = ""
     residual: float = np.nan  # max |F| / (p d)
     report: object = field(default=lambda effort: None, repr=False)
@@ -75,6 +77,7 @@ def minimise(
     solver,
     *,
     tolerance: float = 1e-10,
+    shakes: int = 0,
     team: Team | None = None,
     effort: Effort | None = None,
 ) -> Minimum:
@@ -84,6 +87,7 @@ def minimise(
     solver     Cholesky factorisations of the Hessian, see `newton`
     tolerance  max |F| ≤ tolerance · p d over all disks, |Δp| and, where the cell shears, |σ_xy| ≤ tolerance · p; but
                no less than rounding leaves of them
+    shakes     how often disks may be shaken, each time farther, where no minimum is reached: it then is another one
     effort     counts what it costs
 
     Every minimum is proved by a Cholesky factorisation of its Hessian (see `newton`). In a fixed cell disks may come
@@ -100,7 +104,7 @@ def minimise(
         if newton.converge(limits):
             descent.fold()  # the proof is of the disks that are returned, to the last bit
             point, modulus = Point.of(descent), newton.prove()
-            if modulus is None and effort.saddles < SADDLES and newton.leave_saddle():
+            if modulus is None and effort.saddles < SADDLES * (effort.shakes + 1) and newton.leave_saddle():
                 effort.saddles += 1
                 fraction = HANDOVER
                 continue
@@ -114,9 +118,24 @@ def minimise(
                     "tolerance" if asked else "rounding",
                     modulus,
                 )
-        if fraction * pressure * descent.diameter < 0.1 * limits.at(pressure).force:
+        if fraction * pressure * descent.diameter >= 0.1 * limits.at(pressure).force:
+            fraction *= 0.1
+            continue
+        if effort.shakes == shakes:
             raise way.lost(pressure)
-        fraction *= 0.1
+        shake(descent, SHAKEN * 2.0**effort.shakes * descent.diameter)
+        effort.shakes += 1
+        fraction = HANDOVER
+
+
+def shake(descent: Descent, reach: float):
+    """Move every disk by up to `reach` in x and in y.
+
+    Out of a minimum, for one, in which a contact of less than `force_threshold` holds a disk between two others. As a
+    rattler that disk is left out of the proof, with what the others press on it, and a mode is left that nothing holds.
+    """
+    moves = np.random.default_rng(descent.n).uniform(-reach, reach, (descent.n, 2))
+    descent.move(moves, np.zeros(2))
 
 
 def stress_unit(disks: Disks) -> float:

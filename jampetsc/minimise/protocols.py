@@ -16,6 +16,7 @@ from jampetsc.minimise.minimise import Effort, Minimum, minimise, relax, settle,
 
 FIRST = 1e-3  # pressure in units of k from which a random start goes down decade by decade
 LOOSE = 1e-2  # max |F| / (p d) to which the packings on the way are quenched
+SHAKES = 4  # of a packing for which no minimum is found, before that is an error
 TOUCHING = 1e-3  # max |F| / (k d) to which a random start is relaxed in its cell
 
 
@@ -115,9 +116,10 @@ def make_packing(
             path.append(f"p = {pressure:.6g}")
         effort.stage = f"p = {target.pressure:.3g}"
         path.append(f"p = {target.pressure:.6g}")
-    found = minimise(disks, goal, solver, tolerance=target.tolerance, team=team, effort=effort)
+    found = minimise(disks, goal, solver, tolerance=target.tolerance, shakes=SHAKES, team=team, effort=effort)
     if not found.jammed:
         raise InputError(f"phi = {target.phi:.6g}: the disks do not touch: choose a larger packing fraction")
+    path += ["shaken"] * effort.shakes
     return _recorded(found, target, ("random, " if fresh else "") + ", then ".join(path), effort)
 
 

@@ -14,7 +14,6 @@ from jampetsc.mechanics.network import Network
 from jampetsc.minimise.hessian import Bonds
 from jampetsc.oscillation.dashpots import Damping, Dashpots, gathered, motion_rows
 from jampetsc.oscillation.stage import State
-from jampetsc.oscillation.stepmatrix import StepMatrix
 
 
 class FixedSprings:
@@ -74,13 +73,3 @@ class FixedSprings:
         """K (x, γ), (2n + 1,)."""
         forces, sheared = self.forces(State(motion[:-1].reshape(self.n, 2), motion[-1], self._bonds))
         return np.append(-forces, sheared)
-
-    def shear_modulus(self, matrix: StepMatrix) -> float:
-        """Of springs alone; `matrix` is one of these springs."""
-        sheared, right = np.append(np.zeros(2 * self.n), 1.0), np.zeros((self.n, self.dofs))
-        right[:, :2] = -self.times_K(sheared)[:-1].reshape(self.n, 2)
-        damped = self._dashpots.damped
-        matrix.factorise(self._bonds, self._dashpots, np.zeros((self.count, damped, damped)), False)
-        moved = matrix.solve(np.append(right, 0.0))[:-1].reshape(self.n, -1)[:, :2]
-        sheared[:-1] = moved.ravel()
-        return float(sheared @ self.times_K(sheared)) / self.area

@@ -114,15 +114,6 @@ class _Motion:
         self._damping = Damping.of(self._law, self._power, speed)
         self.springs.damp(self._damping)
 
-    def require_stable(self):
-        """Raise ConvergenceError where a stress would shear the springs for good."""
-        modulus = self.springs.shear_modulus(self.matrix) * self.units.stiffness
-        if not modulus > 0.0:
-            raise ConvergenceError(
-                f"its shear modulus is {modulus:.2g}: no stress can be imposed on such a packing; impose a "
-                f"{named('strain')}, or relax the shear of its cell (pack {named('stabilise')} shear)"
-            )
-
     def half(self, start, steps: int) -> _Half:
         """From a start (2n + 1,), with so many steps of a cycle."""
         springs, dt = self.springs, 2.0 * np.pi / steps
@@ -202,7 +193,7 @@ class SteppedOscillation:
         self.network, self.law, self.rho0, self.steps = network, law, rho0, steps
 
     def solve(self, drive: Drive) -> Stepped:
-        """The steady oscillation of a packing whose K has no negative modes.
+        """The steady oscillation of a packing whose K has no negative modes, nor under stress its shear.
 
         Raises ConvergenceError where Newton's method fails, half cycles do not repeat or doubles end.
         """
@@ -256,8 +247,6 @@ class SteppedOscillation:
         for _ in range(PILOTS):
             motion = _Motion(self.network, self.law, rho0, drive, log_strain)
             try:
-                if drive.stress_controlled:
-                    motion.require_stable()
                 with np.errstate(divide="ignore", invalid="ignore"):  # of a motion too slow to be seen
                     speed = motion.half(np.zeros(2 * self.network.n + 1), PILOT_STEPS).speed
             except ConvergenceError:

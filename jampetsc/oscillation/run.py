@@ -69,7 +69,8 @@ def solve(job, to: Outlet) -> dict:
     """Solve every point of a `jobs.oscillate.Oscillate` that no earlier run has finished, and write. Collective.
 
     Returns arrays of what the records hold, first axes (A, M), nan where a point failed. Raises InputError for a
-    packing that is not a rigid minimum, ConvergenceError, after writing the others, if some points failed.
+    packing that is not a rigid minimum or, where a stress is imposed, shears on by itself, ConvergenceError, after
+    writing the others, if some points failed.
     """
     started = time.perf_counter()
     session = current()
@@ -78,7 +79,7 @@ def solve(job, to: Outlet) -> dict:
     with session.stage("assembly"):
         try:
             network = build_network(disks, session.comm, job.prestress)
-            ElasticResponse(network).destroy()  # refuses what has negative or floppy modes
+            _require_stable(network, job.control)
         except InputError as error:
             raise InputError(f"{source_told(job.packing)}: {error.told(named)}") from None
     with _solver(job, disks, network) as solver:
@@ -107,6 +108,24 @@ def solve(job, to: Outlet) -> dict:
         )
     checkpoint.remove()
     return arrays
+
+
+def _require_stable(network: Network, control: str):
+    """Raise InputError for a packing that what is imposed does not hold. Collective.
+
+    Its cell is held by a strain. Under a stress it shears, so that a negative shear modulus is one more negative
+    mode: the equations still have a periodic solution then, which no packing follows.
+    """
+    elastic = ElasticResponse(network)  # refuses what has negative or floppy modes
+    try:
+        modulus = elastic.shear().value / network.area if control == "stress" else np.inf
+    finally:
+        elastic.destroy()
+    if not modulus > 0.0:
+        raise InputError(
+            f"its shear modulus is {modulus:.2g}: no stress can be imposed on such a packing; impose a "
+            f"{named('strain')}, or relax the shear of its cell (pack {named('stabilise')} shear)"
+        )
 
 
 def _outcomes(solver, drives) -> list:

@@ -17,7 +17,6 @@ from scipy.linalg import eigh
 from scipy.sparse import csr_array
 
 from jampetsc.errors import ConvergenceError, InputError
-from jampetsc.petsc.blocks import Blocks
 from jampetsc.petsc.cholesky import fits_cholmod
 from jampetsc.petsc.session import current
 
@@ -85,6 +84,8 @@ class _BlockFactor:
     """(K − σ)⁻¹ of a matrix that one rank has whole, as a preconditioner that PETSc calls."""
 
     def __init__(self, matrix, shift):
+        from jampetsc.petsc.blocks import Blocks  # compiled code, which takes its time to load
+
         self._solve = Blocks(matrix).factorise(shift)
         if self._solve is None:
             raise ConvergenceError("K − σ is not positive definite, σ just below zero: K has negative modes")

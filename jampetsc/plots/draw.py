@@ -102,7 +102,7 @@ def asked_kinds(kind, options) -> list[str]:
     if kind is not None and kind not in known:
         near = difflib.get_close_matches(kind, known, n=1)
         raise InputError(
-            f"kind {kind}: {f'did you mean {near[0]}?' if near else 'there are ' + ', '.join(known)}"
+            f"{named('kind')} {kind}: {f'did you mean {near[0]}?' if near else 'there are ' + ', '.join(known)}"
         )
     kinds = list(known) if kind is None else [kind]
     for name, value in options.items():
@@ -112,7 +112,8 @@ def asked_kinds(kind, options) -> list[str]:
         left = [one for one in kinds if one in meant]
         if not left:
             raise InputError(
-                f"{name} {value}: belongs to {' or '.join(meant)} pictures, not to {' or '.join(kinds)}: leave it out"
+                f"{named(name)} {value}: belongs to {' or '.join(meant)} pictures, not to {' or '.join(kinds)}: leave "
+                "it out"
             )
         kinds = left
     return kinds

@@ -53,6 +53,7 @@ class Claims:
             raise write_error(self.folder, error) from None
         self._finished = self._failed = 0
         self._looked = -1.0
+        self._taken = set()  # names of files that there were, once another rank was found to be ahead
 
     def _file(self, task, ending=""):
         return self.folder / f"{quote(task, safe='')}{ending}"
@@ -68,7 +69,15 @@ class Claims:
 
     def take(self, task) -> bool:
         """Whether the task is this rank's to do, and no other's."""
-        return self._made(self._file(task))
+        path = self._file(task)
+        if path.name in self._taken:
+            return False
+        if self._made(path):
+            return True
+        self._taken = set(
+            os.listdir(self.folder)
+        )  # of all that others have: one look instead of one for each
+        return False
 
     def settle(self, task, done: bool) -> None:
         """Say what became of a task, once its record is kept."""

@@ -155,6 +155,8 @@ class _Work:
 
     def apart(self, tasks):
         """Each task on a rank of its own. Collective."""
+        # A rank that fails alone tells so by a barrier of its own, of the usual communicator: see `cli.main`.
+        waiting = self.session.comm.Dup()
         for place, task in enumerate(tasks):
             if self.claims.take(task.name):
                 there = self._there(task)
@@ -162,10 +164,11 @@ class _Work:
                     record = self.runner.run(task, there)
                 self._finish(task, record, tasks[place + 1 :], self.session.size)
                 self._now_and_then()
-        ended = self.session.comm.Ibarrier()
+        ended = waiting.Ibarrier()
         while not ended.Test():
             self._now_and_then()
             sleep(NAP)
+        waiting.Free()
         self.session.collect()
 
     def together(self, tasks):

@@ -1,5 +1,7 @@
 """Laws as data: the table, what its rows mean, and a law that only a row makes, through every command."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from samples import LAWS, physics, published, put, reference
@@ -83,6 +85,20 @@ def test_a_fluid_alone_does_not_damp_disks():
     assert not Law("own", eta_f=1.0).damps_contacts
     with pytest.raises(InputError, match="nothing dissipates; raise one of the weights"):
         damping_law(normal=0.0, beta=0.0, rotations=False)
+    for eta_f in (0.0, 1.0):
+        for ask in (jampetsc.sweep, jampetsc.quasistatic, partial(jampetsc.flow, rate=1e-2, strain=0.1)):
+            with pytest.raises(InputError, match="own: nothing dissipates; raise one of the weights"):
+                ask(published(), Law("own", eta_f=eta_f))
+
+
+@pytest.mark.parametrize("fluid", ["drag", "eta_f"])
+def test_a_power_law_is_one_of_contacts_alone(fluid):
+    """The fluid's part is linear, and is not left out in silence."""
+    law = Law("both", normal=1.0, **{fluid: 0.1})
+    with pytest.raises(InputError, match="law both: the fluid dissipates, too: take one of contacts"):
+        jampetsc.oscillate(published(), law, omega=1.0, strain=1e-6)
+    with pytest.raises(InputError, match="alpha: belongs to law contact, not to both"):
+        jampetsc.sweep(published(), law, alpha=0.5, stress=1e-6)
 
 
 @pytest.mark.scalar("real")

@@ -256,6 +256,9 @@ def test_other_frequencies_need_a_rational_sweep(tmp_path):
         InputError, match=r"omega = 3 is not one of its 3 frequencies, 0.001 to 10: .*rational"
     ):
         load(sweep(tmp_path / "s.h5")).modulus([0.1, 3.0])
+    for omega in (np.nan, np.inf):  # which are near to every frequency that is stored, or to none
+        with pytest.raises(InputError, match=f"omega = {omega}: must be finite"):
+            load(tmp_path / "s.h5").modulus([0.1, omega])
 
 
 def test_a_relaxation_spectrum_gives_any_frequency(tmp_path):

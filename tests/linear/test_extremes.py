@@ -6,7 +6,7 @@
 import numpy as np
 import pytest
 from dense import Reference
-from samples import isostatic, physics, polydisperse, published
+from samples import SAMPLES, isostatic, physics, polydisperse, published
 from sweeps import Sweep, judge
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]
@@ -50,6 +50,22 @@ def test_one_frequency_alone(session, law, omega):
     disks, _ = polydisperse(0)
     with Sweep(disks, law, [omega], 1e-8, session.comm) as found:
         judge(found.G, found.bounds, np.array([Reference(disks, law).modulus(omega)]), 1e-8, law)
+
+
+@pytest.mark.parametrize(
+    ("sample", "law", "share"),
+    [("hertzian", physics(normal=0.0), 1.0), ("published", physics(normal=1e-11), 0.2)],
+    ids=str,
+)
+def test_motions_that_hardly_dissipate(session, sample, law, share):
+    """Most cost nothing where only sliding does: a vector along them, whose norm in B is rounding, is of no use. One of
+    rate 1e11, as long as 1e5 others, leaves its rounding in no other mode.
+    """
+    disks, omega = SAMPLES[sample](), np.geomspace(1e-8, 1e2, 15)
+    exact = Reference(disks, law)
+    wanted = np.array([exact.modulus(one) for one in omega])
+    with Sweep(disks, law, omega, 1e-6, session.comm) as found:
+        judge(found.G, share * found.bounds, wanted, 1e-6, sample)
 
 
 def test_a_negative_shear_modulus_is_no_instability(session):

@@ -95,11 +95,13 @@ def test_sums_of_squares(cases):
     for pencil, exact, rows in cases:
         c = build_compatibility(pencil)
         C = dense(c.C)
-        g, w_K, w_B = (np.concatenate(pencil.network.comm.allgather(local)) for local in (c.g, c.w_K, c.w_B))
+        g, w_K, w_B, drag = (
+            np.concatenate(pencil.network.comm.allgather(local)) for local in (c.g, c.w_K, c.w_B, c.drag)
+        )
         assert len(g) == c.forms * exact.contacts
         assert not C[:, pencil.pins].any()
         extended = np.column_stack((C, g))
-        drag = np.diag([c.drag] * C.shape[1] + [c.drag_gg])
+        drag = np.diag([*drag, c.drag_gg])
         at = np.append(rows, -1)
         for name, weight, extra in (("K", w_K, 0.0), ("B", w_B, drag)):
             wanted = getattr(exact, name).astype(float)[np.ix_(at, at)]

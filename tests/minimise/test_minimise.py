@@ -506,6 +506,25 @@ def test_saddles_without_end_are_given_up(monkeypatch):
 
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(1)
+def test_a_minimum_that_hangs_on_a_weak_contact_is_left_for_another(monkeypatch):
+    """Proofs leave out what bears less than a share of p d, here so large that it decides in some of these packings."""
+    monkeypatch.setattr(state, "TOUCH", 0.015)
+    monkeypatch.setattr(protocols, "SHAKES", 8)
+    target = protocols.Target(1e-5)
+    for seed in range(1, 60):
+        start, effort = random_disks(64, protocols.start_phi(1e-5), seed), Effort()
+        disks = protocols.make_packing(start, target, NewtonSolver(), effort=effort)
+        if effort.shakes:
+            break
+    assert proved_minimum(disks) and measure(disks).max_force <= 1e-10
+    assert disks.record["protocol"].endswith(", then p = 1e-05" + effort.shakes * ", then shaken")
+    monkeypatch.setattr(protocols, "SHAKES", effort.shakes - 1)
+    with pytest.raises(ConvergenceError, match=f"and {effort.shakes * minimise.SADDLES} saddles"):
+        protocols.make_packing(start, target, NewtonSolver())
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
 def test_newton_s_method_that_never_converges_is_given_up(monkeypatch):
     monkeypatch.setattr(Newton, "converge", lambda *_: False)
     with pytest.raises(ConvergenceError, match=r"^no minimum after \d+ force evaluations and 0 saddles"):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from oscillations import stepped_oscillation
-from samples import SAMPLES, lattice, physics, published, put
+from samples import SAMPLES, lattice, physics, polydisperse, published, put
 from sweeps import Sweep
 
 from jampetsc.errors import ConvergenceError, InputError
@@ -177,6 +177,18 @@ def test_a_packing_that_is_no_minimum_is_named(session, packing, alpha):
     with pytest.raises(InputError, match=f"^{packing}: K has 14 negative modes"):
         run.solve(*ask(packing, alpha))
     assert left_behind(packing) == []
+
+
+@pytest.mark.parametrize(("alpha", "contacts"), [(1.0, "fixed"), (0.4, "fixed"), (1.0, "moving")])
+def test_no_stress_is_imposed_on_what_shears_by_itself(session, packing, alpha, contacts):
+    """K is positive and G₀ negative: held by a strain, such a packing answers, but no stress holds it."""
+    put(packing, polydisperse(6)[0], session.comm)
+    with pytest.raises(InputError, match=f"^{packing}: its shear modulus is -0.072: no stress"):
+        run.solve(*ask(packing, alpha, contacts))
+    assert left_behind(packing) == []
+    if alpha == 1.0 and contacts == "fixed":
+        G = run.solve(*ask(packing, alpha, stress=False, omega=(1e-6,)))["G"]
+        np.testing.assert_allclose(G.real, -0.0724275937399935, rtol=1e-6)
 
 
 def test_what_a_file_has_of_a_response():

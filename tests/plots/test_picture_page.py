@@ -70,8 +70,9 @@ def test_size_limits_words_and_style_are_chosen(tmp_path, capsys):
     out = tmp_path / "x.png"
     plot(file, "--size", "2,3", "--xlim", "1e-3:1", "--ylim", "1e-2:2", "--label", "mine", "--out", out)
     assert style.matplotlib.image.imread(out).shape[:2] == (900, 600)
-    for words in (["--size", "2"], ["--xlim", "2:1"], ["--ylim", "a"], ["--size", "0,1"]):
-        with pytest.raises(InputError, match=words[0]):
+    refused = ["--size 2", "--xlim 2:1", "--ylim a", "--size 0,1", "--kind modulus", "--kind moduli --mu 1"]
+    for words in map(str.split, refused):
+        with pytest.raises(InputError, match=f"^{words[-2]}"):
             plot(file, *words, "--out", out)
 
 

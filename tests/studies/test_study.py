@@ -445,6 +445,16 @@ def test_killed_at_any_moment_the_same_command_continues(tmp_path):
     assert not list(folder.glob(".*")) and (folder / "study.toml").read_text() == path.read_text()
 
 
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_a_rank_that_fails_alone_ends_all(tmp_path, ranks):
+    """With one line, while the others have tasks or wait for it, and what they have finished is kept."""
+    path, folder = tmp_path / "study.toml", tmp_path / "study"
+    path.write_text(f'[pack]\nn = 16\npressure = 1e-2\nseeds = "1:{ranks}"\n')
+    done = launch.run(ranks, "run_failing_rank.py", 1, "study", path, "--out", folder)
+    assert done.returncode != 0 and f"error: rank 1: {folder}: disk full\n" in done.stderr
+    assert done.stderr.count("error: ") == 1 and len(records_of(folder)) < ranks
+
+
 @pytest.mark.scalar("real")
 def test_what_a_kill_left_is_taken_over_and_tidied(session, shared_path):
     only_on("one")
