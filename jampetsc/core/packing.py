@@ -65,6 +65,8 @@ def measured(disks: Disks) -> Disks:
 
 def _numbers(name, values):
     try:
+        if np.iscomplexobj(values):
+            raise TypeError
         return np.asarray(values, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{name}: must be an array of real numbers") from None

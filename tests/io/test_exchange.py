@@ -290,6 +290,8 @@ def test_arrays_are_a_packing(expected):
         (X, R, np.eye(3), r"box of shape \(3, 3\)"),
         (X, R, "wide", "box: must be an array of real numbers"),
         (X, ["a"] * 16, 10, "radii: must be an array of real numbers"),
+        (X * (1 + 1j), R, 10, "positions: must be an array of real numbers"),
+        (X, [10**400] * 16, 10, "radii: must be an array of real numbers"),
         (X * np.nan, R, 10, r"positions\[0\] = .*must be finite"),
         (X, R, np.inf, "box inf: must be finite"),
         (X, -R, 10, r"radii\[0\] = -1.0: must be positive"),
