@@ -85,6 +85,7 @@ def test_a_fluid_alone_does_not_damp_disks():
         damping_law(normal=0.0, beta=0.0, rotations=False)
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.scalar("real")
 def test_a_law_of_a_row_alone_through_every_command(session, shared_path, capsys):
     """Vågberg's CDt in linear response, against the dense reference of the same weights."""
