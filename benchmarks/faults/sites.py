@@ -69,9 +69,9 @@ def faults(source: str) -> list[Fault]:
 
 
 def walk(node):
-    """Nodes below this one, but for text, annotations and the import of names."""
+    """Nodes below this one, but for text, annotations, what a dataclass may not do, and the import of names."""
     for name, value in ast.iter_fields(node):
-        if name in ("annotation", "returns"):
+        if name in ("annotation", "returns") or (name == "decorator_list" and isinstance(node, ast.ClassDef)):
             continue
         for child in value if isinstance(value, list) else [value]:
             if isinstance(child, ast.AST) and not isinstance(
