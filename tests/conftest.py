@@ -20,7 +20,16 @@ import pytest
 
 SCALAR = os.environ.get("JAMPETSC_TEST_SCALAR")
 PATIENCE = 20.0  # seconds a rank that failed waits for the others to end the same test
-LONG = ("figures", "help", "trade", "interrupted", "options", "oscillate_command", "pack", "documents")  # begin first
+LONG = (
+    "figures",
+    "help",
+    "trade",
+    "interrupted",
+    "options",
+    "oscillate_command",
+    "pack",
+    "documents",
+)  # begin first
 HANG = 300.0  # seconds after which a test counts as hanging: every rank says where, and the run ends
 
 running = None  # the Session of this process
