@@ -32,6 +32,7 @@ COMPARISONS = {
 PAIRS = [("min", "max"), ("any", "all"), ("floor", "ceil"), ("sin", "cos"), ("argmin", "argmax")]
 PAIRS += [("minimum", "maximum"), ("real", "imag"), ("sum", "max"), ("MIN", "MAX")]
 NAMES = dict(PAIRS) | {b: a for a, b in PAIRS}
+SYMMETRIC = {"min", "max", "minimum", "maximum", "hypot"}  # functions whose arguments may be in any order
 # a call whose value nobody takes, what is added to, an entry that is set, what is refused, an end of a loop
 STATEMENTS = (ast.Expr, ast.AugAssign, ast.Raise, ast.Break, ast.Continue, ast.Delete)
 
@@ -110,7 +111,9 @@ def of_node(node):
             yield "condition", test, ast.UnaryOp(ast.Not(), test)
     if isinstance(node, ast.Call):
         plain = [arg for arg in node.args if not isinstance(arg, ast.Starred)]
-        if len(plain) == len(node.args) > 1 and not text(plain[0]) and not text(plain[1]):
+        name = getattr(node.func, "attr", getattr(node.func, "id", None))
+        swap = len(plain) == len(node.args) > 1 and name not in SYMMETRIC
+        if swap and not text(plain[0]) and not text(plain[1]):
             swapped = [plain[1], plain[0], *plain[2:]]
             yield "arguments", node, ast.Call(node.func, swapped, node.keywords)
         for left_out in node.keywords:
