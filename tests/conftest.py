@@ -20,16 +20,7 @@ import pytest
 
 SCALAR = os.environ.get("JAMPETSC_TEST_SCALAR")
 PATIENCE = 20.0  # seconds a rank that failed waits for the others to end the same test
-LONG = (
-    "figures",
-    "help",
-    "trade",
-    "interrupted",
-    "options",
-    "oscillate_command",
-    "pack",
-    "documents",
-)  # begin first
+LONG = "figures help trade interrupted options oscillate_command pack documents".split()  # begin first
 HANG = 300.0  # seconds after which a test counts as hanging: every rank says where, and the run ends
 
 running = None  # the Session of this process
@@ -69,10 +60,8 @@ def pytest_collection_modifyitems(config, items):
                 raise pytest.UsageError(f"{item.nodeid}: ranks look for mark.scalar in the text of a file")
             return scalar is None and SCALAR is None
         least, most = (item.get_closest_marker(f"{name}_ranks") for name in ("least", "most"))
-        fits = (least is None or running.size >= least.args[0]) and (
-            most is None or running.size <= most.args[0]
-        )
-        return SCALAR in scalar.args and fits
+        enough = least is None or running.size >= least.args[0]
+        return SCALAR in scalar.args and enough and (most is None or running.size <= most.args[0])
 
     config.hook.pytest_deselected(items=[item for item in items if not wanted(item)])
     items[:] = [item for item in items if wanted(item)]
