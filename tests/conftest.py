@@ -3,9 +3,9 @@
 Plain tests run once; they may start `jampetsc` or mpirun as a program. Tests marked `scalar("real")`,
 `scalar("complex")` or `scalar("real", "complex")` use PETSc in their process, which can load one of the two
 builds: JAMPETSC_TEST_SCALAR says which. run/test runs them on 1, 2 and 3 ranks for each type, with pytest on
-every rank, but for those where more ranks show nothing: `most_ranks(1)`, `most_ranks(2)`. After each step of a
-test the ranks agree on its outcome: what fails on one fails on all, and a rank that failed and that the others
-do not follow ends the run instead of leaving them waiting.
+every rank, but for those where more ranks show nothing, `most_ranks(1)`, `most_ranks(2)`, or fewer, `least_ranks(2)`.
+After each step of a test the ranks agree on its outcome: what fails on one fails on all, and a rank that failed and
+that the others do not follow ends the run instead of leaving them waiting.
 """
 
 import faulthandler
@@ -20,7 +20,7 @@ import pytest
 
 SCALAR = os.environ.get("JAMPETSC_TEST_SCALAR")
 PATIENCE = 20.0  # seconds a rank that failed waits for the others to end the same test
-LONG = ("figures", "trade", "interrupted", "options", "oscillate_command", "pack", "documents")  # begin first
+LONG = "figures help trade interrupted options oscillate_command pack documents".split()  # begin first
 HANG = 300.0  # seconds after which a test counts as hanging: every rank says where, and the run ends
 
 running = None  # the Session of this process
@@ -54,12 +54,14 @@ def is_for_ranks(path):
 
 def pytest_collection_modifyitems(config, items):
     def wanted(item):
-        scalar, most = (item.get_closest_marker(name) for name in ("scalar", "most_ranks"))
+        scalar = item.get_closest_marker("scalar")
         if scalar is None or SCALAR is None:
             if scalar is not None and not is_for_ranks(item.path):
                 raise pytest.UsageError(f"{item.nodeid}: ranks look for mark.scalar in the text of a file")
             return scalar is None and SCALAR is None
-        return SCALAR in scalar.args and (most is None or running.size <= most.args[0])
+        least, most = (item.get_closest_marker(f"{name}_ranks") for name in ("least", "most"))
+        enough = least is None or running.size >= least.args[0]
+        return SCALAR in scalar.args and enough and (most is None or running.size <= most.args[0])
 
     config.hook.pytest_deselected(items=[item for item in items if not wanted(item)])
     items[:] = [item for item in items if wanted(item)]

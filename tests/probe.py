@@ -120,8 +120,8 @@ def be_deaf(args):
     from jampetsc.petsc.session import current
 
     Path(f"{args.file}{current().rank}").write_text(str(os.getpid()))
-    # hours inside one instruction, where no handler of python runs, and first a word from there
-    sum(itertools.chain(map(functools.partial(os.write, 1), [b"waiting\n"]), range(10**13)))
+    # minutes inside one instruction, where no handler of python runs, and first a word from there
+    sum(itertools.chain(map(functools.partial(os.write, 1), [b"waiting\n"]), range(10**10)))
 
 
 def talk(args):

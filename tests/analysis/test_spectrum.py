@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from drawn import figure_of, lines
-from matplotlib.image import imread
 
 from jampetsc.analysis.creep import retardation
 from jampetsc.analysis.relaxation import RelaxationSpectrum
@@ -83,18 +82,6 @@ def test_instability_and_power_law_damping_are_said(tmp_path, capsys):
     assert load(tmp_path / "s.h5").attributes["growth_rate"] > 0
     run(write_sweep(tmp_path / "alpha.h5", alpha=0.5, stress=1e-5), "--out", tmp_path / "s.h5", "--overwrite")
     assert "the spectrum of linear damping" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("command", ["spectrum", "plot"])
-def test_pictures(tmp_path, command):
-    sweeps = [
-        write_sweep(tmp_path / "a.h5"),
-        write_sweep(tmp_path / "b.h5", spectrum(-0.01), tau1=2.0, beta=0.1),
-    ]
-    kind = ["--kind", "spectrum"] if command == "plot" else []
-    cli.dispatch([command, *map(str, sweeps), *kind, "--out", str(tmp_path / "picture.png")])
-    image = imread(tmp_path / "picture.png")
-    assert image.shape[:2] == (1500, 2100) and image.std() > 0.05
 
 
 def test_weights_add_up_with_time(tmp_path):

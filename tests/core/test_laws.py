@@ -101,6 +101,7 @@ def test_a_power_law_is_one_of_contacts_alone(fluid):
         jampetsc.sweep(published(), law, alpha=0.5, stress=1e-6)
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.scalar("real")
 def test_a_law_of_a_row_alone_through_every_command(session, shared_path, capsys):
     """Vågberg's CDt in linear response, against the dense reference of the same weights."""

@@ -151,10 +151,10 @@ def test_everything_that_decides_a_run_identifies_its_checkpoint():
     assert replace(job, before=([0, 0], {})).settings != job.settings  # it goes on from another place
 
 
-@pytest.mark.parametrize("name", ["RD0", "CD0", "CDn"])
+@pytest.mark.parametrize("name", ["RD0", "CDn"])
 def test_a_finished_run_goes_on_to_the_last_bit(tmp_path, name):
     mass = ["--mass", "1"] if name == "CDn" else []
-    common = ["flow", "--n", 64, "--phi", 0.84, "--model", name, *mass, "--rate", 1e-2, "--discard", 0.1]
+    common = ["flow", "--n", 32, "--phi", 0.84, "--model", name, *mass, "--rate", 1e-2, "--discard", 0.1]
     one, two, farther = tmp_path / "one.h5", tmp_path / "two.h5", tmp_path / "farther.h5"
     assert flow(*common, "--strain", 1.0, "--out", one) == 0
     assert flow(*common, "--strain", 2.0, "--out", two) == 0
@@ -164,7 +164,7 @@ def test_a_finished_run_goes_on_to_the_last_bit(tmp_path, name):
     for name in ("strain", "shear_stress", "pressure", "energy", "dissipation"):
         assert np.array_equal(whole[name], parts[name])
     assert parts.attributes["seed"] == 1
-    place = ["--out", tmp_path / "link.h5"] if name == "RD0" else ["--out", one] if name == "CD0" else []
+    place = ["--out", tmp_path / "link.h5"] if whole.attributes["model"] == "RD0" else []
     (tmp_path / "link.h5").symlink_to(one)
     assert flow("flow", one, "--strain", 1.0, *place) == 0  # in its own place
     assert np.array_equal(jampetsc.load(one)["energy"], whole["energy"])

@@ -3,7 +3,6 @@
 import shutil
 
 import independent
-import launch
 import numpy as np
 import pytest
 
@@ -19,7 +18,6 @@ from jampetsc.minimise.sizes import radii_of
 
 POTENTIAL = Potential("harmonic", "inverse-square-diameter")
 GIVEN = {"n": 32, "phi": [0.82, 0.86], "seeds": "3:8"}
-WORDS = "jam --n 32 --phi 0.82,0.86 --seeds 3:8 --out"
 
 
 def run(out, **more):
@@ -39,6 +37,10 @@ def test_the_file(session, shared_path):
     assert (pressure[jammed == 1] > 0).all()
     # harmonic: U = Σ f δ/2, so that a pressure goes with its energy; and Z is isostatic or more
     assert (result["coordination"][dense & (jammed == 1)] > 3.2).all()
+    with session.alone():  # samples are shared between ranks
+        one = jampetsc.jam(**GIVEN)
+    assert np.array_equal(one["seed"], result["seed"])
+    assert np.allclose(one["energy"], energy, rtol=1e-6, atol=1e-20)
 
 
 @pytest.mark.scalar("real")
@@ -63,17 +65,6 @@ def test_a_killed_run_goes_on(session, tmp_path, monkeypatch):
     (tmp_path / "other.h5").unlink()
     assert np.array_equal(whole["energy"], parts["energy"])
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out.h5", "whole.h5"]
-
-
-def test_ranks_share_the_samples(tmp_path):
-    results = []
-    for ranks in (0, 2):
-        out = tmp_path / f"{ranks}.h5"
-        done = launch.run(ranks, "../jampetsc/__main__.py", *WORDS.split(), out)
-        assert done.returncode == 0, done.stderr
-        results.append(jampetsc.load(out))
-    assert np.array_equal(results[0]["seed"], results[1]["seed"])
-    assert np.allclose(results[0]["energy"], results[1]["energy"], rtol=1e-6, atol=1e-20)
 
 
 def rows(protocol, phi, seed=1, n=24, potential=POTENTIAL):

@@ -161,12 +161,11 @@ def test_what_is_no_table_at_all(tmp_path, text):
 
 
 def test_what_is_no_table_is_refused(tmp_path):
-    (tmp_path / "table.csv").write_text("command,state\n1,2,3\n")
-    with pytest.raises(InputError, match="is not the table of a study"):
-        jampetsc.load(tmp_path)
-    (tmp_path / "table.csv").write_bytes(b"\xff\xfe")
-    with pytest.raises(InputError, match="is not the table of a study"):
-        jampetsc.load(tmp_path)
+    row = "pack,done,a.h5"
+    for text in ("command,state\n1,2\n", f"command,state,file\n{row}\n{row},1\n{row}\n", b"\xff\xfe"):
+        (tmp_path / "table.csv").write_bytes(text if isinstance(text, bytes) else text.encode())
+        with pytest.raises(InputError, match="is not the table of a study"):
+            jampetsc.load(tmp_path)
 
 
 @pytest.mark.parametrize(

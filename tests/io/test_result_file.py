@@ -2,6 +2,7 @@
 
 import errno
 import os
+import platform
 import shutil
 import subprocess
 from contextlib import nullcontext
@@ -19,6 +20,7 @@ from jampetsc.io.checksums import seal
 from jampetsc.io.provenance import git_commit, law_of, provenance
 from jampetsc.io.reader import load
 from jampetsc.io.result_file import ResultWriter
+from jampetsc.version import VERSION
 
 
 def written(path, ranks, seed=1):
@@ -329,6 +331,7 @@ def test_provenance_round_trip(tmp_path):
     assert found["petsc_version"] == "3.18.5" and found["packing_sha256"] == "ab" * 32
     assert (found["packing"], found["ranks"], found["wall_seconds"]) == ("p.h5", 3, 1.5)
     assert datetime.fromisoformat(found["date"]).utcoffset() is not None
+    assert (found["python_version"], found["jampetsc_version"]) == (platform.python_version(), VERSION)
     assert law_of(found) == {"law": "stokes", "eta_f": 1.0, "prestress": True}
 
 

@@ -224,11 +224,8 @@ def test_help_and_errors_come_from_one_rank():
 @pytest.mark.parametrize(
     "given",
     [
-        "SLURM_PROCID=1 SLURM_NTASKS=2",
-        "SLURM_PROCID=1 SLURM_NTASKS=2 PMI_RANK=1 PMI_SIZE=2",
-        "PMIX_RANK=1",
-        "OMPI_COMM_WORLD_RANK=1 OMPI_COMM_WORLD_SIZE=2",
-        "MPI_LOCALNRANKS=2 PMI_RANK=1 PMI_SIZE=2",
+        "SLURM_PROCID=1 SLURM_NTASKS=2 PMIX_RANK=1 PMI_RANK=1 PMI_SIZE=2",
+        "OMPI_COMM_WORLD_RANK=1 OMPI_COMM_WORLD_SIZE=2 MPI_LOCALNRANKS=2",
     ],
 )
 def test_variables_of_a_launcher_do_not_make_a_rank(given):
@@ -354,7 +351,7 @@ def test_what_waits_for_a_process_of_its_own_takes_it_along(tmp_path):
 
 
 def test_one_of_two_ranks_takes_the_other_along(tmp_path):
-    """Though neither can listen: both are hours inside one instruction of python."""
+    """Though neither can listen: both are minutes inside one instruction of python."""
     words = ("probe", tmp_path / "pid", "--do", "be_deaf", "--scalar", "real")
     with launch.start(2, "probe.py", *words) as process:
         heard = ""

@@ -58,7 +58,7 @@ def compare(found, wanted, accuracy, what):
     assert abs(found.G - wanted) <= found.error_bound, what
 
 
-@pytest.mark.most_ranks(2)
+@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("case", ORACLE["cases"], ids=lambda case: case["case"])
 def test_published_moduli(session, case):
     """Nine laws at eleven frequencies in 50-digit arithmetic; printed to 14 digits."""
@@ -76,9 +76,10 @@ def test_against_the_dense_reference(session, sample):
     """Also of packings that are no minima: K may have negative modes, the solve does not mind."""
     # sliding rows of the gears hardly resist without pre-stress: G' is 1e-7 of the affine modulus there
     accuracy = 1e-8 if sample == "gears" else 1e-10
-    for law in laws_of(sample):
+    omegas = OMEGA if session.size == 1 else (1e-6, 1.0)  # ranks that share a factor take long
+    for law in laws_of(sample, session.size):
         with Solver(SAMPLES[sample](), LAWS[law], session.comm) as solver:
-            for omega in OMEGA:
+            for omega in omegas:
                 found = solver.solve(omega, 1e-6)
                 compare(found, modulus(sample, law, omega), accuracy, (law, omega))
 
@@ -100,7 +101,7 @@ def test_field(session, name):
     np.testing.assert_allclose(difference, 0, atol=1e-10 * np.abs(wanted).max())
 
 
-@pytest.mark.parametrize("sample", ["published", "gears", "strips"])
+@pytest.mark.parametrize("sample", ["gears", "strips"])
 def test_where_the_packing_is_pinned_does_not_matter(session, sample):
     """Moving everything by a vector changes the order of the disks and with it which one is pinned."""
     disks, law = SAMPLES[sample](), physics()
@@ -108,7 +109,7 @@ def test_where_the_packing_is_pinned_does_not_matter(session, sample):
     for shift in ([0.0, 0.0], [3.3, 1.7], [-2.0, 5.1]):
         moved = Disks.from_positions(disks.positions + shift, disks.radii, disks.cell)
         with Solver(moved, law, session.comm) as solver:
-            values.append([solver.solve(omega, 1e-8).G for omega in OMEGA])
+            values.append([solver.solve(omega, 1e-8).G for omega in (1e-6, 1.0)])
             particles = np.concatenate(session.comm.allgather(solver.pencil.network.particles))
             held.add(tuple(particles[solver.pencil.pins // law.law.dofs]))
     assert len(held) > 1
@@ -117,7 +118,7 @@ def test_where_the_packing_is_pinned_does_not_matter(session, sample):
         np.testing.assert_allclose(np.imag(other), np.imag(values[0]), rtol=1e-10)
 
 
-@pytest.mark.most_ranks(2)
+@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("sample", ["published", "polydisperse", "strips"])
 def test_the_bound_holds_for_poor_solves(session, sample, monkeypatch):
     """GMRES stopped at a residual of a tenth, refined to a few digits: what it does not reach it must know about."""
@@ -180,6 +181,7 @@ def test_no_solver_makes_a_bound_false(session, hostile, sample, positive):
         solver.destroy()
 
 
+@pytest.mark.most_ranks(2)
 @pytest.mark.parametrize("law", [physics(), physics("stokes")], ids=str)
 def test_a_hold_holds(session, law):
     """No r makes more of A⁻¹ than said, at its own frequency and, where K ≥ 0, at others; a wrong factor has none."""
@@ -236,20 +238,22 @@ def test_least_singular_value_is_a_lower_bound():
         assert 1e-3 * least < found <= least
 
 
+@pytest.mark.most_ranks(1)
 def test_what_is_asked_is_what_is_certified(session):
     """Of G'' as well, which sliding rows of gears without pre-stress leave 1e-10 of nothing."""
     refused, law = 0, physics(prestress=False)
     with Solver(SAMPLES["gears"](), law, session.comm) as solver:
-        for accuracy in np.geomspace(1e-4, 1e-10, 7):
+        for accuracy in np.geomspace(1e-4, 1e-10, 4):
             try:
                 found = solver.solve(1e-10, accuracy)
             except ConvergenceError:
                 refused += 1
             else:
                 assert found.parts[0] <= accuracy * found.G.real and found.parts[1] <= accuracy * found.G.imag
-    assert 0 < refused < 7
+    assert 0 < refused < 4
 
 
+@pytest.mark.most_ranks(2)
 def test_a_hold_is_renewed_where_it_is_too_coarse(session):
     """Fourteen decades further on: the bound is as small as it was."""
     network = network_of(published(), physics(), session.comm)
@@ -265,6 +269,7 @@ def test_a_hold_is_renewed_where_it_is_too_coarse(session):
     solver.destroy()
 
 
+@pytest.mark.most_ranks(2)
 def test_the_bound_of_a_wrong_field(session):
     """Of a field that is off by noise the bound is never less than the error, and like it of second order."""
     law, omega = str(physics()), 0.01
@@ -285,6 +290,7 @@ def test_the_bound_of_a_wrong_field(session):
         np.testing.assert_allclose(bounds, bounds[0], rtol=0.1)
 
 
+@pytest.mark.most_ranks(2)
 def test_what_cannot_be_solved_is_an_error(session):
     with Solver(published(), physics(), session.comm) as solver:
         solver.ksp.setType("gmres")
@@ -297,6 +303,7 @@ def test_what_cannot_be_solved_is_an_error(session):
             solver.solve(0.01, 1e-10)
 
 
+@pytest.mark.most_ranks(2)
 @pytest.mark.usefixtures("telling")
 def test_frequencies_that_fail_are_told_beside_the_others(session, shared_path, capfd):
     """Of G'' of gears too little is left at the lowest ones. Frequencies are those of the experiment throughout."""
@@ -356,7 +363,7 @@ def test_a_factor_of_another_frequency_will_do(session):
         solver.reuse = True
         solver.ksp.setType("gmres")
         solver.ksp.setTolerances(rtol=1e-8, max_it=30)
-        grid = np.geomspace(1e-6, 1e2, 17)
+        grid = np.geomspace(1e-6, 1e2, 9)
         for omega in grid:
             compare(solver.solve(omega, 1e-9), modulus("published", law, omega), 1e-9, omega)
         assert solver.factorisations < len(grid)
@@ -387,6 +394,7 @@ def test_what_is_no_number_on_one_rank_is_everybodys_failure(session):
             solver.solve(0.01, 1e-6)
 
 
+@pytest.mark.most_ranks(2)
 def test_where_every_frequency_fails_the_first_failure_is_told(session, shared_path):
     packing, out = shared_path / "gears.h5", shared_path / "out.h5"
     put(packing, SAMPLES["gears"](), session.comm)

@@ -9,7 +9,7 @@ from dense import Reference
 from samples import SAMPLES, isostatic, physics, polydisperse, published
 from sweeps import Sweep, judge
 
-pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]
+pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]
 
 OMEGA = np.geomspace(1e-14, 1e8, 12)
 LAWS = [
@@ -25,13 +25,7 @@ LAWS = [
 
 
 @pytest.mark.parametrize("law", LAWS, ids=str)
-@pytest.mark.parametrize(
-    "sample",
-    [
-        pytest.param(published, id="N = 16, p = 1e-3", marks=pytest.mark.most_ranks(1)),
-        pytest.param(isostatic, id="N = 24, p = 1e-7"),
-    ],
-)
+@pytest.mark.parametrize("sample", [published, isostatic], ids=["N = 16, p = 1e-3", "N = 24, p = 1e-7"])
 def test_small_packings(session, sample, law):
     """22 decades of frequency; the space becomes complete before its bound does."""
     exact = Reference(sample(), law)

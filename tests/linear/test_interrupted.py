@@ -46,9 +46,6 @@ def sweep(ranks, count, packing, out, *more):
 @pytest.mark.parametrize("ranks", [0, 2])
 def test_the_same_command_continues(packing, whole, tmp_path, ranks):
     out = tmp_path / "sweep.h5"
-    if ranks:
-        assert sweep(ranks, 99, packing, tmp_path / "whole.h5").returncode == 0
-        whole = jampetsc.load(tmp_path / "whole.h5")
     assert sweep(ranks, 1, packing, out).returncode != 0
     assert not out.exists()
     done = sweep(ranks, 99, packing, out)
@@ -68,15 +65,15 @@ def test_the_same_command_continues(packing, whole, tmp_path, ranks):
 def test_the_direct_method_continues(packing, tmp_path):
     out, whole = tmp_path / "sweep.h5", tmp_path / "whole.h5"
     direct = ("--method", "direct", "--omega", "1e-4:1:6")
-    assert sweep(2, 99, packing, whole, *direct).returncode == 0
+    assert sweep(0, 99, packing, whole, *direct).returncode == 0
     assert sweep(2, 4, packing, out, *direct).returncode != 0
     done = sweep(2, 99, packing, out, *direct)
     assert done.returncode == 0, done.stderr
     assert f"continuing {out}.resume: 4 frequencies are finished" in done.stderr
     assert not list(tmp_path.glob("*.resume*"))
     results = [jampetsc.load(path) for path in (whole, out)]
-    np.testing.assert_allclose(results[1].G, results[0].G, rtol=1e-12)
-    np.testing.assert_allclose(*(result["fields/displacement"] for result in results), atol=1e-9)
+    np.testing.assert_allclose(results[1].G, results[0].G, rtol=1e-10)
+    np.testing.assert_allclose(*(result["fields/displacement"] for result in results), atol=1e-8)
 
 
 def test_everything_that_decides_a_sweep_identifies_its_checkpoint(packing):
@@ -110,9 +107,9 @@ def test_what_follows_a_gap_is_not_built_upon(packing, whole, three_steps, tmp_p
     assert np.all(found.error_bound <= 2e-10 * np.abs(found.G))
 
 
-def test_a_checkpoint_of_other_ranks_or_of_less_accuracy_is_not_used(packing, whole, tmp_path):
+def test_a_checkpoint_of_other_ranks_or_of_another_sweep_is_not_used(packing, whole, tmp_path):
     out, exact = tmp_path / "sweep.h5", whole
-    for ranks, words in ((2, ()), (0, ("--accuracy", "1e-2"))):
+    for ranks, words in ((2, ()), (0, ("--accuracy", "1e-2", "--beta", "2"))):
         assert sweep(ranks, 1, packing, out, *words).returncode != 0
         done = sweep(0, 99, packing, out)
         assert done.returncode == 0, done.stderr
@@ -120,17 +117,8 @@ def test_a_checkpoint_of_other_ranks_or_of_less_accuracy_is_not_used(packing, wh
         found = jampetsc.load(out)
         assert np.all(np.abs(found.G - exact.G) <= found.error_bound + exact.error_bound)
         assert np.all(found.error_bound <= 2e-10 * np.abs(found.G))
-        assert found.attributes["accuracy"] == 1e-10
+        assert found.attributes["accuracy"] == 1e-10 and found.law["beta"] == 1.0
         out.unlink()
-
-
-def test_another_command_starts_from_the_beginning(packing, tmp_path):
-    out = tmp_path / "sweep.h5"
-    assert sweep(0, 1, packing, out).returncode != 0
-    done = sweep(0, 99, packing, out, "--beta", "2")
-    assert done.returncode == 0, done.stderr
-    assert "belongs to another job: ignored, starting from the beginning" in done.stderr
-    assert jampetsc.load(out).law["beta"] == 2.0
 
 
 def test_a_sweep_without_vectors_continues(tmp_path):

@@ -136,6 +136,7 @@ def test_all_modes_carry_the_whole_response(session, sample):
     )
 
 
+@pytest.mark.most_ranks(1)
 def test_all_below(session):
     wanted, vectors, exact = spectrum("polydisperse")
     network = build_network(SAMPLES["polydisperse"](), session.comm)
@@ -147,6 +148,7 @@ def test_all_below(session):
         lowest_modes(network, below=1e-9)
 
 
+@pytest.mark.most_ranks(1)
 def test_a_mode_that_was_missed_is_found(session, monkeypatch):
     """The list loses a mode: the count tells, and it is looked for beside the others."""
     calls = []
@@ -175,6 +177,7 @@ def cut(network, pairs):
     return replace(network, contacts=c[~gone])
 
 
+@pytest.mark.most_ranks(2)
 def test_planted_floppy_mode(session):
     """2n − 1 contacts, all of them needed: the first that goes takes the self-stress along, the second leaves
     a floppy mode.
@@ -209,6 +212,7 @@ def crystal():
     return Disks.from_positions(positions, np.full(36, 0.5), [(6 * 0.99, 0), (3 * 0.99, 6 * height * 0.99)])
 
 
+@pytest.mark.most_ranks(1)
 def test_a_mode_found_twice_is_not_two(session):
     found = lowest_modes(build_network(SAMPLES["polydisperse"](), session.comm), 5)
     vectors = found.vectors.reshape(len(found.eigenvalues), -1)
@@ -218,6 +222,7 @@ def test_a_mode_found_twice_is_not_two(session):
             _require_different(wrong, found.network)
 
 
+@pytest.mark.most_ranks(1)
 def test_modes_that_are_not_found_well_are_refused(session, monkeypatch):
     """SLEPc is told to be content with three digits, and is."""
     monkeypatch.setattr(eigen, "PREFIX", "loose_modes_")  # whose defaults have not been set yet
@@ -245,6 +250,7 @@ def test_residuals_are_those_of_the_modes(session):
     pencil.destroy()
 
 
+@pytest.mark.most_ranks(1)
 def test_how_exact_and_how_different_modes_must_be(session, monkeypatch):
     """Residuals of 1e-9 in units of the stiffness; products and lengths to 1e-6."""
     network = build_network(replace(published(), potential=Potential(k=2.5)), session.comm)
@@ -268,6 +274,7 @@ def test_how_exact_and_how_different_modes_must_be(session, monkeypatch):
                 lowest_modes(network, 3)
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("beyond", [-1, 1])
 def test_a_count_that_never_agrees_is_an_error(session, monkeypatch, beyond):
     """Too few below, or too many: either way modes are not what they are said to be."""
@@ -280,6 +287,7 @@ def test_a_count_that_never_agrees_is_an_error(session, monkeypatch, beyond):
         lowest_modes(network, 5)
 
 
+@pytest.mark.most_ranks(1)
 def test_none_below_is_said_and_one_is_found(session):
     wanted, _, _ = spectrum("polydisperse")
     network = build_network(SAMPLES["polydisperse"](), session.comm)
@@ -288,6 +296,7 @@ def test_none_below_is_said_and_one_is_found(session):
     assert len(lowest_modes(network, below=float(0.5 * (wanted[0] + wanted[1]))).eigenvalues) == 1
 
 
+@pytest.mark.most_ranks(1)
 def test_an_affine_response_has_no_shares(session):
     """In a crystal a shear moves every disk with the cell: there is nothing to share."""
     modes = lowest_modes(build_network(crystal(), session.comm), 4)
@@ -295,6 +304,7 @@ def test_an_affine_response_has_no_shares(session):
     assert np.abs(modes.shear_force).max() < 1e-12
 
 
+@pytest.mark.most_ranks(1)
 def test_where_a_cluster_ends():
     """Just above it, if the next value is farther than 1e-7 relatively and than rounding; else with it."""
     apart, together = 1.0 + 1.5e-7, 1.0 + 0.5e-7
@@ -310,6 +320,7 @@ def test_where_a_cluster_ends():
     assert modes_module._cut(np.array([1e-6, 4e-6]), 1, 9, 1e7) == (None, None)  # in units of the stiffness
 
 
+@pytest.mark.most_ranks(2)
 @pytest.mark.parametrize("count", [1, 5, 12])
 def test_clusters_are_kept_whole(session, count):
     network = build_network(crystal(), session.comm)
@@ -358,7 +369,7 @@ def test_file(session, shared_path):
     assert not found.attributes["prestress"]
 
 
-@pytest.mark.most_ranks(2)
+@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize(
     ("words", "says"),
     [
@@ -376,6 +387,7 @@ def test_bad_options(session, shared_path, capsys, words, says):
     assert session.comm.bcast(list(shared_path.iterdir())) == []
 
 
+@pytest.mark.most_ranks(2)
 def test_no_minimum_is_refused_with_the_count(session, shared_path, capsys):
     put(shared_path / "packing.h5", gears(), session.comm)
     negative = int(
@@ -390,6 +402,7 @@ def test_no_minimum_is_refused_with_the_count(session, shared_path, capsys):
     assert not (shared_path / "m.h5").exists()
 
 
+@pytest.mark.most_ranks(1)
 def test_hertzian_contacts_set_the_scale(session):
     """Stiffnesses of order √p: the shift below the spectrum follows them."""
     network = build_network(published("hertzian"), session.comm)

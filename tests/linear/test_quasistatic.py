@@ -62,7 +62,7 @@ def motions(exact, displacement):
 
 @pytest.mark.parametrize("sample", MINIMA)
 def test_against_dense(session, sample):
-    for law in laws_of(sample):
+    for law in laws_of(sample, session.size):
         exact = reference(sample, law)
         found, eta_inf = response(SAMPLES[sample](), LAWS[law], session.comm)
         field, G0 = exact.quasistatic()
@@ -96,6 +96,7 @@ def test_without_prestress_contacts_hold_all_the_energy(session, sample):
         assert found.flow.parts["transverse"] == 0.0
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("beta", [1e-7, 3.0, 1e4])
 def test_angles_do_not_depend_on_beta(session, beta):
     """The disks turn alike at every β, so that η₀ is a straight line in β (BT eq. 22)."""
@@ -106,6 +107,7 @@ def test_angles_do_not_depend_on_beta(session, beta):
     np.testing.assert_allclose(other.flow.rotation, one.flow.rotation, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.most_ranks(2)
 @pytest.mark.parametrize("index", range(3))
 def test_bulk_modulus_of_published_packings(session, index):
     """−V dp/dV = (C_xxxx + C_yyyy + 2 C_xxyy)/4 + p/2, with jax-md's constants."""
@@ -116,6 +118,7 @@ def test_bulk_modulus_of_published_packings(session, index):
     assert found.bulk_modulus == pytest.approx(wanted, rel=2e-6)
 
 
+@pytest.mark.most_ranks(2)
 def test_bulk_modulus_of_one_state_of_self_stress(session):
     """Identity 6: k (Σ f r)²/(4 V Σ f²), without pre-stress."""
     found, _ = response(SAMPLES["isostatic"](), physics(prestress=False), session.comm)
@@ -125,6 +128,7 @@ def test_bulk_modulus_of_one_state_of_self_stress(session):
     assert found.bulk_modulus == pytest.approx(network.k * moment**2 / (4 * network.area * square), rel=1e-6)
 
 
+@pytest.mark.most_ranks(2)
 def test_no_minimum_is_refused_with_the_count(session):
     exact = reference("gears", str(physics("stokes")))
     negative = int(np.sum(np.linalg.eigvalsh(exact.K[:-1, :-1].astype(float)) < -1e-9))
@@ -153,6 +157,7 @@ def square_lattice():
     )
 
 
+@pytest.mark.most_ranks(2)
 def test_floppy_modes_are_refused_with_the_count(session):
     """Each of 4 rows and 6 columns slides; all rows together, and all columns, are the two translations."""
     network = build_network(square_lattice(), session.comm, prestress=False)
@@ -194,7 +199,7 @@ def test_file(session, shared_path):
     assert (np.diff(found["beta_scan/eta_inf"]) > 0).all()
 
 
-@pytest.mark.most_ranks(2)
+@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize(
     ("words", "says"),
     [
@@ -227,6 +232,7 @@ def test_refused_packings_leave_no_file(session, shared_path, capsys, disks, say
     assert session.comm.bcast(sorted(path.name for path in shared_path.iterdir())) == ["packing.h5"]
 
 
+@pytest.mark.most_ranks(2)
 def test_rotations_of_gears(session):
     """A bipartite network without pre-stress: one gear is held, and η₀ does not depend on which."""
     law = physics(prestress=False)
@@ -238,6 +244,7 @@ def test_rotations_of_gears(session):
     assert response(gears(), without, session.comm)[0].flow.eta0 > found.flow.eta0
 
 
+@pytest.mark.most_ranks(1)
 def test_distribution():
     values = np.array([0.0, -0.15, 0.15, 3.0, -1.0])
     found = Distribution.of(values)
@@ -289,6 +296,7 @@ def test_a_field_is_refined_and_its_error_told(session, monkeypatch):
     elastic.destroy()
 
 
+@pytest.mark.most_ranks(2)
 def test_softness_that_no_count_confirms_is_the_factorisation_s(session, monkeypatch):
     def refused(*_):
         raise NotPositiveDefinite("K is not positive definite")
@@ -302,6 +310,7 @@ def test_softness_that_no_count_confirms_is_the_factorisation_s(session, monkeyp
         ElasticResponse(floppy)
 
 
+@pytest.mark.most_ranks(2)
 def test_what_is_not_proved_is_counted(session, monkeypatch):
     """A factorisation that proves nothing is no reason to believe it, and none to refuse a sound packing."""
     counted = []
@@ -317,6 +326,7 @@ def test_what_is_not_proved_is_counted(session, monkeypatch):
     assert counted
 
 
+@pytest.mark.most_ranks(1)
 def test_a_flow_without_dissipation_is_refused(session):
     """Rows that slide cost nothing where only normal motions are damped."""
     network = build_network(square_lattice(), session.comm, prestress=False)
@@ -328,6 +338,7 @@ def test_a_flow_without_dissipation_is_refused(session):
     viscosity.destroy()
 
 
+@pytest.mark.most_ranks(1)
 def test_pressure_is_in_the_bulk_modulus_with_prestress_only(session):
     """−V dp/dV of springs at rest: a quarter of d²U/dε² alone."""
     for prestress in (True, False):

@@ -14,6 +14,7 @@ from samples import (
     SAMPLES,
     honeycomb,
     isostatic,
+    laws_of,
     modulus,
     physics,
     published,
@@ -42,7 +43,7 @@ def exact(sample, law, omega=OMEGA):
     return np.array([modulus(sample, law, w) for w in omega])
 
 
-@pytest.mark.most_ranks(2)
+@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("case", ORACLE["cases"], ids=lambda case: case["case"])
 def test_published_moduli(session, case):
     """Nine laws at eleven frequencies in 50-digit arithmetic; printed to 14 digits."""
@@ -55,7 +56,7 @@ def test_published_moduli(session, case):
 
 @pytest.mark.parametrize("sample", MINIMA)
 def test_bounds_hold_and_accuracies_are_met(session, sample):
-    for law in LAWS if sample == "published" else (str(physics()), str(physics("stokes"))):
+    for law in laws_of(sample, session.size):
         wanted = exact(sample, law)
         for accuracy in (1e-2, 1e-6):
             with Sweep(SAMPLES[sample](), LAWS[law], OMEGA, accuracy, session.comm) as found:
@@ -94,6 +95,7 @@ def test_frequencies_are_those_of_rank_0(session):
         np.testing.assert_array_equal(found.sweep.omega, OMEGA)
 
 
+@pytest.mark.most_ranks(1)
 def test_the_bound_is_not_far_from_the_error(session, monkeypatch):
     """Where rounding is far away: never below the error, half of the time within a factor of ten."""
     monkeypatch.setattr(
@@ -111,6 +113,7 @@ def test_the_bound_is_not_far_from_the_error(session, monkeypatch):
     assert np.median(ratios) < 10.0
 
 
+@pytest.mark.most_ranks(2)
 @pytest.mark.parametrize(
     "law", [physics(), physics(beta=1e4), physics(beta=1e-7), physics("stokes")], ids=str
 )
@@ -132,6 +135,7 @@ def test_residual_is_one_vector_times_one_function(session, law, parallel):
             assert np.sqrt(size2) == pytest.approx(np.sqrt(wanted2), rel=1e-3, abs=1e-11 * border)
 
 
+@pytest.mark.most_ranks(1)
 def test_a_factor_serves_again_nearby(session, monkeypatch):
     """Once more, which saves factorisations, and not for ever, since more and more vectors of one shift are alike."""
     monkeypatch.setattr("jampetsc.linear.rational.VECTORS", 2)
@@ -147,6 +151,7 @@ def test_a_factor_serves_again_nearby(session, monkeypatch):
     assert made[0] > made[1] >= made[2]
 
 
+@pytest.mark.most_ranks(1)
 def test_accuracy_costs(session, monkeypatch):
     """Fewer vectors for less accuracy, and fewer factorisations for a narrow range."""
     monkeypatch.setattr("jampetsc.linear.rational.VECTORS", 4)  # a small packing has not many to give
@@ -162,6 +167,7 @@ def test_accuracy_costs(session, monkeypatch):
         judge(found.G, found.bounds, exact("polydisperse", str(law), [0.01]), 1e-10, "one frequency")
 
 
+@pytest.mark.most_ranks(2)
 @pytest.mark.parametrize("sample", ["published", "isostatic"])
 def test_proportional_damping_takes_one_factorisation(session, sample):
     """β = 0 without pre-stress, one stiffness for all: G* = G₀(1 + iωτ₁) (identity 4)."""
@@ -180,6 +186,7 @@ def lattice():
     return Disks.from_positions(positions, np.full(24, 0.5), [(6 * 0.98, 0), (0.0, 4 * np.sqrt(0.75) * 0.98)])
 
 
+@pytest.mark.most_ranks(2)
 def test_a_crystal_has_no_relaxation(session):
     law = physics("stokes", eta_f=2.0, prestress=False)
     with Sweep(lattice(), law, OMEGA, 1e-10, session.comm) as found:
@@ -188,6 +195,7 @@ def test_a_crystal_has_no_relaxation(session):
         assert found.G.imag == pytest.approx(2.0 * OMEGA, rel=1e-12)
 
 
+@pytest.mark.most_ranks(1)
 def test_what_does_not_dissipate_is_refused(session):
     """A crystal in a fluid without viscosity has G'' = 0, of which nothing is known relatively."""
     with (
@@ -197,6 +205,7 @@ def test_what_does_not_dissipate_is_refused(session):
         pass
 
 
+@pytest.mark.most_ranks(2)
 def test_pieces_that_follow_the_shear_are_named(session):
     """Two rows of touching disks along x, three deep: each can move so that the shear does nothing to it."""
     row, column = np.divmod(np.arange(24), 8)
@@ -231,6 +240,7 @@ def test_rounding_at_one_frequency_is_enough_to_refuse(session, rounding, told):
             assert not sweep._is_met()
 
 
+@pytest.mark.most_ranks(1)
 def test_too_much_accuracy_is_refused(session):
     with (
         pytest.raises(
@@ -241,6 +251,7 @@ def test_too_much_accuracy_is_refused(session):
         pass
 
 
+@pytest.mark.most_ranks(2)
 @pytest.mark.parametrize("name", [str(physics()), str(physics(rotations=False)), str(physics("stokes"))])
 def test_fields_and_their_bounds(session, name):
     """Energy norm of the error of a field against the dense one, over that of the field."""
@@ -274,6 +285,7 @@ def test_a_job_shares_among_ranks_what_it_is_asked_to(session, shared_path, monk
     assert asked == [parallel]
 
 
+@pytest.mark.most_ranks(2)
 def test_files_hold_the_spectrum_and_fields(session, shared_path):
     """G* at any other frequency from the file alone; fields where they were asked for."""
     packing, out = shared_path / "packing.h5", shared_path / "sweep.h5"
@@ -293,6 +305,7 @@ def test_files_hold_the_spectrum_and_fields(session, shared_path):
     assert np.all(result["fields/error_bound"] > 0)
 
 
+@pytest.mark.most_ranks(2)
 def test_a_checkpoint_that_does_not_solve_the_packing_is_refused(session, shared_path):
     packing, out, accuracy = shared_path / "packing.h5", shared_path / "sweep.h5", 1e-6
     put(packing, published(), session.comm)
@@ -316,6 +329,7 @@ def unstable():
     return Disks.from_positions(disks.positions + noise, disks.radii, disks.cell, disks.potential)
 
 
+@pytest.mark.most_ranks(2)
 def test_what_is_no_minimum_is_solved_directly(session, shared_path, capfd):
     packing, out = shared_path / "packing.h5", shared_path / "sweep.h5"
     put(packing, unstable(), session.comm)
@@ -346,6 +360,7 @@ def test_what_is_no_minimum_is_solved_directly(session, shared_path, capfd):
         assert G.imag == pytest.approx(there.imag, rel=1e-8)
 
 
+@pytest.mark.most_ranks(2)
 def test_a_claim_that_does_not_hold_is_found_out(session, shared_path):
     """Said to be a minimum, and is none: the first factorisation tells."""
     packing, out = shared_path / "packing.h5", shared_path / "sweep.h5"

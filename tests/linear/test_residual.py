@@ -139,6 +139,7 @@ class Inexact(RationalBasis):
         return other
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.scalar("real")
 @pytest.mark.parametrize("law", LAWS, ids=str)
 @pytest.mark.parametrize("noise", [1e-10, 1e-5, 1e-2])
@@ -160,6 +161,7 @@ def test_the_bound_holds_for_a_space_made_by_poor_solves(session, law, noise, mo
     assert np.all(error <= bounds)
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.scalar("real")
 def test_poor_solves_are_refused_not_certified(session, monkeypatch):
     monkeypatch.setattr("jampetsc.linear.factors.RationalBasis", Inexact)
@@ -170,6 +172,7 @@ def test_poor_solves_are_refused_not_certified(session, monkeypatch):
         pass
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.scalar("real")
 def test_what_is_asked_is_what_is_certified(session):
     """--accuracy is kept, not twice of it, down to where rounding makes it impossible."""
@@ -220,6 +223,7 @@ def test_a_basis_from_infinity_begins_with_nothing(session):
     pencil.destroy()
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.scalar("real")
 def test_vectors_close_to_the_space_are_not_taken(session):
     """What is new in them has too few right digits; a part of 1e-4 has enough."""
@@ -233,6 +237,7 @@ def test_vectors_close_to_the_space_are_not_taken(session):
             basis.destroy()
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.scalar("real")
 @pytest.mark.parametrize("off, sound", [(3e-7, True), (1e-5, False)])
 def test_how_far_a_field_from_outside_may_be_off(session, off, sound):
@@ -252,6 +257,7 @@ def test_a_factor_serves_for_shifts_close_by():
     assert closest([1.0, 1.2], 1.3) == 1.0 and closest([10.0, 1.0], 1.0) == 1.0
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.scalar("real")
 @pytest.mark.parametrize("law", [*LAWS, physics(beta=0.0), physics("stokes", tau1=0.3)], ids=str)
 def test_largest_rate_is_one(session, law):
@@ -372,6 +378,7 @@ def test_shifts_go_to_ranks_in_turn(session):
     pencil.destroy()
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.scalar("real")
 def test_there_is_no_largest_rate_where_bonds_move_freely(session):
     pencil = pencil_of(session, physics(normal=0.0, rotations=False))
@@ -390,6 +397,7 @@ def test_energies_are_carried_from_shift_to_frequency():
     np.testing.assert_allclose(found, [4.0, 2.0, 1.75, 1.5, 3.0 / 2.9, 1.0, 1.0])
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.scalar("real")
 def test_a_space_that_is_large_enough_is_not_grown_for_ever(session, monkeypatch):
     monkeypatch.setattr("jampetsc.linear.rational.MOST_VECTORS", 4)
@@ -435,6 +443,7 @@ def test_rounding_of_moduli_goes_with_frequency_as_they_do(session):
     assert 0 < storage[0] < storage[2] and 0 < loss[0]
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.scalar("real")
 def test_a_field_of_nothing_has_no_relative_error(session):
     """In a crystal nothing moves against the strain: then exactly, or nothing is known."""
@@ -452,6 +461,7 @@ def test_what_is_no_energy_is_no_bound(energy):
     assert positive({1.0: (0.0, 0.0)}) == {1.0: (0.0, 0.0)}
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.scalar("real")
 @pytest.mark.parametrize("law", LAWS[:2], ids=str)
 def test_energies_at_other_frequencies_are_bounds(session, law):
@@ -491,6 +501,7 @@ def test_least_eigenvalue_is_a_lower_bound(session, law, s):
     pencil.destroy()
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.scalar("real")
 @pytest.mark.parametrize("law", LAWS[:2], ids=str)
 def test_least_eigenvalue_has_the_unit_of_the_matrix(session, law):

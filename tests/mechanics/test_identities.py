@@ -15,7 +15,7 @@ from jampetsc.mechanics.network import build_network
 from jampetsc.petsc.session import current
 
 # K, B and the response themselves are compared with dense matrices on 3 ranks by test_assembly and test_direct
-pytestmark = pytest.mark.most_ranks(2)
+pytestmark = pytest.mark.most_ranks(1)  # G* on several is compared with the dense reference
 MINIMA = ("published", "polydisperse", "isostatic")
 
 
@@ -143,7 +143,6 @@ def elastic_constants(disks, prestress):
 
 
 @pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("index", range(10))
 def test_published_elastic_constants(session, index):
     """The six constants jax-md gives for each of its packings, to about as many digits as they have."""
@@ -154,8 +153,7 @@ def test_published_elastic_constants(session, index):
 
 
 @pytest.mark.scalar("complex", "real")
-@pytest.mark.most_ranks(1)
-@pytest.mark.parametrize("index", range(10))
+@pytest.mark.parametrize("index", range(3))
 def test_simple_shear_and_symmetric_strain(session, index):
     """In second order simple shear stretches the cell against the stress: G = C_xyxy + (3 σ_yy − σ_xx)/4.
 

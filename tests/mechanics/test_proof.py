@@ -131,6 +131,7 @@ def test_on_several_ranks_the_root_must_be_counted(session, given):
     cholesky.destroy()
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.scalar("real")
 @pytest.mark.parametrize(
     "options",
@@ -172,6 +173,7 @@ def test_a_solve_leaves_rounding_and_knows_how_much(session, given):
         item.destroy()
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.scalar("real")
 def test_an_energy_is_off_in_second_order_of_what_a_solve_leaves(session, given, monkeypatch):
     monkeypatch.setattr("jampetsc.petsc.cholesky.SOLVED", 1e-2)
@@ -233,6 +235,7 @@ def test_one_negative_eigenvalue_is_enough(session, given):
     cholesky.destroy()
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.scalar("real")
 def test_a_solve_that_fails_says_how(session, given):
     cholesky = Cholesky(
@@ -247,6 +250,7 @@ def test_a_solve_that_fails_says_how(session, given):
         item.destroy()
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.scalar("real")
 def test_a_factor_that_does_not_solve_proves_nothing(session, given):
     cholesky = Cholesky(matrix(session, definite(30)), given(["pc_type jacobi"]), "A")
@@ -256,6 +260,7 @@ def test_a_factor_that_does_not_solve_proves_nothing(session, given):
     cholesky.destroy()
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.scalar("real")
 def test_zero_is_solved_for_zero(session, given):
     cholesky = Cholesky(matrix(session, definite(12)), given([]), "A")
@@ -288,6 +293,7 @@ def test_solutions_stay_where_they_are_projected(session, given):
         item.destroy()
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.scalar("real")
 @pytest.mark.parametrize("options", [["pc_type none"], ["pc_type jacobi"]], ids=" ".join)
 def test_a_solver_that_cannot_be_refined_is_refused(session, given, options, monkeypatch):
@@ -427,6 +433,7 @@ def test_a_packing_that_is_not_at_rest_is_not_certified(session, tmp_path, capfd
     assert "but forces are not balanced" in jampetsc.load(out).attributes["positive_semidefinite"]
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.scalar("real")
 def test_softness_is_counted_where_it_cannot_be_told_from_nothing(session):
     """Two springs a million million times weaker than the others: what they hold is softer than solves can tell."""

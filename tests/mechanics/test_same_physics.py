@@ -15,9 +15,8 @@ from jampetsc.jobs import describe
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]
 TOLD = {  # length, k, τ₁ and how often a1 is added to a2
-    "a2 - 9 a1, k x 1e6": (1.0, 1e6, 1.0, -9),
-    "lengths x 1e3": (1e3, 1.0, 1.0, 0),
-    "lengths x 1e-3, tau1 x 1e3": (1e-3, 1.0, 1e3, 0),
+    "a2 - 9 a1, lengths x 1e3": (1e3, 1.0, 1.0, -9),
+    "k x 1e6, lengths x 1e-3, tau1 x 1e3": (1e-3, 1e6, 1e3, 0),
 }
 
 

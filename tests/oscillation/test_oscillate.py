@@ -104,6 +104,7 @@ def packing_energy(motion, Q):
     return Q @ motion.K @ Q
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("imposed", [{"stress": 3e-5}, {"strain": 3e-5}])
 @pytest.mark.parametrize(
     "options",
@@ -234,7 +235,6 @@ def test_a_factor_that_fails_on_one_rank_fails_on_all(session, diagonal):
     packing.destroy()
 
 
-@pytest.mark.most_ranks(2)
 @pytest.mark.parametrize("imposed", [{"stress": STRESS}, {"strain": 1e-3}])
 def test_all_ranks_together_find_what_one_finds(session, monkeypatch, imposed):
     """Each number, also what a poor solver leaves and what a large softening changes; and with as little work."""

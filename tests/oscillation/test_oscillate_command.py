@@ -27,16 +27,12 @@ def oscillate(*words, ranks=0):
     return subprocess.run(line, env=launch.environment(), capture_output=True, text=True, timeout=120)
 
 
-def test_a_file_from_one_rank_and_two(packing, tmp_path):
+def test_a_file_of_two_ranks(packing, tmp_path):
     words = ("--alpha", 0.5, "--omega", "1e-9,1e-8", "--stress", "1e-5", "--steps", 16)
-    files = []
-    for ranks in (0, 2):
-        path = tmp_path / f"{ranks}.h5"
-        done = oscillate(packing, "--out", path, *words, ranks=ranks)
-        assert done.returncode == 0, done.stderr
-        assert "2 oscillations" in done.stdout and "[2/2]" in done.stderr
-        files.append(load(path))
-    one, two = files
+    done = oscillate(packing, "--out", tmp_path / "o.h5", *words, ranks=2)
+    assert done.returncode == 0, done.stderr
+    assert "2 oscillations" in done.stdout and "[2/2]" in done.stderr
+    one = load(tmp_path / "o.h5")
     assert (one.attributes["alpha"], one.attributes["control"]) == (0.5, "stress")
     assert one.attributes["contacts"] == "fixed"
     np.testing.assert_array_equal(one["omega"], [1e-9, 1e-8])
@@ -44,7 +40,6 @@ def test_a_file_from_one_rank_and_two(packing, tmp_path):
     assert one["harmonics"].shape == (1, 2, 2)
     strain = one["amplitude"][:, None] / abs(one["G"])
     np.testing.assert_allclose(one["work"], np.pi * one["G"].imag * strain**2, rtol=1e-7)
-    np.testing.assert_allclose(one["G"], two["G"], rtol=1e-7)
     assert np.all(one["error"] < 0.02 * abs(one["G"]))
     assert abs(one["energy_balance"]).max() < 1e-6
     assert not list(tmp_path.glob("*.resume*"))
@@ -128,16 +123,9 @@ def test_a_checkpoint_is_of_the_same_oscillation(packing):
     assert key() == key() == key("--out", "other.h5")
 
 
-@pytest.mark.parametrize(
-    ("contacts", "words"),
-    [
-        ("moving", "--alpha 0.7 --omega 0.1,1 --cycles 3"),
-        ("fixed", "--alpha 0.2 --omega 1e-32,1e-28"),  # which stick
-    ],
-)
-def test_steps_in_time_on_any_number_of_ranks(packing, tmp_path, contacts, words):
+def test_steps_in_time_on_any_number_of_ranks(packing, tmp_path):
     """Points are shared between ranks, and each is the same to the last bit; a journal of one rank serves two."""
-    words = ("--contacts", contacts, *words.split(), "--stress", "1e-6", "--steps", 16)
+    words = "--contacts moving --alpha 0.7 --omega 0.1,1 --cycles 3 --stress 1e-6 --steps 16".split()
     line = ("oscillate", packing, "--out", tmp_path / "2.h5", *words)
     assert launch.run(0, "run_interrupted.py", 1, *line).returncode < 0  # killed
     files = []
@@ -147,9 +135,8 @@ def test_steps_in_time_on_any_number_of_ranks(packing, tmp_path, contacts, words
         assert ("1 points are finished" in done.stderr) == (ranks == 2)
         files.append(load(tmp_path / f"{ranks}.h5"))
     one, two = files
-    assert (one.attributes["contacts"], one.attributes["control"]) == (contacts, "stress")
+    assert (one.attributes["contacts"], one.attributes["control"]) == ("moving", "stress")
     assert one.attributes["solver"] == "steps"
     np.testing.assert_array_equal(one["G"], two["G"])
-    if contacts == "moving":
-        np.testing.assert_array_equal(one["cycles"], [[6, 6]])
+    np.testing.assert_array_equal(one["cycles"], [[6, 6]])
     assert np.all(one["error"] < 0.05 * abs(one["G"]))

@@ -45,9 +45,7 @@ NORMAL, ALONG, ACROSS = (
 )
 
 
-@pytest.mark.parametrize(
-    ("omega", "options"), [(1e-4, ALONG), (3.0, ALONG), (3e-2, ACROSS), (3.0, ACROSS), (1e-4, NORMAL)]
-)
+@pytest.mark.parametrize(("omega", "options"), [(1e-4, ALONG), (3.0, ACROSS), (1e-4, NORMAL)])
 def test_small_strains_are_the_sweep(omega, options):
     with Sweep(published(), physics(**options), np.array([omega]), 1e-8, current().comm) as sweep:
         G, bound = sweep.G[0], sweep.bounds[0, 0]
@@ -73,7 +71,6 @@ def test_small_stresses_are_the_sweep(omega):
     ("alpha", "omega", "amplitude", "stress"),
     [
         (0.5, 2e-10, 1e-8, True),
-        (0.5, 2e-10, 1e-7, False),
         (2 / 3, 1e-6, 1e-7, False),
         (1.5, 5.0, 1e-6, True),
     ],

@@ -49,6 +49,7 @@ def test_counts_are_those_of_the_dense_eigenvalues(session, sample):
         pencil.destroy()
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("shift", [1e-14, 1e-10])
 def test_the_shift_hardly_matters(session, shift):
     """Four decades around the one that is used: no eigenvalue of a packing at p = 1e-7 lies between."""
@@ -91,6 +92,7 @@ def test_an_eigenvalue_at_the_very_value_is_not_counted_silently(session):
     matrix.destroy()
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("unit", [1.0, 1e-9])
 def test_asymmetry_is_measured(session, unit):
     matrix = session.PETSc.Mat().createAIJ(6, nnz=2, comm=session.comm)
@@ -104,6 +106,7 @@ def test_asymmetry_is_measured(session, unit):
     matrix.destroy()
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("sample", SAMPLES)
 def test_examination(session, sample):
     exact = reference(sample, str(physics()))
@@ -121,6 +124,7 @@ def test_examination(session, sample):
     assert max(facts.asymmetry_K, facts.asymmetry_B) < 1e-15
 
 
+@pytest.mark.most_ranks(1)
 def test_both_kinds_of_K_are_counted_whichever_is_asked_for(session):
     """Negative modes of gears are those with pre-stress, without it there are none."""
     network = build_network(SAMPLES["gears"](), session.comm, prestress=False)
@@ -129,6 +133,7 @@ def test_both_kinds_of_K_are_counted_whichever_is_asked_for(session):
     assert facts.pieces == facts.gears == 1 and facts.pins == 3 and facts.dofs == 3
 
 
+@pytest.mark.most_ranks(1)
 def test_nothing_is_symmetric(session):
     matrix = session.PETSc.Mat().createAIJ(4, nnz=1, comm=session.comm)
     matrix.assemble()
@@ -151,6 +156,7 @@ def test_why_a_response_is_not_unique(session):
     require_unique_response(build_network(SAMPLES["published"](), session.comm))
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize(
     ("negative", "zero", "says"),
     [
@@ -184,6 +190,7 @@ def test_negative_modes_are_none_by_cholesky_or_counted(session, monkeypatch):
         require_minimum(gears)
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("unit", [4.0, 4e-9])
 @pytest.mark.parametrize("size", [0.7e-12, 1.4e-12])
 def test_what_counts_as_zero_is_1e_12_of_the_diagonal(session, size, unit):

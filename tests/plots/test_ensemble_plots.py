@@ -73,7 +73,7 @@ def test_sizes_are_not_averaged(folder):
     ]
 
 
-@pytest.mark.parametrize("kind", [[], ["--kind", "storage"], ["--kind", "collapse"]])
+@pytest.mark.parametrize("kind", [[], ["--kind", "collapse"]])
 def test_pictures_of_a_study(folder, capsys, kind):
     assert cli.main(["plot", str(folder), *kind, "--out", str(folder / "x.png")]) == 0
     said = capsys.readouterr().out

@@ -49,8 +49,7 @@ def runs(tmp_path_factory):
 @pytest.mark.parametrize(
     "files, more, says",
     [
-        (slice(0, 1), (), "stress and pressure of 1 run over the strain"),
-        (slice(0, 2), (), "stress and pressure of 2 runs"),
+        (slice(0, 2), (), "stress and pressure of 2 runs over the strain"),
         (slice(0, 3), (), "flow curves of 3 runs at 2 rates"),
         (slice(0, 1), ("--kind", "snapshot"), "64 disks at strain 0.5"),
         (slice(1, 3), ("--kind", "snapshot"), "64 disks at strain 0.5, 64 disks at strain 0.5"),

@@ -90,8 +90,9 @@ PICTURES = [  # (function, what it draws, (x, y, scales) of the panels: linear o
 @pytest.mark.parametrize(("picture", "made", "panels"), PICTURES, ids=lambda part: getattr(part, "kind", ""))
 def test_axes_are_named_and_numbers_told(tmp_path, picture, made, panels):
     """Nothing leaves the page, no legend lies on data, and the numbers are those of the panels with their names."""
-    axes = np.ravel(picture(made(tmp_path)))
-    fig = axes[0].figure
+    shown = picture.draw(made(tmp_path))
+    axes, fig = shown.axes, shown.figure
+    assert shown.text  # what a command says
     require_inside(fig)
     words = {"linear": "-", "log": "l"}
     found = [

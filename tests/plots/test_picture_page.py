@@ -96,6 +96,18 @@ def test_the_numbers_that_are_drawn_are_written_with_the_names_of_their_axes(tmp
             jampetsc.plot(file, csv=tmp_path / name)
 
 
+def test_ends_of_bars_and_bands_are_written():
+    """Of the points that are numbers, in both directions."""
+    ax = Figure().subplots()
+    ax.errorbar([1.0, 2.0, 3.0], [4.0, np.nan, 6.0], [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]], 0.5, label="s")
+    ax.fill_between([1.0, 2.0], [0.0, 1.0], [3.0, 5.0], label="band")
+    names = ("x_value", "y_value", "x_low", "x_high", "y_low", "y_high")
+    found = [[row.get(name, np.nan) for name in names] for row in table([ax])]
+    points = [[1.0, 4.0, 0.5, 1.5, 3.9, 4.4], [3.0, 6.0, 2.5, 3.5, 5.7, 6.6]]
+    bands = [[x, np.nan, np.nan, np.nan, low, high] for x, low, high in ((1.0, 0.0, 3.0), (2.0, 1.0, 5.0))]
+    np.testing.assert_allclose(found, points + bands)
+
+
 def test_labels_without_tex():
     assert plain(r"$\omega_m\ [\sqrt{k/m}]$") == "omega_m [sqrt k/m]" and plain(r"$C(\delta)$") == "C(delta)"
     assert plain(r"$p/k=10^{-3}$, $N=64$") == "p/k=10^-3, N=64"

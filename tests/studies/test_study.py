@@ -96,6 +96,7 @@ def require_same(table, other, rtol=1e-7):
             assert table[name].tolist() == other[name].tolist(), name
 
 
+@pytest.mark.most_ranks(2)
 @pytest.mark.scalar("real")
 def test_the_table_is_the_same_on_any_number_of_ranks(session, shared_path):
     table = study(shared_path / "all", ALL)
@@ -120,16 +121,10 @@ seeds = "1:2"
 """
 
 
-def only_on(ranks):
-    """Skip a test that shows nothing more on other numbers of ranks: "one" or "several"."""
-    if (current().size == 1) != (ranks == "one"):
-        pytest.skip(f"shown on {ranks}")
-
-
 @pytest.mark.scalar("real")
+@pytest.mark.least_ranks(2)
 def test_large_tasks_are_done_by_all_ranks_together(session, shared_path, monkeypatch, capsys):
     """And what came out is told once."""
-    only_on("several")
     text = SMALL.replace("1:2", "1:1") + '[sweep]\nomega = "1"\nfields = "1"\n[correlate]\n'
     apart = study(shared_path / "apart", text)
     monkeypatch.setattr(study_run, "LARGE", 15)
@@ -183,9 +178,9 @@ def test_a_task_that_fails_is_a_row_and_the_others_go_on(session, shared_path, c
     assert before.items() <= after.items() and len(after) == len(before) + 1
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.scalar("real")
 def test_an_error_that_nobody_foresaw_is_a_row_too(session, shared_path, monkeypatch):
-    only_on("one")
     read = study_tasks.numbers_of
 
     def numbers_of(path):
@@ -200,9 +195,8 @@ def test_an_error_that_nobody_foresaw_is_a_row_too(session, shared_path, monkeyp
 
 
 @pytest.mark.scalar("real")
-@pytest.mark.most_ranks(2)
+@pytest.mark.most_ranks(1)
 def test_a_mean_is_of_the_seeds_that_there_are_and_is_not_taken_twice(session, shared_path, monkeypatch):
-    only_on("one")
     text = '[pack]\nn = 16\npressure = 1e-2\nseeds = "1:2"\n[sweep]\nomega = "1"\nfields = "1"\n[correlate]\n'
     read, lost = study_tasks.numbers_of, ["-s1-", "-s2-"]
 
@@ -223,9 +217,8 @@ def test_a_mean_is_of_the_seeds_that_there_are_and_is_not_taken_twice(session, s
 
 
 @pytest.mark.scalar("real")
-@pytest.mark.most_ranks(2)
+@pytest.mark.most_ranks(1)
 def test_more_seeds_are_added_and_the_rest_is_kept(session, shared_path):
-    only_on("one")
     text = '[pack]\nn = 16\npressure = 1e-2\nseeds = "1:2"\n[sweep]\nomega = "1"\nfields = "1"\n[correlate]\n'
     first = study(shared_path / "study", text)
     second = study(shared_path / "study", text.replace("1:2", "1:3"))
@@ -376,8 +369,8 @@ def together_but(monkeypatch, command, error, rank=None):
 
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(2)
+@pytest.mark.least_ranks(2)
 def test_what_reads_a_large_task_that_failed_fails_too(session, shared_path, monkeypatch, capsys):
-    only_on("several")
     together_but(monkeypatch, "sweep", InputError("lost"))
     text = SMALL.replace("1:2", "1:1").replace("[quasistatic]", '[sweep]\nomega = "1"\n[spectrum]')
     table = study(shared_path / "study", text, status=3)
@@ -393,9 +386,9 @@ def test_what_reads_a_large_task_that_failed_fails_too(session, shared_path, mon
 
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(2)
+@pytest.mark.least_ranks(2)
 def test_what_becomes_of_a_large_task_is_what_rank_0_says(session, shared_path, monkeypatch):
     """So that all go on with the same tasks."""
-    only_on("several")
     together_but(monkeypatch, "sweep", InputError("lost"), rank=1)
     text = SMALL.replace("1:2", "1:1").replace("[quasistatic]", '[sweep]\nomega = "1"\n[spectrum]')
     assert set(study(shared_path / "study", text)["state"]) == {"done"}
@@ -403,9 +396,9 @@ def test_what_becomes_of_a_large_task_is_what_rank_0_says(session, shared_path, 
 
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(2)
+@pytest.mark.least_ranks(2)
 def test_a_bug_in_what_all_do_together_is_no_row(session, shared_path, monkeypatch):
     """One rank alone may have met it: the others would wait for it in the next task."""
-    only_on("several")
     together_but(monkeypatch, "quasistatic", ZeroDivisionError("a bug"))
     with pytest.raises(ZeroDivisionError, match="a bug"):
         study(shared_path / "study", SMALL.replace("1:2", "1:1"))
@@ -455,9 +448,9 @@ def test_a_rank_that_fails_alone_ends_all(tmp_path, ranks):
     assert done.stderr.count("error: ") == 1 and len(records_of(folder)) < ranks
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.scalar("real")
 def test_what_a_kill_left_is_taken_over_and_tidied(session, shared_path):
-    only_on("one")
     folder = shared_path / "study"
     name = study(folder, SMALL).where(command="quasistatic")["file"][0]
     made = (folder / name).stat().st_mtime_ns
