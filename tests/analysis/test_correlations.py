@@ -419,7 +419,7 @@ def test_the_collapse_of_lengths_is_told_in_numbers(tmp_path, capsys):
     with pytest.raises(InputError, match="--log-exponent 11: must lie in"):
         cli.dispatch(["plot", *files, "--log-exponent", "11", "--out", str(tmp_path / "p.png")])
     with pytest.raises(
-        InputError, match=r"log_exponent 1\.0: belongs to length pictures, not to correlation"
+        InputError, match=r"--log-exponent 1\.0: belongs to length pictures, not to correlation"
     ):
         cli.dispatch(
             ["plot", *files, "--kind", "correlation", "--log-exponent", "1", "--out", str(tmp_path / "p.png")]

@@ -63,6 +63,8 @@ def small(words, folder):
             named[n] = "0.05"
         if words[n - 1] == "--strain" and "," in words[n]:
             named[n] = "1e-4"
+    if words[0] == "pack" and "--pressure" in words and "--stabilise" not in words:
+        named += ["--stabilise", "shear"]  # at so small sizes the shear modulus would often be negative
     if words[0] == "oscillate":
         named += [] if "--steps" in words else ["--steps", "16"]
         named += ["--cycles", "3"] if "moving" in words else []
