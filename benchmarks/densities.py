@@ -194,8 +194,11 @@ def _draw_distributions(ax, cold):
         share = (np.arange(len(values)) + 0.5) / max(len(values), 1)
         line = "-" if one.strain else "--"
         ax.plot(values, share, ls=line, color=look["color"], label=f"{_told(one)} ({one.rate:g})")
-    ax.set(xlabel=r"$\phi_J$", ylabel=r"share with less $\phi_J$", ylim=(-0.04, 1.04))
-    ax.legend(title="cooled at (rate)", fontsize=7)
+    ax.set(
+        xlabel=r"$\phi_J$", ylabel=r"share with less $\phi_J$", ylim=(-0.04, 1.6)
+    )  # with room for the legend
+    ax.set_yticks(np.linspace(0.0, 1.0, 6))
+    ax.legend(title="cooled at (rate)", fontsize=7, loc="upper left")
 
 
 def _draw_steps(ax, jammed):
