@@ -123,7 +123,9 @@ def mean_pressure(runs):
 def energies(table):
     """U/(N k_e) of all random and sheared states, (S,)."""
     some = [one["energy"] for name in ("random", "shear") for one in of_protocol(table, name)]
-    some = np.concatenate(some) if some else np.zeros(0)
+    some = np.concatenate(
+        [*some, np.zeros(0)]
+    )  # as double: what is kept is single, whose least is the lowest bin
     return some[np.isfinite(some)]
 
 
