@@ -123,9 +123,8 @@ def mean_pressure(runs):
 def energies(table):
     """U/(N k_e) of all random and sheared states, (S,)."""
     some = [one["energy"] for name in ("random", "shear") for one in of_protocol(table, name)]
-    some = np.concatenate(
-        [*some, np.zeros(0)]
-    )  # as double: what is kept is single, whose least is the lowest bin
+    # as double: what is kept is single, whose least is the lowest bin
+    some = np.concatenate([*some, np.zeros(0)])
     return some[np.isfinite(some)]
 
 
@@ -196,9 +195,8 @@ def _draw_distributions(ax, cold):
         share = (np.arange(len(values)) + 0.5) / max(len(values), 1)
         line = "-" if one.strain else "--"
         ax.plot(values, share, ls=line, color=look["color"], label=f"{_told(one)} ({one.rate:g})")
-    ax.set(
-        xlabel=r"$\phi_J$", ylabel=r"share with less $\phi_J$", ylim=(-0.04, 1.6)
-    )  # with room for the legend
+    ax.set(xlabel=r"$\phi_J$", ylabel=r"share with less $\phi_J$")
+    ax.set_ylim(-0.04, 1.6)  # with room for the legend
     ax.set_yticks(np.linspace(0.0, 1.0, 6))
     ax.legend(title="cooled at (rate)", fontsize=7, loc="upper left")
 

@@ -24,11 +24,12 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+import common
 import touched
 from sites import drawn, faults
 
 ROOT = Path(__file__).resolve().parents[2]
-MPIRUN = ["mpirun", "--oversubscribe", "--bind-to", "none", "-n"]
 SLOWER = 20  # times what its tests take without a fault, and
 START = 120  # seconds beside: then a fault counts as one that hangs
 COMPILING = 600  # more of them where loops are compiled anew
@@ -80,29 +81,18 @@ class Copy:
 
     def pytest(self, stage, ranks, tests, seconds=None, more=(), environment=None):
         """(exit status, output) of these tests; None for the status if they take longer."""
-        env = os.environ | {
-            "OMP_NUM_THREADS": "1",
-            "OPENBLAS_NUM_THREADS": "1",
-            "OMPI_MCA_mpi_yield_when_idle": "1",
-        }
-        env |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"} | (environment or {})
+        env = common.environment() | (environment or {})
+        if ranks > 1:
+            env["OMPI_MCA_mpi_yield_when_idle"] = "1"  # as run/test does
         env["PYTHONPATH"] = os.pathsep.join(filter(None, [str(self.root), env.get("PYTHONPATH")]))
         env.pop("PYTHONDONTWRITEBYTECODE", None)
         self.temporary.mkdir(exist_ok=True)
         env["PYTEST_DEBUG_TEMPROOT"] = str(self.temporary)
-        line = [
-            self.root / ".venv/bin/python",
-            "-m",
-            "pytest",
-            "-q",
-            "--color=no",
-            "-p",
-            "no:cacheprovider",
-            *more,
-        ]
+        words = "-m pytest -q --color=no -p no:cacheprovider".split()
+        line = [self.root / ".venv/bin/python", *words, *more]
         if stage != "plain":
             env["JAMPETSC_TEST_SCALAR"] = stage
-            line = [*MPIRUN, str(ranks), *line]
+            line = [*common.mpirun(ranks), *line]
         with tempfile.TemporaryFile("w+") as out:
             pipes = {"stdout": out, "stderr": subprocess.STDOUT, "stdin": subprocess.DEVNULL}
             running = subprocess.Popen(

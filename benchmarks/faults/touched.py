@@ -127,9 +127,8 @@ def callers(trees: dict[str, ast.Module]) -> dict[tuple[str, str], set[tuple[str
         (m, node) for m, tree in trees.items() for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)
     ]
     loops = {node.name for _, node in functions if is_compiled(node)}
-    users = defaultdict(
-        set
-    )  # of a compiled function: names of those that are compiled, lines of those that are not
+    # of a compiled function: names of those that are compiled, lines of those that are not
+    users = defaultdict(set)
     for module, node in functions:
         for one in ast.walk(node):
             name = getattr(one, "id", getattr(one, "attr", None))

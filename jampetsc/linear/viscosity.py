@@ -56,14 +56,14 @@ class Viscosity:
         With drag it must be without the mean of each piece, else with the disks of pins at rest.
         """
         network, law, c = self.network, self.law, self.compatibility
+        start = np.zeros((len(displacement), law.dofs))
+        start[:, :2] = displacement
         parts = {}
         if law.drag or law.eta_f:
-            drag = network.damping(law) * law.drag * network.sum(float(np.sum(displacement**2)))
+            drag = network.sum(float(c.drag @ start.ravel() ** 2))
             parts = {"drag": drag / network.area, "fluid": c.drag_gg / network.area}
         if not law.damps_contacts:
             return Flow(parts, None, None)
-        start = np.zeros((len(displacement), law.dofs))
-        start[:, :2] = displacement
         if law.couples_rotations:
             solve, destroy = self._turns()
             flow = relax(c, c.w_B, solve, c.g, "rotations of the quasistatic flow", start.ravel())

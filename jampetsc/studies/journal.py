@@ -74,9 +74,8 @@ class Claims:
             return False
         if self._made(path):
             return True
-        self._taken = set(
-            os.listdir(self.folder)
-        )  # of all that others have: one look instead of one for each
+        # of all that others have: one look instead of one for each
+        self._taken = set(os.listdir(self.folder))
         return False
 
     def settle(self, task, done: bool) -> None:
