@@ -4,10 +4,15 @@ A minimisation is a few hundred thousand steps of a fraction of a millisecond, s
 per step at most: they are started once, each stays inside one compiled function (without python's global lock)
 for many steps, and they meet at barriers on a shared counter. Every thread takes the same decisions from the same
 sums: the shares are added in the same order whatever the number of threads.
+
+The system likes to wake a thread on the core that called it. Two that spin at a barrier and offer each other the core
+look to it like two programs at work, and it leaves them there, taking turns: so each begins by stepping aside.
 """
 
+import ctypes
 import os
 import time
+from collections import deque
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -17,7 +22,9 @@ from numba.np.arrayobj import make_array
 
 from jampetsc.core.compiled import compiled
 
-LOOK = 16  # runs after which the slower number of threads is tried again
+LOOK = 32  # runs after which the slower number of threads is tried again,
+TRIAL = 4  # for so many: in the first ones threads wake up, and find nothing in their caches
+HOPELESS = 3.0  # times slower than the other number: then not
 SPINS = 2000  # looks at the counter before the core is offered to others: about a microsecond
 
 _yield = types.ExternalFunction("sched_yield", types.int32())
@@ -60,9 +67,18 @@ def meet(counter, threads):
             _yield()
 
 
+_LINUX = hasattr(os, "sched_getaffinity")
+_libc = ctypes.CDLL(None)
+
+
+def _core() -> int:
+    """The core that this thread runs on; −1 where the system does not tell."""
+    return _libc.sched_getcpu() if _LINUX else -1
+
+
 def cores() -> int:
     """How many cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return len(os.sched_getaffinity(0)) if _LINUX else os.cpu_count() or 1
 
 
 class Team:
@@ -76,27 +92,51 @@ class Team:
     def __init__(self, size: int = 1):
         self.size = size
         self._others = ThreadPoolExecutor(size - 1) if size > 1 else None
-        self._paces = {}  # (function, threads) -> seconds per step, the last time
+        self._at = [-1] * size  # the cores on which threads began
+        self._paces = {}  # (function, most threads) -> {threads: seconds per step, the last few times}
         self._runs = 0
 
     def run(self, function, shares: int, *arguments):
         """What `function` returns on this thread, once all have returned; at most `shares` threads take part."""
-        threads = self._fastest(function, min(self.size, shares))
+        most = min(self.size, shares)
+        threads = self._fastest(function, most)
         counter = np.zeros(1, np.int64)
         compiled = bool(function.signatures)
         began = time.perf_counter()
-        others = [self._others.submit(function, me, threads, counter, *arguments) for me in range(1, threads)]
+        self._at[0] = _core()
+        others = [
+            self._others.submit(self._aside, function, me, threads, counter, *arguments)
+            for me in range(1, threads)
+        ]
         mine = function(0, threads, counter, *arguments)
         for other in others:
             other.result()
-        if compiled:
-            self._paces[function, threads] = (time.perf_counter() - began) / max(mine[1], 1)
+        if compiled and most > 1:
+            pace = (time.perf_counter() - began) / max(mine[1], 1)
+            self._paces[function, most][threads].append(pace)
         return mine
 
+    def _aside(self, function, me, *arguments):
+        """What `function` returns on thread `me`, which steps aside if one before it has the core."""
+        taken = set(self._at[:me])
+        if _LINUX and _core() in taken:
+            allowed = os.sched_getaffinity(0)
+            if free := allowed - taken:
+                os.sched_setaffinity(0, free)
+                os.sched_setaffinity(0, allowed)  # where it is now, until the system knows better
+        self._at[me] = _core()
+        return function(me, *arguments)
+
     def _fastest(self, function, most):
-        """All of `most` threads or one alone: what was faster, or in every LOOK-th run the other."""
+        """All of `most` threads or one alone: what was faster of late, or from time to time the other."""
         if most == 1:
             return 1
+        paces = self._paces.setdefault((function, most), {n: deque(maxlen=TRIAL) for n in (most, 1)})
+        # what was not tried enough yet is
+        wanted = {most: TRIAL, 1: 1}
+        least = {n: min(paces[n]) if len(paces[n]) >= wanted[n] else 0.0 for n in wanted}
+        fastest, other = sorted(wanted, key=least.get)
+        turn = self._runs % LOOK
         self._runs += 1
-        fastest, other = sorted((most, 1), key=lambda threads: self._paces.get((function, threads), 0.0))
-        return other if self._runs % LOOK == 0 else fastest
+        hopeless = turn and least[fastest] and paces[other][-1] > HOPELESS * least[fastest]
+        return other if turn < wanted[other] and not hopeless else fastest

@@ -1,0 +1,75 @@
+"""Threads that step together: on cores of their own, as many as get on faster."""
+
+import os
+
+import numpy as np
+import pytest
+from numba import types
+
+from jampetsc.core import threads
+from jampetsc.core.compiled import compiled
+from jampetsc.core.threads import LOOK, TRIAL, Team, meet
+
+_core = types.ExternalFunction("sched_getcpu", types.int32())
+
+
+@compiled(False, cache=False, nogil=True)
+def note_cores(me, size, counter, cores, steps):
+    """Each thread writes its core into `cores`, once all are there."""
+    for _ in range(steps):
+        meet(counter, size)
+    cores[me] = _core()
+    return size, steps
+
+
+@pytest.mark.skipif(not hasattr(threads.os, "sched_getaffinity"), reason="the system does not tell cores")
+def test_threads_run_on_cores_of_their_own():
+    apart = []
+    for _ in range(5):
+        team = Team(2)
+        for _ in range(1 + TRIAL):
+            cores = np.full(2, -1)
+            if team.run(note_cores, 2, cores, 1000)[0] == 2:
+                apart.append(cores[0] != cores[1])
+    assert len(apart) >= 5 * (TRIAL - 1)
+    # the system may move one at any time, but seldom does
+    assert np.mean(apart) > 0.7 or threads.cores() == 1
+
+
+def test_a_thread_may_go_where_it_might_before():
+    allowed = os.sched_getaffinity(0)
+    team = Team(2)
+    for _ in range(3):
+        team.run(note_cores, 2, np.zeros(2, int), 10)
+    assert team._others.submit(os.sched_getaffinity, 0).result() == allowed
+
+
+def chosen(team, runs, pace):
+    """How many threads take part in each of so many runs where n take pace(n) seconds per step."""
+    numbers = []
+    for _ in range(runs):
+        numbers.append(team._fastest("a function", 2))
+        team._paces["a function", 2][numbers[-1]].append(pace(numbers[-1]))
+    return numbers
+
+
+@pytest.mark.parametrize("slower", [1, 2])
+def test_as_many_threads_take_part_as_get_on_faster(slower):
+    team, faster = Team(2), 3 - slower
+    first = chosen(team, 2 * LOOK, lambda n: 1.5 if n == slower else 1.0)
+    assert first.count(2) >= TRIAL and first.count(1) >= 1
+    # the slower number is tried now and then, and soon the only one where things have changed
+    later = chosen(team, LOOK, lambda n: 1.5 if n == slower else 1.0)
+    assert later.count(faster) >= LOOK - TRIAL and later.count(slower) >= 1
+    changed = chosen(team, 3 * LOOK, lambda n: 1.5 if n == faster else 1.0)
+    assert changed[-LOOK:].count(slower) >= LOOK - TRIAL
+
+
+def test_one_cold_start_decides_nothing_and_a_hopeless_trial_ends():
+    slow = iter([30.0, 20.0, 1.0, 1.0])
+    assert chosen(Team(2), LOOK, lambda n: next(slow, 1.0) if n == 2 else 2.0)[1 + TRIAL :] == [2] * (
+        LOOK - 1 - TRIAL
+    )
+    team = Team(2)
+    chosen(team, LOOK, lambda n: 50.0 if n == 2 else 1.0)
+    assert chosen(team, LOOK, lambda n: 50.0 if n == 2 else 1.0).count(2) == 1
