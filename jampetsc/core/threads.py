@@ -26,6 +26,7 @@ LOOK = 32  # runs after which the slower number of threads is tried again,
 TRIAL = 4  # for so many: in the first ones threads wake up, and find nothing in their caches
 HOPELESS = 3.0  # times slower than the other number: then not
 SPINS = 2000  # looks at the counter before the core is offered to others: about a microsecond
+LISTENS = 4000  # such offers, one to three milliseconds, before a thread that has nothing to do goes to sleep
 
 _yield = types.ExternalFunction("sched_yield", types.int32())
 
@@ -67,6 +68,20 @@ def meet(counter, threads):
             _yield()
 
 
+@compiled(False, nogil=True)
+def _listen(counter):
+    """Wait for the first of a new run to arrive, but not for long.
+
+    A core that fell asleep takes half a millisecond to wake, as long as ten steps. The first one to arrive does not
+    hold python's lock, for which this thread would fall asleep as well.
+    """
+    looks = 0
+    while _look(counter) == 0 and looks < SPINS + LISTENS:
+        looks += 1
+        if looks > SPINS:
+            _yield()
+
+
 _LINUX = hasattr(os, "sched_getaffinity")
 _libc = ctypes.CDLL(None)
 
@@ -92,6 +107,7 @@ class Team:
     def __init__(self, size: int = 1):
         self.size = size
         self._others = ThreadPoolExecutor(size - 1) if size > 1 else None
+        self._counter = np.zeros(1, np.int64)
         self._at = [-1] * size  # the cores on which threads began
         self._paces = {}  # (function, most threads) -> {threads: seconds per step, the last few times}
         self._runs = 0
@@ -100,7 +116,7 @@ class Team:
         """What `function` returns on this thread, once all have returned; at most `shares` threads take part."""
         most = min(self.size, shares)
         threads = self._fastest(function, most)
-        counter = np.zeros(1, np.int64)
+        counter = self._counter
         compiled = bool(function.signatures)
         began = time.perf_counter()
         self._at[0] = _core()
@@ -111,6 +127,9 @@ class Team:
         mine = function(0, threads, counter, *arguments)
         for other in others:
             other.result()
+        counter[0] = 0
+        for _ in others:
+            self._others.submit(_listen, counter)
         if compiled and most > 1:
             pace = (time.perf_counter() - began) / max(mine[1], 1)
             self._paces[function, most][threads].append(pace)
