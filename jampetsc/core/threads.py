@@ -12,7 +12,7 @@ look to it like two programs at work, and it leaves them there, taking turns: so
 import ctypes
 import os
 import time
-from collections import deque
+from collections import Counter, deque
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -22,9 +22,9 @@ from numba.np.arrayobj import make_array
 
 from jampetsc.core.compiled import compiled
 
-LOOK = 32  # runs after which the slower number of threads is tried again,
-TRIAL = 4  # for so many: in the first ones threads wake up, and find nothing in their caches
-HOPELESS = 3.0  # times slower than the other number: then not
+LOOK = 32  # runs, of which the first is one thread's,
+TRIAL = 4  # so many of all: in the first ones they wake up, and find nothing in their caches
+HOPELESS = 3.0  # times slower than one alone: then no more of them
 SPINS = 2000  # looks at the counter before the core is offered to others: about a microsecond
 LISTENS = 4000  # such offers, one to three milliseconds, before a thread that has nothing to do goes to sleep
 
@@ -110,7 +110,7 @@ class Team:
         self._counter = np.zeros(1, np.int64)
         self._at = [-1] * size  # the cores on which threads began
         self._paces = {}  # (function, most threads) -> {threads: seconds per step, the last few times}
-        self._runs = 0
+        self._runs = Counter()
 
     def run(self, function, shares: int, *arguments):
         """What `function` returns on this thread, once all have returned; at most `shares` threads take part."""
@@ -147,15 +147,16 @@ class Team:
         return function(me, *arguments)
 
     def _fastest(self, function, most):
-        """All of `most` threads or one alone: what was faster of late, or from time to time the other."""
+        """All of `most` threads or one alone: what was faster of late, both tried again and again."""
         if most == 1:
             return 1
-        paces = self._paces.setdefault((function, most), {n: deque(maxlen=TRIAL) for n in (most, 1)})
-        # what was not tried enough yet is
-        wanted = {most: TRIAL, 1: 1}
-        least = {n: min(paces[n]) if len(paces[n]) >= wanted[n] else 0.0 for n in wanted}
-        fastest, other = sorted(wanted, key=least.get)
-        turn = self._runs % LOOK
-        self._runs += 1
-        hopeless = turn and least[fastest] and paces[other][-1] > HOPELESS * least[fastest]
-        return other if turn < wanted[other] and not hopeless else fastest
+        key = function, most
+        paces = self._paces.setdefault(key, {n: deque(maxlen=TRIAL) for n in (most, 1)})
+        turn = self._runs[key] % LOOK
+        self._runs[key] += 1
+        if turn == 0 or not paces[1]:
+            return 1
+        alone, together = min(paces[1]), paces[most]
+        if turn <= TRIAL and (turn == 1 or not together or together[-1] < HOPELESS * alone):
+            return most
+        return most if min(together) < alone else 1

@@ -31,9 +31,9 @@ def test_threads_run_on_cores_of_their_own():
             cores = np.full(2, -1)
             if team.run(note_cores, 2, cores, 1000)[0] == 2:
                 apart.append(cores[0] != cores[1])
-    assert len(apart) >= 5 * (TRIAL - 1)
+    assert len(apart) >= 5
     # the system may move one at any time, but seldom does
-    assert np.mean(apart) > 0.7 or threads.cores() == 1
+    assert np.mean(apart) > 0.5 or threads.cores() == 1
 
 
 def test_a_thread_may_go_where_it_might_before():
@@ -56,20 +56,15 @@ def chosen(team, runs, pace):
 @pytest.mark.parametrize("slower", [1, 2])
 def test_as_many_threads_take_part_as_get_on_faster(slower):
     team, faster = Team(2), 3 - slower
-    first = chosen(team, 2 * LOOK, lambda n: 1.5 if n == slower else 1.0)
-    assert first.count(2) >= TRIAL and first.count(1) >= 1
-    # the slower number is tried now and then, and soon the only one where things have changed
-    later = chosen(team, LOOK, lambda n: 1.5 if n == slower else 1.0)
-    assert later.count(faster) >= LOOK - TRIAL and later.count(slower) >= 1
+    assert chosen(team, 1 + TRIAL, lambda n: 1.5 if n == slower else 1.0) == [1] + [2] * TRIAL
+    later = chosen(team, 2 * LOOK, lambda n: 1.5 if n == slower else 1.0)
+    assert later.count(faster) >= 2 * (LOOK - TRIAL) and later.count(slower) >= 1
+    # what has changed is noticed
     changed = chosen(team, 3 * LOOK, lambda n: 1.5 if n == faster else 1.0)
     assert changed[-LOOK:].count(slower) >= LOOK - TRIAL
 
 
-def test_one_cold_start_decides_nothing_and_a_hopeless_trial_ends():
-    slow = iter([30.0, 20.0, 1.0, 1.0])
-    assert chosen(Team(2), LOOK, lambda n: next(slow, 1.0) if n == 2 else 2.0)[1 + TRIAL :] == [2] * (
-        LOOK - 1 - TRIAL
-    )
-    team = Team(2)
-    chosen(team, LOOK, lambda n: 50.0 if n == 2 else 1.0)
-    assert chosen(team, LOOK, lambda n: 50.0 if n == 2 else 1.0).count(2) == 1
+def test_one_cold_start_decides_nothing_but_a_hopeless_trial_ends():
+    cold = iter([2.5, 2.0, 1.5, 1.0])
+    assert 1 not in chosen(Team(2), LOOK, lambda n: next(cold, 1.0) if n == 2 else 1.2)[1:]
+    assert chosen(Team(2), 2 * LOOK, lambda n: 50.0 if n == 2 else 1.0).count(2) == 2
