@@ -107,7 +107,7 @@ class Team:
     def __init__(self, size: int = 1):
         self.size = size
         self._others = ThreadPoolExecutor(size - 1) if size > 1 else None
-        self._counter = np.zeros(1, np.int64)
+        self._counter = np.zeros(1, np.int64)  # of the next run
         self._at = [-1] * size  # the cores on which threads began
         self._paces = {}  # (function, most threads) -> {threads: seconds per step, the last few times}
         self._runs = Counter()
@@ -116,7 +116,7 @@ class Team:
         """What `function` returns on this thread, once all have returned; at most `shares` threads take part."""
         most = min(self.size, shares)
         threads = self._fastest(function, most)
-        counter = self._counter
+        counter, self._counter = self._counter, np.zeros(1, np.int64)
         compiled = bool(function.signatures)
         began = time.perf_counter()
         self._at[0] = _core()
@@ -127,9 +127,8 @@ class Team:
         mine = function(0, threads, counter, *arguments)
         for other in others:
             other.result()
-        counter[0] = 0
         for _ in others:
-            self._others.submit(_listen, counter)
+            self._others.submit(_listen, self._counter)
         if compiled and most > 1:
             pace = (time.perf_counter() - began) / max(mine[1], 1)
             self._paces[function, most][threads].append(pace)
