@@ -24,7 +24,6 @@ import numpy as np
 
 from jampetsc.mechanics.assembly import ROW
 from jampetsc.mechanics.compatibility import Compatibility
-from jampetsc.petsc.matrices import diagonal_of, largest_entry
 
 EPSILON = float(np.finfo(float).eps)
 # of a contact's motion, relative to its terms: bond, distance, normal, products and sum; also of sums of such forces
@@ -82,18 +81,11 @@ class Functional:
 
     def __init__(self, compatibility: Compatibility):
         self.compatibility = compatibility
-        pencil = compatibility.pencil
-        self.network = pencil.network
-        self.stiffest = [largest_entry(matrix) for matrix in (pencil.K, pencil.B)]
-        self._diagonals = [diagonal_of(matrix) for matrix in (pencil.K, pencil.B)]
+        self.pencil = compatibility.pencil
+        self.network = self.pencil.network
         squares = compatibility.g**2
         affine = np.array([compatibility.size_K @ squares, compatibility.w_B @ squares])
         self.affine = np.sqrt(self.network.sum(affine))
-
-    def diagonal(self, omega):
-        """That of K + ωB, (n_local,)."""
-        of_K, of_B = self._diagonals
-        return of_K + omega * of_B
 
     def trial(self, omega, x, strain: float = 1.0) -> Trial:
         """The field x (n_local,), complex, with what it leaves."""
@@ -119,12 +111,12 @@ class Functional:
         forces2 = np.divide(forces2, there, out=np.zeros_like(there), where=there > 0.0)
         local = [
             np.sum(forces2),
-            self.diagonal(trial.omega) @ x2,
+            self.pencil.diagonal(trial.omega) @ x2,
             here @ (trial.strain * c.g) ** 2,
             np.sum((trial.omega * c.drag) ** 2 * x2 / diagonal),
         ]
         of_sums, of_x, of_g, of_drag = self.network.sum(np.array(local))
-        stretch = self.network.max(float((self.diagonal(omega) / diagonal).max(initial=0.0)))
+        stretch = self.network.max(self.pencil.diagonal(omega) / diagonal)
         of_motions = max(1.0, trial.omega / omega) * (np.sqrt(ROW * of_x) + np.sqrt(of_g)) ** 2
         return float(ROUNDING * np.sqrt(ROW * stretch * (of_sums + of_motions) + of_drag))
 
@@ -133,25 +125,22 @@ class Functional:
         c, network, omega = self.compatibility, self.network, trial.omega
         a, field = trial.motions, trial.x
         parts = np.array([a.real**2, a.imag**2, a.real * a.imag])
-        drag = np.array(
-            [c.drag @ square for square in (field.real**2, field.imag**2, field.real * field.imag)]
+        squares = field.real**2, field.imag**2, field.real * field.imag
+        drag, lengths = (
+            np.array([c.drag @ square for square in squares]),
+            np.array(list(map(np.sum, squares))),
         )
-        (K_rr, K_ii, K_ri), (B_rr, B_ii, B_ri), (abs_rr, abs_ii, _), (x_rr, x_ii) = (
-            network.sum(sums)
-            for sums in (
-                parts @ c.w_K,
-                parts @ c.w_B + drag,
-                parts @ c.size_K,
-                np.array([np.sum(field.real**2), np.sum(field.imag**2)]),
-            )
-        )
+        local = parts @ c.w_K, parts @ c.w_B + drag, parts @ c.size_K, lengths
+        (K_rr, K_ii, K_ri), (B_rr, B_ii, B_ri), (abs_rr, abs_ii, _), (x_rr, x_ii, _) = map(network.sum, local)
         B_rr += c.drag_gg
         elastic, viscous = complex(K_rr - K_ii, 2.0 * K_ri), complex(B_rr - B_ii, 2.0 * B_ri)
         # Evaluating a is off by ε|C||x|, and Σ w (|C||x|)² ≤ 6 max(diagonal) |x|², six unknowns at most in a
         # row. The coefficients are off by a few ε; they multiply relative motions, and g. The rest is Cauchy
         # and Schwarz. Real and imaginary parts are kept apart: at low frequency they differ by many decades.
         noise = e_Kr, e_Ki, e_Br, e_Bi = np.sqrt([abs_rr, abs_ii, B_rr, B_ii])
-        noise = 7.0 * noise + np.sqrt([ROW * most * norm for most in self.stiffest for norm in (x_rr, x_ii)])
+        noise = 7.0 * noise + np.sqrt(
+            [ROW * most * norm for most in self.pencil.largest for norm in (x_rr, x_ii)]
+        )
         noise[::2] += 4.0 * self.affine
         d_Kr, d_Ki, d_Br, d_Bi = noise
         storage = e_Kr * (e_Kr + d_Kr) + e_Ki * (e_Ki + d_Ki)
@@ -195,8 +184,7 @@ def field_bound(
     energy, norm2 = network.sum(local)
     if energy == 0.0:  # a crystal: nothing moves against the strain
         return 0.0 if squared == 0.0 else float("inf")
-    stiffest = ROW * sum(
-        factor * largest_entry(matrix) for factor, matrix in ((1.0, c.pencil.K), (omega, c.pencil.B))
-    )
+    of_K, of_B = c.pencil.largest
+    stiffest = ROW * (of_K + omega * of_B)
     rounding = 4.0 * EPSILON * np.sqrt(stiffest) * max(np.sqrt(norm2), size or 0.0)
     return float((np.sqrt(abs(squared)) + rounding) / np.sqrt(abs(energy)))

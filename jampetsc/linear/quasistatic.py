@@ -20,13 +20,12 @@ import numpy as np
 
 from jampetsc.analysis.distribution import Distribution
 from jampetsc.core.laws import Law, Physics
-from jampetsc.errors import InputError, named
+from jampetsc.errors import about
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_identified, source_told
 from jampetsc.linear.elastic import ElasticResponse
 from jampetsc.linear.record import run_record
 from jampetsc.linear.refined_solve import Relaxed
-from jampetsc.linear.run import split_field
 from jampetsc.linear.viscosity import Flow, Viscosity
 from jampetsc.mechanics.network import Network, build_network
 from jampetsc.petsc.session import current
@@ -75,7 +74,7 @@ def solve(network: Network, law: Law, viscosity: Viscosity) -> Quasistatic:
     elastic = ElasticResponse(network)
     try:
         shear, compression = elastic.shear(), elastic.compression()
-        nonaffine, _ = split_field(elastic.pencil, shear.x)
+        nonaffine, _ = elastic.pencil.split(shear.x)
         G_affine = elastic.pencil.k_gg / network.area
     finally:
         elastic.destroy()
@@ -120,10 +119,8 @@ def run(packing, to: Outlet, physics: Physics, betas=()) -> Outcome:
     session = current()
     disks, identity = read_identified(packing, session.comm)
     to.made_from(disks)
-    try:
+    with about(source_told(packing)):
         outcome = _solve_all(build_network(disks, session.comm, physics.prestress), physics.law, betas)
-    except InputError as error:
-        raise InputError(f"{source_told(packing)}: {error.told(named)}") from None
     with session.stage("output"), to.writer(FORMAT, session.comm) as writer:
         _write(writer, outcome)
         writer.attributes(**run_record(disks, identity, physics.parameters, outcome.network, started))

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from jampetsc.mechanics.assembly import Pencil, forms_of, weights
-from jampetsc.petsc.session import current
+from jampetsc.petsc.matrices import distributed_matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,10 +32,12 @@ class Compatibility:
     size_K: (
         np.ndarray
     )  # (rows,) |w_K| plus what rounding may do to it, in units of ε: an overlap is off by ε σ
-    drag: (
-        np.ndarray
-    )  # (n_local,) kτ₁ times the drag, 0 for angles: the part of B that acts on disks, not contacts
+    drag: np.ndarray  # (n_local,) kτ₁ times the drag, 0 for angles: what B has of disks, not of contacts
     drag_gg: float  # the part of b_γγ that does not come from contacts, kτ₁ η_F V
+
+    def dissipation(self, motions, field) -> float:
+        """aᵀ W_B a + xᵀ drag x of real motions a (rows,) and their field x (n_local,): this rank's part of the sum."""
+        return self.w_B @ motions**2 + self.drag @ field**2
 
     def motions(self, x):
         """C x, (rows,) local, for local unknowns x (n_local,), real or complex in either build. Collective."""
@@ -91,16 +93,7 @@ def build_compatibility(pencil: Pencil) -> Compatibility:
         (values.ravel(), columns.ravel(), np.arange(m * f + 1) * 2 * d), shape=(m * f, pencil.unknowns)
     )
     local.sort_indices()
-    PETSc = current().PETSc
-    C = PETSc.Mat().createAIJ(
-        ((m * f, None), ((network.last - network.first) * d, pencil.unknowns)),
-        csr=(
-            local.indptr.astype(PETSc.IntType),
-            local.indices.astype(PETSc.IntType),
-            local.data.astype(PETSc.ScalarType),
-        ),
-        comm=network.comm,
-    )
+    C = distributed_matrix(network.comm, local, local.data, (network.last - network.first) * d)
     damping = network.damping(law)
     drag = np.zeros((network.last - network.first, d))
     drag[:, :2] = damping * law.drag

@@ -7,15 +7,27 @@ its residual is looked at and refined away. What a success proves is another mat
 import numpy as np
 
 from jampetsc.errors import ConvergenceError
-from jampetsc.petsc import mumps, stopped
+from jampetsc.petsc import mumps
 from jampetsc.petsc.proof import doubt
 from jampetsc.petsc.session import current
 
-NOT_POSITIVE = 81  # PETSC_ERR_MAT_CH_ZRPVT, what CHOLMOD's breakdown becomes
+# PETSC_ERR_MAT_CH_ZRPVT, what CHOLMOD's breakdown becomes, and what MUMPS says in INFOG(1)
+NOT_POSITIVE = 81, -10, -40
 # |b − A x| ≤ SOLVED (|A| |x| + |b|): more than a factor of A leaves. Computing it is off by some ROUNDED of the same.
 SOLVED = 1e-14
 ROUNDED = 4.0 * float(np.finfo(float).eps)
 REFINEMENTS = 40  # one of few digits needs some, one that does not halve the residual gets nowhere
+DEFAULTS = {"ksp_type": "preonly", "pc_type": "cholesky"}
+CHOLMOD = {
+    "pc_factor_mat_solver_type": "cholmod",
+    "mat_cholmod_factor": "SUPERNODAL",  # dense blocks, the fastest; L Lᵀ: a simplicial L D Lᵀ lets pivots < 0 pass
+    "mat_cholmod_print": 0,  # a failure is an answer, not worth a warning
+}
+MUMPS = {
+    "pc_factor_mat_solver_type": "mumps",
+    "mat_mumps_icntl_7": 2,  # approximate minimum fill
+    "mat_mumps_icntl_13": 1,  # no ScaLAPACK at the root: pivots ≤ 0 are counted
+}
 TRIALS, STEPS, TAU = 2, 2, 1e-3  # see `least_eigenvalue`
 
 
@@ -47,34 +59,12 @@ class Cholesky:
     """
 
     def __init__(self, matrix, prefix: str, what: str, project=None):
-        session = current()
-        PETSc = session.PETSc
         self.matrix, self.prefix, self.what, self.project = matrix, prefix, what, project
-        alone = fits_cholmod(matrix)
-        session.set_defaults(
-            {
-                prefix + "ksp_type": "preonly",
-                prefix + "pc_type": "cholesky",
-                prefix + "pc_factor_mat_solver_type": "cholmod" if alone else "mumps",
-                **(
-                    {
-                        # By dense blocks, the fastest; it is L Lᵀ, where the simplicial L D Lᵀ would let
-                        # negative pivots pass.
-                        prefix + "mat_cholmod_factor": "SUPERNODAL",
-                        prefix + "mat_cholmod_print": "0",  # a failure is an answer, not worth a warning
-                    }
-                    if alone
-                    else {
-                        prefix + "mat_mumps_icntl_7": "2",  # approximate minimum fill
-                        prefix
-                        + "mat_mumps_icntl_13": "1",  # no ScaLAPACK at the root: pivots ≤ 0 are counted
-                    }
-                ),
-            }
-        )
-        for option in (PETSc.Mat.Option.SYMMETRIC, PETSc.Mat.Option.SPD):
-            matrix.setOption(option, True)
-        self.ksp = mumps.make_ksp(matrix.getComm(), prefix)
+        option = current().PETSc.Mat.Option
+        for one in (option.SYMMETRIC, option.SPD):
+            matrix.setOption(one, True)
+        defaults = CHOLMOD if fits_cholmod(matrix) else MUMPS
+        self.ksp = mumps.make_ksp(matrix.getComm(), prefix, DEFAULTS | defaults)
         self._left, self._step = matrix.createVecs()
         self.doubt = "nothing is factorised"
 
@@ -88,16 +78,14 @@ class Cholesky:
         self.doubt = "nothing is factorised"
         try:
             mumps.factorise(self.ksp, self.matrix, self.what)
-        except petsc.Error as error:
-            if error.ierr != NOT_POSITIVE:
-                raise
-            raise NotPositiveDefinite(f"{self.what} is not positive definite") from None
-        except mumps.Failure as failure:
-            if failure.code not in mumps.NOT_POSITIVE:
-                raise
-            raise NotPositiveDefinite(f"{self.what} is not positive definite") from None
-        if mumps.negative_pivots(self.ksp.getPC()):
             # told that the matrix is positive definite, MUMPS lets negative pivots pass
+            definite = not mumps.negative_pivots(self.ksp.getPC())
+        except (petsc.Error, mumps.Failure) as error:
+            code = error.code if isinstance(error, mumps.Failure) else error.ierr
+            if code not in NOT_POSITIVE:
+                raise
+            definite = False
+        if not definite:
             raise NotPositiveDefinite(f"{self.what} is not positive definite")
         self._norm = self.matrix.norm(petsc.NormType.INFINITY)  # bounds |A|, as A is symmetric
         self.doubt = doubt(self.ksp)
@@ -125,10 +113,7 @@ class Cholesky:
         )
 
     def _apply(self, rhs, out):
-        self.ksp.solve(rhs, out)
-        reason = stopped.reason(self.ksp)
-        if reason < 0:
-            raise ConvergenceError(f"solve with {self.what} failed (KSP: {stopped.name(reason)})")
+        mumps.solve(self.ksp, rhs, out, f"solve with {self.what}")
         if self.project is not None:
             self.project(out.getArray())
 

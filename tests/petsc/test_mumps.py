@@ -10,7 +10,7 @@ from scipy.sparse import bmat, diags, eye, random
 from jampetsc.cli import main as cli
 from jampetsc.errors import named
 from jampetsc.io.packing_file import write_packing
-from jampetsc.linear import modes_file
+from jampetsc.linear import modes
 from jampetsc.petsc import mumps
 from jampetsc.petsc.matrices import distributed_matrix
 
@@ -134,7 +134,7 @@ def test_the_command_line_knows_a_factorisation_that_failed(session, tmp_path, m
     def fail(*_, **__):
         raise mumps.Failure(f"singular; see info with {named('matrices')}", -10)
 
-    monkeypatch.setattr(modes_file, "lowest_modes", fail)
+    monkeypatch.setattr(modes, "lowest_modes", fail)
     with pytest.raises(mumps.Failure, match="singular; see info with --matrices") as told:
         cli.dispatch(["modes", str(tmp_path / "p.h5"), "--out", str(tmp_path / "m.h5")])
     assert pickle.loads(pickle.dumps(told.value)).code == -10  # on other ranks too
