@@ -28,6 +28,14 @@ from jampetsc.petsc.inertia import SHIFT, count_below
 from jampetsc.petsc.session import current
 
 FORMAT = "jampetsc-modes"
+PER_MODE = "eigenvalues residuals normal transverse participation_ratio floppiness shear_force".split()
+TOLD = (
+    "inertia_count",
+    "inertia_shift",
+    "complete",
+    "method",
+    "restarts",
+)  # fields that are attributes of the file
 GAP = 1e-7  # eigenvalues closer than this, relatively, belong together: a count cannot tell them apart
 ATTEMPTS = 4  # with more modes each time, where a cluster goes on or the count shows that some were missed
 RESIDUAL = (
@@ -46,14 +54,14 @@ class Modes:
     residuals: np.ndarray  # (m,) ‖Kφ − λφ‖, in k
     normal: np.ndarray  # (m,) mean over contacts of a∥²
     transverse: np.ndarray  # (m,) mean over contacts of a⊥²
-    participation: np.ndarray  # (m,) (Σ|φ_i|²)²/(n Σ|φ_i|⁴), 1 if all disks move alike
+    participation_ratio: np.ndarray  # (m,) (Σ|φ_i|²)²/(n Σ|φ_i|⁴), 1 if all disks move alike
     shear_force: np.ndarray  # (m,) F = k_γ·φ per unit strain
     carried: Carried | None  # of the response to shear; None if that is not unique, or affine
     inertia_count: int  # eigenvalues below `inertia_shift`, translations left out, by inertia: equals m
     inertia_shift: float  # μ, in k
     complete: bool  # these are all modes of K
     method: str
-    iterations: int
+    restarts: int
 
     @property
     def floppiness(self):
@@ -184,10 +192,10 @@ def _describe(pencil: Pencil, compatibility, pairs, shift):
     return Modes(
         network, pairs.values, fields, pairs.residuals,
         normal=sums[:, 0] / contacts, transverse=sums[:, 1] / contacts,
-        participation=1.0 / (network.n * sums[:, 2]),
+        participation_ratio=1.0 / (network.n * sums[:, 2]),
         shear_force=force, carried=carried_by(compatibility, pairs.values, fields, force),
         inertia_count=m, inertia_shift=shift, complete=m == pencil.unknowns - 2 * len(pencil.pieces.roots),
-        method=pairs.method, iterations=pairs.iterations,
+        method=pairs.method, restarts=pairs.iterations,
     )  # fmt: skip
 
 
@@ -212,15 +220,7 @@ def run(packing, to: Outlet, prestress: bool, count=None, below=None) -> Modes:
 def _write(writer, modes):
     writer.distributed("particles", modes.network.particles)
     writer.distributed("modes", modes.vectors, axis=1)
-    per_mode = {
-        "eigenvalues": modes.eigenvalues,
-        "residuals": modes.residuals,
-        "normal": modes.normal,
-        "transverse": modes.transverse,
-        "participation_ratio": modes.participation,
-        "floppiness": modes.floppiness,
-        "shear_force": modes.shear_force,
-    }
+    per_mode = {name: getattr(modes, name) for name in PER_MODE}
     carried = modes.carried
     if carried is not None:
         per_mode |= {f"share/{name}": share for name, share in carried.share.items()}
@@ -230,11 +230,5 @@ def _write(writer, modes):
         writer.attributes(**{f"{name}_median": found for name, found in carried.whole.items()})
     for name, values in per_mode.items():
         writer.dataset(name, values)
-    writer.attributes(
-        inertia_count=modes.inertia_count,
-        inertia_shift=modes.inertia_shift,
-        complete=modes.complete,
-        method=modes.method,
-        restarts=modes.iterations,
-        contacts=modes.network.contact_count,
-    )
+    told = {name: getattr(modes, name) for name in TOLD}
+    writer.attributes(**told, contacts=modes.network.contact_count)

@@ -1,14 +1,19 @@
 """L Lᵀ of a real symmetric PETSc matrix: it solves, and its success proves the matrix positive definite.
 
 CHOLMOD on one rank, MUMPS on more, unless the options say otherwise. Whatever they say, a solve that returns is right:
-its residual is looked at and refined away. What a success proves is another matter, see `proof`.
+its residual is looked at and refined away.
+
+What a success proves is another matter, which depends on options that a user may override. L Lᵀ by dense blocks
+(CHOLMOD's supernodal Cholesky) breaks down at the first pivot that is not positive. MUMPS lets negative pivots pass and
+counts them, if told to handle the root itself and neither to replace nor to compress anything. Others (the simplicial
+L D Lᵀ of CHOLMOD, PETSc's own, any iterative method) solve without proving anything. What is in force is read back
+from the solver.
 """
 
 import numpy as np
 
 from jampetsc.errors import ConvergenceError
 from jampetsc.petsc import mumps
-from jampetsc.petsc.proof import doubt
 from jampetsc.petsc.session import current
 
 # PETSC_ERR_MAT_CH_ZRPVT, what CHOLMOD's breakdown becomes, and what MUMPS says in INFOG(1)
@@ -28,6 +33,8 @@ MUMPS = {
     "mat_mumps_icntl_7": 2,  # approximate minimum fill
     "mat_mumps_icntl_13": 1,  # no ScaLAPACK at the root: pivots ≤ 0 are counted
 }
+# ICNTL with which the pivots are not those of A, unless they have the value that stands first
+MUMPS_SETTINGS = {19: (0, "Schur complement"), 31: (0, "discarded factors"), 35: (0, "block low-rank")}
 TRIALS, STEPS, TAU = 2, 2, 1e-3  # see `least_eigenvalue`
 
 
@@ -137,7 +144,7 @@ class Cholesky:
     def prove(self) -> bool:
         """Whether the last `factorise` proves that the matrix is positive definite. Collective.
 
-        Its options must be such (see `proof`), and a solve with a random right-hand side must come out. `doubt` says
+        Its options must be such (see `doubt`), and a solve with a random right-hand side must come out. `doubt` says
         why not.
         """
         if self.doubt:
@@ -158,6 +165,50 @@ class Cholesky:
         """Free the factor and the matrix."""
         for item in (self.ksp, self.matrix, self._left, self._step):
             item.destroy()
+
+
+def doubt(ksp, null_pivots: bool = False) -> str:
+    """Why the signs of the pivots of this KSP's factor say nothing, in a few words; empty where they do. After `setUp`.
+
+    null_pivots   whether MUMPS may detect null pivots, which it replaces: the caller looks at how many there were
+    """
+    prefix, pc = ksp.getOptionsPrefix(), ksp.getPC()
+    given = current().PETSc.Options(prefix)
+    if ksp.getType() != "preonly":
+        return f"-{prefix}ksp_type {ksp.getType()} is not preonly"
+    if pc.getType() != "cholesky":
+        return f"-{prefix}pc_type {pc.getType()} is not cholesky"
+    if given.getBool("ksp_reuse_preconditioner", False):
+        return f"-{prefix}ksp_reuse_preconditioner keeps the factor of another matrix"
+    solver = pc.getFactorSolverType()
+    if solver == "cholmod":
+        return _doubt_cholmod(prefix, given)
+    if solver == "mumps":
+        return _doubt_mumps(prefix, pc.getFactorMatrix(), ksp.getComm().size, null_pivots)
+    return f"-{prefix}pc_factor_mat_solver_type {solver} does not show the signs of its pivots"
+
+
+def _doubt_cholmod(prefix, given):
+    """CHOLMOD cannot be asked; it has read the same database."""
+    kind = given.getString("mat_cholmod_factor", "AUTO")
+    if kind.upper() != "SUPERNODAL":
+        return f"-{prefix}mat_cholmod_factor {kind} lets negative pivots pass"
+    if given.getReal("mat_cholmod_dbound", 0.0) != 0.0:
+        return f"-{prefix}mat_cholmod_dbound replaces small pivots"
+    return ""
+
+
+def _doubt_mumps(prefix, factor, ranks, null_pivots):
+    for number, (wanted, what) in MUMPS_SETTINGS.items():
+        if factor.getMumpsIcntl(number) != wanted:
+            return f"-{prefix}mat_mumps_icntl_{number} {factor.getMumpsIcntl(number)}: {what}"
+    if ranks > 1 and factor.getMumpsIcntl(13) != 1:
+        return f"-{prefix}mat_mumps_icntl_13 {factor.getMumpsIcntl(13)} leaves out the pivots of the root"
+    if factor.getMumpsIcntl(24) != 0 and not null_pivots:
+        return f"-{prefix}mat_mumps_icntl_24 {factor.getMumpsIcntl(24)} replaces null pivots"
+    if factor.getMumpsCntl(4) >= 0.0:
+        return f"-{prefix}mat_mumps_cntl_4 {factor.getMumpsCntl(4):g} replaces small pivots"
+    return ""
 
 
 def least_eigenvalue(start, step, trials: int = TRIALS) -> float:

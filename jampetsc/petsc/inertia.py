@@ -15,9 +15,8 @@ import numpy as np
 
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.petsc import mumps
-from jampetsc.petsc.cholesky import DEFAULTS, MUMPS
+from jampetsc.petsc.cholesky import DEFAULTS, MUMPS, doubt
 from jampetsc.petsc.matrices import set_diagonal
-from jampetsc.petsc.proof import doubt
 
 SHIFT = 1e-12
 PREFIX = "inertia_"

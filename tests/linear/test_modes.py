@@ -80,7 +80,7 @@ def test_against_dense(session, sample, count, prestress):
         assert modes.normal[row] == pytest.approx(normal, rel=1e-8)
         assert modes.transverse[row] == pytest.approx(transverse, rel=1e-8)
         assert modes.floppiness[row] == pytest.approx(np.sqrt(transverse / normal), rel=1e-8)
-        assert modes.participation[row] == pytest.approx(1 / (len(sizes) * np.sum(sizes**2)), rel=1e-8)
+        assert modes.participation_ratio[row] == pytest.approx(1 / (len(sizes) * np.sum(sizes**2)), rel=1e-8)
         assert abs(modes.shear_force[row]) == pytest.approx(abs(force), rel=1e-7, abs=1e-10)
     check_carried(modes, vectors, wanted, exact)
 

@@ -74,9 +74,9 @@ def test_against_dense(session, sample):
             np.testing.assert_allclose(values, wanted, rtol=0, atol=1e-10 * wanted.max())
         assert found.G0 == pytest.approx(G0, rel=1e-10, abs=1e-12)
         assert found.flow.eta0 == pytest.approx(exact.eta0(), rel=1e-10)
-        assert found.crossover == pytest.approx(G0 / exact.eta0(), rel=1e-9)
+        assert found.omega_star == pytest.approx(G0 / exact.eta0(), rel=1e-9)
         assert eta_inf == pytest.approx(exact.eta_infinity(), rel=1e-10)
-        assert found.identity < 1e-10 and found.error < 1e-10
+        assert found.identity_difference < 1e-10 and found.field_error < 1e-10
 
 
 @pytest.mark.parametrize("sample", MINIMA)
@@ -288,4 +288,4 @@ def test_pressure_is_in_the_bulk_modulus_with_prestress_only(session):
         found, _ = response(SAMPLES["polydisperse"](), physics(prestress=prestress), session.comm)
         wanted = value / (4.0 * network.area) + prestress * 0.5 * network.pressure
         assert found.bulk_modulus == pytest.approx(wanted, rel=1e-9)
-        assert len(errors) == 2 and found.error == max(errors)
+        assert len(errors) == 2 and found.field_error == max(errors)
