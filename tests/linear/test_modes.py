@@ -301,24 +301,6 @@ def command(*words):
     return cli.main([str(word) for word in words])
 
 
-@pytest.mark.most_ranks(1)
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (["--count", "0"], "--count 0: must be at least 1"),
-        (["--count", "43"], "43 modes: K has 42 besides its translations"),
-        (["--below", "-1"], "--below -1: must be positive"),
-        (["--below", "1e-11"], "--below 1e-11: no mode lies there"),
-        (["--count", "3", "--all"], "--count and --all: give one of them"),
-    ],
-)
-def test_bad_options(session, shared_path, capsys, words, says):
-    out = shared_path / "m.h5"
-    assert command("modes", PACKING, "--out", out, *words) == 2
-    assert session.rank or says in capsys.readouterr().err
-    assert session.comm.bcast(list(shared_path.iterdir())) == []
-
-
 @pytest.mark.most_ranks(2)
 def test_no_minimum_is_refused_with_the_count(session, shared_path, capsys):
     put(shared_path / "packing.h5", gears(), session.comm)

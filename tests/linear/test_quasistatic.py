@@ -139,22 +139,6 @@ def command(*words):
     return cli.main([str(word) for word in words])
 
 
-@pytest.mark.most_ranks(1)
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (["--betas", "1,x"], "--betas 1,x: write low:high:count"),
-        (["--betas", "-1"], "--betas -1: must lie between 0 and"),
-        (["--law", "stokes", "--betas", "1"], "--betas: belongs to --law contact"),
-    ],
-)
-def test_bad_options(session, shared_path, capsys, words, says):
-    out = shared_path / "q.h5"
-    assert command("quasistatic", PACKING, "--out", out, *words) == 2
-    assert session.rank or says in capsys.readouterr().err
-    assert not out.exists()
-
-
 @pytest.mark.most_ranks(2)
 @pytest.mark.parametrize(
     ("disks", "says"),

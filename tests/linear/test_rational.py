@@ -261,26 +261,6 @@ def test_a_job_shares_among_ranks_what_it_is_asked_to(session, monkeypatch, para
     assert asked == [parallel]
 
 
-@pytest.mark.most_ranks(2)
-def test_files_hold_the_spectrum_and_fields(session, shared_path):
-    """G* at any other frequency from the file alone; fields where they were asked for."""
-    packing, out = shared_path / "packing.h5", shared_path / "sweep.h5"
-    put(packing, SAMPLES["polydisperse"](), session.comm)
-    line = f"sweep {packing} --out {out} --omega 1e-6:1e2:9 --fields 1e-3,0.5 --accuracy 1e-8"
-    assert cli.main(line.split()) == 0
-    session.comm.Barrier()
-    result = jampetsc.load(out)
-    assert result.attributes["method"] == "rational"
-    assert result.attributes["positive_semidefinite"] == "proved by Cholesky's factorisation of K"
-    assert result.attributes["factorisations"] < 9
-    other = np.array([2e-5, 0.033, 7.7])
-    wanted = exact("polydisperse", str(physics()), other)
-    np.testing.assert_allclose(result.modulus(other), wanted, rtol=1e-7)
-    assert result["fields/error_bound"].shape == (2,)
-    assert np.all(result["fields/error_bound"] < 1e-3)
-    assert np.all(result["fields/error_bound"] > 0)
-
-
 def unstable():
     """A packing pushed off its minimum: K with pre-stress has negative modes."""
     disks = SAMPLES["polydisperse"]()

@@ -6,13 +6,10 @@ import numpy as np
 import pytest
 import scipy.linalg
 from gathered import dense, whole
-from launch import run
-from samples import SAMPLES, network_of, physics, polydisperse, reference
+from samples import SAMPLES, network_of, physics, reference
 from sweeps import Sweep, errors
 
-import jampetsc
 from jampetsc.errors import ConvergenceError
-from jampetsc.io.packing_file import write_packing
 from jampetsc.linear import factors
 from jampetsc.linear.basis import RationalBasis, field_at
 from jampetsc.linear.certificate import field_bound
@@ -26,9 +23,8 @@ from jampetsc.petsc.cholesky import NotPositiveDefinite, least_eigenvalue
 from jampetsc.petsc.shifted import ShiftedFactor, shifted
 
 # what is bounded here is compared with dense matrices on 3 ranks by test_rational
-pytestmark = pytest.mark.most_ranks(2)
+pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]
 OMEGA = np.geomspace(1e-8, 1e3, 12)
-PROGRAM = "../jampetsc/__main__.py"
 LAWS = [physics(), physics("stokes"), physics(rotations=False)]
 
 
@@ -36,11 +32,16 @@ def exact(sample, law):
     return np.array([reference(sample, str(law)).modulus(omega) for omega in OMEGA])
 
 
+def bound_of(found, residual):
+    """The ResidualBound of a Sweep as it is, of this Residual."""
+    sweep = found.sweep
+    return ResidualBound(residual, sweep.factors, *sweep.missing, sweep.largest_rate, OMEGA)
+
+
 def pencil_of(session, law, sample="polydisperse"):
     return assemble(network_of(SAMPLES[sample](), law, session.comm), law.law)
 
 
-@pytest.mark.scalar("real")
 @pytest.mark.parametrize("law", LAWS, ids=str)
 def test_columns_and_weights_make_the_residual(session, law):
     """R w(iω) = k_γ + iω b_γ + (K + iωB) x(iω), and what rounding did to it is below what is said of it."""
@@ -60,7 +61,6 @@ def test_columns_and_weights_make_the_residual(session, law):
             assert np.all(np.abs(r - wanted) <= 1e-13 * terms.max())
 
 
-@pytest.mark.scalar("real")
 @pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("law", [LAWS[0], LAWS[2]], ids=str)
 def test_rounding_of_the_columns_is_below_what_is_said_of_it(session, law):
@@ -82,14 +82,12 @@ def test_rounding_of_the_columns_is_below_what_is_said_of_it(session, law):
             assert np.all(made <= said) and np.all(said <= 1e4 * made)
 
 
-@pytest.mark.scalar("real")
 def test_what_a_poor_solve_leaves_of_an_energy_is_in_its_bound(session):
     """vᵀA⁻¹v = e + ρᵀA⁻¹ρ for any x with A x = v − ρ: here x is no more than a fifth of what it should be."""
     s, law = 1e-2, physics()
     with Sweep(SAMPLES["polydisperse"](), law, OMEGA, 1e-3, session.comm) as found:
-        pencil, sweep = found.pencil, found.sweep
-        residual = Galerkin(found.basis, found.compatibility).residual()
-        bound = ResidualBound(residual, sweep.factors, *sweep.missing, sweep.largest_rate, OMEGA)
+        pencil = found.pencil
+        bound = bound_of(found, Galerkin(found.basis, found.compatibility).residual())
         K, B = dense(pencil.K), dense(pencil.B)
         A = K + s * B
         v = whole(pencil.k_gamma)
@@ -111,14 +109,11 @@ def test_what_a_poor_solve_leaves_of_an_energy_is_in_its_bound(session):
         np.testing.assert_allclose(fourfold - at_rest, 4.0 * (once - at_rest), rtol=1e-9)
 
 
-@pytest.mark.scalar("real")
 def test_what_is_no_number_is_no_bound(session):
     with Sweep(SAMPLES["polydisperse"](), physics(), OMEGA, 1e-3, session.comm) as found:
         residual = Galerkin(found.basis, found.compatibility).residual()
         residual.columns[:, 2] = np.nan
-        sweep = found.sweep
-        bound = ResidualBound(residual, sweep.factors, *sweep.missing, sweep.largest_rate, OMEGA)
-        assert np.all(bound.within(np.ones(len(OMEGA))) == np.inf)
+        assert np.all(bound_of(found, residual).within(np.ones(len(OMEGA))) == np.inf)
 
 
 class Inexact(RationalBasis):
@@ -140,7 +135,6 @@ class Inexact(RationalBasis):
 
 
 @pytest.mark.most_ranks(1)
-@pytest.mark.scalar("real")
 @pytest.mark.parametrize("law", LAWS, ids=str)
 @pytest.mark.parametrize("noise", [1e-10, 1e-5, 1e-2])
 def test_the_bound_holds_for_a_space_made_by_poor_solves(session, law, noise, monkeypatch):
@@ -162,18 +156,6 @@ def test_the_bound_holds_for_a_space_made_by_poor_solves(session, law, noise, mo
 
 
 @pytest.mark.most_ranks(1)
-@pytest.mark.scalar("real")
-def test_poor_solves_are_refused_not_certified(session, monkeypatch):
-    monkeypatch.setattr("jampetsc.linear.factors.RationalBasis", Inexact)
-    with (
-        pytest.raises(ConvergenceError),
-        Sweep(SAMPLES["polydisperse"](), physics(), OMEGA, 1e-10, session.comm),
-    ):
-        pass
-
-
-@pytest.mark.most_ranks(1)
-@pytest.mark.scalar("real")
 def test_what_is_asked_is_what_is_certified(session):
     """--accuracy is kept, not twice of it, down to where rounding makes it impossible."""
     refused = 0
@@ -187,7 +169,6 @@ def test_what_is_asked_is_what_is_certified(session):
     assert 0 < refused < 18
 
 
-@pytest.mark.scalar("real")
 @pytest.mark.parametrize("parallel", ["shifts", "matrix"])
 @pytest.mark.parametrize("spoil", ["x0", "a vector", "a shift", "nothing"])
 def test_a_basis_from_outside_makes_no_bound_false(session, spoil, parallel):
@@ -216,7 +197,6 @@ def test_a_basis_from_outside_makes_no_bound_false(session, spoil, parallel):
 
 
 @pytest.mark.most_ranks(1)
-@pytest.mark.scalar("real")
 def test_vectors_close_to_the_space_are_not_taken(session):
     """What is new in them has too few right digits; a part of 1e-4 has enough."""
     with Sweep(SAMPLES["polydisperse"](), physics("stokes"), OMEGA, 1e-3, session.comm) as found:
@@ -236,7 +216,6 @@ def test_a_factor_serves_for_shifts_close_by():
     assert closest([1.0, 1.2], 1.3) == 1.0 and closest([10.0, 1.0], 1.0) == 1.0
 
 
-@pytest.mark.scalar("real")
 @pytest.mark.parametrize("sample", ["k = 2.5", "hertzian"])
 @pytest.mark.parametrize("law", [*LAWS, physics(normal=0.5, tau1=3.0), physics("stokes", tau1=0.3)], ids=str)
 def test_largest_rate_is_one(session, law, sample):
@@ -255,12 +234,10 @@ def test_largest_rate_is_one(session, law, sample):
 
 
 @pytest.mark.most_ranks(1)
-@pytest.mark.scalar("real")
 def test_there_is_no_largest_rate_where_bonds_move_freely(session):
     assert largest_rate(pencil_of(session, physics(normal=0.0, rotations=False))) == np.inf
 
 
-@pytest.mark.scalar("real")
 @pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("law", LAWS[:2], ids=str)
 def test_rounding_of_the_columns_is_in_the_bound(session, law, monkeypatch):
@@ -269,7 +246,7 @@ def test_rounding_of_the_columns_is_in_the_bound(session, law, monkeypatch):
         sweep, residual = found.sweep, Galerkin(found.basis, found.compatibility).residual()
 
         def bound():
-            made = ResidualBound(residual, sweep.factors, *sweep.missing, sweep.largest_rate, OMEGA)
+            made = bound_of(found, residual)
             return made, made.within(np.full(len(OMEGA), np.inf))
 
         usual = bound()[1]
@@ -306,7 +283,6 @@ def test_how_ranks_are_used(monkeypatch, ranks, unknowns, asked, kind):
     assert factors.make_factors(SimpleNamespace(network=network, unknowns=unknowns), asked) == kind
 
 
-@pytest.mark.scalar("real")
 def test_ranks_side_by_side_find_several_vectors_alone(session):
     """Orthonormal in B; what is not new ends them."""
     pencil = pencil_of(session, physics(rotations=False))
@@ -319,7 +295,6 @@ def test_ranks_side_by_side_find_several_vectors_alone(session):
         assert len(side._chain(s, 0.0 * source, 3)) == 0
 
 
-@pytest.mark.scalar("real")
 def test_shifts_go_to_ranks_in_turn(session):
     side = factors.SideBySide(pencil_of(session, physics()))
     side.factorise([1e-3, 1e-1])
@@ -330,7 +305,6 @@ def test_shifts_go_to_ranks_in_turn(session):
         assert list(side.mine) == [[1e-3, 10.0], [1e-1]][session.rank]
 
 
-@pytest.mark.scalar("real")
 @pytest.mark.least_ranks(2)
 @pytest.mark.parametrize("what", ["factorise", "start", "extend", "solve", "energies", "least_eigenvalue"])
 def test_what_fails_on_one_rank_fails_on_all(session, what):
@@ -372,7 +346,6 @@ def test_energies_are_carried_from_shift_to_frequency():
     np.testing.assert_allclose(found, [4.0, 2.0, 1.75, 1.5, 3.0 / 2.9, 1.0, 1.0])
 
 
-@pytest.mark.scalar("real")
 @pytest.mark.most_ranks(1)
 def test_a_projected_pencil_that_is_none_is_told(session, monkeypatch):
     B = np.eye(2)
@@ -394,7 +367,6 @@ def test_a_projected_pencil_that_is_none_is_told(session, monkeypatch):
 
 
 @pytest.mark.most_ranks(1)
-@pytest.mark.scalar("real")
 def test_a_field_of_nothing_has_no_relative_error(session):
     """In a crystal nothing moves against the strain: then exactly, or nothing is known."""
     with Sweep(SAMPLES["published"](), physics(), [0.1], 1e-3, session.comm) as found:
@@ -403,7 +375,6 @@ def test_a_field_of_nothing_has_no_relative_error(session):
         assert field_bound(c, 0.1, still, 1e-30) == np.inf
 
 
-@pytest.mark.scalar("real")
 @pytest.mark.parametrize("energy", [-1e-20, np.nan, np.inf])
 def test_what_is_no_energy_is_no_bound(energy):
     with pytest.raises(NotPositiveDefinite, match=r"K \+ sB at s = 0.1 is not positive definite"):
@@ -412,7 +383,6 @@ def test_what_is_no_energy_is_no_bound(energy):
 
 
 @pytest.mark.most_ranks(1)
-@pytest.mark.scalar("real")
 @pytest.mark.parametrize("law", LAWS[:2], ids=str)
 def test_energies_at_other_frequencies_are_bounds(session, law):
     pencil = pencil_of(session, law)
@@ -431,7 +401,6 @@ def test_energies_at_other_frequencies_are_bounds(session, law):
     pencil.destroy()
 
 
-@pytest.mark.scalar("real")
 @pytest.mark.parametrize("unit", [1.0, 2.0**-100])
 @pytest.mark.parametrize("law", LAWS[:2], ids=str)
 @pytest.mark.parametrize("s", [1e-9, 1e-2, 10.0])
@@ -489,7 +458,6 @@ def test_least_eigenvalue_is_no_more_than_residuals_allow(lost):
     assert 0.3 * value < found <= value * (1.0 + 1e-12)
 
 
-@pytest.mark.scalar("real")
 def test_the_worst_of_all_ranks_is_why_a_solver_stopped(session):
     reasons, last = session.PETSc.KSP.ConvergedReason, session.rank == session.size - 1
 
@@ -504,7 +472,6 @@ def test_the_worst_of_all_ranks_is_why_a_solver_stopped(session):
             solve(failed if last else reasons.CONVERGED_ITS)
 
 
-@pytest.mark.scalar("real")
 @pytest.mark.parametrize("parallel", ["shifts", "matrix"])
 def test_what_lapack_says_on_other_ranks_does_not_matter(session, monkeypatch, parallel):
     """On mixed processors it differs in the last digit: rank 0 decides, or ranks would part in collective calls."""
@@ -539,19 +506,3 @@ def test_what_lapack_says_on_other_ranks_does_not_matter(session, monkeypatch, p
     same = 0.0 if parallel == "shifts" else 0.1
     for found, right in zip(sweep(), wanted, strict=True):
         np.testing.assert_allclose(found, right, rtol=same, atol=1e-9 * same * np.abs(right).max())
-
-
-def test_no_option_makes_a_certificate_false(tmp_path):
-    """Preconditioners alone are refused; an iterative method of few digits is refined, and then right."""
-    packing, out = tmp_path / "packing.h5", tmp_path / "sweep.h5"
-    write_packing(packing, polydisperse(3)[0])
-    words = ("sweep", packing, "--out", out, "--omega", "1e-4,1", "-shift_pc_type", "jacobi")
-    done = run(0, PROGRAM, *words)
-    assert done.returncode == 3 and not out.exists()
-    assert "refinement does not remove it: the options that begin with -shift_" in done.stderr
-    done = run(0, PROGRAM, *words, "-shift_ksp_type", "cg", "-shift_ksp_rtol", "1e-2")
-    assert done.returncode == 0, done.stderr
-    sweep = jampetsc.load(out)
-    wanted = np.array([reference("polydisperse", str(physics())).modulus(omega) for omega in sweep.omega])
-    assert np.all(np.abs(sweep.G - wanted) <= sweep.error_bound)
-    assert np.all(sweep.error_bound <= 1e-6 * np.abs(wanted))
