@@ -45,21 +45,17 @@ class RationalBasis:
             self.g = pencil.k_gamma.getArray().copy()
         else:
             self.g = self._without_torque(self._apply(pencil.B, x0) + pencil.b_gamma.getArray())
+        # How large the terms were that g is the sum of, as a norm.
+        of_K, of_B = pencil.largest
+        largest, gg = (of_K, pencil.k_gg) if np.isinf(first) else (of_B, pencil.b_gg)
+        terms = ROW * largest * np.sqrt(self._sum(x0 @ x0)) + np.sqrt(ROW * largest * abs(gg))
         # No force is left where nothing moves against the strain (crystals), or where B is proportional to K
         # (Kelvin and Voigt): then x₀ is the answer at every frequency.
-        self.complete = not np.sqrt(self._sum(self.g @ self.g)) > BREAKDOWN * self._size_of_terms()
+        self.complete = not np.sqrt(self._sum(self.g @ self.g)) > BREAKDOWN * terms
         self._V, self._BV = np.empty((8, len(x0))), np.empty((8, len(x0)))  # a row per vector
         self.K = np.empty((0, 0))  # Vᵀ K V
         self.t = np.empty(0)  # Vᵀ g
         self.shifts = []  # one per vector
-
-    def _size_of_terms(self):
-        """How large the terms were that g is the sum of, as a norm."""
-        pencil = self.pencil
-        of_K, of_B = pencil.largest
-        largest, gg = (of_K, pencil.k_gg) if np.isinf(self.first) else (of_B, pencil.b_gg)
-        most = ROW * largest
-        return most * np.sqrt(self._sum(self.x0 @ self.x0)) + np.sqrt(most * abs(gg))
 
     @property
     def size(self) -> int:
@@ -154,28 +150,20 @@ class RationalBasis:
         if not self.size:
             return self.g, not self.complete
         s, y, log = on_root(self.pencil.network.comm, self._trial)
-        force, (field, viscous, _) = self._residual_at(s, y)
+        field, viscous = y @ self.vectors, s * (y @ self.images)
+        force = self._apply(self.pencil.K, field) + viscous - self.g
         terms = np.sqrt(self._sum(np.array([a @ a for a in (field, viscous, self.g, force)])))
         more = not terms[3] <= BREAKDOWN * (ROW * self.pencil.largest[0] * terms[0] + terms[1] + terms[2])
         return force * np.exp(-log), more
 
     def _trial(self):
-        """(s, y(s), log |φ(s)|) for the real shift s where |φ| is largest."""
+        """(s, y(s), log |φ(s)|) for the real shift s where |φ| is largest; (K + sB) V y = g in the space."""
         ends = [*self.shifts, *self.rates[self.rates > 0]]
         trial = np.geomspace(1e-3 * min(ends), 1e3 * max(ends), 1000)
         size = self._log_phi(trial)
         best = int(np.argmax(size))
-        return trial[best], self._solution(trial[best]), size[best]
-
-    def _solution(self, s):
-        """y(s): Galerkin's solution of (K + sB) V y = g for one real s, (m,)."""
-        return np.linalg.solve(self.K + s * np.eye(self.size), self.t)
-
-    def _residual_at(self, s, y):
-        """((K + sB) V y − g, (V y, s B V y, g)), (n_local,) each."""
-        field = y @ self.vectors
-        viscous = s * (y @ self.images)
-        return self._apply(self.pencil.K, field) + viscous - self.g, (field, viscous, self.g)
+        s = trial[best]
+        return s, np.linalg.solve(self.K + s * np.eye(self.size), self.t), size[best]
 
     def phi(self, omega):
         """|φ(iω)|², (M,), by its product formula: relatively exact however small it is."""

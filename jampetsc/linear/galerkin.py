@@ -56,9 +56,8 @@ class Galerkin:
     def residual(self) -> Residual:
         """What this solution leaves of the equations. May be asked for once, since the motions are let go with it."""
         motions, self._motions = self._motions, None
-        still, modes = motions[:, 0], motions[:, 1:]
-        rates = self.spectrum.rates
-        return Residual(self.compatibility, still, modes, self.quasistatic, self.modes, rates, self.loads)
+        fields = self.quasistatic, self.modes
+        return Residual(self.compatibility, motions, fields, self.spectrum.rates, self.loads)
 
     def _projected(self, fields, motions):
         """Vᵀ K V and Vᵀ B V, (m, m) each, from the motions of V."""

@@ -87,13 +87,14 @@ class _Worst:
 class Residual:
     """R and w of one Galerkin solution. Collective; arrays hold this rank's rows.
 
-    still, modes             (rows, ) and (rows, m): motions of the contacts in x_qs, g included, and in the modes
-    quasistatic, mode_fields (n_local,) and (n_local, m)
+    motions   (rows, 1 + m): of the contacts in x_qs, g included, and in the modes
+    fields    x_qs (n_local,) and the modes (n_local, m)
     """
 
-    def __init__(self, compatibility: Compatibility, still, modes, quasistatic, mode_fields, rates, loads):
+    def __init__(self, compatibility: Compatibility, motions, fields, rates, loads):
         c = self.compatibility = compatibility
         self.rates, self.loads = rates, loads
+        (quasistatic, mode_fields), still, modes = fields, motions[:, 0], motions[:, 1:]
         self._fast, self._flow = still - modes @ loads, quasistatic - mode_fields @ loads
         self._still, self._modes, self._mode_fields = still, modes, mode_fields
         self.columns = np.empty((len(quasistatic), len(rates) + 2))

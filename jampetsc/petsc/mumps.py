@@ -25,14 +25,8 @@ class Failure(ConvergenceError):
 
 def failure(pc):
     """INFOG(1) of a failed MUMPS factorisation of this PC, 0 where it succeeded, None where MUMPS was not used."""
-    if pc.getFactorSolverType() != "mumps":
-        return None
-    return pc.getFactorMatrix().getMumpsInfog(1)
-
-
-def _outcome(pc):
-    """`failure` of any PC; 0 where it is no factorisation."""
-    return failure(pc) if pc.getType() in ("cholesky", "lu") else 0
+    factorises = pc.getType() in ("cholesky", "lu") and pc.getFactorSolverType() == "mumps"
+    return pc.getFactorMatrix().getMumpsInfog(1) if factorises else None
 
 
 def negative_pivots(pc) -> int:
@@ -68,7 +62,7 @@ def factorise(ksp, matrix, what: str) -> int:
                     MEMORY[0],
                 ) from None
             raise
-        code = _outcome(ksp.getPC())
+        code = failure(ksp.getPC())
         if not code or code > 0:  # positive codes are warnings
             return attempt
         if code not in WORKSPACE or attempt == ATTEMPTS:
