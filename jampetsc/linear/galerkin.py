@@ -90,9 +90,10 @@ class Galerkin:
 
         # What rounding does to a sum Σ w a² : see `_rounding`. Reach: what the terms of the motions a = C x +
         # g come to.
-        of_modes = tall.squares(self.modes, np.ones((1, len(field))))[0]
-        norms = self._norms = np.sqrt(self.network.sum(np.append(field @ field, of_modes)))
-        reach_K, reach_B = (np.sqrt(ROW * largest) * norms for largest in c.pencil.largest)
+        reach = np.array([c.reach_K, c.reach_B])
+        of_fields = np.column_stack((reach @ field**2, tall.squares(self.modes, reach)))
+        self._norms = self.network.sum(of_fields)
+        reach_K, reach_B = np.sqrt(ROW * self._norms)
         reach_K[0] += np.sqrt(elastic[2])
         reach_B[0] += np.sqrt(viscous[2])
         sizes, of_weights = self.network.sum(tall.squares(modes, np.array([size_K, c.size_K])))
@@ -123,7 +124,8 @@ class Galerkin:
 
     def field_bound(self, omega: float, error: float) -> float:
         """Bound on the error of `field`, relative in the energy norm, from |ΔG*| without rounding. Collective."""
-        size = self._norms @ np.abs(np.append(1.0, self._amplitudes(omega)))
+        norms = np.sqrt(self._norms[0] + omega * self._norms[1])
+        size = norms @ np.abs(np.append(1.0, self._amplitudes(omega)))
         squared = np.sqrt(2.0) * error * self.network.area
         return field_bound(self.compatibility, omega, self.field(omega), squared, size)
 

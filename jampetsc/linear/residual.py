@@ -114,7 +114,7 @@ class Residual:
     def rounding(self, s, diagonal):
         """What rounding of the sums over contacts may have done to each column, (m + 2,), in the norm of D⁻¹.
 
-        With D = `diagonal`, that of K + sB: |D^(−½) |C|ᵀ|f||² ≤ ROW Σ f²/(|w_K| + s w_B) for forces f of contacts.
+        With D = `diagonal`, at least `reach(s)`: |D^(−½) |C|ᵀ|f||² ≤ ROW Σ f²/(|w_K| + s w_B) for forces f of contacts.
         """
         c = self.compatibility
         size = np.abs(c.w_K) + s * c.w_B
@@ -165,8 +165,10 @@ class ResidualBound:
         return self._held(s, diagonal, self.factors.least_eigenvalue(s))
 
     def _held(self, s, diagonal, least):
-        rounding = np.sqrt(self._stretch(s, diagonal)) * self.residual.rounding(s, self.pencil.diagonal(s))
-        return Anchor(s, diagonal, least, rounding)
+        c = self.residual.compatibility
+        reach = c.reach(s) + s * c.drag
+        stretch = self.network.max(reach / diagonal)
+        return Anchor(s, diagonal, least, np.sqrt(stretch) * self.residual.rounding(s, reach))
 
     def _stretch(self, s, diagonal):
         """Largest entry of the diagonal of K + sB in units of that of an anchor."""
