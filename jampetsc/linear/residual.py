@@ -165,8 +165,7 @@ class ResidualBound:
         return self._held(s, diagonal, self.factors.least_eigenvalue(s))
 
     def _held(self, s, diagonal, least):
-        c = self.residual.compatibility
-        reach = c.reach(s) + s * c.drag
+        reach = np.maximum(self.residual.compatibility.reach(s), self.pencil.diagonal(s))
         stretch = self.network.max(reach / diagonal)
         return Anchor(s, diagonal, least, np.sqrt(stretch) * self.residual.rounding(s, reach))
 

@@ -99,6 +99,7 @@ def build_compatibility(pencil: Pencil) -> Compatibility:
     at = (np.abs(w.real) + 1j * w.imag)[:, None, :] @ rows[..., :d] ** 2
     starts = np.searchsorted(network.contacts.i, np.arange(network.first, network.last))
     reach = np.add.reduceat(at[:, 0], starts).ravel()
+    reach[np.isin(np.arange(network.first * d, network.last * d), pencil.pins)] = 0.0
     w, values, g = w[once], rows[once], g[once]
     columns = np.concatenate((i[:, None] * d + np.arange(d), j[:, None] * d + np.arange(d)), axis=1)
     columns = np.broadcast_to(columns[:, None, :], values.shape)

@@ -9,15 +9,18 @@ from gathered import dense, whole
 from samples import SAMPLES, network_of, physics, reference
 from sweeps import Sweep, errors
 
+from jampetsc.core.disks import Disks
 from jampetsc.errors import ConvergenceError
 from jampetsc.linear import factors
 from jampetsc.linear.basis import RationalBasis, field_at
 from jampetsc.linear.certificate import field_bound
+from jampetsc.linear.direct import FrequencySolver
 from jampetsc.linear.factors import SideBySide, closest
 from jampetsc.linear.galerkin import Galerkin, _graded_eigen
 from jampetsc.linear.rational import largest_rate
 from jampetsc.linear.residual import ResidualBound, energy_between, positive, transfer
-from jampetsc.mechanics.assembly import assemble
+from jampetsc.mechanics.assembly import ROW, assemble
+from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.petsc import mumps
 from jampetsc.petsc.cholesky import NotPositiveDefinite, least_eigenvalue
 from jampetsc.petsc.shifted import ShiftedFactor, shifted
@@ -241,7 +244,7 @@ def test_there_is_no_largest_rate_where_bonds_move_freely(session):
 @pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("law", LAWS[:2], ids=str)
 def test_rounding_of_the_columns_is_in_the_bound(session, law, monkeypatch):
-    """As much of each as its weight has it, from the diagonal of K + sB to that of the anchor."""
+    """As much of each as its weight has it, from what terms of motions reach to the diagonal of the anchor."""
     with Sweep(SAMPLES["polydisperse"](), law, OMEGA, 1e-3, session.comm) as found:
         sweep, residual = found.sweep, Galerkin(found.basis, found.compatibility).residual()
 
@@ -254,12 +257,49 @@ def test_rounding_of_the_columns_is_in_the_bound(session, law, monkeypatch):
         made, rounded = bound()
         anchor = made.anchors[0]
         K, B = np.diag(dense(found.pencil.K)), np.diag(dense(found.pencil.B))
-        stretch = np.max((K + anchor.shift * B) / anchor.diagonal)
+        reach = np.maximum(K + anchor.shift * B, found.compatibility.reach(anchor.shift))
+        stretch = np.max(reach / anchor.diagonal)
         np.testing.assert_allclose(anchor.rounding, 1e3 * np.sqrt(stretch), rtol=1e-12)
         weights = np.sum(np.abs(residual.weights(OMEGA)), axis=0)
         inverse = transfer(sweep.largest_rate, anchor.shift, OMEGA) / anchor.least
         assert np.all(rounded >= np.sqrt(2.0) * 1e6 * stretch * weights**2 * inverse * (1 - 1e-9))
         assert np.all(rounded > usual)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_terms_of_motions_do_not_reach_beyond_what_is_said(session, law):
+    """Σ (|w_K| + s w_B)(|C||x|)² ≤ ROW xᵀDx, and D is no more than the diagonal of sums of squares."""
+    pencil = pencil_of(session, law)
+    c = build_compatibility(pencil)
+    C = np.abs(dense(c.C))
+    sizes, viscous, reach_K, reach_B = (
+        np.concatenate(session.comm.allgather(a)) for a in (np.abs(c.w_K), c.w_B, c.reach_K, c.reach_B)
+    )
+    np.testing.assert_allclose(reach_K, sizes @ C**2, rtol=1e-13, atol=1e-300)
+    np.testing.assert_allclose(reach_B, viscous @ C**2, rtol=1e-13, atol=1e-300)
+    for s, x in zip((1e-6, 1e-2, 10.0), np.random.default_rng(1).normal(size=(3, C.shape[1])), strict=True):
+        D = np.concatenate(session.comm.allgather(c.reach(s)))
+        assert (sizes + s * viscous) @ (C @ np.abs(x)) ** 2 <= ROW * (D @ x**2)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_bounds_are_the_same_in_any_unit_of_length(session, law):
+    """Angles, which have none, weigh as much beside lengths of 1e-6 as beside those of 1e6."""
+    disks = SAMPLES["published"]()
+    found = []
+    for unit in (1.0, 2.0**20, 2.0**-20):
+        scaled = Disks.from_positions(
+            unit * disks.positions, unit * disks.radii, unit * disks.cell, disks.potential
+        )
+        with Sweep(scaled, law, OMEGA, 1e-6, session.comm) as sweep:
+            solver = FrequencySolver(sweep.pencil, positive_semidefinite=True)
+            direct = [solver.solve(omega, 1e-6) for omega in (1e-8, 1e-2, 1e3)]
+            found.append((sweep.G, sweep.bounds, [(one.G, *one.rounding) for one in direct]))
+            solver.destroy()
+    for G, bounds, direct in found[1:]:
+        np.testing.assert_allclose(G, found[0][0], rtol=1e-11)
+        np.testing.assert_allclose(bounds, found[0][1], rtol=0.1)
+        np.testing.assert_allclose(direct, found[0][2], rtol=1e-3)
 
 
 @pytest.mark.parametrize(
