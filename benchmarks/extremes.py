@@ -138,18 +138,16 @@ def sweep(network, physics, omega, accuracy):
     """(G*, bounds, factorisations, vectors)."""
     from jampetsc.linear.rational import RationalSweep
     from jampetsc.mechanics.assembly import assemble
-    from jampetsc.mechanics.compatibility import build_compatibility
 
     pencil = assemble(replace(network, prestress=physics.prestress), physics.law)
-    compatibility = build_compatibility(pencil)
-    rational = RationalSweep(pencil, compatibility, omega, accuracy)
+    rational = RationalSweep(pencil, omega, accuracy)
     try:
         while shifts := rational.next_shifts():
             rational.add_shifts(shifts)
-        _, G, bounds = rational.finish()
+        G, bounds = rational.certificate.G, rational.certificate.bounds
         return G, bounds, rational.factorisations, rational.basis.size
     finally:
-        for item in (rational, compatibility, pencil):
+        for item in (rational, pencil):
             item.destroy()
 
 

@@ -34,7 +34,6 @@ def rational(path, chosen):
     from jampetsc.io.packing_file import read_packing
     from jampetsc.linear.rational import RationalSweep
     from jampetsc.mechanics.assembly import assemble
-    from jampetsc.mechanics.compatibility import build_compatibility
     from jampetsc.mechanics.network import build_network
     from jampetsc.petsc import session
     from jampetsc.petsc.shifted import ShiftedFactor, shifted
@@ -46,13 +45,12 @@ def rational(path, chosen):
     start, used = time.perf_counter(), time.process_time()
     network = build_network(disks, running.comm)
     pencil = assemble(network, damping_law())
-    compatibility = build_compatibility(pencil)
     assembled = time.perf_counter()
-    sweep = RationalSweep(pencil, compatibility, OMEGA, 1e-6)
+    sweep = RationalSweep(pencil, OMEGA, 1e-6)
     while shifts := sweep.next_shifts():
         sweep.add_shifts(shifts)
     grown = time.perf_counter()
-    _, G, bounds = sweep.finish()
+    G, bounds = sweep.certificate.G, sweep.certificate.bounds
     end, used = time.perf_counter(), time.process_time() - used
     solves = running.PETSc.Log.Event("MatSolve").getPerfInfo()["count"]
     once = time.process_time()

@@ -5,6 +5,7 @@ parameter by `named`, and whoever shows it says how users write that: `eta_f` in
 """
 
 import re
+from contextlib import contextmanager
 
 _NAMED = re.compile("\ue000(\\w*)\ue001")  # two characters that no text has
 
@@ -42,3 +43,12 @@ class ConvergenceError(JampetscError, RuntimeError):
     """A quench, a factorisation or a solve that did not reach what was asked of it."""
 
     exit_code = 3
+
+
+@contextmanager
+def about(what):
+    """Of an InputError that is raised inside, the message begins with what it is about, such as a file."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{what}: {error.told(named)}") from None

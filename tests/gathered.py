@@ -1,7 +1,9 @@
-"""Distributed objects as whole numpy arrays on every rank. All functions are collective."""
+"""Distributed objects as whole numpy arrays on every rank, and back. All functions are collective."""
 
 import numpy as np
 from scipy.sparse import csr_array
+
+from jampetsc.petsc.session import current
 
 
 def csr(matrix):
@@ -27,3 +29,12 @@ def unknowns(network, dofs, disks):
     particles = np.concatenate(network.comm.allgather(network.particles))
     rows = {particle: row for row, particle in enumerate(disks)}
     return (np.array([rows[particle] for particle in particles])[:, None] * dofs + np.arange(dofs)).ravel()
+
+
+def spread(comm, dense):
+    """A PETSc Mat with these entries, (n, n), zeros included."""
+    matrix = current().PETSc.Mat().createAIJ(len(dense), nnz=len(dense), comm=comm)
+    for row in range(*matrix.getOwnershipRange()):
+        matrix.setValues(row, range(len(dense)), dense[row])
+    matrix.assemble()
+    return matrix

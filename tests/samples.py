@@ -135,6 +135,24 @@ def network_of(disks, physics, comm):
     return build_network(disks, comm, physics.prestress)
 
 
+def pairs_of(network):
+    """Contacts (i, j), i < j, of all ranks in their order. Collective."""
+    c = network.contacts
+    parts = network.comm.allgather(np.column_stack((c.i, c.j))[c.i < c.j].tolist())
+    return sorted(tuple(pair) for part in parts for pair in part)
+
+
+def among(network, pairs):
+    """Which contacts of this rank belong to `pairs` of disks (i, j), seen from either end."""
+    c, ends = network.contacts, {frozenset(pair) for pair in pairs}
+    return np.array([frozenset(pair) in ends for pair in zip(c.i, c.j, strict=True)], bool)
+
+
+def cut(network, pairs):
+    """The network without the contacts of `pairs`."""
+    return replace(network, contacts=network.contacts[~among(network, pairs)])
+
+
 LAWS = {
     str(one): one
     for one in (

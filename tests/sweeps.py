@@ -5,7 +5,6 @@ from samples import network_of
 
 from jampetsc.linear.rational import RationalSweep
 from jampetsc.mechanics.assembly import assemble
-from jampetsc.mechanics.compatibility import build_compatibility
 
 
 class Sweep:
@@ -18,14 +17,15 @@ class Sweep:
         self.omega = np.atleast_1d(np.asarray(omega, float))
         self.network = network_of(disks, physics, comm)
         self.pencil = assemble(self.network, physics.law)
-        self.compatibility = build_compatibility(self.pencil)
-        self.sweep = RationalSweep(self.pencil, self.compatibility, self.omega, accuracy, parallel)
+        self.sweep = RationalSweep(self.pencil, self.omega, accuracy, parallel)
+        self.compatibility = self.sweep.compatibility
 
     def __enter__(self):
         try:
             while shifts := self.sweep.next_shifts():
                 self.sweep.add_shifts(shifts)
-            self.galerkin, self.G, self.bounds = self.sweep.finish()
+            found = self.sweep.certificate
+            self.galerkin, self.G, self.bounds = found.galerkin, found.G, found.bounds
         except BaseException:
             self.__exit__()
             raise
@@ -33,7 +33,7 @@ class Sweep:
         return self
 
     def __exit__(self, *_):
-        for item in (self.sweep, self.compatibility, self.pencil):
+        for item in (self.sweep, self.pencil):
             item.destroy()
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from jampetsc.core.disks import Disks
 
 TOUCH = 1e-6  # a contact that carries less than this fraction of p·d only just touches and does not count
-FORCELESS = 1e-14  # … nor does one whose force is within rounding of none, in units of k·d
+FORCELESS = 1e-14  # … nor does one whose force is within rounding of none, in units of stiffness · d
 BALANCED = 1e-4  # max |F| / (p d) above which nobody would call forces balanced; `pack` leaves 1e-10
 RIGID = 3  # fewer contacts than this cannot hold a disk in two dimensions
 
@@ -82,12 +82,13 @@ def find_contacts(disks: Disks, rows=None) -> Contacts:
 
 
 def force_threshold(disks: Disks, pressure: float) -> float:
-    """Force above which a contact counts: max(1e-6 p d, 1e-14 k d), with d the mean diameter.
+    """Force above which a contact counts: max(1e-6 p d, 1e-14 k d), d the mean diameter, k the unit of stiffness.
 
     Disks that only just touch carry no load, yet would add their stiffness to K and shift G* by per cents.
     """
     d = 2.0 * float(np.mean(disks.radii))
-    return max(TOUCH * pressure * d, FORCELESS * disks.potential.k * d)
+    stiffness = disks.potential.k / float(disks.potential.scale(np.array(d))) ** 2
+    return max(TOUCH * pressure * d, FORCELESS * stiffness * d)
 
 
 def virial_pressure(force, distance, area: float) -> float:

@@ -62,10 +62,10 @@ of them, are found by LAPACK, which takes no options."""
 
     def work(self, to):
         """Find the modes. Collective."""
-        from jampetsc.linear import modes_file
+        from jampetsc.linear import modes
 
         count = COUNT if self.count is None and self.below is None and not self.all else self.count
-        return _summary(to, modes_file.run(self.packing, to, self.prestress, count, self.below))
+        return _summary(to, modes.run(self.packing, to, self.prestress, count, self.below))
 
 
 def _summary(to, modes) -> str:

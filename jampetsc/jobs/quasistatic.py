@@ -71,12 +71,12 @@ def _summary(to, physics, outcome) -> str:
         lines += [
             f"  {stress}: G0 = {response.G0:.6g}, bulk modulus {response.bulk_modulus:.6g}, eta0 = "
             f"{response.flow.eta0:.6g} "
-            f"({parts}), omega* = {response.crossover:.4g}",
+            f"({parts}), omega* = {response.omega_star:.4g}",
             "    medians per unit strain: "
             + ", ".join(
                 f"{symbol} {found[key].median:.4g}"
                 for symbol, key in (("|Δu∥|", "normal"), ("|Δu⊥|", "transverse"), ("|u_na|", "nonaffine"))
             )
-            + f"; identity kept to {response.identity:.0e}",
+            + f"; identity kept to {response.identity_difference:.0e}",
         ]
     return "\n".join(lines)

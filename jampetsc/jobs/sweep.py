@@ -104,15 +104,12 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
 
     def work(self, to):
         """Sweep. Collective."""
-        from jampetsc.linear import direct_sweep, rational_sweep
         from jampetsc.linear.run import Run
-        from jampetsc.linear.stability import settle
+        from jampetsc.linear.sweep import solve
         from jampetsc.petsc import session
 
-        run = Run.of(self, to, session.current().comm)
-        run = settle(run)
-        sweep = direct_sweep if run.method == "direct" else rational_sweep
-        omega, G, bounds = sweep.solve(run)
+        run = Run.of(self, to, session.current().comm).examined()
+        omega, G, bounds = solve(run)
         return _summary(run, run.asked(omega), G, bounds)
 
 

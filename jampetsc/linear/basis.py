@@ -26,13 +26,9 @@ import numpy as np
 from jampetsc.collective import on_root
 from jampetsc.linear.certificate import EPSILON
 from jampetsc.mechanics.assembly import ROW, Pencil
-from jampetsc.petsc.matrices import diagonal_of, largest_entry
 
 BREAKDOWN = 1e-15  # what is left is rounding when it is this small, relative to what it is the difference of
 NEW = 1e-5  # shortest new part of a vector, relative to it, that still has enough right digits
-SOUND = (
-    1e-6  # of a basis from outside: largest difference from what φ says, relative to the terms of a residual
-)
 
 
 class RationalBasis:
@@ -49,58 +45,17 @@ class RationalBasis:
             self.g = pencil.k_gamma.getArray().copy()
         else:
             self.g = self._without_torque(self._apply(pencil.B, x0) + pencil.b_gamma.getArray())
-        self._most_K, self._diagonal_B = ROW * largest_entry(pencil.K), diagonal_of(pencil.B)
+        # How large the terms were that g is the sum of, as a norm.
+        of_K, of_B = pencil.largest
+        largest, gg = (of_K, pencil.k_gg) if np.isinf(first) else (of_B, pencil.b_gg)
+        terms = ROW * largest * np.sqrt(self._sum(x0 @ x0)) + np.sqrt(ROW * largest * abs(gg))
         # No force is left where nothing moves against the strain (crystals), or where B is proportional to K
         # (Kelvin and Voigt): then x₀ is the answer at every frequency.
-        self.complete = not np.sqrt(self._sum(self.g @ self.g)) > BREAKDOWN * self._size_of_terms()
+        self.complete = not np.sqrt(self._sum(self.g @ self.g)) > BREAKDOWN * terms
         self._V, self._BV = np.empty((8, len(x0))), np.empty((8, len(x0)))  # a row per vector
         self.K = np.empty((0, 0))  # Vᵀ K V
         self.t = np.empty(0)  # Vᵀ g
         self.shifts = []  # one per vector
-
-    def _size_of_terms(self):
-        """How large the terms were that g is the sum of, as a norm."""
-        pencil = self.pencil
-        matrix, gg = (pencil.K, pencil.k_gg) if np.isinf(self.first) else (pencil.B, pencil.b_gg)
-        most = ROW * largest_entry(matrix)
-        return most * np.sqrt(self._sum(self.x0 @ self.x0)) + np.sqrt(most * abs(gg))
-
-    def restore(self, vectors, shifts) -> bool:
-        """Take the vectors (m, n_local) of an earlier run with their shifts (m,), if they belong here.
-
-        They come from outside: that x₀ obeys its equation, and that the residual of this space is φ(s) q, is looked at
-        where |φ| is largest and at the two ends of the range. False if it is not so; the basis is of no use then.
-        """
-        for vector, shift in zip(vectors, shifts, strict=True):
-            self.append(vector, shift)
-        return self._field_is_sound() and self._residual_is_sound()
-
-    def _field_is_sound(self):
-        if np.isinf(self.first):
-            return not self._sum(self.x0 @ self.x0)
-        pencil, s = self.pencil, self.first
-        terms = self._apply(pencil.K, self.x0), s * self._apply(pencil.B, self.x0)
-        terms = *terms, pencil.k_gamma.getArray(), s * pencil.b_gamma.getArray()
-        return self._is_small(sum(terms), terms)
-
-    def _residual_is_sound(self):
-        q, more = self.residual()
-        if not (self.size and more):
-            return True
-        for s in (min(self.shifts) / 10.0, 10.0 * max(self.shifts)):
-            y, log = on_root(
-                self.pencil.network.comm, lambda s=s: (self._solution(s), self._log_phi(np.array([s])))
-            )
-            force, terms = self._residual_at(s, y)
-            wanted = np.exp(log[0]) * q
-            same = min(force - wanted, force + wanted, key=lambda r: self._sum(r @ r))  # q has no sign
-            if not self._is_small(same, terms):
-                return False
-        return True
-
-    def _is_small(self, left, terms):
-        sizes = np.sqrt(self._sum(np.array([a @ a for a in (left, *terms)])))
-        return bool(sizes[0] <= SOUND * sizes[1:].sum())
 
     @property
     def size(self) -> int:
@@ -111,6 +66,11 @@ class RationalBasis:
     def vectors(self):
         """Vᵀ, (m, n_local)."""
         return self._V[: self.size]
+
+    @property
+    def images(self):
+        """(B V)ᵀ without torques, (m, n_local)."""
+        return self._BV[: self.size]
 
     def extend(self, factor, s: float, count: int) -> None:
         """Add up to `count` vectors with the factor of K + sB; fewer when the space becomes complete."""
@@ -132,16 +92,14 @@ class RationalBasis:
         m = self.size
         V = self.vectors
         length = None
-        for _ in range(
-            2
-        ):  # twice is enough (Kahan): once leaves the rounding of the large components it removes
+        for _ in range(2):  # is enough (Kahan): once leaves the rounding of the large components it removes
             Bw = self._apply(self.pencil.B, w)
             overlaps = self._sum(np.append(V @ Bw, w @ Bw))
             length = length or overlaps[-1]
             w = w - overlaps[:-1] @ V
         Bw = self._apply(self.pencil.B, w)
         norm2 = self._sum(w @ Bw)
-        if not norm2 > max(NEW**2 * length, EPSILON * ROW * self._sum(self._diagonal_B @ w**2)):
+        if not norm2 > max(NEW**2 * length, EPSILON * ROW * self._sum(self.pencil.diagonals[1] @ w**2)):
             return False
         if m == len(self._V):
             self._V, self._BV = (np.concatenate((a, np.empty_like(a))) for a in (self._V, self._BV))
@@ -192,28 +150,20 @@ class RationalBasis:
         if not self.size:
             return self.g, not self.complete
         s, y, log = on_root(self.pencil.network.comm, self._trial)
-        force, (field, viscous, _) = self._residual_at(s, y)
+        field, viscous = y @ self.vectors, s * (y @ self.images)
+        force = self._apply(self.pencil.K, field) + viscous - self.g
         terms = np.sqrt(self._sum(np.array([a @ a for a in (field, viscous, self.g, force)])))
-        more = not terms[3] <= BREAKDOWN * (self._most_K * terms[0] + terms[1] + terms[2])
+        more = not terms[3] <= BREAKDOWN * (ROW * self.pencil.largest[0] * terms[0] + terms[1] + terms[2])
         return force * np.exp(-log), more
 
     def _trial(self):
-        """(s, y(s), log |φ(s)|) for the real shift s where |φ| is largest."""
+        """(s, y(s), log |φ(s)|) for the real shift s where |φ| is largest; (K + sB) V y = g in the space."""
         ends = [*self.shifts, *self.rates[self.rates > 0]]
         trial = np.geomspace(1e-3 * min(ends), 1e3 * max(ends), 1000)
         size = self._log_phi(trial)
         best = int(np.argmax(size))
-        return trial[best], self._solution(trial[best]), size[best]
-
-    def _solution(self, s):
-        """y(s): Galerkin's solution of (K + sB) V y = g for one real s, (m,)."""
-        return np.linalg.solve(self.K + s * np.eye(self.size), self.t)
-
-    def _residual_at(self, s, y):
-        """((K + sB) V y − g, (V y, s B V y, g)), (n_local,) each."""
-        field = y @ self.vectors
-        viscous = s * (y @ self._BV[: self.size])
-        return self._apply(self.pencil.K, field) + viscous - self.g, (field, viscous, self.g)
+        s = trial[best]
+        return s, np.linalg.solve(self.K + s * np.eye(self.size), self.t), size[best]
 
     def phi(self, omega):
         """|φ(iω)|², (M,), by its product formula: relatively exact however small it is."""

@@ -17,7 +17,6 @@ import numpy as np
 
 from jampetsc.analysis.distribution import Distribution
 from jampetsc.linear.elastic import ElasticResponse
-from jampetsc.linear.run import split_field
 from jampetsc.mechanics.compatibility import Compatibility
 from jampetsc.petsc.inertia import SHIFT
 
@@ -32,9 +31,7 @@ class Carried:
 
     share: dict  # "nonaffine", "normal", "transverse", "modulus" -> (m,) of Σ|ũ|², Σ(Δu∥)², Σ(Δu⊥)², G_affine − G₀
     count: np.ndarray  # (q,) those of LOWEST that are at hand
-    median: (
-        dict  # QUANTITIES -> (q,) of the motion that the lowest `count` modes make up alone, no affine part
-    )
+    median: dict  # QUANTITIES -> (q,) of the motion that the lowest `count` modes make alone, no affine part
     whole: dict  # QUANTITIES -> the median of the whole response, the affine part of Δu∥ and Δu⊥ included
 
 
@@ -49,7 +46,7 @@ def carried_by(compatibility: Compatibility, values, vectors, force) -> Carried 
         return None
     elastic = ElasticResponse(network)
     shear = elastic.shear()
-    field, _ = split_field(elastic.pencil, shear.x)
+    field, _ = elastic.pencil.split(shear.x)
     imposed = elastic.compatibility.g.reshape(-1, 2)
     affine = elastic.pencil.k_gg
     elastic.destroy()

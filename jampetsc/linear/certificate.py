@@ -24,7 +24,6 @@ import numpy as np
 
 from jampetsc.mechanics.assembly import ROW
 from jampetsc.mechanics.compatibility import Compatibility
-from jampetsc.petsc.matrices import diagonal_of, largest_entry
 
 EPSILON = float(np.finfo(float).eps)
 # of a contact's motion, relative to its terms: bond, distance, normal, products and sum; also of sums of such forces
@@ -82,18 +81,11 @@ class Functional:
 
     def __init__(self, compatibility: Compatibility):
         self.compatibility = compatibility
-        pencil = compatibility.pencil
-        self.network = pencil.network
-        self.stiffest = [largest_entry(matrix) for matrix in (pencil.K, pencil.B)]
-        self._diagonals = [diagonal_of(matrix) for matrix in (pencil.K, pencil.B)]
+        self.pencil = compatibility.pencil
+        self.network = self.pencil.network
         squares = compatibility.g**2
         affine = np.array([compatibility.size_K @ squares, compatibility.w_B @ squares])
         self.affine = np.sqrt(self.network.sum(affine))
-
-    def diagonal(self, omega):
-        """That of K + ωB, (n_local,)."""
-        of_K, of_B = self._diagonals
-        return of_K + omega * of_B
 
     def trial(self, omega, x, strain: float = 1.0) -> Trial:
         """The field x (n_local,), complex, with what it leaves."""
@@ -110,7 +102,7 @@ class Functional:
     def rounding(self, trial: Trial, omega: float, diagonal) -> float:
         """What rounding may have done to what a trial leaves, in the norm of D⁻¹; ω and D are those of a `Hold`.
 
-        With D(ω) the diagonal of K + ωB and forces f of contacts |D(ω)^(−½) |C|ᵀ|f||² ≤ ROW Σ f²/(|w_K| + ω w_B).
+        With D(ω) = `reach(ω)` and forces f of contacts |D(ω)^(−½) |C|ᵀ|f||² ≤ ROW Σ f²/(|w_K| + ω w_B).
         The sum of f = w a is rounded, and so is a = C x + γ g in it.
         """
         c, x2 = self.compatibility, np.abs(trial.x) ** 2
@@ -119,12 +111,12 @@ class Functional:
         forces2 = np.divide(forces2, there, out=np.zeros_like(there), where=there > 0.0)
         local = [
             np.sum(forces2),
-            self.diagonal(trial.omega) @ x2,
+            c.reach(trial.omega) @ x2,
             here @ (trial.strain * c.g) ** 2,
             np.sum((trial.omega * c.drag) ** 2 * x2 / diagonal),
         ]
         of_sums, of_x, of_g, of_drag = self.network.sum(np.array(local))
-        stretch = self.network.max(float((self.diagonal(omega) / diagonal).max(initial=0.0)))
+        stretch = self.network.max(c.reach(omega) / diagonal)
         of_motions = max(1.0, trial.omega / omega) * (np.sqrt(ROW * of_x) + np.sqrt(of_g)) ** 2
         return float(ROUNDING * np.sqrt(ROW * stretch * (of_sums + of_motions) + of_drag))
 
@@ -133,25 +125,17 @@ class Functional:
         c, network, omega = self.compatibility, self.network, trial.omega
         a, field = trial.motions, trial.x
         parts = np.array([a.real**2, a.imag**2, a.real * a.imag])
-        drag = np.array(
-            [c.drag @ square for square in (field.real**2, field.imag**2, field.real * field.imag)]
-        )
-        (K_rr, K_ii, K_ri), (B_rr, B_ii, B_ri), (abs_rr, abs_ii, _), (x_rr, x_ii) = (
-            network.sum(sums)
-            for sums in (
-                parts @ c.w_K,
-                parts @ c.w_B + drag,
-                parts @ c.size_K,
-                np.array([np.sum(field.real**2), np.sum(field.imag**2)]),
-            )
-        )
+        squares = field.real**2, field.imag**2, field.real * field.imag
+        drag, reach_K, reach_B = np.array([c.drag, c.reach_K, c.reach_B]) @ np.transpose(squares)
+        local = parts @ c.w_K, parts @ c.w_B + drag, parts @ c.size_K, np.append(reach_K[:2], reach_B[:2])
+        (K_rr, K_ii, K_ri), (B_rr, B_ii, B_ri), (abs_rr, abs_ii, _), reach = map(network.sum, local)
         B_rr += c.drag_gg
         elastic, viscous = complex(K_rr - K_ii, 2.0 * K_ri), complex(B_rr - B_ii, 2.0 * B_ri)
-        # Evaluating a is off by ε|C||x|, and Σ w (|C||x|)² ≤ 6 max(diagonal) |x|², six unknowns at most in a
-        # row. The coefficients are off by a few ε; they multiply relative motions, and g. The rest is Cauchy
-        # and Schwarz. Real and imaginary parts are kept apart: at low frequency they differ by many decades.
+        # Evaluating a is off by ε|C||x|, see `Compatibility.reach`. The coefficients are off by a few ε; they
+        # multiply relative motions, and g. The rest is Cauchy and Schwarz. Real and imaginary parts are kept
+        # apart: at low frequency they differ by many decades.
         noise = e_Kr, e_Ki, e_Br, e_Bi = np.sqrt([abs_rr, abs_ii, B_rr, B_ii])
-        noise = 7.0 * noise + np.sqrt([ROW * most * norm for most in self.stiffest for norm in (x_rr, x_ii)])
+        noise = 7.0 * noise + np.sqrt(ROW * reach)
         noise[::2] += 4.0 * self.affine
         d_Kr, d_Ki, d_Br, d_Bi = noise
         storage = e_Kr * (e_Kr + d_Kr) + e_Ki * (e_Ki + d_Ki)
@@ -182,7 +166,7 @@ def field_bound(
     squared  bound on ‖x − exact‖² from the residual r = c + A x. With e = A⁻¹r and S = K + ωB,
              ‖e‖² = eᴴS e ≤ √2 |eᴴA e| = √2 |eᴴr| when e itself is known, and from there, by Cauchy and
              Schwarz, √2 |eᴴr| ≤ √2 ‖e‖ (rᴴS⁻¹r)^½, so ‖e‖² ≤ 2 rᴴS⁻¹r, when only the energy of r is
-    size     2-norm of what x was summed from, where that is larger than x: its rounding counts as well
+    size     (xᴴDx)^½ of what x was summed from, D = `reach(ω)`, where that is larger: its rounding counts as well
 
     Translations, and turns of gears, cost nothing and do not count. Where K has negative modes this is no
     bound.
@@ -191,12 +175,9 @@ def field_bound(
     network = c.pencil.network
     a = np.abs(c.motions(x)) ** 2
     x2 = np.abs(x) ** 2
-    local = np.array([(c.w_K + omega * c.w_B) @ a + omega * c.drag @ x2, np.sum(x2)])
+    local = np.array([(c.w_K + omega * c.w_B) @ a + omega * c.drag @ x2, c.reach(omega) @ x2])
     energy, norm2 = network.sum(local)
     if energy == 0.0:  # a crystal: nothing moves against the strain
         return 0.0 if squared == 0.0 else float("inf")
-    stiffest = ROW * sum(
-        factor * largest_entry(matrix) for factor, matrix in ((1.0, c.pencil.K), (omega, c.pencil.B))
-    )
-    rounding = 4.0 * EPSILON * np.sqrt(stiffest) * max(np.sqrt(norm2), size or 0.0)
+    rounding = 4.0 * EPSILON * np.sqrt(ROW) * max(np.sqrt(norm2), size or 0.0)
     return float((np.sqrt(abs(squared)) + rounding) / np.sqrt(abs(energy)))

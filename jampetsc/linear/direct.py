@@ -7,28 +7,28 @@ otherwise. The symbolic factorisation is done once, because the pattern never ch
 `freq_`.
 """
 
+import contextlib
+
 import numpy as np
 
 from jampetsc.errors import ConvergenceError, named
 from jampetsc.linear.certificate import EPSILON, Certified, Functional, Hold
 from jampetsc.mechanics.assembly import Pencil
 from jampetsc.mechanics.compatibility import build_compatibility
-from jampetsc.petsc import mumps, stopped
+from jampetsc.petsc import mumps
 from jampetsc.petsc.cholesky import least_singular_value
 from jampetsc.petsc.complexform import ComplexForm
 from jampetsc.petsc.session import current
 
 PREFIX = "freq_"
 DEFAULTS = {
-    "freq_ksp_type": "preonly",
-    "freq_pc_type": "cholesky",  # L D Lᵀ of a symmetric matrix, for complex scalars not L D Lᴴ
-    "freq_pc_factor_mat_solver_type": "mumps",
-    "freq_mat_mumps_icntl_7": 2,  # approximate minimum fill: faster here than the orderings MUMPS would choose
+    "ksp_type": "preonly",
+    "pc_type": "cholesky",  # L D Lᵀ of a symmetric matrix, for complex scalars not L D Lᴴ
+    "pc_factor_mat_solver_type": "mumps",
+    "mat_mumps_icntl_7": 2,  # approximate minimum fill: faster here than the orderings MUMPS would choose
 }
 REFINEMENTS = 40  # one or two are usual; an iterative method of few digits needs some
-DIGITS = (
-    1e-12  # refinement stops when the bound is this small, relative to the smaller of G' and G'', or rounding
-)
+DIGITS = 1e-12  # refinement stops where the bound is this small relative to G' and G'', or to rounding
 PRECISE = 1e-8  # residual of a solve for a `Hold`, relative
 
 
@@ -45,13 +45,11 @@ class FrequencySolver:
         self.functional = Functional(self.compatibility)
         self.form = ComplexForm(pencil.K, pencil.B)
         session = current()
-        session.set_defaults(DEFAULTS)
-        self.ksp = mumps.make_ksp(session.comm, PREFIX)
+        self.ksp = mumps.make_ksp(session.comm, PREFIX, DEFAULTS)
         self.ksp.setOperators(self.form.A)
         # whether the factor of an earlier frequency serves until it no longer converges
         self.reuse = session.PETSc.Options(PREFIX).getBool("ksp_reuse_preconditioner", False)
         self.hold = self.x = None
-        self.factorised = False
         self.iterations = 0
         self.factorisations = 0
 
@@ -62,44 +60,28 @@ class FrequencySolver:
         G''.
         """
         self.iterations = 0
-        fresh = not (self.reuse and self.factorised)
-        self._set_matrix(omega, fresh)
-        if fresh:
-            self._factorise(omega)
-        try:
-            return self._refine(omega, accuracy)
-        except ConvergenceError:
-            if fresh:
-                raise
-        self._set_matrix(omega, fresh=True)
+        if self.reuse and self.factorisations:
+            self.form.set(omega)
+            self.form.scale(self.scale)  # as the matrix of the factor was
+            with contextlib.suppress(ConvergenceError):
+                return self._refine(omega, accuracy)
         self._factorise(omega)
         return self._refine(omega, accuracy)
 
-    def _set_matrix(self, omega, fresh):
-        """A ← D (K + iωB) D; D follows ω only when the factorisation does."""
-        self.form.set(omega)
-        if fresh:
-            self.scale = 1.0 / np.sqrt(self.form.magnitude)
-        self.form.scale(self.scale)
-
     def _factorise(self, omega):
-        """Factorise A; where MUMPS ran out of workspace, start afresh with twice as much."""
+        """A ← D (K + iωB) D with a unit diagonal, and its factor."""
+        self.form.set(omega)
+        self.scale = 1.0 / np.sqrt(self.form.magnitude)
+        self.form.scale(self.scale)
         pc = self.ksp.getPC()
         pc.setReusePreconditioner(False)
         self.factorisations += mumps.factorise(self.ksp, self.form.A, f"K + iωB at ω = {omega:g}")
         pc.setReusePreconditioner(self.reuse)
-        self.factorised = True
 
     def _apply_inverse(self, omega, right):
         """A⁻¹ right to the accuracy of the KSP, scaling undone."""
-        solution = self.form.solve(self.ksp, self.scale * right)
+        solution = self.form.solve(self.ksp, self.scale * right, f"ω = {omega:g}")
         self.iterations += self.ksp.getIterationNumber()
-        reason = stopped.reason(self.ksp)
-        if reason < 0:
-            raise ConvergenceError(
-                f"ω = {omega:g}: KSP stopped with {stopped.name(reason)} after "
-                f"{self.ksp.getIterationNumber()} iterations; try -options_file jampetsc:mumps"
-            )
         if self.pencil.network.sum(np.count_nonzero(~np.isfinite(solution))):
             raise ConvergenceError(f"ω = {omega:g}: KSP gave what is no number; try another options file")
         solution *= self.scale
@@ -140,7 +122,7 @@ class FrequencySolver:
     def _find_hold(self, omega) -> Hold:
         """A `Hold` at ω, from solves with random right-hand sides."""
         projects = self.pencil.law.holds_translations
-        diagonal = self.functional.diagonal(omega)
+        diagonal = self.pencil.diagonal(omega)
         if projects:
             diagonal = np.ones_like(diagonal)
         root, first = np.sqrt(diagonal), self.pencil.K.getOwnershipRange()[0]

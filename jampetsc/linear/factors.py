@@ -5,12 +5,11 @@ SideBySide   every rank holds all of K + sB and factorises a shift of its own: n
 """
 
 import itertools
-from dataclasses import dataclass
 
 import numpy as np
 
 from jampetsc.collective import agreed
-from jampetsc.linear.basis import NEW, RationalBasis, field_at
+from jampetsc.linear.basis import RationalBasis, field_at
 from jampetsc.mechanics.assembly import Pencil
 from jampetsc.petsc.session import current
 from jampetsc.petsc.shifted import ShiftedFactor, shifted
@@ -41,10 +40,10 @@ def _named(s):
     return f"K + sB at s = {s:g}"
 
 
-def _new_factor(pencil, matrices, s, project):
-    """That of K + sB; `matrices` has K and B as they are to be factorised."""
-    needed = project if pencil.law.holds_translations else None
-    return ShiftedFactor(shifted(matrices.K, matrices.B, s), _named(s), needed)
+def _new_factor(pencil, s):
+    """That of K + sB."""
+    project = pencil.project if pencil.law.holds_translations else None
+    return ShiftedFactor(shifted(pencil.K, pencil.B, s), _named(s), project)
 
 
 def closest(shifts, s):
@@ -72,7 +71,7 @@ class Distributed:
         if factor is None and len(self._held) == self._most:
             factor = self._held.pop(next(iter(self._held)))
             factor.renew(self.pencil.K, self.pencil.B, s, _named(s))
-        self._held[s] = factor or _new_factor(self.pencil, self.pencil, s, self.pencil.project)
+        self._held[s] = factor or _new_factor(self.pencil, s)
         return self._held[s]
 
     def factorise(self, shifts) -> None:
@@ -114,21 +113,6 @@ class Distributed:
             factor.destroy()
 
 
-@dataclass(frozen=True, eq=False)
-class Whole:
-    """K, B and the border of a pencil, all of them on this rank alone: PETSc objects of one process."""
-
-    K: object
-    B: object
-    k_gamma: object
-    b_gamma: object
-
-    def destroy(self):
-        """Free the PETSc objects."""
-        for item in (self.K, self.B, self.k_gamma, self.b_gamma):
-            item.destroy()
-
-
 class SideBySide:
     """A shift per rank. Methods are collective; what fails on one rank is raised on all.
 
@@ -141,7 +125,7 @@ class SideBySide:
         self.comm = pencil.network.comm
         self.width = min(self.comm.size, MOST_AT_ONCE)
         self.rows = np.array(self.comm.allgather(pencil.K.getLocalSize()[0]))
-        self.whole = self._whole()
+        self.whole = pencil.gathered()
         self.mine: dict[float, ShiftedFactor] = {}
         self.owner: dict[float, int] = {}  # rank that has the factor of a shift
 
@@ -149,12 +133,6 @@ class SideBySide:
     def shifts(self) -> list[float]:
         """Shifts of the factors at hand."""
         return list(self.owner)
-
-    def _whole(self):
-        PETSc, pencil = current().PETSc, self.pencil
-        K, B = (matrix.getRedundantMatrix(self.comm.size) for matrix in (pencil.K, pencil.B))
-        border = (self._gather(vector.getArray()) for vector in (pencil.k_gamma, pencil.b_gamma))
-        return Whole(K, B, *(PETSc.Vec().createWithArray(values, comm=PETSc.COMM_SELF) for values in border))
 
     def _gather(self, local):
         whole = np.empty(self.rows.sum(), local.dtype)
@@ -175,17 +153,14 @@ class SideBySide:
         with agreed(self.comm):
             for s in new:
                 if self.owner[s] == self.comm.rank:
-                    self.mine[s] = _new_factor(self.pencil, self.whole, s, self.pencil.project_whole)
+                    self.mine[s] = _new_factor(self.whole, s)
 
     def start(self, s: float) -> RationalBasis:
         """The basis without vectors that starts from the field at shift s, if contacts dissipate."""
         if not self.pencil.law.damps_contacts:
             return _from_infinity(self.pencil)
         s = closest(self.owner, s)
-        x0 = None
-        with agreed(self.comm):
-            if s in self.mine:
-                x0 = field_at(self.whole, self.mine[s], s)
+        x0 = self._by_owner(s, lambda factor: field_at(self.whole, factor, s))
         return RationalBasis(self.pencil, s, self._scatter(x0, self.owner[s]))
 
     def extend(self, basis: RationalBasis, shifts, count: int) -> None:
@@ -197,7 +172,7 @@ class SideBySide:
         shifts = [closest(self.owner, s) for s in shifts]
         source = self._gather(q)
         with agreed(self.comm):
-            chains = {s: self._chain(self.mine[s], source, count) for s in shifts if s in self.mine}
+            chains = {s: self._chain(s, source, count) for s in shifts if s in self.mine}
         for s in shifts:
             chain = chains.get(s, [])
             length = self.comm.bcast(len(chain), root=self.owner[s])
@@ -213,11 +188,14 @@ class SideBySide:
 
     def _solve(self, s, right):
         """(K + sB)⁻¹ of a distributed vector, by the rank that has the factor."""
-        whole, x = self._gather(right), None
-        with agreed(self.comm):
-            if s in self.mine:
-                x = self._solve_whole(self.mine[s], whole)
+        whole = self._gather(right)
+        x = self._by_owner(s, lambda factor: self._solve_whole(factor, whole))
         return self._scatter(x, self.owner[s])
+
+    def _by_owner(self, s, action):
+        """What a function finds with the factor of s, on the rank that has it; None on the others."""
+        with agreed(self.comm):
+            return action(self.mine[s]) if s in self.mine else None
 
     def _solve_whole(self, factor, source):
         x = self.whole.K.createVecRight()
@@ -227,34 +205,18 @@ class SideBySide:
         x.destroy()
         return solution
 
-    def _chain(self, factor, source, count):
-        """(K + sB)⁻¹ applied to `source`, then to B times the vector before; each orthonormal in B to the others.
+    def _chain(self, s, source, count):
+        """Vectors (m, unknowns): (K + sB)⁻¹ applied to `source`, then to B times the vector before, orthonormal in B.
 
         Ends early where nothing new is found, but for rounding.
         """
-        image = self.whole.K.createVecRight()
-        x = self.whole.K.createVecRight()
-        chain, images = [], []
+        basis = RationalBasis(self.whole, np.inf, np.zeros(len(source)))
         for _ in range(count):
-            w = self._solve_whole(factor, source)
-            x.setArray(w)
-            self.whole.B.mult(x, image)
-            before = w @ image.getArray()
-            for vector, dual in zip(chain, images, strict=True):
-                w -= (dual @ w) * vector
-            x.setArray(w)
-            self.whole.B.mult(x, image)
-            if self.pencil.law.dofs == 3:
-                image.getArray()[2::3] = 0.0  # no torques, see `RationalBasis`
-            length2 = w @ image.getArray()
-            if not length2 > NEW**2 * before:
+            if not basis.append(self._solve_whole(self.mine[s], source), s):
                 break
-            chain.append(w / np.sqrt(length2))
-            images.append(image.getArray() / np.sqrt(length2))
-            source = images[-1]
-        x.destroy()
-        image.destroy()
-        return chain
+            source = basis.images[-1]
+        basis.destroy()
+        return basis.vectors
 
     def energies(self, v) -> dict[float, tuple[float, float]]:
         """vᵀ(K + sB)⁻¹v for every shift s at hand, as `ShiftedFactor.energy` has it; v (n_local,)."""
@@ -266,10 +228,7 @@ class SideBySide:
 
     def least_eigenvalue(self, s: float) -> float:
         """That of K + sB scaled to a unit diagonal, see `Cholesky.least_eigenvalue`; s a shift at hand."""
-        found = None
-        with agreed(self.comm):
-            if s in self.mine:
-                found = self.mine[s].least_eigenvalue()
+        found = self._by_owner(s, lambda factor: factor.least_eigenvalue())
         return self.comm.bcast(found, root=self.owner[s])
 
     def destroy(self):

@@ -18,7 +18,6 @@ from jampetsc.linear.certificate import EPSILON, ROUNDING, field_bound
 from jampetsc.linear.residual import Residual
 from jampetsc.mechanics.assembly import ROW
 from jampetsc.mechanics.compatibility import Compatibility
-from jampetsc.petsc.matrices import largest_entry
 
 
 class Galerkin:
@@ -43,9 +42,10 @@ class Galerkin:
             motion[:] = compatibility.motions(field)
         motions[:, 0] += compatibility.g
         if basis.size:
-            K, B = self._projected_K(motions), self._projected_B(fields, motions)
+            K, B = self._projected(fields[:, 1:], motions[:, 1:])
             rates, rotation = on_root(comm, lambda: _graded_eigen(K, B))
-            self._rotate(fields, motions, rotation)
+            for columns in (fields, motions):
+                tall.rotate(columns[:, 1:], rotation)
             still = -self.network.sum(motions[:, 1:].T @ (compatibility.w_K * motions[:, 0])) / rates
             fields[:, 0] += fields[:, 1:] @ still
             motions[:, 0] += motions[:, 1:] @ still
@@ -56,24 +56,16 @@ class Galerkin:
     def residual(self) -> Residual:
         """What this solution leaves of the equations. May be asked for once, since the motions are let go with it."""
         motions, self._motions = self._motions, None
-        still, modes = motions[:, 0], motions[:, 1:]
-        rates = self.spectrum.rates
-        return Residual(self.compatibility, still, modes, self.quasistatic, self.modes, rates, self.loads)
+        fields = self.quasistatic, self.modes
+        return Residual(self.compatibility, motions, fields, self.spectrum.rates, self.loads)
 
-    @staticmethod
-    def _rotate(fields, motions, rotation):
-        for columns in (fields, motions):
-            tall.rotate(columns[:, 1:], rotation)
-
-    def _projected_K(self, motions):
-        """Vᵀ K V, (m, m), from the motions of x₀ and V."""
-        return self.network.sum(tall.gram(motions[:, 1:], self.compatibility.w_K))
-
-    def _projected_B(self, fields, motions):
-        """Vᵀ B V, (m, m)."""
-        c, V = self.compatibility, fields[:, 1:]
-        B = tall.gram(motions[:, 1:], c.w_B)
-        return self.network.sum(B + tall.gram(V, c.drag) if c.pencil.law.drag else B)
+    def _projected(self, fields, motions):
+        """Vᵀ K V and Vᵀ B V, (m, m) each, from the motions of V."""
+        c = self.compatibility
+        K, B = tall.gram(motions, c.w_K), tall.gram(motions, c.w_B)
+        return self.network.sum(K), self.network.sum(
+            B + tall.gram(fields, c.drag) if c.pencil.law.drag else B
+        )
 
     def _finish(self, motions, rates):
         c, volume = self.compatibility, self.network.area
@@ -87,12 +79,7 @@ class Galerkin:
             np.array(
                 [
                     [c.w_K @ still**2, size_K @ still**2, size_K @ c.g**2, c.size_K @ still**2],
-                    [
-                        c.w_B @ fast**2 + c.drag @ flow**2,
-                        c.w_B @ still**2 + c.drag @ field**2,
-                        c.w_B @ c.g**2,
-                        0.0,
-                    ],
+                    [c.dissipation(fast, flow), c.dissipation(still, field), c.w_B @ c.g**2, 0.0],
                 ]
             )
         )
@@ -103,11 +90,10 @@ class Galerkin:
 
         # What rounding does to a sum Σ w a² : see `_rounding`. Reach: what the terms of the motions a = C x +
         # g come to.
-        of_modes = tall.squares(self.modes, np.ones((1, len(field))))[0]
-        norms = self._norms = np.sqrt(self.network.sum(np.append(field @ field, of_modes)))
-        reach_K, reach_B = (
-            np.sqrt(ROW * largest_entry(matrix)) * norms for matrix in (c.pencil.K, c.pencil.B)
-        )
+        reach = np.array([c.reach_K, c.reach_B])
+        of_fields = np.column_stack((reach @ field**2, tall.squares(self.modes, reach)))
+        self._norms = self.network.sum(of_fields)
+        reach_K, reach_B = np.sqrt(ROW * self._norms)
         reach_K[0] += np.sqrt(elastic[2])
         reach_B[0] += np.sqrt(viscous[2])
         sizes, of_weights = self.network.sum(tall.squares(modes, np.array([size_K, c.size_K])))
@@ -138,7 +124,8 @@ class Galerkin:
 
     def field_bound(self, omega: float, error: float) -> float:
         """Bound on the error of `field`, relative in the energy norm, from |ΔG*| without rounding. Collective."""
-        size = self._norms @ np.abs(np.append(1.0, self._amplitudes(omega)))
+        norms = np.sqrt(self._norms[0] + omega * self._norms[1])
+        size = norms @ np.abs(np.append(1.0, self._amplitudes(omega)))
         squared = np.sqrt(2.0) * error * self.network.area
         return field_bound(self.compatibility, omega, self.field(omega), squared, size)
 

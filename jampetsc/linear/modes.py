@@ -7,24 +7,39 @@ The count is certified by Sylvester's law: as many eigenvalues below μ, just ab
 − μ has negative pivots.
 """
 
-from dataclasses import dataclass
+import time
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from jampetsc.core.laws import UNDAMPED
-from jampetsc.errors import ConvergenceError, InputError, named
+from jampetsc.core.minimum import proved_minimum
+from jampetsc.errors import ConvergenceError, InputError, about, named
+from jampetsc.io.outlet import Outlet
+from jampetsc.io.packing_file import read_identified, source_told
 from jampetsc.linear.carried import Carried, carried_by
+from jampetsc.linear.record import run_record
 from jampetsc.mechanics.assembly import Pencil, assemble
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.mechanics.minimum import require_minimum
-from jampetsc.mechanics.network import Network
-from jampetsc.petsc.eigen import Eigenpairs, lowest
+from jampetsc.mechanics.network import Network, build_network
+from jampetsc.petsc.eigen import lowest
 from jampetsc.petsc.inertia import SHIFT, count_below
+from jampetsc.petsc.session import current
 
+FORMAT = "jampetsc-modes"
+PER_MODE = "eigenvalues residuals normal transverse participation_ratio floppiness shear_force".split()
+TOLD = (
+    "inertia_count",
+    "inertia_shift",
+    "complete",
+    "method",
+    "restarts",
+)  # fields that are attributes of the file
 GAP = 1e-7  # eigenvalues closer than this, relatively, belong together: a count cannot tell them apart
 ATTEMPTS = 4  # with more modes each time, where a cluster goes on or the count shows that some were missed
 RESIDUAL = (
-    1e-9  # largest ‖Kφ − λφ‖ accepted, in units of the stiffness; |Δλ| is below its square over the gap
+    1e-9  # largest ‖Kφ − λφ‖ accepted, in units of the stiffness; |Δλ| is less: its square over the gap
 )
 ALIKE = 1e-6  # largest product of two modes, or defect of a length: far more of them, alike, could pass for several
 
@@ -39,14 +54,14 @@ class Modes:
     residuals: np.ndarray  # (m,) ‖Kφ − λφ‖, in k
     normal: np.ndarray  # (m,) mean over contacts of a∥²
     transverse: np.ndarray  # (m,) mean over contacts of a⊥²
-    participation: np.ndarray  # (m,) (Σ|φ_i|²)²/(n Σ|φ_i|⁴), 1 if all disks move alike
+    participation_ratio: np.ndarray  # (m,) (Σ|φ_i|²)²/(n Σ|φ_i|⁴), 1 if all disks move alike
     shear_force: np.ndarray  # (m,) F = k_γ·φ per unit strain
     carried: Carried | None  # of the response to shear; None if that is not unique, or affine
     inertia_count: int  # eigenvalues below `inertia_shift`, translations left out, by inertia: equals m
     inertia_shift: float  # μ, in k
     complete: bool  # these are all modes of K
     method: str
-    iterations: int
+    restarts: int
 
     @property
     def floppiness(self):
@@ -67,7 +82,7 @@ def lowest_modes(
     Raises InputError for a packing that is not a minimum, for more modes than there are and for none below;
     ConvergenceError when they are not found or the count does not come out.
     """
-    stiffness = network.max(float(network.contacts.stiffness.max(initial=0.0)))
+    stiffness = network.max(network.contacts.stiffness)
     pencil = assemble(network, UNDAMPED, pinned=False)
     compatibility = build_compatibility(pencil)
     try:
@@ -83,7 +98,7 @@ def lowest_modes(
                     f"{named('count')}"
                 )
         pairs, kept, shift = _certified(pencil, compatibility, there if count is None else count, stiffness)
-        return _describe(pencil, compatibility, pairs, kept, shift)
+        return _describe(pencil, compatibility, pairs[:kept], shift)
     finally:
         compatibility.destroy()
         pencil.destroy()
@@ -134,12 +149,12 @@ def _require_different(vectors, network):
 
 def _together(pairs, more):
     """Both sets of eigenpairs as one, as if found at once."""
-    return Eigenpairs(
-        np.append(pairs.values, more.values),
-        np.vstack((pairs.vectors, more.vectors)),
-        np.append(pairs.residuals, more.residuals),
-        pairs.method,
-        pairs.iterations + more.iterations,
+    return replace(
+        pairs,
+        values=np.append(pairs.values, more.values),
+        vectors=np.vstack((pairs.vectors, more.vectors)),
+        residuals=np.append(pairs.residuals, more.residuals),
+        iterations=pairs.iterations + more.iterations,
     )
 
 
@@ -147,10 +162,7 @@ def _with_quotients(pairs, compatibility):
     """The same pairs with λ = Σ w a², summed contact by contact: small eigenvalues keep their digits."""
     values = np.array([compatibility.w_K @ compatibility.motions(vector) ** 2 for vector in pairs.vectors])
     values = compatibility.pencil.network.sum(values)
-    order = np.argsort(values, kind="stable")
-    return Eigenpairs(
-        values[order], pairs.vectors[order], pairs.residuals[order], pairs.method, pairs.iterations
-    )
+    return replace(pairs, values=values)[np.argsort(values, kind="stable")]
 
 
 def _cut(values, count, there, stiffness):
@@ -166,23 +178,57 @@ def _cut(values, count, there, stiffness):
     return (there, float(values[-1])) if len(values) == there else (None, None)
 
 
-def _describe(pencil: Pencil, compatibility, pairs, m, shift):
-    network = pencil.network
-    values, vectors = pairs.values[:m], pairs.vectors[:m]
+def _describe(pencil: Pencil, compatibility, pairs, shift):
+    network, m = pencil.network, len(pairs.values)
     sums = np.empty((m, 4))
     push = pencil.k_gamma.getArray()
-    for row, vector in enumerate(vectors):
+    for row, vector in enumerate(pairs.vectors):
         squares = np.sum(vector.reshape(-1, 2) ** 2, axis=1)
         motions = compatibility.motions(vector).reshape(-1, 2)
         sums[row] = *np.sum(motions**2, axis=0), np.sum(squares**2), push @ vector
     sums = network.sum(sums)
     contacts, force = network.contact_count, sums[:, 3]
-    fields = vectors.reshape(m, -1, 2)
+    fields = pairs.vectors.reshape(m, -1, 2)
     return Modes(
-        network, values, fields, pairs.residuals[:m],
+        network, pairs.values, fields, pairs.residuals,
         normal=sums[:, 0] / contacts, transverse=sums[:, 1] / contacts,
-        participation=1.0 / (network.n * sums[:, 2]),
-        shear_force=force, carried=carried_by(compatibility, values, fields, force),
+        participation_ratio=1.0 / (network.n * sums[:, 2]),
+        shear_force=force, carried=carried_by(compatibility, pairs.values, fields, force),
         inertia_count=m, inertia_shift=shift, complete=m == pencil.unknowns - 2 * len(pencil.pieces.roots),
-        method=pairs.method, iterations=pairs.iterations,
+        method=pairs.method, restarts=pairs.iterations,
     )  # fmt: skip
+
+
+def run(packing, to: Outlet, prestress: bool, count=None, below=None) -> Modes:
+    """Find modes as `lowest_modes` does and write them.
+
+    Collective. Raises as that does, naming the packing.
+    """
+    started = time.perf_counter()
+    session = current()
+    disks, identity = read_identified(packing, session.comm)
+    to.made_from(disks)
+    with about(source_told(packing)), session.stage("modes"):
+        network = build_network(disks, session.comm, prestress)
+        modes = lowest_modes(network, count, below, proved=not prestress or proved_minimum(disks))
+    with session.stage("output"), to.writer(FORMAT, session.comm) as writer:
+        _write(writer, modes)
+        writer.attributes(**run_record(disks, identity, {"prestress": prestress}, network, started))
+    return modes
+
+
+def _write(writer, modes):
+    writer.distributed("particles", modes.network.particles)
+    writer.distributed("modes", modes.vectors, axis=1)
+    per_mode = {name: getattr(modes, name) for name in PER_MODE}
+    carried = modes.carried
+    if carried is not None:
+        per_mode |= {f"share/{name}": share for name, share in carried.share.items()}
+        per_mode |= {f"cumulative/{name}": np.cumsum(share) for name, share in carried.share.items()}
+        per_mode |= {"lowest/count": carried.count}
+        per_mode |= {f"lowest/{name}_median": found for name, found in carried.median.items()}
+        writer.attributes(**{f"{name}_median": found for name, found in carried.whole.items()})
+    for name, values in per_mode.items():
+        writer.dataset(name, values)
+    told = {name: getattr(modes, name) for name in TOLD}
+    writer.attributes(**told, contacts=modes.network.contact_count)

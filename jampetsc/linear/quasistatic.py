@@ -20,18 +20,20 @@ import numpy as np
 
 from jampetsc.analysis.distribution import Distribution
 from jampetsc.core.laws import Law, Physics
-from jampetsc.errors import InputError, named
+from jampetsc.errors import about
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_identified, source_told
+from jampetsc.linear.carried import QUANTITIES
 from jampetsc.linear.elastic import ElasticResponse
 from jampetsc.linear.record import run_record
 from jampetsc.linear.refined_solve import Relaxed
-from jampetsc.linear.run import split_field
 from jampetsc.linear.viscosity import Flow, Viscosity
 from jampetsc.mechanics.network import Network, build_network
 from jampetsc.petsc.session import current
 
 FORMAT = "jampetsc-quasistatic"
+# fields that are attributes of the file
+TOLD = "G0 G_affine bulk_modulus eta0 omega_star identity_difference field_error".split()
 BARE = "no_prestress"  # name of what belongs to K without pre-stress, where there is any
 
 
@@ -49,20 +51,24 @@ class Quasistatic:
     G0: float  # in k
     G_affine: float  # modulus if nothing relaxed
     bulk_modulus: float  # −V dp/dV, in k
-    identity: float  # relative difference of G₀V and kΣ(Δu∥)² (with pre-stress −Σ(f/r)(Δu⊥)²)
-    error: float  # of the field, relative, in the energy norm
+    identity_difference: float  # relative difference of G₀V and kΣ(Δu∥)² (with pre-stress −Σ(f/r)(Δu⊥)²)
+    field_error: float  # relative, in the energy norm
 
     @property
-    def crossover(self) -> float:
+    def eta0(self) -> float:
+        """η₀, in kτ₁."""
+        return self.flow.eta0
+
+    @property
+    def omega_star(self) -> float:
         """ω* = G₀/η₀."""
-        return self.G0 / self.flow.eta0
+        return self.G0 / self.eta0
 
     def distributions(self) -> dict:
         """Distributions over the whole network of |Δu∥|, |Δu⊥| and |u_na|. Collective."""
         comm = self.network.comm
         return {
-            name: Distribution.of(np.concatenate(comm.allgather(getattr(self, name))))
-            for name in ("normal", "transverse", "nonaffine")
+            name: Distribution.of(np.concatenate(comm.allgather(getattr(self, name)))) for name in QUANTITIES
         }
 
 
@@ -75,7 +81,7 @@ def solve(network: Network, law: Law, viscosity: Viscosity) -> Quasistatic:
     elastic = ElasticResponse(network)
     try:
         shear, compression = elastic.shear(), elastic.compression()
-        nonaffine, _ = split_field(elastic.pencil, shear.x)
+        nonaffine, _ = elastic.pencil.split(shear.x)
         G_affine = elastic.pencil.k_gg / network.area
     finally:
         elastic.destroy()
@@ -90,8 +96,8 @@ def solve(network: Network, law: Law, viscosity: Viscosity) -> Quasistatic:
         G0=shear.value / network.area,
         G_affine=G_affine,
         bulk_modulus=_bulk_modulus(network, compression),
-        identity=shear.defect,
-        error=max(shear.error, compression.error),
+        identity_difference=shear.defect,
+        field_error=max(shear.error, compression.error),
     )
 
 
@@ -120,10 +126,8 @@ def run(packing, to: Outlet, physics: Physics, betas=()) -> Outcome:
     session = current()
     disks, identity = read_identified(packing, session.comm)
     to.made_from(disks)
-    try:
+    with about(source_told(packing)):
         outcome = _solve_all(build_network(disks, session.comm, physics.prestress), physics.law, betas)
-    except InputError as error:
-        raise InputError(f"{source_told(packing)}: {error.told(named)}") from None
     with session.stage("output"), to.writer(FORMAT, session.comm) as writer:
         _write(writer, outcome)
         writer.attributes(**run_record(disks, identity, physics.parameters, outcome.network, started))
@@ -174,16 +178,8 @@ def _write(writer, outcome):
         if response.flow.rotation is not None:
             writer.distributed(f"{group}contacts/sliding", response.flow.sliding)
             writer.distributed(f"{group}rotation", response.flow.rotation)
-        values = {
-            "G0": response.G0,
-            "G_affine": response.G_affine,
-            "bulk_modulus": response.bulk_modulus,
-            "eta0": response.flow.eta0,
-            **{f"eta0_{part}": value for part, value in response.flow.parts.items()},
-            "omega_star": response.crossover,
-            "identity_difference": response.identity,
-            "field_error": response.error,
-        }
+        values = {key: getattr(response, key) for key in TOLD}
+        values |= {f"eta0_{part}": value for part, value in response.flow.parts.items()}
         for quantity, found in outcome.distributions[name].items():
             writer.dataset(f"{group}histogram/{quantity}/edges", found.edges)
             writer.dataset(f"{group}histogram/{quantity}/counts", found.counts)

@@ -20,8 +20,7 @@ from jampetsc.linear.factors import closest, make_factors
 from jampetsc.linear.galerkin import Galerkin
 from jampetsc.linear.residual import ResidualBound, energy_between, positive
 from jampetsc.mechanics.assembly import Pencil
-from jampetsc.mechanics.compatibility import Compatibility
-from jampetsc.petsc.matrices import largest_entry
+from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.petsc.session import current
 
 VECTORS = 8  # at a time with one factor: a solve is some twentieth of a factorisation
@@ -63,19 +62,21 @@ class Certificate:
 class RationalSweep:
     """Grows a basis for one pencil until the bound is met at all frequencies asked for. All methods are collective.
 
+    When no shifts are left, `certificate` has what was found.
+
     omega (M,) increasing; accuracy: relative, allowed in G' and in G'' each; parallel as for `make_factors`.
     """
 
-    def __init__(
-        self, pencil: Pencil, compatibility: Compatibility, omega, accuracy: float, parallel: str = "auto"
-    ):
-        self.pencil, self.compatibility, self.accuracy = pencil, compatibility, accuracy
+    def __init__(self, pencil: Pencil, omega, accuracy: float, parallel: str = "auto"):
+        self.pencil, self.accuracy = pencil, accuracy
+        self.compatibility = build_compatibility(pencil)
         self.comm = pencil.network.comm
         self.omega = self.comm.bcast(np.asarray(omega, float))
         self.largest_rate = largest_rate(pencil)
         self.rate = self.largest_rate  # sets the scale of the shifts
         if not np.isfinite(self.rate):
-            self.rate = largest_entry(pencil.K) / largest_entry(pencil.B)
+            of_K, of_B = pencil.largest
+            self.rate = of_K / of_B
         self.factors = make_factors(pencil, parallel)
         self.basis: RationalBasis | None = None
         self.missing = None  # (q, its energies at the shifts at hand), of the basis as it is
@@ -87,14 +88,15 @@ class RationalSweep:
         """Factorisations made."""
         return len(self.factors.shifts)
 
-    def restore(self, first, x0, vectors, shifts) -> bool:
-        """Go on from the basis of an earlier run, if that is sound; its factors are gone, new ones certify it."""
+    def restore(self, first, x0, vectors, shifts) -> None:
+        """Go on from the basis of an earlier run: x₀, and (m, n_local), (m,) vectors with their shifts.
+
+        Its factors are gone; what new ones certify is the residual, wherever the basis comes from.
+        """
         basis = RationalBasis(self.pencil, first, x0)
-        if not basis.restore(vectors, shifts):
-            basis.destroy()
-            return False
+        for vector, shift in zip(vectors, shifts, strict=True):
+            basis.append(vector, shift)
         self._set_basis(basis)
-        return True
 
     def next_shifts(self) -> list[float]:
         """Where the next factorisations belong, as many as are done at once; none when all is certified.
@@ -103,7 +105,8 @@ class RationalSweep:
         """
         while not (shifts := on_root(self.comm, self._choose)):
             self._certified += 1
-            self.certificate = self._certify()
+            with current().stage("projection"):
+                self.certificate = self._certify()
             if on_root(self.comm, self._is_met):
                 break
         return shifts
@@ -184,9 +187,9 @@ class RationalSweep:
     def _set_basis(self, basis):
         self.basis = basis
         c = self.compatibility
-        squares = (c.motions(basis.x0) + c.g) ** 2
-        drag = c.drag @ basis.x0**2
-        self._still = self.pencil.network.sum(np.array([c.w_K @ squares, c.w_B @ squares + drag]))
+        motions = c.motions(basis.x0) + c.g
+        local = [c.w_K @ motions**2, c.dissipation(motions, basis.x0)]
+        self._still = self.pencil.network.sum(np.array(local))
         self._still[1] += c.drag_gg
 
     def worst(self) -> float:
@@ -223,10 +226,6 @@ class RationalSweep:
 
     def _certify(self) -> Certificate:
         """Galerkin's solution in the space as it is, with its bounds."""
-        with current().stage("projection"):
-            return self._solve()
-
-    def _solve(self):
         galerkin = Galerkin(self.basis, self.compatibility)
         G, rounding = on_root(
             self.comm,
@@ -268,13 +267,10 @@ class RationalSweep:
         """Bound on |ΔG*| at one of the frequencies, rounding left out."""
         return float(self.certificate.error[np.searchsorted(self.omega, omega)])
 
-    def finish(self) -> tuple[Galerkin, np.ndarray, np.ndarray]:
-        """(Galerkin, G* (M,), bounds (M, 3) on |ΔG*|, |ΔG'|, |ΔG''|, rounding included) when no shifts are left."""
-        return self.certificate.galerkin, self.certificate.G, self.certificate.bounds
-
     def destroy(self):
-        """Free factors and work vectors."""
+        """Free all objects of PETSc made here."""
         self.factors.destroy()
+        self.compatibility.destroy()
         if self.basis is not None:
             self.basis.destroy()
 
@@ -288,10 +284,10 @@ def largest_rate(pencil: Pencil) -> float:
     network, law = pencil.network, pencil.law
     limits = [np.inf]
     if law.normal:
-        local = float(network.contacts.stiffness.max(initial=0.0))
-        limits.append(network.max(local) / (network.damping(law) * law.normal))
+        stiffest = network.max(network.contacts.stiffness)
+        limits.append(stiffest / (network.damping(law) * law.normal))
     if law.drag:
         indptr, _, values = pencil.K.getValuesCSR()
-        local = float(np.add.reduceat(np.abs(values), indptr[:-1]).max()) if len(values) else 0.0
-        limits.append(network.max(local) / (network.damping(law) * law.drag))
+        sums = np.add.reduceat(np.abs(values), indptr[:-1])
+        limits.append(network.max(sums) / (network.damping(law) * law.drag))
     return min(limits)

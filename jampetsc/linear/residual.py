@@ -32,7 +32,6 @@ from jampetsc.linear.certificate import EPSILON
 from jampetsc.mechanics.assembly import ROW
 from jampetsc.mechanics.compatibility import Compatibility
 from jampetsc.petsc.cholesky import NotPositiveDefinite
-from jampetsc.petsc.matrices import diagonal_of
 
 SUMMED = 2.0 * EPSILON  # rounding of the sum over the contacts of a disk, relative to its terms
 DIRECTIONS = 12  # at most; where so many do not do, the solves are too poor for what is asked
@@ -72,9 +71,7 @@ class Anchor:
     shift: float
     diagonal: np.ndarray  # (n_local,) of D
     least: float
-    rounding: (
-        np.ndarray
-    )  # (m + 2,) what that of sums over contacts may have done to the columns of R, norm of D⁻¹
+    rounding: np.ndarray  # (m + 2,) what that of sums over contacts may have done to R's columns, norm of D⁻¹
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,13 +87,14 @@ class _Worst:
 class Residual:
     """R and w of one Galerkin solution. Collective; arrays hold this rank's rows.
 
-    still, modes             (rows, ) and (rows, m): motions of the contacts in x_qs, g included, and in the modes
-    quasistatic, mode_fields (n_local,) and (n_local, m)
+    motions   (rows, 1 + m): of the contacts in x_qs, g included, and in the modes
+    fields    x_qs (n_local,) and the modes (n_local, m)
     """
 
-    def __init__(self, compatibility: Compatibility, still, modes, quasistatic, mode_fields, rates, loads):
+    def __init__(self, compatibility: Compatibility, motions, fields, rates, loads):
         c = self.compatibility = compatibility
         self.rates, self.loads = rates, loads
+        (quasistatic, mode_fields), still, modes = fields, motions[:, 0], motions[:, 1:]
         self._fast, self._flow = still - modes @ loads, quasistatic - mode_fields @ loads
         self._still, self._modes, self._mode_fields = still, modes, mode_fields
         self.columns = np.empty((len(quasistatic), len(rates) + 2))
@@ -116,7 +114,7 @@ class Residual:
     def rounding(self, s, diagonal):
         """What rounding of the sums over contacts may have done to each column, (m + 2,), in the norm of D⁻¹.
 
-        With D = `diagonal`, that of K + sB: |D^(−½) |C|ᵀ|f||² ≤ ROW Σ f²/(|w_K| + s w_B) for forces f of contacts.
+        With D = `diagonal`, at least `reach(s)`: |D^(−½) |C|ᵀ|f||² ≤ ROW Σ f²/(|w_K| + s w_B) for forces f of contacts.
         """
         c = self.compatibility
         size = np.abs(c.w_K) + s * c.w_B
@@ -143,44 +141,40 @@ class ResidualBound:
     def __init__(self, residual: Residual, factors, q, energies, largest_rate: float, omega):
         self.residual, self.factors, self.omega = residual, factors, omega
         self.largest_rate = largest_rate
-        pencil = residual.compatibility.pencil
-        self.network = pencil.network
-        self._diagonals = diagonal_of(pencil.K), diagonal_of(pencil.B)
+        self.pencil = residual.compatibility.pencil
+        self.network = self.pencil.network
         self.anchors = [self._first_anchor()]
         self.directions = np.empty((len(q), 0))
         self._energies = []
         if self.network.sum(float(q @ q)):
             self._add_direction(q.copy(), energies)
 
-    def _diagonal(self, s):
-        of_K, of_B = self._diagonals
-        return of_K + s * of_B
-
     def _first_anchor(self):
         """Under drag on disks that do not turn K + sB ≥ s kτ₁ drag; else the factor in the middle will often do."""
-        law, top = self.residual.compatibility.pencil.law, float(self.omega[-1])
+        law, top = self.pencil.law, float(self.omega[-1])
         if law.drag and law.dofs == 2:
             drag = self.network.damping(law) * law.drag
-            return self._held(top, np.ones_like(self._diagonals[0]), top * drag)
+            return self._held(top, np.ones(self.pencil.K.getLocalSize()[0]), top * drag)
         shifts = sorted(self.factors.shifts)
         return self._anchor(shifts[len(shifts) // 2])
 
     def _anchor(self, s):
-        diagonal = self._diagonal(s)
-        if self.residual.compatibility.pencil.law.holds_translations:
+        diagonal = self.pencil.diagonal(s)
+        if self.pencil.law.holds_translations:
             diagonal = np.ones_like(diagonal)  # as `ShiftedFactor.least_eigenvalue` has it where it projects
         return self._held(s, diagonal, self.factors.least_eigenvalue(s))
 
     def _held(self, s, diagonal, least):
-        rounding = np.sqrt(self._stretch(s, diagonal)) * self.residual.rounding(s, self._diagonal(s))
-        return Anchor(s, diagonal, least, rounding)
+        reach = np.maximum(self.residual.compatibility.reach(s), self.pencil.diagonal(s))
+        stretch = self.network.max(reach / diagonal)
+        return Anchor(s, diagonal, least, np.sqrt(stretch) * self.residual.rounding(s, reach))
 
     def _stretch(self, s, diagonal):
         """Largest entry of the diagonal of K + sB in units of that of an anchor."""
-        return self.network.max(float((self._diagonal(s) / diagonal).max(initial=0.0)))
+        return self.network.max(self.pencil.diagonal(s) / diagonal)
 
     def _add_direction(self, v, energies):
-        self.residual.compatibility.pencil.project(v)
+        self.pencil.project(v)
         self.directions = np.column_stack((self.directions, v))
         self._energies.append(energies)
 
@@ -229,9 +223,8 @@ class ResidualBound:
         if not all(np.isfinite(triangle).all() for triangle in triangles):
             return np.full(len(omega), np.inf), None
         w = self.residual.weights(omega)
-        norms = np.array([self._norm(energies, stretch) for energies in self._energies]).reshape(
-            k, len(omega)
-        )
+        norms = [self._norm(energies, stretch) for energies in self._energies]
+        norms = np.array(norms).reshape(k, len(omega))
         known, rest, parts = [], [], []
         for anchor, triangle in zip(self.anchors, triangles, strict=True):
             c = solve_triangular(triangle[:k, :k], triangle[:k, k:] @ w) if k else np.empty((0, len(omega)))

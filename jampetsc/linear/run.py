@@ -1,26 +1,27 @@
-"""A sweep as it runs, and what it writes."""
+"""A sweep as it runs: what was asked, what is known of its packing, and how far its bounds hold."""
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
+from jampetsc.collective import on_root
 from jampetsc.core.disks import Disks
 from jampetsc.core.laws import Physics
 from jampetsc.core.minimum import proved_minimum
-from jampetsc.core.state import BALANCED
-from jampetsc.errors import InputError, named
+from jampetsc.core.state import BALANCED, imbalance, measure
+from jampetsc.errors import InputError, about, named
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_identified, source_told
 from jampetsc.linear.limits import LARGEST, SMALLEST
-from jampetsc.linear.record import run_record
+from jampetsc.mechanics.minimum import negative_modes
 from jampetsc.mechanics.network import build_network
+from jampetsc.petsc.session import current
+from jampetsc.progress import Progress
 
-FORMAT = "jampetsc-sweep"
 NOT_SHOWN = "not shown: that of fields is a bound only if K has no negative modes"
 SAME = 1e-9  # a frequency of the grid this close to one of the fields, relatively, is that one
-BOUNDS = ("error_bound", "error_bound_storage", "error_bound_loss")  # on |ΔG*|, |ΔG'|, |ΔG''|
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,10 +88,39 @@ class Run:
 
     def network(self, comm):
         """The contact network of the packing. Collective. Raises InputError, naming the file, where it is not rigid."""
-        try:
+        with about(self.packing):
             return build_network(self.disks, comm, self.physics.prestress)
-        except InputError as error:
-            raise InputError(f"{self.packing}: {error.told(named)}") from None
+
+    def examined(self) -> "Run":
+        """The run with balance and negative modes of its packing known, direct where there are some. Collective.
+
+        The rational method needs K + ωB to be positive definite, and so do the error bounds of fields. Where K has
+        negative modes G* is still defined, and is solved for frequency by frequency. Where forces are not balanced it
+        is that of the contacts as they are, which is no state that a packing stays in. Modes are not counted for a
+        run that is direct anyway. Says on stderr what is not as it should be.
+        """
+        session, notes = current(), []
+        run = replace(
+            self, imbalance=on_root(session.comm, lambda: imbalance(self.disks, measure(self.disks)))
+        )
+        if not run.imbalance <= BALANCED:
+            notes.append(
+                f"forces are not balanced, max|F|/(p d) = {run.imbalance:.1e}, so the packing is not a minimum of its "
+                "energy: quench it (pack from it); G* is that of its contacts as they are"
+            )
+        if run.method != "direct" and run.negative_modes is None:
+            negative, how = negative_modes(run.network(session.comm))
+            run = replace(run, negative_modes=negative, counted_by=how)
+        if run.method != "direct" and run.negative_modes:
+            notes.append(
+                f"K has {run.negative_modes} negative modes, so the packing is not a minimum of its energy: solving "
+                "every frequency by method direct"
+            )
+            run = replace(run, method="direct")
+        with Progress(None, "sweep", session.rank) as progress:
+            for note in notes:
+                progress.note(f"{run.packing}: {note}")
+        return run
 
     def asked(self, omega):
         """Frequencies of the experiment for some of `self.omega`, in their shape."""
@@ -136,52 +166,3 @@ class Run:
             "fields": self.field_omega,
             "ranks": ranks if len(self.field_omega) or self.method == "rational" else None,
         }
-
-
-def write_sweep(
-    run: Run, network, omega, G, bounds, fields, extra: dict, reduced: dict | None = None
-) -> None:
-    """Write the result file. Collective.
-
-    omega and G (M,) and bounds (M, 3) on |ΔG*|, |ΔG'| and |ΔG''|, the same on all ranks; omega are among
-    run.omega; fields yields (displacement (n_local, 2), rotation (n_local,) or None, relative bound) for each
-    of run.field_omega in turn; extra holds attributes of the method, reduced the datasets of the group
-    `reduced`.
-    """
-    with run.to.writer(FORMAT, network.comm) as writer:
-        writer.dataset("omega", run.asked(omega))
-        if run.damping is not None:
-            writer.dataset("equivalent_omega", omega)
-        writer.dataset("G", G)
-        for name, bound in zip(BOUNDS, bounds.T, strict=True):
-            writer.dataset(name, bound)
-        for name, values in (reduced or {}).items():
-            writer.dataset(f"reduced/{name}", values)
-        if len(run.field_omega):
-            writer.dataset("fields/omega", run.asked(run.field_omega))
-            writer.distributed("particles", network.particles)
-            errors = []
-            for displacement, rotation, error in fields:
-                writer.append("fields/displacement", displacement)
-                if rotation is not None:
-                    writer.append("fields/rotation", rotation)
-                errors.append(error)
-            writer.dataset("fields/error_bound", np.array(errors))
-        writer.attributes(
-            **run_record(run.disks, run.identity, run.parameters, network, run.started),
-            method=run.method,
-            accuracy=run.accuracy,
-            positive_semidefinite=run.positive_semidefinite,
-            **extra,
-        )
-
-
-def split_field(pencil, x):
-    """This rank's (displacement (n_local, 2), rotation (n_local,) or None) of a solution vector (n_local · dofs,).
-
-    Displacements are per unit strain and without the mean of each piece. Collective.
-    """
-    dofs = pencil.law.dofs
-    values = np.asarray(x).reshape(-1, dofs)
-    displacement = values[:, :2] - pencil.pieces.mean(pencil.network, values[:, :2])
-    return displacement, values[:, 2].copy() if dofs == 3 else None

@@ -7,7 +7,8 @@ interleaved (x, y, θ) per disk. A contact contributes weighted squares of its r
     B:  kτ₁ × the weights of the law on (a∥)², (a⊥)², (a⊥ᶜ)², |ũ_i|² and V γ²   (see `core.laws`)
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -15,7 +16,7 @@ from scipy.sparse import coo_array
 from jampetsc.core.forms import linear_forms, squares
 from jampetsc.core.laws import Law
 from jampetsc.mechanics.network import Network, Pieces, find_pieces
-from jampetsc.petsc.matrices import distributed_matrix
+from jampetsc.petsc.matrices import diagonal_of, distributed_matrix
 from jampetsc.petsc.session import current
 
 ROW = 6.0  # |A| ≤ ROW max(diagonal) for the A of a contact network: six unknowns at most share a form
@@ -54,11 +55,46 @@ class Pencil:
         local = x.reshape(-1, self.law.dofs)[:, :2]
         local -= self.pieces.mean(self.network, local)
 
-    def project_whole(self, x):
-        """The same for a vector that this rank has whole, (unknowns,)."""
-        if self.law.holds_translations:
-            whole = x.reshape(-1, self.law.dofs)[:, :2]
-            whole -= self.pieces.mean_of_all(whole)
+    @cached_property
+    def diagonals(self):
+        """Those of K and of B, (n_local,) each, real. Collective."""
+        return diagonal_of(self.K), diagonal_of(self.B)
+
+    def diagonal(self, s: float):
+        """That of K + sB, (n_local,). Collective."""
+        of_K, of_B = self.diagonals
+        return of_K + s * of_B
+
+    @cached_property
+    def largest(self) -> tuple[float, float]:
+        """Largest diagonal entries of K and of B, in modulus the largest of all in sums of squares. Collective."""
+        return tuple(self.network.max(np.abs(diagonal)) for diagonal in self.diagonals)
+
+    def gathered(self) -> "Pencil":
+        """The same with all rows on every rank, of which each is then alone; contacts remain those of the rank.
+
+        Collective.
+        """
+        PETSc, MPI, comm = current().PETSc, current().MPI, self.network.comm
+        border = (
+            np.concatenate(comm.allgather(vector.getArray())) for vector in (self.k_gamma, self.b_gamma)
+        )
+        return Pencil(
+            replace(self.network, comm=MPI.COMM_SELF, first=0, last=self.network.n),
+            self.law, self.pieces,
+            *(matrix.getRedundantMatrix(comm.size) for matrix in (self.K, self.B)),
+            *(PETSc.Vec().createWithArray(values, comm=PETSc.COMM_SELF) for values in border),
+            self.k_gg, self.b_gg, self.pins,
+        )  # fmt: skip
+
+    def split(self, x):
+        """This rank's (displacement (disks, 2), rotation (disks,) or None) of a solution vector (n_local,).
+
+        Displacements are per unit strain and without the mean of each piece. Collective.
+        """
+        values = np.asarray(x).reshape(-1, self.law.dofs)
+        displacement = values[:, :2] - self.pieces.mean(self.network, values[:, :2])
+        return displacement, values[:, 2].copy() if self.law.couples_rotations else None
 
     def destroy(self):
         """Free the PETSc objects. Collective."""

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from jampetsc.mechanics.assembly import Pencil, forms_of, weights
-from jampetsc.petsc.session import current
+from jampetsc.petsc.matrices import distributed_matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,10 +32,21 @@ class Compatibility:
     size_K: (
         np.ndarray
     )  # (rows,) |w_K| plus what rounding may do to it, in units of ε: an overlap is off by ε σ
-    drag: (
-        np.ndarray
-    )  # (n_local,) kτ₁ times the drag, 0 for angles: the part of B that acts on disks, not contacts
+    reach_K: np.ndarray  # (n_local,) Σ |w_K| C² over the contacts of each unknown,
+    reach_B: np.ndarray  # and of w_B; see `reach`
+    drag: np.ndarray  # (n_local,) kτ₁ times the drag, 0 for angles: what B has of disks, not of contacts
     drag_gg: float  # the part of b_γγ that does not come from contacts, kτ₁ η_F V
+
+    def dissipation(self, motions, field) -> float:
+        """aᵀ W_B a + xᵀ drag x of real motions a (rows,) and their field x (n_local,): this rank's part of the sum."""
+        return self.w_B @ motions**2 + self.drag @ field**2
+
+    def reach(self, s: float):
+        """D (n_local,) of K + sB: Σ (|w_K| + s w_B)(|C||x|)² ≤ ROW xᵀDx, however lengths and angles are measured.
+
+        So far can rounding of the terms of motions reach; ROW unknowns at most have a part in one.
+        """
+        return self.reach_K + s * self.reach_B
 
     def motions(self, x):
         """C x, (rows,) local, for local unknowns x (n_local,), real or complex in either build. Collective."""
@@ -75,15 +86,21 @@ def build_compatibility(pencil: Pencil) -> Compatibility:
     network, law = pencil.network, pencil.law
     once = network.contacts.i < network.contacts.j
     i, j = network.contacts.i[once], network.contacts.j[once]
-    forms, w = forms_of(network, law.dofs), weights(network, law)[once]
+    forms, w = forms_of(network, law.dofs), weights(network, law)
     m, f, d = len(i), len(forms), law.dofs
-    size_K = np.abs(w.real)
+    size_K = np.abs(w[once].real)
     contacts = network.contacts[once]
     excess = contacts.stiffness * contacts.overlap / contacts.force - 1.0  # α − 2
     size_K[:, 0] += contacts.stiffness * np.abs(excess) * contacts.sigma / contacts.overlap
     if network.prestress:
         size_K[:, 1] += contacts.stiffness * contacts.sigma / contacts.distance
-    values, g = (part[once] for part in stacked(forms))
+    rows, g = stacked(forms)
+    # contacts are seen from both ends, in the order of their disks
+    at = (np.abs(w.real) + 1j * w.imag)[:, None, :] @ rows[..., :d] ** 2
+    starts = np.searchsorted(network.contacts.i, np.arange(network.first, network.last))
+    reach = np.add.reduceat(at[:, 0], starts).ravel()
+    reach[np.isin(np.arange(network.first * d, network.last * d), pencil.pins)] = 0.0
+    w, values, g = w[once], rows[once], g[once]
     columns = np.concatenate((i[:, None] * d + np.arange(d), j[:, None] * d + np.arange(d)), axis=1)
     columns = np.broadcast_to(columns[:, None, :], values.shape)
     values[np.isin(columns, pencil.pins)] = 0.0
@@ -91,20 +108,11 @@ def build_compatibility(pencil: Pencil) -> Compatibility:
         (values.ravel(), columns.ravel(), np.arange(m * f + 1) * 2 * d), shape=(m * f, pencil.unknowns)
     )
     local.sort_indices()
-    PETSc = current().PETSc
-    C = PETSc.Mat().createAIJ(
-        ((m * f, None), ((network.last - network.first) * d, pencil.unknowns)),
-        csr=(
-            local.indptr.astype(PETSc.IntType),
-            local.indices.astype(PETSc.IntType),
-            local.data.astype(PETSc.ScalarType),
-        ),
-        comm=network.comm,
-    )
+    C = distributed_matrix(network.comm, local, local.data, (network.last - network.first) * d)
     damping = network.damping(law)
     drag = np.zeros((network.last - network.first, d))
     drag[:, :2] = damping * law.drag
     return Compatibility(
-        pencil, C, f, g.ravel(), w.real.ravel(), w.imag.ravel(), size_K.ravel(), drag.ravel(),
-        damping * law.eta_f * network.area,
+        pencil, C, f, g.ravel(), w.real.ravel(), w.imag.ravel(), size_K.ravel(), reach.real, reach.imag,
+        drag.ravel(), damping * law.eta_f * network.area,
     )  # fmt: skip

@@ -24,6 +24,7 @@ from jampetsc.errors import InputError, named
 from jampetsc.io.atomic import write_whole
 from jampetsc.mechanics.assembly import assemble, pins_of
 from jampetsc.mechanics.network import build_network
+from jampetsc.petsc.matrices import whole_matrix
 from jampetsc.petsc.session import current
 
 ENDINGS = (".npz", ".mtx", ".petsc")
@@ -105,14 +106,6 @@ def matrices_of(disks: Disks, physics: Physics, comm) -> Matrices:
         dofs=np.column_stack((np.repeat(particles, law.dofs), component)),
         pins=pins_of(law, pencil.pieces),
     )
-
-
-def whole_matrix(matrix):
-    """All rows of a distributed PETSc Mat, real, as csr_array on every rank. Collective."""
-    parts = matrix.getComm().tompi4py().allgather(matrix.getValuesCSR())
-    lengths = np.concatenate([np.diff(starts) for starts, *_ in parts])
-    columns, values = (np.concatenate([part[which] for part in parts]) for which in (1, 2))
-    return csr_array((values.real, columns, np.append(0, np.cumsum(lengths))), shape=matrix.getSize())
 
 
 def files_of(out) -> dict:

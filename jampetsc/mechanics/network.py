@@ -54,9 +54,9 @@ class Network:
         """Sum over ranks of a number or an array. Collective."""
         return self.comm.allreduce(value)
 
-    def max(self, value):
-        """Largest of a number over ranks. Collective."""
-        return max(self.comm.allgather(value))
+    def max(self, values) -> float:
+        """Largest of arrays of numbers ≥ 0 over ranks, or of a number, 0 where there are none. Collective."""
+        return max(self.comm.allgather(float(np.max(values, initial=0.0))))
 
     @property
     def contact_count(self) -> int:
@@ -143,16 +143,9 @@ class Pieces:
     def mean(self, network: Network, values):
         """Mean over its piece of what each owned disk has: values and result (last − first, c). Collective."""
         mine = self.index[network.first : network.last]
-        return (network.sum(self._totals(mine, values)) / np.bincount(self.index)[:, None])[mine]
-
-    def mean_of_all(self, values):
-        """The same for what all disks have, (n, c), on one rank."""
-        return (self._totals(self.index, values) / np.bincount(self.index)[:, None])[self.index]
-
-    def _totals(self, index, values):
         total = np.zeros((self.index.max() + 1, values.shape[1]), values.dtype)
-        np.add.at(total, index, values)
-        return total
+        np.add.at(total, mine, values)
+        return (network.sum(total) / np.bincount(self.index)[:, None])[mine]
 
 
 def find_pieces(network: Network) -> Pieces:

@@ -18,10 +18,10 @@ import numpy as np
 from scipy.sparse import bmat, csr_array
 
 from jampetsc.collective import agreed
-from jampetsc.mechanics.matrices import whole_matrix
 from jampetsc.oscillation.cycle import Cycle
 from jampetsc.oscillation.equations import Contacts
 from jampetsc.petsc.cholesky import Cholesky, NotPositiveDefinite
+from jampetsc.petsc.matrices import whole_matrix
 from jampetsc.petsc.session import current
 
 PREFIX = "osc_factor_"

@@ -1,21 +1,40 @@
 """L Lᵀ of a real symmetric PETSc matrix: it solves, and its success proves the matrix positive definite.
 
 CHOLMOD on one rank, MUMPS on more, unless the options say otherwise. Whatever they say, a solve that returns is right:
-its residual is looked at and refined away. What a success proves is another matter, see `proof`.
+its residual is looked at and refined away.
+
+What a success proves is another matter, which depends on options that a user may override. L Lᵀ by dense blocks
+(CHOLMOD's supernodal Cholesky) breaks down at the first pivot that is not positive. MUMPS lets negative pivots pass and
+counts them, if told to handle the root itself and neither to replace nor to compress anything. Others (the simplicial
+L D Lᵀ of CHOLMOD, PETSc's own, any iterative method) solve without proving anything. What is in force is read back
+from the solver.
 """
 
 import numpy as np
 
 from jampetsc.errors import ConvergenceError
-from jampetsc.petsc import mumps, stopped
-from jampetsc.petsc.proof import doubt
+from jampetsc.petsc import mumps
 from jampetsc.petsc.session import current
 
-NOT_POSITIVE = 81  # PETSC_ERR_MAT_CH_ZRPVT, what CHOLMOD's breakdown becomes
+# PETSC_ERR_MAT_CH_ZRPVT, what CHOLMOD's breakdown becomes, and what MUMPS says in INFOG(1)
+NOT_POSITIVE = 81, -10, -40
 # |b − A x| ≤ SOLVED (|A| |x| + |b|): more than a factor of A leaves. Computing it is off by some ROUNDED of the same.
 SOLVED = 1e-14
 ROUNDED = 4.0 * float(np.finfo(float).eps)
 REFINEMENTS = 40  # one of few digits needs some, one that does not halve the residual gets nowhere
+DEFAULTS = {"ksp_type": "preonly", "pc_type": "cholesky"}
+CHOLMOD = {
+    "pc_factor_mat_solver_type": "cholmod",
+    "mat_cholmod_factor": "SUPERNODAL",  # dense blocks, the fastest; L Lᵀ: a simplicial L D Lᵀ lets pivots < 0 pass
+    "mat_cholmod_print": 0,  # a failure is an answer, not worth a warning
+}
+MUMPS = {
+    "pc_factor_mat_solver_type": "mumps",
+    "mat_mumps_icntl_7": 2,  # approximate minimum fill
+    "mat_mumps_icntl_13": 1,  # no ScaLAPACK at the root: pivots ≤ 0 are counted
+}
+# ICNTL with which the pivots are not those of A, unless they have the value that stands first
+MUMPS_SETTINGS = {19: (0, "Schur complement"), 31: (0, "discarded factors"), 35: (0, "block low-rank")}
 TRIALS, STEPS, TAU = 2, 2, 1e-3  # see `least_eigenvalue`
 
 
@@ -47,34 +66,12 @@ class Cholesky:
     """
 
     def __init__(self, matrix, prefix: str, what: str, project=None):
-        session = current()
-        PETSc = session.PETSc
         self.matrix, self.prefix, self.what, self.project = matrix, prefix, what, project
-        alone = fits_cholmod(matrix)
-        session.set_defaults(
-            {
-                prefix + "ksp_type": "preonly",
-                prefix + "pc_type": "cholesky",
-                prefix + "pc_factor_mat_solver_type": "cholmod" if alone else "mumps",
-                **(
-                    {
-                        # By dense blocks, the fastest; it is L Lᵀ, where the simplicial L D Lᵀ would let
-                        # negative pivots pass.
-                        prefix + "mat_cholmod_factor": "SUPERNODAL",
-                        prefix + "mat_cholmod_print": "0",  # a failure is an answer, not worth a warning
-                    }
-                    if alone
-                    else {
-                        prefix + "mat_mumps_icntl_7": "2",  # approximate minimum fill
-                        prefix
-                        + "mat_mumps_icntl_13": "1",  # no ScaLAPACK at the root: pivots ≤ 0 are counted
-                    }
-                ),
-            }
-        )
-        for option in (PETSc.Mat.Option.SYMMETRIC, PETSc.Mat.Option.SPD):
-            matrix.setOption(option, True)
-        self.ksp = mumps.make_ksp(matrix.getComm(), prefix)
+        option = current().PETSc.Mat.Option
+        for one in (option.SYMMETRIC, option.SPD):
+            matrix.setOption(one, True)
+        defaults = CHOLMOD if fits_cholmod(matrix) else MUMPS
+        self.ksp = mumps.make_ksp(matrix.getComm(), prefix, DEFAULTS | defaults)
         self._left, self._step = matrix.createVecs()
         self.doubt = "nothing is factorised"
 
@@ -88,16 +85,14 @@ class Cholesky:
         self.doubt = "nothing is factorised"
         try:
             mumps.factorise(self.ksp, self.matrix, self.what)
-        except petsc.Error as error:
-            if error.ierr != NOT_POSITIVE:
-                raise
-            raise NotPositiveDefinite(f"{self.what} is not positive definite") from None
-        except mumps.Failure as failure:
-            if failure.code not in mumps.NOT_POSITIVE:
-                raise
-            raise NotPositiveDefinite(f"{self.what} is not positive definite") from None
-        if mumps.negative_pivots(self.ksp.getPC()):
             # told that the matrix is positive definite, MUMPS lets negative pivots pass
+            definite = not mumps.negative_pivots(self.ksp.getPC())
+        except (petsc.Error, mumps.Failure) as error:
+            code = error.code if isinstance(error, mumps.Failure) else error.ierr
+            if code not in NOT_POSITIVE:
+                raise
+            definite = False
+        if not definite:
             raise NotPositiveDefinite(f"{self.what} is not positive definite")
         self._norm = self.matrix.norm(petsc.NormType.INFINITY)  # bounds |A|, as A is symmetric
         self.doubt = doubt(self.ksp)
@@ -125,10 +120,7 @@ class Cholesky:
         )
 
     def _apply(self, rhs, out):
-        self.ksp.solve(rhs, out)
-        reason = stopped.reason(self.ksp)
-        if reason < 0:
-            raise ConvergenceError(f"solve with {self.what} failed (KSP: {stopped.name(reason)})")
+        mumps.solve(self.ksp, rhs, out, f"solve with {self.what}")
         if self.project is not None:
             self.project(out.getArray())
 
@@ -152,7 +144,7 @@ class Cholesky:
     def prove(self) -> bool:
         """Whether the last `factorise` proves that the matrix is positive definite. Collective.
 
-        Its options must be such (see `proof`), and a solve with a random right-hand side must come out. `doubt` says
+        Its options must be such (see `doubt`), and a solve with a random right-hand side must come out. `doubt` says
         why not.
         """
         if self.doubt:
@@ -173,6 +165,50 @@ class Cholesky:
         """Free the factor and the matrix."""
         for item in (self.ksp, self.matrix, self._left, self._step):
             item.destroy()
+
+
+def doubt(ksp, null_pivots: bool = False) -> str:
+    """Why the signs of the pivots of this KSP's factor say nothing, in a few words; empty where they do. After `setUp`.
+
+    null_pivots   whether MUMPS may detect null pivots, which it replaces: the caller looks at how many there were
+    """
+    prefix, pc = ksp.getOptionsPrefix(), ksp.getPC()
+    given = current().PETSc.Options(prefix)
+    if ksp.getType() != "preonly":
+        return f"-{prefix}ksp_type {ksp.getType()} is not preonly"
+    if pc.getType() != "cholesky":
+        return f"-{prefix}pc_type {pc.getType()} is not cholesky"
+    if given.getBool("ksp_reuse_preconditioner", False):
+        return f"-{prefix}ksp_reuse_preconditioner keeps the factor of another matrix"
+    solver = pc.getFactorSolverType()
+    if solver == "cholmod":
+        return _doubt_cholmod(prefix, given)
+    if solver == "mumps":
+        return _doubt_mumps(prefix, pc.getFactorMatrix(), ksp.getComm().size, null_pivots)
+    return f"-{prefix}pc_factor_mat_solver_type {solver} does not show the signs of its pivots"
+
+
+def _doubt_cholmod(prefix, given):
+    """CHOLMOD cannot be asked; it has read the same database."""
+    kind = given.getString("mat_cholmod_factor", "AUTO")
+    if kind.upper() != "SUPERNODAL":
+        return f"-{prefix}mat_cholmod_factor {kind} lets negative pivots pass"
+    if given.getReal("mat_cholmod_dbound", 0.0) != 0.0:
+        return f"-{prefix}mat_cholmod_dbound replaces small pivots"
+    return ""
+
+
+def _doubt_mumps(prefix, factor, ranks, null_pivots):
+    for number, (wanted, what) in MUMPS_SETTINGS.items():
+        if factor.getMumpsIcntl(number) != wanted:
+            return f"-{prefix}mat_mumps_icntl_{number} {factor.getMumpsIcntl(number)}: {what}"
+    if ranks > 1 and factor.getMumpsIcntl(13) != 1:
+        return f"-{prefix}mat_mumps_icntl_13 {factor.getMumpsIcntl(13)} leaves out the pivots of the root"
+    if factor.getMumpsIcntl(24) != 0 and not null_pivots:
+        return f"-{prefix}mat_mumps_icntl_24 {factor.getMumpsIcntl(24)} replaces null pivots"
+    if factor.getMumpsCntl(4) >= 0.0:
+        return f"-{prefix}mat_mumps_cntl_4 {factor.getMumpsCntl(4):g} replaces small pivots"
+    return ""
 
 
 def least_eigenvalue(start, step, trials: int = TRIALS) -> float:

@@ -12,6 +12,7 @@ Local shares of complex vectors are numpy arrays here, the same for both forms.
 import numpy as np
 from scipy.sparse import bsr_array
 
+from jampetsc.petsc import mumps
 from jampetsc.petsc.matrices import diagonal_of, distributed_matrix
 from jampetsc.petsc.session import current
 
@@ -48,10 +49,10 @@ class ComplexForm:
         self.b.setArray(np.repeat(d, 2) if self._doubled else d)
         self.A.diagonalScale(self.b, self.b)
 
-    def solve(self, ksp, right):
-        """Solution (n_local,) of A x = right (n_local,) by `ksp`, whatever it converged to."""
+    def solve(self, ksp, right, what: str):
+        """Solution (n_local,) of A x = right (n_local,) as `ksp` has it. Raises ConvergenceError where that fails."""
         self.b.setArray(np.conj(right).view(float) if self._doubled else right)
-        ksp.solve(self.b, self.x)
+        mumps.solve(ksp, self.b, self.x, what, "; try -options_file jampetsc:mumps")
         solution = self.x.getArray().copy()
         return solution.view(complex) if self._doubled else solution
 

@@ -9,15 +9,14 @@ are known and deflated. (With σ = 0 SLEPc would attach them to K as its null sp
 """
 
 import contextlib
-import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import eigh
-from scipy.sparse import csr_array
 
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.petsc.cholesky import fits_cholmod
+from jampetsc.petsc.matrices import whole_matrix
 from jampetsc.petsc.session import current
 
 PREFIX = "modes_"
@@ -27,9 +26,7 @@ SHIFT = 1e-7
 SPARE = 2  # eigenpairs more than asked for: the first one tells where the last one asked for ends
 BLOCKS = 30_000  # unknowns from which dense blocks pay in the triangular solves of CHOLMOD
 MANY = 250_000  # unknowns from which dense blocks pay in the factor as well
-VECTORS = (
-    2.5  # kept for each eigenpair: about as many as are needed, so that SLEPc restarts once or not at all
-)
+VECTORS = 2.5  # kept for each eigenpair: about as many as are needed, so that SLEPc hardly ever restarts
 DENSE = 8192  # unknowns up to which LAPACK finds all eigenpairs
 
 
@@ -43,17 +40,20 @@ class Eigenpairs:
     method: str
     iterations: int
 
+    def __getitem__(self, rows) -> "Eigenpairs":
+        """Some of them, or in another order."""
+        chosen = {name: getattr(self, name)[rows] for name in ("values", "vectors", "residuals")}
+        return replace(self, **chosen)
+
 
 def translations(pencil):
     """Orthonormal translations of the connected pieces, (2 pieces, unknowns_local)."""
-    network, label = pencil.network, pencil.pieces.label
-    roots, sizes = np.unique(label, return_counts=True)
-    mine = label[network.first : network.last]
-    moves = np.zeros((len(roots), 2, len(mine), 2))
-    for piece, (root, size) in enumerate(zip(roots, sizes, strict=True)):
-        for axis in range(2):
-            moves[piece, axis, mine == root, axis] = 1.0 / np.sqrt(size)
-    return moves.reshape(2 * len(roots), -1)
+    sizes = np.bincount(pencil.pieces.index)
+    mine = pencil.pieces.index[pencil.network.first : pencil.network.last]
+    moves = np.zeros((len(sizes), 2, len(mine), 2))
+    for axis in range(2):
+        moves[mine, axis, np.arange(len(mine)), axis] = 1.0 / np.sqrt(sizes[mine])
+    return moves.reshape(2 * len(sizes), -1)
 
 
 def lowest(pencil, count: int, stiffness: float, known=None) -> Eigenpairs:
@@ -103,7 +103,9 @@ def _suits_blocks(matrix) -> bool:
 
 def _krylov(pencil, moves, count, stiffness):
     SLEPc = current().SLEPc
-    deflated = [_vector(pencil, move) for move in moves]
+    deflated = [pencil.K.createVecRight() for _ in moves]
+    for vector, move in zip(deflated, moves, strict=True):
+        vector.setArray(move)
     eps = _solver(pencil.K, count, stiffness)
     if _suits_blocks(pencil.K):
         st = eps.getST()
@@ -122,16 +124,16 @@ def _krylov(pencil, moves, count, stiffness):
                 "-modes_eps_ncv or -modes_eps_max_it"
             )
         values = np.array([eps.getEigenvalue(row).real for row in range(found)])
-        order = np.argsort(values, kind="stable")
         vector = pencil.K.createVecRight()
         vectors = np.empty((found, vector.getLocalSize()))
         residuals = np.empty(found)
-        for row, index in enumerate(order):
-            eps.getEigenvector(int(index), vector)
+        for row in range(found):
+            eps.getEigenvector(row, vector)
             vectors[row] = vector.getArray()
-            residuals[row] = eps.computeError(int(index), SLEPc.EPS.ErrorType.ABSOLUTE)
+            residuals[row] = eps.computeError(row, SLEPc.EPS.ErrorType.ABSOLUTE)
         vector.destroy()
-        return Eigenpairs(values[order], vectors, residuals, eps.getType(), eps.getIterationNumber())
+        pairs = Eigenpairs(values, vectors, residuals, eps.getType(), eps.getIterationNumber())
+        return pairs[np.argsort(values, kind="stable")]
     finally:
         for item in (eps, *deflated):
             # a stop that is raised while the factor is applied leaves an EPS that PETSc does not destroy
@@ -147,7 +149,19 @@ def _solver(matrix, count, stiffness):
         raise InputError(
             "slepc4py is missing: install it for the PETSc in use (Debian: python3-slepc4py-real)"
         )
-    _set_defaults(session, matrix)
+    alone, small = fits_cholmod(matrix), matrix.getSize()[0] < BLOCKS
+    cholmod = {"st_mat_cholmod_factor": "SIMPLICIAL" if small else "SUPERNODAL"}
+    defaults = {
+        "eps_type": "krylovschur",
+        "eps_tol": "1e-12",
+        "eps_max_it": "300",
+        "st_type": "sinvert",
+        "st_ksp_type": "preonly",
+        "st_pc_type": "cholesky",
+        "st_pc_factor_mat_solver_type": "cholmod" if alone else "mumps",
+        **(cholmod if alone else {"st_mat_mumps_icntl_7": "2"}),
+    }
+    session.set_defaults({PREFIX + name: value for name, value in defaults.items()})
     eps = SLEPc.EPS().create(matrix.getComm())
     eps.setOptionsPrefix(PREFIX)
     eps.setOperators(matrix)
@@ -159,44 +173,18 @@ def _solver(matrix, count, stiffness):
     return eps
 
 
-def _set_defaults(session, matrix):
-    kind = "SIMPLICIAL" if matrix.getSize()[0] < BLOCKS else "SUPERNODAL"
-    alone = fits_cholmod(matrix)
-    session.set_defaults(
-        {
-            PREFIX + "eps_type": "krylovschur",
-            PREFIX + "eps_tol": "1e-12",
-            PREFIX + "eps_max_it": "300",
-            PREFIX + "st_type": "sinvert",
-            PREFIX + "st_ksp_type": "preonly",
-            PREFIX + "st_pc_type": "cholesky",
-            PREFIX + "st_pc_factor_mat_solver_type": "cholmod" if alone else "mumps",
-            **({PREFIX + "st_mat_cholmod_factor": kind} if alone else {PREFIX + "st_mat_mumps_icntl_7": "2"}),
-        }
-    )
-
-
-def _vector(pencil, values):
-    vector = pencil.K.createVecRight()
-    vector.setArray(values)
-    return vector
-
-
 def _dense(pencil, moves, count, stiffness):
     """All of a small K by LAPACK, on rank 0."""
-    network = pencil.network
-    comm = network.comm
-    parts = comm.gather((pencil.K.getValuesCSR(), moves))
+    comm = pencil.network.comm
+    K, parts = whole_matrix(pencil.K), comm.allgather(moves)
     values = shares = None
     if comm.rank == 0:
-        K = np.vstack([_rows(csr, pencil.unknowns) for csr, _ in parts])
-        whole = np.hstack([share for _, share in parts])
+        K, whole = K.toarray(), np.hstack(parts)
         # Translations are lifted above the rest: a row of K sums to no more than this in absolute values.
         K += (2.0 * np.abs(K).sum(axis=1).max() + stiffness) * (whole.T @ whole)
         values, vectors = eigh(K, overwrite_a=True, driver="evd")
-        values, vectors = values[:count], vectors[:, :count].T
-        ends = np.cumsum([0, *(share.shape[1] for _, share in parts)])
-        shares = [vectors[:, a:b].copy() for a, b in itertools.pairwise(ends)]
+        values, ends = values[:count], np.cumsum([part.shape[1] for part in parts])
+        shares = np.split(vectors[:, :count].T, ends[:-1], axis=1)
     values, vectors = comm.bcast(values), comm.scatter(shares)
     return Eigenpairs(values, vectors, _residuals(pencil.K, values, vectors), "lapack", 1)
 
@@ -213,8 +201,3 @@ def _residuals(K, values, vectors):
     x.destroy()
     y.destroy()
     return residuals
-
-
-def _rows(csr, columns):
-    indptr, indices, values = csr
-    return csr_array((values, indices, indptr), shape=(len(indptr) - 1, columns)).toarray()

@@ -15,20 +15,12 @@ import numpy as np
 
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.petsc import mumps
+from jampetsc.petsc.cholesky import DEFAULTS, MUMPS, doubt
 from jampetsc.petsc.matrices import set_diagonal
-from jampetsc.petsc.proof import doubt
-from jampetsc.petsc.session import current
 
 SHIFT = 1e-12
 PREFIX = "inertia_"
-DEFAULTS = {
-    "inertia_ksp_type": "preonly",
-    "inertia_pc_type": "cholesky",
-    "inertia_pc_factor_mat_solver_type": "mumps",
-    "inertia_mat_mumps_icntl_7": 2,  # approximate minimum fill: faster here than what MUMPS would choose
-    "inertia_mat_mumps_icntl_13": 1,  # no ScaLAPACK at the root, which would not count signs
-    "inertia_mat_mumps_icntl_24": 1,  # PETSc gives no inertia without the detection of null pivots
-}
+NULL_PIVOTS = {"mat_mumps_icntl_24": 1}  # PETSc gives no inertia without their detection
 
 
 @dataclass(frozen=True)
@@ -49,7 +41,6 @@ def count_eigenvalues(matrix, what: str, pins=(), shift: float = SHIFT) -> Inert
 
     Raises ConvergenceError if a factorisation fails, InputError for options with which it counts nothing.
     """
-    current().set_defaults(DEFAULTS)
     pins = np.asarray(pins, int)
     scaled = matrix.duplicate(copy=True)
     diagonal = scaled.getDiagonal()
@@ -58,30 +49,37 @@ def count_eigenvalues(matrix, what: str, pins=(), shift: float = SHIFT) -> Inert
     scaled.diagonalScale(diagonal, diagonal)
     set_diagonal(scaled, pins, 1.0)
 
-    ksp = mumps.make_ksp(matrix.getComm(), PREFIX)
     try:
-        scaled.shift(-shift)
-        below_plus = _negative(ksp, scaled, what)
-        scaled.shift(2.0 * shift)
-        below_minus = _negative(ksp, scaled, what)
+        below_plus, below_minus = _negative(scaled, (-shift, 2.0 * shift), what)
     finally:
-        for item in (ksp, scaled, diagonal):
+        for item in (scaled, diagonal):
             item.destroy()
     positive = matrix.getSize()[0] - below_plus - len(pins)
     return Inertia(below_minus, below_plus - below_minus, positive, shift)
 
 
-def _negative(ksp, matrix, what):
-    """Number of negative eigenvalues of a regular matrix: of negative pivots, if they are all there."""
-    mumps.factorise(ksp, matrix, what)
-    if reason := doubt(ksp, null_pivots=True):
-        raise InputError(f"{reason}: that would count no eigenvalues of {what}; leave this option out")
-    negative, null, _ = ksp.getPC().getFactorMatrix().getInertia()
-    if null:
-        raise ConvergenceError(
-            f"{what}: {null} pivots of L D Lᵀ are zero to rounding, so how many eigenvalues are negative is not certain"
-        )
-    return negative
+def _negative(matrix, shifts, what):
+    """Numbers of negative eigenvalues of a matrix after each of the shifts, which add up: of negative pivots."""
+    ksp = mumps.make_ksp(matrix.getComm(), PREFIX, DEFAULTS | MUMPS | NULL_PIVOTS)
+    found = []
+    try:
+        for shift in shifts:
+            matrix.shift(shift)
+            mumps.factorise(ksp, matrix, what)
+            if reason := doubt(ksp, null_pivots=True):
+                raise InputError(
+                    f"{reason}: that would count no eigenvalues of {what}; leave this option out"
+                )
+            negative, null, _ = ksp.getPC().getFactorMatrix().getInertia()
+            if null:
+                raise ConvergenceError(
+                    f"{what}: {null} pivots of L D Lᵀ are zero to rounding, so how many eigenvalues are negative is "
+                    "not certain"
+                )
+            found.append(negative)
+    finally:
+        ksp.destroy()
+    return found
 
 
 def count_below(matrix, value: float, what: str) -> int:
@@ -90,12 +88,9 @@ def count_below(matrix, value: float, what: str) -> int:
     One LDLᵀ factorisation of A − value. Raises ConvergenceError if it fails, InputError for options with which it
     counts nothing.
     """
-    current().set_defaults(DEFAULTS)
     shifted = matrix.copy()
-    shifted.shift(-value)
-    ksp = mumps.make_ksp(matrix.getComm(), PREFIX)
     try:
-        return _negative(ksp, shifted, what)
+        (found,) = _negative(shifted, (-value,), what)
     finally:
-        ksp.destroy()
         shifted.destroy()
+    return found

@@ -1,26 +1,36 @@
 """Distributed PETSc matrices from local rows, and what one asks of them."""
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from jampetsc.petsc.session import current
 
 
-def distributed_matrix(comm, csr, values):
-    """A symmetric PETSc Mat of this rank's rows, a scipy CSR array with `values` for its data. Collective."""
+def distributed_matrix(comm, csr, values, columns: int | None = None):
+    """A PETSc Mat of this rank's rows, a scipy CSR array with `values` for its data. Collective.
+
+    columns   how many of them belong to this rank; None: a symmetric matrix
+    """
     PETSc = current().PETSc
-    rows, columns = csr.shape
+    rows, width = csr.shape
+    structure = (part.astype(PETSc.IntType) for part in (csr.indptr, csr.indices))
     matrix = PETSc.Mat().createAIJ(
-        ((rows, columns), (rows, columns)),
-        csr=(
-            csr.indptr.astype(PETSc.IntType),
-            csr.indices.astype(PETSc.IntType),
-            values.astype(PETSc.ScalarType),
-        ),
+        ((rows, None), (rows if columns is None else columns, width)),
+        csr=(*structure, values.astype(PETSc.ScalarType)),
         comm=comm,
     )
-    matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-    matrix.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, True)
+    if columns is None:
+        matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        matrix.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, True)
     return matrix
+
+
+def whole_matrix(matrix):
+    """All rows of a distributed PETSc Mat, real, as csr_array on every rank. Collective."""
+    parts = matrix.getComm().tompi4py().allgather(matrix.getValuesCSR())
+    lengths = np.concatenate([np.diff(starts) for starts, *_ in parts])
+    columns, values = (np.concatenate([part[which] for part in parts]) for which in (1, 2))
+    return csr_array((values.real, columns, np.append(0, np.cumsum(lengths))), shape=matrix.getSize())
 
 
 def diagonal_of(matrix):
@@ -38,9 +48,3 @@ def set_diagonal(matrix, rows, value: float) -> None:
     diagonal.getArray()[rows[(rows >= first) & (rows < last)] - first] = value
     matrix.setDiagonal(diagonal)
     diagonal.destroy()
-
-
-def largest_entry(matrix) -> float:
-    """Largest diagonal entry of a matrix of squares, in modulus the largest of all. Collective."""
-    local = float(np.abs(diagonal_of(matrix)).max(initial=0.0))
-    return max(matrix.getComm().tompi4py().allgather(local))

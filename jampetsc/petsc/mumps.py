@@ -1,4 +1,4 @@
-"""Set up a factorisation; what a failed one says, in words, and the one failure that more workspace cures."""
+"""Set up a KSP and what it factorises; what a failure says, in words, and the one that more workspace cures."""
 
 import re
 
@@ -8,7 +8,6 @@ from jampetsc.petsc.session import current
 WORKSPACE = (-8, -9, -14, -15, -17, -20)  # INFOG(1): some work array was too small; ICNTL(14) enlarges them
 MEMORY = (-13, -19)  # INFOG(1): the machine, or the limit ICNTL(23), has no more
 SINGULAR = (-10,)
-NOT_POSITIVE = (-10, -40)  # INFOG(1): told to expect a positive definite matrix, met one that is not
 OUT_OF_CORE = (-90,)
 PETSC_MEMORY = 55  # PETSC_ERR_MEM
 CHOLMOD_MEMORY = re.compile(r"CHOLMOD .*status -[23]\b")  # out of memory, too large
@@ -26,14 +25,8 @@ class Failure(ConvergenceError):
 
 def failure(pc):
     """INFOG(1) of a failed MUMPS factorisation of this PC, 0 where it succeeded, None where MUMPS was not used."""
-    if pc.getFactorSolverType() != "mumps":
-        return None
-    return pc.getFactorMatrix().getMumpsInfog(1)
-
-
-def _outcome(pc):
-    """`failure` of any PC; 0 where it is no factorisation."""
-    return failure(pc) if pc.getType() in ("cholesky", "lu") else 0
+    factorises = pc.getType() in ("cholesky", "lu") and pc.getFactorSolverType() == "mumps"
+    return pc.getFactorMatrix().getMumpsInfog(1) if factorises else None
 
 
 def negative_pivots(pc) -> int:
@@ -41,8 +34,9 @@ def negative_pivots(pc) -> int:
     return 0 if failure(pc) is None else pc.getFactorMatrix().getMumpsInfog(12)
 
 
-def make_ksp(comm, prefix: str):
-    """A PETSc.KSP with the options of this prefix. Collective."""
+def make_ksp(comm, prefix: str, defaults: dict):
+    """A PETSc.KSP with the options of this prefix, and these where nobody gives others. Collective."""
+    current().set_defaults({prefix + name: value for name, value in defaults.items()})
     ksp = current().PETSc.KSP().create(comm)
     ksp.setOptionsPrefix(prefix)
     ksp.setFromOptions()
@@ -68,7 +62,7 @@ def factorise(ksp, matrix, what: str) -> int:
                     MEMORY[0],
                 ) from None
             raise
-        code = _outcome(ksp.getPC())
+        code = failure(ksp.getPC())
         if not code or code > 0:  # positive codes are warnings
             return attempt
         if code not in WORKSPACE or attempt == ATTEMPTS:
@@ -81,20 +75,37 @@ def factorise(ksp, matrix, what: str) -> int:
         attempt += 1
 
 
+def solve(ksp, rhs, out, what: str, remedy: str = "") -> None:
+    """out ← what `ksp` makes of rhs, PETSc vectors. Collective.
+
+    Raises ConvergenceError, with PETSc's reason, where it failed on any rank: where the preconditioner of one fails the
+    others are not told.
+    """
+    ksp.solve(rhs, out)
+    reason = min(ksp.getComm().tompi4py().allgather(ksp.getConvergedReason()))
+    if reason < 0:
+        raise ConvergenceError(
+            f"{what}: KSP stopped with {reason_told(reason)} after {ksp.getIterationNumber()} iterations{remedy}"
+        )
+
+
+def reason_told(code: int) -> str:
+    """PETSc's name of why a KSP stopped."""
+    reasons = current().PETSc.KSP.ConvergedReason
+    return next((name for name in dir(reasons) if getattr(reasons, name) == code), str(code))
+
+
 def explain(code, what: str) -> Failure:
     """The error to raise for a factorisation of `what` that failed with this INFOG(1)."""
+    told = f"MUMPS INFOG(1) = {code}"
     if code in WORKSPACE or code in MEMORY:
-        remedy = (
-            f"out of memory (MUMPS INFOG(1) = {code}); use more ranks or nodes, or -options_file "
-            "jampetsc:low_memory"
-        )
+        remedy = f"out of memory ({told}); use more ranks or nodes, or -options_file jampetsc:low_memory"
     elif code in OUT_OF_CORE:
-        remedy = "MUMPS could not write its files (INFOG(1) = -90); free space in, or set, MUMPS_OOC_TMPDIR"
+        remedy = f"MUMPS could not write its files ({told}); free space in, or set, MUMPS_OOC_TMPDIR"
     elif code in SINGULAR:
         remedy = (
-            "the matrix is singular (MUMPS INFOG(1) = -10); is the packing a minimum? see "
-            f"info with {named('matrices')}"
+            f"the matrix is singular ({told}); is the packing a minimum? see info with {named('matrices')}"
         )
     else:
-        remedy = f"the solver reports {f'MUMPS INFOG(1) = {code}' if code else 'a failed factorisation'}"
+        remedy = f"the solver reports {told if code else 'a failed factorisation'}"
     return Failure(f"factorisation of {what}: {remedy}", code)

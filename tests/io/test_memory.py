@@ -7,7 +7,7 @@ from samples import physics, published, put, run_of
 from jampetsc.io.memory import MemoryWriter
 from jampetsc.io.reader import SweepResult, collected, load
 from jampetsc.io.result_file import ResultWriter
-from jampetsc.linear import rational_sweep
+from jampetsc.linear.sweep import solve
 
 VALUES = {
     "text": "a·b", "undecodable": "x\udcff", "true": True, "whole": np.int64(3), "real": 0.1, "one": [2.5],
@@ -67,7 +67,7 @@ def test_a_sweep_in_memory_is_that_of_its_file(session, shared_path):
     packing = put(shared_path / "p.h5", published(), session.comm)
     job = run_of(packing, physics(), [1e-3, 1.0], [1e-3], "rational", 1e-6, shared_path / "a.h5")
     job.to.writer = lambda *words: Both(job.to.path, *words)
-    rational_sweep.solve(job)
+    solve(job)
     session.comm.Barrier()
     found, expected = collected(made.pop()), load(job.to.path)
     assert_same(found, expected)

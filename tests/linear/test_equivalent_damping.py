@@ -1,15 +1,11 @@
 """Power-law damping: the self-consistent equivalent frequency, its limits, and the moduli that follow."""
 
 import math
-import subprocess
-import sys
 from dataclasses import replace
 
-import launch
 import numpy as np
 import pytest
 import samples
-from dense import Reference
 from scipy.integrate import quad
 
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
@@ -17,8 +13,6 @@ from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.analysis.scaling import fit_power_law
 from jampetsc.core.laws import Physics, damping_law
 from jampetsc.core.potentials import Potential
-from jampetsc.io.packing_file import write_packing
-from jampetsc.io.reader import load
 from jampetsc.jobs import sweep as sweep_job
 
 OMEGA = np.geomspace(1e-16, 1e12, 281)
@@ -105,66 +99,10 @@ def test_exponents_of_the_moduli(alpha):
         np.testing.assert_allclose(found, exponents, atol=0.02)
 
 
-# The sweep
-
-
-def jampetsc(*words):
-    line = [sys.executable, "-m", "jampetsc", *map(str, words)]
-    return subprocess.run(line, env=launch.environment(), capture_output=True, text=True, timeout=120)
-
-
-def sweep(out, packing, *words):
-    done = jampetsc("sweep", packing, "--out", out, *words)
-    assert done.returncode == 0, done.stderr
-    return load(out), done.stdout
-
-
-@pytest.mark.parametrize("method", ["rational", "direct"])
-def test_a_sweep_is_the_linear_one_at_equivalent_frequencies(tmp_path, method):
-    packing = tmp_path / "packing.h5"
-    write_packing(packing, samples.published())
-    words = ("--method", method, "--omega", "1e-8:1:9", "--fields", "1e-4", "--tau1", "2.5", "--beta", "0.3")
-    found, said = sweep(tmp_path / "a.h5", packing, *words, "--alpha", "0.5", "--stress", "1e-5")
-    assert "alpha 0.5, stress 1e-05 k: equivalent linear frequencies" in said
-    assert found.law["alpha"] == 0.5 and found.law["stress"] == 1e-5
-    omega, solved = found.omega, found["equivalent_omega"]
-    np.testing.assert_allclose(omega, np.geomspace(1e-8, 1, 9))
-    np.testing.assert_allclose(solved, EquivalentDamping(0.5, 1e-5).frequency(omega * 2.5) / 2.5)
-    np.testing.assert_array_equal(found.fields.omega, [1e-4])
-    law = samples.physics(beta=0.3, tau1=2.5)
-    exact = np.array([Reference(samples.published(), law).modulus(w) for w in solved[::4]])
-    assert (np.abs(found.G[::4] - exact) <= found.error_bound[::4]).all()
-    assert (found.error_bound < 1e-5 * np.abs(found.G)).all()
-    if method == "rational":
-        between = np.sqrt(omega[3] * omega[4])
-        equivalent = EquivalentDamping(0.5, 1e-5).frequency(between * 2.5) / 2.5
-        assert found.modulus(between) == pytest.approx(found.spectrum.modulus(equivalent), rel=1e-12)
-        assert found.frequency_range == (solved[0], solved[-1])
-
-
-def test_an_exponent_of_one_changes_no_sweep(tmp_path):
-    packing = tmp_path / "packing.h5"
-    write_packing(packing, samples.published())
-    linear, _ = sweep(tmp_path / "linear.h5", packing, "--omega", "1e-4:1:5")
-    found, _ = sweep(tmp_path / "one.h5", packing, "--omega", "1e-4:1:5", "--alpha", "1", "--stress", "1e-3")
-    np.testing.assert_array_equal(found.G, linear.G)
-    np.testing.assert_array_equal(found.error_bound, linear.error_bound)
-
-
-def test_frequencies_that_cannot_be_solved_are_refused(tmp_path):
-    packing = tmp_path / "packing.h5"
-    write_packing(packing, samples.published())
-    words = ("--omega", "1e-4:1e4:9", "--alpha", "0.2", "--stress", "1e-8")
-    done = jampetsc("sweep", packing, "--out", tmp_path / "a.h5", *words)
-    assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
-    assert "--alpha 0.2 --stress 1e-08: omega = " in done.stderr and "narrow --omega" in done.stderr
-    assert not (tmp_path / "a.h5").exists()
-
-
-def test_a_strain_that_would_change_contacts_is_told_in_units_of_k(tmp_path):
+def test_a_strain_that_would_change_contacts_is_told_in_units_of_k():
     """σ₀ = 1e-3 k over |G*| = 2 k is a strain of 5e-4, more than p/k = 1e-4."""
     stiff = replace(samples.published(), potential=Potential(k=4.0)).with_record(pressure=4e-4)
-    write_packing(tmp_path / "p.h5", stiff)
-    job = samples.run_of(tmp_path / "p.h5", Physics(damping_law()), [1.0], alpha=0.5, stress=1e-3)
+    job = samples.run_of(stiff, Physics(damping_law()), [1.0], alpha=0.5, stress=1e-3)
     said = sweep_job._summary(job, job.asked(job.omega), np.array([8.0 + 0j]), np.full((1, 3), 1e-9))
+    assert "alpha 0.5, stress 0.001 k: equivalent linear frequencies" in said
     assert "strain amplitude up to 5.0e-04, more than p/k = 1.0e-04" in said

@@ -1,7 +1,6 @@
 """A sweep killed half-way: the same command continues, another one starts from the beginning."""
 
 import re
-import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -27,14 +26,6 @@ def whole(packing):
     out = packing.with_name("whole.h5")
     assert sweep(0, 99, packing, out).returncode == 0
     return jampetsc.load(out)
-
-
-@pytest.fixture(scope="module")
-def three_steps(packing):
-    """The checkpoint of one that was killed after three steps."""
-    out = packing.with_name("killed.h5")
-    assert sweep(0, 3, packing, out).returncode != 0
-    return packing.with_name("killed.h5.resume")
 
 
 def sweep(ranks, count, packing, out, *more):
@@ -76,9 +67,10 @@ def test_the_direct_method_continues(packing, tmp_path):
     np.testing.assert_allclose(*(result["fields/displacement"] for result in results), atol=1e-8)
 
 
-def test_everything_that_decides_a_sweep_identifies_its_checkpoint(packing):
+def test_everything_that_decides_a_sweep_identifies_its_checkpoint():
+    """So that no other is gone on with (tests/io/test_checkpoint.py)."""
     omega = np.array([0.1, 1.0])
-    job = run_of(packing, physics(), omega, [1.0])
+    job = run_of(published(), physics(), omega, [1.0])
     others = [
         {"identity": (job.identity[0], "another")},
         {"physics": physics(beta=0.5)},
@@ -91,34 +83,6 @@ def test_everything_that_decides_a_sweep_identifies_its_checkpoint(packing):
     ]
     keys = [job.key(1), job.key(2), *(replace(job, **other).key(1) for other in others)]
     assert len(set(map(str, keys))) == len(keys) and str(replace(job, started=0.0).key(1)) == str(keys[0])
-
-
-@pytest.mark.parametrize("lost", [0, 1])
-def test_what_follows_a_gap_is_not_built_upon(packing, whole, three_steps, tmp_path, lost):
-    """Certified is what the bound says: an error of the resumed run stays within it."""
-    out, steps = tmp_path / "sweep.h5", tmp_path / "sweep.h5.resume"
-    shutil.copytree(three_steps, steps)
-    (steps / f"0000{lost}-rank-0000").unlink()
-    done = sweep(0, 99, packing, out)
-    assert done.returncode == 0, done.stderr
-    assert (f"{lost} shifts are finished" in done.stderr) == (lost > 0)
-    found, exact = jampetsc.load(out), whole
-    assert np.all(np.abs(found.G - exact.G) <= found.error_bound + exact.error_bound)
-    assert np.all(found.error_bound <= 2e-10 * np.abs(found.G))
-
-
-def test_a_checkpoint_of_other_ranks_or_of_another_sweep_is_not_used(packing, whole, tmp_path):
-    out, exact = tmp_path / "sweep.h5", whole
-    for ranks, words in ((2, ()), (0, ("--accuracy", "1e-2", "--beta", "2"))):
-        assert sweep(ranks, 1, packing, out, *words).returncode != 0
-        done = sweep(0, 99, packing, out)
-        assert done.returncode == 0, done.stderr
-        assert "belongs to another job: ignored" in done.stderr
-        found = jampetsc.load(out)
-        assert np.all(np.abs(found.G - exact.G) <= found.error_bound + exact.error_bound)
-        assert np.all(found.error_bound <= 2e-10 * np.abs(found.G))
-        assert found.attributes["accuracy"] == 1e-10 and found.law["beta"] == 1.0
-        out.unlink()
 
 
 def test_a_sweep_without_vectors_continues(tmp_path):

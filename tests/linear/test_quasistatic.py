@@ -18,7 +18,6 @@ from samples import (
     reference,
 )
 
-import jampetsc
 from jampetsc.analysis.distribution import Distribution
 from jampetsc.cli import main as cli
 from jampetsc.core.disks import Disks
@@ -75,9 +74,9 @@ def test_against_dense(session, sample):
             np.testing.assert_allclose(values, wanted, rtol=0, atol=1e-10 * wanted.max())
         assert found.G0 == pytest.approx(G0, rel=1e-10, abs=1e-12)
         assert found.flow.eta0 == pytest.approx(exact.eta0(), rel=1e-10)
-        assert found.crossover == pytest.approx(G0 / exact.eta0(), rel=1e-9)
+        assert found.omega_star == pytest.approx(G0 / exact.eta0(), rel=1e-9)
         assert eta_inf == pytest.approx(exact.eta_infinity(), rel=1e-10)
-        assert found.identity < 1e-10 and found.error < 1e-10
+        assert found.identity_difference < 1e-10 and found.field_error < 1e-10
 
 
 @pytest.mark.parametrize("sample", MINIMA)
@@ -128,27 +127,6 @@ def test_bulk_modulus_of_one_state_of_self_stress(session):
     assert found.bulk_modulus == pytest.approx(network.k * moment**2 / (4 * network.area * square), rel=1e-6)
 
 
-@pytest.mark.most_ranks(2)
-def test_no_minimum_is_refused_with_the_count(session):
-    exact = reference("gears", str(physics("stokes")))
-    negative = int(np.sum(np.linalg.eigvalsh(exact.K[:-1, :-1].astype(float)) < -1e-9))
-    assert negative > 1
-    with pytest.raises(InputError, match=rf"K has {negative} negative modes: not a minimum"):
-        ElasticResponse(build_network(gears(), session.comm))
-
-
-@pytest.mark.most_ranks(1)  # on several the last digits, which errors are made of, are MUMPS's and change
-def test_the_error_is_that_of_the_worse_response(session):
-    """Shear and compression each have one, and they differ."""
-    network = build_network(SAMPLES["polydisperse"](), session.comm)
-    elastic = ElasticResponse(network)
-    errors = [elastic.shear().error, elastic.compression().error]
-    elastic.destroy()
-    found, _ = response(SAMPLES["polydisperse"](), physics(), session.comm)
-    assert errors[0] != errors[1]
-    assert found.error == max(errors)
-
-
 def square_lattice():
     """A perfect square lattice, 6 × 4: rows and columns slide as wholes at no cost in first order."""
     row, column = np.divmod(np.arange(24), 6)
@@ -157,62 +135,8 @@ def square_lattice():
     )
 
 
-@pytest.mark.most_ranks(2)
-def test_floppy_modes_are_refused_with_the_count(session):
-    """Each of 4 rows and 6 columns slides; all rows together, and all columns, are the two translations."""
-    network = build_network(square_lattice(), session.comm, prestress=False)
-    with pytest.raises(InputError, match=r"K has 8 floppy modes besides its translations"):
-        ElasticResponse(network)
-
-
 def command(*words):
     return cli.main([str(word) for word in words])
-
-
-def test_file(session, shared_path):
-    out = shared_path / "q.h5"
-    assert command("quasistatic", PACKING, "--out", out, "--beta", 2, "--betas", "1e-3,2") == 0
-    found = jampetsc.load(out)
-    n, contacts = len(found["particles"]), len(found["contacts/pairs"])
-    assert found.format == "jampetsc-quasistatic" and found.law["beta"] == 2.0
-    assert (n, contacts) == (22, 43)
-    exact = reference("isostatic", str(physics("stokes")))
-    bonds = found["contacts/bonds"]
-    u = found["nonaffine"]
-    i, j = found["contacts/pairs"].T
-    move = u[j] - u[i]
-    move[:, 0] += bonds[:, 1]
-    normal = np.sum(move * bonds, axis=1) / np.hypot(*bonds.T)
-    np.testing.assert_allclose(normal, found["contacts/normal"], rtol=0, atol=1e-9)
-    assert found["contacts/transverse"].shape == found["contacts/sliding"].shape == (contacts,)
-    assert found["no_prestress/nonaffine"].shape == (n, 2) and found["rotation"].shape == (n,)
-    a = found.attributes
-    assert a["G0"] == pytest.approx(exact.quasistatic()[1], rel=1e-9)
-    assert a["eta0"] == pytest.approx(a["eta0_normal"] + a["eta0_transverse"], rel=1e-14)
-    assert a["normal_rms"] == pytest.approx(np.sqrt(np.mean(normal**2)), rel=1e-9)
-    assert a["no_prestress_normal_rms"] ** 2 * contacts == pytest.approx(
-        a["no_prestress_G0"] * float(exact.area) / a["k"], rel=1e-10
-    )
-    assert found["histogram/normal/counts"].sum() == contacts
-    assert found["beta_scan/eta0"][1] == pytest.approx(a["eta0"], rel=1e-12)
-    assert found["beta_scan/eta_inf"][1] == pytest.approx(a["eta_inf"], rel=1e-12)
-    assert (np.diff(found["beta_scan/eta_inf"]) > 0).all()
-
-
-@pytest.mark.most_ranks(1)
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (["--betas", "1,x"], "--betas 1,x: write low:high:count"),
-        (["--betas", "-1"], "--betas -1: must lie between 0 and"),
-        (["--law", "stokes", "--betas", "1"], "--betas: belongs to --law contact"),
-    ],
-)
-def test_bad_options(session, shared_path, capsys, words, says):
-    out = shared_path / "q.h5"
-    assert command("quasistatic", PACKING, "--out", out, *words) == 2
-    assert session.rank or says in capsys.readouterr().err
-    assert not out.exists()
 
 
 @pytest.mark.most_ranks(2)
@@ -289,9 +213,7 @@ def test_a_field_is_refined_and_its_error_told(session, monkeypatch):
         with monkeypatch.context() as only:
             for limit in {"LARGEST_ERROR", "LARGEST_DEFECT"} - {name}:
                 only.setattr(balance, limit, np.inf)
-            with pytest.raises(
-                ConvergenceError, match=r"a field: only certain to .*the matrix is too ill-cond"
-            ):
+            with pytest.raises(ConvergenceError, match=r"a field: only certain to .* too ill-cond"):
                 respond(share)
     elastic.destroy()
 
@@ -340,12 +262,14 @@ def test_a_flow_without_dissipation_is_refused(session):
 
 @pytest.mark.most_ranks(1)
 def test_pressure_is_in_the_bulk_modulus_with_prestress_only(session):
-    """−V dp/dV of springs at rest: a quarter of d²U/dε² alone."""
+    """−V dp/dV of springs at rest: a quarter of d²U/dε² alone. The error told is that of the worse response."""
     for prestress in (True, False):
         network = build_network(SAMPLES["polydisperse"](), session.comm, prestress)
         elastic = ElasticResponse(network)
-        value = elastic.compression().value
+        responses = elastic.shear(), elastic.compression()
+        value, errors = responses[1].value, {response.error for response in responses}
         elastic.destroy()
         found, _ = response(SAMPLES["polydisperse"](), physics(prestress=prestress), session.comm)
         wanted = value / (4.0 * network.area) + prestress * 0.5 * network.pressure
         assert found.bulk_modulus == pytest.approx(wanted, rel=1e-9)
+        assert len(errors) == 2 and found.field_error == max(errors)

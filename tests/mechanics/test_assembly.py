@@ -9,7 +9,7 @@ from samples import LAWS, SAMPLES, laws_of, network_of, physics, reference
 
 from jampetsc.mechanics.assembly import ROW, assemble
 from jampetsc.mechanics.compatibility import build_compatibility
-from jampetsc.petsc.matrices import diagonal_of, largest_entry, set_diagonal
+from jampetsc.petsc.matrices import diagonal_of, set_diagonal
 from jampetsc.petsc.session import current
 
 EPSILON = np.finfo(float).eps
@@ -56,25 +56,39 @@ def test_matrices_and_border(cases):
             assert corner == pytest.approx(wanted[-1, -1], rel=1e-13), pencil.law
 
 
+def test_diagonals_and_what_they_bound(cases):
+    """|A| ≤ ROW max(diagonal), of all ranks: the norm that bounds what rounding and a solver's error can do."""
+    for pencil, *_ in cases:
+        K, B = (dense(matrix).real for matrix in (pencil.K, pencil.B))
+        diagonal = np.concatenate(pencil.network.comm.allgather(pencil.diagonal(0.3)))
+        np.testing.assert_allclose(diagonal, np.diag(K) + 0.3 * np.diag(B), rtol=1e-14)
+        for matrix, largest in zip((K, B), pencil.largest, strict=True):
+            assert largest == np.abs(np.diag(matrix)).max()
+            assert np.linalg.norm(matrix, 2) <= ROW * largest, pencil.law
+
+
+def test_every_rank_may_have_all_rows(cases):
+    for pencil, *_ in cases:
+        alone = pencil.gathered()
+        for name in ("K", "B"):
+            np.testing.assert_array_equal(dense(getattr(alone, name)), dense(getattr(pencil, name)))
+        for name in ("k_gamma", "b_gamma"):
+            np.testing.assert_array_equal(getattr(alone, name).getArray(), whole(getattr(pencil, name)))
+        local = np.random.default_rng(pencil.network.first).normal(size=pencil.K.getLocalSize()[0])
+        every = np.concatenate(pencil.network.comm.allgather(local))
+        for one, x in ((pencil, local), (alone, every)):
+            one.project(x)
+        np.testing.assert_allclose(np.concatenate(pencil.network.comm.allgather(local)), every, atol=1e-14)
+        mean = every.reshape(-1, pencil.law.dofs)[:, :2].mean(axis=0)
+        assert np.all(np.abs(mean) < 1e-14) == pencil.law.holds_translations
+        alone.destroy()
+
+
 def test_one_pattern_for_both(cases):
     """Zeros are stored, so that K + sB needs no new pattern and no new symbolic factorisation."""
     for pencil, *_ in cases:
         for one, other in zip(csr(pencil.K)[:2], csr(pencil.B)[:2], strict=True):
             np.testing.assert_array_equal(one, other)
-
-
-def test_no_eigenvalue_is_larger_than_the_diagonal_allows(cases):
-    """|A| ≤ ROW max(diagonal): the norm that bounds what rounding and a solver's error can do."""
-    for pencil, exact, _ in cases:
-        for matrix in (exact.K, exact.B):
-            inner = matrix[:-1, :-1].astype(float)
-            assert np.linalg.norm(inner, 2) <= ROW * np.diag(inner).max(), pencil.law
-
-
-def test_the_largest_entry_is_that_of_all_ranks(cases):
-    for pencil, *_ in cases:
-        for matrix in (pencil.K, pencil.B):
-            assert largest_entry(matrix) == np.abs(dense(matrix).diagonal()).max()
 
 
 def test_as_many_pins_as_moves_that_cost_nothing(cases):

@@ -54,24 +54,6 @@ def test_high_frequencies(session, sample):
 
 
 @pytest.mark.scalar("complex", "real")
-@pytest.mark.parametrize("sample", MINIMA)
-def test_without_prestress_the_contacts_hold_all_the_energy(session, sample):
-    """k Σ_c a∥² = G₀ V (identity 1), the sum taken over the contacts of the quasistatic field."""
-    bare = physics(prestress=False, beta=0.0)
-    pencil = assemble(network_of(SAMPLES[sample](), bare, session.comm), bare.law)
-    solver = FrequencySolver(pencil)
-    G0 = solver.solve(1e-10, 1e-6).G.real
-    c = solver.compatibility
-    along = (c.motions(solver.x) + c.g)[:: c.forms].real
-    energy = pencil.network.sum(float(np.sum(c.w_K[:: c.forms] * along**2)))
-    solver.destroy()
-    pencil.destroy()
-    assert energy / pencil.network.area == pytest.approx(G0, rel=1e-9)
-    exact = Reference(SAMPLES[sample](), physics(prestress=False, beta=0.0))
-    assert G0 == pytest.approx(exact.quasistatic()[1], rel=1e-9)
-
-
-@pytest.mark.scalar("complex", "real")
 @pytest.mark.parametrize("sample", ["published", "isostatic", "strips"])
 def test_proportional_damping_is_kelvin_voigt(session, sample):
     """β = 0, no pre-stress, one stiffness: B = τ₁ K, so G* = G₀ (1 + iωτ₁) (identity 4)."""

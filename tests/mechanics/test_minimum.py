@@ -5,15 +5,16 @@ from dataclasses import replace
 import h5py
 import numpy as np
 import pytest
-from samples import lattice, polydisperse, published, put, run_of
+from samples import lattice, physics, polydisperse, published, put, run_of
 
 from jampetsc.core.disks import GRID, Disks
-from jampetsc.core.laws import Physics, damping_law
 from jampetsc.core.minimum import PROVED_BY, proved_minimum, with_proof
 from jampetsc.core.potentials import Potential
 from jampetsc.errors import InputError
+from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_packing, write_packing
 from jampetsc.jobs import describe
+from jampetsc.linear import modes
 
 
 @pytest.fixture
@@ -23,13 +24,18 @@ def path(tmp_path):
 
 
 def test_a_proof_survives_a_file(path):
-    disks = published()
-    assert read_packing(path).fingerprint == disks.fingerprint
-    assert proved_minimum(read_packing(path))
-    assert not proved_minimum(disks)
+    disks, read = published(), read_packing(path)
+    assert read.fingerprint == disks.fingerprint
+    assert proved_minimum(read) and not proved_minimum(disks)
+    told = describe.packing(path, read)
+    assert f"proved when it was made: {PROVED_BY}" in told and "note" not in told
 
 
 def test_a_coordinate_is_the_same_however_base_and_offset_share_it():
+    plus, minus = (
+        Disks.from_positions([[x, 0.0], [1.0, 1.0]], [0.5, 0.5], 4 * np.eye(2)) for x in (0.0, -0.0)
+    )
+    assert plus.fingerprint == minus.fingerprint
     disks = published()
     fine = GRID * 2.0**-26
     disks = replace(disks, offset=fine * np.round(disks.offset / fine))  # leaves room for a grid step
@@ -81,65 +87,31 @@ def test_what_is_edited_has_no_proof(path, edit):
     disks = edited(path, EDITS[edit])
     assert not proved_minimum(disks)
     told = describe.packing(path, disks)
-    assert "it counts for nothing" in told
-    assert "proved" not in told
-
-
-def test_info_tells_of_a_proof(path):
-    told = describe.packing(path, read_packing(path))
-    assert f"proved when it was made: {PROVED_BY}" in told
-    assert "note" not in told
+    assert "it counts for nothing" in told and "proved" not in told
 
 
 @pytest.mark.scalar("real")
 def test_a_sweep_counts_anew_what_was_forged_or_edited(session, shared_path):
-    from jampetsc.linear.stability import settle
-
-    def settled(disks, edit=None):
-        path = shared_path / "p.h5"
-        if session.rank == 0:
-            write_packing(path, disks)
-            if edit:
-                edited(path, edit)
-        session.comm.Barrier()
-        job = run_of(path, Physics(damping_law()), [1.0])
-        session.comm.Barrier()
-        return job.negative_modes, settle(job)
-
-    known, job = settled(with_proof(published()))
-    assert known == 0
-    assert job.method == "rational"
-    assert job.positive_semidefinite == "proved when the packing was made"
-
-    forged = lattice().with_record(negative_modes=0, negative_modes_counted_by=PROVED_BY)
-    known, job = settled(forged)
-    assert known is None
-    assert (job.negative_modes, job.method) == (14, "direct")
-    _, job = settled(forged.with_record(proof_fingerprint=published().fingerprint))
-    assert job.negative_modes == 14
-
-    known, job = settled(with_proof(published()), EDITS["a position"])
-    assert known is None
-    assert job.negative_modes == 0
-    assert job.positive_semidefinite == "proved by Cholesky's factorisation of K"
+    proved, forged = with_proof(published()), {"negative_modes": 0, "negative_modes_counted_by": PROVED_BY}
+    stolen = forged | {"proof_fingerprint": published().fingerprint}
+    moved = replace(proved, offset=proved.offset + 1e-9 * np.eye(16, 2))
+    for disks, known, negative, method, says in (
+        (proved, 0, 0, "rational", "proved when the packing was made"),
+        (lattice().with_record(**forged), None, 14, "direct", "no: 14 negative modes"),
+        (lattice().with_record(**stolen), None, 14, "direct", "no: 14 negative modes"),
+        (moved, None, 0, "rational", "proved by Cholesky's factorisation of K"),
+    ):
+        job = run_of(put(shared_path / "p.h5", disks, session.comm), physics(), [1.0])
+        assert job.negative_modes == known
+        job = job.examined()
+        assert (job.negative_modes, job.method) == (negative, method) and says in job.positive_semidefinite
 
 
 @pytest.mark.scalar("real")
-def test_modes_count_anew_what_was_forged(session, shared_path):
-    from jampetsc.io.outlet import Outlet
-    from jampetsc.linear import modes_file
-
-    path, other = (shared_path / name for name in ("p.h5", "q.h5"))
+def test_modes_count_anew_what_was_forged(session):
     proof = with_proof(published()).record
-    put(path, lattice().with_record(**proof), session.comm)
-    put(other, polydisperse()[0].with_record(**proof), session.comm)
     with pytest.raises(InputError, match="K has 14 negative modes"):
-        modes_file.run(path, Outlet(), True, 3)
+        modes.run(lattice().with_record(**proof), Outlet(), True, 3)
     for prestress in (True, False):
-        assert len(modes_file.run(other, Outlet(), prestress, 3).eigenvalues) >= 3
-
-
-def test_disks_of_one_piece_of_code_and_of_another_are_the_same():
-    a = Disks.from_positions([[0.0, -0.0], [1.0, 1.0]], [0.5, 0.5], 4 * np.eye(2))
-    b = Disks.from_positions([[-0.0, 0.0], [1.0, 1.0]], [0.5, 0.5], 4 * np.eye(2))
-    assert a.fingerprint == b.fingerprint  # minus zero is zero
+        found = modes.run(polydisperse()[0].with_record(**proof), Outlet(), prestress, 3)
+        assert len(found.eigenvalues) >= 3

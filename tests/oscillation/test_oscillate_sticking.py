@@ -13,7 +13,6 @@ from sweeps import Sweep
 
 from jampetsc.errors import ConvergenceError
 from jampetsc.linear.elastic import ElasticResponse
-from jampetsc.linear.run import split_field
 from jampetsc.oscillation import dashpots, halfcycles, stage
 from jampetsc.oscillation.dashpots import Damping
 from jampetsc.oscillation.fixed import FixedSprings
@@ -151,7 +150,7 @@ def test_springs_are_those_of_slow_shear(options):
     elastic = ElasticResponse(network)
     shear = elastic.shear()
     springs = FixedSprings(network, law.law, 2.0 * network.k, Damping.of(law.law, PowerLaw(1.0, 1.0), 1.0))
-    forces = springs.times_K(np.append(split_field(elastic.pencil, shear.x)[0], 1.0)) / network.k
+    forces = springs.times_K(np.append(elastic.pencil.split(shear.x)[0], 1.0)) / network.k
     elastic.destroy()
     assert abs(forces[:-1]).max() < 1e-10
     assert forces[-1] == pytest.approx(2.0 * shear.value / network.k, rel=1e-9)

@@ -9,17 +9,14 @@ import pytest
 from jampetsc import collective
 from jampetsc.errors import ConvergenceError, InputError, JampetscError
 
-NOTHING = None  # in the place of a communicator: one process
-
 
 @pytest.mark.scalar("real")
 @pytest.mark.parametrize("failing", ["first", "last", "every"])
 def test_a_failure_on_one_rank_is_raised_on_all(session, failing):
     here = {"first": session.rank == 0, "last": session.rank == session.size - 1, "every": True}[failing]
-    with pytest.raises(ConvergenceError) as caught:
-        with collective.agreed(session.comm):
-            if here:
-                raise ConvergenceError(f"no minimum on rank {session.rank}")
+    with pytest.raises(ConvergenceError) as caught, collective.agreed(session.comm):
+        if here:
+            raise ConvergenceError(f"no minimum on rank {session.rank}")
     told = {"first": 0, "last": session.size - 1, "every": 0}[failing]
     assert str(caught.value) == f"no minimum on rank {told}"
     assert session.comm.allreduce(1) == session.size  # nobody is left waiting in the block
@@ -33,17 +30,15 @@ def test_what_rank_0_finds_all_know(session):
         asked.append(session.rank)
         return {"there": [session.rank, 1.5]}
 
-    assert collective.on_root(session.comm, look) == {"there": [0, 1.5]}
-    assert asked == [0] * (session.rank == 0)
-
-
-@pytest.mark.scalar("real")
-def test_what_rank_0_is_refused_all_are(session):
-    def look():
+    def refuse():
         raise InputError(f"p.h5: no such file, says rank {session.rank}")
 
+    assert collective.on_root(session.comm, look) == {"there": [0, 1.5]}
+    assert asked == [0] * (session.rank == 0)
     with pytest.raises(InputError, match="says rank 0"):
-        collective.on_root(session.comm, look)
+        collective.on_root(session.comm, refuse)
+    with pytest.raises(ZeroDivisionError), collective.agreed(session.comm):
+        raise ZeroDivisionError("what is not foreseen stays with its rank")
 
 
 @pytest.mark.scalar("real")
@@ -63,20 +58,12 @@ def test_arrays_of_any_length_arrive_whole(session, monkeypatch):
     )
 
 
-@pytest.mark.scalar("real")
-def test_what_is_not_foreseen_stays_with_its_rank(session):
-    with pytest.raises(ZeroDivisionError):
-        with collective.agreed(session.comm):
-            raise ZeroDivisionError
-
-
 def test_one_process_needs_no_communicator():
     arrays = {"a": np.arange(3)}
-    assert collective.on_root(NOTHING, lambda: 5) == 5
-    assert collective.from_rank_0(NOTHING, arrays) is arrays
-    with pytest.raises(JampetscError, match="no"):
-        with collective.agreed(NOTHING):
-            raise JampetscError("no")
+    assert collective.on_root(None, lambda: 5) == 5
+    assert collective.from_rank_0(None, arrays) is arrays
+    with pytest.raises(JampetscError, match="no"), collective.agreed(None):
+        raise JampetscError("no")
 
 
 class Ranks:
@@ -86,6 +73,7 @@ class Ranks:
         self.others = others
 
     def allgather(self, mine):
+        self.mine = mine
         return [mine, *self.others]
 
 
@@ -103,28 +91,13 @@ class Ranks:
     ],
 )
 def test_cores_are_shared_with_the_ranks_at_work_on_the_same_node(monkeypatch, others, count):
-    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1, 2, 3}, raising=False)
+    affinity, ranks = {0, 1, 2, 3}, Ranks(others)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: affinity, raising=False)
     monkeypatch.setattr(socket, "gethostname", lambda: "here")
-    assert collective.own_cores(Ranks(others)) == count
-
-
-@pytest.mark.parametrize("ranks", range(1, 33))
-def test_shares_of_a_core_make_whole_ones(monkeypatch, ranks):
-    """Also where thirds and sevenths add up to a little less."""
-    cores = set(range(3 * ranks))
-    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: cores, raising=False)
-    assert collective.own_cores(Ranks([(socket.gethostname(), cores)] * (ranks - 1))) == 3
-
-
-def test_an_idle_rank_asks_for_no_core_of_the_others(monkeypatch):
-    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1}, raising=False)
-    told = []
-
-    class Telling(Ranks):
-        def allgather(self, mine):
-            told.append(mine)
-            return super().allgather(mine)
-
-    collective.own_cores(Telling([]), working=False)
-    collective.own_cores(Telling([]), working=True)
-    assert [cores for _, cores in told] == [set(), {0, 1}]
+    assert collective.own_cores(ranks) == count
+    assert ranks.mine == ("here", affinity)
+    collective.own_cores(ranks, working=False)
+    assert ranks.mine == ("here", set())  # an idle one asks for no core of the others
+    for number in range(1, 33):  # thirds and sevenths that add up to a little less make a whole one
+        affinity = set(range(3 * number))
+        assert collective.own_cores(Ranks([("here", affinity)] * (number - 1))) == 3

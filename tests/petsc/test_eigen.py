@@ -126,13 +126,6 @@ def test_modes_that_slepc_does_not_find_are_told(session, monkeypatch):
 
 @real
 @alone
-def test_a_matrix_with_negative_modes_is_refused(session):
-    with pytest.raises(ConvergenceError, match="K has negative modes"):
-        lowest_modes(build_network(SAMPLES["gears"](), session.comm), 1, proved=True)
-
-
-@real
-@alone
 def test_a_large_part_of_a_large_spectrum_is_refused(session, monkeypatch):
     """Up to DENSE unknowns LAPACK finds it."""
     network = build_network(SAMPLES["published"](), session.comm)
@@ -144,12 +137,7 @@ def test_a_large_part_of_a_large_spectrum_is_refused(session, monkeypatch):
     ):
         lowest_modes(network, 20)
     assert lowest_modes(network, 2).method == "krylovschur"
-
-
-@real
-@alone
-def test_more_modes_than_there_are(session):
-    network = build_network(SAMPLES["published"](), session.comm)
+    monkeypatch.undo()
     assert len(lowest_modes(network, 30).eigenvalues) == 30
     with pytest.raises(InputError, match="31 modes: K has 30 besides its translations; ask for no more"):
         lowest_modes(network, 31)
@@ -157,7 +145,9 @@ def test_more_modes_than_there_are(session):
 
 @real
 @alone
-def test_without_slepc_it_is_said(session, monkeypatch):
+def test_where_k_is_no_minimum_or_slepc_is_missing_it_is_said(session, monkeypatch):
+    with pytest.raises(ConvergenceError, match="K has negative modes"):
+        lowest_modes(build_network(SAMPLES["gears"](), session.comm), 1, proved=True)
     monkeypatch.setattr(session, "SLEPc", None)
     with pytest.raises(InputError, match="slepc4py is missing: install it for the PETSc in use"):
         lowest_modes(build_network(SAMPLES["published"](), session.comm), 2)

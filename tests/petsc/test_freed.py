@@ -2,22 +2,18 @@
 
 import gc
 import re
-import shutil
-import tempfile
-from pathlib import Path
 
 import numpy as np
 import pytest
-from samples import SAMPLES, physics, put, run_of
+from samples import SAMPLES, physics, run_of
 from sweeps import Sweep
 
 from jampetsc.io.outlet import Outlet
 from jampetsc.jobs.oscillate import Oscillate
-from jampetsc.linear import direct_sweep, rational_sweep
 from jampetsc.linear import quasistatic as quasistatic_response
-from jampetsc.linear.direct import FrequencySolver
 from jampetsc.linear.modes import lowest_modes
 from jampetsc.linear.quasistatic import solve
+from jampetsc.linear.sweep import solve as solve_sweep
 from jampetsc.linear.viscosity import Viscosity
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.examine import examine
@@ -44,15 +40,6 @@ def sweep(parallel, law):
             found.galerkin.field_bound(found.omega[0], found.sweep.error_at(found.omega[0]))
 
     return run
-
-
-def direct(session):
-    pencil = assemble(network_of(session), physics().law)
-    solver = FrequencySolver(pencil)
-    for omega in (1e-3, 1.0):
-        solver.functional.field_bound(solver.solve(omega, 1e-6), solver.x)
-    solver.destroy()
-    pencil.destroy()
 
 
 def quasistatic(session):
@@ -86,30 +73,20 @@ def counts(session):
 
 
 def jobs(session):
-    folder = session.comm.bcast(tempfile.mkdtemp())
-    packing = Path(folder) / "p.h5"
-    put(packing, SAMPLES["published"](), session.comm)
-    for method, module in (("rational", rational_sweep), ("direct", direct_sweep)):
-        out = Path(folder) / f"{method}.h5"
-        module.solve(run_of(packing, physics(), [1e-2, 1.0], [1.0], method, out=out, comm=session.comm))
-    quasistatic_response.run(packing, Outlet(Path(folder) / "q.h5"), physics(), [0.5])
-    if session.rank == 0:
-        shutil.rmtree(folder)
+    for method in ("rational", "direct"):
+        solve_sweep(run_of(SAMPLES["published"](), physics(), [1e-2, 1.0], [1.0], method))
+    quasistatic_response.run(SAMPLES["published"](), Outlet(), physics(), [0.5])
 
 
 def oscillate(session):
     """A cycle at once, on all ranks and as the start of moving contacts, and steps in time, each on one."""
-    folder = session.comm.bcast(tempfile.mkdtemp())
-    packing, law = Path(folder) / "p.h5", physics(rotations=False).law
-    put(packing, SAMPLES["published"](), session.comm)
+    packing, law = SAMPLES["published"](), physics(rotations=False).law
     for contacts in ("fixed", "moving"):
         how = {"stress": 1e-6} if contacts == "fixed" else {"strain": 1e-6, "cycles": 3}
         job = Oscillate(packing, law, omega=0.1, steps=16, contacts=contacts, **how)
         oscillation.solve(job, Outlet())
     gc.collect()  # those that SNES goes on to hold, which holds them, would stay for ever
     assert not [one for one in gc.get_objects() if isinstance(one, Newton)]
-    if session.rank == 0:
-        shutil.rmtree(folder)
 
 
 RUNS = {
@@ -118,7 +95,6 @@ RUNS = {
     "rational, shifts": sweep("shifts", physics()),
     "rational, matrix": sweep("matrix", physics()),
     "rational, drag": sweep("shifts", physics("stokes")),
-    "direct": direct,
     "quasistatic": quasistatic,
     "modes": modes,
     "counts": counts,

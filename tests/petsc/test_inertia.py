@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from gathered import spread
 from samples import LAWS, SAMPLES, physics, reference
+from scipy.linalg import block_diag
 
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.mechanics import minimum
@@ -41,80 +43,54 @@ def test_counts_are_those_of_the_dense_eigenvalues(session, sample):
         for matrix in "KB":
             found = count_eigenvalues(getattr(pencil, matrix), matrix, pencil.pins)
             negative, zero, positive = signs(getattr(exact, matrix)[:-1, :-1])
-            assert (found.negative, found.zero, found.positive) == (
-                negative,
-                zero - len(pencil.pins),
-                positive,
-            )
-        pencil.destroy()
+            assert numbers(found) == (negative, zero - len(pencil.pins), positive)
 
 
-@pytest.mark.most_ranks(1)
-@pytest.mark.parametrize("shift", [1e-14, 1e-10])
-def test_the_shift_hardly_matters(session, shift):
-    """Four decades around the one that is used: no eigenvalue of a packing at p = 1e-7 lies between."""
-    pencil = assemble(build_network(SAMPLES["isostatic"](), session.comm), physics("stokes").law)
-    found = count_eigenvalues(pencil.K, "K", shift=shift)
-    pencil.destroy()
-    assert (found.negative, found.zero, found.positive) == (0, 2, 42)
+def symmetric(session, dense):
+    """A PETSc Mat with these entries that is known to be symmetric."""
+    matrix = spread(session.comm, np.asarray(dense, float))
+    matrix.setOption(session.PETSc.Mat.Option.SYMMETRIC, True)
+    return matrix
+
+
+def numbers(found):
+    return found.negative, found.zero, found.positive
 
 
 def test_known_numbers(session):
     """diag(−1e-3, 0, 0, 1e6, 3) ⊕ [[1, 2], [2, 1]]: 2 negative, 2 zero and 3 positive."""
-    PETSc = session.PETSc
-    matrix = PETSc.Mat().createAIJ(7, nnz=2, comm=session.comm)
-    first, last = matrix.getOwnershipRange()
-    diagonal = [-1e-3, 0.0, 0.0, 1e6, 3.0, 1.0, 1.0]
-    for row in range(first, last):
-        matrix.setValue(row, row, diagonal[row])
-        if row >= 5:
-            matrix.setValue(row, 11 - row, 2.0)
-    matrix.assemble()
-    assert asymmetry(matrix) == 0.0
-    matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-    found = count_eigenvalues(matrix, "A")
-    assert (found.negative, found.zero, found.positive) == (2, 2, 3)
-    held = count_eigenvalues(matrix, "A", pins=[1])
-    assert (held.negative, held.zero, held.positive) == (2, 1, 3)
-    matrix.destroy()
+    dense = np.diag([-1e-3, 0.0, 0.0, 1e6, 3.0, 1.0, 1.0])
+    dense[5, 6] = dense[6, 5] = 2.0
+    matrix = symmetric(session, dense)
+    assert numbers(count_eigenvalues(matrix, "A")) == (2, 2, 3)
+    assert numbers(count_eigenvalues(matrix, "A", pins=[1])) == (2, 1, 3)
 
 
 def test_an_eigenvalue_at_the_very_value_is_not_counted_silently(session):
     """The pivots of A − value are exact here, one of them zero: on which side it lies nobody can say."""
-    matrix = session.PETSc.Mat().createAIJ(6, nnz=1, comm=session.comm)
-    for row in range(*matrix.getOwnershipRange()):
-        matrix.setValue(row, row, row + 1.0)
-    matrix.assemble()
-    matrix.setOption(session.PETSc.Mat.Option.SYMMETRIC, True)
+    matrix = symmetric(session, np.diag(np.arange(1.0, 7.0)))
     assert count_below(matrix, 2.5, "A") == 2
     with pytest.raises(ConvergenceError, match="A: 1 pivots of L D Lᵀ are zero to rounding"):
         count_below(matrix, 2.0, "A")
-    matrix.destroy()
 
 
-@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("unit", [1.0, 1e-9])
 def test_asymmetry_is_measured(session, unit):
-    matrix = session.PETSc.Mat().createAIJ(6, nnz=2, comm=session.comm)
-    first, last = matrix.getOwnershipRange()
-    for row in range(first, last):
-        matrix.setValue(row, row, unit)
-    if first == 0:
-        matrix.setValue(0, 5, 0.5 * unit)
-    matrix.assemble()
-    assert asymmetry(matrix) == pytest.approx(np.sqrt(2 * 0.25 / 6.25))
-    matrix.destroy()
+    dense = np.eye(6)
+    assert asymmetry(spread(session.comm, 0.0 * dense)) == asymmetry(spread(session.comm, dense)) == 0.0
+    dense[0, 5] = 0.5
+    assert asymmetry(spread(session.comm, unit * dense)) == pytest.approx(np.sqrt(2 * 0.25 / 6.25))
 
 
 @pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("sample", SAMPLES)
 def test_examination(session, sample):
     exact = reference(sample, str(physics()))
-    facts = examine(build_network(SAMPLES[sample](), session.comm), physics().law)
+    network = build_network(SAMPLES[sample](), session.comm, prestress=False)  # both kinds of K are counted
+    facts = examine(network, physics().law)
     plane = [row for row in range(3 * exact.n) if row % 3 < 2]
     negative, zero, positive = signs(exact.K[np.ix_(plane, plane)])
-    K = facts.with_prestress
-    assert (K.negative, K.zero, K.positive) == (negative, zero, positive)
+    assert numbers(facts.with_prestress) == (negative, zero, positive)
     assert (facts.without_prestress.negative, facts.without_prestress.zero) == (0, facts.translations)
     assert (facts.damping.negative, facts.damping.zero) == (0, 0)
     assert facts.damping.positive == facts.unknowns - facts.pins == 3 * exact.n - exact.free_moves().shape[1]
@@ -122,23 +98,9 @@ def test_examination(session, sample):
     pairs = len(set(zip(exact.i, exact.j, strict=True)))
     assert facts.nonzeros == 9 * (exact.n + 2 * pairs)
     assert max(facts.asymmetry_K, facts.asymmetry_B) < 1e-15
-
-
-@pytest.mark.most_ranks(1)
-def test_both_kinds_of_K_are_counted_whichever_is_asked_for(session):
-    """Negative modes of gears are those with pre-stress, without it there are none."""
-    network = build_network(SAMPLES["gears"](), session.comm, prestress=False)
-    facts = examine(network, physics().law)
-    assert facts.with_prestress.negative > 0 == facts.without_prestress.negative
-    assert facts.pieces == facts.gears == 1 and facts.pins == 3 and facts.dofs == 3
-
-
-@pytest.mark.most_ranks(1)
-def test_nothing_is_symmetric(session):
-    matrix = session.PETSc.Mat().createAIJ(4, nnz=1, comm=session.comm)
-    matrix.assemble()
-    assert asymmetry(matrix) == 0.0
-    matrix.destroy()
+    pieces = exact.pieces()
+    assert (facts.pieces, facts.gears) == (len(pieces), sum(piece[0][1] != 0 for piece in pieces))
+    assert facts.dofs == 3
 
 
 def test_why_a_response_is_not_unique(session):
@@ -195,12 +157,6 @@ def test_negative_modes_are_none_by_cholesky_or_counted(session, monkeypatch):
 @pytest.mark.parametrize("size", [0.7e-12, 1.4e-12])
 def test_what_counts_as_zero_is_1e_12_of_the_diagonal(session, size, unit):
     """[[1, x], [x, 1]] has 1 − x and 1 + x, here times a unit: x = 1 ∓ size, on either side of zero."""
-    matrix = session.PETSc.Mat().createAIJ(4, nnz=2, comm=session.comm)
-    for row in range(*matrix.getOwnershipRange()):
-        matrix.setValue(row, row, unit)
-        matrix.setValue(row, row ^ 1, unit * (1.0 - size if row < 2 else 1.0 + size))
-    matrix.assemble()
-    matrix.setOption(session.PETSc.Mat.Option.SYMMETRIC, True)
-    found = count_eigenvalues(matrix, "A")
-    assert (found.negative, found.zero, found.positive) == ((0, 2, 2) if size < 1e-12 else (1, 0, 3))
-    matrix.destroy()
+    pairs = [[[1.0, x], [x, 1.0]] for x in (1.0 - size, 1.0 + size)]
+    found = count_eigenvalues(symmetric(session, unit * block_diag(*pairs)), "A")
+    assert numbers(found) == ((0, 2, 2) if size < 1e-12 else (1, 0, 3))

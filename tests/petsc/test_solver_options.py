@@ -7,7 +7,6 @@ import launch
 import pytest
 from samples import polydisperse
 
-import jampetsc
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import write_packing
 from jampetsc.jobs import JOBS, job_class
@@ -30,6 +29,8 @@ REFUSED = {  # command and words -> what is said of them
     "matrices -foo 1": "-foo: matrices solves nothing: leave it out",
     "study -foo_bar": "those of study begin with -newton_, -shift_",
 }
+
+
 TAKEN = (  # of PETSc itself, of objects without a prefix, and of solvers, in any case
     "sweep -log_view :x -options_left no -malloc_debug false -objects_dump no -citations -nox -info -Shift_x -1",
     "sweep -mat_view ::ascii_info -vec_view -on_error_abort -start_in_debugger -help -blas_view -use_gpu_aware_mpi 0",
@@ -39,17 +40,14 @@ TAKEN = (  # of PETSc itself, of objects without a prefix, and of solvers, in an
 )
 
 
-@pytest.mark.parametrize("line", REFUSED)
-def test_an_option_that_no_solver_of_the_command_has(line):
+@pytest.mark.parametrize("line", [*REFUSED, *TAKEN])
+def test_an_option_is_petscs_or_of_a_solver_of_the_command(line):
     command, *words = line.split()
+    if line in TAKEN:
+        check(command, OWNED, words)
+        return
     with pytest.raises(InputError, match=f"^PETSc option .*{re.escape(REFUSED[line])}"):
         check(command, OWNED, words)
-
-
-@pytest.mark.parametrize("line", TAKEN)
-def test_an_option_of_petsc_or_of_a_solver_of_the_command(line):
-    command, *words = line.split()
-    check(command, OWNED, words)
 
 
 def test_what_is_said_knows_every_solver_and_every_command():
@@ -71,21 +69,22 @@ def test_files_that_are_ready_to_use_are_taken_by_their_command(path):
         check("flow", OWNED, words)
 
 
-OPTIONS_FILES = {  # what an options file holds -> its names, or what is said of it
-    "# why\n\n-a 1 # and why\n  -b_c\nalias x y\n": ["a", "b_c"],
-    "-a 1\n# -\n -1 2\n": "line 3: -1: options begin with -, comments with #",
-    "-a\n\nb 1 # -b 1\n": "line 3: b: options begin",
-    "aliases x\n": "line 1: aliases: options begin",
-    "--a 1\n": "line 1: --a: options begin",
-    "-a é\n": ["a"],
-    "": [],
-}
-
-
-@pytest.mark.parametrize("content", OPTIONS_FILES)
-def test_what_an_options_file_may_hold(tmp_path, content):
-    expected = OPTIONS_FILES[content]
-    path = tmp_path / "a.opts"
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        ("# why\n\n-a 1 # and why\n  -b_c\nalias x y\n", ["a", "b_c"]),
+        ("-a é\n", ["a"]),
+        ("", []),
+        ("-a 1\n# -\n -1 2\n", "line 3: -1: options begin with -, comments with #"),
+        ("-a\n\nb 1 # -b 1\n", "line 3: b: options begin"),
+        ("aliases x\n", "line 1: aliases: options begin"),
+        ("--a 1\n", "line 1: --a: options begin"),
+    ],
+)
+def test_what_an_options_file_may_hold(tmp_path, content, expected):
+    path, other = tmp_path / "a.opts", tmp_path / "a.yaml"  # PETSc's other language
+    other.write_text("a: 1\n")
+    assert names_given(["-options_file", str(other)]) == ["options_file"]
     for encoding in ("utf-8", "latin-1"):
         path.write_bytes(content.encode(encoding))
         words = ["-x", "-options_file", str(path), "-y"]
@@ -94,9 +93,6 @@ def test_what_an_options_file_may_hold(tmp_path, content):
         else:
             with pytest.raises(InputError, match=f"^{path}: {re.escape(expected)}"):
                 names_given(words)
-    other = path.with_suffix(".yaml")  # PETSc's other language
-    other.write_text("a: 1\n")
-    assert names_given(["-options_file", str(other)]) == ["options_file"]
 
 
 @pytest.mark.parametrize(
@@ -147,22 +143,19 @@ def test_of_a_value_that_petsc_refuses_there_is_one_line(packing, tmp_path, rank
         assert not (tmp_path / "o.h5").exists()
 
 
-def test_what_nobody_asked_for_petsc_says_at_its_end(packing, tmp_path):
-    line = (
-        "modes PACKING --count 3 --out o.h5 -shift_pc_typ lu -modes_eps_tol 1e-12 -modes_st_pc_type cholesky"
-    )
-    done = run(packing, tmp_path, line, ranks=2)
-    assert done.returncode == 0 and jampetsc.load(tmp_path / "o.h5")["eigenvalues"].shape == (3,)
-    left = [text for text in done.stdout.splitlines() if text.startswith("Option left")]
-    assert len(left) == 1 and "-shift_pc_typ value: lu" in left[0]
-
-
 @pytest.mark.parametrize(
-    ("words", "said"),
-    [("-log_view :log", False), ("-options_left", True)],
+    ("ranks", "line", "left"),
+    [
+        (2, "modes PACKING --count 3 -shift_pc_typ lu -modes_eps_tol 1e-12 -modes_st_pc_type cholesky", 1),
+        (0, "sweep PACKING --omega 1 -options_left", 0),
+        (0, "sweep PACKING --omega 1 -log_view :log", None),  # nothing of solvers was given
+    ],
 )
-def test_petsc_says_so_where_something_may_be_left_or_as_it_is_told(packing, tmp_path, words, said):
+def test_what_nobody_asked_for_petsc_says_at_its_end(packing, tmp_path, ranks, line, left):
     """Defaults of the program that no solver came to ask for are none of the user's."""
-    done = run(packing, tmp_path, f"sweep PACKING --omega 1 --out o.h5 {words}")
-    assert done.returncode == 0 and "Option left" not in done.stdout
-    assert ("There are no unused options" in done.stdout) == said == ("ption" in done.stdout), done.stdout
+    done = run(packing, tmp_path, f"{line} --out o.h5", ranks)
+    assert done.returncode == 0 and (tmp_path / "o.h5").exists()
+    said = [text for text in done.stdout.splitlines() if "ption" in text]
+    unused = [text for text in said if text.startswith("Option left")]
+    assert len(unused) == (left or 0) and ("There are no unused options" in done.stdout) == (left == 0)
+    assert bool(said) == (left is not None) and all("-shift_pc_typ value: lu" in text for text in unused)
