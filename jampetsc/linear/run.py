@@ -20,7 +20,6 @@ from jampetsc.mechanics.network import build_network
 from jampetsc.petsc.session import current
 from jampetsc.progress import Progress
 
-NOT_SHOWN = "not shown: that of fields is a bound only if K has no negative modes"
 SAME = 1e-9  # a frequency of the grid this close to one of the fields, relatively, is that one
 
 
@@ -136,19 +135,17 @@ class Run:
     @property
     def positive_semidefinite(self) -> str:
         """Whether K has no negative modes, and how that is known; the error bound rests on it."""
-        if not self.imbalance <= BALANCED:
-            return f"{self._definiteness}; but forces are not balanced: max|F|/(p d) = {self.imbalance:.1e}"
-        return self._definiteness
-
-    @property
-    def _definiteness(self):
         if not self.physics.prestress:
-            return "by construction (no pre-stress)"
-        if self.negative_modes is None:
-            return NOT_SHOWN
-        if self.negative_modes:
-            return f"no: {self.negative_modes} negative modes; error_bound is an estimate for fields, a bound for G*"
-        return f"proved {f'by {self.counted_by}' if self.counted_by else 'when the packing was made'}"
+            told = "by construction (no pre-stress)"
+        elif self.negative_modes is None:
+            told = "not shown: that of fields is a bound only if K has no negative modes"
+        elif self.negative_modes:
+            told = f"no: {self.negative_modes} negative modes; error_bound is an estimate for fields, a bound for G*"
+        else:
+            told = f"proved {f'by {self.counted_by}' if self.counted_by else 'when the packing was made'}"
+        if self.imbalance <= BALANCED:
+            return told
+        return f"{told}; but forces are not balanced: max|F|/(p d) = {self.imbalance:.1e}"
 
     @property
     def certified(self) -> bool:

@@ -57,7 +57,7 @@ def selected(scalar):
     Raises InputError where there is no such build.
     """
     variables = {} if "petsc4py" in sys.modules else _choose(scalar)
-    before = {name: os.environ.get(name) for name in variables}
+    before = {name: os.environ[name] for name in variables.keys() & os.environ.keys()}
     os.environ.update(variables)
     for name, package in (("SLEPC_DIR", "slepc4py"), ("PETSC_DIR", "petsc4py")):
         folder = _module_folder(Path(variables[name]), package) if name in variables else None
@@ -67,24 +67,22 @@ def selected(scalar):
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+        for name in variables:
+            del os.environ[name]
+        os.environ.update(before)
 
 
 def to_choose(scalar) -> bool:
     """Whether `selected` is free to choose among the distribution's builds and finds one with these scalars there."""
-    own = os.environ.get("PETSC_DIR") or "petsc4py" in sys.modules
-    if own:
+    if os.environ.get("PETSC_DIR") or "petsc4py" in sys.modules:
         return False
-    spec, builds = importlib.util.find_spec("petsc4py"), distribution_builds()
-    return _distributed(spec, builds) and any(build.scalar == scalar for build in builds)
+    builds = distribution_builds()
+    return _none_of_the_users(builds) and any(build.scalar == scalar for build in builds)
 
 
-def _distributed(spec, builds):
-    """Whether no petsc4py of the user's own is importable."""
+def _none_of_the_users(builds):
+    """Whether no petsc4py is importable but those of the distribution's builds."""
+    spec = importlib.util.find_spec("petsc4py")
     return not spec or any(Path(spec.origin).resolve().is_relative_to(b.petsc_dir.resolve()) for b in builds)
 
 
@@ -108,7 +106,7 @@ def _choose(scalar):
             )
         return {"PETSC_DIR": own, "SLEPC_DIR": slepc}
     builds = distribution_builds()
-    if not _distributed(importlib.util.find_spec("petsc4py"), builds):
+    if not _none_of_the_users(builds):
         return {}
     wanted = [b for b in builds if b.scalar == (scalar or b.scalar)]
     if not wanted:

@@ -269,6 +269,9 @@ def test_frequencies_that_fail_are_told_beside_the_others(session, shared_path, 
     with pytest.raises(ConvergenceError, match=first):
         sweep.solve(some)
     assert (capfd.readouterr().err.count("failed: ω = ") == 2) == (session.rank == 0)
+    with pytest.raises(ConvergenceError, match=rf"^ω = {some.omega[0]:g}: G' = .* only known to"):
+        sweep.solve(job("none.h5", omega[:2]))  # where all of them fail
+    assert not (shared_path / "none.h5").exists()
     _, G, bounds = sweep.solve(job("all.h5", omega[2:]))
     for name, failed in (("some.h5", omega[:2]), ("all.h5", [])):
         found = load(shared_path / name)
@@ -334,14 +337,3 @@ def test_what_is_no_number_on_one_rank_is_everybodys_failure(session):
         solver.form.solve = spoiled
         with pytest.raises(ConvergenceError, match=r"ω = 0.01: KSP gave what is no number"):
             solver.solve(0.01, 1e-6)
-
-
-@pytest.mark.most_ranks(2)
-def test_where_every_frequency_fails_the_first_failure_is_told(session, shared_path):
-    packing, out = shared_path / "gears.h5", shared_path / "out.h5"
-    put(packing, SAMPLES["gears"](), session.comm)
-    law = physics(prestress=False)
-    job = run_of(packing, law, [1e-10, 1e-9], None, "direct", 1e-12, out, comm=session.comm)
-    with pytest.raises(ConvergenceError, match=r"^ω = 1e-10: G' = .* only known to"):
-        sweep.solve(job)
-    assert not out.exists()

@@ -18,7 +18,6 @@ from samples import (
     reference,
 )
 
-from jampetsc.analysis.distribution import Distribution
 from jampetsc.cli import main as cli
 from jampetsc.core.disks import Disks
 from jampetsc.errors import ConvergenceError, InputError
@@ -166,20 +165,6 @@ def test_rotations_of_gears(session):
     assert eta_inf == pytest.approx(exact.eta_infinity(), rel=1e-10)
     without = physics(prestress=False, rotations=False)
     assert response(gears(), without, session.comm)[0].flow.eta0 > found.flow.eta0
-
-
-@pytest.mark.most_ranks(1)
-def test_distribution():
-    values = np.array([0.0, -0.15, 0.15, 3.0, -1.0])
-    found = Distribution.of(values)
-    assert (found.median, found.mean) == (0.15, pytest.approx(0.86))
-    assert found.rms == pytest.approx(np.sqrt(np.mean(values**2)))
-    assert found.edges[0] == 0 and found.edges[1] == pytest.approx(1e-9) and found.edges[-1] == 10.0
-    assert found.counts.sum() == 5 and found.counts[0] == 1
-    inside = (found.edges[:-1] <= 0.15) & (found.edges[1:] > 0.15)
-    assert found.counts[inside] == [2]
-    assert Distribution.of(np.array([[3.0, 4.0], [0.0, 0.0]])).rms == pytest.approx(np.sqrt(12.5))
-    assert Distribution.of(np.zeros(3)).counts.sum() == 3
 
 
 @pytest.mark.most_ranks(1)

@@ -15,7 +15,8 @@ from jampetsc.mechanics.network import build_network
 from jampetsc.petsc.session import current
 
 # K, B and the response themselves are compared with dense matrices on 3 ranks by test_assembly and test_direct
-pytestmark = pytest.mark.most_ranks(1)  # G* on several is compared with the dense reference
+# G* on several ranks is compared with the dense reference
+pytestmark = [pytest.mark.scalar("complex", "real"), pytest.mark.most_ranks(1)]
 MINIMA = ("published", "polydisperse", "isostatic")
 
 
@@ -29,7 +30,6 @@ def moduli(disks, physics, omega):
     return values
 
 
-@pytest.mark.scalar("complex", "real")
 @pytest.mark.parametrize("sample", MINIMA)
 def test_low_frequencies_without_low_frequencies(session, sample):
     """G₀ of the elastic problem and η₀ from its field (identity 2), against G' and G''/ω at ω = 1e-10."""
@@ -40,7 +40,6 @@ def test_low_frequencies_without_low_frequencies(session, sample):
         assert G.imag / 1e-10 == pytest.approx(exact.eta0(), rel=1e-9), law
 
 
-@pytest.mark.scalar("complex", "real")
 @pytest.mark.parametrize("sample", ["published", "polydisperse", "two images"])
 def test_high_frequencies(session, sample):
     """η_∞ is the least dissipation any field allows (identity 3): less than that of the affine one."""
@@ -53,7 +52,6 @@ def test_high_frequencies(session, sample):
         assert exact.eta_infinity() < 0.95 * float(exact.B[-1, -1] / exact.area)
 
 
-@pytest.mark.scalar("complex", "real")
 @pytest.mark.parametrize("sample", ["published", "isostatic", "strips"])
 def test_proportional_damping_is_kelvin_voigt(session, sample):
     """β = 0, no pre-stress, one stiffness: B = τ₁ K, so G* = G₀ (1 + iωτ₁) (identity 4)."""
@@ -65,7 +63,6 @@ def test_proportional_damping_is_kelvin_voigt(session, sample):
     np.testing.assert_allclose(G.imag, G0 * omega * 0.3, rtol=1e-9)
 
 
-@pytest.mark.scalar("complex", "real")
 @pytest.mark.parametrize("sample", ["published", "isostatic"])
 def test_all_sliding_is_one_curve(session, sample):
     """No pre-stress, one stiffness: G*_β = (1 + iωτ₁) F(κ), κ = iωβτ₁/(1 + iωτ₁), as K + iωB = (1 + iωτ₁)(∥ + κ⊥ᶜ).
@@ -86,7 +83,6 @@ def test_all_sliding_is_one_curve(session, sample):
         assert stiffness / float(exact.area) / (1 + at) == pytest.approx(one, rel=1e-8)
 
 
-@pytest.mark.scalar("complex", "real")
 @pytest.mark.parametrize("sample", MINIMA)
 def test_stokes_at_high_frequency_is_affine(session, sample):
     """G* → G_affine + iω η_F (identity 5); the next term of G'' is |k_γ|²/(ω V kτ₁)."""
@@ -134,7 +130,6 @@ def test_published_elastic_constants(session, index):
     np.testing.assert_allclose([found[name] for name in names], record["Cijkl"], rtol=2e-6, atol=1e-7)
 
 
-@pytest.mark.scalar("complex", "real")
 @pytest.mark.parametrize("index", range(3))
 def test_simple_shear_and_symmetric_strain(session, index):
     """In second order simple shear stretches the cell against the stress: G = C_xyxy + (3 σ_yy − σ_xx)/4.
@@ -147,7 +142,6 @@ def test_simple_shear_and_symmetric_strain(session, index):
     assert G.real == pytest.approx(record["Cijkl"][2] + (3 * stress[1, 1] - stress[0, 0]) / 4, rel=2e-6)
 
 
-@pytest.mark.scalar("real", "complex")
 def test_one_state_of_self_stress(session):
     """With one more contact than 2n − 2 and no pre-stress, the forces f themselves are the only self-stress.
 

@@ -14,6 +14,7 @@ from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
 from jampetsc.mechanics.matrices import NAMES, SPARSE, Matrices
 
+pytestmark = pytest.mark.scalar("real")
 OMEGA = (1e-3, 1.0)
 WORDS = {  # options of the command -> those of `assemble`
     "": {},
@@ -43,7 +44,6 @@ def packing(session, shared_path):
     return samples.put(shared_path / "p.h5", samples.isostatic(), session.comm)
 
 
-@pytest.mark.scalar("real")
 @pytest.mark.parametrize("words", WORDS)
 def test_moduli_of_the_matrices_are_those_of_a_sweep(session, shared_path, words):
     packing = samples.put(shared_path / "p.h5", samples.published(), session.comm)
@@ -57,7 +57,6 @@ def test_moduli_of_the_matrices_are_those_of_a_sweep(session, shared_path, words
         same(modulus(whole, omega), sweep.modulus(omega))
 
 
-@pytest.mark.scalar("real")
 def test_a_model_for_pymor_has_the_same_moduli(session, packing):
     matrices = jampetsc.assemble(packing, jampetsc.ContactDamping(beta=0.1))
     if importlib.util.find_spec("pymor") is None:
@@ -70,7 +69,6 @@ def test_a_model_for_pymor_has_the_same_moduli(session, packing):
         assert found * 1j * omega == pytest.approx(modulus(whole, omega), rel=1e-10)
 
 
-@pytest.mark.scalar("real")
 def test_without_anything_held_they_are_the_dense_reference(session):
     disks = samples.isostatic()
     whole = jampetsc.assemble(disks).to_scipy()
@@ -113,7 +111,6 @@ def read(out):
     return Matrices(K, B, k_gamma, b_gamma, *numbers, particles, dofs, pins)
 
 
-@pytest.mark.scalar("real")
 @pytest.mark.parametrize("ending", [".npz", ".mtx", ".petsc"])
 def test_files_hold_what_assemble_gives(session, packing, shared_path, ending):
     out = shared_path / f"K{ending}"
@@ -128,7 +125,6 @@ def test_files_hold_what_assemble_gives(session, packing, shared_path, ending):
         np.testing.assert_allclose(np.squeeze(one), other, rtol=1e-15, atol=0.0)
 
 
-@pytest.mark.scalar("real")
 @pytest.mark.most_ranks(2)
 @pytest.mark.parametrize(
     ("words", "message"),

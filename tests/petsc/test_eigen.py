@@ -13,12 +13,9 @@ from jampetsc.mechanics.network import build_network
 from jampetsc.minimise import ldl
 from jampetsc.petsc import blocks, eigen
 
-alone = pytest.mark.most_ranks(1)
-real = pytest.mark.scalar("real")
+pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]
 
 
-@real
-@alone
 @pytest.mark.parametrize("ordering", ["amd", "qmd"])
 def test_factor_solves_with_the_matrix_shifted(session, ordering, monkeypatch):
     """Also by a PETSc without SuiteSparse; a shift into the spectrum is noticed."""
@@ -37,8 +34,6 @@ def test_factor_solves_with_the_matrix_shifted(session, ordering, monkeypatch):
     assert made.factorise(-0.5 * lowest) is None
 
 
-@real
-@alone
 @pytest.mark.parametrize("ordering", ["amd", "qmd"])
 def test_an_order_of_elimination_fills_little(session, ordering, monkeypatch):
     """A chain not at all, of a packing a third of what the order of the disks does; also where pairs are told twice."""
@@ -62,8 +57,6 @@ def test_an_order_of_elimination_fills_little(session, ordering, monkeypatch):
     np.testing.assert_array_equal(found, twice)
 
 
-@real
-@alone
 def test_blocks_and_libraries_factorise_alike(session, monkeypatch):
     """Blocks where one rank has a matrix that is not too large and no option says otherwise."""
     network = build_network(SAMPLES["polydisperse"](), session.comm)
@@ -82,11 +75,8 @@ def test_blocks_and_libraries_factorise_alike(session, monkeypatch):
         np.testing.assert_allclose(lowest_modes(network, 9).eigenvalues, ours, rtol=1e-11)
     finally:
         options.delValue("modes_st_ksp_rtol")
-    pencil.destroy()
 
 
-@real
-@alone
 def test_a_stop_while_the_factor_is_applied_is_passed_on(session, monkeypatch):
     """Nothing else takes its place, and the next search finds what it would have."""
     network = build_network(SAMPLES["polydisperse"](), session.comm)
@@ -110,8 +100,6 @@ def test_a_stop_while_the_factor_is_applied_is_passed_on(session, monkeypatch):
     np.testing.assert_array_equal(lowest_modes(network, 9).eigenvalues, wanted)
 
 
-@real
-@alone
 def test_modes_that_slepc_does_not_find_are_told(session, monkeypatch):
     monkeypatch.setattr(eigen, "PREFIX", "short_modes_")  # whose defaults have not been set yet
     options = session.PETSc.Options("short_modes_eps_")
@@ -124,8 +112,6 @@ def test_modes_that_slepc_does_not_find_are_told(session, monkeypatch):
             options.delValue(name)
 
 
-@real
-@alone
 def test_a_large_part_of_a_large_spectrum_is_refused(session, monkeypatch):
     """Up to DENSE unknowns LAPACK finds it."""
     network = build_network(SAMPLES["published"](), session.comm)
@@ -143,8 +129,6 @@ def test_a_large_part_of_a_large_spectrum_is_refused(session, monkeypatch):
         lowest_modes(network, 31)
 
 
-@real
-@alone
 def test_where_k_is_no_minimum_or_slepc_is_missing_it_is_said(session, monkeypatch):
     with pytest.raises(ConvergenceError, match="K has negative modes"):
         lowest_modes(build_network(SAMPLES["gears"](), session.comm), 1, proved=True)
