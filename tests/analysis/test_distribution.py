@@ -1,17 +1,11 @@
 """Medians and logarithmic histograms of magnitudes, slopes over an ensemble, and bounds in relation to their values."""
 
-import sys
-
-import launch
 import numpy as np
 import pytest
+from floppy import ensemble_slope
 
 from jampetsc.analysis.bounds import relative_bound
 from jampetsc.analysis.distribution import Distribution
-
-sys.path.insert(0, str(launch.ROOT / "benchmarks"))
-
-from floppy import ensemble_slope
 
 
 @pytest.mark.parametrize("unit", [1.0, 1e-30, 3e17])

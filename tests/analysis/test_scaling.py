@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from claims.moduli import upper_border
 
 from jampetsc.analysis.scaling import (
     collapse,
@@ -10,7 +11,6 @@ from jampetsc.analysis.scaling import (
     fit_power_law,
     local_slope,
     low_frequency_limit,
-    upper_border,
 )
 from jampetsc.errors import InputError
 
