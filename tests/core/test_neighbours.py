@@ -58,18 +58,6 @@ def test_finds_every_pair_of_every_image_once(name, n, skin, plain):
 
 
 @pytest.mark.parametrize("name", CELLS)
-def test_ranges_that_fill_chunks_join(name, plain, monkeypatch):
-    """Neighbours are looked for by chunks of disks."""
-    rng, cell = np.random.default_rng(4), np.array(CELLS[name])
-    positions, radii = rng.uniform(0.0, 1.0, (40, 2)) @ cell, rng.uniform(0.4, 0.6, 40)
-    at_once = [neighbour_pairs(positions, radii, cell, 0.1, rows) for rows in (None, (3, 29))]
-    monkeypatch.setattr("jampetsc.core.neighbours.CHUNK", 7)
-    for rows, wanted in zip((None, (3, 29)), at_once, strict=True):
-        for part, whole in zip(neighbour_pairs(positions, radii, cell, 0.1, rows), wanted, strict=True):
-            assert np.array_equal(part, whole)
-
-
-@pytest.mark.parametrize("name", CELLS)
 def test_a_disk_a_rounding_error_outside_is_in_the_cell_or_beside_it(name, plain):
     """A coordinate of −1e-17 cell vectors plus one is one, which no cell of the grid begins with."""
     cell = np.array(CELLS[name])
@@ -90,7 +78,8 @@ def test_a_pair_can_touch_through_two_images(plain):
 
 
 @pytest.mark.parametrize("name", CELLS)
-def test_ranges_of_rows_see_each_contact_from_both_ends(name, plain):
+def test_ranges_of_rows_see_each_contact_from_both_ends(name, plain, monkeypatch):
+    """Also where they fill several of the chunks of disks whose neighbours are looked for at once."""
     rng = np.random.default_rng(7)
     cell = np.array(CELLS[name])
     positions, radii = rng.uniform(0, 1, (40, 2)) @ cell, rng.uniform(0.4, 0.6, 40)
@@ -102,6 +91,11 @@ def test_ranges_of_rows_see_each_contact_from_both_ends(name, plain):
     assert sum(map(len, parts)) == len(both)
     for (first, last), part in zip(ranges, parts, strict=True):
         assert all(first <= i < last for i, *_ in part)
+    at_once = [neighbour_pairs(positions, radii, cell, 0.1, rows) for rows in (None, (3, 29))]
+    monkeypatch.setattr("jampetsc.core.neighbours.CHUNK", 7)
+    for rows, wanted in zip((None, (3, 29)), at_once, strict=True):
+        for part, whole in zip(neighbour_pairs(positions, radii, cell, 0.1, rows), wanted, strict=True):
+            assert np.array_equal(part, whole)
 
 
 def test_spatial_order_keeps_neighbours_together():
