@@ -7,6 +7,7 @@ import numpy as np
 from jampetsc.core.disks import Disks
 from jampetsc.core.pairs import deformed
 from jampetsc.core.state import find_contacts
+from jampetsc.mechanics.network import Network
 from jampetsc.oscillation.response import Drive
 
 
@@ -22,6 +23,17 @@ class Start:
     strain: float  # amplitude
     modulus: float  # |G*|
     speed: float  # root mean square of |z| over contacts and time, see `powerlaw`
+
+    @classmethod
+    def of(cls, network: Network, drive: Drive, motion, velocity, *scalars: float) -> "Start":
+        """Of the disks of a network: displacements and, where there are, turns (n, ≥ 2), velocities (n, dofs)."""
+
+        def whole(part):
+            field = np.zeros((network.n + network.rattlers, part.shape[1]))
+            field[network.particles] = part
+            return field
+
+        return cls(drive, whole(motion[:, :2]), whole(velocity), *scalars)
 
     def near(self, disks: Disks) -> "Start":
         """This one or, where it would open or close contacts of these disks, one undeformed and at rest.

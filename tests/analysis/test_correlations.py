@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from claims.motion import stokes
 from drawn import bands, bars, figure_of, lines
 from samples import stored
 
@@ -11,7 +12,7 @@ from jampetsc.analysis import correlations
 from jampetsc.analysis.correlation_lengths import length_spread, stokes_collapse
 from jampetsc.analysis.correlations import ENOUGH_PACKINGS, correlate, first_root
 from jampetsc.analysis.lane_sums import LaneSums, bin_edges, grid_cells, lane_sums
-from jampetsc.analysis.medium import dragged, solid, stokes
+from jampetsc.analysis.medium import dragged, solid
 from jampetsc.analysis.medium import first_root as first_root_of
 from jampetsc.cli import main as cli
 from jampetsc.core.disks import Disks
