@@ -232,23 +232,18 @@ def run(*words):
     return cli.dispatch(["correlate", *map(str, words)])
 
 
-def test_a_file_of_correlations(tmp_path, capsys):
+def test_lengths_in_a_file_of_correlations(tmp_path, capsys):
     sweeps = [write_sweep(tmp_path, f"s{seed}", seed) for seed in range(6)]
     assert run(*sweeps, "--lane", "1,0.5", "--out", tmp_path / "c.h5") == 0
     found = load(tmp_path / "c.h5")
     assert found.format == "jampetsc-correlation" and found.law["law"] == "stokes"
-    assert found.attributes["packings"] == 6 and found.attributes["L"] == pytest.approx(20.0)
     assert "packing" not in found.attributes  # what all have in common is kept
     assert found.attributes["particle_count"] == 400
-    np.testing.assert_array_equal(found["omega"], OMEGA)
-    assert found["C"].shape == (2, 2, 2, found["delta"].shape[1])
     expected = np.array([[5.0, 2.5], [2.5, 1.25]])  # a quarter of the wave length; of Re and Im
     np.testing.assert_allclose(found["length"][0], expected, rtol=0.1)
     np.testing.assert_allclose(found["length"], np.stack([expected, expected]), rtol=0.2)
     assert (found["length_error"] > 0).all() and (found["length_error"] < 1).all()
-    said = capsys.readouterr().out
-    assert "6 packings, L = 20 d, lanes of 1 d" in said and "lanes of 0.5 d: C differs by" in said
-    assert "pairs, in phase with the stress\n" in said
+    assert "lanes of 0.5 d: C differs by" in capsys.readouterr().out
 
 
 def test_chosen_frequencies_and_a_packing_elsewhere(tmp_path, capsys):

@@ -126,7 +126,7 @@ class Numpy:
 def test_steps_are_those_of_their_equations(name, method, held, step):
     """Over lists that are made anew, and near pairs that are chosen anew."""
     law, mass = LAWS[name]
-    disks, model = crowd(10, phi=0.9), Model(law, mass)
+    disks, model = crowd(10, phi=0.9, kind="hertzian" if held else "harmonic"), Model(law, mass)
     run = Shear(disks, model, SHEARED / step, Scheme(step, method, 1e-13), held=held)
     plain = Numpy(run.reference, model, step, method, held)
     for _ in range(60):

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from dense import NewtonSteps
 
-from jampetsc.core.disks import GRID, Disks
+from jampetsc.core.disks import Disks
 from jampetsc.core.kernel import bond_forces
-from jampetsc.core.pairs import PairList, deformed
+from jampetsc.core.pairs import PairList
 from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
-from jampetsc.core.state import find_contacts, measure, net_forces, stress_tensor
+from jampetsc.core.state import find_contacts, measure, net_forces
 from jampetsc.core.threads import Team
 from jampetsc.errors import ConvergenceError
 from jampetsc.minimise import newton, protocols
@@ -37,21 +37,6 @@ def evaluate(disks, offsets, strain=0.0, shear=0.0):
     law = disks.potential.constants
     energy, *virial = bond_forces(pairs.arrays, offsets, strain, shear, law, forces, None, None)[:4]
     return energy / disks.potential.alpha, forces, virial
-
-
-@pytest.mark.parametrize("law", LAWS, ids=str)
-def test_forces_and_virial_are_those_of_the_deformed_disks(law):
-    disks = crowd(law)
-    offsets = np.random.default_rng(1).normal(0, 0.02, (disks.n, 2))
-    strain, shear = 0.03, -0.02
-    energy, forces, (wxx, wxy, wyy) = evaluate(disks, offsets, strain, shear)
-    moved = deformed(disks, offsets, strain, shear)
-    contacts = find_contacts(moved)
-    assert len(contacts) > 2 * disks.n
-    assert energy == pytest.approx(np.sum(law.energy(contacts.overlap, contacts.sigma)), rel=1e-12)
-    assert np.abs(forces - net_forces(disks.n, contacts)).max() < 1e-13
-    stress = stress_tensor(contacts, moved.area) * moved.area
-    assert np.allclose([[-wxx, -wxy], [-wxy, -wyy]], stress, rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("law", LAWS, ids=str)
@@ -358,19 +343,6 @@ def test_held_disks_have_unit_rows():
     rows = np.repeat(np.arange(2 * disks.n), np.diff(pattern.indptr))
     held = ~free[rows // 2] | ~free[pattern.indices // 2]
     assert np.array_equal(values[held], (rows == pattern.indices)[held].astype(float))
-
-
-def test_folding_keeps_the_digits():
-    disks = crowd()
-    disks = replace(disks, base=disks.base + 2.0**20)  # far from the origin, where a double resolves 1e-10
-    offsets = np.random.default_rng(1).normal(0, 1e-13, (disks.n, 2))
-    moved = deformed(disks, offsets, 0.0, 0.0)
-    assert np.array_equal(moved.base, disks.base)
-    assert np.abs((moved.offset - disks.offset) - offsets).max() < 1e-22
-    there_and_back = deformed(deformed(disks, offsets, 1e-9, 0.0), np.zeros_like(offsets), -1e-9, 0.0)
-    error = (there_and_back.base - disks.base) + (there_and_back.offset - disks.offset - offsets)
-    assert np.abs(error - error.mean(axis=0)).max() < 1e-15
-    assert np.abs(np.round(moved.base / GRID) * GRID - moved.base).max() == 0.0
 
 
 @pytest.mark.scalar("real")
