@@ -59,15 +59,6 @@ def test_shares_and_long_tails_are_covered():
         assert 0.6 < one < 0.78 and two > 0.89 and enough > 0.95
 
 
-def test_short_and_drifting_series_are_told():
-    assert not Average.of(autoregressive(0.98, 200, 1)[0]).enough
-    steady = autoregressive(0.5, 2000, 1)[0]
-    drifting = Average.of(steady + np.linspace(0, 1, 2000))
-    assert not Average.of(steady).drifts and drifting.enough and drifting.drifts
-    drifting = Average.of(steady + np.linspace(0, 3, 2000))
-    assert drifting.drifts or not drifting.enough
-
-
 def test_nothing_to_average():
     alone = Average.of([3.0])
     assert alone.mean == 3.0 and np.isnan(alone.error) and alone.samples == 1 and not alone.enough

@@ -98,13 +98,6 @@ def test_a_plane_wave(cell, m):
     assert found.minimum[0] == pytest.approx(1 / (2 * m), abs=0.05)
 
 
-def test_a_wave_across_the_lanes_is_constant_along_them():
-    points = scattered(20000, SQUARE)
-    found = correlate([lane_sums(points, SQUARE, wave(points, SQUARE, 0, 3)[None], 0.2, 256)])
-    np.testing.assert_allclose(found.values[0], 1.0, atol=0.02)
-    assert np.isnan(found.root[0]) and np.isnan(found.root_error[0])
-
-
 @pytest.mark.parametrize("width", [0.2, 0.5, 1.0])
 def test_a_random_field_of_known_correlation(width):
     """Averaged over ten samples: right within its own errors, whatever the width of the lanes."""

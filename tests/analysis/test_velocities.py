@@ -110,6 +110,10 @@ def test_every_number_of_the_file_is_of_the_words(tmp_path, capsys):
         expected = {"lane_width": 0.5 * lane, "bin_width": 0.5 * width, "mean_diameter": 0.5, "snapshots": 3}
         expected |= {"mean_square": exact.mean_square, "minimum": depth, "minimum_at": place, **facts}
         assert {name: found.attributes[name] for name in expected} == expected
+        v, places = result["snapshots/velocities"][..., 1], result["snapshots/positions"]
+        sums = [lane_products(x, cell, u, 0.25 * lane, exact.edges) for x, u in zip(places, v, strict=True)]
+        products, pairs = np.sum(sums, axis=0)
+        np.testing.assert_allclose(exact.values, products / pairs / np.mean(v**2), rtol=1e-12)
         assert exact.mean_square == pytest.approx(np.mean(result["snapshots/velocities"][..., 1] ** 2) / 0.25)
         assert capsys.readouterr().out == (
             f"{tmp_path}/g.h5: g_y of 3 snapshots, lanes of {lane:g} d: least {depth:.3g} at x = {place / 0.5:.3g} d, "

@@ -251,16 +251,6 @@ def test_every_part_of_a_residual_counts():
 
 
 @one_rank
-def test_a_saddle_against_shear_is_left_downhill(unstable):
-    disks, pressure = unstable
-    effort = Effort()
-    found = minimise.minimise(disks, Goal(pressure, True), NewtonSolver(), effort=effort)
-    assert found.modulus > 0 and proved_minimum(found.disks)
-    assert enthalpy(found.disks, pressure) < enthalpy(disks, pressure)
-    assert rigidity(found.disks, pressure, [0, 1])[0][2] > 0
-
-
-@one_rank
 @pytest.mark.parametrize("goal", [Goal(), Goal(0.02), Goal(0.02, True)], ids=str)
 def test_a_saddle_without_any_force_is_left(goal):
     disks, effort = lattice(), Effort()
@@ -332,13 +322,6 @@ def test_limits_are_what_was_asked_for_or_what_rounding_leaves():
         assert found.shear_stress == found.pressure
     soft = Limits(Descent(random_disks(100, potential=Potential("hertzian")), Goal(1e-6), Team()), 1e-10)
     assert soft.at(1e-6).force < 3e-16  # rounding of bonds moves the forces of soft contacts less
-
-
-def test_disks_that_do_not_touch_are_told_by_a_pressure_in_units_of_k():
-    """Overlaps of 1e-12 at k = 1e6 press with 1e-6, which is 1e-12 k: below UNJAMMED."""
-    touching = replace(lattice(4, 1 - 1e-12), potential=Potential(k=1e6))
-    assert 5e-7 < measure(touching).pressure < 2e-6
-    assert not minimise.minimise(touching, Goal(), None).jammed
 
 
 def searched(length, along=1.0, seed=3):
@@ -514,20 +497,6 @@ def test_evaluations_are_not_exceeded(monkeypatch):
     assert not fall(other, 1e-14, 100) and other.evaluations == 100
 
 
-def test_both_forces_and_stress_end_a_descent():
-    """max |F| alone does not, nor the stress on the cell alone."""
-    for force, box_force in ((1e-4, 1e300), (1e300, 1e-4), (1e-4, 1e-4)):
-        descent = Descent(random_disks(64), Goal(1e-2, True), Team())
-        assert descent.descend(force, box_force, 20_000)
-        point = Point.of(descent)
-        assert point.residual.force <= 1.001 * force
-        assert abs(point.drive[0]) <= 1.001 * box_force and abs(point.drive[1]) <= 1.001 * box_force
-        loose = max(point.residual.force / force, np.abs(point.drive).max() / box_force)
-        assert loose > 1e-6
-    still = Descent(random_disks(64), Goal(), Team())
-    assert fall(still, 1e-3, 20_000) and 1e-6 < Point.of(still).residual.force <= 1e-3
-
-
 def fallen(disks, steps):
     """(positions, steps that were uphill) after so many of FIRE, by the equations and loops over all contacts."""
     longest = fire.STEP / np.sqrt(disks.potential.k)
@@ -628,15 +597,20 @@ def test_no_coordinate_changes_by_more_than_its_reach():
 @one_rank
 def test_disks_that_barely_touch_are_jammed():
     """Above a pressure of 1e-11 k, below which they are apart."""
-    for gap, jammed in ((4e-12, False), (1e-10, True)):
+    for gap, k, jammed in (
+        (4e-12, 1.0, False),
+        (4e-12, 2.0**20, False),
+        (1e-10, 1.0, True),
+        (1e-10, 2.0**-9, True),
+    ):
         row, column = np.divmod(np.arange(16), 4)
         rows, cell = (
             np.column_stack((column + 0.5 * (row % 2), np.sqrt(0.75) * row)),
             np.diag([4.0, np.sqrt(12.0)]),
         )
-        disks = Disks.from_positions((1 - gap) * rows, np.full(16, 0.5), (1 - gap) * cell)
+        disks = Disks.from_positions((1 - gap) * rows, np.full(16, 0.5), (1 - gap) * cell, Potential(k=k))
         found = minimise.minimise(disks, Goal(), NewtonSolver(), tolerance=1e-3)
-        assert found.jammed == jammed and found.pressure == pytest.approx(np.sqrt(3.0) * gap, rel=1e-2)
+        assert found.jammed == jammed and found.pressure == pytest.approx(np.sqrt(3.0) * k * gap, rel=1e-2)
 
 
 @pytest.mark.parametrize("way", ["fire", "lbfgs"])

@@ -6,7 +6,6 @@ from test_minimise import rigidity
 
 from jampetsc.core.potentials import Potential
 from jampetsc.core.state import measure
-from jampetsc.errors import InputError
 from jampetsc.minimise import protocols
 from jampetsc.minimise.protocols import Target
 from jampetsc.minimise.sizes import radii_of
@@ -67,19 +66,6 @@ def test_fixed_packing_fraction():
     assert state.max_force <= 1e-10 * state.pressure
 
 
-def test_below_jamming_is_said():
-    with pytest.raises(InputError, match="do not touch"):
-        pack(64, Target(phi=0.8))
-
-
-def test_given_radii():
-    radii = np.random.default_rng(4).uniform(0.3, 0.9, 80)
-    start = protocols.random_start(radii, protocols.start_phi(1e-3), 1, Potential())
-    disks = protocols.make_packing(start, Target(1e-3), NewtonSolver())
-    assert np.array_equal(np.sort(disks.radii), np.sort(radii))
-    assert measure(disks).max_force <= 1e-13
-
-
 def test_up_and_down_in_pressure():
     disks = pack(64, Target(1e-2))
     for pressure in (1e-4, 5e-2):
@@ -87,14 +73,6 @@ def test_up_and_down_in_pressure():
         state = measure(disks)
         assert abs(state.pressure / pressure - 1) <= 1e-10
         assert state.max_force <= 1e-10 * pressure
-
-
-def test_same_seed_same_packing():
-    first, second, other = (pack(64, Target(1e-3), seed) for seed in (5, 5, 6))
-    for name in ("base", "offset", "cell_base", "cell_offset", "radii"):
-        assert np.array_equal(getattr(first, name), getattr(second, name))
-    assert first.record == second.record
-    assert not np.array_equal(first.base, other.base)
 
 
 def test_ensemble_statistics():

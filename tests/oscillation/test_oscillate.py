@@ -191,14 +191,6 @@ def test_only_what_is_left_of_the_equations_counts(packed):
 
 @pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("alpha", [0.5, 2 / 3])
-def test_one_variable(alpha):
-    """G* depends on ω and σ₀ through ω σ₀^((α−1)/α) alone: forces scale as λ, damping as λ^α."""
-    scaled = shaken(alpha, 16, 7.0 ** ((1 - alpha) / alpha) * OMEGA, 7.0 * STRESS)
-    assert scaled.G == pytest.approx(shaken(alpha, 16).G, rel=1e-7)
-
-
-@pytest.mark.most_ranks(1)
-@pytest.mark.parametrize("alpha", [0.5, 2 / 3])
 def test_slow_limit(packed, alpha):
     """At low frequency contacts move as in slow shear, and G'' is what that dissipates."""
     packing = packed(alpha, 64, rotations=False)

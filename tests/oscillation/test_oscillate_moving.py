@@ -601,19 +601,6 @@ def test_rounding_is_no_energy_that_is_lost(imposed):
     assert abs(found.G - usual.G) < 1e-4 * abs(usual.G)
 
 
-def test_how_far_a_list_reaches_hardly_matters(moving):
-    """Pairs that it does not have and that come near are found in time."""
-    found = []
-    for skin in (1e-3, 0.05, 1.5):
-        motion = moving(10.0, 1e-2)
-        motion.skin = skin * motion.diameter
-        motion.fold()
-        found.append(find_contacts(sheared(motion, 0.2, 4).disks))
-    for contacts in found:
-        assert len(contacts) == len(found[0]) != len(find_contacts(published()))
-        np.testing.assert_allclose(np.sort(contacts.overlap), np.sort(found[0].overlap), atol=2e-4)
-
-
 def test_cut_steps_fill_the_time():
     """Each begins where the last has ended, whole at places where whole ones begin, longer again after the event."""
     run, _ = run_of(1e-4, 2e-2, 16)
