@@ -98,8 +98,7 @@ def strained(motion, gamma, rate):
 
 
 @pytest.mark.parametrize(
-    ("alpha", "omega", "imposed"),
-    [(0.5, 1e-5, {"stress": 2e-4}), (2 / 3, 1e-3, {"strain": 3e-3})],
+    ("alpha", "omega", "imposed"), [(0.5, 1e-5, {"stress": 2e-4}), (2 / 3, 1e-3, {"strain": 3e-3})]
 )
 def test_against_integration_in_time(moving, alpha, omega, imposed):
     """From rest, contacts opening on the way: strain, stress and places are those that an ODE solver finds."""
