@@ -32,6 +32,13 @@ def test_ranks_that_a_flow_has_no_use_for_are_told(tmp_path):
     assert done.returncode == 0 and done.stderr.count("one rank does one flow") == 1
 
 
+def test_progress_can_be_silenced(tmp_path, capsys):
+    for words in (SMALL, ["flow", tmp_path / "flow.h5", "--strain", 0.1]):
+        assert flow(*words, "--quiet", "--out", tmp_path / "flow.h5") == 0
+        text, told = capsys.readouterr()
+        assert "sigma" in text and told == ""
+
+
 def test_many_disks_of_a_random_start_do_not_jump(tmp_path):
     """Large clusters turn fast at their rims: steps in which they would go too far are divided."""
     words = "flow --n 4096 --phi 0.82 --seed 2 --model CD0 --rate 1e-2 --strain 0.1".split()
