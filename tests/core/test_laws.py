@@ -109,14 +109,11 @@ def test_a_law_of_a_row_alone_through_every_command(session, shared_path, capsys
     def command(name, *more):
         return cli.main([name, str(packing), *words, *map(str, more)])
 
-    for method in ("rational", "direct"):
-        out = shared_path / f"{method}.h5"
-        assert command("sweep", "--out", out, "--omega", "1e-6,1e-2,10", "--method", method) == 0
-        found = jampetsc.load(out)
-        wanted = np.array([exact.modulus(omega) for omega in found.omega])
-        np.testing.assert_allclose(found.G, wanted, rtol=1e-6)
-        assert found.law["normal"] == 0.0 and found.law["rotations"] == np.False_
-        session.comm.Barrier()
+    out = shared_path / "sweep.h5"
+    assert command("sweep", "--out", out, "--omega", "1e-6,1e-2,10") == 0
+    found = jampetsc.load(out)
+    np.testing.assert_allclose(found.G, [exact.modulus(omega) for omega in found.omega], rtol=1e-6)
+    assert found.law["normal"] == 0.0 and found.law["rotations"] == np.False_
     out = shared_path / "slow.h5"
     assert command("quasistatic", "--out", out) == 0
     slow = jampetsc.load(out).attributes

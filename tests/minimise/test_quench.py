@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dense import NewtonSteps
+from samples import lattice
 
 from jampetsc.core.disks import Disks
 from jampetsc.core.kernel import bond_forces
@@ -281,9 +282,7 @@ def test_a_pattern_is_that_of_the_list_there_is():
 
 def saddle(goal):
     """A square lattice under pressure: no forces, and modes of negative curvature."""
-    row, column = np.divmod(np.arange(16), 4)
-    disks = Disks.from_positions(0.9 * np.column_stack((column, row)), np.full(16, 0.5), 3.6 * np.eye(2))
-    return newton.Newton(Descent(disks, goal, Team()), NewtonSteps(), Effort())
+    return newton.Newton(Descent(lattice(4, 0.9), goal, Team()), NewtonSteps(), Effort())
 
 
 @pytest.mark.parametrize("goal", [Goal(), Goal(0.1), Goal(0.1, True)], ids=str)
