@@ -295,6 +295,10 @@ def test_limits_are_what_was_asked_for_or_what_rounding_leaves():
         found = limits.at(pressure)
         assert (found.force, found.pressure) == pytest.approx((force, stress), rel=1e-12, abs=0.0)
         assert found.shear_stress == found.pressure
+    disks = random_disks(100)
+    wide = Disks.from_positions(3.0 * disks.positions, 3.0 * disks.radii, 3.0 * disks.cell)
+    found = Limits(Descent(wide, Goal(1e-3), Team()), 1e-10).at(1e-3)
+    assert (found.force, found.pressure) == pytest.approx((3e-13, 1e-13), rel=1e-12, abs=0.0)
     soft = Limits(Descent(random_disks(100, potential=Potential("hertzian")), Goal(1e-6), Team()), 1e-10)
     assert soft.at(1e-6).force < 3e-16  # rounding of bonds moves the forces of soft contacts less
 
