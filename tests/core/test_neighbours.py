@@ -94,8 +94,9 @@ def test_ranges_of_rows_see_each_contact_from_both_ends(name, plain, monkeypatch
 
 @pytest.mark.parametrize("side", [2, 16])
 def test_spatial_order_goes_through_a_grid_step_by_step(side):
-    """A Hilbert curve: from every square of a sheared cell to one beside it."""
-    squares, cell = np.random.default_rng(1).permutation(side * side), np.array([[1.0, 0.0], [0.3, 1.0]])
-    places = np.column_stack(np.divmod(squares, side)) + 0.5
-    steps = np.diff(places[spatial_order(places @ cell, side * cell)], axis=0)
+    """A Hilbert curve: from every square of a sheared cell to one beside it, whatever the images."""
+    rng, cell = np.random.default_rng(1), np.array([[1.0, 0.0], [0.3, 1.0]])
+    places = np.column_stack(np.divmod(rng.permutation(side * side), side)) + 0.5
+    images = side * rng.integers(-2, 3, places.shape)
+    steps = np.diff(places[spatial_order((places + images) @ cell, side * cell)], axis=0)
     assert (np.abs(steps).sum(axis=1) == 1.0).all()
