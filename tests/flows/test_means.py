@@ -78,6 +78,7 @@ def test_means_are_over_what_discard_leaves():
         assert found.pressure.mean == 6.0 and found.coordination.mean == np.mean(4.0 + np.arange(first, 10))
         np.testing.assert_allclose(found.parts, stress[first:].mean(0))
         assert [found.strain, found.spacing] == pytest.approx([(10 - first) * SPACING, SPACING])
+        assert found.facts()["correlation_strain"] == pytest.approx(found.shear_stress.time * SPACING)
     assert means(record, 10 * SPACING) is None
     assert means(record, 9.5 * SPACING).strain == pytest.approx(SPACING)
     assert means(recorded(1)).spacing == SPACING
@@ -285,7 +286,7 @@ def test_errors_of_a_correlation_are_those_between_snapshots(tmp_path):
 def test_lanes_and_bins_that_fit(tmp_path):
     one = flow_file(tmp_path / "one.h5")  # half of the cell is 4 wide and 3 high
     assert len(correlate_lanes([one], 11.996, 8).values) == 1
-    assert len(correlate_lanes([one], 2, 0.2).values) == 40  # whole bins, for all rounding
+    assert len(correlate_lanes([one], 2, 8 / 93).values) == 93  # whole bins, for all rounding
     assert len(correlate_lanes([one], 2, 3).values) == 2
     for lane in (12.0, float("nan")):
         with pytest.raises(InputError, match=r"must be less than the cell's height, 12 mean diameters"):
