@@ -472,9 +472,8 @@ def test_slow_shear_counts_after_its_discard(tmp_path):
 
 def test_points_of_jam_files_are_shares_and_means_with_their_errors(tmp_path):
     """Wilson's interval is not even about a share near one; a pressure is a mean of all, 0 where none jams."""
-    jammed = np.array(
-        [[0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 1, 1], [1, 1, 1, 1, 1, 0], [1, 1, 1, 1, 1, np.nan]], float
-    )
+    rows = [[0] * 6, [0, 0, 0, 0, 1, 1], [1, 1, 1, 1, 1, 0], [1, 1, 1, 1, 1, np.nan]]
+    jammed = np.array(rows, float)
     least = 1e-15  # what a minimiser leaves of zero
     pressure = np.where(np.nan_to_num(jammed) == 1, 1e-3 * np.arange(1, 7), least) + 0 * jammed
     file = write_jam(tmp_path / "a.h5", 64, jammed, pressure)
@@ -508,10 +507,8 @@ def test_what_one_seed_gives_in_a_row_is_one_run(tmp_path):
 
 def test_flows_of_one_state_are_averaged_each_observable_with_its_own_error(tmp_path):
     def points_of(*files, observable="pressure"):
-        flows = [
-            load(write_flow(tmp_path / f"{n}.h5", phi, 1e-3, seed=n, **more))
-            for n, (phi, more) in enumerate(files)
-        ]
+        named = ((tmp_path / f"{n}.h5", phi, {"seed": n} | more) for n, (phi, more) in enumerate(files))
+        flows = [load(write_flow(path, phi, 1e-3, **more)) for path, phi, more in named]
         return read_points(flows, observable, False)
 
     data = points_of(*((0.84, {"pressure_mean": p, "pressure_error": 1e-6}) for p in (1e-3, 3e-3)))
@@ -663,8 +660,8 @@ def test_a_fit_that_has_lost_its_way_is_out_of_sight(off, inside):
         "scaling": "rate",
         "corrections": False,
         "fitted": "phi_J",
-        "y": 1.0,
         "observable": "shear_stress",
+        "y": 1.0,
     }
     facts |= {"znu": 2.0, "phi_J": best, "phi_J_error": own, "chi2": 3.0, "dof": 4}
     fig = figure_of(plot_scaling, Held(result, facts))
@@ -690,13 +687,8 @@ def test_two_branches_are_drawn_against_the_distance():
     x, f0 = np.array([-0.2, 0.1, -0.4, 0.3]), np.array([1.0, 2.0, 0.5, 3.0])
     rate = np.array([1e-3, 1e-3, 1e-2, 1e-2])
     unit = rate**0.5
-    result = {
-        "rate": rate,
-        "x": x,
-        "value": f0 * unit + 0.1,
-        "error": 0.2 * unit,
-        "correction": np.full(4, 0.1),
-    }
+    result = {"rate": rate, "x": x, "value": f0 * unit + 0.1, "error": 0.2 * unit}
+    result |= {"correction": np.full(4, 0.1)}
     result |= {"curve/x": np.linspace(-0.5, 0.5, 11), "curve/f0": np.arange(1.0, 12.0)}
     facts = {"scaling": "rate", "observable": "pressure", "y": 1.0, "znu": 2.0, "phi_J": 0.84}
     (ax,) = figure_of(plot_branches, Held(result, facts)).axes

@@ -69,27 +69,13 @@ def test_the_logarithm_of_a_median_has_half_the_interval_as_its_error():
 
 def file(n, p, eta0, law="contact", fluid=0.0, stressed=2.0, G0=1.0):
     """A quasistatic file of a packing: η₀ in kτ₁ without pre-stress, `stressed` times as much with it."""
-    attributes = {
-        "k": 2.0,
-        "tau1": 0.5,
-        "pressure": 2.0 * p,
-        "particle_count": int(n),
-        "law": law,
-        "prestress": True,
-    }
-    attributes |= {
-        "eta0": stressed * eta0 * UNIT,
-        "no_prestress_eta0": eta0 * UNIT,
-        "eta0_fluid": fluid * UNIT,
-    }
-    attributes |= {
-        f"{bare}{name}": value
-        for bare in ("", "no_prestress_")
-        for name, value in (("G0", G0), ("omega_star", 1.0))
-    }
-    for name, exponent in (("normal", 0.25), ("transverse", -0.25), ("nonaffine", -0.25)):
-        attributes |= {f"{bare}{name}_median": p**exponent for bare in ("", "no_prestress_")}
-    return SimpleNamespace(path=Path("q.h5"), attributes=attributes)
+    facts = {"k": 2.0, "tau1": 0.5, "pressure": 2.0 * p, "particle_count": int(n), "law": law}
+    facts |= {"prestress": True, "eta0_fluid": fluid * UNIT}
+    for bare, times in (("", stressed), ("no_prestress_", 1.0)):
+        facts |= {f"{bare}eta0": times * eta0 * UNIT, f"{bare}G0": G0, f"{bare}omega_star": 1.0}
+        for name, exponent in (("normal", 0.25), ("transverse", -0.25), ("nonaffine", -0.25)):
+            facts[f"{bare}{name}_median"] = p**exponent
+    return SimpleNamespace(path=Path("q.h5"), attributes=facts)
 
 
 def files(of, **settings):

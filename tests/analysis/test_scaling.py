@@ -63,9 +63,8 @@ def test_a_sweep_that_ends_early_has_no_limit():
 def test_collapse_brings_scaling_moduli_onto_one_curve():
     pressures, x = (1e-2, 1e-3, 1e-4), np.geomspace(1e-3, 10, 30)
     for pressure in pressures:
-        scaled, g = collapse(
-            x * pressure**0.9, critical(x * pressure**0.9, pressure, 0.4, 0.9), pressure, 0.4, 0.9
-        )
+        omega = x * pressure**0.9
+        scaled, g = collapse(omega, critical(omega, pressure, 0.4, 0.9), pressure, 0.4, 0.9)
         np.testing.assert_allclose(scaled, x, rtol=1e-14)
         np.testing.assert_allclose(g, np.sqrt(1 + 1j * x), rtol=1e-14)
     for pressure in (0.0, -1e-3, np.nan, np.inf):
@@ -97,9 +96,8 @@ def test_power_law_and_its_standard_errors():
     misses = []
     for _ in range(400):
         fit = fit_power_law(x, 0.7 * x**0.5 * np.exp(0.05 * rng.standard_normal(12)))
-        misses.append(
-            ((fit.exponent - 0.5) / fit.exponent_error, (fit.prefactor - 0.7) / fit.prefactor_error)
-        )
+        off = fit.exponent - 0.5, fit.prefactor - 0.7
+        misses.append((off[0] / fit.exponent_error, off[1] / fit.prefactor_error))
     spread = np.std(misses, axis=0)
     expected = np.sqrt(10 / 8)  # Student's t of 12 − 2 degrees of freedom
     np.testing.assert_allclose(spread, expected, rtol=0.12)
@@ -149,9 +147,8 @@ def test_how_far_extrapolation_may_move_a_limit(part):
     omega = np.array([1.0, 2.0])
 
     def limit(change):
-        return low_frequency_limit(
-            omega, 1 + 1j * omega + part * abs(omega) ** (part != 1.0) * change * (omega**2 - 1)
-        )
+        moved = part * omega ** (part != 1.0) * change * (omega**2 - 1)
+        return low_frequency_limit(omega, 1 + 1j * omega + moved)
 
     found = limit(0.029)
     values = [(found.modulus, found.modulus_error), (found.viscosity, found.viscosity_error)]

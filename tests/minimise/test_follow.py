@@ -74,15 +74,8 @@ def followed(listed, skin=2.0, **changes):
     disks, _, order = listed
     pairs = PairList.build(disks, 2.0)
     law, still = disks.potential.constants, np.zeros((disks.n, 2))
-    aim = {
-        "share": 1e-8,
-        "floor": 0.0,
-        "apart": 1e-12,
-        "diameter": 1.2,
-        "reach": 0.1,
-        "soft": 0.5,
-        "most": 2000,
-    }
+    aim = {"share": 1e-8, "floor": 0.0, "apart": 1e-12, "diameter": 1.2, "reach": 0.1}
+    aim |= {"soft": 0.5, "most": 2000}
     aim |= changes
     factor = compiled.factor_of(order, pairs.arrays, still, 0.0, law, 1e-3, 1e-4, 0.5)
     memory, forces = compiled.nothing_remembered(disks.n), np.empty_like(still)

@@ -260,9 +260,7 @@ def test_what_starts_from_a_packing_that_failed_fails_too(session, shared_path, 
     monkeypatch.setattr(packings, "make_packing", make_packing)
     with pytest.raises(ConvergenceError) as told:
         jampetsc.pack(**LADDER, out="p{pressure}-{seed}.h5")
-    assert str(told.value).startswith(
-        "2 of 6 packings failed, the others are on disk: p1e-3-3.h5: no minimum"
-    )
+    assert str(told.value).startswith("2 of 6 packings failed, the others are on disk: p1e-3-3.h5: ")
     assert str(told.value).endswith("; p1e-4-3.h5: p1e-3-3.h5, which it starts from, failed")
     session.comm.Barrier()
     made = {path.name for path in shared_path.iterdir()}

@@ -193,9 +193,8 @@ def flow_cycles(disks, law, omega, strain, steps, cycles):
         u, shear = velocities(o, t)
         if step >= (cycles - 1) * steps:
             _, sums = run.forces(u)
-            total += (
-                -(sums.elastic_xy + sums.viscous_xy) / disks.area * np.exp(-1j * (omega * t - 0.5 * np.pi))
-            )
+            stress = -(sums.elastic_xy + sums.viscous_xy) / disks.area
+            total += stress * np.exp(-1j * (omega * t - 0.5 * np.pi))
             counts.append(sums.contacts)
         move(o, u, shear, dt, ahead)
         u2, later = velocities(ahead, t + dt)

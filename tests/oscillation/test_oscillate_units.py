@@ -69,12 +69,10 @@ def compare(one, two, amplitude, rel=1e-6, left_out=()):
 
 @pytest.mark.parametrize("stress", [True, False])
 def test_half_cycles(stress):
-    found = [
-        stepped_oscillation(packing(scaled), law_of(0.5, scaled), 8).solve(
-            drive_of(0.5, 0.3, 1e-3, stress, scaled)
-        )
-        for scaled in (False, True)
-    ]
+    found = []
+    for scaled in (False, True):
+        solver = stepped_oscillation(packing(scaled), law_of(0.5, scaled), 8)
+        found.append(solver.solve(drive_of(0.5, 0.3, 1e-3, stress, scaled)))
     compare(*found, LARGER, 1e-4)
 
 
@@ -146,9 +144,7 @@ def test_a_packing_that_comes_apart_is_told_alike(monkeypatch):
     monkeypatch.setattr(steps, "FINEST", 15)  # enough to see that it does not end
     law, disks = law_of(1.0, True), packing(True)
     start = start_of(1.0, True, Drive(0.01 / law.law.tau1, 1e-3, True))
-    with pytest.raises(
-        ConvergenceError, match=r"^energy is lost .* \d\.\de\+\d+ times .*: give less stress$"
-    ):
+    with pytest.raises(ConvergenceError, match=r"^energy is lost .* \d\.\de\+\d+ times .* less stress$"):
         repeat_cycles(disks, law.law, start, 16, None)
 
 
