@@ -13,7 +13,6 @@ from common import folder_and_picture
 
 import jampetsc
 from jampetsc.analysis.averages import Average, mean_of_averages
-from jampetsc.analysis.jamming import jamming_step
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.flows.quasistatic_shear import ENERGY_CUT
 from jampetsc.plots import style
@@ -22,6 +21,30 @@ from jampetsc.plots.page import saved_page
 
 MIXED, SEPARATED = "mixed", "separated"
 DECADES = np.arange(-44.0, 0.5, 1.0)  # of U/N in the picture
+STEEP = 0.02  # share of ones, or of zeros, below which a point tells nothing of where the step is
+
+
+def jamming_step(phi, shares) -> tuple:
+    """(φ where f = ½, width w, their standard errors) of f(φ) = Φ((φ − φ½)/w), Φ the normal distribution.
+
+    f is the share of φ_J that lie below φ, w so the standard deviation of φ_J. phi (M,), shares: M of `Share`; those
+    that are 0 or 1 within STEEP tell nothing and are left out; all nan where fewer than two are left.
+    """
+    from scipy.special import ndtri
+
+    value = np.array([share.value for share in shares])
+    told = (value > STEEP) & (value < 1.0 - STEEP)
+    if np.count_nonzero(told) < 2:
+        return (np.nan,) * 4
+    x, value = np.asarray(phi, float)[told], value[told]
+    z = ndtri(value)
+    half = np.array([0.5 * (share.high - share.low) for share in shares])[told]
+    error = half * np.sqrt(2.0 * np.pi) * np.exp(0.5 * z**2)
+    (slope, level), covariance = np.polyfit(x - x.mean(), z, 1, w=1.0 / error, cov="unscaled")
+    # derivatives of φ½ and w by slope and level
+    by = np.array([[level / slope**2, -1.0 / slope], [-1.0 / slope**2, 0.0]])
+    errors = np.sqrt(np.diag(by @ covariance @ by.T))
+    return float(x.mean() - level / slope), float(1.0 / slope), float(errors[0]), float(errors[1])
 
 
 @dataclass(frozen=True)

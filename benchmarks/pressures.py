@@ -2,7 +2,7 @@
 
     .venv/bin/python benchmarks/pressures.py figures/paper3-quick --picture x.png
 
-y of P(p) ~ p^(1/y − 1) below cuts at ½, ¼ and ⅛ of ⟨p⟩, and its limit: `jampetsc.analysis.jamming.low_end`.
+y of P(p) ~ p^(1/y − 1) below cuts at ½, ¼ and ⅛ of ⟨p⟩, and its limit: `low_end`.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ import numpy as np
 from common import folder_and_picture
 
 import jampetsc
-from jampetsc.analysis.jamming import CUTS, LowEnd, low_end, memory
+from jampetsc.analysis.jamming import memory
 from jampetsc.core.potentials import EXPONENTS
 from jampetsc.plots import style
 from jampetsc.plots.jamming import samples_of
@@ -20,6 +20,52 @@ from jampetsc.plots.page import saved_page
 NAMES = {"random": "RAND", "shear": "QS"}
 BINS = 4  # per decade of p,
 SHOWN = 4  # with as many independent states at least
+CUTS = (1 / 2, 1 / 4, 1 / 8)  # of the mean, below which the lower end of a density is looked at,
+FEWEST_BELOW = 5  # and samples below the last
+
+
+@dataclass(frozen=True, eq=False)
+class LowEnd:
+    """y of P(p) ~ p^(1/y − 1) as p → 0, from samples below C cuts, and its limit as the cut goes to 0."""
+
+    cuts: np.ndarray  # (C,) falling
+    counts: np.ndarray  # (C,) samples below
+    y: np.ndarray  # (C,)
+    error: np.ndarray  # (C,) one standard error
+    limit: float
+    limit_error: float
+
+    @property
+    def power(self) -> tuple[float, float]:
+        """(1/y − 1 in the limit, its standard error)."""
+        return 1.0 / self.limit - 1.0, self.limit_error / self.limit**2
+
+
+def low_end(values, alpha=2.0, memory=1.0) -> LowEnd:
+    """How the density of positive samples (S,) of a pressure goes to zero or diverges at its lower end.
+
+    Below a cut c the likelihood of a power law is largest at y = ⟨ln(c/p)⟩ (Hill, Ann. Stat. 3, 1163 (1975)), with the
+    error y/√n of n independent samples. A packing at φ has p ∝ (φ − φ_J)^(α − 1) above its own φ_J, and the density of
+    φ_J is smooth: P ~ p^(1/y − 1) (1 + a c^(1/(α − 1)) + …), the law by which y goes to its limit over the CUTS of the
+    mean. The best estimate below a cut is efficient, so that the covariance of two is the variance at the larger cut.
+    memory: samples that count as one. nan where a cut has too few samples.
+    """
+    p = np.asarray(values, float)
+    cuts = np.mean(p) * np.array(CUTS) if len(p) else np.full(len(CUTS), np.nan)
+    counts = np.array([np.count_nonzero(p < cut) for cut in cuts])
+    if counts[-1] < FEWEST_BELOW:
+        nothing = np.full(len(CUTS), np.nan)
+        return LowEnd(cuts, counts, nothing, nothing, np.nan, np.nan)
+    y = np.array([np.mean(np.log(cut / p[p < cut])) for cut in cuts])
+    apart = np.diff(counts, append=0) != 0  # of cuts with the same samples below one will do
+    variance = y[-1] ** 2 * memory / counts[apart]
+    inverse = np.linalg.inv(np.minimum.outer(variance, variance))
+    design = np.column_stack((np.ones(len(variance)), (cuts[apart] / cuts[0]) ** (1.0 / (alpha - 1.0))))
+    covariance = np.linalg.pinv(design.T @ inverse @ design)
+    limit = covariance @ design.T @ inverse @ y[apart]
+    return LowEnd(
+        cuts, counts, y, y * np.sqrt(memory / counts), float(limit[0]), float(np.sqrt(covariance[0, 0]))
+    )
 
 
 @dataclass(frozen=True)

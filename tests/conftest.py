@@ -15,9 +15,13 @@ import sys
 import time
 from array import array
 from functools import cache
+from pathlib import Path
 
 import pytest
 
+sys.path.append(
+    str(Path(__file__).resolve().parents[1] / "benchmarks")
+)  # last: one of them is named coverage
 SCALAR = os.environ.get("JAMPETSC_TEST_SCALAR")
 PATIENCE = 20.0  # seconds a rank that failed waits for the others to end the same test
 LONG = "figures help trade interrupted options oscillate_command pack documents".split()  # begin first

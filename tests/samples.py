@@ -14,6 +14,7 @@ from jampetsc.core.laws import Law, Physics, damping_law
 from jampetsc.core.potentials import Potential
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_packing, write_packing
+from jampetsc.io.result_file import ResultWriter
 from jampetsc.jobs.sweep import Sweep
 from jampetsc.linear.run import Run
 from jampetsc.mechanics.network import build_network
@@ -119,6 +120,15 @@ def put(path, disks, comm):
     if comm.rank == 0:
         write_packing(path, disks)
     comm.barrier()
+    return path
+
+
+def stored(path, kind, arrays, **attributes):
+    """The path of a result file of this kind, with these arrays and attributes."""
+    with ResultWriter(path, f"jampetsc-{kind}") as writer:
+        for name, values in arrays.items():
+            writer.dataset(name, values)
+        writer.attributes(**attributes)
     return path
 
 

@@ -1,11 +1,13 @@
 """G* of linear response: BT figures 3, 4, 6 and 8. Packings are quenched at a pressure in a cell of fixed shape."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 import jampetsc
 from claims.shared import LARGE, NEAR, Row, by_decades, claim, line_through, near_jamming, size_of, verdict
-from jampetsc.analysis.finite_size import FEWEST, logarithm_of_size, size_scaling
-from jampetsc.analysis.scaling import collapse_spread, critical_exponents, local_slope, upper_border
+from jampetsc.analysis.finite_size import FEWEST, logarithm_of_size
+from jampetsc.analysis.scaling import collapse_spread, critical_exponents, local_slope
 from jampetsc.analysis.statistics import log_median, mean_with_error
 from jampetsc.plots.curves import curve_of
 
@@ -24,6 +26,47 @@ BORDER = (
     "window that ends lower, at p below 1e-5"
 )
 TINY = 1e-6  # relative difference of what is the same, in the single precision of kept results
+DEGREE = 5  # of the polynomial in ln pN² that stands for ln f
+
+
+def upper_border(omega, G) -> float:
+    """ω at which d ln G''/d ln ω rises through ¾ for the last time: from the critical ½ to the viscous 1.
+
+    omega (M,) increasing, G (M,) complex; nan where it does not.
+    """
+    slope = local_slope(omega, np.asarray(G).imag) - 0.75
+    rises = np.flatnonzero((slope[:-1] < 0) & (slope[1:] >= 0))
+    if not len(rises):
+        return np.nan
+    last = rises[-1]
+    share = slope[last] / (slope[last] - slope[last + 1])
+    return float(np.exp(np.interp(share, (0, 1), np.log(omega[last : last + 2]))))
+
+
+@dataclass(frozen=True)
+class SizeScaling:
+    """η₀/N^a as a function of pN²."""
+
+    power: float  # a
+    error: float  # from the errors of the points, times √(χ²/dof) where that is above 1
+    chi2: float
+    dof: int
+
+
+def size_scaling(n, pressure, values, errors, degree=DEGREE) -> SizeScaling:
+    """The power a with which values/N^a become one curve of pN², a polynomial between logarithms.
+
+    n, pressure, values, errors     (m,), values positive, errors of one standard deviation; m ≥ degree + 3
+    """
+    n, values = np.asarray(n, float), np.asarray(values, float)
+    x, weights = np.log(pressure * n**2), values / np.asarray(errors)
+    u = 2.0 * (x - x.min()) / np.ptp(x) - 1.0
+    terms = np.column_stack((np.log(n), np.polynomial.chebyshev.chebvander(u, degree)))
+    terms, y = terms * weights[:, None], np.log(values) * weights
+    found = np.linalg.lstsq(terms, y, rcond=None)[0]
+    chi2, dof = float(np.sum((y - terms @ found) ** 2)), len(y) - terms.shape[1]
+    variance = np.linalg.inv(terms.T @ terms)[0, 0] * max(1.0, chi2 / dof)
+    return SizeScaling(float(found[0]), float(np.sqrt(variance)), chi2, dof)
 
 
 def exponents_in_pressure(rows, cases, law):

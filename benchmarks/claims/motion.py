@@ -10,7 +10,7 @@ from jampetsc.analysis.correlation_lengths import (
     medium_collapse,
     stokes_collapse,
 )
-from jampetsc.analysis.medium import dragged, first_root, solid, stokes
+from jampetsc.analysis.medium import dragged, first_root, solid
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.plots.correlation import correlation_curve
@@ -18,6 +18,17 @@ from jampetsc.plots.correlation import correlation_curve
 LARGE = 1e3  # pN² above which a packing is large (BT Fig. 8)
 SHARP = 0.2  # an exponent is decided if its error is below this part of what is claimed
 QUANTITIES = {"normal": ("|Δu∥|", 0.25), "transverse": ("|Δu⊥|", -0.25), "nonaffine": ("|u_na|", -0.25)}
+
+
+def stokes(part, angle=0.0, phase="stress", length=1.0):
+    """Factor a(k) at finite ω: `part` numpy.real or numpy.imag; angle φ of G*; length ℓ in units of L."""
+
+    def factor(k):
+        q = k * length
+        turn = 1.0 if phase == "stress" else np.exp(1j * angle)
+        return part(turn * q / (np.exp(1j * angle) * q**2 + 1j))
+
+    return factor
 
 
 def agrees(value, error, claimed) -> str:

@@ -48,11 +48,8 @@ def _sorted(fits) -> list[Fit]:
 
 def _starts(points, form) -> list[Fit]:
     """The deepest minima on a grid of φ_J and κ without corrections, where ln O is linear in what else there is."""
-    phis = (
-        [form.held["phi_J"]]
-        if "phi_J" in form.held
-        else np.quantile(points.phi, np.linspace(0.1, 0.9, _PHIS))
-    )
+    spread = np.quantile(points.phi, np.linspace(0.1, 0.9, _PHIS))
+    phis = [form.held["phi_J"]] if "phi_J" in form.held else spread
     kappas = [form.held["kappa"]] if "kappa" in form.held else _KAPPAS
     known = points[points.value > 0]
     grid = [[_linear(known, form, float(phi_J), float(kappa)) for kappa in kappas] for phi_J in phis]
@@ -72,11 +69,16 @@ def _linear(known, form, phi_J, kappa) -> Fit:
         rest = rest - form.held["y"] / kappa * log_b
     else:
         columns = np.column_stack((columns, log_b))
-    solved = np.linalg.lstsq(columns * weight[:, None], rest * weight, rcond=None)[0]
+    solved = _least_squares(columns, rest, weight)
     chi2 = float(np.sum((weight * (columns @ solved - rest)) ** 2))
     y = form.held["y"] if "y" in form.held else float(np.clip(solved[-1] * kappa, *BOUNDS["y"]))
     parameters = {"phi_J": phi_J, "y": y, "kappa": kappa}
     return Fit(form, parameters, basis, (solved[: form.terms[0]], np.zeros(0)), 1.0, chi2, 0)
+
+
+def _least_squares(columns, values, weight):
+    """Coefficients (terms,) with which columns (M, terms) come nearest to values (M,) of these weights."""
+    return np.linalg.lstsq(columns * weight[:, None], values * weight, rcond=None)[0]
 
 
 def _corrected(plain: Fit, form, sign) -> Fit:
@@ -92,15 +94,12 @@ def carried(points: Points, fit: Fit, form: Form, parameters: dict) -> Fit:
     x, log_b = scaled(points, parameters["phi_J"], parameters["kappa"]), np.log(points.scale)
     basis, y = Basis.of(x, form), parameters["y"] / parameters["kappa"]
     values, weight = basis(x)[0], fit.model(points) / points.error
+    parts = zip(form.terms, fit.terms(points), (y, y + parameters.get("omega", 0.0)), strict=True)
     coefficients = [
-        np.linalg.lstsq(
-            values[:, :terms] * weight[:, None], (np.log(np.abs(part)) - power * log_b) * weight, rcond=None
-        )[0]
+        _least_squares(values[:, :terms], np.log(np.abs(part)) - power * log_b, weight)
         if terms
         else np.zeros(0)
-        for terms, part, power in zip(
-            form.terms, fit.terms(points), (y, y + parameters.get("omega", 0.0)), strict=True
-        )
+        for terms, part, power in parts
     ]
     start = Fit(form, parameters, basis, tuple(coefficients), fit.sign, np.inf, 0)
     with np.errstate(over="ignore", invalid="ignore"):

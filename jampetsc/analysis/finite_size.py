@@ -13,17 +13,6 @@ import numpy as np
 from jampetsc.errors import InputError
 
 FEWEST = 3  # sizes of a line in ln N
-DEGREE = 5  # of the polynomial in ln pN² that stands for ln f
-
-
-@dataclass(frozen=True)
-class SizeScaling:
-    """η₀/N^a as a function of pN²."""
-
-    power: float  # a
-    error: float  # from the errors of the points, times √(χ²/dof) where that is above 1
-    chi2: float
-    dof: int
 
 
 @dataclass(frozen=True)
@@ -41,44 +30,14 @@ class LogarithmOfSize:
         return 1.0 + self.slope / (self.constant + self.slope * np.log(n))
 
 
-def size_scaling(n, pressure, values, errors, degree=DEGREE) -> SizeScaling:
-    """The power a with which values/N^a become one curve of pN², a polynomial between logarithms.
-
-    n, pressure, values, errors     (m,), values positive, errors of one standard deviation
-
-    Raises InputError for values that are not positive and fewer points than there is to fit.
-    """
-    n, x, values = (
-        np.asarray(n, float),
-        np.log(pressure * np.square(n, dtype=float)),
-        np.asarray(values, float),
-    )
-    _require(values, degree + 3)
-    u = 2.0 * (x - x.min()) / np.ptp(x) - 1.0
-    terms = np.column_stack((np.log(n), np.polynomial.chebyshev.chebvander(u, degree)))
-    (power, *_), covariance, chi2, dof = _fit(terms, np.log(values), values / np.asarray(errors))
-    return SizeScaling(power, float(np.sqrt(covariance[0, 0] * max(1.0, chi2 / dof))), chi2, dof)
-
-
 def logarithm_of_size(n, values, errors) -> LogarithmOfSize:
     """A + B ln N through values (m,) with their errors at sizes n. Raises InputError for fewer than three."""
-    values = np.asarray(values, float)
-    _require(values, FEWEST)
-    terms = np.column_stack((np.ones(len(values)), np.log(n)))
-    (constant, slope), covariance, chi2, dof = _fit(terms, values, 1.0 / np.asarray(errors))
-    return LogarithmOfSize(constant, slope, float(np.sqrt(covariance[1, 1])), chi2, dof)
-
-
-def _require(values, enough):
+    values, errors, x = np.asarray(values, float), np.asarray(errors, float), np.log(n)
     if not (values > 0).all():
         raise InputError(f"value {values[~(values > 0)][0]:g}: must be positive")
-    if len(values) < enough:
-        raise InputError(f"{len(values)} points: at least {enough} are needed; more sizes or pressures")
-
-
-def _fit(terms, y, weights):
-    """(coefficients, covariance, χ², degrees of freedom) of weighted least squares."""
-    found, *_ = np.linalg.lstsq(terms * weights[:, None], y * weights, rcond=None)
-    covariance = np.linalg.inv((terms * weights[:, None]).T @ (terms * weights[:, None]))
-    chi2 = float(np.sum(((y - terms @ found) * weights) ** 2))
-    return found.tolist(), covariance, chi2, len(y) - terms.shape[1]
+    if len(values) < FEWEST:
+        raise InputError(f"{len(values)} points: at least {FEWEST} are needed; more sizes")
+    (slope, constant), covariance = np.polyfit(x, values, 1, w=1.0 / errors, cov="unscaled")
+    chi2 = np.sum(((values - slope * x - constant) / errors) ** 2)
+    found = constant, slope, np.sqrt(covariance[0, 0]), chi2
+    return LogarithmOfSize(*map(float, found), len(values) - 2)

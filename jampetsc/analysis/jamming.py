@@ -15,9 +15,6 @@ from jampetsc.analysis.statistics import mean_with_error
 
 FEWEST = 10  # samples that make a density
 BINS = (5, 30)  # of a density, at least and at most: √samples between them
-CUTS = (1 / 2, 1 / 4, 1 / 8)  # of the mean, below which the lower end of a density is looked at,
-FEWEST_BELOW = 5  # and samples below the last
-STEEP = 0.02  # share of ones, or of zeros, below which a point tells nothing of where the step is
 
 
 @dataclass(frozen=True)
@@ -134,70 +131,3 @@ def assortativity(kind, i, j) -> float:
     _, counts = np.unique(np.concatenate((kind[i], kind[j])), return_counts=True)
     mixed = float(np.sum((counts / max(counts.sum(), 1)) ** 2))
     return (same - mixed) / (1.0 - mixed) if mixed < 1.0 else np.nan
-
-
-@dataclass(frozen=True, eq=False)
-class LowEnd:
-    """y of P(p) ~ p^(1/y − 1) as p → 0, from samples below C cuts, and its limit as the cut goes to 0."""
-
-    cuts: np.ndarray  # (C,) falling
-    counts: np.ndarray  # (C,) samples below
-    y: np.ndarray  # (C,)
-    error: np.ndarray  # (C,) one standard error
-    limit: float
-    limit_error: float
-
-    @property
-    def power(self) -> tuple[float, float]:
-        """(1/y − 1 in the limit, its standard error)."""
-        return 1.0 / self.limit - 1.0, self.limit_error / self.limit**2
-
-
-def low_end(values, alpha=2.0, memory=1.0) -> LowEnd:
-    """How the density of positive samples (S,) of a pressure goes to zero or diverges at its lower end.
-
-    Below a cut c the likelihood of a power law is largest at y = ⟨ln(c/p)⟩ (Hill, Ann. Stat. 3, 1163 (1975)), with the
-    error y/√n of n independent samples. A packing at φ has p ∝ (φ − φ_J)^(α − 1) above its own φ_J, and the density of
-    φ_J is smooth: P ~ p^(1/y − 1) (1 + a c^(1/(α − 1)) + …), the law by which y goes to its limit over the CUTS of the
-    mean. The best estimate below a cut is efficient, so that the covariance of two is the variance at the larger cut.
-    memory: samples that count as one. nan where a cut has too few samples.
-    """
-    p = np.asarray(values, float)
-    cuts = np.mean(p) * np.array(CUTS) if len(p) else np.full(len(CUTS), np.nan)
-    counts = np.array([np.count_nonzero(p < cut) for cut in cuts])
-    if counts[-1] < FEWEST_BELOW:
-        nothing = np.full(len(CUTS), np.nan)
-        return LowEnd(cuts, counts, nothing, nothing, np.nan, np.nan)
-    y = np.array([np.mean(np.log(cut / p[p < cut])) for cut in cuts])
-    apart = np.diff(counts, append=0) != 0  # of cuts with the same samples below one will do
-    variance = y[-1] ** 2 * memory / counts[apart]
-    inverse = np.linalg.inv(np.minimum.outer(variance, variance))
-    design = np.column_stack((np.ones(len(variance)), (cuts[apart] / cuts[0]) ** (1.0 / (alpha - 1.0))))
-    covariance = np.linalg.pinv(design.T @ inverse @ design)
-    limit = covariance @ design.T @ inverse @ y[apart]
-    return LowEnd(
-        cuts, counts, y, y * np.sqrt(memory / counts), float(limit[0]), float(np.sqrt(covariance[0, 0]))
-    )
-
-
-def jamming_step(phi, shares) -> tuple:
-    """(φ where f = ½, width w, their standard errors) of f(φ) = Φ((φ − φ½)/w), Φ the normal distribution.
-
-    f is the share of φ_J that lie below φ, w so the standard deviation of φ_J. phi (M,), shares: M of `Share`; those
-    that are 0 or 1 within STEEP tell nothing and are left out; all nan where fewer than two are left.
-    """
-    from scipy.special import ndtri
-
-    value = np.array([share.value for share in shares])
-    told = (value > STEEP) & (value < 1.0 - STEEP)
-    if np.count_nonzero(told) < 2:
-        return (np.nan,) * 4
-    x, value = np.asarray(phi, float)[told], value[told]
-    z = ndtri(value)
-    half = np.array([0.5 * (share.high - share.low) for share in shares])[told]
-    error = half * np.sqrt(2.0 * np.pi) * np.exp(0.5 * z**2)
-    (slope, level), covariance = np.polyfit(x - x.mean(), z, 1, w=1.0 / error, cov="unscaled")
-    # derivatives of φ½ and w by slope and level
-    by = np.array([[level / slope**2, -1.0 / slope], [-1.0 / slope**2, 0.0]])
-    errors = np.sqrt(np.diag(by @ covariance @ by.T))
-    return float(x.mean() - level / slope), float(1.0 / slope), float(errors[0]), float(errors[1])

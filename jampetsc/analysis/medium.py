@@ -30,17 +30,6 @@ def dragged(k):
     return k**-3.0
 
 
-def stokes(part, angle=0.0, phase="stress", length=1.0):
-    """Factor a(k) at finite ω: `part` numpy.real or numpy.imag; angle φ of G*; length ℓ in units of L."""
-
-    def factor(k):
-        q = k * length
-        turn = 1.0 if phase == "stress" else np.exp(1j * angle)
-        return part(turn * q / (np.exp(1j * angle) * q**2 + 1j))
-
-    return factor
-
-
 def first_root(factor) -> float:
     """δ/L where C first vanishes, in a square cell of side 1. `factor` a(k) takes an array of |k|."""
     m = np.arange(1, 4 * _WAVES)

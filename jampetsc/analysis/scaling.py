@@ -51,12 +51,15 @@ def low_frequency_limit(omega, G) -> Limit:
     out with a second frequency. Raises InputError where the sweep does not reach that regime.
     """
     omega, G = _finite(omega, G)
-    limit = _extrapolate(omega, G)
-    if limit is None:
+    t, y = omega**2, np.array([G.real, G.imag / omega])
+    apart = np.flatnonzero(t >= 4.0 * t[0])[:1]  # the next frequency that is at least twice as high, if any
+    first = y[:, :1]
+    change = (y[:, apart] - first) * t[0] / (t[apart] - t[0])
+    if not len(apart) or not np.all(np.abs(change) <= SETTLED * np.abs(first)):
         raise InputError(
             f"G' and G''/omega still change at the lowest frequency, {omega[0]:g}: begin the sweep lower"
         )
-    return limit
+    return Limit(*map(float, np.column_stack((first - change, np.abs(change))).ravel()))
 
 
 def collapse(omega, G, pressure, mu=MU, lam=LAMBDA):
@@ -121,20 +124,6 @@ def critical_exponents(omega, G, G0):
         return 0.5 * local_slope(omega, np.abs(difference)), np.angle(difference) / np.pi
 
 
-def upper_border(omega, G) -> float:
-    """ω at which d ln G''/d ln ω rises through ¾ for the last time: from the critical ½ to the viscous 1.
-
-    omega (M,) increasing, G (M,) complex; nan where it does not.
-    """
-    slope = local_slope(omega, np.asarray(G).imag) - BORDER
-    rises = np.flatnonzero((slope[:-1] < 0) & (slope[1:] >= 0))
-    if not len(rises):
-        return np.nan
-    last = rises[-1]
-    share = slope[last] / (slope[last] - slope[last + 1])
-    return float(np.exp(np.interp(share, (0, 1), np.log(omega[last : last + 2]))))
-
-
 def fit_power_law(x, y, window=(0.0, np.inf)) -> PowerLaw:
     """Straight line through (ln x, ln y) for window[0] ≤ x ≤ window[1], all points weighted alike.
 
@@ -169,22 +158,3 @@ def _finite(omega, G):
         raise InputError(f"{len(omega)} frequencies with a modulus: at least two are needed")
     order = np.argsort(omega)
     return omega[order], G[order]
-
-
-def _extrapolate(omega, G):
-    """Limit ω → 0 of G' and G''/ω, linear in ω², or None if the values have not settled.
-
-    Uses the first frequency and the next that is at least twice as high.
-    """
-    t = omega**2
-    apart = np.flatnonzero(t >= 4.0 * t[0])
-    if not len(apart):
-        return None
-    far = apart[0]
-    found = []
-    for y in (G.real, G.imag / omega):
-        change = (y[far] - y[0]) * t[0] / (t[far] - t[0])
-        if not abs(change) <= SETTLED * abs(y[0]):
-            return None
-        found += [float(y[0] - change), float(abs(change))]
-    return Limit(*found)

@@ -9,6 +9,7 @@ with S the integral in time of `cycle`. Each step alone would minimise ½QᵀKQ 
 map, S being antisymmetric, which has one zero where K has no negative modes.
 """
 
+import itertools
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -41,21 +42,30 @@ class Contacts:
         self.count = self.rows // self.forms  # of contacts
         self._products = {}
 
-    def _product(self, name, values):
-        """Rows of `values` (m, …) each multiplied by C ("matMult") or Cᵀ ("transposeMatMult")."""
-        key = name, len(values)
+    def _product(self, multiply, values):
+        """Rows of `values` (m, …) each multiplied by C (its matMult) or Cᵀ (transposeMatMult)."""
+        key = multiply.__name__, len(values)
         if key not in self._products:
-            multiply = getattr(self.compatibility.C, name)
-            self._products[key] = _Product(multiply, *values.shape, self.network.comm)
-        return self._products[key](values)
+            sizes = (values.shape[1], None), (None, len(values))
+            vectors = current().PETSc.Mat().createDense(sizes, comm=self.network.comm)
+            vectors.setUp()
+            vectors.assemble()
+            self._products[key] = vectors, multiply(vectors)
+        vectors, result = self._products[key]
+        vectors.getDenseArray()[:] = values.T
+        vectors.assemble()
+        multiply(vectors, result)
+        return result.getDenseArray().T.copy()
 
     def motions(self, x, strain):
         """(m, rows) of x (m, unknowns) and strain (m,) on all ranks."""
-        return self._product("matMult", x) + np.outer(strain, self.g)
+        return self._product(self.compatibility.C.matMult, x) + np.outer(strain, self.g)
 
     def forces(self, tensions):
         """On the unknowns, (m, unknowns), and on the strain, (m,) the same on all ranks, of tensions (m, rows)."""
-        return self._product("transposeMatMult", tensions), self.network.sum(tensions @ self.g)
+        return self._product(self.compatibility.C.transposeMatMult, tensions), self.network.sum(
+            tensions @ self.g
+        )
 
     def squares(self, g):
         """Of each damped row of (C, g): the unknowns it feels (rows, e), γL the last, and the products of its entries.
@@ -81,30 +91,8 @@ class Contacts:
 
     def destroy(self):
         """Free what products are made in."""
-        for product in self._products.values():
-            product.destroy()
-
-
-class _Product:
-    """A sparse matrix times so many vectors at once, again and again. Collective."""
-
-    def __init__(self, multiply, count: int, rows: int, comm):
-        self._multiply = multiply
-        self._vectors = current().PETSc.Mat().createDense(((rows, None), (None, count)), comm=comm)
-        self._vectors.setUp()
-        self._vectors.assemble()
-        self._result = multiply(self._vectors)
-
-    def __call__(self, values):
-        """(count, rows of the result) of (count, rows)."""
-        self._vectors.getDenseArray()[:] = values.T
-        self._vectors.assemble()
-        self._multiply(self._vectors, self._result)
-        return self._result.getDenseArray().T.copy()
-
-    def destroy(self):
-        for item in (self._vectors, self._result):
-            item.destroy()
+        for matrix in itertools.chain(*self._products.values()):
+            matrix.destroy()
 
 
 @dataclass(frozen=True, eq=False)

@@ -226,14 +226,10 @@ class SteppedOscillation:
         return self.solve(drive).start
 
     def _start(self, drive, whole, unit, modulus):
-        network, last = self.network, whole.last
-        n = network.n + network.rattlers
-        displacement, velocity = np.zeros((n, 2)), np.zeros((n, self.law.dofs))
-        displacement[network.particles] = whole.start[:-1].reshape(-1, 2) * unit
-        velocity[network.particles] = -last.u * unit
-        scalars = whole.start[-1], -last.rate, last.moduli.strain
-        return Start(
-            drive, displacement, velocity, *(unit * one for one in scalars), modulus, last.speed * unit
+        last, places = whole.last, whole.start[:-1].reshape(-1, 2)
+        scalars = (unit * one for one in (whole.start[-1], -last.rate, last.moduli.strain))
+        return Start.of(
+            self.network, drive, unit * places, -unit * last.u, *scalars, modulus, last.speed * unit
         )
 
     def _motion(self, drive) -> _Motion:

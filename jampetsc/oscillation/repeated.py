@@ -39,18 +39,20 @@ def repeat_cycles(disks: Disks, law: Law, start: Start, steps: int, cycles: int 
     MOST_CYCLES.
     """
     start = start.near(disks)
-    half, whole = Cycles(disks, law, start, steps // 2), None
+    runs, strained, begin = [], 0.0, (start.displacement, start.velocity, start.gamma, start.rate)
     try:
-        half.motion.displace(start.displacement, start.velocity, start.gamma, start.rate)
-        half.repeat(cycles)
-        now = half.motion
-        whole = Cycles(now.disks, law, start, steps, now.gamma)
-        whole.motion.displace(0.0 * now.u[:, :2], now.velocities, now.gamma, now.rate)
-        whole.repeat(cycles)
+        for count in (steps // 2, steps):
+            run = Cycles(disks, law, start, count, strained)
+            runs.append(run)
+            run.motion.displace(*begin)
+            run.repeat(cycles)
+            now = run.motion
+            disks, strained = now.disks, now.gamma
+            begin = 0.0 * now.u[:, :2], now.velocities, now.gamma, now.rate
     finally:
-        for run in (half, whole):
-            if run is not None:
-                run.motion.matrix.destroy()
+        for run in runs:
+            run.motion.matrix.destroy()
+    half, whole = runs
     last = whole.done[-1]
     return Response(
         G=last.G,
@@ -60,10 +62,10 @@ def repeat_cycles(disks: Disks, law: Law, start: Start, steps: int, cycles: int 
         energy_balance=last.spent / last.moduli.work - 1.0,
         cycle_change=whole.change,
         drift=last.drift,
-        cycles=len(half.done) + len(whole.done),
-        steps_taken=half.steps.taken + whole.steps.taken,
-        factorisations=half.motion.matrix.factorisations + whole.motion.matrix.factorisations,
-        newton_steps=half.motion.stages.iterations + whole.motion.stages.iterations,
+        cycles=sum(len(run.done) for run in runs),
+        steps_taken=sum(run.steps.taken for run in runs),
+        factorisations=sum(run.motion.matrix.factorisations for run in runs),
+        newton_steps=sum(run.motion.stages.iterations for run in runs),
     )
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from jampetsc.core.disks import Disks
 from jampetsc.core.pairs import deformed
 from jampetsc.core.state import find_contacts
+from jampetsc.mechanics.network import Network
 from jampetsc.oscillation.response import Drive
 
 
@@ -23,20 +24,27 @@ class Start:
     modulus: float  # |G*|
     speed: float  # root mean square of |z| over contacts and time, see `powerlaw`
 
-    def at_rest(self) -> "Start":
-        """Undeformed and not moving yet, with amplitudes that are expected as before."""
-        still = 0.0 * self.displacement, 0.0 * self.velocity
-        return replace(self, displacement=still[0], velocity=still[1], gamma=0.0, rate=0.0)
+    @classmethod
+    def of(cls, network: Network, drive: Drive, motion, velocity, *scalars: float) -> "Start":
+        """Of the disks of a network: displacements and, where there are, turns (n, ≥ 2), velocities (n, dofs)."""
+
+        def whole(part):
+            field = np.zeros((network.n + network.rattlers, part.shape[1]))
+            field[network.particles] = part
+            return field
+
+        return cls(drive, whole(motion[:, :2]), whole(velocity), *scalars)
 
     def near(self, disks: Disks) -> "Start":
-        """This one or, where it would open or close contacts of these disks, one at rest.
+        """This one or, where it would open or close contacts of these disks, one undeformed and at rest.
 
         Fixed contacts pull where they are gone, and do not push where others are new: a disk that is left with one
         neighbour, as a rattler is by what runs into it, would roll off that at once, by steps however short.
         """
         moved = deformed(disks, self.displacement, 0.0, self.gamma)
         same = np.array_equal(*(_pairs(find_contacts(one), disks.n) for one in (disks, moved)))
-        return self if same else self.at_rest()
+        still = {name: 0.0 * getattr(self, name) for name in ("displacement", "velocity", "gamma", "rate")}
+        return self if same else replace(self, **still)
 
 
 def _pairs(contacts, n):

@@ -83,28 +83,25 @@ class SteadyOscillation:
     def start(self, drive: Drive) -> Start:
         """Where moving contacts begin, on one rank alone; at rest where Newton's method fails."""
         network, length = self.network, self.contacts.length
-        still = np.zeros((network.n + network.rattlers, self.law.dofs))
         try:
             found = self.solve(drive)
         except ConvergenceError:
-            strain, speed = self._scales(drive)
-            return Start(drive, still[:, :2], still, 0.0, 0.0, strain, network.k, speed / drive.omega)
+            still, (strain, speed) = np.zeros((network.n, self.law.dofs)), self._scales(drive)
+            return Start.of(network, drive, still, still, 0.0, 0.0, strain, network.k, speed / drive.omega)
         cycle = Cycle(self.steps, drive.omega)
         waves = found.velocity * (-1j) ** cycle.orders[:, None]  # a quarter of a cycle before the largest
-        parts = []
-        for motion in (waves / (1j * cycle.frequencies[:, None]), waves / drive.omega):
-            now = motion.sum(axis=0).real
-            field = still.copy()
-            field[network.particles] = now[:-1].reshape(network.n, -1)
-            parts.append((field, float(now[-1]) / length))
-        (displacement, gamma), (velocity, rate) = parts
+        motions = waves / (1j * cycle.frequencies[:, None]), waves / drive.omega
+        (moved, gamma), (velocity, rate) = (
+            (now[:-1].reshape(network.n, -1), float(now[-1]) / length)
+            for now in (motion.sum(axis=0).real for motion in motions)
+        )
         strain = drive.amplitude
         if drive.stress_controlled:
             strain *= network.k / abs(found.G)
         else:
             gamma = 0.0  # but for rounding
         speed = found.speed / drive.omega
-        return Start(drive, displacement[:, :2], velocity, gamma, rate, strain, abs(found.G), speed)
+        return Start.of(network, drive, moved, velocity, gamma, rate, strain, abs(found.G), speed)
 
     def destroy(self):
         """Free the vectors made here."""

@@ -1,26 +1,27 @@
 """Correlations of displacements: loops over pairs, fields of known C, and the command line."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from claims.motion import stokes
 from drawn import bands, bars, figure_of, lines
+from samples import stored
 
 from jampetsc.analysis import correlations
 from jampetsc.analysis.correlation_lengths import length_spread, stokes_collapse
 from jampetsc.analysis.correlations import ENOUGH_PACKINGS, correlate, first_root
 from jampetsc.analysis.lane_sums import LaneSums, bin_edges, grid_cells, lane_sums
-from jampetsc.analysis.medium import dragged, solid, stokes
+from jampetsc.analysis.medium import dragged, solid
 from jampetsc.analysis.medium import first_root as first_root_of
 from jampetsc.cli import main as cli
 from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_identified, write_packing
-from jampetsc.io.provenance import derived_from
 from jampetsc.io.reader import load
-from jampetsc.io.result_file import ResultWriter
 from jampetsc.jobs.correlate_sweeps import refuse_mixture
-from jampetsc.plots.correlation import CorrelationCurve, correlation_curve, plot_correlation, plot_lengths
+from jampetsc.plots.correlation import correlation_curve, plot_correlation, plot_lengths
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 
@@ -98,13 +99,6 @@ def test_a_plane_wave(cell, m):
     assert found.minimum[0] == pytest.approx(1 / (2 * m), abs=0.05)
 
 
-def test_a_wave_across_the_lanes_is_constant_along_them():
-    points = scattered(20000, SQUARE)
-    found = correlate([lane_sums(points, SQUARE, wave(points, SQUARE, 0, 3)[None], 0.2, 256)])
-    np.testing.assert_allclose(found.values[0], 1.0, atol=0.02)
-    assert np.isnan(found.root[0]) and np.isnan(found.root_error[0])
-
-
 @pytest.mark.parametrize("width", [0.2, 0.5, 1.0])
 def test_a_random_field_of_known_correlation(width):
     """Averaged over ten samples: right within its own errors, whatever the width of the lanes."""
@@ -120,17 +114,6 @@ def test_a_random_field_of_known_correlation(width):
     fine = np.linspace(0, 0.5, 5001)
     root = fine[np.argmax(known(fine * SIDE) <= 0)]
     assert abs(found.root[0] - root) < 4 * found.root_error[0] < 0.1
-
-
-def test_errors_shrink_with_the_number_of_packings():
-    def error(count):
-        sums = []
-        for seed in range(count):
-            points = scattered(1000, SQUARE, seed)
-            sums.append(lane_sums(points, SQUARE, random_field(points, SQUARE, seed)[0][None], 1.0, 256))
-        return np.nanmean(correlate(sums).errors[0][1:])
-
-    assert 0.3 < error(32) / error(8) < 0.75
 
 
 @pytest.mark.parametrize("packings", [ENOUGH_PACKINGS - 1, ENOUGH_PACKINGS])
@@ -157,13 +140,6 @@ def test_errors_are_those_of_the_mean_of_packings():
     assert correlate(packings).errors[0, 1] == pytest.approx(scatter / np.sqrt(200), rel=0.2)
 
 
-def test_one_unit_has_no_error():
-    points = scattered(50, SQUARE)
-    alone = lane_sums(points, SQUARE, np.ones((1, 50)), SIDE, 64)  # one lane is one strip
-    found = correlate([alone])
-    assert np.isnan(found.errors).all() and np.isnan(found.root_error).all()
-
-
 def test_each_packing_weighs_the_same_whatever_its_amplitude():
     points = scattered(2000, SQUARE)
     fields = [wave(points, SQUARE, m)[None] for m in (1, 3)]
@@ -172,32 +148,6 @@ def test_each_packing_weighs_the_same_whatever_its_amplitude():
         [lane_sums(points, SQUARE, a * f, 1.0, 256) for a, f in zip((1, 1e6), fields, strict=True)]
     )
     np.testing.assert_allclose(plain.values, loud.values, atol=1e-12)
-
-
-def test_first_root():
-    x = np.array([0.0, 0.1, 0.2, 0.3, 0.4])
-    assert first_root(x, np.array([1.0, 0.5, -0.5, 0.2, -1.0])) == pytest.approx(0.15)
-    assert first_root(x, np.array([1.0, 0.5, 0.0, 0.2, -1.0])) == pytest.approx(0.2)
-    assert np.isnan(first_root(x, np.full(5, 0.1)))
-
-
-def test_collapse_of_the_stokes_length():
-    x, y = stokes_collapse([1e-3], [4.0], 1e-4)
-    assert x[0] == pytest.approx(0.1) and y[0] == pytest.approx(4 * np.log(1e4) ** 0.65)
-    with pytest.raises(InputError, match="pressure 2: the collapse of lengths needs 0 < p < k"):
-        stokes_collapse([1.0], [1.0], 2.0)
-
-
-def test_a_large_packing_takes_no_loop_over_pairs():
-    """N = 32768: 12 fields; the sums hold every pair of a lane, n² / lanes of them."""
-    n, side = 32768, 180.0
-    cell = np.diag([side, side])
-    points = scattered(n, cell)
-    found = lane_sums(points, cell, np.ones((12, n)), 0.5, grid_cells(side, 1.0))
-    counts = np.bincount(np.floor(points[:, 1] / side * 360).astype(int))
-    lags_once = found.pairs.sum()
-    assert lags_once == pytest.approx(0.5 * np.sum(counts * (counts - 1)), rel=0.01)
-    np.testing.assert_allclose(found.products[:, 0], found.pairs, rtol=1e-9)
 
 
 def test_spread_of_collapsed_lengths():
@@ -216,12 +166,16 @@ def test_spread_of_collapsed_lengths():
         length_spread(collapsed[:1], stokes_collapse)
 
 
-@pytest.mark.parametrize("width", [0.0, -1.0, 61.0, float("nan")])
-def test_a_lane_must_fit(width):
-    with pytest.raises(
-        InputError, match=r"lane width .*: must be positive and at most the cell's height, 60"
-    ):
-        lane_sums(scattered(10, SQUARE), SQUARE, np.ones((1, 10)), width, 64)
+def test_a_lane_may_be_as_wide_as_the_cell_and_then_is_one_unit_without_an_error():
+    cell = np.diag([12.0, 9.0])
+    points, grid = scattered(20, cell), grid_cells(12.0, 1.0)
+    sums = lane_sums(points, cell, np.ones((1, 20)), 9.0, grid)
+    assert sums.width == 9.0 and sums.disks.tolist() == [20.0]
+    found = correlate([sums])
+    assert np.isnan(found.errors).all() and np.isnan(found.root_error).all()
+    for width in (0.0, -1.0, 9.01, np.nan):
+        with pytest.raises(InputError, match="must be positive and at most the cell's height, 9"):
+            lane_sums(points, cell, np.ones((1, 20)), width, grid)
 
 
 def test_nothing_to_correlate():
@@ -262,61 +216,28 @@ def write_sweep(
         field[:, 1] = wave(points, cell, m, phase=seed) + 1j * wave(points, cell, 2 * m, phase=seed)
     file, sha256 = read_identified(packing)[1]
     path = folder / f"{name}.h5"
-    with ResultWriter(path, "jampetsc-sweep") as writer:
-        for key, values in (("omega", omega), ("G", np.ones(len(omega)) * G), ("error_bound", omega)):
-            writer.dataset(key, values)
-        writer.dataset("fields/omega", omega)
-        writer.dataset("fields/displacement", fields)
-        writer.dataset("particles", np.arange(n))
-        known = {
-            "law": "stokes",
-            "eta_f": 1.0,
-            "pressure": pressure,
-            "particle_count": n,
-            "k": 1.0,
-            "tau1": 1.0,
-        }
-        writer.attributes(**known | {"packing": file, "packing_sha256": sha256} | attributes)
-    return path
+    arrays = {"omega": omega, "G": np.ones(len(omega)) * G, "error_bound": omega, "fields/omega": omega}
+    arrays |= {"fields/displacement": fields, "particles": np.arange(n)}
+    known = {"law": "stokes", "eta_f": 1.0, "pressure": pressure, "particle_count": n, "k": 1.0, "tau1": 1.0}
+    return stored(path, "sweep", arrays, **known | {"packing": file, "packing_sha256": sha256} | attributes)
 
 
 def run(*words):
     return cli.dispatch(["correlate", *map(str, words)])
 
 
-def test_a_file_of_correlations(tmp_path, capsys):
+def test_lengths_in_a_file_of_correlations(tmp_path, capsys):
     sweeps = [write_sweep(tmp_path, f"s{seed}", seed) for seed in range(6)]
     assert run(*sweeps, "--lane", "1,0.5", "--out", tmp_path / "c.h5") == 0
     found = load(tmp_path / "c.h5")
     assert found.format == "jampetsc-correlation" and found.law["law"] == "stokes"
-    assert found.attributes["packings"] == 6 and found.attributes["L"] == pytest.approx(20.0)
-    assert (
-        "packing" not in found.attributes and found.attributes["particle_count"] == 400
-    )  # what all have in common
-    np.testing.assert_array_equal(found["omega"], OMEGA)
-    assert found["C"].shape == (2, 2, 2, found["delta"].shape[1])
+    assert "packing" not in found.attributes  # what all have in common is kept
+    assert found.attributes["particle_count"] == 400
     expected = np.array([[5.0, 2.5], [2.5, 1.25]])  # a quarter of the wave length; of Re and Im
     np.testing.assert_allclose(found["length"][0], expected, rtol=0.1)
     np.testing.assert_allclose(found["length"], np.stack([expected, expected]), rtol=0.2)
     assert (found["length_error"] > 0).all() and (found["length_error"] < 1).all()
-    said = capsys.readouterr().out
-    assert "6 packings, L = 20 d, lanes of 1 d" in said and "lanes of 0.5 d: C differs by" in said
-    assert "pairs, in phase with the stress\n" in said
-
-
-def test_packings_differ_in_size_and_their_mean_is_told(tmp_path):
-    sweeps = [write_sweep(tmp_path, f"s{seed}", seed, unit=unit) for seed, unit in ((1, 1.0), (2, 1.1))]
-    assert run(*sweeps, "--lane", "1", "--out", tmp_path / "c.h5") == 0
-    found = load(tmp_path / "c.h5")
-    assert (found.attributes["L"], found.attributes["mean_diameter"]) == pytest.approx((21.0, 1.05))
-    assert found["lane_width"][0] == pytest.approx(1.0) and found["delta"].max() <= 10.5
-
-
-def test_the_names_of_many_sources_fit_into_attributes(tmp_path):
-    sweep = load(write_sweep(tmp_path, "s" * 100))
-    with ResultWriter(tmp_path / "c.h5", "jampetsc-correlation") as writer:
-        writer.attributes(**derived_from([sweep] * 5000, 0.0))
-    assert load(tmp_path / "c.h5").attributes["sources"].endswith("…")
+    assert "lanes of 0.5 d: C differs by" in capsys.readouterr().out
 
 
 def test_chosen_frequencies_and_a_packing_elsewhere(tmp_path, capsys):
@@ -326,57 +247,19 @@ def test_chosen_frequencies_and_a_packing_elsewhere(tmp_path, capsys):
     np.testing.assert_array_equal(load(tmp_path / "c.h5")["omega"], [1e-2])
 
 
-def test_pictures_show_lengths_over_the_cell_with_the_errors_of_their_own_part():
-    rng = np.random.default_rng(5)
-    C = 1 - 2 * np.sort(rng.random((1, 2, 2, 8)))
-    one = CorrelationCurve(
-        *(
-            "a.h5",
-            np.array([0.01, 0.1]),
-            np.array([4 + 2j, 3 + 1j]),
-            np.array([[0.4, 0.3], [0.1, 0.2]]),
-            1e-2,
-            {},
-        ),
-        **{
-            "C": C,
-            "errors": 0.1 * C,
-            "delta": np.linspace(0, 10, 8)[None],
-            "lanes": np.array([0.5]),
-            "size": 20.0,
-        },
-    )
-    over, collapsed = figure_of(plot_lengths, [one], log_exponent=0.65).axes[:2]
-    for part, length in enumerate(([4.0, 3.0], [2.0, 1.0])):
-        y, error = np.array(length), one.bounds[part]
-        np.testing.assert_allclose(bars(over)[part], [one.omega, y / 20, error / 20, error / 20])
-        unit = np.log(100) ** 0.65
-        np.testing.assert_allclose(
-            bars(collapsed)[part], [10 * one.omega, y * unit, error * unit, error * unit]
-        )
-    for ax, part in zip(figure_of(plot_correlation, one).axes, (0, 1), strict=False):
-        for drawn, expected in zip(lines(ax, 8), C[0, :, part], strict=True):
-            np.testing.assert_allclose(drawn[:2], [one.delta[0] / 20, expected])
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Sweeps that go together, and others."""
     folder = tmp_path_factory.mktemp("sweeps")
-    others = {
-        "contact": {"law": "contact"},
-        "large": {"n": 900},
-        "dense": {"pressure": 1e-2},
-        "t": {"seed": 1},
-    }
-    others["other"] = {"seed": 2, "omega": np.array([1e-4, 3e-2])}
+    others = {"contact": {"law": "contact"}, "large": {"n": 900}, "dense": {"pressure": 1e-2}}
+    others |= {"t": {"seed": 1}, "other": {"seed": 2, "omega": np.array([1e-4, 3e-2])}}
     for name in ("s", "lost", "again", *others):
         write_sweep(folder, name, **others.get(name, {}))
     (folder / "packing-lost.h5").unlink()
-    with ResultWriter(folder / "bare.h5", "jampetsc-sweep") as writer:
-        for name in ("omega", "G", "error_bound"):
-            writer.dataset(name, np.ones(2))
-        writer.attributes(law="stokes")
+    write_sweep(folder, "still", G=np.array([np.nan, 1.0]))
+    bare = {name: np.ones(2) for name in ("omega", "G", "error_bound")}
+    stored(folder / "bare.h5", "sweep", bare, law="stokes")
+    stored(folder / "flow.h5", "flow", {}, rate=1e-2)
     return folder
 
 
@@ -398,6 +281,13 @@ def folder(tmp_path_factory):
         ("s.h5 --lane x", "--lane x: must be widths"),
         ("s.h5 --lane 0.5,-1", "--lane 0.5,-1: -1 must lie between 0.01"),
         ("s.h5 --lane 50", r"s\.h5: lane width 50: must be positive and at most the cell's height, 20"),
+        ("still.h5", r"still\.h5: no modulus at omega = 0\.0001, .*use --phase strain"),
+        ("s.h5 --bin 1", "--bin 1: belongs to flows"),
+        ("flow.h5 --lane 0.5,1", "--lane 0.5,1: flows are correlated at one width"),
+        ("flow.h5 s.h5", r"s\.h5: .* average one kind"),
+        ("s.h5 flow.h5", r"flow\.h5: .* average one kind"),
+        ("flow.h5 --omega 1", "--omega: belongs to sweeps"),
+        ("flow.h5 --packing p.h5", "--packing: belongs to sweeps"),
     ],
 )
 def test_bad_input(folder, monkeypatch, line, message):
@@ -410,24 +300,17 @@ def test_bad_input(folder, monkeypatch, line, message):
 def test_the_collapse_of_lengths_is_told_in_numbers(tmp_path, capsys):
     for name, pressure in (("a", 1e-3), ("b", 1.2e-3)):
         run(write_sweep(tmp_path, f"s{name}", pressure=pressure), "--out", tmp_path / f"{name}.h5")
-    files = [str(tmp_path / "a.h5"), str(tmp_path / "b.h5")]
-    cli.dispatch(["plot", *files, "--log-exponent", "-0.5", "--out", str(tmp_path / "p.png")])
-    assert (
-        "correlation lengths of 2 files, in phase with the stress; l (-ln p)^-0.5 differs by"
-        in capsys.readouterr().out
-    )
-    with pytest.raises(InputError, match="--log-exponent 11: must lie in"):
-        cli.dispatch(["plot", *files, "--log-exponent", "11", "--out", str(tmp_path / "p.png")])
-    with pytest.raises(
-        InputError, match=r"--log-exponent 1\.0: belongs to length pictures, not to correlation"
+    run(write_sweep(tmp_path, "rootless", lengths=(0, 0)), "--out", tmp_path / "c.h5")
+    plot = ["plot", *(str(tmp_path / name) for name in ("a.h5", "b.h5")), "--out", str(tmp_path / "p.png")]
+    cli.dispatch([*plot, "--log-exponent", "-0.5"])
+    said = "correlation lengths of 2 files, in phase with the stress; l (-ln p)^-0.5 differs by"
+    assert said in capsys.readouterr().out
+    for words, message in (
+        ("--log-exponent 11", "--log-exponent 11: must lie in"),
+        ("--kind correlation --log-exponent 1", r"--log-exponent 1\.0: belongs to length pictures"),
     ):
-        cli.dispatch(
-            ["plot", *files, "--kind", "correlation", "--log-exponent", "1", "--out", str(tmp_path / "p.png")]
-        )
-
-
-def test_a_length_needs_a_root(tmp_path):
-    run(write_sweep(tmp_path, "s", lengths=(0, 0)), "--out", tmp_path / "c.h5")
+        with pytest.raises(InputError, match=message):
+            cli.dispatch([*plot, *words.split()])
     with pytest.raises(InputError, match="no correlation falls to zero"):
         cli.dispatch(["plot", str(tmp_path / "c.h5"), "--kind", "length", "--out", str(tmp_path / "p.png")])
 
@@ -438,18 +321,22 @@ def test_bins_and_grids():
         assert cells % 2 == 0 and cells >= 8 and abs(length / cells - 1 / 8) < 1 / 8 / 8
         edges = bin_edges(cells)
         widths = np.diff(edges)
-        assert (
-            edges[0] == 1 and edges[-1] <= cells // 2 and (widths >= 4).all() and (np.diff(widths) >= 0).all()
-        )
+        assert edges[0] == 1 and edges[-1] <= cells // 2
+        assert (widths >= 4).all() and (np.diff(widths) >= 0).all()
         following = edges[-1] + max(4, round(0.08 * edges[-1]))
         assert following > cells // 2  # no further bin would fit
         assert (widths[edges[:-1] > 60] > 4).all()
+    for cells, edges in ((8, [1]), (10, [1, 5]), (16, [1, 5]), (18, [1, 5, 9])):  # or at half the cell
+        assert bin_edges(cells).tolist() == edges
 
 
 def test_errors_are_known_where_half_of_the_samples_have_a_value():
     values = iter([[n % 2 * 2.0 if n < known else np.nan for known in (100, 99)] for n in range(200)])
     found = correlations._scatter(lambda rows: np.array(next(values)), 4)
     assert found[0] == pytest.approx(np.sqrt(100 / 99)) and np.isnan(found[1])
+    # of one value each, v and w: a mean of two drawn is v, w or, half of the time, between: σ = |v − w|/√8
+    one, two, again = (correlations._scatter(lambda rows: rows.mean(keepdims=True), n) for n in (1, 2, 2))
+    assert np.isnan(one) and two == again == pytest.approx(1 / np.sqrt(8), rel=0.15)
 
 
 def test_a_root_may_lie_on_a_bin_or_between():
@@ -457,19 +344,9 @@ def test_a_root_may_lie_on_a_bin_or_between():
     assert first_root(x, np.array([1.0, 0.0, -1.0, 1.0])) == pytest.approx(0.1)
     assert first_root(x, np.array([1.0, 0.5, -1.5, 1.0])) == pytest.approx(0.125)
     assert np.isnan(first_root(x, np.array([1.0, 0.5, 0.1, 1e-9])))
-
-
-def test_places_are_found_among_the_bins_that_hold_pairs():
-    x = np.array([0.0, 0.1, 0.2, 0.3, 0.4])
+    x = np.linspace(0.0, 0.4, 5)  # bins without pairs are none
     root, least = correlations._places(x, np.array([1.0, np.nan, -0.5, -0.7, np.nan]))
-    assert root == pytest.approx(0.2 * 2 / 3) and least == 0.3
-
-
-def test_a_lane_may_be_as_wide_as_the_cell():
-    rng = np.random.default_rng(1)
-    cell = np.diag([12.0, 9.0])
-    sums = lane_sums(rng.random((20, 2)) * [12, 9], cell, np.ones((1, 20)), 9.0, grid_cells(12.0, 1.0))
-    assert sums.width == 9.0 and sums.disks.tolist() == [20.0]
+    assert root == pytest.approx(0.2 * 2 / 3) and least == pytest.approx(0.3)
 
 
 @pytest.mark.parametrize(("odd", "counts"), [(1.29, False), (1.31, True), (12.9, True), (13.1, False)])
@@ -483,15 +360,12 @@ def test_lengths_near_a_disk_or_the_cell_are_left_out_of_the_spread(odd, counts)
     assert (spread > 1e-9) == counts
 
 
-@pytest.mark.parametrize("pressure", [0.0, 1.0, -0.1, 2.0, np.nan])
-def test_lengths_collapse_below_a_pressure_of_k(pressure):
-    with pytest.raises(InputError, match="the collapse of lengths needs 0 < p < k"):
-        stokes_collapse([1.0], [1.0], pressure)
-
-
-@pytest.mark.parametrize(("cells", "edges"), [(8, [1]), (10, [1, 5]), (16, [1, 5]), (18, [1, 5, 9])])
-def test_a_bin_may_begin_at_half_the_cell(cells, edges):
-    assert bin_edges(cells).tolist() == edges
+def test_lengths_collapse_below_a_pressure_of_k():
+    x, y = stokes_collapse([1e-3], [4.0], 1e-4)
+    assert x[0] == pytest.approx(0.1) and y[0] == pytest.approx(4 * np.log(1e4) ** 0.65)
+    for pressure in (0.0, 1.0, -0.1, 2.0, np.nan):
+        with pytest.raises(InputError, match="the collapse of lengths needs 0 < p < k"):
+            stokes_collapse([1.0], [1.0], pressure)
 
 
 def test_units_count_as_often_as_they_are_drawn():
@@ -510,16 +384,6 @@ def test_units_count_as_often_as_they_are_drawn():
         ([1, 2], [1.0, 13 / 10 * 14 / 20, 3.0 * 14 / 20]),
     ):
         np.testing.assert_allclose(correlations._correlation(units, np.array(draws))[0], expected, rtol=1e-15)
-
-
-def test_two_units_have_an_error_one_has_none():
-    """Of one value each, v and w: a mean of two drawn is v, w or, half of the time, between: σ = |v − w|/√8."""
-
-    def drawn(count):
-        return correlations._scatter(lambda rows: np.array([[float(rows.mean())]]), count)
-
-    assert np.isnan(drawn(1)) and drawn(2) == pytest.approx(1 / np.sqrt(8), rel=0.15)
-    assert drawn(2) == drawn(2)
 
 
 def sums_of(folder, name, cells, width, fields, phase):
@@ -567,10 +431,8 @@ def test_every_array_of_a_file_of_correlations(tmp_path, capsys, phase):
     assert (a["packings"], a["mean_diameter"], a["L"]) == (2, 2.0, pytest.approx(length))
     assert a["pressure"] == pytest.approx(1.0025e-3) and a["sources"] == "s0.h5 s1.h5"
     said = capsys.readouterr().out.splitlines()
-    assert said[0].endswith(
-        f"2 packings, L = {length / 2:.4g} d, lanes of 1 d, {found.attributes['pairs'][0]} pairs, "
-        f"in phase with the {phase}"
-    )
+    assert f"2 packings, L = {length / 2:.4g} d, lanes of 1 d, {a['pairs'][0]} pairs" in said[0]
+    assert said[0].endswith(f"in phase with the {phase}")
     assert said[1].startswith(f"  omega 0.0001: l/d Re {found['length'][0, 0, 0] / 2:.3g} ± ")
 
 
@@ -578,30 +440,9 @@ def test_every_array_of_a_file_of_correlations(tmp_path, capsys, phase):
 def test_sweeps_are_of_one_pressure_within_a_per_cent(tmp_path, off, same):
     paths = [write_sweep(tmp_path, f"s{k}", k, n=16, pressure=p) for k, p in enumerate((1e-3, off * 1e-3))]
     sweeps = [load(path) for path in paths]
-    if same:
+    refused = pytest.raises(InputError, match=r"s1\.h5: pressure .*, but .*s0\.h5 has 0\.001: average")
+    with nullcontext() if same else refused:
         refuse_mixture(sweeps)
-    else:
-        with pytest.raises(
-            InputError, match=r"s1\.h5: pressure .*, but .*s0\.h5 has 0\.001: average those of one"
-        ):
-            refuse_mixture(sweeps)
-
-
-def test_what_belongs_to_flow_files_and_what_to_sweeps(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    write_sweep(tmp_path.relative_to(tmp_path), "s", n=16)
-    with ResultWriter("f.h5", "jampetsc-flow") as writer:
-        writer.attributes(rate=1e-2)
-    for line, message in (
-        ("s.h5 --bin 1", "--bin 1: belongs to flows"),
-        ("f.h5 --lane 0.5,1", "--lane 0.5,1: flows are correlated at one width"),
-        ("f.h5 s.h5", r"s\.h5: .* average one kind"),
-        ("s.h5 f.h5", r"f\.h5: .* average one kind"),
-        ("f.h5 --omega 1", "--omega: belongs to sweeps"),
-        ("f.h5 --packing p.h5", "--packing: belongs to sweeps"),
-    ):
-        with pytest.raises(InputError, match=message):
-            run(*line.split(), "--out", "c.h5")
 
 
 # Pictures
@@ -622,40 +463,37 @@ def correlation_file(
     }  # fmt: skip
     if G is not None:
         values["G"] = G
-    with ResultWriter(path, "jampetsc-correlation") as writer:
-        for name, array in values.items():
-            writer.dataset(name, array)
-        attributes = {
-            "mean_diameter": d,
-            "L": 8.0 * d,
-            "pressure": k * pressure,
-            "k": k,
-            "tau1": tau1,
-            "law": "stokes",
-        }
-        writer.attributes(**attributes | {"particle_count": 64} | more)
-    return load(path)
+    facts = {"mean_diameter": d, "L": 8.0 * d, "pressure": k * pressure, "k": k, "tau1": tau1}
+    return load(stored(path, "correlation", values, **facts | {"law": "stokes", "particle_count": 64} | more))
+
+
+def curve_of(path, **more):
+    """What a picture draws of such a file."""
+    return correlation_curve(correlation_file(path, **more))
 
 
 def test_a_correlation_is_drawn_in_diameters_and_in_units_of_k_and_tau1(tmp_path):
-    plain = correlation_curve(correlation_file(tmp_path / "a.h5"))
-    scaled = correlation_curve(correlation_file(tmp_path / "b.h5", tau1=4.0, k=3.0, d=5.0))
+    plain = curve_of(tmp_path / "a.h5")
+    scaled = curve_of(tmp_path / "b.h5", tau1=4.0, k=3.0, d=5.0)
     for name in ("omega", "G", "bounds", "pressure", "C", "errors", "delta", "lanes", "size"):
         np.testing.assert_allclose(getattr(plain, name), getattr(scaled, name), rtol=1e-12)
     file = load(tmp_path / "a.h5")
     np.testing.assert_array_equal(plain.G, file["length"][0, :, 0] / 2 + 0.5j * file["length"][0, :, 1])
     np.testing.assert_array_equal(plain.bounds, file["length_error"][0].T / 2)
-    assert (
-        plain.lanes.tolist() == [0.5, 1.0] and plain.size == 8.0 and plain.delta[0].tolist() == [0, 1, 2, 3]
-    )
+    assert plain.lanes.tolist() == [0.5, 1.0] and plain.size == 8.0
+    assert plain.delta[0].tolist() == [0, 1, 2, 3]
+    over, collapsed = figure_of(plot_lengths, [plain], log_exponent=0.65).axes[:2]
+    for part in (0, 1):
+        y, error, unit = (plain.G.real, plain.G.imag)[part], plain.bounds[part], np.log(1000) ** 0.65
+        np.testing.assert_allclose(bars(over)[part], [plain.omega, y / 8, error / 8, error / 8])
+        x = plain.omega * np.sqrt(1000)
+        np.testing.assert_allclose(bars(collapsed)[part], [x, y * unit, error * unit, error * unit])
 
 
 def test_files_are_compared_at_their_own_row_of_a_frequency(tmp_path):
     """Above against δ/d, below against δ/L; Re left and Im right, with bands; all of C is in sight."""
-    first = correlation_curve(correlation_file(tmp_path / "a.h5"))
-    other = correlation_curve(
-        correlation_file(tmp_path / "b.h5", omega=(1e-4, 1e-3, 1e-2), particle_count=256)
-    )
+    first = curve_of(tmp_path / "a.h5")
+    other = curve_of(tmp_path / "b.h5", omega=(1e-4, 1e-3, 1e-2), particle_count=256)
     fig = figure_of(plot_correlation, [first, other], omega=[1e-2])
     for number, ax in enumerate(fig.axes[:4]):
         part, scale = number % 2, 1.0 if number < 2 else 1 / 8
@@ -663,9 +501,8 @@ def test_files_are_compared_at_their_own_row_of_a_frequency(tmp_path):
         for (x, y, *_), band, curve, row in zip(drawn, bands(ax), (first, other), (1, 2), strict=True):
             np.testing.assert_allclose(x, scale * curve.delta[0])
             np.testing.assert_allclose(y, curve.C[0, row, part])
-            np.testing.assert_allclose(
-                band[1:], [y - curve.errors[0, row, part], y + curve.errors[0, row, part]]
-            )
+            error = curve.errors[0, row, part]
+            np.testing.assert_allclose(band[1:], [y - error, y + error])
         assert ax.get_xlabel() == (r"$\delta/d$" if number < 2 else r"$\delta/L$")
         assert ax.get_ylabel() == rf"$C(\delta)$ of {('Re', 'Im')[part]} $u_y/\gamma$"
         assert ax.get_ylim() == pytest.approx((-0.75, 1.05)) and ax.get_xlim()[0] == 0.0
@@ -688,21 +525,13 @@ def test_of_several_files_at_several_frequencies_colours_tell_these_and_dashes_t
 
 def test_lengths_against_that_of_a_medium(tmp_path):
     """√(|G* − iωη_F|/ω), in units of d, k and τ₁."""
-    file = correlation_file(
-        tmp_path / "a.h5", tau1=4.0, k=3.0, eta_f=2.0, G=np.array([0.3 + 0.6j, 3.0 + 1.5j])
-    )
-    curve = correlation_curve(file)
+    G = np.array([0.3 + 0.6j, 3.0 + 1.5j])
+    curve = curve_of(tmp_path / "a.h5", tau1=4.0, k=3.0, eta_f=2.0, G=G)
     np.testing.assert_allclose(curve.modulus, [0.1 + 0.198j, 1.0 + 0.48j])
     x, y = bars(figure_of(plot_lengths, [curve]).axes[2])[0][:2]
     np.testing.assert_allclose(x, np.sqrt(np.abs(curve.modulus) / [1e-3, 1e-2]))
     np.testing.assert_allclose(y, curve.G.real)
     assert len(figure_of(plot_lengths, [replace(curve, modulus=None)]).axes) == 2
-
-
-def test_a_sweep_without_a_modulus_has_no_phase_of_the_stress(tmp_path):
-    path = write_sweep(tmp_path, "s", n=16, G=np.array([np.nan, 1.0]))
-    with pytest.raises(InputError, match=r"s\.h5: no modulus at omega = 0\.0001, .*use --phase strain"):
-        run(path, "--out", tmp_path / "c.h5")
 
 
 # The medium
@@ -754,9 +583,7 @@ def test_errors_that_nobody_knows_have_no_entry(tmp_path):
 
 @pytest.mark.parametrize(("count", "few", "bar"), [(3, True, False), (4, False, False), (6, False, True)])
 def test_of_few_frequencies_other_lanes_are_shown_of_many_a_bar(tmp_path, count, few, bar):
-    curve = correlation_curve(
-        correlation_file(tmp_path / "a.h5", omega=np.logspace(-5, -5 + count - 1, count))
-    )
+    curve = curve_of(tmp_path / "a.h5", omega=np.logspace(-5, -5 + count - 1, count))
     fig = figure_of(plot_correlation, curve)
     thin = [line.get_linewidth() == 0.4 for line in fig.axes[0].get_lines() if len(line.get_xdata()) == 4]
     assert thin == [False, True] * count if few else thin == [False] * count

@@ -1,17 +1,11 @@
 """Medians and logarithmic histograms of magnitudes, slopes over an ensemble, and bounds in relation to their values."""
 
-import sys
-
-import launch
 import numpy as np
 import pytest
+from floppy import ensemble_slope
 
 from jampetsc.analysis.bounds import relative_bound
 from jampetsc.analysis.distribution import Distribution
-
-sys.path.insert(0, str(launch.ROOT / "benchmarks"))
-
-from floppy import ensemble_slope
 
 
 @pytest.mark.parametrize("unit", [1.0, 1e-30, 3e17])
@@ -57,22 +51,19 @@ def ensemble(exponents, factors, x=(1e-4, 1e-3, 1e-2)):
     return map(np.array, zip(*rows, strict=True))
 
 
-def test_a_slope_over_an_ensemble_draws_whole_packings():
-    """Packings of one exponent but other prefactors: whichever are drawn, medians have that slope; points do not."""
+def test_a_slope_over_an_ensemble_draws_whole_packings_whose_scatter_is_its_error():
+    """Of one exponent but other prefactors medians have that slope whichever are drawn; points do not."""
     rng = np.random.default_rng(1)
     slope, error = ensemble_slope(*ensemble(np.full(9, -0.25), 10 ** rng.uniform(-1, 1, 9)), repeats=50)
     assert slope == pytest.approx(-0.25, abs=1e-12) and error < 1e-12
-
-
-def test_the_error_of_a_slope_is_the_scatter_of_packings():
-    """Of prefactor 1, medians at x < 1 follow the median exponent: its bootstrap is the error."""
-    exponents = np.array([0.2, 0.23, 0.25, 0.28, 0.4])
+    exponents = np.array(
+        [0.2, 0.23, 0.25, 0.28, 0.4]
+    )  # of prefactor 1, medians at x < 1 follow the median one
     slope, error = ensemble_slope(*ensemble(exponents, np.ones(5)), repeats=300)
     assert slope == pytest.approx(0.25, abs=1e-12)
     drawn = np.random.default_rng(5).choice(exponents, (4000, 5))
     assert error == pytest.approx(np.median(drawn, axis=1).std(), rel=0.2)
-    again = ensemble_slope(*ensemble(exponents, np.ones(5)), repeats=300)
-    assert again == (slope, error)
+    assert ensemble_slope(*ensemble(exponents, np.ones(5)), repeats=300) == (slope, error)
 
 
 def test_a_bound_of_what_vanishes():

@@ -44,14 +44,10 @@ def test_few_disks_are_neighbours_of_their_own_images():
 @pytest.mark.parametrize("walls", [0, 7])
 def test_order_of_a_flow_is_that_of_the_disks_that_move_in_each_snapshot(walls):
     rng, cell = np.random.default_rng(1), np.array([[6.0, 0.0], [1.0, 5.0]])
-    snapshots = {
-        "snapshots/positions": rng.random((2, 30, 2)) @ cell,
-        "snapshots/cell": np.array([cell, cell]),
-    }
+    cells, positions = np.array([cell, cell]), rng.random((2, 30, 2)) @ cell
+    snapshots = {"snapshots/positions": positions, "snapshots/cell": cells}
     flow = Held(snapshots, {"walls": walls} if walls else {})
-    psi = [
-        bond_order(flow["snapshots/positions"][row], flow["snapshots/cell"][row])[walls:] for row in (0, 1)
-    ]
+    psi = [bond_order(x, cell)[walls:] for x in positions]
     local, whole = six_fold_order(flow)
     np.testing.assert_allclose(local, np.mean(np.abs(psi), axis=1))
     np.testing.assert_allclose(whole, np.abs(np.mean(psi, axis=1)))

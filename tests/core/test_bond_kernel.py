@@ -73,23 +73,7 @@ def test_against_sums_over_contacts(name, spinning, kind, stiffness):
     assert sums.contacts == contacts
     assert sums.dissipation == pytest.approx(work, rel=1e-12)
     assert np.allclose(sums[6:], virial.ravel(), rtol=0, atol=1e-11 * np.abs(virial).max())
-    assert sums.energy / potential.alpha == pytest.approx(
-        potential.energy(c.overlap, c.sigma).sum(), rel=1e-12
-    )
+    energy = potential.energy(c.overlap, c.sigma).sum()
+    assert sums.energy / potential.alpha == pytest.approx(energy, rel=1e-12)
     elastic = (c.normal * c.force[:, None]).T @ c.r
     assert np.allclose(sums[1:4], [elastic[0, 0], elastic[0, 1], elastic[1, 1]], rtol=1e-11)
-
-
-def test_normal_and_tangential_damping_add_up():
-    disks, rng = crowd(), np.random.default_rng(2)
-    u, pairs = rng.normal(size=(disks.n, 2)), PairList.build(disks, 0.1)
-    forces = {}
-    for name in ("CD", "CDn", "CDt"):
-        forces[name] = np.empty((disks.n, 2))
-        weights = tuple(float(w) for w in WEIGHTS[name])
-        law = (0.0, False, False)  # no elastic force
-        bond_forces(
-            (pairs.i, pairs.j, pairs.r0, pairs.sigma), np.zeros_like(u), 0.0, 0.0, law, forces[name],
-            (u, 0.1, weights), None,
-        )  # fmt: skip
-    assert np.abs(forces["CD"] - forces["CDn"] - forces["CDt"]).max() < 1e-12

@@ -53,16 +53,9 @@ def test_bond_vectors_are_rounded_once_at_coordinates_of_1e5():
     image = np.array([(0, 0), (-1, 0)])
     r = bond_vectors(disks, i, j, image)
     plain = disks.positions[j] - disks.positions[i] + image @ disks.cell
-    for c in range(2):
-        for axis in range(2):
-            exact = sum(Fraction(x) for x in (disks.base[j[c], axis], disks.offset[j[c], axis])) - sum(
-                Fraction(x) for x in (disks.base[i[c], axis], disks.offset[i[c], axis])
-            )
-            for a in range(2):
-                exact += int(image[c, a]) * (
-                    Fraction(disks.cell_base[a, axis]) + Fraction(disks.cell_offset[a, axis])
-                )
-            assert abs(Fraction(r[c, axis]) - exact) < 1.2e-16
+    exact = np.vectorize(Fraction, otypes=[object])
+    places, rows = exact(disks.base) + exact(disks.offset), exact(disks.cell_base) + exact(disks.cell_offset)
+    assert np.abs(exact(r) - (places[j] - places[i] + image.astype(object) @ rows)).max() < 1.2e-16
     assert np.abs(plain - r).max() > 1e-13  # what one double per coordinate would give
     assert np.abs(bond_vectors(far_away(low=0.0), i, j, image) - r).max() > 1e-13  # positions_low does count
 
@@ -177,11 +170,8 @@ def test_forces_that_do_not_balance_are_told_over_pressure_and_diameter():
 
 def square(n=4, side=4.0):
     """Arguments of `Disks.from_positions` for n disks in a row, in a square cell."""
-    return {
-        "positions": np.column_stack((np.arange(n), np.zeros(n))),
-        "radii": np.full(n, 0.5),
-        "cell": side * np.eye(2),
-    }
+    row = np.column_stack((np.arange(n), np.zeros(n)))
+    return {"positions": row, "radii": np.full(n, 0.5), "cell": side * np.eye(2)}
 
 
 @pytest.mark.parametrize(
@@ -203,16 +193,15 @@ def square(n=4, side=4.0):
         ({"cell": np.diag([-4.0, 4.0])}, r"with Lx, Ly > 0"),
         ({"cell": np.diag([0.0, 4.0])}, r"with Lx, Ly > 0"),
         ({"cell": np.diag([4.0, 0.0])}, r"with Lx, Ly > 0"),
-        (
-            {"cell": np.diag([4.0, np.nextafter(1.0, 0)])},
-            r"with a disk of diameter 1: a disk would touch its own",
-        ),
+        ({"cell": np.diag([4.0, np.nextafter(1.0, 0)])}, r"with a disk of diameter 1: a disk would touch"),
         (
             {"cell": np.array([[0.9, 0.0], [1.2, 1.2]])},
-            r"cell that repeats at a distance of 0.9 with a disk of diameter 1: a disk would",
+            r"repeats at a distance of 0.9 with a disk of diameter 1",
         ),
         ({"cell": np.array([[8.0, 0.0], [4.01, 0.4]])}, r"a distance of 0.800"),  # a1 − 2 a2
         ({"cell": np.array([[4.0, 0.0], [-(2.0**29), 4.0]])}, r"cell beyond 2\^28"),
+        ({"positions": square()["positions"] + 2.0**29}, r"beyond 2\^28"),
+        ({"cell": 2.0**40 * np.eye(2)}, r"beyond 2\^28"),
     ],
     ids=lambda value: value if isinstance(value, str) else next(iter(value)),
 )
@@ -250,10 +239,9 @@ def test_potentials_that_there_are_not(change, says):
 
 def test_disks_that_nothing_holds_have_no_coordination_and_no_force():
     disks = Disks.from_positions(**square(side=9.0))
-    apart = replace(disks, radii=0.4 * disks.radii)
-    for loose, contacts in ((disks, 0), (apart, 0)):
+    for loose in (disks, replace(disks, radii=0.4 * disks.radii)):
         state = measure(loose)
-        assert (state.coordination, state.max_force, len(state.contacts)) == (0.0, 0.0, contacts)
+        assert (state.coordination, state.max_force, len(state.contacts)) == (0.0, 0.0, 0)
         assert state.rattlers.all()
 
 
@@ -263,15 +251,6 @@ def test_a_rattler_that_is_pushed_is_no_lack_of_balance():
     state = measure(disks)
     assert state.pressure == pytest.approx(0.1 * 0.9 / 32.0) and state.max_force == 0.0
     assert len(find_contacts(disks)) == 1
-
-
-@pytest.mark.parametrize("scale", [2.0**29, 2.0**40])
-def test_coordinates_that_leave_no_digits_are_refused(scale):
-    disks = published()
-    with pytest.raises(InputError, match=r"beyond 2\^28"):
-        Disks.from_positions(scale * disks.positions, scale * disks.radii, scale * disks.cell)
-    with pytest.raises(InputError, match=r"beyond 2\^28"):
-        Disks.from_positions(disks.positions + np.array([scale, 0.0]), disks.radii, disks.cell)
 
 
 def test_published_state_of_jambashbulk():

@@ -41,11 +41,8 @@ def test_every_option_of_a_family_does_something(name):
         other = base.altered(**{option: not row.default if isinstance(row.default, bool) else 0.25})
         assert (*other.on_contacts, other.drag, other.eta_f) != (*base.on_contacts, base.drag, base.eta_f)
         assert str(other) != str(base) and dict(other.options)[option] != row.default
-
-
-def test_a_changed_law_keeps_the_rest():
     law = damping_law(beta=0.1, tau1=2.0, exponent=0.5, rotations=False).altered(beta=0.3)
-    assert law == damping_law(beta=0.3, tau1=2.0, exponent=0.5, rotations=False)
+    assert law == damping_law(beta=0.3, tau1=2.0, exponent=0.5, rotations=False)  # the rest is kept
 
 
 @pytest.mark.parametrize(
@@ -112,14 +109,11 @@ def test_a_law_of_a_row_alone_through_every_command(session, shared_path, capsys
     def command(name, *more):
         return cli.main([name, str(packing), *words, *map(str, more)])
 
-    for method in ("rational", "direct"):
-        out = shared_path / f"{method}.h5"
-        assert command("sweep", "--out", out, "--omega", "1e-6,1e-2,10", "--method", method) == 0
-        found = jampetsc.load(out)
-        wanted = np.array([exact.modulus(omega) for omega in found.omega])
-        np.testing.assert_allclose(found.G, wanted, rtol=1e-6)
-        assert found.law["normal"] == 0.0 and found.law["rotations"] == np.False_
-        session.comm.Barrier()
+    out = shared_path / "sweep.h5"
+    assert command("sweep", "--out", out, "--omega", "1e-6,1e-2,10") == 0
+    found = jampetsc.load(out)
+    np.testing.assert_allclose(found.G, [exact.modulus(omega) for omega in found.omega], rtol=1e-6)
+    assert found.law["normal"] == 0.0 and found.law["rotations"] == np.False_
     out = shared_path / "slow.h5"
     assert command("quasistatic", "--out", out) == 0
     slow = jampetsc.load(out).attributes
@@ -136,7 +130,5 @@ def test_samples_cover_the_table():
     """Every option of every family has a value that is not its default in some law that tests compare."""
     for name, family in FAMILIES.items():
         for option, row in family.options.items():
-            assert any(
-                one.law.family == name and dict(one.law.options)[option] != row.default
-                for one in LAWS.values()
-            ), option
+            values = {dict(one.law.options)[option] for one in LAWS.values() if one.law.family == name}
+            assert values - {row.default}, option

@@ -58,18 +58,6 @@ def test_finds_every_pair_of_every_image_once(name, n, skin, plain):
 
 
 @pytest.mark.parametrize("name", CELLS)
-def test_ranges_that_fill_chunks_join(name, plain, monkeypatch):
-    """Neighbours are looked for by chunks of disks."""
-    rng, cell = np.random.default_rng(4), np.array(CELLS[name])
-    positions, radii = rng.uniform(0.0, 1.0, (40, 2)) @ cell, rng.uniform(0.4, 0.6, 40)
-    at_once = [neighbour_pairs(positions, radii, cell, 0.1, rows) for rows in (None, (3, 29))]
-    monkeypatch.setattr("jampetsc.core.neighbours.CHUNK", 7)
-    for rows, wanted in zip((None, (3, 29)), at_once, strict=True):
-        for part, whole in zip(neighbour_pairs(positions, radii, cell, 0.1, rows), wanted, strict=True):
-            assert np.array_equal(part, whole)
-
-
-@pytest.mark.parametrize("name", CELLS)
 def test_a_disk_a_rounding_error_outside_is_in_the_cell_or_beside_it(name, plain):
     """A coordinate of −1e-17 cell vectors plus one is one, which no cell of the grid begins with."""
     cell = np.array(CELLS[name])
@@ -83,14 +71,9 @@ def test_a_disk_a_rounding_error_outside_is_in_the_cell_or_beside_it(name, plain
     assert np.array_equal(np.sort(spatial_order(positions, cell)), np.arange(30))
 
 
-def test_a_pair_can_touch_through_two_images(plain):
-    cell = np.array([(1.9, 0.0), (0.0, 5.0)])
-    pairs = as_set(neighbour_pairs(np.array([(0.0, 0.0), (0.95, 0.0)]), np.full(2, 0.5), cell))
-    assert pairs == {(0, 1, 0, 0), (0, 1, -1, 0)}
-
-
 @pytest.mark.parametrize("name", CELLS)
-def test_ranges_of_rows_see_each_contact_from_both_ends(name, plain):
+def test_ranges_of_rows_see_each_contact_from_both_ends(name, plain, monkeypatch):
+    """Also where they fill several of the chunks of disks whose neighbours are looked for at once."""
     rng = np.random.default_rng(7)
     cell = np.array(CELLS[name])
     positions, radii = rng.uniform(0, 1, (40, 2)) @ cell, rng.uniform(0.4, 0.6, 40)
@@ -102,26 +85,18 @@ def test_ranges_of_rows_see_each_contact_from_both_ends(name, plain):
     assert sum(map(len, parts)) == len(both)
     for (first, last), part in zip(ranges, parts, strict=True):
         assert all(first <= i < last for i, *_ in part)
-
-
-def test_spatial_order_keeps_neighbours_together():
-    rng = np.random.default_rng(5)
-    cell = np.array([(64.0, 0.0), (20.0, 64.0)])
-    positions = rng.uniform(-1, 2, (4096, 2)) @ cell  # one disk per unit of area
-    order = spatial_order(positions, cell)
-    assert np.array_equal(np.sort(order), np.arange(4096))
-    fractional = (positions @ np.linalg.inv(cell))[order] % 1.0
-    step = np.diff(fractional, axis=0)
-    length = np.linalg.norm((step - np.round(step)) @ cell, axis=1)
-    assert np.median(length) < 1.5  # 25 in random order
-    # a quarter of the numbering is a patch of about a quarter of the cell
-    assert np.ptp(fractional[:1024], axis=0).max() < 0.6
+    at_once = [neighbour_pairs(positions, radii, cell, 0.1, rows) for rows in (None, (3, 29))]
+    monkeypatch.setattr("jampetsc.core.neighbours.CHUNK", 7)
+    for rows, wanted in zip((None, (3, 29)), at_once, strict=True):
+        for part, whole in zip(neighbour_pairs(positions, radii, cell, 0.1, rows), wanted, strict=True):
+            assert np.array_equal(part, whole)
 
 
 @pytest.mark.parametrize("side", [2, 16])
 def test_spatial_order_goes_through_a_grid_step_by_step(side):
-    """A Hilbert curve: from every square to one beside it."""
-    squares = np.random.default_rng(1).permutation(side * side)
-    places = np.column_stack(np.divmod(squares, side)) + 0.5
-    steps = np.diff(places[spatial_order(places, float(side) * np.eye(2))], axis=0)
+    """A Hilbert curve: from every square of a sheared cell to one beside it, whatever the images."""
+    rng, cell = np.random.default_rng(1), np.array([[1.0, 0.0], [0.3, 1.0]])
+    places = np.column_stack(np.divmod(rng.permutation(side * side), side)) + 0.5
+    images = side * rng.integers(-2, 3, places.shape)
+    steps = np.diff(places[spatial_order((places + images) @ cell, side * cell)], axis=0)
     assert (np.abs(steps).sum(axis=1) == 1.0).all()

@@ -8,16 +8,7 @@ import pytest
 from jampetsc.core.disks import GRID, Disks
 from jampetsc.core.domains import choose_near, into_domains
 from jampetsc.core.neighbours import neighbour_pairs
-from jampetsc.core.pairs import (
-    REBUILD,
-    SKIN_RANGE,
-    WIDTH,
-    PairList,
-    are_worn,
-    deformed,
-    is_stale,
-    tuned_skin,
-)  # fmt: skip
+from jampetsc.core.pairs import REBUILD, SKIN_RANGE, WIDTH, PairList, are_worn, deformed, is_stale, tuned_skin
 from jampetsc.core.state import bond_vectors, find_contacts, measure
 from jampetsc.minimise.sizes import radii_of
 
@@ -166,25 +157,29 @@ def test_the_worst_case_is_just_covered():
     for strain, shear in [(0.0, 0.2), (0.0, -0.2), (-0.1, 0.0), (-0.05, 0.15)]:
         deform = np.exp(strain) * np.array([[1.0, shear], [0.0, 1.0]])
         outward, stretch, _ = np.linalg.svd(np.linalg.inv(deform))
-        apart = (
-            stretch[0] * largest
-        )  # |r0| of a pair in the direction that is squeezed most, touching at o = 0
+        apart = stretch[0] * largest  # |r0| of a pair where it is squeezed most, touching at o = 0
         far = (largest + skin - apart) / 2
         assert far > 0
         assert not is_stale(far - 1e-9, strain, shear, largest, skin)
         assert is_stale(far + 1e-9, strain, shear, largest, skin)
         meets = deform @ outward[:, 0] * apart  # where a pair lies that was so far apart in that direction
         assert abs(np.hypot(*meets) - largest) < 1e-12
-
-
-def test_growing_the_cell_never_makes_a_list_stale():
-    assert not is_stale(0.0, 0.5, 0.0, 1.4, 0.02)
+    assert not is_stale(0.0, 0.5, 0.0, 1.4, 0.02)  # a cell that grows never makes a list stale
     assert is_stale(0.0, -0.5, 0.0, 1.4, 0.02)
 
 
 def test_skin_follows_how_long_lists_serve():
     assert tuned_skin(0.2, 10, 1.0) > 0.2 > tuned_skin(0.2, 1000, 1.0) >= tuned_skin(0.2, 5000, 1.0)
     assert tuned_skin(0.5, 10, 1.0) == SKIN_RANGE[1] and tuned_skin(0.02, 5000, 1.0) == SKIN_RANGE[0]
+    for diameter in (1.0, 3.0):  # no more than half as much again, nor less than half; nor beyond the range
+        for skin, steps, best in (
+            (0.2, 1, 0.3),
+            (0.2, 0, 0.3),
+            (0.4, 1, 0.5),
+            (0.2, 10**6, 0.1),
+            (0.03, 10**6, 0.02),
+        ):
+            assert tuned_skin(diameter * skin, steps, diameter) == pytest.approx(diameter * best)
     # disks that move v⁻¹ per evaluation: the skin settles where rebuilds and width cost least together
     for v in (100.0, 1000.0, 4000.0):
         skin = 0.3
@@ -211,18 +206,3 @@ def test_folding_leaves_every_bond(tilt):
         rows = [np.sort(getattr(c, name).reshape(len(c), -1), axis=0) for c in (before, after)]
         assert np.abs(rows[0] - rows[1]).max() < 1e-14 * 50
     assert measure(folded).pressure == pytest.approx(measure(disks).pressure, rel=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("skin", "steps", "best"),
-    [
-        (0.2, 1, 0.3),  # no more than half as much again
-        (0.2, 0, 0.3),
-        (0.4, 1, 0.5),  # nor more than half a diameter
-        (0.2, 10**6, 0.1),  # nor less than half,
-        (0.03, 10**6, 0.02),  # or a fiftieth of a diameter
-    ],
-)
-def test_a_skin_changes_little_at_a_time(skin, steps, best):
-    for diameter in (1.0, 3.0):
-        assert tuned_skin(diameter * skin, steps, diameter) == pytest.approx(diameter * best)

@@ -5,17 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sheared
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from sheared import OVERDAMPED, ROWS, crowd, shear
 
 from jampetsc.core.disks import Disks
 from jampetsc.core.laws import Law
 from jampetsc.core.potentials import Potential
-from jampetsc.core.state import find_contacts, stress_tensor
+from jampetsc.core.state import find_contacts
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.flows import moves
 from jampetsc.flows import steady as jobs
 from jampetsc.flows import steps as compiled
-from jampetsc.flows.models import MODELS, Model, Scheme, scheme_for
+from jampetsc.flows.models import Model, Scheme, scheme_for
 from jampetsc.flows.shearing import Shear
 from jampetsc.io.outlet import Outlet
 
@@ -23,11 +25,8 @@ KINDS = ("harmonic", "hertzian")
 
 
 def rolling_of(run):
-    return (
-        (run.spins, run.reference.radii, np.empty(len(run.spins)))
-        if run.model.law.couples_rotations
-        else None
-    )
+    turns = run.model.law.couples_rotations
+    return (run.spins, run.reference.radii, np.empty(len(run.spins))) if turns else None
 
 
 def rates_of(run):
@@ -49,26 +48,6 @@ def moving(name, disks=None, rate=0.03, seed=4):
     else:
         run.velocities[:] = run.velocities_now()
     return run
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("name", ROWS)
-def test_right_hand_side_is_that_of_dense_numpy(name, kind):
-    run = moving(name, crowd(kind=kind))
-    law, rate, u = run.model.law, run.rate, run.velocities
-    disks = run.reference
-    if not run.model.mass:
-        exact = sheared.overdamped_velocities(disks, law, rate)
-        assert np.abs(u - exact).max() < 1e-9 * np.abs(exact).max()
-        return
-    elastic, viscous, torques, virial, spent = sheared.forces(disks, law, rate, u, run.spins)
-    total = elastic + viscous - law.drag * law.tau1 * u
-    total[:, 0] -= run.model.mass * rate * u[:, 1]
-    found, turned, sums = rates_of(run)
-    assert np.abs(found - total).max() < 1e-12
-    assert np.abs(turned - torques).max() < 1e-12
-    assert sums.viscous_xy == pytest.approx(virial, rel=1e-10)
-    assert sums.dissipation == pytest.approx(spent, rel=1e-10)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -105,35 +84,16 @@ def test_the_flow_as_a_whole_stands_still(name):
     if name != "CD0":
         assert np.abs(run.velocities.sum(0)).max() < 1e-13
     thin = crowd(phi=0.55)
-    run = moving("CD0", thin)
-    contacts = find_contacts(thin)
-    cluster = np.arange(thin.n)
-    while True:
-        least = cluster.copy()
-        np.minimum.at(least, contacts.i, cluster[contacts.j])
-        np.minimum.at(least, contacts.j, cluster[contacts.i])
-        if np.array_equal(least, cluster):
-            break
-        cluster = least
-    assert 5 < len(set(cluster)) < thin.n
-    for root in set(cluster):
-        assert np.abs(run.velocities[cluster == root].mean(0)).max() < 1e-14
+    run, contacts = moving("CD0", thin), find_contacts(thin)
+    links = coo_array((np.ones(len(contacts)), (contacts.i, contacts.j)), shape=(thin.n, thin.n))
+    number, cluster = connected_components(links, directed=False)
+    assert 5 < number < thin.n
+    for one in range(number):
+        assert np.abs(run.velocities[cluster == one].mean(0)).max() < 1e-14
     look = run.survey()
-    assert look.clusters == len(set(cluster)) and look.largest_cluster == np.bincount(cluster).max()
+    assert look.clusters == number and look.largest_cluster == np.bincount(cluster).max()
     assert look.coordination == 2 * len(contacts) / thin.n
     assert look.deepest == pytest.approx(np.max(contacts.overlap / contacts.sigma), rel=1e-12)
-
-
-def test_friction_tends_to_its_limit_linearly():
-    disks = crowd(phi=0.8)
-    exact = moving("CD0", disks).velocities
-    law = ROWS["CD0"][0]
-    off = []
-    for friction in (1e-4, 1e-5):
-        run = Shear(disks, Model(law, friction=friction), 0.03, Scheme(0.1, "euler", 1e-14))
-        off.append(np.abs(run.velocities_now() - exact).max())
-    assert off[0] == pytest.approx(10 * off[1], rel=0.05)
-    assert off[1] < 1e-3 * np.abs(exact).max()
 
 
 def history(run, rows=20, steps=10):
@@ -154,9 +114,8 @@ def test_stress_does_not_depend_on_origin_images_tilt_or_skin(name):
     rng = np.random.default_rng(0)
     shifted = replace(disks, base=disks.base + np.array([3.25, -7.5]))
     images = rng.integers(-2, 3, (disks.n, 2)).astype(float)
-    moved = replace(
-        disks, base=disks.base + images @ disks.cell_base, offset=disks.offset + images @ disks.cell_offset
-    )
+    shift, rest = images @ disks.cell_base, images @ disks.cell_offset
+    moved = replace(disks, base=disks.base + shift, offset=disks.offset + rest)
     sideways = np.array([[1.0, 0.0], [-1.0, 1.0]])
     tilted = replace(disks, cell_base=sideways @ disks.cell_base, cell_offset=sideways @ disks.cell_offset)
     assert tilted.cell[1, 0] < 0 < cell[1, 0]
@@ -257,22 +216,6 @@ def test_one_pair_by_hand(name, boundary, tilt):
     assert sums[4] == 1
 
 
-@pytest.mark.parametrize("massive, overdamped", [("RD", "RD0"), ("CD", "CD0")])
-def test_light_disks_move_as_those_without_mass(massive, overdamped):
-    disks, off = crowd(phi=0.8), []
-    start = shear(overdamped, disks, method="euler", step=0.02)
-    limit = start.velocities_now()
-    for mass in (1e-4, 1e-5):
-        law = ROWS[massive][0]
-        run = Shear(disks, Model(law, mass), 1e-2, Scheme(0.02, "backward Euler", 1e-13))
-        run.advance(1)
-        other = Shear(disks, Model(ROWS[overdamped][0]), 1e-2, Scheme(0.02, "euler", 1e-13))
-        other.advance(1)
-        connected = np.abs(limit).max(axis=1) > 0
-        off.append(np.abs((run.velocities - other.velocities)[connected]).max())
-    assert off[1] < 0.2 * off[0] and off[1] < 1e-2 * np.abs(limit).max()
-
-
 def travelled(name, step, strain=0.02, rate=1e-2, method=None, start=None):
     run = shear(name, start, rate=rate, step=step, method=method)
     run.advance(round(strain / rate / step))
@@ -301,67 +244,25 @@ def test_order_of_convergence(name, method, step, order):
     assert errors[0] < 1e-3
 
 
-def test_contact_damping_converges():
-    start = crowd()
-    exact = travelled("CD0", 0.02, start=start)
-    assert apart(travelled("CD0", 0.25, method="euler", start=start), exact) < 1e-2
-    implicit = shear("CD", start, step=0.02, method="backward Euler")
-    explicit = shear("CD", start, step=0.02, method="verlet")
-    for run in (implicit, explicit):
-        run.advance(100)
-    assert apart(*[(r.disks.positions, r.disks.cell) for r in (implicit, explicit)]) < 5e-3
-
-
-def test_the_scheme_follows_from_what_brakes_a_disk():
-    """Light disks follow the forces where something brakes them in every direction, else they fly and collide."""
-    for name, method, step in (
-        ("RD0", "euler", 0.2), ("CD0", "euler", 0.5), ("RD", "backward Euler", 0.25), ("CD", "backward Euler", 0.25),
-        ("CDn", "verlet", 1e-3), ("CDt", "verlet", 1e-3),
-    ):  # fmt: skip
-        law, massive = MODELS[name]
-        scheme = scheme_for(Model(law, 0.01 if massive else 0.0), crowd(), 1e-4)
-        assert (scheme.method, scheme.step) == (method, pytest.approx(step))
-
-
-def test_momentum_is_kept():
-    for method in ("verlet", "backward Euler"):
-        run = shear("CD", crowd(), method=method, tolerance=1e-4)
-        run.advance(500)
-        assert np.abs(run.velocities.sum(0)).max() < 1e-11
-
-
-def test_a_state_goes_on_to_the_last_bit():
-    for name in ("RD0", "CD0", "CD", "rolling"):
-        one, other = shear(name), shear(name)
-        one.advance(137)
-        kept = one.state()
-        one.advance(211)
-        other.restore(kept)
-        other.advance(211)
-        assert one.rebuilds > 0
-        for array in ("offsets", "velocities", "spins", "accelerations"):
-            assert np.array_equal(getattr(one, array), getattr(other, array)), name
-        assert np.array_equal(one.disks.positions, other.disks.positions)
-
-
-def test_velocities_of_a_moment_lie_between_those_half_a_step_before_and_after():
-    run = shear("CD", step=0.002)
-    run.advance(500)
-    before, now = run.velocities.copy(), run.velocities_now()
-    run.advance(1)
-    middle = 0.5 * (before + run.velocities)
-    assert np.linalg.norm(now - middle) < 0.3 * np.linalg.norm(before - middle)
-
-
-def test_stress_of_a_run_is_that_of_its_packing():
-    run = shear("RD0")
-    run.advance(200)
-    disks = run.disks
-    run.seen[:] = 0
-    run.advance(1)
-    stress = stress_tensor(find_contacts(disks), 1.0)
-    assert run.seen[0] == pytest.approx(-stress[0, 1], rel=1e-9)
-    assert run.seen[1] == pytest.approx(-np.trace(stress), rel=1e-9)
+@pytest.mark.parametrize("name", ["RD0", "CD0", "CD", "rolling"])
+def test_a_state_goes_on_to_the_last_bit(name):
+    """With everything: what was seen, the skin as it was tuned, and whether the run had begun."""
+    one, other = shear(name, rate=0.1), shear(name, rate=0.1)
+    fresh = one.state()
+    other.restore(fresh)
+    assert not other.started
+    one.advance(201)
+    kept = one.state()
+    assert kept["skin"] != fresh["skin"] and kept["rebuilds"] and kept["started"] and kept["since"]
+    other.restore(kept)
+    for steps in (0, 101):
+        one.advance(steps)
+        other.advance(steps)
+        now, found = one.state(), other.state()
+        assert found.keys() == now.keys() == kept.keys()
+        for entry, value in now.items():
+            assert np.array_equal(found[entry], value), entry
+    assert not np.array_equal(kept["offsets"], one.offsets)  # a copy
 
 
 @pytest.mark.parametrize("name", ["RD0", "CD0", "RD"])
@@ -380,6 +281,15 @@ def test_velocities_that_are_not_found_are_told():
 @pytest.mark.parametrize(
     "name, mass, rate, step, method",
     [
+        (
+            "RD",
+            0.01,
+            1e-4,
+            0.25,
+            "backward Euler",
+        ),  # light disks follow the forces where all of them are braked,
+        ("CDn", 0.01, 1e-4, 1e-3, "verlet"),  # else they fly and collide
+        ("CDt", 0.01, 1e-4, 1e-3, "verlet"),
         ("RD0", 0.0, 1e-3, 0.2, "euler"),
         ("CD0", 0.0, 1e-3, 0.5, "euler"),
         ("CD0", 0.0, 1e-2, 0.5, "heun"),
@@ -397,15 +307,6 @@ def test_the_time_step_suits_the_model(name, mass, rate, step, method):
     assert scheme_for(Model(ROWS[name][0], mass), crowd(), rate, step=0.07).step == 0.07
 
 
-def test_laws_without_an_overdamped_limit():
-    for weights in ({"normal": 1.0}, {"transverse": 1.0}, {"normal": 1.0, "sliding": 1.0}):
-        with pytest.raises(InputError, match="no overdamped limit"):
-            Model(Law("some", **weights))
-        Model(Law("some", **weights), mass=1.0)
-    with pytest.raises(InputError, match="belongs to contact damping"):
-        Model(Law("drag", drag=1.0), friction=0.1)
-
-
 @pytest.mark.parametrize(
     ("weights", "more", "says"),
     [
@@ -418,10 +319,11 @@ def test_laws_without_an_overdamped_limit():
         (
             {"normal": 1.0, "sliding": 1.0},
             {"friction": 0.1},
-            "disks that roll have motions that no contact damps: give mass",
+            "disks that roll .* no contact damps: give mass",
         ),
-        ({"normal": 1.0, "sliding": 1.0}, {}, "because disks that roll have motions that no contact damps"),
-        ({"normal": 1.0}, {}, "because damping of one direction only leaves the other free"),
+        ({"normal": 1.0, "sliding": 1.0}, {}, "no overdamped limit.* because disks that roll"),
+        ({"normal": 1.0}, {}, "no overdamped limit.* because damping of one direction only"),
+        ({"transverse": 1.0}, {}, "no overdamped limit.* because damping of one direction only"),
         ({"drag": 1.0}, {"friction": 0.1}, "belongs to contact damping, not to some"),
     ],
 )
@@ -444,9 +346,8 @@ def test_time_steps_know_k_tau1_and_the_potential():
         law, _ = ROWS[name]
         step = scheme_for(Model(law), disks, 1e-4).step
         assert scheme_for(Model(law), stiff, 1e-4).step == pytest.approx(step)  # k τ₁ / k
-        assert scheme_for(Model(replace(law, tau1=2.0 * law.tau1)), disks, 1e-4).step == pytest.approx(
-            2 * step
-        )
+        slower = Model(replace(law, tau1=2.0 * law.tau1))
+        assert scheme_for(slower, disks, 1e-4).step == pytest.approx(2 * step)
         hertzian = replace(disks, potential=replace(disks.potential, kind="hertzian"))
         assert scheme_for(Model(law), hertzian, 1e-4).step == pytest.approx(step / 1.5)
     for given, m, wanted in ((disks, 0.5, 0.05), (stiff, 0.4, 0.01), (stiff, 10.0, 0.1 * np.sqrt(2.5))):
@@ -461,25 +362,6 @@ def test_time_steps_know_k_tau1_and_the_potential():
     assert scheme_for(braked, disks, 1e-4).step == pytest.approx(0.25 * 3.0)  # the strongest one decides
     larger = Disks.from_positions(2 * disks.positions, 2 * disks.radii, 2 * disks.cell, disks.potential)
     assert scheme_for(Model(ROWS["RD0"][0]), larger, 1e-4).step == pytest.approx(4 * 0.2)  # k_e/d²
-
-
-def test_everything_of_a_state_comes_back():
-    """Also what was seen, the skin as it was tuned, and whether the run had begun."""
-    for name in ("RD0", "rolling"):
-        one, other = shear(name, rate=0.1), shear(name, rate=0.1)
-        fresh = one.state()
-        other.restore(fresh)
-        assert not other.started
-        one.advance(201)
-        kept = one.state()
-        assert kept["skin"] != fresh["skin"] and kept["rebuilds"] and kept["started"] and kept["since"]
-        other.restore(kept)
-        found = other.state()
-        assert found.keys() == kept.keys()
-        for entry, value in kept.items():
-            assert np.array_equal(found[entry], value), entry
-        one.advance(1)
-        assert not np.array_equal(kept["offsets"], one.offsets)  # a copy
 
 
 def test_units_of_a_run_are_those_of_its_disks():
@@ -542,50 +424,40 @@ def test_a_step_in_which_a_disk_would_jump_is_done_in_parts():
 
 def test_verdicts_of_a_step():
     """More than half of the largest σ is a jump; a list is stale by its own rule, and a jump is told first."""
-    listed = 1.2, 0.5, 0.1
+    listed, done, stale, jump = (1.2, 0.5, 0.1), moves.DONE, moves.STALE, moves.BLOWN_UP
     for far, longest, verdict in (
-        (0.1, 0.6, moves.DONE),
-        (0.1, 0.6001, moves.BLOWN_UP),
-        (0.25, 0.1, moves.DONE),
-        (0.2501, 0.1, moves.STALE),
-        (0.3, 0.7, moves.BLOWN_UP),
-        (0.1, np.nan, moves.BLOWN_UP),
-    ):
+        (0.1, 0.6, done), (0.1, 0.6001, jump), (0.25, 0.1, done), (0.2501, 0.1, stale), (0.3, 0.7, jump),
+        (0.1, np.nan, jump),
+    ):  # fmt: skip
         assert moves.verdict_of(far, longest, 0.0, listed) == verdict
     assert moves.verdict_of(0.0, 0.0, 0.8, listed) == moves.verdict_of(0.0, 0.0, -0.8, listed) == moves.STALE
 
 
-@pytest.mark.parametrize("share, accepted", [(0.499, True), (0.5, True), (0.501, False)])
-def test_starts_of_soft_disks_overlap_by_half_at_most(share, accepted):
-    disks = Disks.from_positions([[0.0, 0.0], [1.2 * (1 - share), 0.0]], [0.5, 0.7], 6.0 * np.eye(2))
+def test_starts_of_soft_disks_overlap_by_half_at_most():
+    for share in (0.499, 0.5, 0.501):
+        disks = Disks.from_positions([[0.0, 0.0], [1.2 * (1 - share), 0.0]], [0.5, 0.7], 6.0 * np.eye(2))
+        if share <= 0.5:
+            assert jobs.begun(disks, {}, sheared.model("RD0"), 1e-2, 0.5).disks is disks
+            continue
+        with pytest.raises(InputError, match="overlap of 50 % of the distance of two disks at contact"):
+            jobs.begun(disks, {}, sheared.model("RD0"), 1e-2, 0.5)
 
-    def start():
-        return jobs.begun(disks, {}, sheared.model("RD0"), 1e-2, 0.5)
 
-    if accepted:
-        assert start().disks is disks
-    else:
-        with pytest.raises(
-            InputError, match="overlap of 50 % of the distance of two disks at contact: no state of"
-        ):
-            start()
+def one_pair(overlap, k=1.0):
+    """A flow of 16 disks of which two overlap and no others touch, that is to come."""
+    places = 3.0 * np.array([[a, b] for a in range(4) for b in range(4)], float)
+    places[1] = places[0] + [1.0 - overlap, 0.0]
+    disks = Disks.from_positions(places, np.full(16, 0.5), 12.0 * np.eye(2), Potential(k=k))
+    return jobs.begun(disks, {}, sheared.model("RD0"), 1e-2, 0.02, discard=0.0)
 
 
 def test_disks_that_touch_a_little_flow():
     """One pair whose pressure is far above a millionth of γ̇kτ₁, and far below a millionth of k."""
-    places = 3.0 * np.array([[a, b] for a in range(4) for b in range(4)], float)
-    places[1] = places[0] + [1.0 - 1e-4, 0.0]
-    disks = Disks.from_positions(places, np.full(16, 0.5), 12.0 * np.eye(2))
-    run = jobs.begun(disks, {}, sheared.model("RD0"), 1e-2, 0.02, discard=0.0)
-    assert 1e-8 < 0.2 * jobs.execute(run, Outlet()).pressure.mean < 1e-7  # γ̇kτ₁ = 0.01
+    assert 1e-8 < 0.2 * jobs.execute(one_pair(1e-4), Outlet()).pressure.mean < 1e-7  # γ̇kτ₁ = 0.01
 
 
 @pytest.mark.parametrize("k", [1.0, 1e9])
 def test_disks_that_do_not_touch_are_told_in_units_of_k(k):
     """One pair that overlaps by 1e-9 at the start presses with 1e-9 γ̇kτ₁ or so: that is no flow."""
-    places = 3.0 * np.array([[a, b] for a in range(4) for b in range(4)], float)
-    places[1] = places[0] + [1.0 - 1e-9, 0.0]
-    disks = Disks.from_positions(places, np.full(16, 0.5), 12.0 * np.eye(2), Potential(k=k))
-    run = jobs.begun(disks, {}, sheared.model("RD0"), 1e-2, 0.02, discard=0.0)
     with pytest.raises(ConvergenceError, match=r"no two disks touched within the strain of 0\.02"):
-        jobs.execute(run, Outlet())
+        jobs.execute(one_pair(1e-9, k), Outlet())

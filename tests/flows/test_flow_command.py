@@ -33,11 +33,10 @@ def test_ranks_that_a_flow_has_no_use_for_are_told(tmp_path):
 
 
 def test_progress_can_be_silenced(tmp_path, capsys):
-    assert flow(*SMALL, "--quiet", "--out", tmp_path / "flow.h5") == 0
-    text, told = capsys.readouterr()
-    assert "sigma" in text and told == ""
-    assert flow("flow", tmp_path / "flow.h5", "--strain", 0.1, "--out", tmp_path / "more.h5", "--quiet") == 0
-    assert capsys.readouterr().err == ""
+    for words in (SMALL, ["flow", tmp_path / "flow.h5", "--strain", 0.1]):
+        assert flow(*words, "--quiet", "--out", tmp_path / "flow.h5") == 0
+        text, told = capsys.readouterr()
+        assert "sigma" in text and told == ""
 
 
 def test_many_disks_of_a_random_start_do_not_jump(tmp_path):
@@ -49,9 +48,19 @@ def test_many_disks_of_a_random_start_do_not_jump(tmp_path):
 
 
 @pytest.fixture
-def short(monkeypatch):
-    """A checkpoint after every row."""
+def saved(monkeypatch):
+    """Checkpoints, one after every row; the first, or as many as are put into it, ends the run."""
     monkeypatch.setattr(running, "INTERVAL", -1.0)
+    save, saved = running.write_checkpoint, [1]
+
+    def save_and_stop(*what):
+        save(*what)
+        saved[0] -= 1
+        if saved[0] == 0:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(running, "write_checkpoint", save_and_stop)
+    return saved
 
 
 def test_the_file(tmp_path, capsys):
@@ -59,12 +68,8 @@ def test_the_file(tmp_path, capsys):
     assert flow(*SMALL, "--snapshots", 4, "--out", out, "--last", last) == 0
     text, told = capsys.readouterr()
     lines = told.splitlines()
-    assert (
-        len(lines) == 50
-        and lines[-1].startswith("[50/50] strain 0.6, sigma ")
-        and lines[-1].endswith(", 0 s left")
-    )
-    assert "transient" in lines[0]
+    assert len(lines) == 50 and "transient" in lines[0]
+    assert lines[-1].startswith("[50/50] strain 0.6, sigma ") and lines[-1].endswith(", 0 s left")
     result = jampetsc.load(out)
     strain, facts = result["strain"], result.attributes
     assert strain[-1] == pytest.approx(0.6, rel=0.02) and (np.diff(strain) > 0).all()
@@ -95,20 +100,12 @@ def test_the_file(tmp_path, capsys):
     assert np.abs(result["snapshots/velocities"][-1] - forces).max() < 1e-9
 
 
-def test_a_killed_run_goes_on_to_the_last_bit(tmp_path, short, monkeypatch, capsys):
+def test_a_killed_run_goes_on_to_the_last_bit(tmp_path, saved, capsys):
+    """The same one; another command leaves its checkpoint alone."""
     whole, out = tmp_path / "whole.h5", tmp_path / "out.h5"
     command = [*SMALL, "--snapshots", "3"]
-    assert flow(*command, "--out", whole) == 0
-    save, saved = running.write_checkpoint, []
-
-    def save_and_stop(*what):
-        save(*what)
-        saved.append(what)
-        if len(saved) == 40:
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr(running, "write_checkpoint", save_and_stop)
-    assert flow(*command, "--out", out) == 130
+    for saved[0], place, status in ((0, whole, 0), (40, out, 130)):
+        assert flow(*command, "--out", place) == status
     assert not out.exists() and (tmp_path / "out.h5.resume").exists()
     assert flow(*command, "--out", out) == 0
     assert "goes on from strain" in capsys.readouterr().err
@@ -117,23 +114,11 @@ def test_a_killed_run_goes_on_to_the_last_bit(tmp_path, short, monkeypatch, caps
     for name in one:
         assert np.array_equal(one[name], other[name]), name
     assert one.attributes["pressure_mean"] == other.attributes["pressure_mean"]
-
-
-def test_another_command_leaves_the_checkpoint_alone(tmp_path, short, monkeypatch, capsys):
-    out = tmp_path / "out.h5"
-    save = running.write_checkpoint
-
-    def save_and_stop(*what):
-        save(*what)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(running, "write_checkpoint", save_and_stop)
-    assert flow(*SMALL, "--out", out) == 130
-    monkeypatch.setattr(running, "write_checkpoint", save)
-    other = ["2e-2" if word == "1e-2" else word for word in SMALL]
-    assert flow(*other, "--out", out) == 0
+    saved[0], place = 1, tmp_path / "another.h5"
+    assert flow(*SMALL, "--out", place) == 130
+    assert flow(*("2e-2" if word == "1e-2" else word for word in SMALL), "--out", place) == 0
     assert "goes on" not in capsys.readouterr().err
-    assert jampetsc.load(out).attributes["rate"] == 2e-2
+    assert jampetsc.load(place).attributes["rate"] == 2e-2
 
 
 def test_everything_that_decides_a_run_identifies_its_checkpoint():
@@ -211,15 +196,6 @@ def test_a_packing_keeps_its_own_units(tmp_path):
     assert "packing_sha256" in jobs.KEPT and all(farther.get(name) == facts.get(name) for name in jobs.KEPT)
 
 
-def test_quality_is_a_mass(tmp_path):
-    out = tmp_path / "flow.h5"
-    words = "flow --n 64 --phi 0.84 --model CD --quality 0.1 --rate 1e-2 --strain 0.2".split()
-    assert flow(*words, "--out", out) == 0
-    facts = jampetsc.load(out).attributes
-    assert facts["mass"] == pytest.approx(0.01) and facts["quality"] == pytest.approx(0.1)
-    assert facts["method"] == "backward Euler"
-
-
 def test_quality_and_the_stress_of_the_fluid_know_k_and_tau1(tmp_path):
     """m = Q² k τ₁² and σ_F = η_F kτ₁ γ̇, here with k = 4 and τ₁ = 2."""
     packing, out, fluid = (tmp_path / name for name in ("p.h5", "flow.h5", "fluid.h5"))
@@ -228,6 +204,7 @@ def test_quality_and_the_stress_of_the_fluid_know_k_and_tau1(tmp_path):
     assert flow(*common, "--model", "CD", "--quality", 0.1, "--out", out) == 0
     facts = jampetsc.load(out).attributes
     assert facts["mass"] == pytest.approx(0.16) and facts["quality"] == pytest.approx(0.1)
+    assert facts["method"] == "backward Euler"
     assert flow(*common, "--law", "stokes", "--eta-f", 3, "--out", fluid) == 0
     assert jampetsc.load(fluid)["shear_stress"][:, 1] == pytest.approx(0.24)
 
@@ -255,13 +232,14 @@ BAD = [  # (what is given, parameter or words that are told); ranges: test_flow_
     ("--strain 3e7 --rate 1 --snapshots 1000000000", "are free where"),
     ("--discard 0.6", "--discard 0.6: must lie"),
     ("--walls --radii none.txt", "none.txt: cannot be read"),
+    ("--last out.h5", "another file that this run writes"),
 ]
 
 
 @pytest.mark.parametrize("words, message", BAD)
-def test_bad_words(tmp_path, capsys, words, message):
-    out = tmp_path / "out.h5"
-    status = flow(*SMALL, *words.split(), "--out", out)
+def test_bad_words(tmp_path, monkeypatch, capsys, words, message):
+    monkeypatch.chdir(tmp_path)
+    status = flow(*SMALL, *words.split(), "--out", "out.h5")
     error = capsys.readouterr().err
     assert status in (2, 3) and message in error
     assert len(re.findall("jampetsc: error:", error)) == 1
@@ -287,38 +265,12 @@ def test_bad_starts(tmp_path, capsys):
         assert not out.exists()
 
 
-def test_two_outputs_of_one_name(tmp_path, capsys):
-    out = tmp_path / "out.h5"
-    assert flow(*SMALL, "--out", out, "--last", out) == 2
-    assert "another file that this run writes" in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())
-
-
-def test_radii_of_no_size(tmp_path, capsys):
-    for size in ("1e-300", "1e300"):
-        (tmp_path / "radii").write_text(f"{size}\n" * 16)
-        words = [
-            "flow",
-            "--radii",
-            tmp_path / "radii",
-            "--phi",
-            0.8,
-            "--model",
-            "RD0",
-            "--rate",
-            1,
-            "--strain",
-            1,
-        ]
-        assert flow(*words, "--out", tmp_path / "x.h5") == 2
-        assert "another unit of length" in capsys.readouterr().err
-
-
-def test_a_flow_file_goes_on_as_it_was_begun(tmp_path, capsys):
-    out = tmp_path / "out.h5"
-    assert flow(*SMALL, "--out", out) == 0
-    assert flow("flow", out, "--strain", 1, "--rate", 0.1, "--model", "RD0") == 2
-    assert "goes on as it was begun" in capsys.readouterr().err
+@pytest.mark.parametrize("size", ["1e-300", "1e300"])
+def test_radii_of_no_size(tmp_path, capsys, size):
+    (tmp_path / "radii").write_text(f"{size}\n" * 16)
+    words = "--phi 0.8 --model RD0 --rate 1 --strain 1".split()
+    assert flow("flow", "--radii", tmp_path / "radii", *words, "--out", tmp_path / "x.h5") == 2
+    assert "another unit of length" in capsys.readouterr().err
 
 
 def test_threads_are_a_matter_of_time_alone(tmp_path, capsys):

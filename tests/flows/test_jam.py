@@ -17,6 +17,28 @@ from jampetsc.flows.quasistatic_shear import ENERGY_CUT
 from jampetsc.minimise.sizes import radii_of
 
 POTENTIAL = Potential("harmonic", "inverse-square-diameter")
+
+
+def one_rank(test):
+    """A test on PETSc to which more ranks add nothing."""
+    return pytest.mark.scalar("real")(pytest.mark.most_ranks(1)(test))
+
+
+@pytest.fixture
+def solver(session):
+    """What proves minima, freed in the end."""
+    from jampetsc.petsc.local import NewtonSolver
+
+    solver = NewtonSolver()
+    yield solver
+    solver.destroy()
+
+
+def random_disks(n, phi, seed=1, potential=POTENTIAL, unit=1.0, **more):
+    """Bidisperse disks at random places."""
+    return jamming.random_start(unit * radii_of("bidisperse", n), phi, seed, potential, **more)
+
+
 GIVEN = {"n": 32, "phi": [0.82, 0.86], "seeds": "3:8"}
 
 
@@ -43,8 +65,7 @@ def test_the_file(session, shared_path):
     assert np.allclose(one["energy"], energy, rtol=1e-6, atol=1e-20)
 
 
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
+@one_rank
 def test_a_killed_run_goes_on(session, tmp_path, monkeypatch):
     whole = run(tmp_path / "whole.h5")
     monkeypatch.setitem(samples.ROUND, "random", 5)
@@ -67,47 +88,35 @@ def test_a_killed_run_goes_on(session, tmp_path, monkeypatch):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out.h5", "whole.h5"]
 
 
-def rows(protocol, phi, seed=1, n=24, potential=POTENTIAL):
+def rows(solver, protocol, phi, seed=1):
     """Samples of one seed, made as the command makes them."""
-    from jampetsc.petsc import local
-
-    radii = radii_of("bidisperse", n)
-    return jamming.samples(
-        protocol, radii * (0.5 / radii.min()), phi, seed, potential, local.NewtonSolver(), 1e-6
-    )
+    return jamming.samples(protocol, 1.2 * radii_of("bidisperse", 24), phi, seed, POTENTIAL, solver, 1e-6)
 
 
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
-def test_samples_of_shear_are_those_of_a_run_of_shear(session):
+@one_rank
+def test_samples_of_shear_are_those_of_a_run_of_shear(solver):
     protocol = jamming.Protocol("shear", step=0.02, strain=0.5, discard=0.1, every=0.04)
-    found = rows(protocol, 0.86)
+    found = rows(solver, protocol, 0.86)
     assert len(found) == protocol.rows == 10
     assert np.allclose([row["strain"] for row in found], 0.1 + 0.04 * np.arange(1, 11))
     series = jampetsc.shear(n=24, phi=0.86, step=0.02, strain=0.5)
     # the start is settled less far, so runs part after the first rearrangement: ensembles agree, not states
     assert found[0]["jammed"] == 1 and series["jammed"][6] == 1
-    assert np.mean([row["pressure"] for row in found]) == pytest.approx(
-        series["pressure"][5:].mean(), rel=0.5
-    )
+    pressure = series["pressure"][5:].mean()
+    assert np.mean([row["pressure"] for row in found]) == pytest.approx(pressure, rel=0.5)
 
 
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
-def test_a_sample_is_brought_to_its_jamming_density(session):
+@one_rank
+def test_a_sample_is_brought_to_its_jamming_density(solver):
     protocol = jamming.Protocol("compress", temperature=1e-2, cooling_rate=0.1, sweeps=10)
-    loose, dense = (rows(protocol, phi)[0] for phi in (0.8, 0.88))
+    loose, dense = (rows(solver, protocol, phi)[0] for phi in (0.8, 0.88))
     assert loose["jammed"] == 0 and dense["jammed"] == 1
     for row in (loose, dense):
         assert 0.8 < row["phi_J"] < 0.88 and -1 < row["segregation"] < 1
-    again = rows(protocol, 0.88)[0]
-    assert again == dense and rows(protocol, 0.88, seed=2)[0] != dense
+    again, other = (rows(solver, protocol, 0.88, seed)[0] for seed in (1, 2))
+    assert again == dense != other
     # harmonic disks: p vanishes linearly at φ_J, from states of the same packing
-    from jampetsc.petsc import local
-
-    solver = local.NewtonSolver()
-    radii = radii_of("bidisperse", 24)
-    start = jamming.settle(jamming.random_start(radii * (0.5 / radii.min()), 0.88, 3, POTENTIAL), 1e-4)
+    start = jamming.settle(random_disks(24, 0.88, 3, unit=1.2), 1e-4)
     _, disks, jammed = jamming._quenched(start, solver, 1e-6)
     phi_J, disks = jamming.jamming_density(disks, jammed, solver, 1e-6)
     assert 0 <= disks.phi - phi_J <= jamming.EXACT
@@ -118,50 +127,37 @@ def test_a_sample_is_brought_to_its_jamming_density(session):
     assert below["jammed"] == 0
 
 
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
-def test_a_seed_decides_how_disks_move_while_they_are_hot(session):
-    from jampetsc.petsc import local
-
-    solver = local.NewtonSolver()
+@one_rank
+def test_a_seed_decides_how_disks_move_while_they_are_hot(solver):
     protocol = jamming.Protocol("compress", temperature=0.1, cooling_rate=1.0, sweeps=5)
-    start = jamming.random_start(radii_of("bidisperse", 16), 0.9, 1, POTENTIAL)
+    start = random_disks(16, 0.9)
     one, other, again = (jamming._annealed(protocol, start, seed, solver, 1e-6) for seed in (1, 2, 1))
-    solver.destroy()
     assert one == again and one["energy"] != pytest.approx(other["energy"], rel=1e-3)
 
 
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
-def test_sizes_that_are_separated_are_mixed_by_shear(session):
+@one_rank
+def test_sizes_that_are_separated_are_mixed_by_shear(solver):
     """The start is as dense on both sides; what is searched for φ_J is the state at the end of the shear."""
-    radii = radii_of("bidisperse", 24)
-    start = jamming.random_start(radii, 0.84, 1, POTENTIAL, separated=True)
+    start = random_disks(24, 0.84, separated=True)
     large = start.radii > start.radii.mean()
     x = start.positions[:, 0] / start.cell[0, 0]
     edge = np.sum(start.radii[large] ** 2) / np.sum(start.radii**2)
     assert x[large].max() <= edge <= x[~large].min() and start.phi == pytest.approx(0.84)
-    mixed = jamming.random_start(radii, 0.84, 1, POTENTIAL)
+    mixed = random_disks(24, 0.84)
     assert np.array_equal(np.sort(start.positions[:, 1]), np.sort(mixed.positions[:, 1]))
     cold = {"temperature": 1e-6, "cooling_rate": 2.0, "sweeps": 0, "separated": True}
-    before, after = (
-        rows(jamming.Protocol("compress", **cold, **more), 0.84)[0]
-        for more in ({}, {"step": 0.02, "strain": 2.0})
-    )
+    protocols = (jamming.Protocol("compress", **cold, **more) for more in ({}, {"step": 0.02, "strain": 2.0}))
+    before, after = (rows(solver, protocol, 0.84)[0] for protocol in protocols)
     assert before["segregation"] > 0.3 > 0.15 > after["segregation"]
     assert after["phi_J"] == pytest.approx(before["phi_J"], abs=0.03) and after["phi_J"] != before["phi_J"]
 
 
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
+@one_rank
 @pytest.mark.parametrize("kind", ["harmonic", "hertzian"])
-def test_an_independent_program_finds_the_same_states(session, kind):
+def test_an_independent_program_finds_the_same_states(solver, kind):
     """Quench, shear and search for φ_J, from the same minimum, by forces over all pairs and scipy."""
-    from jampetsc.petsc import local
-
-    solver, law = local.NewtonSolver(), Potential(kind, "inverse-square-diameter")
-    radii = radii_of("bidisperse", 16)
-    start = jamming.settle(jamming.random_start(radii * (0.5 / radii.min()), 0.88, 1, law), 1e-4)
+    law = Potential(kind, "inverse-square-diameter")
+    start = jamming.settle(random_disks(16, 0.88, potential=law, unit=1.2), 1e-4)
     known, disks, jammed = jamming._quenched(start, solver, 1e-8)
     assert jammed
     alpha, side = law.alpha, disks.cell[0, 0]
@@ -174,7 +170,6 @@ def test_an_independent_program_finds_the_same_states(session, kind):
     _, *rows = independent.sheared(disks.positions, disks.radii, side, 5e-3, 6, alpha)
     assert np.allclose(np.transpose(rows), found, rtol=1e-5) and np.ptp(rows[1]) > 0.01 * rows[1][0]
     phi_J, _ = jamming.jamming_density(disks, True, solver, 1e-8)
-    solver.destroy()
     width = 3e-4  # of the bracket there
     assert abs(independent.jamming_density(disks.positions, disks.radii, side, alpha, width) - phi_J) < width
 
@@ -190,35 +185,9 @@ def test_results_of_other_protocols(session):
     assert "separated" not in result.attributes
     sheared = {"separated": True, "protocol": "shear", "strain": 0.3, "discard": 0.1, "step": 0.02}
     result = jampetsc.jam(**GIVEN | {"seeds": "3:4"}, **sheared)
-    assert (
-        len(result["strain"]) == 4 * 10 and set(result["seed"]) == {3, 4} and result.attributes["separated"]
-    )
+    assert len(result["strain"]) == 4 * 10 and set(result["seed"]) == {3, 4}
+    assert result.attributes["separated"]
     assert np.array_equal(result["phi"], np.repeat([0.82, 0.86], 20))
-
-
-def test_samples_after_a_minimum_that_is_not_found_are_nan(monkeypatch):
-    def lost(*_):
-        raise ConvergenceError("no minimum")
-
-    monkeypatch.setattr(jamming, "SlowShear", lost)
-    protocol = jamming.Protocol("shear", step=0.01, strain=0.05, discard=0.01, every=0.01)
-    rows = jamming.samples(protocol, radii_of("bidisperse", 16), 0.7, 5, POTENTIAL, None, 1e-6)
-    assert [(row["phi"], row["seed"]) for row in rows] == [(0.7, 5)] * 4
-    assert np.isnan([[row[name] for name in ("strain", "jammed", "pressure")] for row in rows]).all()
-
-
-def test_sizes_that_separate():
-    kind = np.repeat([True, False], 50)
-    i = np.arange(100)
-    assert assortativity(kind, i, np.roll(i, 2)) > 0.9  # a row of one kind beside a row of the other
-    assert assortativity(np.arange(100) % 2 == 0, i, np.roll(i, 1)) == -1  # in turn
-    j = np.random.default_rng(0).permutation(100_000) % 100
-    assert abs(assortativity(kind, np.arange(100_000) % 100, j)) < 0.02
-    assert np.isnan(assortativity(np.ones(100), i, np.roll(i, 1)))
-    disks = Disks.from_positions(
-        np.array([[0.0, 0], [1, 0], [5, 0], [5.8, 0]]), [0.5, 0.5, 0.4, 0.4], 10 * np.eye(2)
-    )
-    assert jamming.segregation(disks) == 1.0
 
 
 @pytest.mark.parametrize(
@@ -232,54 +201,33 @@ def test_samples_along_shear_are_as_many_as_fit(times, rows):
     assert jamming.Protocol("compress", strain=strain).rows == jamming.Protocol().rows == 1
 
 
-def test_samples_closer_than_a_step_are_a_step_apart(monkeypatch):
+@pytest.mark.parametrize(
+    ("every", "discard", "strain", "strains"),
+    [
+        (0.3, 0.3, 0.91, [0.6, 0.9]),  # the nearest number of steps: 0.3/0.1 is a little less than 3
+        (0.26, 0.26, 0.79, [0.6, 0.9]),
+        (0.24, 0.34, 0.83, [0.5, 0.7]),
+        (0.04, 0.2, 0.8, [0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0]),  # one at least; then one is lost
+    ],
+)
+def test_samples_are_so_many_whole_steps_apart(monkeypatch, every, discard, strain, strains):
     class Steps:
         """As SlowShear: disks that stay where they are."""
 
         def __init__(self, disks, step, *_):
-            self.disks, self.step, self.steps = disks, step, 0
-
-        strain = property(lambda self: self.step * self.steps)
-
-        def advance(self):
-            self.steps += 1
-            if self.steps > 5:
-                raise ConvergenceError("lost")
-
-    monkeypatch.setattr(jamming, "SlowShear", Steps)
-    protocol = jamming.Protocol("shear", step=0.1, strain=0.8, discard=0.2, every=0.04)
-    found = jamming._sheared(
-        protocol, jamming.random_start(radii_of("bidisperse", 16), 0.8, 1, POTENTIAL), 0, 0
-    )
-    assert [row.get("strain") for row in found[:4]] == [
-        pytest.approx(0.3),
-        pytest.approx(0.4),
-        pytest.approx(0.5),
-        None,
-    ]
-    assert len(found) == protocol.rows == 15
-
-
-@pytest.mark.parametrize(
-    ("every", "discard", "strains"),
-    [(0.3, 0.3, [0.6, 0.9]), (0.26, 0.26, [0.6, 0.9]), (0.24, 0.34, [0.5, 0.7])],
-)
-def test_samples_are_so_many_whole_steps_apart(monkeypatch, every, discard, strains):
-    """The nearest number of them: 0.3/0.1 is a little less than 3."""
-
-    class Steps:
-        def __init__(self, disks, step, *_):
-            self.disks, self.strain, self.step = disks, 0.0, step
+            self.disks, self.step, self.strain = disks, step, 0.0
 
         def advance(self):
             self.strain += self.step
+            if self.strain > 1.05:
+                raise ConvergenceError("lost")
 
     monkeypatch.setattr(jamming, "SlowShear", Steps)
-    protocol = jamming.Protocol(
-        "shear", step=0.1, strain=discard + 2.001 * every, discard=discard, every=every
-    )
-    start = jamming.random_start(radii_of("bidisperse", 16), 0.8, 1, POTENTIAL)
-    assert [row["strain"] for row in jamming._sheared(protocol, start, 0, 0)] == pytest.approx(strains)
+    protocol = jamming.Protocol("shear", step=0.1, strain=strain, discard=discard, every=every)
+    rows = jamming._sheared(protocol, random_disks(16, 0.8), 0, 0)
+    found = [row.get("strain", np.nan) for row in rows]
+    assert len(found) == protocol.rows and found[: len(strains)] == pytest.approx(strains)
+    assert np.isnan(found[len(strains) :]).all()
 
 
 def test_a_liquid_begins_without_deep_overlaps(monkeypatch):
@@ -294,7 +242,7 @@ def test_a_liquid_begins_without_deep_overlaps(monkeypatch):
     monkeypatch.setattr(jamming, "_quenched", lambda *_: ({}, None, False))
     protocol = jamming.Protocol("compress", temperature=0.1, cooling_rate=0.7, sweeps=3)
     law = Potential("harmonic", "inverse-square-diameter", 8.0)
-    start = jamming.random_start(radii_of("bidisperse", 16), 0.9, 1, law)
+    start = random_disks(16, 0.9, potential=law)
     assert jamming._annealed(protocol, start, 1, None, 1e-6) == {}
     forces, (heat, *given, _) = asked[0]
     assert np.abs(net_forces(16, find_contacts(start))).max() > 0.1 and np.abs(forces).max() < 1e-4
@@ -317,7 +265,7 @@ class Densities:
 @pytest.mark.parametrize("phi_J", [0.8, 0.84321, 0.9])
 def test_a_jamming_density_is_bracketed(monkeypatch, phi_J):
     """From either side, always going on from a state that jams; and there is none where one minimum is not found."""
-    disks = jamming.random_start(radii_of("bidisperse", 16), 0.85, 1, POTENTIAL)
+    disks = random_disks(16, 0.85)
 
     def search(**more):
         quench = Densities(phi_J, **more)
@@ -337,39 +285,40 @@ def test_a_jamming_density_is_bracketed(monkeypatch, phi_J):
 def test_the_search_for_a_jamming_density_ends(monkeypatch):
     quench = Densities(2.0)
     monkeypatch.setattr(jamming, "_quenched", quench)
-    disks = jamming.random_start(radii_of("bidisperse", 16), 0.95, 1, POTENTIAL)
+    disks = random_disks(16, 0.95)
     found, loosest = jamming.jamming_density(disks, False, None, 1e-6)
     assert np.isnan(found) and loosest is None
     assert jamming.DENSEST - jamming.STEP < quench.asked[-1] <= jamming.DENSEST + 1e-12
 
 
 def test_a_sample_whose_minimum_is_not_found_is_nan(monkeypatch):
+    """Of shear all after it, too."""
+
     def lost(*_, **__):
         raise ConvergenceError("no minimum")
 
-    monkeypatch.setattr(jamming, "minimise", lost)
-    radii = radii_of("bidisperse", 16)
+    for name in ("minimise", "SlowShear"):
+        monkeypatch.setattr(jamming, name, lost)
     hot = jamming.Protocol("compress", temperature=1e-3, cooling_rate=2.0, sweeps=1)
-    for protocol in (jamming.Protocol(), hot):
-        (row,) = jamming.samples(protocol, radii, 0.7, 5, POTENTIAL, None, 1e-6)
-        assert (row.pop("phi"), row.pop("seed")) == (0.7, 5)
-        assert row.keys() == set(protocol.columns) - {"phi", "seed"} and np.isnan(list(row.values())).all()
+    slow = jamming.Protocol("shear", step=0.01, strain=0.05, discard=0.01, every=0.01)
+    for protocol, count in ((jamming.Protocol(), 1), (hot, 1), (slow, 4)):
+        rows = jamming.samples(protocol, radii_of("bidisperse", 16), 0.7, 5, POTENTIAL, None, 1e-6)
+        assert len(rows) == count
+        for row in rows:
+            assert (row.pop("phi"), row.pop("seed")) == (0.7, 5)
+            assert row.keys() == set(protocol.columns) - {"phi", "seed"}
+            assert np.isnan(list(row.values())).all()
 
 
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
-def test_a_temperature_is_in_units_of_k(session):
+@one_rank
+def test_a_temperature_is_in_units_of_k(solver):
     """Stiff disks at the same T in k go the same way."""
-    from jampetsc.petsc import local
-
-    solver, found = local.NewtonSolver(), []
+    found = []
     protocol = jamming.Protocol("compress", temperature=0.1, cooling_rate=2.0, sweeps=2)
     for k in (1.0, 2.0**20):
         potential = Potential("harmonic", "inverse-square-diameter", k)
-        start = jamming.random_start(radii_of("bidisperse", 16), 0.95, 1, potential)
-        known = jamming._annealed(protocol, start, 1, solver, 1e-6)
+        known = jamming._annealed(protocol, random_disks(16, 0.95, potential=potential), 1, solver, 1e-6)
         found.append((known["energy"] / k, known["segregation"]))
-    solver.destroy()
     assert found[1] == pytest.approx(found[0], rel=1e-6)
 
 
@@ -377,9 +326,8 @@ def test_a_temperature_is_in_units_of_k(session):
 def test_neighbours_are_a_fifth_of_a_diameter_apart_at_most(gap, found):
     """Mean diameter 0.9: of two pairs of one kind each, those that are closer are counted."""
     apart = np.array([1.0, 0.8]) + gap * 0.9
-    disks = Disks.from_positions(
-        np.array([[0.0, 0], [apart[0], 0], [5, 0], [5 + apart[1], 0]]), [0.5, 0.5, 0.4, 0.4], 12 * np.eye(2)
-    )
+    places = [[0.0, 0.0], [apart[0], 0.0], [5.0, 0.0], [5.0 + apart[1], 0.0]]
+    disks = Disks.from_positions(places, [0.5, 0.5, 0.4, 0.4], 12 * np.eye(2))
     assert jamming.segregation(disks) == pytest.approx(found, nan_ok=True)
 
 
@@ -390,3 +338,6 @@ def test_kinds_are_mixed_by_the_ends_that_pairs_have():
     assert some == pytest.approx((1 / 3 - (16 + 4) / 36) / (1 - (16 + 4) / 36))
     none = np.zeros(0, int)
     assert np.isnan(assortativity([True, False], none, none))
+    kind, i = np.repeat([True, False], 50), np.arange(100)
+    assert assortativity(kind, i, np.roll(i, 2)) > 0.9  # a row of one kind beside a row of the other
+    assert np.isnan(assortativity(np.ones(100), i, np.roll(i, 1)))

@@ -29,19 +29,14 @@ def dense(disks, weights, hold, held=0):
     return matrix
 
 
-@pytest.fixture(
-    params=[(0.4, 1, 1.0), (0.86, 1, 1.0), (0.86, 3, 2.5)], ids=["loose", "dense", "three domains"]
-)
+@pytest.fixture(params=[(0.4, 1, 1.0), (0.86, 1, 1.0), (0.86, 3, 2.5)], ids=["loose", "dense", "domains"])
 def placed(request):
     """(disks of now, pairs, offsets, shear since the list was made, domains); in the last case one is a giant."""
     phi, number, giant = request.param
     disks = crowd(24, phi=phi)
     disks = replace(disks, radii=disks.radii * np.where(np.arange(24) == 9, giant, 1.0))
-    pairs, offsets, shear = (
-        PairList.build(disks, 0.5),
-        np.random.default_rng(1).normal(0, 0.03, (24, 2)),
-        0.08,
-    )
+    pairs, shear = PairList.build(disks, 0.5), 0.08
+    offsets = np.random.default_rng(1).normal(0, 0.03, (24, 2))
     domains = into_domains(pairs, 24 * np.arange(number + 1) // number)
     return deformed(disks, offsets, 0.0, shear), pairs.arrays, offsets, shear, domains
 

