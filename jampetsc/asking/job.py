@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
-from jampetsc.asking.kinds import input_told
+from jampetsc.asking.kinds import PACKING, RADII, input_told
 from jampetsc.asking.parameters import FILE, OPTION, Part, fields, parameters
 from jampetsc.errors import InputError, named
 from jampetsc.io.outlet import Outlet
@@ -62,17 +62,25 @@ class Job:
     def check(self) -> None:
         """Raise InputError for values that do not go together."""
 
+    def _values(self, wanted) -> list:
+        """The values of parameters that are `wanted`, a function of each; several of one are taken apart."""
+        names = [name for name, one in parameters(type(self)).items() if wanted(one)]
+        return [one for name in names for one in _several(getattr(self, name))]
+
     @property
     def sources(self) -> list:
         """What it reads: names of files, and packings and results in memory."""
-        places = [name for name, one in parameters(type(self)).items() if one.place != OPTION]
-        return [one for name in places for one in _several(getattr(self, name))]
+        return self._values(lambda one: one.place != OPTION)
 
     @property
     def paths(self) -> list[str]:
-        """Those of `sources` that are, or lie in, files."""
-        places = [one if isinstance(one, str | Path) else getattr(one, "file", None) for one in self.sources]
-        return [str(one) for one in places if one is not None]
+        """Files that it reads: those that `sources`, and packings and radii among the options, are or lie in."""
+        values = self._values(lambda one: one.place != OPTION or one.kind in (PACKING, RADII))
+        files = [
+            one if isinstance(one, str | Path) else getattr(one, "file", getattr(one, "path", None))
+            for one in values
+        ]
+        return [str(one) for one in files if one is not None]
 
     def gathered(self) -> "Job":
         """The job with results in memory whole on every rank. Collective."""
@@ -168,8 +176,11 @@ class Job:
         raise NotImplementedError
 
     def answer(self, to: Outlet, told: str):
-        """What python gets: what `load` gives for the file, or the same in memory; told: what `work` has said."""
-        return to.result
+        """What python gets: what `load` gives for the file, or the same in memory; words where `GIVES` says "str".
+
+        told   what `work` has said
+        """
+        return told if self.GIVES.startswith("str") else to.result
 
     def __str__(self):
         return shlex.join(self.line())

@@ -19,6 +19,7 @@ class Examples(Job):
     """
 
     NAME: ClassVar = "examples"
+    scalar: ClassVar = None
     FORMAT: ClassVar = "no file"
     OUT: ClassVar = ""
     AGAIN: ClassVar = True
@@ -26,10 +27,6 @@ class Examples(Job):
     EPILOG: ClassVar = "examples:\n  jampetsc examples --copy mine"
 
     copy: Path = asked(help="folder to make; it must not be there yet", metavar="DIR")
-
-    @property
-    def scalar(self):
-        """PETSc has nothing to do."""
 
     def check_outputs(self, to):
         """The folder must be new."""
@@ -42,7 +39,3 @@ class Examples(Job):
 
         shutil.copytree(FOLDER, self.copy, ignore=shutil.ignore_patterns("__pycache__"))
         return "\n".join(str(path) for path in sorted(self.copy.glob("*/*")))
-
-    def answer(self, to, told):
-        """The files."""
-        return told

@@ -23,6 +23,7 @@ class Export(Job):
     """
 
     NAME: ClassVar = "export"
+    scalar: ClassVar = None
     FORMAT: ClassVar = "exported"
     OUT_HELP: ClassVar = "file to write: .xyz, .dump, .data, .vtp, .npz or .gsd"
     GIVES: ClassVar = "the name of the file, a Path"
@@ -40,15 +41,6 @@ class Export(Job):
         None, "of a sweep: frequency of the field", above=0.0, high=1e300, metavar="OMEGA"
     )
     packing: Disks | None = asked(None, "packing of a result, if it is not beside it", kind=PACKING)
-
-    @property
-    def scalar(self):
-        """Nothing to solve."""
-
-    @property
-    def files(self):
-        """The packing of a result among them."""
-        return [one for one in (self.file, self.packing) if isinstance(one, str)]
 
     def check_outputs(self, to):
         """Refuse an ending without a format, and what may not be replaced."""

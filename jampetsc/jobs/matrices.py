@@ -3,17 +3,14 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jampetsc.asking.damping import DAMPING, PRESTRESS
-from jampetsc.asking.job import Job
+from jampetsc.asking.damping import OfPacking
 from jampetsc.asking.kinds import PACKING
-from jampetsc.asking.parameters import FILE, asked, part
-from jampetsc.core.disks import Disks
 from jampetsc.core.laws import DEFAULT, Law, Physics, damping_law
 from jampetsc.errors import InputError, named
 
 
 @dataclass(frozen=True, eq=False)
-class Matrices(Job):
+class Matrices(OfPacking):
     """Write K, B and the border of a packing for scipy, Matrix Market or PETSc.
 
     The matrices of physics.md, not scaled and without constraints. With them come their border k_gamma, b_gamma, k_gg,
@@ -28,10 +25,6 @@ class Matrices(Job):
     )
     GIVES: ClassVar = "the names of the files, a list of Path"
     EPILOG: ClassVar = "examples:\n  jampetsc matrices p.h5 --beta 0.1 --out K.npz"
-
-    packing: Disks = asked(help="packing", kind=PACKING, place=FILE)
-    law: Law = part(DAMPING)
-    prestress: bool = PRESTRESS
 
     def check_outputs(self, to):
         """Refuse an ending without a format, and what may not be replaced."""
@@ -48,17 +41,17 @@ class Matrices(Job):
         from jampetsc.mechanics.matrices import files_of, matrices_of, write_matrices
         from jampetsc.petsc import session
 
-        physics, comm = Physics(self.law, self.prestress), session.current().comm
+        comm = session.current().comm
         disks, _ = read_identified(self.packing, comm)
         try:
-            matrices = matrices_of(disks, physics, comm)
+            matrices = matrices_of(disks, self.physics, comm)
         except InputError as error:
             raise InputError(f"{source_told(self.packing)}: {error.told(named)}") from None
         write_matrices(to.path, matrices)
         told = ", ".join(map(str, files_of(to.path).values()))
         unknowns, disks, pins = len(matrices.dofs), len(matrices.particles), len(matrices.pins)
         matrices.destroy()
-        return f"{told}: {physics}, {unknowns} unknowns of {disks} disks, {pins} pins"
+        return f"{told}: {self.physics}, {unknowns} unknowns of {disks} disks, {pins} pins"
 
     def answer(self, to, told):
         """The files."""

@@ -1,15 +1,11 @@
 """What the words of the command line mean: those that contradict each other, or mean nothing, are refused."""
 
-from pathlib import Path
-from types import SimpleNamespace
-
 import pytest
 
-from jampetsc.asking.inputs import refuse_one_packing, refuse_repeated
 from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load
-from jampetsc.jobs.rows import rows_named
+from jampetsc.jobs.sources import refuse_repeated, rows_named
 from jampetsc.jobs.scaling import files_of
 from jampetsc.studies.table import table_text
 
@@ -39,17 +35,6 @@ def test_one_file_under_two_names(tmp_path):
         refuse_repeated([str(tmp_path / "a.h5"), str(tmp_path / "b.h5")])
     with pytest.raises(InputError, match=r"a\.h5: this file is given already"):
         refuse_repeated([str(tmp_path / "a.h5")] * 2)
-
-
-def test_no_two_results_of_one_packing_but_of_unknown_ones():
-    def result(name, sha256):
-        return SimpleNamespace(path=Path(name), attributes={"packing_sha256": sha256} if sha256 else {})
-
-    refuse_one_packing([result("a.h5", None), result("b.h5", None), result("c.h5", "1" * 64)])
-    with pytest.raises(
-        InputError, match=r"c\.h5: comes from the same packing as b\.h5 \(sha256 111111111111…\)"
-    ):
-        refuse_one_packing([result("a.h5", None), result("b.h5", "1" * 64), result("c.h5", "1" * 64)])
 
 
 def test_files_of_a_study_are_of_rows_that_are_done(tmp_path):
