@@ -63,14 +63,17 @@ def dispatch(argv):
         _complete()
     parser, commands = command_parser(words)
     try:
-        args, rest = parser.parse_known_args(_with_negative_numbers(words))
+        args, rest = parser.parse_known_args(words)
     except InputError as error:
-        unknown = [word for word in words if _is_unknown(word, commands.choices.get(words[0]))]
-        if unknown and "required" in str(error):  # it is missing because it was misspelt
-            raise InputError(_unknown(unknown[0], commands.choices[words[0]])) from None
+        if "required" not in str(error):
+            raise
+        chosen = commands.choices.get(words[0])
+        known = chosen._option_string_actions if chosen else words
+        for word in words:  # it is missing because it was misspelt
+            if word.startswith("--") and word.partition("=")[0] not in known:
+                raise InputError(_unknown(word, chosen)) from None
         taken = [token for token in petsc_argv if not solver_options.OPTION.match(token)]
-        missing = taken and "required" in str(error)
-        hint = f"; PETSc's options took {', '.join(taken)}: put them last" if missing else ""
+        hint = f"; PETSc's options took {', '.join(taken)}: put them last" if taken else ""
         raise InputError(f"{error}{hint}") from None
     if rest:
         raise InputError(_unknown(rest[0], commands.choices[args.command]))
@@ -113,6 +116,7 @@ class Parser(argparse.ArgumentParser):
     def __init__(self, **settings):
         settings.setdefault("formatter_class", argparse.RawDescriptionHelpFormatter)
         super().__init__(**{**settings, "add_help": False, "allow_abbrev": False})
+        self._negative_number_matcher = re.compile(r"-\.?\d")  # argparse takes -1e-4 for an option
         self.add_argument("-h", "--help", action="help", help="show this text and exit")
 
     def error(self, message):
@@ -153,21 +157,6 @@ def _complete():
 
         begun = os.environ["COMP_LINE"].split()[1:2]
         argcomplete.autocomplete(command_parser(begun if begun and begun[0] in JOBS else ["--help"])[0])
-
-
-def _with_negative_numbers(words):
-    """The words with `--option -1e-4` as `--option=-1e-4`: argparse takes -1e-4 for an option."""
-    joined = []
-    for word in words:
-        if re.match(r"-\.?\d", word) and joined and joined[-1].startswith("--") and "=" not in joined[-1]:
-            joined[-1] += f"={word}"
-        else:
-            joined.append(word)
-    return joined
-
-
-def _is_unknown(word, parser):
-    return parser and word.startswith("--") and word.partition("=")[0] not in parser._option_string_actions
 
 
 def _unknown(token, parser):

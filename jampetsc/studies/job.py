@@ -93,6 +93,7 @@ A task that fails is a row with its reason and is tried again by the next run; t
         from jampetsc.io.ensemble import TABLE
         from jampetsc.petsc import session
         from jampetsc.studies import run as study
+        from jampetsc.studies.costs import in_words
 
         began, running = time.perf_counter(), session.current()
         content = on_root(running.comm, self._content)  # of one rank for all: it may be edited meanwhile
@@ -100,7 +101,7 @@ A task that fails is a row with its reason and is tried again by the next run; t
         rows = study.run(tasks, to.path, self._named, content, running)
         failures = [row for row in rows if row["state"] != "done"]
         to.status = FAILED if failures else 0
-        return _summary(to.path / TABLE, rows, failures, study.elapsed(began))
+        return _summary(to.path / TABLE, rows, failures, in_words(time.perf_counter() - began))
 
 
 def _summary(table, rows, failures, elapsed) -> str:

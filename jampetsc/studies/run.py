@@ -2,7 +2,6 @@
 
 import time
 from pathlib import Path
-from time import sleep
 
 from jampetsc.collective import agreed, on_root, own_cores
 from jampetsc.errors import InputError
@@ -167,7 +166,7 @@ class _Work:
         ended = waiting.Ibarrier()
         while not ended.Test():
             self._now_and_then()
-            sleep(NAP)
+            time.sleep(NAP)
         waiting.Free()
         self.session.collect()
 
@@ -208,8 +207,3 @@ class _Work:
         ]
         self.progress.count = finished - 1
         self.progress.step("; ".join(filter(None, parts)))
-
-
-def elapsed(began) -> str:
-    """Time since `began` in words."""
-    return in_words(time.perf_counter() - began)

@@ -5,8 +5,8 @@ import pytest
 from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load
-from jampetsc.jobs.sources import refuse_repeated, rows_named
 from jampetsc.jobs.scaling import files_of
+from jampetsc.jobs.sources import refuse_repeated, rows_named
 from jampetsc.studies.table import table_text
 
 

@@ -589,7 +589,7 @@ def test_errors_and_slopes_of_a_square_root():
     slopes = reference.exponents(reference.G)
     assert (slopes["exponent_storage"], slopes["exponent_loss"]) == pytest.approx((0.5, 0.5))
     assert reference.exponents(-reference.G) == {}
-    assert max(reference.interpolation_errors(np.array([1e-8, 10]), reference.G[[0, -1]])) < 1e-12
+    assert max(reference.interpolation_errors(np.array([1e-8, 10]), reference.G[[0, -1]]).values()) < 1e-12
 
 
 def test_the_critical_window_is_in_units_of_k_and_tau1():

@@ -7,7 +7,7 @@ import os
 import re
 import shutil
 from threading import Timer
-from time import perf_counter
+from time import perf_counter, sleep
 from types import SimpleNamespace
 
 import launch
@@ -150,7 +150,7 @@ def told(capsys):
 
 @pytest.mark.scalar("real")
 def test_a_task_that_fails_is_a_row_and_the_others_go_on(session, shared_path, capsys, monkeypatch):
-    clock = SimpleNamespace(monotonic=itertools.count(0, 10).__next__, perf_counter=perf_counter)
+    clock = SimpleNamespace(monotonic=itertools.count(0, 10).__next__, perf_counter=perf_counter, sleep=sleep)
     monkeypatch.setattr(study_run, "time", clock)  # so late that the time left is estimated for every line
     text = "[pack]\nn = 24\nphi = [0.8, 0.95]\n[quasistatic]\n[modes]\ncount = [2, 1000]\n"
     table = study(shared_path / "study", text, status=3)
