@@ -1,7 +1,6 @@
 """Studies: the same table on any number of ranks, after any kill, and whatever fails."""
 
 import dataclasses
-import functools
 import itertools
 import os
 import re
@@ -29,7 +28,6 @@ from jampetsc.studies.journal import Claims, keep_record, records_of, tidy
 from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.lock import Lock
 from jampetsc.studies.plan import plan
-from jampetsc.studies.table import table_text
 
 ALL = """
 [pack]
@@ -233,27 +231,10 @@ LADDER = '[pack]\nn = 16\npressure = [1e-2, 1e-3, 1e-4]\nseeds = "1:2"\nladder =
 
 
 @pytest.mark.scalar("real")
-def test_a_ladder_is_the_one_that_pack_makes_and_a_lower_pressure_is_added(session, shared_path):
-    folder = shared_path / "study"
-    study(folder, LADDER.replace(", 1e-4]", "]"))
-    before = times(folder)
-    session.comm.Barrier()
-    packs = study(folder, LADDER + "[quasistatic]\n").where(command="pack")
-    assert before.items() <= times(folder).items() and packs.rows == 6
-    whole = jampetsc.pack(n=16, pressure=[1e-2, 1e-3, 1e-4], seeds="1:2", ladder=True)
-    asked = {
-        (seed, p): one
-        for (seed, p), one in zip(itertools.product((1, 2), (1e-2, 1e-3, 1e-4)), whole, strict=True)
-    }
-    for seed, pressure, disks in zip(packs["seed"], packs["pressure"], packs.results(), strict=True):
-        assert disks.fingerprint == asked[seed, pressure].fingerprint
-        assert disks.record.get("source_sha256") == asked[seed, pressure].record.get("source_sha256")
-    assert np.isnan(packs["ladder"][:2]).all() and packs["ladder"][2:].tolist() == [1.0] * 4
-
-
-@pytest.mark.scalar("real")
 @pytest.mark.most_ranks(2)
-def test_of_a_ladder_what_is_below_a_packing_that_fails_fails_too(session, shared_path, monkeypatch):
+def test_a_ladder_is_the_one_that_pack_makes_and_what_is_below_a_packing_that_fails_fails_too(
+    session, shared_path, monkeypatch
+):
     """And is made by the next run."""
     make, folder = packings.make_packing, shared_path / "study"
 
@@ -270,6 +251,12 @@ def test_of_a_ladder_what_is_below_a_packing_that_fails_fails_too(session, share
     monkeypatch.setattr(packings, "make_packing", make)
     whole = study(folder, LADDER)
     assert set(whole["state"]) == {"done"}
+    packs = jampetsc.pack(n=16, pressure=[1e-2, 1e-3, 1e-4], seeds="1:2", ladder=True)
+    asked = dict(zip(itertools.product((1, 2), (1e-2, 1e-3, 1e-4)), packs, strict=True))
+    for seed, pressure, disks in zip(whole["seed"], whole["pressure"], whole.results(), strict=True):
+        assert disks.fingerprint == asked[seed, pressure].fingerprint
+        assert disks.record.get("source_sha256") == asked[seed, pressure].record.get("source_sha256")
+    assert np.isnan(whole["ladder"][:2]).all() and whole["ladder"][2:].tolist() == [1.0] * 4
     session.comm.Barrier()
     if session.rank == 0:
         truncated(folder / whole["file"][2])
@@ -561,95 +548,6 @@ def test_a_record_that_is_torn_or_changed_does_not_count(tmp_path):
     files[2].write_bytes(files[2].read_bytes()[:-3])
     (tmp_path / "journal" / "rank-0000").write_text('12345678 {"task": "d"}\n')  # as older versions kept them
     assert list(records_of(tmp_path)) == ["a"]
-
-
-def test_what_is_no_number_is_an_empty_cell():
-    row = {"command": "jam", "state": "done", "file": "a.h5", "phi_J": float("nan"), "n": None, "held": True}
-    text = table_text([row | {"seconds": 0.1}])
-    assert text == "command,state,file,n,phi_J,held,seconds\njam,done,a.h5,,,1,0.1\n"
-
-
-# One at a time
-
-
-def test_two_studies_at_once_in_a_folder_are_refused(tmp_path):
-    lock = Lock(tmp_path)
-    lock.take()
-    with pytest.raises(InputError, match=r"a study is running there \(process \d+ on .*\): wait for it"):
-        Lock(tmp_path).take()
-    lock.release()
-    again = Lock(tmp_path)
-    again.take()
-    again.release()
-
-
-def test_the_lock_of_a_machine_that_is_lost_ends(tmp_path, monkeypatch):
-    (tmp_path / "lock").write_text("elsewhere 123\n")
-    with pytest.raises(InputError, match=r"process 123 on elsewhere.*its lock is void in 1\d\d s"):
-        Lock(tmp_path).take()
-    monkeypatch.setattr("jampetsc.studies.lock.LOST", 0.0)
-    lock = Lock(tmp_path)
-    lock.take()
-    lock.release()
-
-
-# STUDY.toml
-
-
-@functools.cache
-def tasks(text):
-    return plan("s.toml", text.encode())
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("[pack", "s.toml: is not TOML: "),
-        ("a = " + 5000 * "[" + 5000 * "]", "s.toml: brackets within brackets, too deep"),
-        ("", "s.toml: no table: a study needs"),
-        ("[swep]\n", "s.toml: swep: no table of a study has this name; did you mean sweep?"),
-        ("pack = 3\n", "s.toml: pack = 3: must be a table: write [pack]"),
-        ("[pack]\nm = 3\n", "s.toml: [pack]: m: no such option"),
-        ("[pack]\nsead = 3\n", "s.toml: [pack]: sead: no such option; did you mean seed?"),
-        ('[pack]\nout = "x"\n', "s.toml: [pack]: out: the study itself gives it"),
-        ("[pack]\nn = []\n", "s.toml: [pack]: n = []: give at least one value"),
-        ("[pack]\nn = true\n", "s.toml: [pack]: n = true: must be a number or a string"),
-        ("[pack]\nn = 16.5\npressure = 1\n", "s.toml: [pack]: n 16.5: must be a whole number"),
-        ("[pack]\nn = 16\n", "s.toml: [pack]: pressure is missing: give it, or phi"),
-        ("[pack]\nn = 16\npressure = 7.0\n", "s.toml: [pack]: pressure 7.0: must lie in"),
-        ('[pack]\nn = 16\npressure = 1e-2\nseeds = "2:1"\n', "s.toml: [pack]: seeds 2:1: the last"),
-        ("[sweep]\n", "s.toml: [sweep]: needs packings: add a table [pack]"),
-        ("[[modes]]\n[[modes]]\ncount = 0\n", "s.toml: [modes] number 2: count 0: must be at least 1"),
-        (
-            "[sweep]\nno-prestress = 1\n",
-            "s.toml: [sweep]: no-prestress = 1: is a switch: write true or false",
-        ),
-        ('[sweep]\nlaw = "stoke"\n', "s.toml: [sweep]: law stoke: choose one of contact, stokes"),
-        ("[sweep]\nbeta = [1.0, -1.0]\n", "s.toml: [sweep]: beta -1: must lie"),
-        ('[sweep]\nlaw = "stokes"\nbeta = 1\n', "s.toml: [sweep]: beta: belongs to law contact"),
-        ("[pack]\nn = 16\npressure = 1e-2\n[correlate]\n", "s.toml: [correlate]: needs sweeps with fields"),
-    ],
-)
-def test_what_cannot_be_run_is_refused_with_file_table_and_key(text, message):
-    if text.startswith(("[sweep]\nbeta", '[sweep]\nlaw = "stok', "[[modes]]")):
-        text = "[pack]\nn = 16\npressure = 1e-2\n" + text
-    with pytest.raises(InputError) as refusal:
-        tasks(text)
-    assert str(refusal.value).startswith(message)
-
-
-def test_a_task_keeps_its_name_whatever_else_is_asked_for():
-    text = '[pack]\nn = 16\npressure = 0.01\nseed = [1, 2]\n[sweep]\nlaw = "contact"\n'
-    names = [task.name for task in tasks(text)]
-    assert len(set(names)) == 4 and names[0].startswith("pack-n16-p0.01-s1-")
-    other = (
-        text.replace("0.01", '["1e-2", 1e-3]').replace("seed = [1, 2]", 'seeds = "1:9"')
-        + "beta = [1.0, 2.0]\n"
-    )
-    more = [task.name for task in tasks(other + "[modes]\n")]
-    assert len(more) == len(set(more)) == 18 + 36 + 18
-    assert set(names[:2]) <= set(more)
-    assert tasks(text)[2].words == [*["jampetsc", "sweep", f"{names[0]}.h5", "--out", f"{names[2]}.h5"]]
 
 
 def test_a_dry_run_tells_the_tasks_and_makes_nothing(tmp_path, monkeypatch, capsys):
