@@ -176,55 +176,53 @@ def test_a_task_that_fails_is_a_row_and_the_others_go_on(session, shared_path, c
     assert before.items() <= after.items() and len(after) == len(before) + 1
 
 
-@pytest.mark.most_ranks(1)
-@pytest.mark.scalar("real")
-def test_an_error_that_nobody_foresaw_is_a_row_too(session, shared_path, monkeypatch):
+def losing(monkeypatch, lost, rank=None):
+    """What raises where a file is read whose name has one of these parts, on all ranks or on one: {part: error}."""
     read = study_tasks.numbers_of
 
     def numbers_of(path):
-        if path.name.startswith("quasistatic"):
-            raise session.PETSc.Error(62) if "-s2-" in path.name else ZeroDivisionError("no reason")
+        for part, error in lost.items():
+            if part in path.name and rank in (None, current().rank):
+                raise error
         return read(path)
 
     monkeypatch.setattr(study_tasks, "numbers_of", numbers_of)
+
+
+@pytest.mark.most_ranks(1)
+@pytest.mark.scalar("real")
+def test_an_error_that_nobody_foresaw_is_a_row_too(session, shared_path, monkeypatch):
+    first = {"quasistatic-n16-p0.01-s2": session.PETSc.Error(62)}
+    losing(monkeypatch, first | {"quasistatic": ZeroDivisionError("no reason")})
     states = study(shared_path / "study", SMALL, status=3)["state"].tolist()
     assert states[:3] == ["done", "done", "failed: ZeroDivisionError: no reason"]
     assert states[3].startswith("failed: Error: ")
 
 
+MEAN = SMALL.replace("[quasistatic]", '[sweep]\nomega = "1"\nfields = "1"\n[correlate]')
+
+
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(1)
 def test_a_mean_is_of_the_seeds_that_there_are_and_is_not_taken_twice(session, shared_path, monkeypatch):
-    text = '[pack]\nn = 16\npressure = 1e-2\nseeds = "1:2"\n[sweep]\nomega = "1"\nfields = "1"\n[correlate]\n'
-    read, lost = study_tasks.numbers_of, ["-s1-", "-s2-"]
+    """More seeds are added; of fewer all that was done stays."""
+    folder, lost = shared_path / "study", {f"sweep-n16-p0.01-s{n}-": InputError("lost") for n in (1, 2)}
 
-    def numbers_of(path):
-        if path.name.startswith("sweep") and any(seed in path.name for seed in lost):
-            raise InputError("lost")
-        return read(path)
+    def mean(text=MEAN, status=0):
+        return study(folder, text, status).where(command="correlate")
 
-    monkeypatch.setattr(study_tasks, "numbers_of", numbers_of)
-    none = study(shared_path / "study", text, status=3)
-    (state,) = none.where(command="correlate")["state"]
+    losing(monkeypatch, lost)
+    (state,) = mean(status=3)["state"]
     assert state.startswith("failed: sweep-n16-p0.01-s1-") and state.endswith(".h5 failed")
-    lost.remove("-s1-")
-    first = study(shared_path / "study", text, status=3).where(command="correlate")
+    del lost["sweep-n16-p0.01-s1-"]
+    first = mean(status=3)
     assert first["packings"] == [1]
-    again = study(shared_path / "study", text, status=3).where(command="correlate")
-    assert again["seconds"] == first["seconds"]  # what it cost, not what a look at it does
-
-
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
-def test_more_seeds_are_added_and_the_rest_is_kept(session, shared_path):
-    text = '[pack]\nn = 16\npressure = 1e-2\nseeds = "1:2"\n[sweep]\nomega = "1"\nfields = "1"\n[correlate]\n'
-    first = study(shared_path / "study", text)
-    second = study(shared_path / "study", text.replace("1:2", "1:3"))
-    assert (first.rows, second.rows) == (5, 7)
-    assert first.where(command="correlate")["packings"] == [2]
-    assert second.where(command="correlate")["packings"] == [3]
-    fewer = study(shared_path / "study", text.replace("1:2", "2:2"))
-    assert fewer.rows == 7 and sorted(fewer["file"]) == sorted(second["file"])
+    assert mean(status=3)["seconds"] == first["seconds"]  # what it cost, not what a look at it does
+    lost.clear()
+    assert mean()["packings"] == [2] and mean(MEAN.replace("1:2", "1:3"))["packings"] == [3]
+    more = jampetsc.load(folder)
+    fewer = study(folder, MEAN.replace("1:2", "2:2"))
+    assert more.rows == fewer.rows == 7 and sorted(fewer["file"]) == sorted(more["file"])
 
 
 LADDER = '[pack]\nn = 16\npressure = [1e-2, 1e-3, 1e-4]\nseeds = "1:2"\nladder = true\n'
@@ -341,24 +339,14 @@ def test_what_fits_on_a_machine_is_shared_by_its_ranks(session, monkeypatch):
     assert study_run._most_disks(session) == 100  # the least that any rank may
 
 
-def together_but(monkeypatch, command, error, rank=None):
-    """All ranks do each task together now; what this command leaves raises `error` where it is read, or on one rank."""
-    read = study_tasks.numbers_of
-
-    def numbers_of(path):
-        if path.name.startswith(command) and rank in (None, current().rank):
-            raise error
-        return read(path)
-
-    monkeypatch.setattr(study_tasks, "numbers_of", numbers_of)
-    monkeypatch.setattr(study_run, "LARGE", 15)
-
-
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(2)
 @pytest.mark.least_ranks(2)
 def test_what_reads_a_large_task_that_failed_fails_too(session, shared_path, monkeypatch, capsys):
-    together_but(monkeypatch, "sweep", InputError("lost"))
+    clock = SimpleNamespace(monotonic=itertools.count(0, 10).__next__, sleep=sleep)
+    monkeypatch.setattr("jampetsc.studies.journal.time", clock)  # each look at what the others have done is new
+    losing(monkeypatch, {"sweep": InputError("lost")})
+    monkeypatch.setattr(study_run, "LARGE", 15)
     text = SMALL.replace("1:2", "1:1").replace("[quasistatic]", '[sweep]\nomega = "1"\n[spectrum]')
     table = study(shared_path / "study", text, status=3)
     states = dict(zip(table["command"], table["state"], strict=True))
@@ -369,16 +357,10 @@ def test_what_reads_a_large_task_that_failed_fails_too(session, shared_path, mon
     assert [count for count, _ in said] == ["1/3", "2/3", "3/3"]
     assert said[1][1].endswith(": lost; 1 failed") and said[2][1].endswith("2 failed")
     assert said[1] in lines[0]  # of what all do together one tells
-
-
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(2)
-@pytest.mark.least_ranks(2)
-def test_what_becomes_of_a_large_task_is_what_rank_0_says(session, shared_path, monkeypatch):
-    """So that all go on with the same tasks."""
-    together_but(monkeypatch, "sweep", InputError("lost"), rank=1)
-    text = SMALL.replace("1:2", "1:1").replace("[quasistatic]", '[sweep]\nomega = "1"\n[spectrum]')
-    assert set(study(shared_path / "study", text)["state"]) == {"done"}
+    monkeypatch.undo()
+    losing(monkeypatch, {"sweep": InputError("lost")}, rank=1)  # all go on as rank 0 says
+    monkeypatch.setattr(study_run, "LARGE", 15)
+    assert set(study(shared_path / "other", text)["state"]) == {"done"}
 
 
 @pytest.mark.scalar("real")
@@ -386,7 +368,8 @@ def test_what_becomes_of_a_large_task_is_what_rank_0_says(session, shared_path, 
 @pytest.mark.least_ranks(2)
 def test_a_bug_in_what_all_do_together_is_no_row(session, shared_path, monkeypatch):
     """One rank alone may have met it: the others would wait for it in the next task."""
-    together_but(monkeypatch, "quasistatic", ZeroDivisionError("a bug"))
+    losing(monkeypatch, {"quasistatic": ZeroDivisionError("a bug")})
+    monkeypatch.setattr(study_run, "LARGE", 15)
     with pytest.raises(ZeroDivisionError, match="a bug"):
         study(shared_path / "study", SMALL.replace("1:2", "1:1"))
     session.comm.Barrier()
