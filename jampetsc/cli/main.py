@@ -122,9 +122,9 @@ class Parser(argparse.ArgumentParser):
     def error(self, message):
         raise InputError(f"{message} (see {self.prog} --help)")
 
-    def print_help(self, file=None):
+    def _print_message(self, message, file=None):  # help and version
         if _chosen(sys.argv):
-            super().print_help(file)
+            super()._print_message(message, file)
 
 
 def command_parser(words):

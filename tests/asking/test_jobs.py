@@ -28,6 +28,7 @@ from jampetsc.jobs.quasistatic import Quasistatic
 from jampetsc.jobs.spectrum import Spectrum
 from jampetsc.jobs.sweep import Sweep
 from jampetsc.linear import rational
+from jampetsc.speed_accuracy.job import Trade
 
 FUNCTIONS = ("sweep", "quasistatic", "modes", "oscillate", "spectrum", "correlate")
 THIRD = 1 / 3
@@ -50,6 +51,8 @@ ASKED = [
     Spectrum(["s.h5", "t.h5"]),
     Correlate(["s.h5", "t.h5"], lane=[1, THIRD], phase="strain", omega=[1.0, 0.1], packing=None),
     Correlate(["f.h5"], lane=2.0, bin=THIRD),
+    Trade("p.h5", ContactDamping(0.5), prestress=False, ranks=2, ensemble=True, omega="1,2"),
+    Trade("p.h5", choices="method", options_files=["jampetsc:mumps", "jampetsc:iterative"]),
 ]
 
 
@@ -88,10 +91,7 @@ def test_a_function_says_what_it_takes(name):
     )
     for parameter in signature.parameters.values():
         assert f"\n{parameter.name} : " in function.__doc__
-        if (
-            parameter.name in known
-            and getattr(fields(job)[parameter.name], "place", "") == "option"
-        ):
+        if parameter.name in known and getattr(fields(job)[parameter.name], "place", "") == "option":
             assert parameter.kind == parameter.KEYWORD_ONLY and parameter.annotation != parameter.empty
             assert known[parameter.name].help in function.__doc__
     assert function.__name__ == name and function.__doc__.startswith(inspect.cleandoc(job.__doc__)[:30])
@@ -127,15 +127,9 @@ P, OSC = ("p.h5",), {"omega": 0.1, "strain": 1e-6}
         (Sweep, P, {"method": "fast"}, ["method"]),
         (Sweep, P, {"fields": ""}, ["fields"]),
         (Sweep, P, {"fields": ","}, ["fields"]),
-        (Sweep, P, {"omega": "1e-3:1e2"}, ["omega"]),
-        (Sweep, P, {"omega": "1:1:2"}, ["omega"]),
-        (Sweep, P, {"omega": 1e-17}, ["omega"]),
         (Sweep, P, {"omega": float("nan")}, ["omega"]),
-        (Sweep, P, {"accuracy": 1e-13}, ["accuracy"]),
         (Sweep, P, {"accuracy": "x"}, ["accuracy"]),
         (Sweep, P, {"alpha": 0.5}, ["alpha", "stress"]),
-        (Sweep, P, {"alpha": 0.0, "stress": 1e-5}, ["alpha"]),
-        (Sweep, P, {"alpha": 0.5, "stress": -1.0}, ["stress"]),
         (Sweep, P, {"stress": 1e-5}, ["alpha", "stress"]),
         (Sweep, P, {"law": "stokes", "alpha": 0.5, "stress": 1e-5}, ["alpha", "law"]),
         (Sweep, P, {"law": "water"}, ["law"]),
@@ -143,30 +137,17 @@ P, OSC = ("p.h5",), {"omega": 0.1, "strain": 1e-6}
         (Sweep, P, {"law": "stokes", "beta": 0.1}, ["beta"]),
         (Sweep, P, {"tau1": 0.0}, ["tau1"]),
         (Quasistatic, P, {"law": "stokes", "betas": "0.1"}, ["betas", "law"]),
-        (Quasistatic, P, {"betas": "-1"}, ["betas"]),
-        (Modes, P, {"count": 0}, ["count"]),
         (Modes, P, {"count": 2.5}, ["count"]),
-        (Modes, P, {"below": 1e-30}, ["below"]),
         (Modes, P, {"below": float("inf")}, ["below"]),
         (Modes, P, {"count": 3, "all": True}, ["count", "all"]),
         (Oscillate, P, {"omega": 0.1}, ["stress", "strain"]),
         (Oscillate, P, OSC | {"stress": 1e-6}, ["stress", "strain"]),
         (Oscillate, P, {"strain": 1e-6}, ["omega"]),
-        (Oscillate, P, OSC | {"alpha": 0.0}, ["alpha"]),
-        (Oscillate, P, OSC | {"alpha": 2.1}, ["alpha"]),
-        (Oscillate, P, OSC | {"steps": 20}, ["steps"]),
-        (Oscillate, P, OSC | {"steps": 8}, ["steps"]),
         (Oscillate, P, OSC | {"law": "stokes"}, ["law"]),
         (Oscillate, P, OSC | {"cycles": 5}, ["cycles", "contacts"]),
-        (Oscillate, P, OSC | {"cycles": 2, "contacts": "moving"}, ["cycles"]),
-        (Oscillate, P, {"omega": 0.1, "strain": 1e-10, "contacts": "moving"}, ["strain", "contacts"]),
         (Oscillate, P, OSC | {"contacts": "moving", "prestress": False}, ["prestress", "contacts"]),
         (Oscillate, P, OSC | {"omega": 1e-299, "alpha": 0.01, "tau1": 0.09}, ["omega", "tau1"]),
-        (Spectrum, P, {"window": 2.0}, ["window"]),
-        (Correlate, P, {"lane": "1,0.5,1"}, ["lane"]),
-        (Correlate, P, {"lane": "x"}, ["lane"]),
         (Correlate, P, {"lane": 0.0}, ["lane"]),
-        (Correlate, P, {"bin": -1.0}, ["bin"]),
         (Correlate, P, {"phase": "time"}, ["phase"]),
     ],
 )
