@@ -95,8 +95,10 @@ def test_frequencies(text, count):
     assert len(omega) == count and (np.diff(omega) > 0).all()
 
 
-@pytest.mark.parametrize("text", "1:1:5 0.99e-16 1.01e12 1e-17:1:5 1:1e13:5 2:1:5 1:2:1 1:2:100001 1:2:0 nan 1,inf 0 "
-                                 "-1 1:2".split() + [""])  # fmt: skip
+NO_FREQUENCY = "1:1:5 0.99e-16 1.01e12 1e-17:1:5 1:1e13:5 2:1:5 1:2:1 1:2:100001 1:2:0 nan 1,inf 0 -1 1:2"
+
+
+@pytest.mark.parametrize("text", [*NO_FREQUENCY.split(), ""])
 def test_what_is_no_frequency(text):
     with pytest.raises(ValueError, match=r"must|need|write"):
         FREQUENCIES.read(text)

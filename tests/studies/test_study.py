@@ -344,7 +344,9 @@ def test_what_fits_on_a_machine_is_shared_by_its_ranks(session, monkeypatch):
 @pytest.mark.least_ranks(2)
 def test_what_reads_a_large_task_that_failed_fails_too(session, shared_path, monkeypatch, capsys):
     clock = SimpleNamespace(monotonic=itertools.count(0, 10).__next__, sleep=sleep)
-    monkeypatch.setattr("jampetsc.studies.journal.time", clock)  # each look at what the others have done is new
+    monkeypatch.setattr(
+        "jampetsc.studies.journal.time", clock
+    )  # each look at what the others have done is new
     losing(monkeypatch, {"sweep": InputError("lost")})
     monkeypatch.setattr(study_run, "LARGE", 15)
     text = SMALL.replace("1:2", "1:1").replace("[quasistatic]", '[sweep]\nomega = "1"\n[spectrum]')
