@@ -107,7 +107,6 @@ examples:
         to.check(self.FORMAT, [one for one in sources if isinstance(one, str)])
 
     def work(self, to):
-        """Read, fit, write and tell what was found."""
         from jampetsc.analysis.collapse_errors import drift
         from jampetsc.jobs import scaling
 

@@ -100,7 +100,6 @@ class Correlate(Job):
         to.check(lanes.FORMAT if flows else self.FORMAT, self.paths)
 
     def work(self, to):
-        """Correlate."""
         opened_ = [opened(source) for source in self.results]
         kind = getattr(opened_[0], "format", "")
         for source, result in zip(self.results, opened_, strict=True):

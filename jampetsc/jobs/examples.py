@@ -34,7 +34,6 @@ class Examples(Job):
             raise InputError(f"{named('copy')} {self.copy}: is there already: name a new folder")
 
     def work(self, to):
-        """Copy the files and say where they are."""
         from jampetsc.shipped_files import FOLDER
 
         shutil.copytree(FOLDER, self.copy, ignore=shutil.ignore_patterns("__pycache__"))

@@ -52,14 +52,12 @@ class Export(Job):
         check_output(to.path, exported(to.path), self.paths)
 
     def work(self, to):
-        """Write the file and tell what it holds."""
         from jampetsc.io.exporters import write_frames
 
         count = write_frames(to.path, self._frames())
         return f"{to}: {count} frame{'s' * (count != 1)} of {input_told(self.file)}"
 
     def answer(self, to, told):
-        """The file."""
         return to.path
 
     def _frames(self):

@@ -66,7 +66,6 @@ A packing that is not at rest: jampetsc pack --from dump.h5 --pressure 1e-2 --ou
     k: float | None = asked(None, "contact stiffness, in units of FILE (default 1)")
 
     def work(self, to):
-        """Import and tell what was found beside what was published."""
         from jampetsc.io.importers import import_packing
 
         how = ("format", "radius", "box", "potential", "stiffness", "k")

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from jampetsc.asking.damping import OfPacking
-from jampetsc.asking.kinds import PACKING
-from jampetsc.core.laws import DEFAULT, Law, Physics, damping_law
+from jampetsc.core.laws import DEFAULT
 from jampetsc.errors import InputError, named
 
 
@@ -36,7 +35,6 @@ class Matrices(OfPacking):
             check_output(path, exported(path), self.paths)
 
     def work(self, to):
-        """Assemble and write. Collective."""
         from jampetsc.io.packing_file import read_identified, source_told
         from jampetsc.mechanics.matrices import files_of, matrices_of, write_matrices
         from jampetsc.petsc import session
@@ -54,7 +52,6 @@ class Matrices(OfPacking):
         return f"{told}: {self.physics}, {unknowns} unknowns of {disks} disks, {pins} pins"
 
     def answer(self, to, told):
-        """The files."""
         from jampetsc.mechanics.matrices import files_of
 
         return list(files_of(to.path).values())
@@ -73,6 +70,5 @@ def assemble(packing, law=DEFAULT, *, prestress=True):
     from jampetsc.mechanics.matrices import matrices_of
     from jampetsc.petsc import session
 
-    comm = session.start("real").comm
-    physics = Physics(law if isinstance(law, Law) else damping_law(law), prestress)
-    return matrices_of(read_identified(PACKING.read(packing), comm)[0], physics, comm)
+    asked, comm = Matrices(packing, law, prestress=prestress), session.start("real").comm
+    return matrices_of(read_identified(asked.packing, comm)[0], asked.physics, comm)

@@ -84,7 +84,6 @@ A run that was killed goes on when the same command is given again."""
     steps: int = asked(64, "steps of a cycle, a multiple of 8", low=16, high=4096, metavar="N")
 
     def check(self):
-        """Refuse what does not go together."""
         if (self.stress is None) == (self.strain is None):
             raise InputError(f"{named('stress')}, {named('strain')}: give one of them")
         if self.steps % 8:
@@ -165,7 +164,6 @@ A run that was killed goes on when the same command is given again."""
         }
 
     def work(self, to):
-        """Solve. Collective."""
         from jampetsc.oscillation import run
 
         return _summary(self, to, run.solve(self, to))

@@ -119,7 +119,6 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
     )
 
     def check(self):
-        """Refuse what does not go together."""
         for names in ONE_OF:
             given = [named(name) for name in names if getattr(self, name) is not None]
             if len(given) > 1:

@@ -124,7 +124,6 @@ Every result is drawn without --kind; a wrong name after --kind lists those ther
         """`draw` looks at them when it knows what it draws."""
 
     def work(self, to):
-        """Draw the picture; what it shows."""
         from jampetsc.plots.draw import draw
 
         items = rows_named(self.files, self.where)

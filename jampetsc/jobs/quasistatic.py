@@ -48,7 +48,6 @@ PETSc options: -shift_… for the factorisations."""
             self.law.altered(beta=beta)  # where nothing dissipates
 
     def work(self, to):
-        """Solve. Collective."""
         from jampetsc.linear import quasistatic
 
         betas = () if self.betas is None else self.betas.tolist()

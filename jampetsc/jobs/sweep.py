@@ -62,7 +62,6 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
     )
 
     def check(self):
-        """Refuse what does not go together."""
         self.law.require_dissipation()
         if self.parallel and self.method == "direct":
             raise InputError(
@@ -102,7 +101,6 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         return "complex" if builds.to_choose("complex") else "any"
 
     def work(self, to):
-        """Sweep. Collective."""
         from jampetsc.linear import direct_sweep, rational_sweep
         from jampetsc.linear.run import Run
         from jampetsc.linear.stability import settle

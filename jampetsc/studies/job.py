@@ -83,7 +83,6 @@ A task that fails is a row with its reason and is tried again by the next run; t
         return read(self.study) if isinstance(self.study, str) else self.study
 
     def work(self, to):
-        """Do what is left. Collective."""
         from jampetsc.studies.plan import plan
 
         if self.dry_run:

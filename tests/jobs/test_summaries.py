@@ -83,23 +83,6 @@ def test_a_study_tells_what_failed_and_what_is_unstable():
     assert "more, see" not in exactly and exactly.count("failed: no") == study.MANY
 
 
-def test_lengths_are_told_with_their_errors():
-    assert correlate_sweeps._with_error(np.nan, 1.0) == "no root"
-    assert (
-        correlate_sweeps._with_error(1.2345, np.nan) == "1.23"
-        and correlate_sweeps._with_error(1.2345, 0.05) == "1.23 ± 0.05"
-    )
-    values = np.array([[1.0, 3.0, np.nan], [1.0, 4.0, np.nan]])
-    assert correlate_sweeps._rms(values) == pytest.approx(np.sqrt(12.5)) and np.isnan(
-        correlate_sweeps._rms(values[:, [0, 2]])
-    )
-    sweeps = [SimpleNamespace(attributes={"pressure": p}) for p in (1e-3, 3e-3)]
-    assert correlate_sweeps._mean_pressure([*sweeps, SimpleNamespace(attributes={})]) == {
-        "pressure": pytest.approx(2e-3)
-    }
-    assert correlate_sweeps._mean_pressure([]) == {}
-
-
 def test_an_oscillation_tells_both_ends_of_its_frequencies():
     asked = SimpleNamespace(
         alpha=1.0,
