@@ -132,14 +132,6 @@ def test_bad_input_is_one_line(packing, tmp_path, monkeypatch, words, message):
     assert not list(tmp_path.iterdir())
 
 
-def test_not_under_mpirun(packing, tmp_path):
-    """In a process of its own, where MPI is started to ask and ended."""
-    line = [sys.executable, "-m", "jampetsc", "trade", packing, "--out", tmp_path / "t.csv"]
-    environment = launch.environment() | {"OMPI_COMM_WORLD_SIZE": "2"}
-    done = subprocess.run(line, env=environment, capture_output=True, text=True, timeout=60)
-    assert done.returncode == 2 and "run it without mpirun and give --ranks" in done.stderr
-
-
 # Its runs
 
 
@@ -254,7 +246,7 @@ def spent(curve, seconds=2.0, factorisations=5):
 WIDE = np.geomspace(1e-8, 10, 91)
 
 
-def test_the_reference_is_the_tightest_sweep_that_is_certified(told, capsys):
+def test_the_reference_is_the_tightest_sweep_that_is_certified(told, capsys, telling):
     ends = [("1e-12", 3, None), ("1e-11", 3, None), ("1e-10", 3, None), ("1e-09", 0, spent(Curve(WIDE)))]
     bench = told(*ends, choices=["accuracy"])
     rows = bench.find_reference()
@@ -439,17 +431,7 @@ def test_slopes_of_an_ensemble_scatter_from_packing_to_packing():
 # The whole of it
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"ranks": 3}, "ranks 3: neither mpirun nor mpiexec is in PATH"),
-        ({"options_files": ["t.csv"]}, "t.csv: is the input"),
-        ({"options_files": ["t.png"]}, "t.png: is the input"),
-        ({"packing": "none.h5"}, "none.h5: no such file"),
-        ({"packing": "t.csv"}, "t.csv: is the input"),
-    ],
-)
-def test_what_can_be_known_to_be_wrong_is_said_before_anything_runs(tmp_path, monkeypatch, changes, message):
+def test_what_can_be_known_to_be_wrong_is_said_before_anything_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PATH", str(tmp_path))
     with_record("p.h5", 16)
@@ -457,8 +439,15 @@ def test_what_can_be_known_to_be_wrong_is_said_before_anything_runs(tmp_path, mo
     (tmp_path / "t.png").write_bytes(b"\x89PNG\r\n")
     good, to = asked(), Outlet("t.csv")
     good.check_outputs(to)
-    with pytest.raises(InputError, match=message):
-        replace(good, **changes).check_outputs(to)
+    for changes, message in (
+        ({"ranks": 3}, "ranks 3: neither mpirun nor mpiexec is in PATH"),
+        ({"options_files": ["t.csv"]}, "t.csv: is the input"),
+        ({"options_files": ["t.png"]}, "t.png: is the input"),
+        ({"packing": "none.h5"}, "none.h5: no such file"),
+        ({"packing": "t.csv"}, "t.csv: is the input"),
+    ):
+        with pytest.raises(InputError, match=message):
+            replace(good, **changes).check_outputs(to)
     for name, held in (("t.csv", "table"), ("t.png", "picture")):  # not what was there, but something else
         (tmp_path / name).write_bytes(b"x\0")
         with pytest.raises(InputError, match=rf"{name}: is there already and .*, not a {held}"):
@@ -491,16 +480,7 @@ def test_a_trade_tells_what_was_measured_on_what_and_what_was_left_out(tmp_path,
     assert "for a first look" in text and [row.group for row in drawn[0][0]] == ["reference"]
     assert drawn[0][1:] == (pytest.approx(2**0.5 * 1e-6), tmp_path / "t.png")
     curve.omega, curve.G = curve.omega[:9], curve.G[:9]
-    (tmp_path / "a.opts").touch()
-    how = {
-        "omega": "1,2",
-        "choices": ["frequencies", "method"],
-        "options_files": [tmp_path / "a.opts"],
-        "ranks": 2,
-    }
-    table = measure.measure(asked(packing, **how), tmp_path / "t.csv")
-    rows = [line.split("|")[2].strip() for line in table.splitlines() if "| direct, " in line]
-    assert rows == ["direct, MUMPS", "direct, a.opts"]
+    table = measure.measure(asked(packing, omega="1,2", choices=["frequencies"], ranks=2), tmp_path / "t.csv")
     for told in ("runs: mpirun -n 2; ", "critical window, 10 p/k", "left out, it needs"):
         assert told in table
 
