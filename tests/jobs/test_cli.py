@@ -356,14 +356,6 @@ def test_an_error_of_petsc_is_one_line_of_one_rank(session, monkeypatch, capsys)
     )
 
 
-def test_standard_error_that_takes_nothing_stops_nothing(monkeypatch):
-    for mode in ({"buffering": 1}, {}):  # refused at once, or later
-        with open("/dev/full", "w", **mode) as full:
-            monkeypatch.setattr(sys, "stderr", full)
-            streams.say("a line\n")
-            assert os.readlink(f"/proc/self/fd/{full.fileno()}") == os.devnull
-
-
 def test_streams_are_prepared_without_leaving_a_file_open(monkeypatch):
     before = len(os.listdir("/proc/self/fd"))
     streams.prepare()

@@ -1,7 +1,6 @@
 """The trade: real runs at N = 64, what is made of them, and the advice that follows from rows."""
 
 import csv
-import os
 import subprocess
 import sys
 from dataclasses import fields, replace
@@ -21,7 +20,7 @@ from jampetsc.errors import ConvergenceError, InputError, JampetscError
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_packing, write_packing
 from jampetsc.petsc import launcher
-from jampetsc.plots.trade import draw_trade, plot_trade
+from jampetsc.plots.trade import draw_trade
 from jampetsc.progress import Progress
 from jampetsc.speed_accuracy import choices, ensembles, measure, processes
 from jampetsc.speed_accuracy.advice import advise
@@ -712,10 +711,3 @@ def test_points_of_the_picture_are_times_of_runs_and_errors_of_both_moduli():
         # what is not resolved is drawn at the bound of the reference
         assert (filled[1], empty[1]) == (max(row.error_storage, 1e-12), row.error_loss)
         assert filled[3] != "white" and empty[3] == "white"
-
-
-def test_names_stay_in_the_picture_and_apart(tmp_path):
-    crowd = [Row("physics", f"law {n}", 1.0, **errors(0.3)) for n in range(8)]
-    plot_trade([*ROWS, *crowd], 1e-12, tmp_path / "t.png")
-    assert imread(tmp_path / "t.png").shape[2] == 4
-    assert os.listdir(tmp_path) == ["t.png"]

@@ -420,23 +420,6 @@ def test_a_rank_that_fails_alone_ends_all(tmp_path, ranks):
     assert done.stderr.count("error: ") == 1 and len(records_of(folder)) < ranks
 
 
-@pytest.mark.most_ranks(1)
-@pytest.mark.scalar("real")
-def test_what_a_kill_left_is_taken_over_and_tidied(session, shared_path):
-    folder = shared_path / "study"
-    name = study(folder, SMALL).where(command="quasistatic")["file"][0]
-    made = (folder / name).stat().st_mtime_ns
-    if session.rank == 0:
-        (folder / f"{name}.resume").mkdir()
-        (folder / f"{name}.resume" / "00000-rank-0000").touch()
-        for file in (folder / "journal").iterdir():
-            file.unlink()
-    session.comm.Barrier()
-    assert set(study(folder, SMALL)["state"]) == {"done"}
-    assert (folder / name).stat().st_mtime_ns == made
-    assert not list(folder.glob("*.resume*"))
-
-
 CHAIN = '[pack]\nn = 16\npressure = 1e-2\n[sweep]\nomega = "1e-2,1"\n[spectrum]\n'
 
 
