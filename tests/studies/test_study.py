@@ -454,10 +454,13 @@ CHANGES = {  # what happens to a file -> of which command, what is made again, w
 
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(1)
-def test_what_is_not_what_was_made_is_made_again_and_said(session, shared_path, capsys):
+def test_what_is_not_what_was_made_is_made_again_and_said(session, shared_path, capsys, monkeypatch):
     """A packing comes out as it was, to the last bit, so that what was computed from it stays."""
-    folder = shared_path / "study"
+    folder, rows = shared_path / "study", []
     first = study(folder, CHAIN)
+    write = study_run._write_table
+    monkeypatch.setattr(study_run, "_write_table", lambda *it: rows.append(write(*it)) or rows[-1])
+    monkeypatch.setattr(study_run, "REFRESH", -1.0)  # the table is written all the time
     for how, (change, command, again, later) in CHANGES.items():
         before = times(folder)
         name = first.where(command=command)["file"][0]
@@ -470,7 +473,10 @@ def test_what_is_not_what_was_made_is_made_again_and_said(session, shared_path, 
         capsys.readouterr()
         if later:
             study(folder, CHAIN, status=3)
+        rows.clear()
         table = study(folder, CHAIN)
+        told_meanwhile = {"pack": [1, 1, 1, 3], "sweep": [2, 3, 3]}[command]  # what is known to hold by then
+        assert later or [len(some) for some in rows] == told_meanwhile
         told = capsys.readouterr().err
         assert set(table["state"]) == {"done"} and table.rows == first.rows, how
         made = {name.split("-")[0] for name, time in times(folder).items() if time != before[name]}

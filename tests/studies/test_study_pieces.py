@@ -212,8 +212,8 @@ REFUSED = [  # STUDY.toml, how the message goes on behind its name
     ('[pack]\nn = 16\npressure = 1e-2\nseeds = "2:1"', "[pack]: seeds 2:1: the last"),
     ("[pack]\nn = 16\nphi = [0.9, 0.88]\nladder = true", "[pack]: ladder: needs pressure"),
     ('[pack]\nn = [16, 32]\nphi = [0.9, 0.95]\nseeds = "1:1000000"', "[pack]: 4000000 tasks: at most 100000"),
-    (PACK.replace("1:2", "1:300") + f"[sweep]\nbeta = {[0.1] * 1000}",
-     "[sweep]: 300000 tasks with the 300 before them: at most 100000"),
+    (PACK.replace("1:2", "1:300") + f"[sweep]\nbeta = {[0.1] * 333}",
+     "[sweep]: 99900 tasks with the 300 before them: at most 100000"),
     ("[sweep]", "[sweep]: needs packings: add a table [pack]"),
     (PACK + "[[modes]]\n[[modes]]\ncount = 0", "[modes] number 2: count 0: must be at least 1"),
     (PACK + "[modes]\nwhere = 3", "[modes]: where = 3: write where = {pressure = 1e-4}"),
@@ -419,6 +419,17 @@ def work(rank=0, records=None, refresh=None, tasks=3, folder=None, claims=None):
     runner = SimpleNamespace(records=records or {}, folder=folder)
     tasks = [SimpleNamespace(name=f"task {n}") for n in range(tasks)]
     return study_run._Work(SimpleNamespace(rank=rank), runner, claims, tasks, refresh)
+
+
+@pytest.mark.parametrize(("rank", "every", "count"), [(0, -1.0, 2), (0, 1000.0, 0), (1, -1.0, 0)])
+def test_the_table_is_written_now_and_then_by_rank_0(monkeypatch, rank, every, count):
+    monkeypatch.setattr(study_run, "REFRESH", every)
+    calls = []
+    one = work(rank, refresh=lambda: calls.append(1))
+    before = one.refreshed
+    one._now_and_then()
+    one._now_and_then()
+    assert len(calls) == count and (one.refreshed > before) == (count > 0)
 
 
 def test_a_record_that_is_not_new_is_not_kept_again(tmp_path):
