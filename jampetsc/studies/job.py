@@ -131,23 +131,17 @@ def _outlook(tasks, folder) -> str:
     names = set(names)
     left = [task for task in tasks if task.name in names]
     lines = [f"{'to do' if task.name in names else 'done '}  {' '.join(task.words)}" for task in tasks]
+    totals = []
     for command in dict.fromkeys(task.command for task in tasks):
         mine = [task for task in left if task.command == command]
+        totals.append(costs.total(mine))
         known = any(
             record["state"] == "done" for record in records.values() if record["row"]["command"] == command
         )
         guess = "" if known or not mine else ", by a rough rule until some are done"
-        lines.append(f"{command}: {len(mine)} to do, about {in_words(costs.total(mine))} on one rank{guess}")
+        lines.append(f"{command}: {len(mine)} to do, about {in_words(totals[-1])} on one rank{guess}")
     if changed:
         lines.append(told_of(changed))
-    lines.append(f"{len(left)} of {len(tasks)} tasks to do, about {in_words(_sum(costs, left))} on one rank")
+    total = None if None in totals else sum(totals)
+    lines.append(f"{len(left)} of {len(tasks)} tasks to do, about {in_words(total)} on one rank")
     return "\n".join(lines)
-
-
-def _sum(costs, tasks):
-    """Seconds of all tasks where there is an estimate for each command, else None."""
-    totals = [
-        costs.total([task for task in tasks if task.command == command])
-        for command in {task.command for task in tasks}
-    ]
-    return None if None in totals else sum(totals)

@@ -192,11 +192,3 @@ def test_the_worst_error_of_the_loss_is_over_the_loss():
     bounds = np.array([[0.5, 1e-3, 2e-3], [0.5, 2e-3, 1e-3]])
     (line, *_) = sweep._summary(sweep_job(), np.array([0.1, 1.0]), G, bounds).split("\n")
     assert line.endswith("certified to 1.0e-03 in G' and 4.0e-03 in G''")
-
-
-@pytest.mark.parametrize(("known", "seconds"), [((1.0, 2.0), 3.0), ((1.0, None), None), ((0.0, 0.0), 0.0)])
-def test_what_a_study_costs_is_known_where_all_its_commands_are(known, seconds):
-    costs = SimpleNamespace(total=lambda tasks: dict(zip("ab", known, strict=True))[tasks[0].command])
-    tasks = [SimpleNamespace(command=name) for name in "abab"]
-    assert study._sum(costs, tasks) == seconds
-    assert study._sum(costs, []) == 0

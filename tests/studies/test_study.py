@@ -525,11 +525,12 @@ def test_a_record_that_is_torn_or_changed_does_not_count(tmp_path):
 
 
 def test_a_dry_run_tells_the_tasks_and_makes_nothing(tmp_path, monkeypatch, capsys):
-    (tmp_path / "s.toml").write_text(SMALL)
     monkeypatch.chdir(tmp_path)
-    assert cli.dispatch(["study", "s.toml", "--out", "new", "--dry-run"]) == 0
-    told = capsys.readouterr().out
-    assert told.count("to do  jampetsc ") == 4
-    assert re.search(r"\n4 of 4 tasks to do, about [\d.]+ s on one rank\n$", told)
-    assert told.count("by a rough rule until some are done") == 2
-    assert not (tmp_path / "new").exists()
+    (tmp_path / "radii").write_text("0.5 " * 16)
+    for text, whole in ((SMALL, r"[\d.]+ s"), (SMALL.replace("n = 16", 'radii = "radii"'), "unknown")):
+        (tmp_path / "s.toml").write_text(text)
+        assert cli.dispatch(["study", "s.toml", "--out", "new", "--dry-run"]) == 0
+        told = capsys.readouterr().out
+        assert told.count("to do  jampetsc ") == 4
+        assert re.search(rf"\n4 of 4 tasks to do, about {whole} on one rank\n$", told)
+        assert told.count("by a rough rule until some are done") == 2 and not (tmp_path / "new").exists()
