@@ -121,6 +121,13 @@ class Parameter:
         name = self.name.removesuffix("_").replace("_", "-")
         return f"--no-{name}" if self.default is True else f"--{name}"
 
+    def kept(self, text):
+        """What is kept of a word: a number where this is one; what cannot be read is refused by `read`."""
+        try:
+            return self.kind.word(text)
+        except ValueError:
+            return text
+
     def read(self, value):
         """The value meant. Raises InputError that names the parameter."""
         if value is None and self.default is None:

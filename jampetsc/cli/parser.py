@@ -1,6 +1,5 @@
 """A job on the command line: its parser, made of its parameters, and its run."""
 
-import functools
 import textwrap
 
 from jampetsc.asking.job import Job
@@ -52,19 +51,11 @@ def _add(parser, name, one):
         parser.add_argument(
             *filter(None, (one.word, one.also)),
             dest=name,
-            type=functools.partial(_word, one),
+            type=one.kept,
             required=one.required,
             metavar=one.metavar or one.kind.metavar or (None if one.choices else name.upper()),
             help=_help(one),
         )
-
-
-def _word(one, text):
-    """What is kept of a word: a number where the parameter is one; what cannot be read is refused by the job."""
-    try:
-        return one.kind.word(text)
-    except ValueError:
-        return text
 
 
 def _help(one):
