@@ -61,22 +61,19 @@ def test_negative_numbers_are_values(value):
     assert cli.command_parser(words)[0].parse_args(words).beta == float(value)
 
 
+HDF5 = "Can't write data (file write failed: name = 'a b.h5', errno = 28, error message = 'x')"
+
+
 @pytest.mark.parametrize(
     ("error", "message"),
     [
-        (
-            OSError(errno.ENOSPC, "x", "a.h5"),
-            "a.h5: No space left on device: free some space, or write elsewhere",
-        ),
+        (OSError(errno.ENOSPC, "x", "a.h5"), "a.h5: No space left on device: free some space, or write elsewhere"),
         (OSError(errno.EACCES, "x", "a.h5"), "a.h5: Permission denied: check its permissions"),
         (OSError(errno.EIO, "x"), "Input/output error"),
-        (
-            OSError("Can't write data (file write failed: name = 'a b.h5', errno = 28, error message = 'x')"),
-            "a b.h5: No space left on device: free some space, or write elsewhere",
-        ),
+        (OSError(HDF5), "a b.h5: No space left on device: free some space, or write elsewhere"),
         (OSError("odd\n  words"), "odd words"),
     ],
-)
+)  # fmt: skip
 def test_what_the_system_says_in_one_line(error, message):
     assert cli._system_message(error) == message
 
@@ -99,6 +96,7 @@ def test_one_command_is_imported_unless_all_are_asked_for():
         ("sweep p.h5 --ouput s.h5", "--ouput: no such option; did you mean --out? (see jampetsc sweep --help)"),
         ("sweep p.h5 --ouput=s.h5", "--ouput: no such option; did you mean --out? (see jampetsc sweep --help)"),
         ("sweep p.h5 --out s.h5 --zzz", "--zzz: no such option (see jampetsc sweep --help)"),
+        ("sweep p.h5 --zzz --out", "argument --out: expected one argument (see jampetsc sweep --help)"),
         ("sweep p.h5 q.h5 --out s.h5", "q.h5: one argument too many (see jampetsc sweep --help)"),
         ("sweep --out s.h5 -log_view p.h5", "the following arguments are required: PACKING (see jampetsc sweep "
          "--help); PETSc's options took p.h5: put them last"),
@@ -199,27 +197,23 @@ def test_what_a_launcher_gives_is_left_out():
     assert launcher.without_launcher(given | kept) == kept
 
 
-SETTINGS = {  # of other programs -> a command, and what it says
-    "MPLBACKEND=nonsense": ("plot s.h5 --out s.png", "matplotlib knows no backend of this name: unset it"),
-    "NUMBA_DISABLE_JIT=1": (
-        "pack --n 16 --phi 0.9 --out p.h5",
-        "loops over contacts have to be compiled: unset it",
-    ),
-}
-
-
-@pytest.mark.parametrize("setting", SETTINGS)
-def test_settings_of_other_programs_are_one_line_or_nothing(setting, tmp_path):
+@pytest.mark.parametrize(
+    ("setting", "command", "message"),
+    [  # of other programs
+        ("MPLBACKEND=nonsense", "plot s.h5 --out s.png", "matplotlib knows no backend of this name"),
+        ("NUMBA_DISABLE_JIT=1", "pack --n 16 --phi 0.9 --out p.h5", "loops over contacts have to be compiled"),
+    ],
+)  # fmt: skip
+def test_settings_of_other_programs_are_one_line_or_nothing(tmp_path, setting, command, message):
     with ResultWriter(tmp_path / "s.h5", "jampetsc-sweep") as writer:
         for name in ("omega", "G", "error_bound"):
             writer.dataset(name, np.array([1.0, 2.0]))
         writer.attributes(law="contact", beta=1.0)
     name, _, value = setting.partition("=")
-    command, message = SETTINGS[setting]
-    line = [sys.executable, "-m", "jampetsc", *command.split()]
     settings = {"env": launch.environment() | {name: value}, "cwd": tmp_path}
+    line = [sys.executable, "-m", "jampetsc", *command.split()]
     done = subprocess.run(line, capture_output=True, text=True, timeout=60, **settings)
-    assert (done.returncode, done.stderr) == (2, f"jampetsc: error: {setting}: {message}\n")
+    assert (done.returncode, done.stderr) == (2, f"jampetsc: error: {setting}: {message}: unset it\n")
 
 
 def processes_of(folder):
@@ -424,25 +418,26 @@ def test_one_thread_per_rank_unless_told_otherwise():
 # Streams and locales
 
 
+RADIUS, FULL = (
+    "f: radius -1: must be positive",
+    "No space left on device: free some space, or write elsewhere",
+)
+
+
 @pytest.mark.parametrize(
-    ("where", "deed", "status", "stderr"),
+    ("where", "deed", "status", "message"),
     [
         (">&-", "nothing", 0, ""),
-        (">&-", "input_error", 2, "jampetsc: error: f: radius -1: must be positive\n"),
+        (">&-", "input_error", 2, RADIUS),
         ("2>&-", "input_error", 2, ""),
         (">&- 2>&- <&-", "input_error", 2, ""),
         (">&- <&-", "open_file", 0, ""),
         ("2>/dev/full", "progress", 0, ""),
         ("2>/dev/full", "input_error", 2, ""),
-        (
-            ">/dev/full",
-            "nothing",
-            1,
-            "jampetsc: error: No space left on device: free some space, or write elsewhere\n",
-        ),
+        (">/dev/full", "nothing", 1, FULL),
     ],
 )
-def test_standard_streams_that_lead_nowhere(where, deed, status, stderr):
+def test_standard_streams_that_lead_nowhere(where, deed, status, message):
     line = [
         "sh",
         "-c",
@@ -451,7 +446,7 @@ def test_standard_streams_that_lead_nowhere(where, deed, status, stderr):
         *launch.command(0, "probe.py", "probe", "f", "--do", deed),
     ]
     done = subprocess.run(line, capture_output=True, text=True, timeout=60, env=launch.environment())
-    assert (done.returncode, done.stderr) == (status, stderr)
+    assert (done.returncode, done.stderr) == (status, f"jampetsc: error: {message}\n" if message else "")
 
 
 ASCII = {"PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "LC_ALL": "C"}
