@@ -155,7 +155,7 @@ class Parameter:
         limits = [
             *(["positive" if above == 0 else f"above {above:g}"] if above is not None else []),
             *([f"at least {low:g}"] if low is not None else []),
-            *([f"at most {high:g}"] if high is not None and math.isfinite(high) else []),
+            *([f"at most {high:g}"] if high is not None else []),
         ]
         raise ValueError(f"must be {' and '.join(limits) or 'a number'}")
 

@@ -18,6 +18,7 @@ from jampetsc.asking.parameters import fields, made, parameters
 from jampetsc.cli import main as cli
 from jampetsc.cli.parser import in_words, job_of
 from jampetsc.errors import InputError
+from jampetsc.io.checkpoint import Checkpoint
 from jampetsc.io.memory import MemoryWriter
 from jampetsc.io.reader import collected
 from jampetsc.jobs import JOBS, job_class
@@ -73,12 +74,17 @@ def test_the_words_of_a_job_ask_for_it(job):
 
 def test_what_is_written_otherwise_and_means_the_same():
     job = ASKED[0]
+    assert (
+        job.told()["omega"] == "1e-10:10000.0:141" and "beta" not in job.told()
+    )  # as a grid, without defaults
     assert job.same("omega", "1e-10:1e4:141", "1e-10:10000.0:141") and job.same("accuracy", "1e-6", 1e-6)
     assert not job.same("omega", "1e-10:1e4:141", "1e-10:1e4:140") and not job.same("accuracy", "x", 1e-6)
     assert Sweep("p.h5", "stokes").law == StokesDrag() and Sweep("p.h5", "stokes").told()["law"] == "stokes"
     assert Oscillate("p.h5", omega=0.1, strain=1e-6, alpha=0.5).physics.law.exponent == 0.5
     assert Correlate(["s.h5"], lane="1,0.5").lane == (1.0, 0.5)  # in their order
     assert Modes("p.h5", prestress=False).words() == ["--no-prestress"]
+    # an option at its default is as if it were not given, also one of another law
+    assert made(Sweep, {"packing": "p.h5", "law": "stokes", "rotations": True}).law == StokesDrag()
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
@@ -324,7 +330,7 @@ def test_an_answer_in_memory_is_that_of_the_file(session, shared_path, monkeypat
 
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(1)
-def test_an_interrupt_leaves_a_process_that_can_go_on(session, monkeypatch):
+def test_an_interrupt_leaves_a_process_that_can_go_on(session, monkeypatch, shared_path):
     p, solve = published(), rational.RationalSweep.add_shifts
     with monkeypatch.context() as patch:
         patch.setattr(rational.RationalSweep, "add_shifts", lambda *words: (solve(*words), _interrupt()))
@@ -332,6 +338,16 @@ def test_an_interrupt_leaves_a_process_that_can_go_on(session, monkeypatch):
             jampetsc.sweep(p, omega=[1.0])
     reference = jampetsc.quasistatic(p).attributes["G0"]
     assert jampetsc.sweep(p, omega=[1e-9]).G[0].real == pytest.approx(reference, rel=1e-6)
+    save, how = (
+        Checkpoint.save,
+        {"omega": [1e-3, 1.0], "method": "direct", "checkpoint": shared_path / "kept"},
+    )
+    with monkeypatch.context() as patch:
+        patch.setattr(Checkpoint, "save", lambda *words: (save(*words), _interrupt()))
+        with pytest.raises(KeyboardInterrupt):
+            jampetsc.sweep(p, **how)
+    assert len(list((shared_path / "kept.resume").glob("*-rank-0000"))) == 1
+    assert len(jampetsc.sweep(p, **how).G) == 2 and not list(shared_path.iterdir())
 
 
 def _interrupt():
@@ -373,5 +389,6 @@ def test_another_packing_in_memory_is_another_request(tmp_path):
     out, how = tmp_path / "f.h5", {"model": jampetsc.models.RD0(), "rate": 1e-1, "strain": 0.02}
     for _ in range(2):
         jampetsc.flow(published(), **how, out=out)
+    assert jampetsc.info(out).startswith(f"{out}: flow of ")  # text is given as it is
     with pytest.raises(InputError, match="other inputs"):
         jampetsc.flow(polydisperse(3)[0], **how, out=out)
