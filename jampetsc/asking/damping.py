@@ -1,8 +1,12 @@
 """The damping law of a job: the options that make one, from the table of families."""
 
-from jampetsc.asking.parameters import NUMBER, SWITCH, WORD, Parameter, Part, asked
-from jampetsc.core.laws import DEFAULT, FAMILIES, OPTIONS, Law, damping_law, having
-from jampetsc.errors import InputError, named
+from dataclasses import dataclass
+
+from jampetsc.asking.job import Job
+from jampetsc.asking.kinds import PACKING
+from jampetsc.asking.parameters import FILE, NUMBER, SWITCH, WORD, Parameter, Part, asked, part
+from jampetsc.core.disks import Disks
+from jampetsc.core.laws import DEFAULT, FAMILIES, OPTIONS, Law, Physics, damping_law, having
 
 GROUP = "damping law"
 
@@ -50,10 +54,15 @@ PRESTRESS = asked(
 )
 
 
-def refuse_law_of_fluid(law: Law, parameter: str, remedy: str) -> None:
-    """Raise InputError where not contacts alone dissipate under a law and `parameter` needs that."""
-    if not law.is_of_contacts:
-        owners = [name for name in FAMILIES if damping_law(name).damps_contacts]
-        raise InputError(
-            f"{named(parameter)}: belongs to {named('law')} {' or '.join(owners)}, not to {law.family or law}; {remedy}"
-        )
+@dataclass(frozen=True, eq=False)
+class OfPacking(Job):
+    """Base of jobs on the matrices of a packing, under a damping law."""
+
+    packing: Disks = asked(help="packing", kind=PACKING, place=FILE)
+    law: Law = part(DAMPING)
+    prestress: bool = PRESTRESS
+
+    @property
+    def physics(self) -> Physics:
+        """Law and pre-stress."""
+        return Physics(self.law, self.prestress)

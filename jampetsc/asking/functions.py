@@ -1,10 +1,12 @@
 """A job as a python function: its signature and its documentation follow from the job's class."""
 
+import contextlib
 import dataclasses
 import inspect
 
+from jampetsc import progress
 from jampetsc.asking.parameters import FILES, OPTION, Part, fields, shown
-from jampetsc.asking.perform import answer
+from jampetsc.io.outlet import Outlet
 
 HOW = {  # parameters of every function, beside those of its job
     "out": (None, "file of the result; without one it stays in memory, see `Result.save`"),
@@ -20,15 +22,15 @@ HOW = {  # parameters of every function, beside those of its job
 def function_of(job):
     """The function that makes a job of this class of its arguments, does it and gives the result. Collective."""
     signature = signature_of(job)
-    several = next((name for name, one in fields(job).items() if _place(one) == FILES), None)
 
     def call(*given, **options):
-        bound = signature.bind(*given, **options).arguments
-        how = {name: bound.pop(name, default) for name, (default, _) in HOW.items()}
-        if several:  # none of them is an empty tuple
-            bound[several] = bound.get(several, ())
-        told = how.pop("progress")
-        return answer(job(**bound), told=told, **how)
+        bound = signature.bind(*given, **options)
+        bound.apply_defaults()
+        out, checkpoint, overwrite, told = (bound.arguments.pop(name) for name in HOW)
+        asked, to = job(**bound.arguments), Outlet(out, out if checkpoint is None else checkpoint)
+        with progress.telling(True) if told else contextlib.nullcontext():
+            said = asked.perform(to, argv=asked.line(out), overwrite=overwrite)
+        return asked.answer(to, said)
 
     call.__name__ = call.__qualname__ = job.NAME
     call.__module__ = "jampetsc"
@@ -39,18 +41,17 @@ def function_of(job):
 
 def signature_of(job) -> inspect.Signature:
     """What the function of a job takes."""
-    kinds, found = inspect.Parameter, []
+    kinds = inspect.Parameter
+    places = {OPTION: kinds.KEYWORD_ONLY, FILES: kinds.VAR_POSITIONAL}
+    found = []
     for field in dataclasses.fields(job):
-        place = _place(fields(job)[field.name])
-        kind = {OPTION: kinds.KEYWORD_ONLY, FILES: kinds.VAR_POSITIONAL}.get(
-            place, kinds.POSITIONAL_OR_KEYWORD
-        )
-        default = field.default
-        if field.default_factory is not dataclasses.MISSING:
-            default = field.default_factory()
+        kind = places.get(getattr(fields(job)[field.name], "place", None), kinds.POSITIONAL_OR_KEYWORD)
         if kind == kinds.VAR_POSITIONAL:
             found.append(kinds(field.name, kind))
             continue
+        default = field.default
+        if field.default_factory is not dataclasses.MISSING:
+            default = field.default_factory()
         default = kinds.empty if default is dataclasses.MISSING else default
         found.append(kinds(field.name, kind, default=default, annotation=field.type))
     found += [kinds(name, kinds.KEYWORD_ONLY, default=default) for name, (default, _) in HOW.items()]
@@ -76,8 +77,3 @@ def documentation_of(job) -> str:
     lines += ["", "Returns", "-------", job.GIVES or f"what `load` gives for a {job.FORMAT} file"]
     lines += ["", "Raises", "------", "InputError", "    for values that cannot be used, naming them"]
     return "\n".join([*lines, "ConvergenceError", "    where it does not get there"])
-
-
-def _place(said):
-    """Where a command line has what a field asks for; None for what several options make up."""
-    return getattr(said, "place", None)

@@ -1,40 +1,37 @@
 """A job: what is asked, as a frozen dataclass, and how it is answered. Functions and commands are made of its class."""
 
 import shlex
+import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
-from jampetsc.asking.kinds import input_told
+from jampetsc.asking.kinds import PACKING, RADII, input_told
 from jampetsc.asking.parameters import FILE, OPTION, Part, fields, parameters
 from jampetsc.errors import InputError, named
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.request import Request
+from jampetsc.petsc import session
+from jampetsc.progress import LOG
 
 
 @dataclass(frozen=True)
 class Job:
     """Base of all jobs. A subclass is a frozen dataclass whose fields are made by `asking.asked` and `asking.part`.
 
-    Its docstring is its description, the first line of it the help of its command. It says by
-
-        NAME        of command and function
-        FORMAT      of its result, "jampetsc-sweep"
-        EPILOG      what its help ends with: examples, prefixes of PETSc's options
-        check()     refuses values that do not go together, whatever files hold
-        scalar      PETSc's scalars that it needs
-        work(to)    what it does
+    Its docstring is its description, the first line of it the help of its command. What it says besides are the class
+    variables; `check` refuses values that do not go together, whatever files hold, and `work` does it.
     """
 
-    NAME: ClassVar[str]
-    FORMAT: ClassVar[str]
-    EPILOG: ClassVar[str] = ""
+    NAME: ClassVar[str]  # of command and function
+    FORMAT: ClassVar[str]  # of its result, "jampetsc-sweep"
+    EPILOG: ClassVar[str] = ""  # what its help ends with: examples, prefixes of PETSc's options
     SOLVERS: ClassVar[tuple] = ()  # prefixes of the PETSc options that its solvers read, see `solver_options`
     OUT: ClassVar[str] = "required"  # whether its command needs --out: required, optional, or "" for no file
     OUT_HELP: ClassVar[str] = "result file (HDF5)"
     GIVES: ClassVar[str] = ""  # what python gets, where that is not what `load` gives for its file
     scalar: ClassVar[str | None] = (
-        "real"  # PETSc's that it needs, or complex, any; None: nothing to do for it
+        "real"  # PETSc's that it needs, or complex, any; None: PETSc has nothing to do
     )
     place: ClassVar = None  # where its result goes where no name is given
     AGAIN: ClassVar[bool] = False  # whether its result is made anew without asking: pictures and tables
@@ -65,17 +62,25 @@ class Job:
     def check(self) -> None:
         """Raise InputError for values that do not go together."""
 
+    def _values(self, wanted) -> list:
+        """The values of parameters that are `wanted`, a function of each; several of one are taken apart."""
+        names = [name for name, one in parameters(type(self)).items() if wanted(one)]
+        return [one for name in names for one in _several(getattr(self, name))]
+
     @property
     def sources(self) -> list:
         """What it reads: names of files, and packings and results in memory."""
-        places = [name for name, one in parameters(type(self)).items() if one.place != OPTION]
-        return [one for name in places for one in _several(getattr(self, name))]
+        return self._values(lambda one: one.place != OPTION)
 
     @property
     def paths(self) -> list[str]:
-        """Those of `sources` that are, or lie in, files."""
-        places = [one if isinstance(one, str | Path) else getattr(one, "file", None) for one in self.sources]
-        return [str(one) for one in places if one is not None]
+        """Files that it reads: those that `sources`, and packings and radii among the options, are or lie in."""
+        values = self._values(lambda one: one.place != OPTION or one.kind in (PACKING, RADII))
+        files = [
+            one if isinstance(one, str | Path) else getattr(one, "file", getattr(one, "path", None))
+            for one in values
+        ]
+        return [str(one) for one in files if one is not None]
 
     def gathered(self) -> "Job":
         """The job with results in memory whole on every rank. Collective."""
@@ -136,13 +141,46 @@ class Job:
         """Raise InputError, before any work, unless all of its files may be written."""
         to.check(self.FORMAT, self.paths)
 
+    def perform(self, to: Outlet, *, petsc_argv=(), argv=None, overwrite=False, alone=False) -> str:
+        """Look whether the result may be put there, start PETSc where it is needed, do the work. Collective.
+
+        to          outlet of the result
+        petsc_argv  PETSc's own options; argv: the command line that the result records
+        overwrite   whether a finished result of other settings may be replaced
+        alone       whether no other rank is here for a job that one rank does
+
+        Returns what a user wants to read. Raises InputError before any work for an output that cannot be, and as
+        the job does.
+        """
+        to.request = self.request(argv or sys.argv, overwrite)
+        self.check_outputs(to)
+        if self.scalar is not None:
+            running = session.start(None if self.scalar == "any" else self.scalar, petsc_argv)
+            if running.rank == 0:
+                version = ".".join(map(str, running.PETSc.Sys.getVersion()))
+                LOG.debug(
+                    "PETSc %s, %s scalars, %d ranks: %s", version, running.scalar_type, running.size, self
+                )
+            return self.work(to)
+        from jampetsc.collective import on_root  # and numpy: not before `cli.main` has said how many threads
+
+        comm = None if alone else session.communicator()
+        job = self if comm is None else self.gathered()
+        told = on_root(comm, lambda: job.work(to))
+        if comm is not None and to.path is None:
+            to.share(comm)
+        return told
+
     def work(self, to: Outlet) -> str:
         """Do it and put what is found into the outlet `to`; what a user wants to read. Collective."""
         raise NotImplementedError
 
     def answer(self, to: Outlet, told: str):
-        """What python gets: what `load` gives for the file, or the same in memory; told: what `work` has said."""
-        return to.result
+        """What python gets: what `load` gives for the file, or the same in memory; words where `GIVES` says "str".
+
+        told   what `work` has said
+        """
+        return told if self.GIVES.startswith("str") else to.result
 
     def __str__(self):
         return shlex.join(self.line())

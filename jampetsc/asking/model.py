@@ -6,36 +6,20 @@ from jampetsc.core.laws import LARGEST, OPTIONS
 from jampetsc.errors import InputError, named
 from jampetsc.flows.models import MODELS, Model, model_of
 
-GROUP = "model"
-OWN = (
-    Parameter(
-        "model",
-        "drag (RD) or contact damping (CD, of normal or tangential motion only CDn, CDt); 0: overdamped",
-        WORD,
-        None,
-        choices=tuple(MODELS),
-        group=GROUP,
-    ),
-    Parameter("mass", "mass of every disk", NUMBER, None, above=0.0, high=LARGEST, metavar="M", group=GROUP),
-    Parameter(
-        "quality",
-        "Q = √(m k)/(k τ₁), instead of a mass",
-        NUMBER,
-        None,
-        above=0.0,
-        high=LARGEST,
-        metavar="Q",
-        group=GROUP,
-    ),
-    Parameter(
-        "friction",
+WHAT = "drag (RD) or contact damping (CD, of normal or tangential motion only CDn, CDt); 0: overdamped"
+MOTION = {  # parameter -> what it is, and its range
+    "mass": ("mass of every disk", {"above": 0.0, "metavar": "M"}),
+    "quality": ("Q = √(m k)/(k τ₁), instead of a mass", {"above": 0.0, "metavar": "Q"}),
+    "friction": (
         "drag δ of the fluid beside contact damping (default: the limit δ → 0)",
-        NUMBER,
-        None,
-        low=0.0,
-        high=LARGEST,
-        metavar="D",
-        group=GROUP,
+        {"low": 0.0, "metavar": "D"},
+    ),
+}
+OWN = (
+    Parameter("model", WHAT, WORD, None, choices=tuple(MODELS), group="model"),
+    *(
+        Parameter(name, told, NUMBER, None, high=LARGEST, group="model", **how)
+        for name, (told, how) in MOTION.items()
     ),
 )
 
@@ -53,13 +37,13 @@ def model_made(given: dict) -> Model:
         raise InputError(
             f"{named('model')}: must be given: {', '.join(MODELS)}, or {named('law')} with its options"
         )
-    motion = {name: given[name] for name in ("mass", "quality", "friction") if name in given}
+    motion = {name: given[name] for name in MOTION if name in given}
     return Model(law_made({name: value for name, value in given.items() if name not in motion}), **motion)
 
 
 def model_told(model: Model) -> dict:
     """The options that make a model."""
-    motion = {name: getattr(model, name) or None for name in ("mass", "quality", "friction")}
+    motion = {name: getattr(model, name) or None for name in MOTION}
     if model.name:
         return {"model": model.name, "tau1": model.law.tau1} | motion
     return law_told(model.law) | motion

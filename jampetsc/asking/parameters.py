@@ -121,6 +121,13 @@ class Parameter:
         name = self.name.removesuffix("_").replace("_", "-")
         return f"--no-{name}" if self.default is True else f"--{name}"
 
+    def kept(self, text):
+        """What is kept of a word: a number where this is one; what cannot be read is refused by `read`."""
+        try:
+            return self.kind.word(text)
+        except ValueError:
+            return text
+
     def read(self, value):
         """The value meant. Raises InputError that names the parameter."""
         if value is None and self.default is None:
@@ -139,18 +146,18 @@ class Parameter:
             raise InputError(f"{named(self.name)} {shown(value)}: {text}") from None
 
     def _check_range(self, value):
-        inside = (self.low is None or value >= self.low) and (self.high is None or value <= self.high)
-        if inside and (self.above is None or value > self.above) and not math.isnan(value):
+        low, high, above = self.low, self.high, self.above
+        inside = (low is None or value >= low) and (high is None or value <= high)
+        if inside and (above is None or value > above) and not math.isnan(value):
             return
-        if self.above is not None:
-            least = "positive" if self.above == 0 else f"above {self.above:g}"
-            most = "" if self.high is None or math.isinf(self.high) else f" and at most {self.high:g}"
-            raise ValueError(f"must be {least}{most}")
-        if self.low is None:
-            raise ValueError("must be a number" if self.high is None else f"must be at most {self.high:g}")
-        if self.high is None:
-            raise ValueError(f"must be at least {self.low:g}")
-        raise ValueError(f"must lie in [{self.low:g}, {self.high:g}]")
+        if low is not None and high is not None:
+            raise ValueError(f"must lie in [{low:g}, {high:g}]")
+        limits = [
+            *(["positive" if above == 0 else f"above {above:g}"] if above is not None else []),
+            *([f"at least {low:g}"] if low is not None else []),
+            *([f"at most {high:g}"] if high is not None else []),
+        ]
+        raise ValueError(f"must be {' and '.join(limits) or 'a number'}")
 
 
 @dataclass(frozen=True)
@@ -215,11 +222,6 @@ def parameters(job) -> dict[str, Parameter]:
     return found
 
 
-def parts(job) -> dict[str, Part]:
-    """{name of the field: Part} of a class of jobs."""
-    return {name: said for name, said in fields(job).items() if isinstance(said, Part)}
-
-
 def made(job, given: dict):
     """The job, an instance of the class `job`, that values by name ask for; None is not given.
 
@@ -228,18 +230,20 @@ def made(job, given: dict):
     known = parameters(job)
     given = {name: value for name, value in given.items() if value is not None}
     for name in given:
-        if name not in known and name not in parts(job):
+        if name not in known and name not in fields(job):
             raise InputError(f"{name}: no such parameter{did_you_mean(name, known)}")
-    values = {}
-    for field, said in parts(job).items():
+    missing = []
+    for field, said in fields(job).items():
+        if isinstance(said, Parameter):
+            missing += [named(field)] if said.required and field not in given else []
+            continue
         mine = {one: one.read(given.pop(one.name)) for one in said.parameters if one.name in given}
         mine = {one.name: value for one, value in mine.items() if one.default is None or value != one.default}
         if mine:
-            values[field] = said.make(mine)
-    own = [one for one in fields(job).values() if isinstance(one, Parameter)]
-    if missing := [named(one.name) for one in own if one.required and one.name not in given]:
+            given[field] = said.make(mine)
+    if missing:
         raise InputError(f"{', '.join(missing)}: must be given")
-    return job(**values, **given)
+    return job(**given)
 
 
 def did_you_mean(name, known) -> str:

@@ -88,11 +88,6 @@ class FromStart(Job):
             to.check("jampetsc-packing", self.paths, self.last, [to.path] if to.path else [])
 
     @property
-    def paths(self):
-        """The file of radii is one, too."""
-        return super().paths + ([self.radii.path] if self.radii is not None and self.radii.path else [])
-
-    @property
     def team(self):
         """The `core.threads.Team` that it may use."""
         from jampetsc.core.threads import Team, cores

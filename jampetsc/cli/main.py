@@ -7,7 +7,6 @@ SIGTERM is the system's: what was finished is on disk at every moment.
 
 import argparse
 import contextlib
-import difflib
 import errno
 import importlib
 import os
@@ -16,6 +15,7 @@ import sys
 import time
 
 from jampetsc import progress, streams
+from jampetsc.asking.parameters import did_you_mean
 from jampetsc.cli.parser import add_job
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.jobs import JOBS, job_class
@@ -25,7 +25,6 @@ from jampetsc.version import VERSION
 REMEDIES = {errno.ENOSPC: ": free some space, or write elsewhere", errno.EACCES: ": check its permissions"}
 MORE_MEMORY = "use more nodes, or a smaller packing"
 OWN = ("-h", "-q", "-v")  # short options of the program's own
-NEAR = 0.75  # likeness of a name to what may have been meant
 PATIENCE = 2.0  # seconds that a rank in trouble waits for the others to report the same
 
 
@@ -64,18 +63,22 @@ def dispatch(argv):
         _complete()
     parser, commands = command_parser(words)
     try:
-        args, rest = parser.parse_known_args(_with_negative_numbers(words))
+        args, rest = parser.parse_known_args(words)
     except InputError as error:
-        unknown = [word for word in words if _is_unknown(word, commands.choices.get(words[0]))]
-        if unknown and "required" in str(error):  # it is missing because it was misspelt
-            raise InputError(_unknown(unknown[0], commands.choices[words[0]])) from None
+        if "required" not in str(error):
+            raise
+        chosen = commands.choices.get(words[0])
+        known = chosen._option_string_actions if chosen else words
+        for word in words:  # it is missing because it was misspelt
+            if word.startswith("--") and word.partition("=")[0] not in known:
+                raise InputError(_unknown(word, chosen)) from None
         taken = [token for token in petsc_argv if not solver_options.OPTION.match(token)]
-        missing = taken and "required" in str(error)
-        hint = f"; PETSc's options took {', '.join(taken)}: put them last" if missing else ""
+        hint = f"; PETSc's options took {', '.join(taken)}: put them last" if taken else ""
         raise InputError(f"{error}{hint}") from None
     if rest:
         raise InputError(_unknown(rest[0], commands.choices[args.command]))
-    if petsc_argv and not args.takes_petsc(args):
+    takes_petsc = args.check(args).scalar is not None
+    if petsc_argv and not takes_petsc:
         raise InputError(
             f"{args.command} {petsc_argv[0]}: single-dash options are PETSc's, which has nothing to do here; "
             "the program's own begin with --"
@@ -83,13 +86,8 @@ def dispatch(argv):
     if petsc_argv:
         solver_options.check(args.command, {name: job_class(name).SOLVERS for name in JOBS}, petsc_argv)
     progress.tell(-1 if args.quiet else 1 if args.verbose else 0)
-    return _run(args, argv, petsc_argv)
-
-
-def _run(args, argv, petsc_argv):
-    """Run the command as it was asked for."""
-    if not args.takes_petsc(args):
-        return args.run(args, petsc_argv) if _chosen(argv) else 0
+    if not takes_petsc and not _chosen(argv):
+        return 0
     status = args.run(args, petsc_argv)
     if petsc_argv:
         session.current().tell_unused()
@@ -118,15 +116,15 @@ class Parser(argparse.ArgumentParser):
     def __init__(self, **settings):
         settings.setdefault("formatter_class", argparse.RawDescriptionHelpFormatter)
         super().__init__(**{**settings, "add_help": False, "allow_abbrev": False})
+        self._negative_number_matcher = re.compile(r"-\.?\d")  # argparse takes -1e-4 for an option
         self.add_argument("-h", "--help", action="help", help="show this text and exit")
-        self.set_defaults(takes_petsc=lambda args: False)
 
     def error(self, message):
         raise InputError(f"{message} (see {self.prog} --help)")
 
-    def print_help(self, file=None):
+    def _print_message(self, message, file=None):  # help and version
         if _chosen(sys.argv):
-            super().print_help(file)
+            super()._print_message(message, file)
 
 
 def command_parser(words):
@@ -145,7 +143,7 @@ def command_parser(words):
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     asked = words[0] if words else ""
     if asked and asked not in JOBS and not asked.startswith("-"):
-        raise InputError(f"{asked}: no such command{_did_you_mean(asked, JOBS)} (see jampetsc --help)")
+        raise InputError(f"{asked}: no such command{did_you_mean(asked, JOBS)} (see jampetsc --help)")
     whole = asked in JOBS
     for name in [asked] if whole else [] if asked == "--version" else JOBS:
         add_job(job_class(name), subparsers, whole)
@@ -161,33 +159,13 @@ def _complete():
         argcomplete.autocomplete(command_parser(begun if begun and begun[0] in JOBS else ["--help"])[0])
 
 
-def _with_negative_numbers(words):
-    """The words with `--option -1e-4` as `--option=-1e-4`: argparse takes -1e-4 for an option."""
-    joined = []
-    for word in words:
-        if re.match(r"-\.?\d", word) and joined and joined[-1].startswith("--") and "=" not in joined[-1]:
-            joined[-1] += f"={word}"
-        else:
-            joined.append(word)
-    return joined
-
-
-def _is_unknown(word, parser):
-    return parser and word.startswith("--") and word.partition("=")[0] not in parser._option_string_actions
-
-
 def _unknown(token, parser):
     """The message for a word that argparse left over."""
     word = token.partition("=")[0]
     if not word.startswith("-"):
         return f"{token}: one argument too many (see {parser.prog} --help)"
-    near = _did_you_mean(word, parser._option_string_actions)
+    near = did_you_mean(word, parser._option_string_actions)
     return f"{word}: no such option{near} (see {parser.prog} --help)"
-
-
-def _did_you_mean(word, known):
-    near = difflib.get_close_matches(word, known, n=1, cutoff=NEAR)
-    return f"; did you mean {near[0]}?" if near else ""
 
 
 def _chosen(request):

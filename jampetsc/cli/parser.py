@@ -1,11 +1,11 @@
 """A job on the command line: its parser, made of its parameters, and its run."""
 
-import functools
 import textwrap
 
 from jampetsc.asking.job import Job
 from jampetsc.asking.parameters import FILES, OPTION, made, parameters, shown
 from jampetsc.errors import InputError, JampetscError, option
+from jampetsc.petsc import session
 
 
 def add_job(job, subparsers, whole=True) -> None:
@@ -35,11 +35,7 @@ def add_job(job, subparsers, whole=True) -> None:
     if job.OUT and not job.AGAIN:
         overwrite = "replace a finished result of other settings, which is refused otherwise"
         parser.add_argument("--overwrite", action="store_true", default=None, help=overwrite)
-    parser.set_defaults(
-        run=functools.partial(run, job),
-        check=functools.partial(job_of, job),
-        takes_petsc=functools.partial(takes_petsc, job),
-    )
+    parser.set_defaults(job=job, check=job_of, run=run)
 
 
 def _add(parser, name, one):
@@ -49,33 +45,17 @@ def _add(parser, name, one):
             name, nargs=count, metavar=one.metavar or one.kind.metavar or name.upper(), help=one.help
         )
     elif isinstance(one.default, bool):
-        parser.add_argument(
-            one.word,
-            dest=name,
-            action="store_const",
-            const=not one.default,
-            default=None,
-            help=_help(one),
-        )
+        switch = {"action": "store_const", "const": not one.default, "default": None}
+        parser.add_argument(one.word, dest=name, help=_help(one), **switch)
     else:
         parser.add_argument(
             *filter(None, (one.word, one.also)),
             dest=name,
-            type=functools.partial(_word, one),
-            default=None,
+            type=one.kept,
             required=one.required,
             metavar=one.metavar or one.kind.metavar or (None if one.choices else name.upper()),
-            choices=None,
             help=_help(one),
         )
-
-
-def _word(one, text):
-    """What is kept of a word: a number where the parameter is one; what cannot be read is refused by the job."""
-    try:
-        return one.kind.word(text)
-    except ValueError:
-        return text
 
 
 def _help(one):
@@ -90,12 +70,12 @@ def _help(one):
     return " ".join(told).replace("%", "%%")
 
 
-def job_of(job, args) -> Job:
+def job_of(args) -> Job:
     """The job that parsed words ask for. Raises InputError, with parameters as the command line writes them."""
     try:
-        return made(job, {name: getattr(args, name) for name in parameters(job)})
+        return made(args.job, {name: getattr(args, name) for name in parameters(args.job)})
     except JampetscError as error:
-        raise InputError(in_words(error, job)) from None
+        raise InputError(in_words(error, args.job)) from None
 
 
 def in_words(error, job) -> str:
@@ -104,32 +84,21 @@ def in_words(error, job) -> str:
     return error.told(lambda name: known[name].word if name in known else option(name))
 
 
-def takes_petsc(job, args) -> bool:
-    """Whether PETSc has something to do in the job of parsed words."""
-    return job_of(job, args).scalar is not None
-
-
-def run(job, args, petsc_argv) -> int:
+def run(args, petsc_argv) -> int:
     """Do what parsed words ask for and print what was found. Collective."""
-    from jampetsc.asking.perform import perform
     from jampetsc.io.outlet import Outlet
-    from jampetsc.petsc import session
 
-    asked = job_of(job, args)
+    job = job_of(args)
+    needs_petsc = job.scalar is not None
     try:
-        out = getattr(args, "out", None) or asked.place
+        out = getattr(args, "out", None) or job.place
         to = Outlet(out, out)
-        told = perform(
-            asked,
-            to,
-            petsc_argv=petsc_argv,
-            overwrite=getattr(args, "overwrite", False),
-            alone=asked.scalar is None,
-        )
+        overwrite = getattr(args, "overwrite", False)
+        told = job.perform(to, petsc_argv=petsc_argv, overwrite=overwrite, alone=not needs_petsc)
     except JampetscError as error:
-        error.args = (in_words(error, job),)
+        error.args = (in_words(error, args.job),)
         raise
-    comm = None if asked.scalar is None else session.communicator()
+    comm = session.communicator() if needs_petsc else None
     if told and (comm is None or comm.rank == 0):
         print(told)
     return to.status

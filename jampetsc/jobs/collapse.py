@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jampetsc.asking.inputs import refuse_repeated
 from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import RESULT, opened, words
 from jampetsc.asking.parameters import FILES, Kind, asked
 from jampetsc.errors import InputError, named
+from jampetsc.jobs.sources import WHERE, refuse_repeated, rows_named, write_derived
 
 OBSERVABLES = ("pressure", "shear_stress", "jammed")
 SHARED = ("model", "mass", "sizes", "potential", "stiffness", "protocol", "units", "tau1")
@@ -68,11 +68,7 @@ examples:
     corrections: bool = asked(False, "with f1, which needs omega in fit")
     degree: int = asked(5, "of the polynomial ln f0", low=1, high=12, metavar="D")
     spline: bool = asked(False, "a cubic spline over degree intervals instead")
-    where: str | None = asked(
-        None,
-        "of the folder of a study: the files whose rows in its table have these values",
-        metavar="COLUMN=VALUE,…",
-    )
+    where: str | None = WHERE
     cut: float | None = asked(
         None, "largest rate, or smallest N, that is used", above=0.0, high=1e300, metavar="R"
     )
@@ -96,7 +92,6 @@ examples:
     def _named(self) -> list:
         """What is read: files, of the folder of a study those of its rows, and results in memory."""
         from jampetsc.io.ensemble import Ensemble
-        from jampetsc.jobs.rows import rows_named
         from jampetsc.jobs.scaling import files_of
 
         found = []
@@ -112,7 +107,6 @@ examples:
         to.check(self.FORMAT, [one for one in sources if isinstance(one, str)])
 
     def work(self, to):
-        """Read, fit, write and tell what was found."""
         from jampetsc.analysis.collapse_errors import drift
         from jampetsc.jobs import scaling
 
@@ -128,10 +122,10 @@ examples:
         cuts = drift(points, form)
         _, fit, found = cuts[0]
         notes = scaling.notes_of(points, fit, found, self.finite_size)
-        with to.writer(self.FORMAT) as writer:
-            for name, values in self._arrays(points, data, used, cuts).items():
-                writer.dataset(name, values)
-            writer.attributes(**self._attributes(results, fit, found, notes, began))
+        arrays = self._arrays(points, data, used, cuts)
+        write_derived(
+            to, self.FORMAT, results, began, arrays, **self._attributes(results[0], fit, found, notes)
+        )
         return _summary(to, self, points, cuts, notes)
 
     def _arrays(self, points, data, used, cuts):
@@ -143,14 +137,12 @@ examples:
         size = {"size": 1 / points.scale} if self.finite_size else {"rate": points.scale}
         return {"N": data.size[used], "runs": data.runs[used]} | size | found
 
-    def _attributes(self, results, fit, found, notes, began):
-        from jampetsc.io.provenance import derived_from
+    def _attributes(self, first, fit, found, notes):
         from jampetsc.jobs.scaling import names_of
 
         words = {name: word for word, name in names_of(self.finite_size).items()}
         return {
-            **derived_from(results, time.perf_counter() - began),
-            **{name: results[0].attributes.get(name) for name in SHARED},
+            **{name: first.attributes.get(name) for name in SHARED},
             "observable": self.observable,
             "scaling": "size" if self.finite_size else "rate",
             "fitted": ",".join(words[name] for name in fit.form.free),

@@ -4,13 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jampetsc.asking.inputs import refuse_repeated
 from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import FREQUENCIES, PACKING, RESULT, Numbers, opened, words
 from jampetsc.asking.parameters import FILES, Kind, asked, shown
 from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError
 from jampetsc.io.fields import PHASES
+from jampetsc.jobs.sources import refuse_repeated
 
 LANES = (0.5, 0.25, 1.0)  # default of sweeps
 NARROWEST, WIDEST = 0.01, 1e6  # lanes
@@ -92,11 +92,6 @@ class Correlate(Job):
         """Refuse what is given twice."""
         refuse_repeated(self.results)
 
-    @property
-    def paths(self):
-        """The packing is one of them."""
-        return [*super().paths, *([self.packing] if isinstance(self.packing, str) else [])]
-
     def check_outputs(self, to):
         """Refuse a file that holds another kind of correlation."""
         from jampetsc.flows import velocity_correlation as lanes
@@ -105,7 +100,6 @@ class Correlate(Job):
         to.check(lanes.FORMAT if flows else self.FORMAT, self.paths)
 
     def work(self, to):
-        """Correlate."""
         opened_ = [opened(source) for source in self.results]
         kind = getattr(opened_[0], "format", "")
         for source, result in zip(self.results, opened_, strict=True):

@@ -4,7 +4,7 @@ import time
 
 from jampetsc.errors import InputError, named
 from jampetsc.flows import velocity_correlation as lanes
-from jampetsc.io.provenance import derived_from
+from jampetsc.jobs.sources import write_derived
 
 
 def run(job, flows, to) -> str:
@@ -19,22 +19,19 @@ def run(job, flows, to) -> str:
     found = lanes.correlate_lanes(flows, widths[0], bin_)
     place, depth = found.minimum
     arrays = {"x": found.centres, "g_y": found.values, "g_y_error": found.errors, "pairs": found.pairs}
-    with to.writer(lanes.FORMAT) as writer:
-        for name, values in arrays.items():
-            writer.dataset(name, values)
-        shared = {name: flows[0].attributes.get(name) for name in ("model", "rate", "mass", "units")}
-        writer.attributes(
-            **derived_from(flows, time.perf_counter() - began) | shared,
-            lane_width=widths[0] * found.diameter,
-            bin_width=bin_ * found.diameter,
-            mean_diameter=found.diameter,
-            snapshots=found.snapshots,
-            mean_square=found.mean_square,
-            minimum=depth,
-            minimum_at=place,
-            minimum_error=found.minimum_errors[1],
-            minimum_at_error=found.minimum_errors[0],
-        )
+    write_derived(
+        *(to, lanes.FORMAT, flows, began, arrays),
+        **{name: flows[0].attributes.get(name) for name in ("model", "rate", "mass", "units")},
+        lane_width=widths[0] * found.diameter,
+        bin_width=bin_ * found.diameter,
+        mean_diameter=found.diameter,
+        snapshots=found.snapshots,
+        mean_square=found.mean_square,
+        minimum=depth,
+        minimum_at=place,
+        minimum_error=found.minimum_errors[1],
+        minimum_at_error=found.minimum_errors[0],
+    )
     return (
         f"{to}: g_y of {found.snapshots} snapshots, lanes of {widths[0]:g} d: least {depth:.3g} at x = "
         f"{place / found.diameter:.3g} d, <u_y^2>/rate^2 = {found.mean_square:.3g}"

@@ -6,10 +6,9 @@ import time
 import numpy as np
 
 from jampetsc.analysis.correlations import Motion, correlate_motions
-from jampetsc.asking.inputs import refuse_one_packing
 from jampetsc.errors import InputError, named
 from jampetsc.io.fields import PHASES, chosen_frequencies, field_at, packing_of, particle_rows, phase_factor
-from jampetsc.io.provenance import derived_from
+from jampetsc.jobs.sources import write_derived
 
 SAME_PRESSURE = 0.01  # sweeps are averaged if their pressures differ by no more than this fraction
 
@@ -34,17 +33,15 @@ def run(job, sweeps, to) -> str:
             )
     G = np.mean([sweep.modulus(omega) for sweep, omega in zip(sweeps, frequencies, strict=True)], axis=0)
     found = correlate_motions(motions, lanes)
-    with to.writer(job.FORMAT) as writer:
-        for name, values in {"omega": frequencies[0], "G": G, **found.arrays}.items():
-            writer.dataset(name, values)
-        writer.attributes(
-            **derived_from(sweeps, time.perf_counter() - began) | _mean_pressure(sweeps),
-            phase=phase,
-            packings=len(sweeps),
-            L=found.length,
-            mean_diameter=found.diameter,
-            pairs=[result.pairs for result in found.results],
-        )
+    write_derived(
+        *(to, job.FORMAT, sweeps, began, {"omega": frequencies[0], "G": G, **found.arrays}),
+        **_mean_pressure(sweeps),
+        phase=phase,
+        packings=len(sweeps),
+        L=found.length,
+        mean_diameter=found.diameter,
+        pairs=[result.pairs for result in found.results],
+    )
     return _summary(to, len(sweeps), frequencies[0], phase, lanes, found)
 
 
@@ -62,8 +59,8 @@ def _motion(job, sweep, phase):
 
 def refuse_mixture(sweeps):
     """Raise InputError unless sweeps are of different packings, all of one law, pressure and number of disks."""
-    first = sweeps[0]
-    for sweep in sweeps[1:]:
+    first, of_packing = sweeps[0], {}
+    for sweep in sweeps:
         for what, mine, other in (
             ("law", _words(sweep.law), _words(first.law)),
             ("number of disks", *(s.attributes.get("particle_count") for s in (sweep, first))),
@@ -77,7 +74,13 @@ def refuse_mixture(sweeps):
             raise InputError(
                 f"{sweep.path}: pressure {pressure:g}, but {first.path.name} has {other:g}: average those of one"
             )
-    refuse_one_packing(sweeps)
+        sha256 = sweep.attributes.get("packing_sha256")
+        same = of_packing.setdefault(sha256, sweep)
+        if sha256 is not None and same is not sweep:
+            raise InputError(
+                f"{sweep.path}: comes from the same packing as {same.path.name} (sha256 {sha256[:12]}…): "
+                "an average takes each packing once"
+            )
 
 
 def _words(law):

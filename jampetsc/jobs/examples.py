@@ -19,6 +19,7 @@ class Examples(Job):
     """
 
     NAME: ClassVar = "examples"
+    scalar: ClassVar = None
     FORMAT: ClassVar = "no file"
     OUT: ClassVar = ""
     AGAIN: ClassVar = True
@@ -27,22 +28,13 @@ class Examples(Job):
 
     copy: Path = asked(help="folder to make; it must not be there yet", metavar="DIR")
 
-    @property
-    def scalar(self):
-        """PETSc has nothing to do."""
-
     def check_outputs(self, to):
         """The folder must be new."""
         if self.copy.exists():
             raise InputError(f"{named('copy')} {self.copy}: is there already: name a new folder")
 
     def work(self, to):
-        """Copy the files and say where they are."""
         from jampetsc.shipped_files import FOLDER
 
         shutil.copytree(FOLDER, self.copy, ignore=shutil.ignore_patterns("__pycache__"))
         return "\n".join(str(path) for path in sorted(self.copy.glob("*/*")))
-
-    def answer(self, to, told):
-        """The files."""
-        return told

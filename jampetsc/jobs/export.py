@@ -23,6 +23,7 @@ class Export(Job):
     """
 
     NAME: ClassVar = "export"
+    scalar: ClassVar = None
     FORMAT: ClassVar = "exported"
     OUT_HELP: ClassVar = "file to write: .xyz, .dump, .data, .vtp, .npz or .gsd"
     GIVES: ClassVar = "the name of the file, a Path"
@@ -41,15 +42,6 @@ class Export(Job):
     )
     packing: Disks | None = asked(None, "packing of a result, if it is not beside it", kind=PACKING)
 
-    @property
-    def scalar(self):
-        """Nothing to solve."""
-
-    @property
-    def files(self):
-        """The packing of a result among them."""
-        return [one for one in (self.file, self.packing) if isinstance(one, str)]
-
     def check_outputs(self, to):
         """Refuse an ending without a format, and what may not be replaced."""
         from jampetsc.io.exporters import check_format
@@ -60,14 +52,12 @@ class Export(Job):
         check_output(to.path, exported(to.path), self.paths)
 
     def work(self, to):
-        """Write the file and tell what it holds."""
         from jampetsc.io.exporters import write_frames
 
         count = write_frames(to.path, self._frames())
         return f"{to}: {count} frame{'s' * (count != 1)} of {input_told(self.file)}"
 
     def answer(self, to, told):
-        """The file."""
         return to.path
 
     def _frames(self):

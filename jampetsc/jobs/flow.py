@@ -80,7 +80,6 @@ to the last bit; independent runs are faster side by side."""
         super().__post_init__()
 
     def check(self):
-        """Refuse what does not go together."""
         self.check_discard()
         every, spacing = named("snapshot_every"), named("snapshot_spacing")
         if self.snapshot_every is not None and (self.snapshots is not None or self.snapshot_spacing == "log"):
@@ -151,7 +150,6 @@ to the last bit; independent runs are faster side by side."""
             super().check_outputs(to)
 
     def work(self, to):
-        """Shear."""
         from jampetsc.flows import steady as flows
         from jampetsc.petsc import launcher
         from jampetsc.progress import LOG

@@ -37,6 +37,7 @@ class Import(Job):
     """
 
     NAME: ClassVar = "import"
+    scalar: ClassVar = None
     FORMAT: ClassVar = "jampetsc-packing"
     EPILOG: ClassVar = """examples:
   jampetsc import dump.lammpstrj --frame 1 --out dump.h5
@@ -64,12 +65,7 @@ A packing that is not at rest: jampetsc pack --from dump.h5 --pressure 1e-2 --ou
     )
     k: float | None = asked(None, "contact stiffness, in units of FILE (default 1)")
 
-    @property
-    def scalar(self):
-        """Nothing to solve."""
-
     def work(self, to):
-        """Import and tell what was found beside what was published."""
         from jampetsc.io.importers import import_packing
 
         how = ("format", "radius", "box", "potential", "stiffness", "k")

@@ -86,7 +86,3 @@ PETSc options: -inertia_… for the factorisations of --matrices."""
         facts = examine(network, self.law)
         told = describe.matrices(disks, network, self.physics, facts, running.size)
         return f"{describe.packing(name, disks)}\n\n{told}"
-
-    def answer(self, to, told):
-        """The text."""
-        return told

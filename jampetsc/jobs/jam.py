@@ -107,7 +107,6 @@ A run that was killed goes on when the same command is given again. Options of t
         return Samples(self.n, phis, self.seeds, protocol, self.sizes, self.potential, self.tolerance, UNITS)
 
     def work(self, to):
-        """Make the samples. Collective."""
         from jampetsc.flows.samples import execute
         from jampetsc.petsc import local
 

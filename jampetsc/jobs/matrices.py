@@ -3,17 +3,13 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jampetsc.asking.damping import DAMPING, PRESTRESS
-from jampetsc.asking.job import Job
-from jampetsc.asking.kinds import PACKING
-from jampetsc.asking.parameters import FILE, asked, part
-from jampetsc.core.disks import Disks
-from jampetsc.core.laws import DEFAULT, Law, Physics, damping_law
+from jampetsc.asking.damping import OfPacking
+from jampetsc.core.laws import DEFAULT
 from jampetsc.errors import InputError, named
 
 
 @dataclass(frozen=True, eq=False)
-class Matrices(Job):
+class Matrices(OfPacking):
     """Write K, B and the border of a packing for scipy, Matrix Market or PETSc.
 
     The matrices of physics.md, not scaled and without constraints. With them come their border k_gamma, b_gamma, k_gg,
@@ -29,10 +25,6 @@ class Matrices(Job):
     GIVES: ClassVar = "the names of the files, a list of Path"
     EPILOG: ClassVar = "examples:\n  jampetsc matrices p.h5 --beta 0.1 --out K.npz"
 
-    packing: Disks = asked(help="packing", kind=PACKING, place=FILE)
-    law: Law = part(DAMPING)
-    prestress: bool = PRESTRESS
-
     def check_outputs(self, to):
         """Refuse an ending without a format, and what may not be replaced."""
         from jampetsc.io.outputs import check_output, exported
@@ -43,25 +35,23 @@ class Matrices(Job):
             check_output(path, exported(path), self.paths)
 
     def work(self, to):
-        """Assemble and write. Collective."""
         from jampetsc.io.packing_file import read_identified, source_told
         from jampetsc.mechanics.matrices import files_of, matrices_of, write_matrices
         from jampetsc.petsc import session
 
-        physics, comm = Physics(self.law, self.prestress), session.current().comm
+        comm = session.current().comm
         disks, _ = read_identified(self.packing, comm)
         try:
-            matrices = matrices_of(disks, physics, comm)
+            matrices = matrices_of(disks, self.physics, comm)
         except InputError as error:
             raise InputError(f"{source_told(self.packing)}: {error.told(named)}") from None
         write_matrices(to.path, matrices)
         told = ", ".join(map(str, files_of(to.path).values()))
         unknowns, disks, pins = len(matrices.dofs), len(matrices.particles), len(matrices.pins)
         matrices.destroy()
-        return f"{told}: {physics}, {unknowns} unknowns of {disks} disks, {pins} pins"
+        return f"{told}: {self.physics}, {unknowns} unknowns of {disks} disks, {pins} pins"
 
     def answer(self, to, told):
-        """The files."""
         from jampetsc.mechanics.matrices import files_of
 
         return list(files_of(to.path).values())
@@ -80,6 +70,5 @@ def assemble(packing, law=DEFAULT, *, prestress=True):
     from jampetsc.mechanics.matrices import matrices_of
     from jampetsc.petsc import session
 
-    comm = session.start("real").comm
-    physics = Physics(law if isinstance(law, Law) else damping_law(law), prestress)
-    return matrices_of(read_identified(PACKING.read(packing), comm)[0], physics, comm)
+    asked, comm = Matrices(packing, law, prestress=prestress), session.start("real").comm
+    return matrices_of(read_identified(asked.packing, comm)[0], asked.physics, comm)

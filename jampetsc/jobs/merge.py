@@ -29,7 +29,6 @@ class Merge(Job):
         """Left to `merge`, which knows what kind of file it is, and when it is the one itself."""
 
     def work(self, to):
-        """Merge and say what was done."""
         from jampetsc.io.merge import merge
 
         joined = merge(self.file, to.path, to.request)
@@ -40,7 +39,6 @@ class Merge(Job):
         return f"{self.file}: one file already, nothing to do"
 
     def answer(self, to, told):
-        """The result."""
         from jampetsc.io.reader import load
 
         return load(to.path or self.file)

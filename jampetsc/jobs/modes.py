@@ -61,7 +61,6 @@ of them, are found by LAPACK, which takes no options."""
                 )
 
     def work(self, to):
-        """Find the modes. Collective."""
         from jampetsc.linear import modes
 
         count = COUNT if self.count is None and self.below is None and not self.all else self.count

@@ -4,12 +4,10 @@ import math
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from jampetsc.asking.damping import DAMPING, PRESTRESS
-from jampetsc.asking.job import Job
-from jampetsc.asking.kinds import PACKING, Numbers, numbers
-from jampetsc.asking.parameters import FILE, Kind, asked, part
-from jampetsc.core.disks import Disks
-from jampetsc.core.laws import Law, Physics
+from jampetsc.asking.damping import OfPacking
+from jampetsc.asking.kinds import Numbers, numbers
+from jampetsc.asking.parameters import Kind, asked
+from jampetsc.core.laws import Physics
 from jampetsc.errors import InputError, named
 from jampetsc.linear.limits import LARGEST, SMALLEST
 
@@ -31,7 +29,7 @@ def _cycles(given):
 
 
 @dataclass(frozen=True, eq=False)
-class Oscillate(Job):
+class Oscillate(OfPacking):
     """G*(ω), harmonics and work of a packing with power-law damping.
 
     Steady oscillation of a packing whose contacts are damped by a force ∝ |Δv|^alpha (BT eq. 9): G*(ω) of the first
@@ -56,9 +54,6 @@ A run that was killed goes on when the same command is given again."""
 
     SOLVERS: ClassVar = ("osc_", "osc_factor_", "shift_", "inertia_")
 
-    packing: Disks = asked(help="packing", kind=PACKING, place=FILE)
-    law: Law = part(DAMPING)
-    prestress: bool = PRESTRESS
     omega: Numbers = asked(
         help="frequencies ω", kind=numbers(*DOUBLES, "LOW:HIGH:COUNT|LIST"), unit="1/τ₁ (with τ₁ = 1)"
     )
@@ -89,7 +84,6 @@ A run that was killed goes on when the same command is given again."""
     steps: int = asked(64, "steps of a cycle, a multiple of 8", low=16, high=4096, metavar="N")
 
     def check(self):
-        """Refuse what does not go together."""
         if (self.stress is None) == (self.strain is None):
             raise InputError(f"{named('stress')}, {named('strain')}: give one of them")
         if self.steps % 8:
@@ -170,7 +164,6 @@ A run that was killed goes on when the same command is given again."""
         }
 
     def work(self, to):
-        """Solve. Collective."""
         from jampetsc.oscillation import run
 
         return _summary(self, to, run.solve(self, to))

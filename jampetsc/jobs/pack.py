@@ -119,7 +119,6 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
     )
 
     def check(self):
-        """Refuse what does not go together."""
         for names in ONE_OF:
             given = [named(name) for name in names if getattr(self, name) is not None]
             if len(given) > 1:
@@ -201,13 +200,12 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         from jampetsc.io.outputs import check_output
         from jampetsc.io.packing_file import check_packing
 
-        files = [self.from_] if isinstance(self.from_, str) else []
-        for path in files:
-            check_packing(path)
-        if self.radii is not None and self.radii.path:
-            files.append(self.radii.path)
+        if isinstance(self.from_, str):
+            check_packing(self.from_)
         for task in [] if to.path is None else self.tasks(str(to.path)):
-            check_output(task.path, self.FORMAT, files)  # each packing says itself what it was asked to be
+            check_output(
+                task.path, self.FORMAT, self.paths
+            )  # each packing says itself what it was asked to be
 
     def work(self, to):
         """Make what is not there yet, every rank its own packings. Collective."""

@@ -8,6 +8,7 @@ from typing import ClassVar
 from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import FREQUENCIES, HELD, words
 from jampetsc.asking.parameters import FILES, NUMBER, SWITCH, WORD, Kind, Parameter, Part, asked, part
+from jampetsc.jobs.sources import WHERE, rows_named
 
 
 def _given(options) -> dict:
@@ -106,11 +107,7 @@ Every result is drawn without --kind; a wrong name after --kind lists those ther
         help="files of results or packings, or the folder of a study", kind=HELD, place=FILES
     )
     kind: str | None = asked(None, "what to draw (default: follows from the files and options)")
-    where: str | None = asked(
-        None,
-        "of the folder of a study: the files whose rows in its table have these values",
-        metavar="COLUMN=VALUE,…",
-    )
+    where: str | None = WHERE
     csv: str | None = asked(None, "write the numbers that are drawn, too: .csv", metavar="FILE")
     size: tuple | None = asked(None, "width and height in inches", kind=Kind(_size, metavar="W,H"))
     xlim: tuple | None = asked(None, PANELS, kind=LIMITS)
@@ -127,8 +124,6 @@ Every result is drawn without --kind; a wrong name after --kind lists those ther
         """`draw` looks at them when it knows what it draws."""
 
     def work(self, to):
-        """Draw the picture; what it shows."""
-        from jampetsc.jobs.rows import rows_named
         from jampetsc.plots.draw import draw
 
         items = rows_named(self.files, self.where)

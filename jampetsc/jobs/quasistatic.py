@@ -3,17 +3,15 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jampetsc.asking.damping import DAMPING, PRESTRESS
-from jampetsc.asking.job import Job
-from jampetsc.asking.kinds import PACKING, Numbers, numbers
-from jampetsc.asking.parameters import FILE, asked, part
-from jampetsc.core.disks import Disks
-from jampetsc.core.laws import LARGEST, Law, Physics, having
+from jampetsc.asking.damping import OfPacking
+from jampetsc.asking.kinds import Numbers, numbers
+from jampetsc.asking.parameters import asked
+from jampetsc.core.laws import LARGEST, having
 from jampetsc.errors import InputError, named
 
 
 @dataclass(frozen=True, eq=False)
-class Quasistatic(Job):
+class Quasistatic(OfPacking):
     """Fields, moduli and viscosities of the limit of slow shear.
 
     The motion of touching disks relative to each other, Δu∥ and Δu⊥, and the non-affine displacement of every disk, per
@@ -31,9 +29,6 @@ PETSc options: -shift_… for the factorisations."""
 
     SOLVERS: ClassVar = ("shift_", "inertia_")
 
-    packing: Disks = asked(help="packing", kind=PACKING, place=FILE)
-    law: Law = part(DAMPING)
-    prestress: bool = PRESTRESS
     betas: Numbers | None = asked(
         None,
         "also η₀ and η_∞ at these β, from the same fields (contact law)",
@@ -53,12 +48,10 @@ PETSc options: -shift_… for the factorisations."""
             self.law.altered(beta=beta)  # where nothing dissipates
 
     def work(self, to):
-        """Solve. Collective."""
         from jampetsc.linear import quasistatic
 
-        physics = Physics(self.law, self.prestress)
         betas = () if self.betas is None else self.betas.tolist()
-        return _summary(to, physics, quasistatic.run(self.packing, to, physics, betas))
+        return _summary(to, self.physics, quasistatic.run(self.packing, to, self.physics, betas))
 
 
 def _summary(to, physics, outcome) -> str:

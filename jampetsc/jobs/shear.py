@@ -35,7 +35,6 @@ prefix -newton_."""
     )
 
     def check(self):
-        """Refuse what does not go together."""
         super().check()
         if self.strain < self.step:
             raise InputError(
@@ -48,7 +47,6 @@ prefix -newton_."""
             )
 
     def work(self, to):
-        """Shear."""
         from jampetsc.flows.quasistatic_run import SlowRun, execute
         from jampetsc.petsc import local, session
 

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jampetsc.asking.inputs import refuse_repeated
 from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import RESULT, opened
 from jampetsc.asking.parameters import FILES, asked
 from jampetsc.errors import InputError, named
+from jampetsc.jobs.sources import refuse_repeated, write_derived
 
 HDF5 = (".h5", ".hdf5")  # endings of a file; those of a picture are `plots.style.FORMATS`
 
@@ -86,20 +86,12 @@ class Spectrum(Job):
 def _write(sweep, to, window):
     """Write the result and return the summary."""
     from jampetsc.analysis.transient import transient
-    from jampetsc.io.provenance import derived_from
 
     began = time.perf_counter()
     slowest, fastest = sweep.frequency_range
     found = transient(sweep.spectrum, slowest, fastest, window)
-    with to.writer(Spectrum.FORMAT) as writer:
-        for name, values in found.arrays.items():
-            writer.dataset(name, values)
-        writer.attributes(
-            **derived_from([sweep], time.perf_counter() - began),
-            **found.numbers,
-            slowest_omega=slowest,
-            fastest_omega=fastest,
-        )
+    ends = {"slowest_omega": slowest, "fastest_omega": fastest}
+    write_derived(to, Spectrum.FORMAT, [sweep], began, found.arrays, **found.numbers | ends)
     return _summary(to, sweep, found)
 
 

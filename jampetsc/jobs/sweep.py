@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jampetsc.asking.damping import DAMPING, PRESTRESS, refuse_law_of_fluid
-from jampetsc.asking.job import Job
-from jampetsc.asking.kinds import FREQUENCIES, PACKING, Numbers
-from jampetsc.asking.parameters import FILE, asked, part
-from jampetsc.core.disks import Disks
-from jampetsc.core.laws import Law
+from jampetsc.asking.damping import OfPacking
+from jampetsc.asking.kinds import FREQUENCIES, Numbers
+from jampetsc.asking.parameters import asked
+from jampetsc.core.laws import FAMILIES, damping_law
 from jampetsc.errors import InputError, named
 
 OMEGA = "1e-10:1e4:141"
@@ -18,7 +16,7 @@ POWER_LAW = (
 
 
 @dataclass(frozen=True, eq=False)
-class Sweep(Job):
+class Sweep(OfPacking):
     """Complex modulus G*(ω) of a packing under oscillatory shear.
 
     Each value comes with a bound on its error (BT eqs. 10–15; physics.md). Method `rational` gets the whole
@@ -36,9 +34,6 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
 
     SOLVERS: ClassVar = ("shift_", "freq_", "inertia_")
 
-    packing: Disks = asked(help="packing", kind=PACKING, place=FILE)
-    law: Law = part(DAMPING)
-    prestress: bool = PRESTRESS
     omega: Numbers = asked(OMEGA, "frequencies ω", kind=FREQUENCIES, unit="1/τ₁ (with τ₁ = 1)")
     method: str = asked(
         "rational",
@@ -67,7 +62,6 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
     )
 
     def check(self):
-        """Refuse what does not go together."""
         self.law.require_dissipation()
         if self.parallel and self.method == "direct":
             raise InputError(
@@ -83,8 +77,12 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
                 f"{named('alpha')} {self.alpha:g}: power-law damping depends on the amplitude: give "
                 f"{named('stress')}, in units of k"
             )
-        if self.alpha is not None:
-            refuse_law_of_fluid(self.law, "alpha", "leave it out")
+        if self.alpha is not None and not self.law.is_of_contacts:
+            owners = " or ".join(name for name in FAMILIES if damping_law(name).damps_contacts)
+            mine = self.law.family or self.law
+            raise InputError(
+                f"{named('alpha')}: belongs to {named('law')} {owners}, not to {mine}; leave it out"
+            )
 
     @property
     def damping(self):
@@ -103,7 +101,6 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         return "complex" if builds.to_choose("complex") else "any"
 
     def work(self, to):
-        """Sweep. Collective."""
         from jampetsc.linear.run import Run
         from jampetsc.linear.sweep import solve
         from jampetsc.petsc import session

@@ -157,10 +157,9 @@ def _exact(reference, result) -> dict:
 
 def _interpolated(reference, result) -> dict:
     """Errors of what few frequencies give between them."""
-    storage, loss = reference.interpolation_errors(result.omega, result.G)
     fields = reference.deviation(log_interpolate(reference.omega, result.omega, result.G))
-    note = "direct, log-log interpolation between them"
-    return fields | {"error_storage": storage, "error_loss": loss, "note": note}
+    between = reference.interpolation_errors(result.omega, result.G)
+    return fields | between | {"note": "direct, log-log interpolation between them"}
 
 
 def _spent(outcome, result) -> dict:

@@ -34,10 +34,9 @@ class Reference:
 
     def deviation(self, G) -> dict:
         """Largest relative errors of G (M,) at `omega`, anywhere and in the critical window, and slopes: of a Row."""
-        found = dict(zip(("error_storage", "error_loss"), _largest(self.G, G), strict=True))
+        found = _largest("error", self.G, G)
         if self.inside is not None:
-            inside = _largest(self.G[self.inside], G[self.inside])
-            found |= dict(zip(("window_storage", "window_loss"), inside, strict=True))
+            found |= _largest("window", self.G[self.inside], G[self.inside])
         return found | self.exponents(G)
 
     def exponents(self, G) -> dict:
@@ -45,51 +44,66 @@ class Reference:
 
         None without a window, or where G' or G'' ≤ 0.
         """
-        if self.inside is None or (G[self.inside].real <= 0).any() or (G[self.inside].imag <= 0).any():
-            return {}
-        found = {}
-        for name, part in (("storage", G.real), ("loss", G.imag)):
-            fit = fit_power_law(self.omega[self.inside], part[self.inside])
-            found |= {f"exponent_{name}": fit.exponent, f"exponent_{name}_error": fit.exponent_error}
-        return found
+        found = {} if self.inside is None else slopes(self.omega[self.inside], G[self.inside])
+        return found if len(found) == 4 else {}
 
     def violation(self, result):
         """Frequency where an error of `result` exceeds its bound plus the reference's; None if nowhere."""
-        change = result.G - self.G
-        for part, name in ((change.real, "storage"), (change.imag, "loss")):
-            beyond = np.abs(part) > sum(r[f"error_bound_{name}"] for r in (result, self.result))
+        for name, change in parts(result.G - self.G).items():
+            beyond = np.abs(change) > sum(r[f"error_bound_{name}"] for r in (result, self.result))
             if beyond.any():
                 return float(self.omega[beyond][0])
         return None
 
-    def interpolation_errors(self, omega, G):
-        """Largest relative errors of (G', G'') between frequencies, by straight lines in log-log.
+    def interpolation_errors(self, omega, G) -> dict:
+        """Largest relative errors of G' and G'' between frequencies, by straight lines in log-log: fields of a Row.
 
         omega (m,), G (m,): what another run has. nan where values that are not positive forbid logarithms.
         """
         decades = np.log10(self.omega[-1] / self.omega[0])
         fine = np.geomspace(self.omega[0], self.omega[-1], max(2, int(_FINE * decades)))
-        return _largest(self.result.modulus(fine), log_interpolate(fine, omega, G))
+        return _largest("error", self.result.modulus(fine), log_interpolate(fine, omega, G))
+
+
+def parts(G) -> dict:
+    """G' and G'' of G* (M,), as columns and datasets call them."""
+    return {"storage": G.real, "loss": G.imag}
+
+
+def slopes(omega, G) -> dict:
+    """Slopes d ln G/d ln ω of G' and G'' with standard errors, columns of a table; nothing of one that is not positive.
+
+    omega (m,), G (m,): those of the critical window
+    """
+    found = {}
+    for name, part in parts(G).items():
+        if (part > 0).all():
+            fit = fit_power_law(omega, part)
+            found |= {f"exponent_{name}": fit.exponent, f"exponent_{name}_error": fit.exponent_error}
+    return found
 
 
 def log_interpolate(x, omega, G):
     """G* between frequencies, G' and G'' each a straight line in log-log; nan where one is not positive."""
-    parts = []
-    for values in (G.real, G.imag):
+
+    def line(values):
         with np.errstate(invalid="ignore", divide="ignore"):
             logs = np.where(values > 0, np.log(values), np.nan)
-        parts.append(np.exp(np.interp(np.log(x), np.log(omega), logs)))
-    return parts[0] + 1j * parts[1]
+        return np.exp(np.interp(np.log(x), np.log(omega), logs))
+
+    return line(G.real) + 1j * line(G.imag)
 
 
 def certified(result) -> float:
     """The larger of a sweep's relative bounds on G' and on G''."""
-    parts = (("error_bound_storage", result.G.real), ("error_bound_loss", result.G.imag))
-    return float(max(relative_bound(result[name], part).max() for name, part in parts))
+    bounds = (relative_bound(result[f"error_bound_{name}"], part) for name, part in parts(result.G).items())
+    return float(max(bound.max() for bound in bounds))
 
 
-def _largest(exact, G):
-    return tuple(
-        float(relative_bound(np.abs(part - true), true).max())
-        for part, true in ((G.real, exact.real), (G.imag, exact.imag))
-    )
+def _largest(what, exact, G) -> dict:
+    """Largest relative errors of G' and G'', fields of a Row that begin with `what`."""
+    errors = {name: np.abs(part - parts(exact)[name]) for name, part in parts(G).items()}
+    return {
+        f"{what}_{name}": float(relative_bound(errors[name], part).max())
+        for name, part in parts(exact).items()
+    }

@@ -9,6 +9,7 @@ from jampetsc.jobs.pack import Pack
 from jampetsc.minimise.sizes import SIZES
 from jampetsc.speed_accuracy import processes
 from jampetsc.speed_accuracy.choices import PHYSICS_ACCURACY, Bench
+from jampetsc.speed_accuracy.compare import parts
 from jampetsc.speed_accuracy.table import Row
 
 SHARES = (1, 4, 16)  # so many packings of N over so many disks
@@ -81,7 +82,7 @@ def _statistics(reference, curves) -> dict:
     # at ω → 0 the mean of G' can vanish: small packings with pre-stress need not be stable to shear
     seen = curves if reference.inside is None else curves[:, reference.inside]
     slopes = [slope for G in curves if (slope := reference.exponents(G))]
-    for name, part in (("storage", seen.real), ("loss", seen.imag)):
+    for name, part in parts(seen).items():
         middle, error = mean_with_error(part)
         found[f"stderr_{name}"] = float(np.max(error / np.abs(middle)))
         if len(slopes) > 1:

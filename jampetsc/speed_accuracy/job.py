@@ -4,12 +4,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from jampetsc.asking.damping import DAMPING, PRESTRESS
-from jampetsc.asking.job import Job
-from jampetsc.asking.kinds import FREQUENCIES, PACKING, Numbers, grid_told, words
-from jampetsc.asking.parameters import FILE, Kind, asked, part
+from jampetsc.asking.damping import OfPacking
+from jampetsc.asking.kinds import FREQUENCIES, Numbers, grid_told, words
+from jampetsc.asking.parameters import Kind, asked
 from jampetsc.core.disks import Disks
-from jampetsc.core.laws import Law, Physics
 from jampetsc.errors import InputError, named
 from jampetsc.jobs.sweep import OMEGA
 from jampetsc.shipped_files import located
@@ -33,7 +31,7 @@ def _files(given):
 
 
 @dataclass(frozen=True, eq=False)
-class Trade(Job):
+class Trade(OfPacking):
     """Measure what speed costs in accuracy.
 
     Runs a sweep of one packing with each of many settings, and compares time, memory, factorisations, errors of G' and
@@ -59,9 +57,6 @@ class Trade(Job):
 
 Times mean something on a machine that does nothing else."""
 
-    packing: Disks = asked(help="packing", kind=PACKING, place=FILE)
-    law: Law = part(DAMPING)
-    prestress: bool = PRESTRESS
     choices: tuple = asked(",".join(GROUPS), "what to vary", kind=Kind(_groups, ",".join, metavar="LIST"))
     ensemble: bool = asked(
         False, "also: one big packing against 4 of N/4 and 16 of N/16 disks, which are made for it"
@@ -75,11 +70,6 @@ Times mean something on a machine that does nothing else."""
         "options files for method direct (default: iterative, superlu_dist, low_memory of jampetsc)",
         kind=Kind(_files, ",".join, metavar="FILE[,FILE…]"),
     )
-
-    @property
-    def physics(self) -> Physics:
-        """Of the runs."""
-        return Physics(self.law, self.prestress)
 
     @property
     def frequencies(self) -> str:
@@ -115,7 +105,3 @@ Times mean something on a machine that does nothing else."""
         from jampetsc.speed_accuracy.measure import measure
 
         return measure(self, to.path)
-
-    def answer(self, to, told):
-        """The text."""
-        return told

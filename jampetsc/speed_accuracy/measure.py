@@ -25,7 +25,7 @@ def measure(job, out) -> str:
     """
     picture = Path(out).with_suffix(".png")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # as by the system, but stops the run in hand
-    load = _load()
+    load = os.getloadavg()[0]
     with tempfile.TemporaryDirectory(prefix="jampetsc-trade-") as folder, Progress(None, "trade") as progress:
         bench = choices.Bench(job, folder, progress)
         rows = bench.find_reference()
@@ -54,14 +54,10 @@ def _facts(job, out, reference, load):
         f"command: {shlex.join(job.line(out))}",
         f"packing: {name}, N = {disks.n}, p = {attributes['pressure']:.6g}, sha256 {digest}",
         f"law: {job.physics}, tau1 = {job.physics.law.tau1:g}; frequencies {job.frequencies}",
-        f"runs: {how}; {platform.machine()}, {os.cpu_count()} cores, load average {load} at the start",
+        f"runs: {how}; {platform.machine()}, {os.cpu_count()} cores, load average {load:.1f} at the start",
         f"program: {versions}; {date}",
         f"reference: certified to {reference.certified:.1e}; errors below that are not resolved",
     ]
     if reference.window is not None:
         facts.append(f"critical window: omega = {reference.window[0]:.3g} to {reference.window[1]:.3g}")
     return facts
-
-
-def _load():
-    return f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "unknown"

@@ -83,7 +83,6 @@ A task that fails is a row with its reason and is tried again by the next run; t
         return read(self.study) if isinstance(self.study, str) else self.study
 
     def work(self, to):
-        """Do what is left. Collective."""
         from jampetsc.studies.plan import plan
 
         if self.dry_run:
@@ -93,6 +92,7 @@ A task that fails is a row with its reason and is tried again by the next run; t
         from jampetsc.io.ensemble import TABLE
         from jampetsc.petsc import session
         from jampetsc.studies import run as study
+        from jampetsc.studies.costs import in_words
 
         began, running = time.perf_counter(), session.current()
         content = on_root(running.comm, self._content)  # of one rank for all: it may be edited meanwhile
@@ -100,7 +100,7 @@ A task that fails is a row with its reason and is tried again by the next run; t
         rows = study.run(tasks, to.path, self._named, content, running)
         failures = [row for row in rows if row["state"] != "done"]
         to.status = FAILED if failures else 0
-        return _summary(to.path / TABLE, rows, failures, study.elapsed(began))
+        return _summary(to.path / TABLE, rows, failures, in_words(time.perf_counter() - began))
 
 
 def _summary(table, rows, failures, elapsed) -> str:
@@ -131,23 +131,17 @@ def _outlook(tasks, folder) -> str:
     names = set(names)
     left = [task for task in tasks if task.name in names]
     lines = [f"{'to do' if task.name in names else 'done '}  {' '.join(task.words)}" for task in tasks]
+    totals = []
     for command in dict.fromkeys(task.command for task in tasks):
         mine = [task for task in left if task.command == command]
+        totals.append(costs.total(mine))
         known = any(
             record["state"] == "done" for record in records.values() if record["row"]["command"] == command
         )
         guess = "" if known or not mine else ", by a rough rule until some are done"
-        lines.append(f"{command}: {len(mine)} to do, about {in_words(costs.total(mine))} on one rank{guess}")
+        lines.append(f"{command}: {len(mine)} to do, about {in_words(totals[-1])} on one rank{guess}")
     if changed:
         lines.append(told_of(changed))
-    lines.append(f"{len(left)} of {len(tasks)} tasks to do, about {in_words(_sum(costs, left))} on one rank")
+    total = None if None in totals else sum(totals)
+    lines.append(f"{len(left)} of {len(tasks)} tasks to do, about {in_words(total)} on one rank")
     return "\n".join(lines)
-
-
-def _sum(costs, tasks):
-    """Seconds of all tasks where there is an estimate for each command, else None."""
-    totals = [
-        costs.total([task for task in tasks if task.command == command])
-        for command in {task.command for task in tasks}
-    ]
-    return None if None in totals else sum(totals)

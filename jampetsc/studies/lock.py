@@ -31,27 +31,23 @@ class Lock:
         """Raises InputError where another study has it."""
         try:
             self._file = locked(self.path)
-            other = self.path.read_text().strip()
+            host, _, process = self.path.read_text().strip().partition(" ")
+            left = LOST - self._age()
         except OSError as error:
             raise write_error(self.path, error) from None
-        if self._file is None:
-            self._refuse(other)
-        here = socket.gethostname()
-        if other and other.split()[0] != here and (age := self._age()) < LOST:
-            self._refuse(other, f"; if it is dead, its lock is void in {LOST - age:.0f} s")
+        here, is_locked = socket.gethostname(), self._file is None
+        if is_locked or (host not in ("", here) and left > 0):
+            if not is_locked:
+                self._file.close()
+            raise InputError(
+                f"{self.path.parent}: a study is running there (process {process or '?'} on "
+                f"{host or 'another machine'}): wait for it, or choose another folder"
+                + ("" if is_locked else f"; if it is dead, its lock is void in {left:.0f} s")
+            )
         self._file.truncate(0)
         self._file.write(f"{here} {os.getpid()}\n")
         self._file.flush()
         threading.Thread(target=self._beat, daemon=True).start()
-
-    def _refuse(self, other, remedy=""):
-        if self._file is not None:
-            self._file.close()
-        host, _, process = other.partition(" ") if other else ("another machine", "", "?")
-        raise InputError(
-            f"{self.path.parent}: a study is running there (process {process} on {host}): "
-            f"wait for it, or choose another folder{remedy}"
-        )
 
     def _age(self):
         """Seconds since the file was touched, by the clock of its file system."""
@@ -59,7 +55,7 @@ class Lock:
         probe.touch()
         now = os.stat(probe).st_mtime
         probe.unlink()
-        return now - os.fstat(self._file.fileno()).st_mtime
+        return now - os.stat(self.path).st_mtime
 
     def _beat(self):
         while not self._over.wait(BEAT):

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from jampetsc.analysis.scaling import fit_power_law, low_frequency_limit
+from jampetsc.analysis.scaling import low_frequency_limit
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load
-from jampetsc.speed_accuracy.compare import FEWEST, critical
+from jampetsc.speed_accuracy.compare import FEWEST, critical, slopes
 
 WORDS = ("law", "model", "method", "packing", "phase")  # texts that a row tells
 NOT = ("ranks", "wall_seconds", "negative_modes", "requested_n", "requested_pressure", "requested_phi")
@@ -48,9 +48,9 @@ def _sweep(result):
     except InputError:
         pass
     inside = critical(result)
-    for name, part in (("storage", result.G.real), ("loss", result.G.imag)):
-        if np.count_nonzero(inside) >= FEWEST and (part[inside] > 0).all():
-            found[f"exponent_{name}"] = fit_power_law(result.omega[inside], part[inside]).exponent
+    if np.count_nonzero(inside) >= FEWEST:
+        known = slopes(result.omega[inside], result.G[inside])
+        found |= {name: value for name, value in known.items() if not name.endswith("_error")}
     return found
 
 

@@ -128,11 +128,7 @@ def _typed(one, value):
     """What a value is to the name of a task: a number where the parameter is one, else text."""
     if _is_switch(one):
         return one.default != value  # a switch that is on by default has a key that turns it off
-    text = str(number_of(value))  # the same for 1e-3 and "0.001"
-    try:
-        return one.kind.word(text)
-    except ValueError:
-        return text
+    return one.kept(str(number_of(value)))  # the same for 1e-3 and "0.001"
 
 
 def number_of(value):

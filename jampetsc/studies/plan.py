@@ -11,13 +11,13 @@ where = {pressure = 1e-2} only on these packings
 """
 
 import dataclasses
-import difflib
 import hashlib
 import json
 import math
 import tomllib
 from dataclasses import dataclass
 
+from jampetsc.asking.parameters import did_you_mean
 from jampetsc.errors import InputError
 from jampetsc.io.regular import open_regular
 from jampetsc.jobs import job_class
@@ -116,9 +116,8 @@ def _tables(path, content):
     found = {}
     for command, value in content.items():
         if command not in KINDS:
-            near = difflib.get_close_matches(command, KINDS, n=1)
-            known = f"did you mean {near[0]}?" if near else f"there are {', '.join(KINDS)}"
-            raise InputError(f"{path}: {command}: no table of a study has this name; {known}")
+            known = did_you_mean(command, KINDS) or f"; there are {', '.join(KINDS)}"
+            raise InputError(f"{path}: {command}: no table of a study has this name{known}")
         tables = value if isinstance(value, list) else [value]
         if not tables or not all(isinstance(table, dict) for table in tables):
             raise InputError(f"{path}: {command} = {value}: must be a table: write [{command}]")

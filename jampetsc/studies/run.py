@@ -1,10 +1,10 @@
 """A study as a run: what is left to do goes to the ranks, task by task, and the table is written at the end."""
 
 import time
+from functools import partial
 from pathlib import Path
-from time import sleep
 
-from jampetsc.collective import agreed, on_root, own_cores
+from jampetsc.collective import on_root, own_cores
 from jampetsc.errors import InputError
 from jampetsc.io.atomic import write_error, write_whole
 from jampetsc.io.ensemble import TABLE
@@ -37,14 +37,9 @@ def run(tasks, folder, path, source: bytes | dict, session) -> list[dict]:
     lock = Lock(folder)
     claims = on_root(comm, lambda: _open(folder, path, lock))
     try:
-        runner = Runner(folder, {}, own_cores(comm))
-
-        def look():
-            runner.records = records_of(folder)
-            return runner.left(tasks), runner.records
-
-        (left, changed), records = on_root(comm, look)
-        runner.records = records
+        records = on_root(comm, lambda: records_of(folder))
+        runner = Runner(folder, records, own_cores(comm))
+        left, changed = on_root(comm, lambda: runner.left(tasks))
         void = {name: records.get(name) for name in left}
         left = [task for task in tasks if task.name in void]
 
@@ -59,17 +54,18 @@ def run(tasks, folder, path, source: bytes | dict, session) -> list[dict]:
             for together, some in _phases(left, session):
                 (work.together if together else work.apart)(some)
         new = comm.gather(work.made)
-        rows = None
-        with agreed(comm):
-            if comm.rank == 0:
-                claims.end()
-                records |= {record["task"]: record for made in new for record in made}
-                rows = _write_table(folder, tasks, records, runner)
-                if isinstance(source, bytes) and not is_same(
-                    path, folder / COPY
-                ):  # it may have been edited meanwhile
-                    write_whole(folder / COPY, source)
-        return comm.bcast(rows)
+
+        def finish():
+            claims.end()
+            made = {record["task"]: record for some in new for record in some}
+            rows = _write_table(folder, tasks, records | made, runner)
+            if isinstance(source, bytes) and not is_same(
+                path, folder / COPY
+            ):  # it may have been edited meanwhile
+                write_whole(folder / COPY, source)
+            return rows
+
+        return on_root(comm, finish)
     finally:
         lock.release()
 
@@ -167,7 +163,7 @@ class _Work:
         ended = waiting.Ibarrier()
         while not ended.Test():
             self._now_and_then()
-            sleep(NAP)
+            time.sleep(NAP)
         waiting.Free()
         self.session.collect()
 
@@ -175,9 +171,7 @@ class _Work:
         """One task after another, on all ranks. Collective."""
         for place, task in enumerate(tasks):
             record = self.session.comm.bcast(self.runner.run(task, self._there(task), together=True))
-            with agreed(self.session.comm):
-                if self.session.rank == 0:
-                    self._finish(task, record, tasks[place + 1 :], 1)
+            on_root(self.session.comm, partial(self._finish, task, record, tasks[place + 1 :], 1))
 
     def _now_and_then(self):
         if self.session.rank == 0 and time.monotonic() > self.refreshed + REFRESH:
@@ -208,8 +202,3 @@ class _Work:
         ]
         self.progress.count = finished - 1
         self.progress.step("; ".join(filter(None, parts)))
-
-
-def elapsed(began) -> str:
-    """Time since `began` in words."""
-    return in_words(time.perf_counter() - began)

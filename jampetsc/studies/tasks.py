@@ -7,7 +7,6 @@ import os
 import time
 
 from jampetsc import progress
-from jampetsc.asking.perform import perform
 from jampetsc.collective import on_root
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.io.checkpoint import discard, folder_of
@@ -107,7 +106,7 @@ class Runner:
             job = dataclasses.replace(job, threads=self.cores)
         overwrite = task.name in self.records  # what the study itself has made
         with progress.telling(False):
-            perform(job, Outlet(out, out), argv=words, overwrite=overwrite)
+            job.perform(Outlet(out, out), argv=words, overwrite=overwrite)
 
     def _is_there(self, task, job) -> bool:
         """Whether the file is the result of this job; a packing is left to `pack`, which looks for itself. What the

@@ -88,35 +88,17 @@ def test_what_lies_beyond_a_range_is_refused(line, option, values):
 
 @pytest.mark.parametrize(
     ("text", "count"),
-    [
-        ("1e-16", 1), ("1e12", 1), ("1,2,1", 2), ("1e-2:1e2:2", 2), ("1e-2:1e2:100000", 100_000),
-    ],
-)  # fmt: skip
+    [("1e-16", 1), ("1e12", 1), ("1,2,1", 2), ("1e-2:1e2:2", 2), ("1e-2:1e2:100000", 100_000)],
+)
 def test_frequencies(text, count):
     omega = FREQUENCIES.read(text)
     assert len(omega) == count and (np.diff(omega) > 0).all()
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "1:1:5",
-        "0.99e-16",
-        "1.01e12",
-        "1e-17:1:5",
-        "1:1e13:5",
-        "2:1:5",
-        "1:2:1",
-        "1:2:100001",
-        "1:2:0",
-        "nan",
-        "1,inf",
-        "0",
-        "-1",
-        "1:2",
-        "",
-    ],
-)
+NO_FREQUENCY = "1:1:5 0.99e-16 1.01e12 1e-17:1:5 1:1e13:5 2:1:5 1:2:1 1:2:100001 1:2:0 nan 1,inf 0 -1 1:2"
+
+
+@pytest.mark.parametrize("text", [*NO_FREQUENCY.split(), ""])
 def test_what_is_no_frequency(text):
     with pytest.raises(ValueError, match=r"must|need|write"):
         FREQUENCIES.read(text)

@@ -4,13 +4,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from samples import published
 
 from jampetsc.analysis.collapse_errors import Estimate
-from jampetsc.cli import main as cli
 from jampetsc.core.laws import Physics, damping_law
-from jampetsc.io.packing_file import write_packing
-from jampetsc.jobs import collapse, correlate_sweeps, describe, modes, oscillate, quasistatic, sweep
+from jampetsc.jobs import collapse, correlate_sweeps, modes, oscillate, quasistatic, sweep
 from jampetsc.studies import job as study
 
 PHYSICS = Physics(damping_law())
@@ -86,23 +83,6 @@ def test_a_study_tells_what_failed_and_what_is_unstable():
     assert "more, see" not in exactly and exactly.count("failed: no") == study.MANY
 
 
-def test_lengths_are_told_with_their_errors():
-    assert correlate_sweeps._with_error(np.nan, 1.0) == "no root"
-    assert (
-        correlate_sweeps._with_error(1.2345, np.nan) == "1.23"
-        and correlate_sweeps._with_error(1.2345, 0.05) == "1.23 ± 0.05"
-    )
-    values = np.array([[1.0, 3.0, np.nan], [1.0, 4.0, np.nan]])
-    assert correlate_sweeps._rms(values) == pytest.approx(np.sqrt(12.5)) and np.isnan(
-        correlate_sweeps._rms(values[:, [0, 2]])
-    )
-    sweeps = [SimpleNamespace(attributes={"pressure": p}) for p in (1e-3, 3e-3)]
-    assert correlate_sweeps._mean_pressure([*sweeps, SimpleNamespace(attributes={})]) == {
-        "pressure": pytest.approx(2e-3)
-    }
-    assert correlate_sweeps._mean_pressure([]) == {}
-
-
 def test_an_oscillation_tells_both_ends_of_its_frequencies():
     asked = SimpleNamespace(
         alpha=1.0,
@@ -121,84 +101,6 @@ def test_an_oscillation_tells_both_ends_of_its_frequencies():
         "  strain 1e-06, omega 0.1: G' = 1, G'' = 1, third harmonic 10 %",
         "  strain 1e-06, omega 10: G' = 3, G'' = 4, third harmonic 2 %",
     ]
-
-
-# What `info` says of matrices
-
-
-def inertia(negative, zero, positive):
-    return SimpleNamespace(negative=negative, zero=zero, positive=positive)
-
-
-def examined(K, bare, damping=(0, 0, 10), translations=2, pins=2):
-    parts = dict(
-        zip(
-            ("with_prestress", "without_prestress", "damping"),
-            (inertia(*n) for n in (K, bare, damping)),
-            strict=True,
-        )
-    )
-    return SimpleNamespace(translations=translations, pins=pins, **parts)
-
-
-@pytest.mark.parametrize(
-    ("facts", "at_rest", "beginnings"),
-    [
-        (
-            examined((0, 2, 9), (0, 2, 9)),
-            True,
-            ["a minimum: K has no negative eigenvalue, and only the translations"],
-        ),
-        (examined((0, 3, 9), (0, 2, 9)), True, ["marginal: 1 moves besides the translations cost no energy"]),
-        (
-            examined((0, 3, 9), (0, 2, 9)),
-            False,
-            ["not a minimum: K has no negative eigenvalue, but the forces are not"],
-        ),
-        (examined((1, 2, 9), (0, 2, 9)), True, ["not a minimum: K has 1 negative eigenvalue;"]),
-        (examined((2, 2, 9), (0, 2, 9)), False, ["not a minimum: K has 2 negative eigenvalues;"]),
-        (examined((0, 2, 9), (0, 5, 9)), True, ["a minimum", "floppy without pre-stress: 3 moves besides"]),
-        (
-            examined((0, 2, 9), (0, 2, 9), (0, 1, 9)),
-            True,
-            ["a minimum", "B lets 1 moves pass besides those pinned"],
-        ),
-    ],
-)
-def test_what_numbers_of_eigenvalues_mean(facts, at_rest, beginnings):
-    lines = describe.verdict(facts, at_rest)
-    assert len(lines) == len(beginnings)
-    for line, beginning in zip(lines, beginnings, strict=True):
-        assert line.startswith(beginning)
-
-
-@pytest.mark.parametrize(
-    ("pins", "translations", "words"),
-    [(0, 2, "0: every move meets drag"), (2, 2, "2: 2 translations"), (3, 2, "3: 2 translations and 1 gear mode"),
-     (6, 4, "6: 4 translations and 2 gear modes")],
-)  # fmt: skip
-def test_what_is_pinned(pins, translations, words):
-    assert describe._pins(SimpleNamespace(pins=pins, translations=translations)) == words
-
-
-def test_numbers_as_one_reads_them():
-    assert (
-        describe.number(1 / 3) == "0.3333333333" and describe.number(3) == "3" and describe.number("x") == "x"
-    )
-    assert describe.number(np.array([0.5, 1.0])) == "0.5, 1"
-    assert describe._files(0) == "one, complete" and describe._files(3) == "joint file and 3 parts, all there"
-    assert (
-        describe.table([("head",), ("a", "1"), ("longer", "2", "x")]) == "head\n  a       1\n  longer  2  x"
-    )
-
-
-@pytest.mark.parametrize(("off", "told"), [(0.9e-6, False), (1.1e-6, True)])
-def test_a_record_that_is_not_of_these_positions(off, told):
-    disks = published()
-    state = describe.measure(disks)
-    text = describe.packing("p.h5", disks.with_record(energy=state.energy * (1 + off), negative_modes=0))
-    assert ("note: the file records energy = " in text) == told
-    assert "note: the file records negative_modes = 0, but not of these disks: it counts for nothing" in text
 
 
 def test_a_quasistatic_response_tells_its_parts():
@@ -290,39 +192,3 @@ def test_the_worst_error_of_the_loss_is_over_the_loss():
     bounds = np.array([[0.5, 1e-3, 2e-3], [0.5, 2e-3, 1e-3]])
     (line, *_) = sweep._summary(sweep_job(), np.array([0.1, 1.0]), G, bounds).split("\n")
     assert line.endswith("certified to 1.0e-03 in G' and 4.0e-03 in G''")
-
-
-@pytest.mark.parametrize(("known", "seconds"), [((1.0, 2.0), 3.0), ((1.0, None), None), ((0.0, 0.0), 0.0)])
-def test_what_a_study_costs_is_known_where_all_its_commands_are(known, seconds):
-    costs = SimpleNamespace(total=lambda tasks: dict(zip("ab", known, strict=True))[tasks[0].command])
-    tasks = [SimpleNamespace(command=name) for name in "abab"]
-    assert study._sum(costs, tasks) == seconds
-    assert study._sum(costs, []) == 0
-
-
-@pytest.mark.parametrize(
-    ("words", "expected"),
-    [
-        ([], {"ranks": None, "ensemble": False, "options_files": None, "frequencies": "1e-10:10000.0:141"}),
-        (
-            ["--ranks", "2", "--ensemble", "--omega", "1,2"],
-            {"ranks": 2, "ensemble": True, "frequencies": "1.0,2.0"},
-        ),
-        (
-            ["--choices", "method", "--options-files", "a.opts,b.opts"],
-            {"choices": ("method",), "options_files": ("a.opts", "b.opts")},
-        ),
-        (["--no-prestress", "--beta", "0.5"], {"physics": Physics(damping_law("contact", beta=0.5), False)}),
-    ],
-)
-def test_a_trade_measures_what_is_asked_for(tmp_path, monkeypatch, capsys, words, expected):
-    monkeypatch.chdir(tmp_path)
-    for name in ("a.opts", "b.opts"):
-        (tmp_path / name).touch()
-    write_packing("p.h5", published("hertzian"))
-    asked = []
-    monkeypatch.setattr("jampetsc.speed_accuracy.measure.measure", lambda *it: asked.append(it) or "table")
-    assert cli.dispatch(["trade", "p.h5", "--out", "t.csv", *words]) == 0
-    ((request, out),) = asked
-    assert request.packing == "p.h5" and str(out) == "t.csv" and capsys.readouterr().out == "table\n"
-    assert {name: getattr(request, name) for name in expected} == expected

@@ -5,12 +5,12 @@ from types import SimpleNamespace
 
 import pytest
 
-from jampetsc.asking.inputs import refuse_one_packing, refuse_repeated
 from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load
-from jampetsc.jobs.rows import rows_named
+from jampetsc.jobs.correlate_sweeps import refuse_mixture
 from jampetsc.jobs.scaling import files_of
+from jampetsc.jobs.sources import refuse_repeated, rows_named
 from jampetsc.studies.table import table_text
 
 
@@ -41,15 +41,17 @@ def test_one_file_under_two_names(tmp_path):
         refuse_repeated([str(tmp_path / "a.h5")] * 2)
 
 
-def test_no_two_results_of_one_packing_but_of_unknown_ones():
-    def result(name, sha256):
-        return SimpleNamespace(path=Path(name), attributes={"packing_sha256": sha256} if sha256 else {})
+def test_no_two_sweeps_of_one_packing_but_of_unknown_ones():
+    def sweep(name, sha256):
+        known = {"packing_sha256": sha256} if sha256 else {}
+        return SimpleNamespace(path=Path(name), attributes=known, law={})
 
-    refuse_one_packing([result("a.h5", None), result("b.h5", None), result("c.h5", "1" * 64)])
+    others = [sweep("a.h5", None), sweep("b.h5", None), sweep("c.h5", "1" * 64), sweep("d.h5", "2" * 64)]
+    refuse_mixture(others)
     with pytest.raises(
-        InputError, match=r"c\.h5: comes from the same packing as b\.h5 \(sha256 111111111111…\)"
+        InputError, match=r"e\.h5: comes from the same packing as c\.h5 \(sha256 111111111111…\)"
     ):
-        refuse_one_packing([result("a.h5", None), result("b.h5", "1" * 64), result("c.h5", "1" * 64)])
+        refuse_mixture([*others, sweep("e.h5", "1" * 64)])
 
 
 def test_files_of_a_study_are_of_rows_that_are_done(tmp_path):

@@ -1,13 +1,12 @@
 """Studies: the same table on any number of ranks, after any kill, and whatever fails."""
 
 import dataclasses
-import functools
 import itertools
 import os
 import re
 import shutil
 from threading import Timer
-from time import perf_counter
+from time import perf_counter, sleep
 from types import SimpleNamespace
 
 import launch
@@ -29,7 +28,6 @@ from jampetsc.studies.journal import Claims, keep_record, records_of, tidy
 from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.lock import Lock
 from jampetsc.studies.plan import plan
-from jampetsc.studies.table import table_text
 
 ALL = """
 [pack]
@@ -150,7 +148,7 @@ def told(capsys):
 
 @pytest.mark.scalar("real")
 def test_a_task_that_fails_is_a_row_and_the_others_go_on(session, shared_path, capsys, monkeypatch):
-    clock = SimpleNamespace(monotonic=itertools.count(0, 10).__next__, perf_counter=perf_counter)
+    clock = SimpleNamespace(monotonic=itertools.count(0, 10).__next__, perf_counter=perf_counter, sleep=sleep)
     monkeypatch.setattr(study_run, "time", clock)  # so late that the time left is estimated for every line
     text = "[pack]\nn = 24\nphi = [0.8, 0.95]\n[quasistatic]\n[modes]\ncount = [2, 1000]\n"
     table = study(shared_path / "study", text, status=3)
@@ -178,82 +176,63 @@ def test_a_task_that_fails_is_a_row_and_the_others_go_on(session, shared_path, c
     assert before.items() <= after.items() and len(after) == len(before) + 1
 
 
-@pytest.mark.most_ranks(1)
-@pytest.mark.scalar("real")
-def test_an_error_that_nobody_foresaw_is_a_row_too(session, shared_path, monkeypatch):
+def losing(monkeypatch, lost, rank=None):
+    """What raises where a file is read whose name has one of these parts, on all ranks or on one: {part: error}."""
     read = study_tasks.numbers_of
 
     def numbers_of(path):
-        if path.name.startswith("quasistatic"):
-            raise session.PETSc.Error(62) if "-s2-" in path.name else ZeroDivisionError("no reason")
+        for part, error in lost.items():
+            if part in path.name and rank in (None, current().rank):
+                raise error
         return read(path)
 
     monkeypatch.setattr(study_tasks, "numbers_of", numbers_of)
+
+
+@pytest.mark.most_ranks(1)
+@pytest.mark.scalar("real")
+def test_an_error_that_nobody_foresaw_is_a_row_too(session, shared_path, monkeypatch):
+    first = {"quasistatic-n16-p0.01-s2": session.PETSc.Error(62)}
+    losing(monkeypatch, first | {"quasistatic": ZeroDivisionError("no reason")})
     states = study(shared_path / "study", SMALL, status=3)["state"].tolist()
     assert states[:3] == ["done", "done", "failed: ZeroDivisionError: no reason"]
     assert states[3].startswith("failed: Error: ")
 
 
+MEAN = SMALL.replace("[quasistatic]", '[sweep]\nomega = "1"\nfields = "1"\n[correlate]')
+
+
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(1)
 def test_a_mean_is_of_the_seeds_that_there_are_and_is_not_taken_twice(session, shared_path, monkeypatch):
-    text = '[pack]\nn = 16\npressure = 1e-2\nseeds = "1:2"\n[sweep]\nomega = "1"\nfields = "1"\n[correlate]\n'
-    read, lost = study_tasks.numbers_of, ["-s1-", "-s2-"]
+    """More seeds are added; of fewer all that was done stays."""
+    folder, lost = shared_path / "study", {f"sweep-n16-p0.01-s{n}-": InputError("lost") for n in (1, 2)}
 
-    def numbers_of(path):
-        if path.name.startswith("sweep") and any(seed in path.name for seed in lost):
-            raise InputError("lost")
-        return read(path)
+    def mean(text=MEAN, status=0):
+        return study(folder, text, status).where(command="correlate")
 
-    monkeypatch.setattr(study_tasks, "numbers_of", numbers_of)
-    none = study(shared_path / "study", text, status=3)
-    (state,) = none.where(command="correlate")["state"]
+    losing(monkeypatch, lost)
+    (state,) = mean(status=3)["state"]
     assert state.startswith("failed: sweep-n16-p0.01-s1-") and state.endswith(".h5 failed")
-    lost.remove("-s1-")
-    first = study(shared_path / "study", text, status=3).where(command="correlate")
+    del lost["sweep-n16-p0.01-s1-"]
+    first = mean(status=3)
     assert first["packings"] == [1]
-    again = study(shared_path / "study", text, status=3).where(command="correlate")
-    assert again["seconds"] == first["seconds"]  # what it cost, not what a look at it does
-
-
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
-def test_more_seeds_are_added_and_the_rest_is_kept(session, shared_path):
-    text = '[pack]\nn = 16\npressure = 1e-2\nseeds = "1:2"\n[sweep]\nomega = "1"\nfields = "1"\n[correlate]\n'
-    first = study(shared_path / "study", text)
-    second = study(shared_path / "study", text.replace("1:2", "1:3"))
-    assert (first.rows, second.rows) == (5, 7)
-    assert first.where(command="correlate")["packings"] == [2]
-    assert second.where(command="correlate")["packings"] == [3]
-    fewer = study(shared_path / "study", text.replace("1:2", "2:2"))
-    assert fewer.rows == 7 and sorted(fewer["file"]) == sorted(second["file"])
+    assert mean(status=3)["seconds"] == first["seconds"]  # what it cost, not what a look at it does
+    lost.clear()
+    assert mean()["packings"] == [2] and mean(MEAN.replace("1:2", "1:3"))["packings"] == [3]
+    more = jampetsc.load(folder)
+    fewer = study(folder, MEAN.replace("1:2", "2:2"))
+    assert more.rows == fewer.rows == 7 and sorted(fewer["file"]) == sorted(more["file"])
 
 
 LADDER = '[pack]\nn = 16\npressure = [1e-2, 1e-3, 1e-4]\nseeds = "1:2"\nladder = true\n'
 
 
 @pytest.mark.scalar("real")
-def test_a_ladder_is_the_one_that_pack_makes_and_a_lower_pressure_is_added(session, shared_path):
-    folder = shared_path / "study"
-    study(folder, LADDER.replace(", 1e-4]", "]"))
-    before = times(folder)
-    session.comm.Barrier()
-    packs = study(folder, LADDER + "[quasistatic]\n").where(command="pack")
-    assert before.items() <= times(folder).items() and packs.rows == 6
-    whole = jampetsc.pack(n=16, pressure=[1e-2, 1e-3, 1e-4], seeds="1:2", ladder=True)
-    asked = {
-        (seed, p): one
-        for (seed, p), one in zip(itertools.product((1, 2), (1e-2, 1e-3, 1e-4)), whole, strict=True)
-    }
-    for seed, pressure, disks in zip(packs["seed"], packs["pressure"], packs.results(), strict=True):
-        assert disks.fingerprint == asked[seed, pressure].fingerprint
-        assert disks.record.get("source_sha256") == asked[seed, pressure].record.get("source_sha256")
-    assert np.isnan(packs["ladder"][:2]).all() and packs["ladder"][2:].tolist() == [1.0] * 4
-
-
-@pytest.mark.scalar("real")
 @pytest.mark.most_ranks(2)
-def test_of_a_ladder_what_is_below_a_packing_that_fails_fails_too(session, shared_path, monkeypatch):
+def test_a_ladder_is_the_one_that_pack_makes_and_what_is_below_a_packing_that_fails_fails_too(
+    session, shared_path, monkeypatch
+):
     """And is made by the next run."""
     make, folder = packings.make_packing, shared_path / "study"
 
@@ -270,6 +249,12 @@ def test_of_a_ladder_what_is_below_a_packing_that_fails_fails_too(session, share
     monkeypatch.setattr(packings, "make_packing", make)
     whole = study(folder, LADDER)
     assert set(whole["state"]) == {"done"}
+    packs = jampetsc.pack(n=16, pressure=[1e-2, 1e-3, 1e-4], seeds="1:2", ladder=True)
+    asked = dict(zip(itertools.product((1, 2), (1e-2, 1e-3, 1e-4)), packs, strict=True))
+    for seed, pressure, disks in zip(whole["seed"], whole["pressure"], whole.results(), strict=True):
+        assert disks.fingerprint == asked[seed, pressure].fingerprint
+        assert disks.record.get("source_sha256") == asked[seed, pressure].record.get("source_sha256")
+    assert np.isnan(whole["ladder"][:2]).all() and whole["ladder"][2:].tolist() == [1.0] * 4
     session.comm.Barrier()
     if session.rank == 0:
         truncated(folder / whole["file"][2])
@@ -354,24 +339,16 @@ def test_what_fits_on_a_machine_is_shared_by_its_ranks(session, monkeypatch):
     assert study_run._most_disks(session) == 100  # the least that any rank may
 
 
-def together_but(monkeypatch, command, error, rank=None):
-    """All ranks do each task together now; what this command leaves raises `error` where it is read, or on one rank."""
-    read = study_tasks.numbers_of
-
-    def numbers_of(path):
-        if path.name.startswith(command) and rank in (None, current().rank):
-            raise error
-        return read(path)
-
-    monkeypatch.setattr(study_tasks, "numbers_of", numbers_of)
-    monkeypatch.setattr(study_run, "LARGE", 15)
-
-
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(2)
 @pytest.mark.least_ranks(2)
 def test_what_reads_a_large_task_that_failed_fails_too(session, shared_path, monkeypatch, capsys):
-    together_but(monkeypatch, "sweep", InputError("lost"))
+    clock = SimpleNamespace(monotonic=itertools.count(0, 10).__next__, sleep=sleep)
+    monkeypatch.setattr(
+        "jampetsc.studies.journal.time", clock
+    )  # each look at what the others have done is new
+    losing(monkeypatch, {"sweep": InputError("lost")})
+    monkeypatch.setattr(study_run, "LARGE", 15)
     text = SMALL.replace("1:2", "1:1").replace("[quasistatic]", '[sweep]\nomega = "1"\n[spectrum]')
     table = study(shared_path / "study", text, status=3)
     states = dict(zip(table["command"], table["state"], strict=True))
@@ -382,16 +359,10 @@ def test_what_reads_a_large_task_that_failed_fails_too(session, shared_path, mon
     assert [count for count, _ in said] == ["1/3", "2/3", "3/3"]
     assert said[1][1].endswith(": lost; 1 failed") and said[2][1].endswith("2 failed")
     assert said[1] in lines[0]  # of what all do together one tells
-
-
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(2)
-@pytest.mark.least_ranks(2)
-def test_what_becomes_of_a_large_task_is_what_rank_0_says(session, shared_path, monkeypatch):
-    """So that all go on with the same tasks."""
-    together_but(monkeypatch, "sweep", InputError("lost"), rank=1)
-    text = SMALL.replace("1:2", "1:1").replace("[quasistatic]", '[sweep]\nomega = "1"\n[spectrum]')
-    assert set(study(shared_path / "study", text)["state"]) == {"done"}
+    monkeypatch.undo()
+    losing(monkeypatch, {"sweep": InputError("lost")}, rank=1)  # all go on as rank 0 says
+    monkeypatch.setattr(study_run, "LARGE", 15)
+    assert set(study(shared_path / "other", text)["state"]) == {"done"}
 
 
 @pytest.mark.scalar("real")
@@ -399,7 +370,8 @@ def test_what_becomes_of_a_large_task_is_what_rank_0_says(session, shared_path, 
 @pytest.mark.least_ranks(2)
 def test_a_bug_in_what_all_do_together_is_no_row(session, shared_path, monkeypatch):
     """One rank alone may have met it: the others would wait for it in the next task."""
-    together_but(monkeypatch, "quasistatic", ZeroDivisionError("a bug"))
+    losing(monkeypatch, {"quasistatic": ZeroDivisionError("a bug")})
+    monkeypatch.setattr(study_run, "LARGE", 15)
     with pytest.raises(ZeroDivisionError, match="a bug"):
         study(shared_path / "study", SMALL.replace("1:2", "1:1"))
     session.comm.Barrier()
@@ -448,23 +420,6 @@ def test_a_rank_that_fails_alone_ends_all(tmp_path, ranks):
     assert done.stderr.count("error: ") == 1 and len(records_of(folder)) < ranks
 
 
-@pytest.mark.most_ranks(1)
-@pytest.mark.scalar("real")
-def test_what_a_kill_left_is_taken_over_and_tidied(session, shared_path):
-    folder = shared_path / "study"
-    name = study(folder, SMALL).where(command="quasistatic")["file"][0]
-    made = (folder / name).stat().st_mtime_ns
-    if session.rank == 0:
-        (folder / f"{name}.resume").mkdir()
-        (folder / f"{name}.resume" / "00000-rank-0000").touch()
-        for file in (folder / "journal").iterdir():
-            file.unlink()
-    session.comm.Barrier()
-    assert set(study(folder, SMALL)["state"]) == {"done"}
-    assert (folder / name).stat().st_mtime_ns == made
-    assert not list(folder.glob("*.resume*"))
-
-
 CHAIN = '[pack]\nn = 16\npressure = 1e-2\n[sweep]\nomega = "1e-2,1"\n[spectrum]\n'
 
 
@@ -499,10 +454,13 @@ CHANGES = {  # what happens to a file -> of which command, what is made again, w
 
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(1)
-def test_what_is_not_what_was_made_is_made_again_and_said(session, shared_path, capsys):
+def test_what_is_not_what_was_made_is_made_again_and_said(session, shared_path, capsys, monkeypatch):
     """A packing comes out as it was, to the last bit, so that what was computed from it stays."""
-    folder = shared_path / "study"
+    folder, rows = shared_path / "study", []
     first = study(folder, CHAIN)
+    write = study_run._write_table
+    monkeypatch.setattr(study_run, "_write_table", lambda *it: rows.append(write(*it)) or rows[-1])
+    monkeypatch.setattr(study_run, "REFRESH", -1.0)  # the table is written all the time
     for how, (change, command, again, later) in CHANGES.items():
         before = times(folder)
         name = first.where(command=command)["file"][0]
@@ -515,7 +473,10 @@ def test_what_is_not_what_was_made_is_made_again_and_said(session, shared_path, 
         capsys.readouterr()
         if later:
             study(folder, CHAIN, status=3)
+        rows.clear()
         table = study(folder, CHAIN)
+        told_meanwhile = {"pack": [1, 1, 1, 3], "sweep": [2, 3, 3]}[command]  # what is known to hold by then
+        assert later or [len(some) for some in rows] == told_meanwhile
         told = capsys.readouterr().err
         assert set(table["state"]) == {"done"} and table.rows == first.rows, how
         made = {name.split("-")[0] for name, time in times(folder).items() if time != before[name]}
@@ -563,101 +524,13 @@ def test_a_record_that_is_torn_or_changed_does_not_count(tmp_path):
     assert list(records_of(tmp_path)) == ["a"]
 
 
-def test_what_is_no_number_is_an_empty_cell():
-    row = {"command": "jam", "state": "done", "file": "a.h5", "phi_J": float("nan"), "n": None, "held": True}
-    text = table_text([row | {"seconds": 0.1}])
-    assert text == "command,state,file,n,phi_J,held,seconds\njam,done,a.h5,,,1,0.1\n"
-
-
-# One at a time
-
-
-def test_two_studies_at_once_in_a_folder_are_refused(tmp_path):
-    lock = Lock(tmp_path)
-    lock.take()
-    with pytest.raises(InputError, match=r"a study is running there \(process \d+ on .*\): wait for it"):
-        Lock(tmp_path).take()
-    lock.release()
-    again = Lock(tmp_path)
-    again.take()
-    again.release()
-
-
-def test_the_lock_of_a_machine_that_is_lost_ends(tmp_path, monkeypatch):
-    (tmp_path / "lock").write_text("elsewhere 123\n")
-    with pytest.raises(InputError, match=r"process 123 on elsewhere.*its lock is void in 1\d\d s"):
-        Lock(tmp_path).take()
-    monkeypatch.setattr("jampetsc.studies.lock.LOST", 0.0)
-    lock = Lock(tmp_path)
-    lock.take()
-    lock.release()
-
-
-# STUDY.toml
-
-
-@functools.cache
-def tasks(text):
-    return plan("s.toml", text.encode())
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("[pack", "s.toml: is not TOML: "),
-        ("a = " + 5000 * "[" + 5000 * "]", "s.toml: brackets within brackets, too deep"),
-        ("", "s.toml: no table: a study needs"),
-        ("[swep]\n", "s.toml: swep: no table of a study has this name; did you mean sweep?"),
-        ("pack = 3\n", "s.toml: pack = 3: must be a table: write [pack]"),
-        ("[pack]\nm = 3\n", "s.toml: [pack]: m: no such option"),
-        ("[pack]\nsead = 3\n", "s.toml: [pack]: sead: no such option; did you mean seed?"),
-        ('[pack]\nout = "x"\n', "s.toml: [pack]: out: the study itself gives it"),
-        ("[pack]\nn = []\n", "s.toml: [pack]: n = []: give at least one value"),
-        ("[pack]\nn = true\n", "s.toml: [pack]: n = true: must be a number or a string"),
-        ("[pack]\nn = 16.5\npressure = 1\n", "s.toml: [pack]: n 16.5: must be a whole number"),
-        ("[pack]\nn = 16\n", "s.toml: [pack]: pressure is missing: give it, or phi"),
-        ("[pack]\nn = 16\npressure = 7.0\n", "s.toml: [pack]: pressure 7.0: must lie in"),
-        ('[pack]\nn = 16\npressure = 1e-2\nseeds = "2:1"\n', "s.toml: [pack]: seeds 2:1: the last"),
-        ("[sweep]\n", "s.toml: [sweep]: needs packings: add a table [pack]"),
-        ("[[modes]]\n[[modes]]\ncount = 0\n", "s.toml: [modes] number 2: count 0: must be at least 1"),
-        (
-            "[sweep]\nno-prestress = 1\n",
-            "s.toml: [sweep]: no-prestress = 1: is a switch: write true or false",
-        ),
-        ('[sweep]\nlaw = "stoke"\n', "s.toml: [sweep]: law stoke: choose one of contact, stokes"),
-        ("[sweep]\nbeta = [1.0, -1.0]\n", "s.toml: [sweep]: beta -1: must lie"),
-        ('[sweep]\nlaw = "stokes"\nbeta = 1\n', "s.toml: [sweep]: beta: belongs to law contact"),
-        ("[pack]\nn = 16\npressure = 1e-2\n[correlate]\n", "s.toml: [correlate]: needs sweeps with fields"),
-    ],
-)
-def test_what_cannot_be_run_is_refused_with_file_table_and_key(text, message):
-    if text.startswith(("[sweep]\nbeta", '[sweep]\nlaw = "stok', "[[modes]]")):
-        text = "[pack]\nn = 16\npressure = 1e-2\n" + text
-    with pytest.raises(InputError) as refusal:
-        tasks(text)
-    assert str(refusal.value).startswith(message)
-
-
-def test_a_task_keeps_its_name_whatever_else_is_asked_for():
-    text = '[pack]\nn = 16\npressure = 0.01\nseed = [1, 2]\n[sweep]\nlaw = "contact"\n'
-    names = [task.name for task in tasks(text)]
-    assert len(set(names)) == 4 and names[0].startswith("pack-n16-p0.01-s1-")
-    other = (
-        text.replace("0.01", '["1e-2", 1e-3]').replace("seed = [1, 2]", 'seeds = "1:9"')
-        + "beta = [1.0, 2.0]\n"
-    )
-    more = [task.name for task in tasks(other + "[modes]\n")]
-    assert len(more) == len(set(more)) == 18 + 36 + 18
-    assert set(names[:2]) <= set(more)
-    assert tasks(text)[2].words == [*["jampetsc", "sweep", f"{names[0]}.h5", "--out", f"{names[2]}.h5"]]
-
-
 def test_a_dry_run_tells_the_tasks_and_makes_nothing(tmp_path, monkeypatch, capsys):
-    (tmp_path / "s.toml").write_text(SMALL)
     monkeypatch.chdir(tmp_path)
-    assert cli.dispatch(["study", "s.toml", "--out", "new", "--dry-run"]) == 0
-    told = capsys.readouterr().out
-    assert told.count("to do  jampetsc ") == 4
-    assert re.search(r"\n4 of 4 tasks to do, about [\d.]+ s on one rank\n$", told)
-    assert told.count("by a rough rule until some are done") == 2
-    assert not (tmp_path / "new").exists()
+    (tmp_path / "radii").write_text("0.5 " * 16)
+    for text, whole in ((SMALL, r"[\d.]+ s"), (SMALL.replace("n = 16", 'radii = "radii"'), "unknown")):
+        (tmp_path / "s.toml").write_text(text)
+        assert cli.dispatch(["study", "s.toml", "--out", "new", "--dry-run"]) == 0
+        told = capsys.readouterr().out
+        assert told.count("to do  jampetsc ") == 4
+        assert re.search(rf"\n4 of 4 tasks to do, about {whole} on one rank\n$", told)
+        assert told.count("by a rough rule until some are done") == 2 and not (tmp_path / "new").exists()

@@ -95,29 +95,22 @@ def picture_of(pictures, kind, *words):
 @pytest.mark.parametrize("words", [[], ["--paper"]])
 def test_figures_of_motion_are_those_of_the_paper(words):
     """Pressures, frequencies, laws, sizes and axes of BT 1, 5 and 7; packings at a pressure, the cell not relaxed."""
-    decades = ["1e-2", "1e-3", "1e-4", "1e-5"]
-    for name, pressures in (
-        ("bt-fig1", "1e-4"),
-        ("bt-fig5", decades),
-        ("bt-fig7", decades),
-        ("bt-modes", decades),
-    ):
-        tables, _ = tables_of(name, *words)
+    found = {name: tables_of(name, *words) for name in ("bt-fig1", "bt-fig5", "bt-fig7", "bt-modes")}
+    for name, (tables, _) in found.items():
         (pack,) = tables["pack"]
-        assert set(pack) == {"n", "pressure", "seeds"} and pack["pressure"] == pressures
+        assert set(pack) == {"n", "pressure", "seeds"}
+        assert pack["pressure"] == ("1e-4" if name == "bt-fig1" else ["1e-2", "1e-3", "1e-4", "1e-5"])
         sizes = pack["n"] if isinstance(pack["n"], list) else [pack["n"]]
         first, last = map(int, pack["seeds"].split(":"))
         assert not words or (max(sizes) == 32768 and last - first + 1 >= 10)
-    tables, pictures = tables_of("bt-fig1", *words)
-    (sweep,) = tables["sweep"]
-    assert sweep == {
-        "omega": "1e-10:1e4:141",
-        "fields": "1e-10,1e-3,1e4",
-    }  # β = 1 with rotations and pre-stress
+    tables, pictures = found["bt-fig1"]  # β = 1 with rotations and pre-stress
+    assert tables["sweep"] == [{"omega": "1e-10:1e4:141", "fields": "1e-10,1e-3,1e4"}]
     assert picture_of(pictures, "moduli") and picture_of(pictures, "fields", "--total", "stress")
-    tables, pictures = tables_of("bt-fig5", *words)
+    tables, pictures = found["bt-fig5"]
     assert tables["quasistatic"] == [{}] and picture_of(pictures, "medians")
-    tables, pictures = tables_of("bt-fig7", *words)
+    tables, pictures = found["bt-modes"]
+    assert tables["modes"] == [{"count": 200, "no-prestress": True}] and picture_of(pictures, "lowest-modes")
+    tables, pictures = found["bt-fig7"]
     contact, stokes = tables["sweep"]
     assert "law" not in contact and contact["omega"] == contact["fields"] == "1e-9,1e-3,1e3"  # twelve decades
     assert (stokes["law"], stokes["eta-f"]) == ("stokes", 0) and stokes["omega"] == stokes["fields"]
@@ -125,17 +118,12 @@ def test_figures_of_motion_are_those_of_the_paper(words):
     assert (
         all(np.isclose(omega, 10**power).any() for power in (-6.5, -5.5)) and len(tables["pack"][0]["n"]) == 2
     )
-    (correlate,) = tables["correlate"]
-    assert correlate == {"lane": "0.5,0.25,0.125", "phase": ["stress", "strain"]}
+    assert tables["correlate"] == [{"lane": "0.5,0.25,0.125", "phase": ["stress", "strain"]}]
     for law in ("law=contact,phase=stress", "law=stokes,eta_f=0,phase=stress"):
         assert any("correlation" in line and any(law in word for word in line) for line in pictures)
     lengths = [line for line in pictures if "length" in line and any("phase=stress" in word for word in line)]
-    assert [line[-2:] == ["--log-exponent", "-0.65"] for line in lengths] == [
-        False,
-        True,
-    ]  # as printed is the default
-    tables, pictures = tables_of("bt-modes", *words)
-    assert tables["modes"] == [{"count": 200, "no-prestress": True}] and picture_of(pictures, "lowest-modes")
+    # as printed is the default
+    assert [line[-2:] == ["--log-exponent", "-0.65"] for line in lengths] == [False, True]
 
 
 def asked(parsers, name):
@@ -307,63 +295,36 @@ def kind_of(words):
     return words[0], words[words.index("--kind") + 1] if "--kind" in words else words[1]
 
 
-TINY = {
-    **{
-        "N": "16",
-        "SEEDS": "1:1",
-        "SAMPLES": "1:3",
-        "SNAPSHOTS": "2",
-        "PRESSURES": "1e-2,1e-3",
-        "CUT": "1",
-        "RANGE": "0.7:0.9",
-    },
-    **{
-        "STRAIN": "0.6",
-        "DISCARD": "0.3",
-        "RATES": "0.1,0.05,0.03",
-        "RUNS": "0.1,0.05,0.03:0.6",
-        "LARGE": "20",
-    },
-    **dict.fromkeys(("DRAG", "CONTACT"), "0.1,0.05,0.03:0.6"),
-    **dict.fromkeys(("MASSIVE", "LARGE_RUNS", "MASSIVE_RUNS"), "0.1,0.05:1.2"),
-    **{"SHEARED": "16", "COOLED": "1:2", "COOLING": "0.1"},
-}
+def sizes(text):
+    """{name: value} of NAME=VALUE …; several names that have one value with commas."""
+    pairs = [word.split("=") for word in text.split()]
+    return {name: value for names, value in pairs for name in names.split(",")}
+
+
+TINY = sizes(
+    "N,SHEARED=16 SEEDS=1:1 SAMPLES=1:3 SNAPSHOTS=2 PRESSURES=1e-2,1e-3 CUT=1 RANGE=0.7:0.9 STRAIN=0.6 DISCARD=0.3 "
+    "RATES=0.1,0.05,0.03 RUNS,DRAG,CONTACT=0.1,0.05,0.03:0.6 MASSIVE,LARGE_RUNS,MASSIVE_RUNS=0.1,0.05:1.2 LARGE=20 "
+    "COOLED=1:2 COOLING=0.1"
+)
 WHOLE = "bt-fig5"  # is run by its script
 LESS = {  # a figure of which something has to be smaller, or must not be
-    "bt-fig8": dict.fromkeys(("SMALL", "MIDDLE", "LARGE"), "16")
-    | dict.fromkeys(("MANY", "SOME", "FEW"), "1:1"),
-    "paper1": {
-        **{"LIQUID": "16", "LARGE": "20", "SEVERAL": "1:2", "MIXED": "1:2", "MIXING": "0.02", "THIRD": "1:1"},
-        **{"PHI": "0.84,0.86", "RUNS": "1:1", "STRAIN": "0.1", "DISCARD": "0.04", "FIRST": "0.06"},
-    },
-    "paper2": {
-        **{"SMALL": "16", "MIDDLE": "20,24", "SOME": "1:3", "WIDE": "0.8,0.82,0.84,0.86,0.88"},
-        **{
-            "NARROW": "0.82,0.84,0.86,0.88",
-            "SLOW": "20",
-            "STRAIN": "0.1",
-            "LITTLE": "0.1",
-            "DISCARD": "0.04",
-        },
-    },
-    "paper3": {"STRAIN": "0.1", "DISCARD": "0.04", "RUNS": "1:1"},
-    "paper4": {
-        "STRAIN": "1.2",
-        "DISCARD": "0.6",
-        "RATES": "0.1,0.05",
-        "SLOW": "0.03",
-        "PHI": "0.78",
-        "HEAVY": "1,10",
-        "HEAVIEST": "10",
-    },
-    "paper5": {"SEEN": "0.1:1.2", "BETWEEN": "0.05,0.03:1.2", "PHI": "0.83,0.86", "QUALITY": "1"},
-    **{name: {"RUNS": "0.1,0.05:1.2"} for name in ("vagberg-fig4.8", "vagberg-flow-curves")},
-    **{
-        "softening": {"STRAINS": "0.01,1", "STEPS": "16", "CYCLES": "3"},
-        "bt-fig7": {"N": "36", "OMEGA": "1e-7:10:3"},  # two disks in a lane
-        "bt-modes": {"MODES": "10"},
-        "bt-nonlinear": {"STRESSES": "1e-5", "POINTS": "3", "PRESSURES": "1e-2"},
-    },
+    "bt-fig7": sizes("N=36 OMEGA=1e-7:10:3"),  # two disks in a lane
+    "bt-fig8": sizes("SMALL,MIDDLE,LARGE=16 MANY,SOME,FEW=1:1"),
+    "bt-modes": sizes("MODES=10"),
+    "bt-nonlinear": sizes("STRESSES=1e-5 POINTS=3 PRESSURES=1e-2"),
+    "paper1": sizes(
+        "LIQUID=16 LARGE=20 SEVERAL,MIXED=1:2 MIXING=0.02 THIRD,RUNS=1:1 PHI=0.84,0.86 STRAIN=0.1 DISCARD=0.04 "
+        "FIRST=0.06"
+    ),
+    "paper2": sizes(
+        "SMALL=16 MIDDLE=20,24 SOME=1:3 WIDE=0.8,0.82,0.84,0.86,0.88 NARROW=0.82,0.84,0.86,0.88 SLOW=20 "
+        "STRAIN,LITTLE=0.1 DISCARD=0.04"
+    ),
+    "paper3": sizes("STRAIN=0.1 DISCARD=0.04 RUNS=1:1"),
+    "paper4": sizes("STRAIN=1.2 DISCARD=0.6 RATES=0.1,0.05 SLOW=0.03 PHI=0.78 HEAVY=1,10 HEAVIEST=10"),
+    "paper5": sizes("SEEN=0.1:1.2 BETWEEN=0.05,0.03:1.2 PHI=0.83,0.86 QUALITY=1"),
+    "softening": sizes("STRAINS=0.01,1 STEPS=16 CYCLES=3"),
+    **dict.fromkeys(("vagberg-fig4.8", "vagberg-flow-curves"), sizes("RUNS=0.1,0.05:1.2")),
 }
 
 

@@ -18,16 +18,8 @@ RARE = {  # of runs that are not made here
     "jampetsc-packing": ("source", "source_sha256", "requested_phi"),
     "jampetsc-sweep": ("failed_omega",),
     "jampetsc-flow": ("quality",),
-    "jampetsc-collapse": (
-        "rate",
-        "model",
-        "mass",
-        "protocol",
-        "znu",
-        "znu_error",
-        "nu_error",
-        "phi_J_error",
-        "omega_error",
+    "jampetsc-collapse": tuple(
+        "rate model mass protocol znu znu_error nu_error phi_J_error omega_error".split()
     ),
 }
 RUNS = """\

@@ -49,19 +49,8 @@ def test_a_wheel_in_a_fresh_environment(tmp_path):
     (wheel,) = tmp_path.glob("jampetsc-*.whl")
     shutil.rmtree(tree)
     run([sys.executable, "-m", "venv", "--system-site-packages", "--without-pip", fresh], tmp_path)
-    run(
-        [
-            *pip,
-            "--python",
-            fresh / "bin" / "python",
-            "install",
-            "--no-compile",
-            "--no-index",
-            "--no-deps",
-            wheel,
-        ],
-        tmp_path,
-    )
+    install = ["install", "--no-compile", "--no-index", "--no-deps", wheel]
+    run([*pip, "--python", fresh / "bin" / "python", *install], tmp_path)
     write_packing(tmp_path / "p.h5", published())
     program = fresh / "bin" / "jampetsc"
     words = (
@@ -93,13 +82,8 @@ def test_a_copy_goes_into_a_new_folder_and_names_of_files_are_told(tmp_path, cap
 def test_what_a_job_of_slurm_leaves_is_a_study(tmp_path):
     """Submitted from any folder; `srun` is left out. A figure has to be told where the clone is."""
     folder = launch.ROOT / "run" / "slurm"
-    own = {
-        "N": "16",
-        "SEEDS": "1:1",
-        "LAUNCH": "",
-        "TREE": "",
-        "PATH": f"{os.path.dirname(sys.executable)}:/usr/bin:/bin",
-    }
+    own = {"N": "16", "SEEDS": "1:1", "LAUNCH": "", "TREE": ""}
+    own["PATH"] = f"{os.path.dirname(sys.executable)}:/usr/bin:/bin"
     job = {"cwd": tmp_path, "env": launch.environment() | own, "capture_output": True, "text": True}
     done = subprocess.run(["bash", folder / "ensemble.sbatch"], **job)
     assert done.returncode == 0, done.stderr

@@ -103,24 +103,27 @@ def runs(tree):
         yield from runs(node)
 
 
+@cache
+def graph():
+    """{module: modules of the package that it imports as it runs}."""
+    known = {f"jampetsc.{name(path)}".removesuffix(".__init__"): path for path in MODULES}
+    return {one: {*runs(ast.parse(path.read_text()))} & known.keys() - {one} for one, path in known.items()}
+
+
 def test_no_modules_import_each_other():
     """Inside a room neither, nor round three corners, nor inside functions."""
-    known = {f"jampetsc.{name(path)}".removesuffix(".__init__"): path for path in MODULES}
-    graph = {one: {*runs(ast.parse(path.read_text()))} & known.keys() - {one} for one, path in known.items()}
-    graph.pop("jampetsc")  # the package's door
-    while ends := {one for one, others in graph.items() if not others & graph.keys()}:
-        graph = {one: others for one, others in graph.items() if one not in ends}
-    while tops := graph.keys() - {other for others in graph.values() for other in others}:
-        graph = {one: others for one, others in graph.items() if one not in tops}
-    assert not graph, "circles among these"
+    left = {one: others for one, others in graph().items() if one != "jampetsc"}  # the package's door
+    while ends := {one for one, others in left.items() if not others & left.keys()}:
+        left = {one: others for one, others in left.items() if one not in ends}
+    while tops := left.keys() - {other for others in left.values() for other in others}:
+        left = {one: others for one, others in left.items() if one not in tops}
+    assert not left, "circles among these"
 
 
 def test_jobs_that_load_compiled_code():
     """The others start in half the time."""
-    known = {f"jampetsc.{name(path)}".removesuffix(".__init__"): path for path in MODULES}
-    graph = {one: {*runs(ast.parse(path.read_text()))} & known.keys() for one, path in known.items()}
     needing = {"jampetsc.core.compiled"}
-    while more := {one for one, others in graph.items() if others & needing} - needing:
+    while more := {one for one, others in graph().items() if others & needing} - needing:
         needing |= more
     jobs = {module.split(".")[-1] for module in needing if module.startswith("jampetsc.jobs.")}
     assert jobs & JOBS.keys() == {"pack", "flow", "shear", "jam", "oscillate", "modes"}
@@ -142,47 +145,34 @@ def test_one_door_to_petsc():
     assert not wrong, wrong
 
 
+def holding(kind, wanted):
+    """Names of modules with a node of syntax of this kind that is `wanted`."""
+    return {name(path) for path in MODULES for node in nodes(path) if isinstance(node, kind) and wanted(node)}
+
+
 def test_one_door_to_hdf5():
     """What is read has been looked at by `io.hdf5`."""
-    opening = {
-        name(path)
-        for path in MODULES
-        for node in nodes(path)
-        if isinstance(node, ast.Call) and ast.unparse(node.func) in ("h5py.File", "File")
-    }
-    assert opening == {"io.hdf5"}
+    assert holding(ast.Call, lambda node: ast.unparse(node.func) in ("h5py.File", "File")) == {"io.hdf5"}
 
 
 def test_no_module_knows_a_law_by_its_name():
     """A law is a row of FAMILIES: what depends on it follows from its weights and options."""
-    wrong = [
-        f"{name(path)}:{node.lineno}: {node.value!r}"
-        for path in MODULES
-        for node in nodes(path)
-        if name(path) != "core.laws" and isinstance(node, ast.Constant) and node.value in FAMILIES
-    ]
-    assert not wrong, wrong
+    assert holding(ast.Constant, lambda node: node.value in FAMILIES) == {"core.laws"}
 
 
 def test_one_module_has_numba_compile():
     """A function that does not say how fast its mathematics is inherits it from whatever calls it first."""
-    compiling = {
-        name(path)
-        for path in MODULES
-        for node in nodes(path)
-        if isinstance(node, ast.Attribute | ast.Name) and ast.unparse(node).split(".")[-1] in ("njit", "jit")
-    }
-    assert compiling == {"core.compiled"}
+    named = holding(
+        ast.Attribute | ast.Name, lambda node: ast.unparse(node).split(".")[-1] in ("njit", "jit")
+    )
+    assert named == {"core.compiled"}
 
 
 def taken(path):
     """Names that a module's compiled functions use, or that it has compiled."""
     for node in nodes(path):
-        if isinstance(node, ast.FunctionDef) and any(
-            "compiled(" in ast.unparse(d) for d in node.decorator_list
-        ):
-            yield from (part.id for part in ast.walk(node) if isinstance(part, ast.Name))
-        elif isinstance(node, ast.Call) and "compiled(" in ast.unparse(node.func):
+        marks = node.decorator_list if isinstance(node, ast.FunctionDef) else [getattr(node, "func", None)]
+        if any("compiled(" in ast.unparse(mark) for mark in marks if mark):
             yield from (part.id for part in ast.walk(node) if isinstance(part, ast.Name))
 
 

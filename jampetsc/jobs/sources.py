@@ -1,9 +1,18 @@
-"""Files that are named: the folder of a study is many."""
+"""Several results as one: which files are named, none of them twice, and what is made of them."""
 
+import os
+import time
 from pathlib import Path
 
 from jampetsc.asking.kinds import input_told
+from jampetsc.asking.parameters import asked
 from jampetsc.errors import InputError, named
+
+WHERE = asked(
+    None,
+    "of the folder of a study: the files whose rows in its table have these values",
+    metavar="COLUMN=VALUE,…",
+)
 
 
 def rows_named(sources, where) -> list:
@@ -33,3 +42,25 @@ def _wanted(where) -> dict:
             f"{named('where')} {where}: write column=value, several with commas, such as law=stokes,beta=1"
         )
     return {name.strip().replace("-", "_"): value.strip() for name, _, value in pairs}
+
+
+def refuse_repeated(sources) -> None:
+    """Raise InputError where two sources are one file, also through links, or one object: it would count twice."""
+    seen = {}
+    for source in sources:
+        one = os.path.realpath(source) if isinstance(source, str | Path) else id(source)
+        told = getattr(source, "path", source)
+        if one in seen:
+            again = f"is {seen[one]}, which" if str(told) != str(seen[one]) else "this file"
+            raise InputError(f"{told}: {again} is given already: name each file once")
+        seen[one] = told
+
+
+def write_derived(to, format, results, began, arrays: dict, **attributes) -> None:
+    """Write what was computed from results since `began`: arrays by name, attributes beside those they share."""
+    from jampetsc.io.provenance import derived_from
+
+    with to.writer(format) as writer:
+        for name, values in arrays.items():
+            writer.dataset(name, values)
+        writer.attributes(**derived_from(results, time.perf_counter() - began) | attributes)
