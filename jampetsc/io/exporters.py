@@ -22,10 +22,8 @@ SIZES = 10  # with no more different radii than this, each is a type of its own
 def check_format(out) -> str:
     """The ending of `out`. Raises InputError for one of no format, and for GSD without its package."""
     ending = Path(out).suffix.lower()
-    if ending not in (*_TEXTS, ".npz", ".gsd"):
-        raise InputError(
-            f"{named('out')} {out}: choose the ending of a format: .gsd, .npz, {', '.join(_TEXTS)}"
-        )
+    if ending not in (*_FORMATS, ".gsd"):
+        raise InputError(f"{named('out')} {out}: choose the ending of a format: .gsd, {', '.join(_FORMATS)}")
     if ending == ".gsd":
         _gsd()
     return ending
@@ -37,20 +35,14 @@ def write_frames(out, frames) -> int:
     Raises InputError for more than one where the format holds one, and as `check_format`.
     """
     ending, count = check_format(out), 0
-    file = NewFile(out)
-    try:
+    with NewFile(out) as file:
         if ending == ".gsd":
-            count = _write_gsd(file.stream, frames)
-        else:
-            for frame in frames:
-                count += 1
-                if count > 1 and ending not in SERIES:
-                    raise InputError(f"{out}: holds one frame, and there are more: use {', '.join(SERIES)}")
-                file.stream.write(_npz(frame) if ending == ".npz" else _TEXTS[ending](frame, count - 1))
-        file.finish()
-        file.publish()
-    finally:
-        file.discard()
+            return _write_gsd(file.stream, frames)
+        for frame in frames:
+            count += 1
+            if count > 1 and ending not in SERIES:
+                raise InputError(f"{out}: holds one frame, and there are more: use {', '.join(SERIES)}")
+            file.stream.write(_FORMATS[ending](frame, count - 1))
     return count
 
 
@@ -177,7 +169,7 @@ def _array(name, values, tuples=False):
     return f'<DataArray type="{kind}" Name="{name}"{size} format="ascii">\n{text}\n</DataArray>\n'
 
 
-def _npz(frame: Frame) -> bytes:
+def _npz(frame: Frame, number) -> bytes:
     disks, file = frame.disks, io.BytesIO()
     np.savez(
         file,
@@ -243,4 +235,4 @@ def _gsd_frame(hoomd, frame, number):
     return made
 
 
-_TEXTS = {".xyz": _xyz, ".dump": _dump, ".data": _data, ".vtp": _vtp}
+_FORMATS = {".npz": _npz, ".xyz": _xyz, ".dump": _dump, ".data": _data, ".vtp": _vtp}

@@ -23,10 +23,7 @@ _DAMAGE = (OSError, RuntimeError, LookupError, ValueError, TypeError, Arithmetic
 
 
 class OutputFile(NewFile):
-    """An HDF5 file `.h5` under a temporary name, as `NewFile`; as a context manager it yields the h5py.File.
-
-    Leaving the block finishes and publishes it, an exception discards it.
-    """
+    """An HDF5 file `.h5` under a temporary name, as `NewFile`; as a context manager it yields the h5py.File."""
 
     def __init__(self, path):
         super().__init__(path)
@@ -48,14 +45,6 @@ class OutputFile(NewFile):
     def __enter__(self) -> h5py.File:
         return self.h5
 
-    def __exit__(self, kind, error, trace):
-        try:
-            if kind is None:
-                self.finish()
-                self.publish()
-        finally:
-            self.discard()
-
 
 def _create(stream) -> h5py.File:
     """An empty HDF5 file of format 1.10, whose metadata have checksums. The same contents give the same bytes."""
@@ -68,19 +57,27 @@ def _create(stream) -> h5py.File:
     return h5py.File(h5py.h5f.create(b"new", h5py.h5f.ACC_TRUNC, creation, access))
 
 
-def store(h5, name, array) -> h5py.Dataset:
-    """A dataset of this name with the values of `array`, under checksums unless it is a single number or empty."""
+def store(h5, name, array, by_entry=False) -> h5py.Dataset:
+    """A dataset of this name with the values of `array`, under checksums unless it is a single number or empty.
+
+    by_entry   its entries along the first axis will be read one by one
+    """
     array = np.asarray(array)
-    return h5.create_dataset(name, data=array, fletcher32=bool(array.ndim and array.size) or None)
+    filled = bool(array.ndim and array.size)
+    chunks = (1, *array.shape[1:]) if by_entry and filled else None
+    return h5.create_dataset(name, data=array, chunks=chunks, fletcher32=filled or None)
 
 
-def open_file(path) -> h5py.File:
-    """Open for reading. Raises InputError as `opening` does, then and on reading.
+@contextmanager
+def open_file(path):
+    """Open for reading in a block: the h5py.File. Raises InputError as `opening`, and as `reading` in the block.
 
     Virtual datasets must not be read from it as they are: see `parts.read`.
     """
     with opening(path):
-        return from_stream(open_regular(path))
+        h5 = from_stream(open_regular(path))
+    with h5, reading(path):
+        yield h5
 
 
 def from_stream(file) -> h5py.File:

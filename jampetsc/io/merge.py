@@ -5,16 +5,7 @@ from pathlib import Path
 
 import h5py
 
-from jampetsc.io.hdf5 import (
-    OutputFile,
-    attributes,
-    check_format,
-    open_file,
-    reading,
-    store,
-    undisturbed,
-    values,
-)
+from jampetsc.io.hdf5 import OutputFile, attributes, check_format, open_file, store, undisturbed, values
 from jampetsc.io.outputs import check_output, check_place
 from jampetsc.io.parts import GROUP, PartList
 
@@ -36,8 +27,7 @@ def _merge(path, out, request):
     target = Path(path if out is None else out)
     in_place = os.path.realpath(target) == os.path.realpath(path)
     with open_file(path) as h5:
-        with reading(path):
-            kind = check_format(path, attributes(h5))
+        kind = check_format(path, attributes(h5))
         parts = PartList(h5, path)
         parts.check()
         if in_place and not parts:
@@ -47,7 +37,7 @@ def _merge(path, out, request):
         else:
             check_output(target, kind, [path], request=request)
         with OutputFile(target) as merged:
-            _copy(h5, parts, merged, path)
+            _copy(h5, parts, merged)
             if request and not in_place:
                 merged.attrs["request"] = request.text
             parts.check_present()
@@ -56,7 +46,7 @@ def _merge(path, out, request):
     return len(parts.sizes)
 
 
-def _copy(source, parts, target, path):
+def _copy(source, parts, target):
     def copy(name, item):
         if name == GROUP or name.startswith(f"{GROUP}/"):
             return
@@ -66,9 +56,8 @@ def _copy(source, parts, target, path):
             target.require_group(name)
         target[name].attrs.update(item.attrs)
 
-    with reading(path):
-        target.attrs.update(source.attrs)
-        source.visititems(copy)
+    target.attrs.update(source.attrs)
+    source.visititems(copy)
 
 
 def _copy_dataset(item, parts, target, name):

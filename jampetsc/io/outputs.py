@@ -11,7 +11,7 @@ from pathlib import Path
 from jampetsc.errors import InputError, named
 from jampetsc.io.atomic import check_writable
 from jampetsc.io.checksums import SIGNATURE
-from jampetsc.io.hdf5 import attributes, open_file, reading
+from jampetsc.io.hdf5 import attributes, open_file
 from jampetsc.io.regular import open_regular
 
 PICTURE, TABLE = "picture", "table"
@@ -84,7 +84,7 @@ def unlike(path, request) -> str:
 
     Raises InputError for what is no HDF5 file.
     """
-    with open_file(path) as h5, reading(path):
+    with open_file(path) as h5:
         found = attributes(h5).get("request")
     if found is None:
         return "does not say with which settings"
@@ -136,7 +136,7 @@ def _held(path):
 
 def _format(path):
     try:
-        with open_file(path) as h5, reading(path):
+        with open_file(path) as h5:
             name = attributes(h5).get("format")
     except InputError:
         return "a damaged HDF5 file"

@@ -35,10 +35,9 @@ class PartList:
     def __init__(self, h5, path):
         self.path = Path(path).resolve()
         self.shown = path  # as the user wrote it, for messages
-        with reading(path):
-            self.run_id = h5.attrs.get("run_id", "")
-            group = h5.get(GROUP, {})
-            columns = [values(group[name]).tolist() for name in ("names", "sizes", "seals") if name in group]
+        self.run_id = h5.attrs.get("run_id", "")
+        group = h5.get(GROUP, {})
+        columns = [values(group[name]).tolist() for name in ("names", "sizes", "seals") if name in group]
         names, sizes, seals = columns if len(columns) == 3 else (*(columns or ([], [])), None)
         names = [name.decode(errors="replace") for name in names]
         for name in names:
@@ -79,7 +78,7 @@ class PartList:
             with opening(path), open_regular(path) as file:
                 if self._seals and seal_of(file) == self._seals[name]:
                     continue
-            with open_file(path) as h5, reading(path):
+            with open_file(path) as h5:
                 found = h5.attrs.get("run_id"), h5.attrs.get("rank")
             if found != (self.run_id, rank):
                 raise InputError(

@@ -67,7 +67,7 @@ def test_rows_are_chosen_by_their_values(folder):
     assert table.where(pressure=0.001, beta=[1, 0.1], prestress=True).rows == 6
     assert table.where(law="contact", seed=(1, 3)).rows == 8
     assert table.where(seed="one").rows == 0
-    with pytest.raises(InputError, match=r"no column presure; did you mean pressure\?"):
+    with pytest.raises(InputError, match=r"no column presure: did you mean pressure\?"):
         table.where(presure=1)
 
 

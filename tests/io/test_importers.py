@@ -101,7 +101,7 @@ EDITS = {
         lambda text: re.sub(r"P = [\d.e-]+", "P = nan", text),
         "pressure is .* but stored as nan: another potential",
     ),
-    "no number": (lambda text: text.replace("8.8767069662298361795", "8.8.7"), "8.8.7, .*: not numbers"),
+    "no number": (lambda text: text.replace("8.8767069662298361795", "8.8.7"), r"8\.8\.7 .*: not numbers"),
     "negative": (
         lambda text: text.replace("1.3999999999999999112", "-1.4"),
         r"radii\[8\] = -1.4: must be positive",

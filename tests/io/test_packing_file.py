@@ -241,20 +241,3 @@ def test_rank_0_reads_for_all(session, shared_path, disks):
         name.write_text("no longer")
     with pytest.raises(InputError, match=r"p\.h5: not an HDF5 file"):
         read_packing(name, session.comm)
-
-
-@pytest.mark.scalar("real")
-def test_arrays_larger_than_one_message(session, monkeypatch):
-    from jampetsc import collective
-
-    monkeypatch.setattr(collective, "_PIECE", 24)  # bytes: three numbers of the rows below
-    arrays = {
-        "a": np.arange(14.0).reshape(7, 2),
-        "none": np.zeros((0, 2)),
-        "F": np.arange(6.0).reshape(2, 3).T,
-    }
-    found = collective.from_rank_0(session.comm, arrays if session.rank == 0 else None)
-    assert found.keys() == arrays.keys()
-    for name, array in arrays.items():
-        assert np.array_equal(found[name], array)
-        assert found[name].dtype == array.dtype
