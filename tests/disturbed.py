@@ -4,8 +4,9 @@ import os
 
 from jampetsc.io import atomic
 
-WRITES = [(atomic._Stream, "_write_all"), *((os, name) for name in ("fsync", "replace", "mkdir"))]
-CHANGES = [*WRITES, (os, "unlink"), (os, "rmdir")]
+NAMES = [(os, name) for name in ("fsync", "replace", "mkdir")]
+WRITES = [*NAMES, (atomic._Stream, "_write_all")]
+CHANGES = [*NAMES, (os, "unlink"), (os, "rmdir")]
 
 
 def disturb(put, number, happen, calls=CHANGES):
@@ -29,12 +30,12 @@ def disturb(put, number, happen, calls=CHANGES):
     return left
 
 
-def killed(number, action) -> bool:
+def killed(number, action, calls=CHANGES) -> bool:
     """Whether a child process that does `action` was killed at that call; else it has come to its end."""
     child = os.fork()
     if child == 0:
         try:
-            disturb(setattr, number, lambda: os._exit(9))
+            disturb(setattr, number, lambda: os._exit(9), calls)
             action()
             os._exit(0)
         finally:

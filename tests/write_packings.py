@@ -1,9 +1,7 @@
-"""A program of the tests: python tests/write_packings.py forever|limited|unprivileged|killed_… FILE"""
+"""A program of the tests: python tests/write_packings.py forever|unprivileged FILE"""
 
 import itertools
 import os
-import resource
-import signal
 import sys
 
 import numpy as np
@@ -11,7 +9,6 @@ import numpy as np
 from jampetsc.core.disks import Disks
 from jampetsc.errors import JampetscError
 from jampetsc.io.atomic import check_writable
-from jampetsc.io.hdf5 import OutputFile
 from jampetsc.io.packing_file import write_packing
 
 
@@ -28,28 +25,6 @@ def forever(path):
     for seed in itertools.count():
         write_packing(path, packing(seed, 5000))
         print(seed, flush=True)
-
-
-def killed_writing(path):
-    """A kill while the datasets are being written."""
-    with OutputFile(path) as h5:
-        h5["positions"] = np.zeros((5000, 2))
-        h5.flush()
-        os.kill(os.getpid(), signal.SIGKILL)
-
-
-def killed_finished(path):
-    """A kill just before the complete file would get its name."""
-    output = OutputFile(path)
-    output.h5["positions"] = np.zeros((5000, 2))
-    output.finish()
-    os.kill(os.getpid(), signal.SIGKILL)
-
-
-def limited(path):
-    """A packing that is larger than files may be: what a full disk looks like to the program."""
-    resource.setrlimit(resource.RLIMIT_FSIZE, (20000, resource.RLIM_INFINITY))
-    write_packing(path, packing(1, 5000))
 
 
 def unprivileged(path):

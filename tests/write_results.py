@@ -1,11 +1,10 @@
 """A program of the tests, also under mpirun: python tests/write_results.py HOW FILE [SEED]
 
-HOW is `whole`, `forever` (again and again with the next seed), or what goes wrong: `limited` (no room on the last
-rank), `killed`. Or python tests/write_results.py several FOLDER RANKS-SEED…: FOLDER/RANKS-SEED/s.h5 of so many ranks.
+HOW is `whole`, `forever` (again and again with the next seed) or `killed`, before a file has its name.
+Or python tests/write_results.py several FOLDER RANKS-SEED…: FOLDER/RANKS-SEED/s.h5 of so many ranks.
 """
 
 import os
-import resource
 import signal
 import sys
 import time
@@ -48,11 +47,9 @@ def write(comm, how, path, seed):
             writer.dataset(name, array)
         for field in displacement:
             writer.append("fields/displacement", field[mine])
-        if how == "limited" and comm.rank == comm.size - 1:
-            resource.setrlimit(resource.RLIMIT_FSIZE, (1000, resource.RLIM_INFINITY))
         for name, (array, axis) in rows.items():
             writer.distributed(name, array[(slice(None),) * axis + (mine,)] if len(array) else array, axis)
-        if how == "killed":  # all that is written, and nothing has its name
+        if how == "killed":
             OutputFile.finish = lambda file: os.kill(os.getpid(), signal.SIGKILL)
 
 

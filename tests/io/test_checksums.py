@@ -93,34 +93,6 @@ def test_damage_is_refused_or_harmless(sound, tmp_path, kind):
         assert outcome(folder / "s.h5") == (right if harmless else "refused"), (number, how, victim.name)
 
 
-def test_a_changed_part_does_not_merge(sound, tmp_path):
-    joint = shutil.copytree(sound / "joint", tmp_path / "copy") / "s.h5"
-    part = parts(joint)[1]
-    with h5py.File(part) as h5:
-        place = h5["nonaffine"].id.get_chunk_info(0).byte_offset
-    content = bytearray(part.read_bytes())
-    content[place + 3] ^= 16
-    part.write_bytes(content)
-    for action in (merge, lambda path: load(path)["nonaffine"]):
-        with pytest.raises(InputError, match=r"damaged .its bytes are not those that were written"):
-            action(joint)
-    assert part.exists()
-
-
-def test_a_part_written_anew_is_not_taken_for_the_old_one(sound, tmp_path):
-    """The same rank of the same run, the same size, sound in itself: but not what was joined."""
-    joint = shutil.copytree(sound / "joint", tmp_path / "copy") / "s.h5"
-    part = parts(joint)[0]
-    with h5py.File(part, "r+") as h5:
-        h5["particles"][0] = 5
-    with open(part, "r+b") as file:
-        seal(file)
-    with pytest.raises(
-        InputError, match=f"part s.parts/{part.name} is damaged: not the one that was written"
-    ):
-        load(joint)
-
-
 def test_other_programs_find_checksums_of_their_own(sound):
     """Those of HDF5: for metadata since the second version of its header, for data where they are in chunks."""
     for name in ("packing", "plain", "joint"):
@@ -220,16 +192,6 @@ def test_one_byte_too_many_or_too_few_without_checksums(tmp_path, libver, change
         return
     with pytest.raises(InputError, match="truncated"), open_file(path):
         pass
-
-
-def test_what_h5py_says_of_a_file_of_another_program_is_one_line(tmp_path):
-    path = tmp_path / "p.h5"
-    write_packing(path, published())
-    with h5py.File(path, "r+") as h5:
-        del h5["positions"]
-        h5.create_dataset("positions", shape=(10**17, 2), chunks=(1000, 2), dtype=float)
-    with pytest.raises(InputError, match=r"p.h5: holds or claims more than there is memory for"):
-        read_packing(path)
 
 
 def old_layout(path, seed=1):
