@@ -263,32 +263,3 @@ def test_permissions_are_those_that_the_user_wants(tmp_path):
     finally:
         os.umask(mask)
     assert stat.S_IMODE((tmp_path / "a.csv").stat().st_mode) == 0o640
-
-
-def test_nobody_writes_into_the_new_file_of_another(tmp_path, monkeypatch):
-    """Not even where both are given the same mark."""
-    monkeypatch.setattr("secrets.token_hex", lambda count: "ab" * count)
-    one = NewFile(tmp_path / "a.csv")
-    one.stream.write(b"1,2")
-    with pytest.raises(JampetscError, match=r"a\.csv: writing failed: File exists"):
-        NewFile(tmp_path / "a.csv")
-    assert one.temporary.read_bytes() == b"1,2"
-    one.discard()
-
-
-def test_nothing_is_written_behind_what_is_missing(tmp_path):
-    """After the first failure a file takes no more, and the first failure is the one that is told."""
-    file = NewFile(tmp_path / "a.csv")
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (4, limits[1]))
-    try:
-        assert file.stream.write(b"123456") == 6
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    assert file.stream.write(b"789") == 3
-    assert file.temporary.read_bytes() == b"1234"
-    file.stream.error.errno = errno.EFBIG
-    with pytest.raises(JampetscError, match="file size limit reached"):
-        file.finish()
-    file.discard()
-    assert list(tmp_path.iterdir()) == []

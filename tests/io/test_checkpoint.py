@@ -15,7 +15,6 @@ import launch
 import numpy as np
 import pytest
 from disturbed import killed
-from run_checkpoint import fields, record
 
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.io import checkpoint as checkpoint_module
@@ -27,6 +26,19 @@ KEY = {
     "law": {"law": "contact", "beta": 1.0},
     "fields": [],
 }
+
+
+def record(index):
+    return {
+        "omega": 10.0**-index / 3,
+        "G": complex(1 / (index + 1), np.pi),
+        "error_bound": np.float64(1e-9) / 7,
+    }
+
+
+def fields(index, rank):
+    rng = np.random.default_rng([index, rank])
+    return {"displacement": rng.random((4, 2)) * 1j, "rotation": rng.random(4)}
 
 
 @pytest.fixture
@@ -344,10 +356,3 @@ def test_fields_belong_to_a_number_of_ranks_which_keep_them_until_all_are_done(s
     checkpoint.remove()
     session.comm.Barrier()
     assert list(shared_out.parent.iterdir()) == []
-
-
-def test_the_same_command_continues_after_a_kill(out):
-    assert launch.run(2, "run_checkpoint.py", out, 6, 4).returncode != 0
-    done = launch.run(2, "run_checkpoint.py", out, 6)
-    assert done.returncode == 0, done.stderr
-    assert sorted(done.stdout.splitlines()) == [f"rank {rank} solved [4, 5]" for rank in range(2)]

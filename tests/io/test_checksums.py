@@ -194,52 +194,8 @@ def test_one_byte_too_many_or_too_few_without_checksums(tmp_path, libver, change
         pass
 
 
-def old_layout(path, seed=1):
-    """A joint file and its parts as version 0.1 wrote them at first: HDF5's oldest format, no checksums."""
-    written(path, 3, seed=seed)
-    joint = h5py.File(path)
-    names = [name.decode() for name in joint["part_files/names"][...]]
-    for name in names:
-        plain(path.parent / name)
-    sources = {
-        name: item.virtual_sources() for name, item in joint.items() if getattr(item, "is_virtual", False)
-    }
-    for name in ("displacement", "rotation"):
-        sources[f"fields/{name}"] = joint[f"fields/{name}"].virtual_sources()
-    shapes = {name: (joint[name].shape, joint[name].dtype) for name in sources}
-    joint.close()
-    plain(path)
-    with h5py.File(path, "r+") as h5:
-        sizes = [(path.parent / name).stat().st_size for name in names]
-        del h5["part_files"]
-        h5["part_files/names"] = np.array(names, dtype=h5py.string_dtype())
-        h5["part_files/sizes"] = np.array(sizes)
-        for name, boxes in sources.items():
-            layout = h5py.VirtualLayout(*shapes[name])
-            for box in boxes:
-                first, last = box.vspace.get_select_bounds()
-                rows = tuple(slice(a, b + 1) for a, b in zip(first, last, strict=True))
-                shape = tuple(b - a + 1 for a, b in zip(first, last, strict=True))
-                layout[rows] = h5py.VirtualSource(box.file_name, name, shape=shape, dtype=shapes[name][1])
-            h5.create_virtual_dataset(name, layout)
-    return path
-
-
-def plain(path):
-    """The file written anew as h5py does by itself."""
-
-    def copy(name, item):
-        if isinstance(item, h5py.Dataset) and not item.is_virtual:
-            new.create_dataset(name, data=item[...])
-
-    with h5py.File(path) as h5, h5py.File(path.with_suffix(".new"), "w") as new:
-        new.attrs.update(h5.attrs)
-        h5.visititems(copy)
-    path.with_suffix(".new").replace(path)
-
-
 def test_older_files_are_read(tmp_path):
-    path = old_layout(tmp_path / "s.h5")
+    path = shutil.copytree(DATA / "without-checksums", tmp_path / "older") / "s.h5"
     assert_holds(path)
     assert merge(path, tmp_path / "merged.h5") == 3
     assert_holds(tmp_path / "merged.h5")

@@ -25,7 +25,7 @@ from jampetsc.io.hdf5 import (
     undisturbed,
     values,
 )
-from jampetsc.io.outputs import PICTURE, TABLE, check_output
+from jampetsc.io.outputs import check_output
 from jampetsc.io.packing_file import write_packing
 from jampetsc.io.provenance import derived_from
 from jampetsc.io.regular import kind, open_regular
@@ -249,59 +249,6 @@ def test_a_part_that_goes_while_it_is_read_is_noticed(tmp_path, monkeypatch):
     )
     with pytest.raises(InputError, match="is missing"):
         array[...]
-
-
-# What may be written where
-
-
-def test_neither_an_input_nor_another_output_may_be_the_output(tmp_path, monkeypatch):
-    """By whatever name; an input is named where it has another one."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "a.h5").touch()
-    os.link("a.h5", "hard.h5")
-    (tmp_path / "link").symlink_to(tmp_path)
-    for out, other in (("a.h5", "hard.h5"), ("new.h5", "link/new.h5"), ("new.h5", "./new.h5")):
-        with pytest.raises(InputError, match="is another file that this run writes: choose another name for"):
-            check_output(out, "jampetsc-flow", beside=[other])
-    for out, message in (("a.h5", "a.h5: is the input, which"), ("hard.h5", r"hard.h5: is the input a\.h5,")):
-        with pytest.raises(InputError, match=message):
-            check_output(out, "jampetsc-sweep", ["none.h5", "a.h5"])
-    check_output("a.h5", "jampetsc-flow", ["none.h5"], ["b.h5", "none/c.h5"])
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "held"),
-    [
-        ("a.csv", b"x\0", "a file of another kind"),
-        ("a.txt", b"1,2\n", "a file of another kind"),
-        ("a.CSV", b"1,2\n", None),
-        ("a.svg", b"\xef\xbb\xbf<?xml version", "a picture"),
-        ("a.png", b"<svg", "a picture"),
-        ("a.h5", b"\x89HDF\r\n\x1a\n", "a damaged HDF5 file"),
-    ],
-)
-def test_what_is_there_already(tmp_path, name, content, held):
-    (tmp_path / name).write_bytes(content)
-    if held is None:
-        check_output(tmp_path / name, TABLE)
-        return
-    with pytest.raises(InputError, match=f"is there already and is {held}, not a table: choose another"):
-        check_output(tmp_path / name, TABLE)
-
-
-def test_hdf5_of_another_program_is_not_replaced(tmp_path):
-    for name, attrs in (("a.h5", {}), ("b.h5", {"format": "NXdata"}), ("c.h5", {"format": 3})):
-        with h5py.File(tmp_path / name, "w") as h5:
-            h5.attrs.update(attrs)
-        with pytest.raises(InputError, match="is an HDF5 file of another program, not a jampetsc-sweep file"):
-            check_output(tmp_path / name, "jampetsc-sweep")
-
-
-@pytest.mark.parametrize("ending", [".png", ".PDF", ".svg", ".csv", ".Txt", ".opts"])
-def test_endings_that_promise_something_else(tmp_path, ending):
-    with pytest.raises(InputError, match=r"would be an HDF5 file by that name: give it the ending \.h5"):
-        check_output(tmp_path / f"a{ending}", "jampetsc-sweep")
-    check_output(tmp_path / f"a{ending}", PICTURE)
 
 
 # How a result came about
