@@ -4,7 +4,6 @@ import errno
 import os
 import stat
 from datetime import datetime
-from pathlib import Path
 from types import SimpleNamespace
 
 import h5py
@@ -28,10 +27,10 @@ from jampetsc.io.hdf5 import (
 from jampetsc.io.outputs import check_output
 from jampetsc.io.packing_file import write_packing
 from jampetsc.io.provenance import derived_from
+from jampetsc.io.reader import collected
 from jampetsc.io.regular import kind, open_regular
 from jampetsc.io.request import LONGEST_LINE, Request
 from jampetsc.io.result_file import ResultWriter
-from jampetsc.io.results import StoredArray
 
 
 def handles():
@@ -143,7 +142,7 @@ def test_attributes_are_plain_values(tmp_path):
     ],
 )
 def test_what_a_file_says_it_is(tmp_path, attrs, message):
-    path = result(tmp_path / "s.h5")
+    path = sweep(tmp_path / "s.h5").path
     with h5py.File(path, "r+") as h5:
         h5.attrs.update(attrs)
     if message is None:
@@ -239,56 +238,43 @@ def test_load_reads_again_too(tmp_path, monkeypatch):
 
 
 def test_a_part_that_goes_while_it_is_read_is_noticed(tmp_path, monkeypatch):
-    path = result(tmp_path / "s.h5", x=np.arange(3.0))
-    with open_file(path) as h5:
-        array = StoredArray(path, "x", h5)
-    monkeypatch.setattr(
-        jampetsc.io.reader.PartList,
-        "check_present",
-        lambda self: (_ for _ in ()).throw(InputError("is missing")),
-    )
+    def missing(parts):
+        raise InputError("is missing")
+
+    held = sweep(tmp_path / "s.h5")
+    monkeypatch.setattr(jampetsc.io.reader.PartList, "check_present", missing)
     with pytest.raises(InputError, match="is missing"):
-        array[...]
+        held["G"]
 
 
 # How a result came about
 
 
-def result(path, attributes=(), **arrays):
+def sweep(path=None, attributes=None, **arrays):
+    """A sweep of a file, or in memory, of these arrays and attributes."""
     with ResultWriter(path, "jampetsc-sweep") as writer:
-        for name in ("omega", "G", "error_bound"):
-            writer.dataset(name, arrays.pop(name, np.ones(2)))
-        for name, values_ in arrays.items():
-            writer.dataset(name, values_)
-        writer.attributes(**dict(attributes))
-    return path
+        for name, values_ in ({"omega": [1.0], "G": [1j], "error_bound": [0.0]} | arrays).items():
+            writer.dataset(name, np.array(values_))
+        writer.attributes(**attributes or {})
+    return jampetsc.load(path) if path else collected(writer)
 
 
 def test_what_sweeps_have_in_common(tmp_path):
-    shared = {
-        "law": "contact",
-        "beta": 0.5,
-        "pressure": 1e-3,
-        "packing_sha256": "ab",
-        "particle_count": 9,
-        "tau1": 2.0,
-    }
+    shared = {"law": "contact", "beta": 0.5, "pressure": 1e-3, "packing_sha256": "ab"}
+    shared |= {"particle_count": 9, "tau1": 2.0}
     sweeps = [
-        jampetsc.load(result(tmp_path / f"{n}.h5", {**shared, "phi": n, "packing": f"{n}.h5"}.items()))
-        for n in (1, 2)
+        sweep(tmp_path / f"{n}.h5", {**shared, "phi": n, "packing": f"{n}.h5"}, G=[1j * n]) for n in (1, 2)
     ]
     found = derived_from(sweeps, 1.5)
     assert shared.items() <= found.items() and not {"phi", "packing", "k"} & found.keys()
-    assert derived_from([jampetsc.load(result(tmp_path / "k.h5", {"k": 3.0}.items()))], 0.0)["k"] == 3.0
+    assert derived_from([sweep(attributes={"k": 3.0})], 0.0)["k"] == 3.0
     many = derived_from(sweeps * 600, 0.0)  # an attribute holds 64 kB
     assert all(len(many[name]) < LONGEST_LINE + 3 for name in ("sources", "source_runs"))
     assert (found["sources"], found["wall_seconds"]) == ("1.h5 2.h5", 1.5)
     assert datetime.fromisoformat(found["date"]).utcoffset() is not None
     assert found["source_runs"] == " ".join(sweep.attributes["run_id"] for sweep in sweeps)
-    only = jampetsc.load(result(tmp_path / "3.h5"))
-    assert "law" not in derived_from([only, sweeps[0]], 0.0) and "law" not in derived_from(
-        [sweeps[0], only], 0.0
-    )
+    for some in ([sweep(), sweeps[0]], [sweeps[0], sweep()]):
+        assert "law" not in derived_from(some, 0.0)
 
 
 def test_a_line_that_is_too_long_for_an_attribute_is_cut():
@@ -298,59 +284,49 @@ def test_a_line_that_is_too_long_for_an_attribute_is_cut():
     assert many.recorded["argv"] == "x" * LONGEST_LINE + " …"
 
 
-class Fields:
-    """A sweep with fields of n disks at these frequencies."""
+# Fields
 
-    path = Path("s.h5")
 
-    def __init__(self, omega, n=3, particles=None):
-        self.omega = np.array(omega)
-        displacement = np.arange(2.0 * n * len(omega)).reshape(len(omega), n, 2) * 1j
-        self.fields = SimpleNamespace(omega=self.omega, displacement=displacement, rotation=None)
-        self.particles = particles
-
-    def __contains__(self, name):
-        return self.particles is not None
-
-    def __getitem__(self, name):
-        return np.array(self.particles)
+def of_fields(omega, n=3, value=0.0, **arrays):
+    """A sweep in memory with fields of n disks at these frequencies; a value of the last one."""
+    displacement = np.arange(2.0 * n * len(omega)).reshape(len(omega), n, 2) * 1j
+    displacement[-1:, -1:, 0] += value
+    return sweep(**{"fields/omega": omega, "fields/displacement": displacement}, **arrays)
 
 
 def test_frequencies_shown_by_themselves_are_four_at_most_in_their_order():
-    assert fields.chosen_frequencies(Fields([1.0])).tolist() == [0]
-    assert fields.chosen_frequencies(Fields([3.0, 1.0, 2.0])).tolist() == [1, 2, 0]
-    assert fields.chosen_frequencies(Fields([7.0, 6, 5, 4, 3, 2, 1])).tolist() == [6, 4, 2, 0]
+    for omega, rows in (([1.0], [0]), ([3.0, 1.0, 2.0], [1, 2, 0]), ([7.0, 6, 5, 4, 3, 2, 1], [6, 4, 2, 0])):
+        assert fields.chosen_frequencies(of_fields(omega)).tolist() == rows
     with pytest.raises(InputError, match="holds no fields: ask the sweep for fields"):
-        fields.chosen_frequencies(Fields([]))
+        fields.chosen_frequencies(of_fields([]))
 
 
 def test_a_frequency_is_found_to_a_hundredth():
-    held = Fields([10.0, 1.0, 0.1])
+    held = of_fields([10.0, 1.0, 0.1])
     assert fields.chosen_frequencies(held, [1.009, 0.0991, 10.0, 10.09]).tolist() == [1, 2, 0, 0]
     for omega in (1.0102, 0.9899, 0.102, 10.2):
-        with pytest.raises(
-            InputError, match=rf"no fields at omega = {omega:g}: nearest are 0\.1, 1, 10; or sweep"
-        ):
+        message = rf"no fields at omega = {omega:g}: nearest are 0\.1, 1, 10; or sweep"
+        with pytest.raises(InputError, match=message):
             fields.chosen_frequencies(held, [omega])
 
 
 def test_rows_of_fields_are_disks_of_the_packing():
     disks = SimpleNamespace(n=3)
-    assert fields.particle_rows(Fields([1.0]), disks).tolist() == [0, 1, 2]
-    assert fields.particle_rows(Fields([1.0], particles=[2, 0, 1]), disks).tolist() == [2, 0, 1]
-    for particles, n in (([0, 1], 3), ([0, 1, 3], 3), ([-1, 0, 1], 3), (None, 4)):
+    assert fields.particle_rows(of_fields([1.0]), disks).tolist() == [0, 1, 2]
+    assert fields.particle_rows(of_fields([1.0], particles=[2, 0, 1]), disks).tolist() == [2, 0, 1]
+    for n, more in ((3, [0, 1]), (3, [0, 1, 3]), (3, [-1, 0, 1]), (4, None)):
+        held = of_fields([1.0], n, **({} if more is None else {"particles": more}))
         with pytest.raises(InputError, match=r"fields of . particles do not fit the 3 disks of the packing"):
-            fields.particle_rows(Fields([1.0], n, particles), disks)
+            fields.particle_rows(held, disks)
     with pytest.raises(InputError, match="its fields are those of no disk, every one is a rattler"):
-        fields.particle_rows(Fields([1.0], 0, []), disks)
+        fields.particle_rows(of_fields([1.0], 0, particles=[]), disks)
 
 
 @pytest.mark.parametrize(
     ("value", "sound"), [(0.99e100, True), (1.01e100, False), (np.nan, False), (np.inf, False)]
 )
 def test_fields_that_no_packing_has(value, sound):
-    held = Fields([0.5, 2.0])
-    held.fields.displacement[1, 2, 0] = value
+    held = of_fields([0.5, 2.0], value=value)
     assert np.array_equal(fields.field_at(held, 0)[0], held.fields.displacement[0])
     if sound:
         assert fields.field_at(held, 1)[1] is None
@@ -362,14 +338,12 @@ def test_fields_that_no_packing_has(value, sound):
 # Moduli
 
 
-REDUCED = {"G0": 2.0, "eta_inf": 0.5, "rates": [1.0, 100.0], "weights": [3.0, 4.0]}
-
-
-def swept(path, omega, G, attributes=(), reduced=None, **arrays):
-    """A sweep that was loaded; reduced: its spectrum, or what differs from REDUCED in it."""
+def swept(omega, G, attributes=None, reduced=None, **arrays):
+    """A sweep in memory; reduced: what differs from two modes in its spectrum, None where it has none."""
+    modes = {"G0": 2.0, "eta_inf": 0.5, "rates": [1.0, 100.0], "weights": [3.0, 4.0]}
     if reduced is not None:
-        arrays |= {f"reduced/{name}": np.array(value) for name, value in (REDUCED | reduced).items()}
-    return jampetsc.load(result(path, attributes, omega=np.array(omega), G=np.array(G), **arrays))
+        arrays |= {f"reduced/{name}": value for name, value in (modes | reduced).items()}
+    return sweep(attributes=attributes, omega=omega, G=G, **arrays)
 
 
 @pytest.mark.parametrize(
@@ -385,25 +359,25 @@ def swept(path, omega, G, attributes=(), reduced=None, **arrays):
         {"rates": [0.1, np.nan]},
     ],
 )
-def test_spectra_that_no_packing_has(tmp_path, changes):
-    with pytest.raises(InputError, match=r"s\.h5: its spectrum holds values that no packing has"):
-        swept(tmp_path / "s.h5", [1.0], [1j], reduced=changes).spectrum  # noqa: B018
-    extreme = swept(tmp_path / "s.h5", [1.0], [1j], reduced={"rates": [0.99e100, 1.01e-100]})
+def test_spectra_that_no_packing_has(changes):
+    with pytest.raises(InputError, match=r"sweep in memory: its spectrum holds values that no packing has"):
+        swept([1.0], [1j], reduced=changes).spectrum  # noqa: B018
+    extreme = swept([1.0], [1j], reduced={"rates": [0.99e100, 1.01e-100]})
     assert extreme.spectrum.rates[0] == 0.99e100
 
 
-def test_stored_frequencies_give_stored_values_and_a_spectrum_all_others(tmp_path):
+def test_stored_frequencies_give_stored_values_and_a_spectrum_all_others():
     omega = np.array([[0.2, 1.0, 50.0]])
     maxwell = 2 + 0.5j * omega + 3j * omega / (1 + 1j * omega) + 4j * omega / (100 + 1j * omega)
-    held = swept(tmp_path / "s.h5", [1.0, 2.0], [5 + 6j, 1j], reduced={})
+    held = swept([1.0, 2.0], [5 + 6j, 1j], reduced={})
     found = held.modulus(omega)
     assert np.allclose(found[0, ::2], maxwell[0, ::2], rtol=1e-12) and found[0, 1] == 5 + 6j
     assert held.G_storage.tolist() == [5, 0] and held.G_loss.tolist() == [6, 1]
     assert held.modulus(2.0) == 1j and np.ndim(held.modulus(3.0)) == 0
 
 
-def test_frequencies_are_told_apart_by_their_ratio(tmp_path):
-    held = swept(tmp_path / "s.h5", [1e-14, 1.0], [1e-14j, 1j])
+def test_frequencies_are_told_apart_by_their_ratio():
+    held = swept([1e-14, 1.0], [1e-14j, 1j])
     assert held.modulus([[1.0, 1e-14]]).tolist() == [[1j, 1e-14j]]
     for nearly in (1e-14 * (1 + 5e-13), 1 - 5e-13):  # what rounding does to a number written and read
         assert held.modulus(nearly).imag == pytest.approx(nearly)
@@ -417,26 +391,26 @@ def test_frequencies_are_told_apart_by_their_ratio(tmp_path):
     assert held.frequency_range == (1e-14, 1.0) and held.damping is None
 
 
-def test_what_was_solved_under_power_law_damping_is_another_range(tmp_path):
+def test_what_was_solved_under_power_law_damping_is_another_range():
     power = {"alpha": 0.5, "stress": 1e-3, "tau1": 4.0}
-    held = swept(tmp_path / "s.h5", [1.0, 2.0], [1j, 2j], power, {}, equivalent_omega=np.array([3.0, 0.5]))
+    held = swept([1.0, 2.0], [1j, 2j], power, {}, equivalent_omega=[3.0, 0.5])
     assert held.frequency_range == (0.5, 3.0)
     expected = held.damping.frequency(0.7 * 4.0) / 4.0
     assert expected != held.damping.frequency(0.7)
     assert held.modulus(0.7) == held.spectrum.modulus(expected) != held.spectrum.modulus(0.7)
 
 
-def test_the_spectrum_of_a_file_of_its_own(tmp_path):
-    with ResultWriter(tmp_path / "t.h5", "jampetsc-spectrum") as writer:
-        writer.dataset("relaxation/rates", np.array([2.0]))
-        writer.dataset("relaxation/weights", np.array([3.0]))
-        writer.attributes(G0=1.0, eta_inf=0.0, slowest_omega=1e-3, fastest_omega=1e3)
-    found = jampetsc.load(tmp_path / "t.h5")
+def test_the_spectrum_of_a_file_of_its_own():
+    writer = ResultWriter(None, "jampetsc-spectrum")
+    writer.dataset("relaxation/rates", np.array([2.0]))
+    writer.dataset("relaxation/weights", np.array([3.0]))
+    writer.attributes(G0=1.0, eta_inf=0.0, slowest_omega=1e-3, fastest_omega=1e3)
+    found = collected(writer)
     assert found.frequency_range == (1e-3, 1e3) and found.spectrum.G_inf == 4.0
 
 
 def test_a_dataset_or_an_attribute_that_is_not_there(tmp_path):
-    held = swept(tmp_path / "s.h5", [1.0], [1j])
+    held = sweep(tmp_path / "s.h5")
     for name, message in (("modes", "it holds G, error_bound, omega"), ("omga", r"did you mean omega\?")):
         with pytest.raises(InputError, match=f"s.h5: no dataset {name}: {message}"):
             held[name]
