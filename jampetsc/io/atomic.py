@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from jampetsc.errors import InputError, JampetscError, named
-from jampetsc.io.regular import kind
+from jampetsc.io.regular import require_regular
 
 _FULL = {
     errno.ENOSPC: "disk full",
@@ -74,13 +74,9 @@ def check_writable(path) -> None:
 
 def _require_regular(path):
     """Raise InputError if there is something at `path`, links followed, that no file may replace."""
-    found = kind(os.stat(path).st_mode) if os.path.exists(path) else None
-    if found == "a folder":
-        raise InputError(f"{path}: is a folder: give a file name with {named('out')}")
-    if found is not None:
-        raise InputError(
-            f"{path}: is {found}, which a file would replace: give the name of a file with {named('out')}"
-        )
+    if os.path.exists(path):
+        out = named("out")
+        require_regular(path, os.stat(path), f"give a file name with {out}", f"give another file with {out}")
 
 
 def sync_folder(folder) -> None:

@@ -118,8 +118,8 @@ def test_a_folder_that_cannot_be_made_durable_will_do(tmp_path, monkeypatch):
 
 PLACES = {  # where no file can be -> what is said
     "folder": "folder: is a folder: give a file name with out",
-    "pipe": "pipe: is a pipe, which a file would replace: give the name of a file with out",
-    "link": "pipe: is a pipe, which",
+    "pipe": "pipe: is a pipe: give another file with out",
+    "link": "pipe: is a pipe: give another",
     "none/a.csv": "none does not exist: create it first|No such file",
     "file/a.csv": "folder|cannot be written",
     "lost": "none does not exist: create it first|No such file",

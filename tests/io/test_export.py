@@ -11,9 +11,12 @@ from dense import all_pairs
 
 import jampetsc
 from jampetsc.cli import main as cli
+from jampetsc.core.disks import Disks
 from jampetsc.core.state import disk_areas, disk_stresses, find_contacts, measure
 from jampetsc.errors import InputError
 from jampetsc.io.exchange import READERS
+from jampetsc.io.exporters import write_frames
+from jampetsc.io.frames import packing_frame
 from jampetsc.io.packing_file import write_packing
 from jampetsc.io.snapshots import snapshot
 
@@ -217,6 +220,16 @@ def test_a_flow_is_one_file_of_many_frames(tmp_path, monkeypatch):
     ):
         export("f.h5 --out f.npz")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["f.dump", "f.h5", "f.xyz"]
+
+
+def test_disks_that_do_not_touch_are_exported_without_contacts(tmp_path):
+    disks = Disks.from_positions(np.array([[1.0, 1.0], [5.0, 5.0]]), np.array([0.5, 0.7]), 9.0 * np.eye(2))
+    for ending in ("xyz", "dump", "data", "vtp", "npz"):
+        assert write_frames(tmp_path / f"p.{ending}", [packing_frame(disks)]) == 1
+    assert vtp(tmp_path / "p.vtp")["connectivity"].size == 0
+    for ending in ("xyz", "dump", "data", "npz"):
+        found = jampetsc.import_packing(tmp_path / f"p.{ending}")
+        np.testing.assert_array_equal(found.positions, disks.positions)
 
 
 def test_what_cannot_be_exported_is_one_line(tmp_path, monkeypatch):
