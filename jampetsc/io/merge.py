@@ -12,6 +12,7 @@ from jampetsc.io.parts import GROUP, PartList
 _BLOCK_BYTES = 1 << 22  # copied at a time from each part
 
 
+@undisturbed
 def merge(path, out=None, request=None) -> int:
     """Write the result at `path` as one plain file at `out`, or in place and remove its parts.
 
@@ -20,10 +21,6 @@ def merge(path, out=None, request=None) -> int:
     Returns the number of parts that were joined (0: it was a plain file already). Raises InputError for a
     file or part that is missing or damaged, JampetscError if writing fails; then everything is as it was.
     """
-    return undisturbed(path, lambda path: _merge(path, out, request))
-
-
-def _merge(path, out, request):
     target = Path(path if out is None else out)
     in_place = os.path.realpath(target) == os.path.realpath(path)
     with open_file(path) as h5:

@@ -36,7 +36,7 @@ def check_output(out, kind, inputs=(), beside=(), request=None) -> None:
     kind     "picture", "table", `exported(out)` or the format of a result, such as "jampetsc-sweep"
     inputs   paths of what the run reads; those that do not exist are left to who reads them
     beside   paths of what else the run writes
-    request  settings, of which a finished result that is there has to be
+    request  settings, of which a finished result that is there has to be, unless it is to be overwritten
     """
     for other in beside:
         if is_same(out, other) or os.path.realpath(out) == os.path.realpath(other):
@@ -52,7 +52,11 @@ def check_output(out, kind, inputs=(), beside=(), request=None) -> None:
     check_place(out, kind)
     if request is not None:
         request.read(inputs)
-        _check_settings(out, request)
+        if not request.overwrite and _held(out) is not None and (why := unlike(out, request)):
+            raise InputError(
+                f"{out}: is there already and {why}: choose another {named('out')}, "
+                f"or give {named('overwrite')} to replace it"
+            )
 
 
 def check_place(out, kind) -> None:
@@ -66,17 +70,6 @@ def check_place(out, kind) -> None:
 def exported(out) -> str:
     """The `kind` of `check_output` of a file for other programs at `out`."""
     return f"an exported {Path(out).suffix.lower()} file"
-
-
-def _check_settings(out, request):
-    """Raise InputError where a finished result of other settings is at `out`, unless it is to be overwritten."""
-    if request.overwrite or _held(out) is None:
-        return
-    if why := unlike(out, request):
-        raise InputError(
-            f"{out}: is there already and {why}: choose another {named('out')}, "
-            f"or give {named('overwrite')} to replace it"
-        )
 
 
 def unlike(path, request) -> str:

@@ -106,18 +106,13 @@ def is_known_as(path, sha256: str | None) -> bool:
 def check_packing(path) -> None:
     """Raise InputError unless `path` is a packing file by its header: a look before long work."""
     with open_file(path) as h5:
-        _check_header(h5, path)
-
-
-def _check_header(h5, path):
-    attrs = attributes(h5)
-    check_format(path, attrs, FORMAT)
-    return attrs
+        check_format(path, attributes(h5), FORMAT)
 
 
 def packing_from(h5, path) -> Disks:
     """Disks from an open packing file; `path` is for messages. Raises InputError."""
-    attrs = _check_header(h5, path)
+    attrs = attributes(h5)
+    check_format(path, attrs, FORMAT)
     arrays = {name: _array(h5, path, name) for name in ("positions", "radii", "cell")}
     arrays |= {name: _array(h5, path, name) for name in ("positions_low", "cell_low") if name in h5}
     if not np.isfinite(arrays.get("cell_low", 0.0)).all():

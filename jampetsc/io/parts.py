@@ -16,7 +16,7 @@ import numpy as np
 
 from jampetsc.errors import InputError
 from jampetsc.io.checksums import seal_of
-from jampetsc.io.hdf5 import from_stream, open_file, opening, reading, values
+from jampetsc.io.hdf5 import open_file, opening, values
 from jampetsc.io.regular import open_regular
 
 GROUP = "part_files"
@@ -86,27 +86,17 @@ class PartList:
                     f"{self.run_id}: put the right one back"
                 )
             if self._seals:
-                raise self._changed(name)
+                raise InputError(
+                    f"{self.shown}: part {name} is damaged: not the one that was written; copy it again or run again"
+                )
 
     @contextmanager
     def open(self, box):
         """The dataset of a part that holds the rows of a box; the part must be the one written with the joint file."""
-        path = self.path.parent / box.part
-        with opening(path):
-            file = open_regular(path)
-            if self._seals and seal_of(file) != self._seals[box.part]:
-                file.close()
-                raise self._changed(box.part)
-            h5 = from_stream(file)
-        with h5, reading(path):
+        with open_file(self.path.parent / box.part, self._seals and self._seals[box.part]) as h5:
             if h5[box.name].shape != box.shape:
                 raise InputError(f"{self.shown}: part {box.part} holds other rows: damaged")
             yield h5[box.name]
-
-    def _changed(self, name):
-        return InputError(
-            f"{self.shown}: part {name} is damaged: not the one that was written; copy it again or run again"
-        )
 
     def read(self, data: h5py.Dataset, selection=...):
         """What a dataset of the joint file holds, or some of it: what numpy takes. Of each part those entries along the

@@ -178,6 +178,7 @@ def collected(writer: ResultWriter) -> Result:
     return RESULTS[format](writer.found, arrays, words, writer.comm)
 
 
+@undisturbed
 def load(path):
     """Open a jampetsc file: Disks for a packing, SweepResult for a sweep, Result for the others.
 
@@ -187,10 +188,6 @@ def load(path):
     """
     if (Path(path) / TABLE).exists():
         return load_ensemble(path, load)
-    return undisturbed(path, _load)
-
-
-def _load(path):
     with open_file(path) as h5:
         name = check_format(path, attributes(h5))
         if name == "jampetsc-part":

@@ -32,7 +32,7 @@ class StoredArray:
 
     def __getitem__(self, selection):
         np.broadcast_to(False, self.shape)[selection]  # an IndexError is the caller's, no damage of the file
-        return undisturbed(self._path, lambda path: self._read(path, selection))
+        return undisturbed(self._read)(self._path, selection)
 
     def _read(self, path, selection):
         with open_file(path) as h5:

@@ -200,7 +200,7 @@ def test_a_file_that_is_replaced_while_it_is_read_is_read_again(tmp_path):
             raise InputError("once more")
         return path.read_text()
 
-    assert undisturbed(path, action) == "newer" and tries == [path] * 4
+    assert undisturbed(action)(path) == "newer" and tries == [path] * 4
 
 
 def test_what_nobody_replaces_is_refused_at_once(tmp_path):
@@ -212,7 +212,7 @@ def test_what_nobody_replaces_is_refused_at_once(tmp_path):
 
     for path in (tmp_path, tmp_path / "none"):
         with pytest.raises(InputError, match="damaged"):
-            undisturbed(path, action)
+            undisturbed(action)(path)
     assert tries == [tmp_path, tmp_path / "none"]
 
 
@@ -222,18 +222,18 @@ def test_load_reads_again_too(tmp_path, monkeypatch):
     content, tries = path.read_bytes(), []
     path.write_bytes(b"half")
 
-    from_stream = hdf5.from_stream
+    from_stream = hdf5._from_stream
 
-    def replaced(file):
+    def replaced(file, *seal):
         tries.append(file)
         try:
-            return from_stream(file)
+            return from_stream(file, *seal)
         finally:
             if len(tries) == 1:
                 path.unlink()
                 path.write_bytes(content)
 
-    monkeypatch.setattr(hdf5, "from_stream", replaced)
+    monkeypatch.setattr(hdf5, "_from_stream", replaced)
     assert jampetsc.load(path).n == published().n and len(tries) == 2
 
 
