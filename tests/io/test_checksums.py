@@ -112,18 +112,6 @@ def test_the_same_content_gives_the_same_bytes(tmp_path):
     assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
 
 
-def test_what_another_program_edits_has_no_checksums_and_is_read(sound, tmp_path):
-    path = tmp_path / "p.h5"
-    shutil.copy(sound / "packing" / "s.h5", path)
-    with open(path, "rb") as file:
-        assert seal_of(file)
-    with h5py.File(path, "r+") as h5:
-        h5["radii"][3] = 0.875
-    with open(path, "rb") as file:
-        assert seal_of(file) is None
-    assert read_packing(path).radii[3] == 0.875
-
-
 def test_what_stands_at_the_end_of_a_file(tmp_path):
     """Whatever is done to the list or the line is told: not whole, not right, or no line at all."""
     path, content = tmp_path / "f", random.Random(1).randbytes(3 * BLOCK + 1000)

@@ -2,11 +2,9 @@
 
 import numpy as np
 import pytest
-from samples import physics, published, put, run_of
 
-from jampetsc.io.reader import SweepResult, collected, load
+from jampetsc.io.reader import collected, load
 from jampetsc.io.result_file import ResultWriter
-from jampetsc.linear import rational_sweep
 
 VALUES = {
     "text": "a·b", "undecodable": "x\udcff", "true": True, "whole": np.int64(3), "real": 0.1, "one": [2.5],
@@ -29,33 +27,6 @@ def assert_same(found, expected):
         assert array.shape == part.shape and array.dtype == whole.dtype
 
 
-def saved(result, path, comm):
-    result.save(path)
-    comm.Barrier()
-    return load(path)
-
-
-@pytest.mark.scalar("real")
-def test_a_sweep_in_memory_is_that_of_its_file(session, shared_path):
-    packing = put(shared_path / "p.h5", published(), session.comm)
-    job = run_of(packing, physics(), [1e-3, 1.0], [1e-3], "rational", 1e-6, shared_path / "a.h5")
-    writers, writer = [], job.to.writer
-    job.to.writer = lambda *words: writers.append(writer(*words)) or writers[0]
-    rational_sweep.solve(job)
-    session.comm.Barrier()
-    found, expected = collected(writers[0]), load(job.to.path)
-    assert_same(found, expected)
-    assert isinstance(found, SweepResult) and found.modulus(0.3) == expected.modulus(0.3)
-    assert found.law == expected.law and found.fields.omega == [1e-3]
-    assert str(found.path) == "sweep in memory" and "G (" in repr(found) and "sweep in memory" in repr(found)
-    assert found._repr_html_().count("<tr>") == len(found) + len(found.attributes)
-    again = saved(found, shared_path / "b.h5", session.comm)
-    assert_same(found, again)
-    assert_same(again, expected)
-    assert found.path == again.path and found.attributes["run_id"] == again.attributes["run_id"]
-    assert len(list((shared_path / "b.parts").glob("*"))) == (session.size if session.size > 1 else 0)
-
-
 @pytest.mark.scalar("real")
 def test_any_rows_and_attributes(session, shared_path):
     mine = np.random.default_rng(session.rank).random((2, 2 if session.rank or session.size == 1 else 0, 3))
@@ -74,8 +45,18 @@ def test_any_rows_and_attributes(session, shared_path):
     session.comm.Barrier()
     found, expected = collected(writer), load(shared_path / "a.h5")
     assert_same(found, expected)
+    assert str(found.path) == "modes in memory" and repr(found).startswith(
+        "<Result modes in memory: a (3,), "
+    )
+    assert found._repr_html_().count("<tr>") == len(found) + len(found.attributes)
     for path in ("b.h5", "b.h5"):  # onto itself, too
-        assert_same(saved(found, shared_path / path, session.comm), expected)
+        found.save(shared_path / path)
+        session.comm.Barrier()
+        again = load(shared_path / path)
+        assert_same(found, again)
+        assert_same(again, expected)
+        assert found.path == again.path and found.attributes["run_id"] == again.attributes["run_id"]
+        assert len(list((shared_path / "b.parts").glob("*"))) == (session.size if session.size > 1 else 0)
     own = load(shared_path / "b.h5")
     for _ in range(2):  # onto itself, too
         own.save(shared_path / f"c{session.rank}.h5")
