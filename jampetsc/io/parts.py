@@ -37,8 +37,9 @@ class PartList:
         self.shown = path  # as the user wrote it, for messages
         self.run_id = h5.attrs.get("run_id", "")
         group = h5.get(GROUP, {})
-        columns = [values(group[name]).tolist() for name in ("names", "sizes", "seals") if name in group]
-        names, sizes, seals = columns if len(columns) == 3 else (*(columns or ([], [])), None)
+        names, sizes, seals = (
+            values(group[name]).tolist() if name in group else [] for name in ("names", "sizes", "seals")
+        )
         names = [name.decode(errors="replace") for name in names]
         for name in names:
             if not (_NAME.fullmatch(name) and Path(name).name.startswith(f"{self.run_id}-")):
@@ -46,7 +47,8 @@ class PartList:
                     f"{path}: part {name!r} cannot be a part of run {self.run_id}: damaged, make it again"
                 )
         self.sizes = dict(zip(names, sizes, strict=True))
-        self._seals = seals and dict(zip(names, (seal.decode() for seal in seals), strict=True))
+        seals = [seal.decode() for seal in seals] or [None] * len(names)  # which the first versions had not
+        self._seals = dict(zip(names, seals, strict=True))
 
     def __bool__(self):
         return bool(self.sizes)
@@ -76,7 +78,7 @@ class PartList:
         for rank, name in enumerate(self.sizes):
             path = self.path.parent / name
             with opening(path), open_regular(path) as file:
-                if self._seals and seal_of(file) == self._seals[name]:
+                if self._seals[name] and seal_of(file) == self._seals[name]:
                     continue
             with open_file(path) as h5:
                 found = h5.attrs.get("run_id"), h5.attrs.get("rank")
@@ -85,7 +87,7 @@ class PartList:
                     f"{self.shown}: part {name} is rank {found[1]} of run {found[0]}, not rank {rank} of run "
                     f"{self.run_id}: put the right one back"
                 )
-            if self._seals:
+            if self._seals[name]:
                 raise InputError(
                     f"{self.shown}: part {name} is damaged: not the one that was written; copy it again or run again"
                 )
@@ -93,7 +95,7 @@ class PartList:
     @contextmanager
     def open(self, box):
         """The dataset of a part that holds the rows of a box; the part must be the one written with the joint file."""
-        with open_file(self.path.parent / box.part, self._seals and self._seals[box.part]) as h5:
+        with open_file(self.path.parent / box.part, self._seals[box.part]) as h5:
             if h5[box.name].shape != box.shape:
                 raise InputError(f"{self.shown}: part {box.part} holds other rows: damaged")
             yield h5[box.name]
