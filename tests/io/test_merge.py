@@ -102,3 +102,5 @@ def test_what_was_merged_copied_or_left_is_told(joint, tmp_path, monkeypatch, ca
     assert said("s.h5", "--out", "./s.h5") == "s.h5: one file already, nothing to do\n"
     assert said("s.h5", "--out", "two.h5") == "two.h5: copy of s.h5, which was one file already\n"
     assert np.array_equal(*(h5py.File(name)["G"][...] for name in ("one.h5", "two.h5")))
+    assert cli.main(["merge", "s.h5", "--out", "one.h5"]) == 2  # made of another file: what that was before
+    assert "one.h5: is there already and has other inputs" in capsys.readouterr().err
