@@ -15,7 +15,7 @@ from jampetsc.io.hdf5 import attributes, check_format, open_file, undisturbed
 from jampetsc.io.parts import PartList
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.io.results import Result
-from jampetsc.io.snapshots import Snapshot, snapshot
+from jampetsc.io.snapshots import snapshot
 
 _SLOWEST = 1e-100  # rates beyond this and its inverse are no rates of relaxation
 _SAME = 1e-12  # two frequencies that differ by less, relatively, are the same
@@ -123,12 +123,7 @@ class ShearedResult(Result):
 class FlowResult(ShearedResult):
     """Steady shear: with snapshots."""
 
-    def snapshot(self, row=-1) -> Snapshot:
-        """A snapshot, the last one if no other is asked for, as a packing with `velocities`, `spins` and `unwrapped`.
-
-        Raises InputError where the file holds none, or not so many.
-        """
-        return snapshot(self, row)
+    snapshot = snapshot
 
 
 class SpectrumResult(Result):

@@ -4,11 +4,11 @@ import json
 import os
 import re
 from contextlib import nullcontext
-from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from samples import JAMBASHBULK, JAXMD
 
 from jampetsc.cli import main as cli
 from jampetsc.core.potentials import Potential
@@ -17,10 +17,6 @@ from jampetsc.errors import InputError
 from jampetsc.io import importers
 from jampetsc.io.importers import import_packing
 from jampetsc.io.packing_file import read_packing
-
-DATA = Path(__file__).parents[1] / "data"
-JAMBASHBULK = DATA / "jambashbulk-N16-P1e-3-0001.txt"
-JAXMD = DATA / "jaxmd-2d_polyuniform_N64_Lp-1.0.nc"
 
 
 def test_jambashbulk_has_its_published_numbers():
