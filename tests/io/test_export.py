@@ -222,7 +222,7 @@ def test_a_flow_is_one_file_of_many_frames(tmp_path, monkeypatch):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["f.dump", "f.h5", "f.xyz"]
 
 
-def test_disks_that_do_not_touch_are_exported_without_contacts(tmp_path):
+def test_disks_that_do_not_touch_are_exported_without_contacts_and_by_their_sizes(tmp_path):
     disks = Disks.from_positions(np.array([[1.0, 1.0], [5.0, 5.0]]), np.array([0.5, 0.7]), 9.0 * np.eye(2))
     for ending in ("xyz", "dump", "data", "vtp", "npz"):
         assert write_frames(tmp_path / f"p.{ending}", [packing_frame(disks)]) == 1
@@ -230,6 +230,11 @@ def test_disks_that_do_not_touch_are_exported_without_contacts(tmp_path):
     for ending in ("xyz", "dump", "data", "npz"):
         found = jampetsc.import_packing(tmp_path / f"p.{ending}")
         np.testing.assert_array_equal(found.positions, disks.positions)
+    row = np.column_stack((3.0 * np.arange(11), np.ones(11)))
+    for count, types in ((2, [1, 2]), (10, range(1, 11)), (11, [1] * 11)):  # where sizes are few
+        disks = Disks.from_positions(row[:count], 0.5 + 0.01 * np.arange(count), 40.0 * np.eye(2))
+        write_frames(tmp_path / "p.dump", [packing_frame(disks)])
+        assert frames_of(tmp_path / "p.dump")[0][0]["type"].tolist() == list(types)
 
 
 def test_what_cannot_be_exported_is_one_line(tmp_path, monkeypatch):
