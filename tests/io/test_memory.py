@@ -48,6 +48,7 @@ def test_any_rows_and_attributes(session, shared_path):
     assert str(found.path) == "modes in memory" and repr(found).startswith(
         "<Result modes in memory: a (3,), "
     )
+    assert found.file is None and expected.file == shared_path / "a.h5"
     assert found._repr_html_().count("<tr>") == len(found) + len(found.attributes)
     for path in ("b.h5", "b.h5"):  # onto itself, too
         found.save(shared_path / path)
