@@ -4,11 +4,7 @@ import os
 import socket
 from contextlib import contextmanager
 
-import numpy as np
-
 from jampetsc.errors import JampetscError
-
-_PIECE = 1 << 30  # bytes broadcast at a time: MPI counts in 32 bits
 
 
 @contextmanager
@@ -38,21 +34,6 @@ def on_root(comm, action):
         if comm is None or comm.rank == 0:
             found = action()
     return found if comm is None else comm.bcast(found)
-
-
-def from_rank_0(comm, arrays: dict | None) -> dict:
-    """Collective. Rank 0's dictionary of numpy arrays, of any size, on every rank; the others give None."""
-    if comm is None:
-        return arrays
-    shapes = comm.bcast(arrays and {name: (array.shape, array.dtype) for name, array in arrays.items()})
-    shared = {}
-    for name, (shape, dtype) in shapes.items():
-        array = arrays[name] if comm.rank == 0 else np.empty(shape, dtype)
-        content = array.reshape(-1).view(np.uint8)
-        for start in range(0, len(content), _PIECE):
-            comm.Bcast(content[start : start + _PIECE])
-        shared[name] = array
-    return shared
 
 
 def own_cores(comm, working: bool = True) -> int:

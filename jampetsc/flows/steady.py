@@ -25,7 +25,7 @@ from jampetsc.flows.run import Plan, check_balance
 from jampetsc.flows.run import run as shear_until
 from jampetsc.flows.shearing import Shear
 from jampetsc.flows.walls import phi_between
-from jampetsc.io.hdf5 import attributes, check_format, open_file, reading
+from jampetsc.io.hdf5 import attributes, check_format, open_file
 from jampetsc.io.packing_file import write_packing
 
 DEEPEST = 0.5  # overlap of two disks, in units of σ, beyond which a start is none of soft disks
@@ -109,7 +109,7 @@ def continued(earlier, strain) -> FlowRun:
 
 def is_flow(path) -> bool:
     """Whether the file at `path` is a flow file. Raises InputError if it is no jampetsc file."""
-    with open_file(path) as h5, reading(path):
+    with open_file(path) as h5:
         return check_format(path, attributes(h5)) == FORMAT
 
 

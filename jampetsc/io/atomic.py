@@ -11,11 +11,11 @@ import io
 import os
 import secrets
 import socket
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from jampetsc.errors import InputError, JampetscError, named
-from jampetsc.io.regular import kind
+from jampetsc.io.regular import require_regular
 
 _FULL = {
     errno.ENOSPC: "disk full",
@@ -35,13 +35,8 @@ _REFUSED = (
 
 def write_whole(path, content: bytes) -> None:
     """Write a small file complete or not at all, in the place of what was there. Raises JampetscError."""
-    file = NewFile(path)
-    try:
+    with NewFile(path) as file:
         file.stream.write(content)
-        file.finish()
-        file.publish()
-    finally:
-        file.discard()
 
 
 def write_error(path, error: OSError) -> JampetscError:
@@ -55,9 +50,18 @@ def write_error(path, error: OSError) -> JampetscError:
     return JampetscError(f"{path}: writing failed: {' '.join(str(error.strerror or error).split())}")
 
 
+@contextmanager
+def writing(path):
+    """Turn what the system says of a failed write to `path` into `write_error`."""
+    try:
+        yield
+    except OSError as error:
+        raise write_error(path, error) from None
+
+
 def check_writable(path) -> None:
     """Raise InputError unless a file could be put at `path` now. Call it before long work."""
-    try:
+    with writing(path):
         path = follow(path)
         _require_regular(path)
         if not path.parent.is_dir():
@@ -66,19 +70,13 @@ def check_writable(path) -> None:
             raise InputError(f"{path}: exists and is write-protected: choose another {named('out')}")
         remove_abandoned(path.parent, glob.escape(path.name))
         NewFile(path).discard()
-    except OSError as error:
-        raise write_error(path, error) from None
 
 
 def _require_regular(path):
     """Raise InputError if there is something at `path`, links followed, that no file may replace."""
-    found = kind(os.stat(path).st_mode) if os.path.exists(path) else None
-    if found == "a folder":
-        raise InputError(f"{path}: is a folder: give a file name with {named('out')}")
-    if found is not None:
-        raise InputError(
-            f"{path}: is {found}, which a file would replace: give the name of a file with {named('out')}"
-        )
+    if os.path.exists(path):
+        out = named("out")
+        require_regular(path, os.stat(path), f"give a file name with {out}", f"give another file with {out}")
 
 
 def sync_folder(folder) -> None:
@@ -165,58 +163,62 @@ class _Stream(io.FileIO):
 class NewFile:
     """A file under a temporary name: `finish` makes it durable, `publish` gives it its name.
 
-    Write through `stream`. Raises InputError or JampetscError where writing fails.
+    Write through `stream`. As a context manager it is finished and published at the end of the block, and discarded
+    after an exception. Raises InputError or JampetscError where writing fails.
     """
 
     def __init__(self, path):
-        try:
+        with writing(path):
             self.path = follow(path)
             _require_regular(self.path)
-            self.temporary, self.stream = _locked(self.path)
-        except OSError as error:
-            raise write_error(path, error) from None
+            self.temporary, self.stream = _new_stream(self.path)
 
     def check(self) -> None:
         """Raise the error of an earlier write that failed."""
-        error = self.stream.error
-        if isinstance(error, OSError):
-            raise write_error(self.path, error) from None
-        if error is not None:
-            raise error
+        if self.stream.error is not None:
+            with writing(self.path):
+                raise self.stream.error
 
     def finish(self) -> int:
         """Check, fsync and close; returns the size in bytes. The temporary name stays."""
         self.check()
-        try:
+        with writing(self.path):
             os.fsync(self.stream.fileno())
-        except OSError as error:
-            raise write_error(self.path, error) from None
         size = os.fstat(self.stream.fileno()).st_size
         self.stream.close()
         return size
 
     def publish(self) -> None:
         """Rename onto the final name, replacing an earlier file."""
-        try:
+        with writing(self.path):
             os.replace(self.temporary, self.path)
             sync_folder(self.path.parent)
-        except OSError as error:
-            raise write_error(self.path, error) from None
 
     def discard(self) -> None:
         """Close and remove the temporary file, if it is still there."""
         self.stream.close()
         self.temporary.unlink(missing_ok=True)
 
+    def __enter__(self):
+        return self
 
-def _locked(path):
+    def __exit__(self, kind, error, trace):
+        try:
+            if kind is None:
+                self.finish()
+                self.publish()
+        finally:
+            self.discard()
+
+
+def _new_stream(path):
     """(name, stream) of a new temporary file for `path`, locked before anybody can take it for an abandoned one."""
     while True:
         mark = f"{socket.gethostname()}.{os.getpid()}-{secrets.token_hex(4)}"
         name = path.with_name(f".{path.name}.{mark}.partial")
         stream = _Stream(name, "x+b")
         with suppress(OSError):  # a file system without locks: an abandoned file then stays
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(stream, fcntl.LOCK_EX)  # once whoever looks whether it was abandoned has let it go
         if os.fstat(stream.fileno()).st_nlink:  # else it was taken for one before the lock
             return name, stream
         stream.close()

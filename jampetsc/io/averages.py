@@ -10,19 +10,8 @@ from jampetsc.errors import InputError
 from jampetsc.io.provenance import LAW_PARAMETERS
 
 SAME = 1e-9  # numbers that differ by less, relatively, are the same
-CHOICES = (
-    "command",
-    "law",
-    *LAW_PARAMETERS,
-    "model",
-    "method",
-    "phase",
-    "omega",
-    "rate",
-    "mass",
-    "strain",
-    "accuracy",
-)
+CHOICES = ("command", "law", *LAW_PARAMETERS)
+CHOICES += ("model", "method", "phase", "omega", "rate", "mass", "strain", "accuracy")
 NO_AVERAGE = ("seed", "seconds")
 STATISTICS = {"mean": mean_with_error, "median": median_with_error}
 

@@ -11,13 +11,14 @@ import json
 import re
 import sys
 import weakref
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
 from jampetsc.collective import agreed
 from jampetsc.errors import InputError, JampetscError
-from jampetsc.io.atomic import follow, locked, remove_abandoned, sync_folder, write_error, write_whole
+from jampetsc.io.atomic import follow, locked, remove_abandoned, sync_folder, write_whole, writing
 from jampetsc.io.parts import remove_if_empty
 from jampetsc.io.regular import open_regular
 from jampetsc.version import VERSION
@@ -124,18 +125,14 @@ class Checkpoint:
         self._lock = _locks.get(str(self.journal))
         if self._lock is not None or not self.journal.is_dir():
             return
-        try:
-            self._lock = locked(self.journal / "lock")
-        except FileNotFoundError:  # a run that was just ending has removed the folder
-            return
-        except OSError as error:
-            raise write_error(self.journal, error) from None
-        if self._lock is None:
-            raise InputError(
-                f"{self.journal.with_suffix('')}: another run is writing it (and {self.journal.name}): wait for "
-                "it, or choose another file"
-            )
-        _locks[str(self.journal)] = self._lock
+        with writing(self.journal), suppress(FileNotFoundError):  # a run that was just ending has removed it
+            lock = locked(self.journal / "lock")
+            if lock is None:
+                raise InputError(
+                    f"{self.journal.with_suffix('')}: another run is writing it (and {self.journal.name}): wait "
+                    "for it, or choose another file"
+                )
+            self._lock = _locks[str(self.journal)] = lock
 
     @property
     def next(self) -> int:
@@ -172,13 +169,11 @@ class Checkpoint:
 
     def _start(self):
         """An empty folder, in the place of another job's steps."""
-        if self.journal.is_file():
-            self.journal.unlink()
-        try:
+        with writing(self.journal):
+            if self.journal.is_file():
+                self.journal.unlink()
             self.journal.mkdir(exist_ok=True)
             sync_folder(self.journal.parent)
-        except OSError as error:
-            raise write_error(self.journal, error) from None
         self._hold()
         _remove_steps(self.journal)
 

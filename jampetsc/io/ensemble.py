@@ -1,7 +1,6 @@
 """The table of a study as numpy arrays, its averages over packings, and its files. Needs neither PETSc nor MPI."""
 
 import csv
-import difflib
 import io
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from jampetsc.analysis.statistics import mean_with_error, median_with_error
 from jampetsc.errors import InputError
 from jampetsc.io.averages import SAME, Averages, frame, require_independent, same
 from jampetsc.io.regular import open_regular
+from jampetsc.io.results import Named
 
 TABLE = "table.csv"
 
@@ -28,7 +28,7 @@ class AverageCurve:
     count: int  # packings
 
 
-class Ensemble(Mapping):
+class Ensemble(Named):
     """Rows of the table of a study: column -> (rows,) array, nan or "" where a task has no such number.
 
     path   the folder; the columns `command`, `state` and `file` are always there
@@ -36,27 +36,11 @@ class Ensemble(Mapping):
     """
 
     def __init__(self, path, columns: dict, load):
-        self.path, self._columns, self._load = Path(path), columns, load
+        super().__init__(columns)
+        self.path, self._load = Path(path), load
 
     def __getitem__(self, name):
-        if name not in self._columns:
-            near = difflib.get_close_matches(name, self._columns, n=1)
-            hint = f"did you mean {near[0]}?" if near else f"it has {', '.join(self._columns)}"
-            raise InputError(f"{self.table}: no column {name}; {hint}")
-        return self._columns[name]
-
-    def get(self, name, default=None):
-        """The column, or `default` where there is none."""
-        return self[name] if name in self else default
-
-    def __iter__(self):
-        return iter(self._columns)
-
-    def __len__(self):
-        return len(self._columns)
-
-    def __contains__(self, name):
-        return name in self._columns
+        return self.named(name, "column", self.table)
 
     def __repr__(self):
         return f"<{self.rows} rows of {self.table}>"
@@ -69,7 +53,7 @@ class Ensemble(Mapping):
     @property
     def rows(self) -> int:
         """Number of rows."""
-        return len(self._columns["state"])
+        return len(self["state"])
 
     @property
     def failed(self) -> "Ensemble":
@@ -87,19 +71,18 @@ class Ensemble(Mapping):
 
     def taken(self, rows) -> "Ensemble":
         """Some of the rows, by number or as a mask."""
-        columns = {name: column[rows] for name, column in self._columns.items()}
-        return Ensemble(self.path, columns, self._load)
+        return Ensemble(self.path, {name: column[rows] for name, column in self.items()}, self._load)
 
     def results(self) -> list:
         """What `jampetsc.load` gives for the files of the rows that are done."""
         done = self["state"] == "done"
         return [self._load(self.path / name) for name in self["file"][done]]
 
-    def mean(self, by=()) -> "Averages":
+    def mean(self, by=()) -> Averages:
         """Means over the rows that agree in the columns `by`, a name or several, with errors."""
         return Averages(self, by, "mean")
 
-    def median(self, by=()) -> "Averages":
+    def median(self, by=()) -> Averages:
         """Medians, as `mean`."""
         return Averages(self, by, "median")
 
@@ -158,11 +141,11 @@ class Ensemble(Mapping):
         done = self.taken(self["state"] == "done")
         keys = list(zip(*(done[name].tolist() for name in by), strict=True)) if by else [()] * done.rows
         keys = [tuple(None if value != value else value for value in key) for key in keys]
-        order = sorted(set(keys), key=lambda key: [(value is None, value) for value in key])
-        same = [np.array([key == one for key in keys], bool) for one in order]
-        return [
-            (dict(zip(by, key, strict=True)), done.taken(rows)) for key, rows in zip(order, same, strict=True)
-        ]
+        found = []
+        for one in sorted(set(keys), key=lambda key: [(value is None, value) for value in key]):
+            rows = np.array([key == one for key in keys])
+            found.append((dict(zip(by, one, strict=True)), done.taken(rows)))
+        return found
 
 
 def load_ensemble(folder, load) -> Ensemble:
@@ -172,14 +155,14 @@ def load_ensemble(folder, load) -> Ensemble:
         with open_regular(path) as file:
             text = file.read().decode()
         header, *rows = csv.reader(io.StringIO(text))
+        if not {"command", "state", "file"} <= set(header) or any(len(row) != len(header) for row in rows):
+            raise ValueError
     except OSError as error:
         raise InputError(
             f"{path}: cannot be read ({error.strerror}): is {folder} the folder of a study?"
         ) from None
     except (UnicodeDecodeError, csv.Error, ValueError):
         raise InputError(f"{path}: is not the table of a study: run `jampetsc study` again") from None
-    if not {"command", "state", "file"} <= set(header) or any(len(row) != len(header) for row in rows):
-        raise InputError(f"{path}: is not the table of a study: run `jampetsc study` again")
     columns = {name: _column([row[n] for row in rows]) for n, name in enumerate(header)}
     return Ensemble(folder, columns, load)
 

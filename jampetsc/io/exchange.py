@@ -37,12 +37,12 @@ def disks_of(columns, radius=None):
         raise InputError(
             f"no {wanted} among {', '.join(columns)}: {named('radius')} says which are the radii"
         )
-    radii = _floats(columns[names[0]]) / (2.0 if names[0].lower().startswith("diameter") else 1.0)
+    radii = numbers(columns[names[0]]) / (2.0 if names[0].lower().startswith("diameter") else 1.0)
     if "positions" in columns:
         return columns["positions"], radii
     if not {"x", "y"} <= set(columns):
         raise InputError(f"no coordinates among {', '.join(columns)}")
-    return np.column_stack([_floats(columns[axis]) for axis in "xyz" if axis in columns]), radii
+    return np.column_stack([numbers(columns[axis]) for axis in "xyz" if axis in columns]), radii
 
 
 def read_lammps_dump(content, index):
@@ -68,20 +68,15 @@ def read_lammps_dump(content, index):
     if cell[2, :2].any() or cell[:2, 2].any():
         raise InputError(FLAT_BOX)
     columns = _columns(found["ATOMS"][0][1:], _rows(found["ATOMS"][1], _count(found["NUMBER"][1])))
-    for x, y, z, scaled in (
-        ("x", "y", "z", False),
-        ("xu", "yu", "zu", False),
-        ("xs", "ys", "zs", True),
-        ("xsu", "ysu", "zsu", True),
-    ):
-        if x in columns and y in columns:
-            place = np.column_stack([_floats(columns[name]) for name in (x, y, z) if name in columns])
-            if scaled:
-                axes = place.shape[1]
-                place = place @ cell[:axes, :axes] + low[:axes]
+    for kind in ("", "u", "s", "su"):  # as they are, unwrapped, scaled by the cell
+        if {f"x{kind}", f"y{kind}"} <= columns.keys():
             break
     else:
         raise InputError(f"no coordinates x y, xu yu, xs ys or xsu ysu among {', '.join(columns)}")
+    place = np.column_stack([numbers(columns[axis + kind]) for axis in "xyz" if axis + kind in columns])
+    if "s" in kind:
+        axes = place.shape[1]
+        place = place @ cell[:axes, :axes] + low[:axes]
     return {**columns, "positions": place}, cell[:2, :2]
 
 
@@ -105,10 +100,10 @@ def read_lammps_data(content, index):
         return default if found is None else found[1].split()
 
     if re.search(r"\bavec\b", header):  # cell vectors, as OVITO writes them
-        cell = np.array([_floats(said(vector, 3)) for vector in ("avec", "bvec", "cvec")])
+        cell = np.array([numbers(said(vector, 3)) for vector in ("avec", "bvec", "cvec")])
     else:
-        (x0, x1), (y0, y1) = _floats(said("xlo xhi", 2)), _floats(said("ylo yhi", 2))
-        xy, xz, yz = _floats(said("xy xz yz", 3, [0, 0, 0]))
+        (x0, x1), (y0, y1) = numbers(said("xlo xhi", 2)), numbers(said("ylo yhi", 2))
+        xy, xz, yz = numbers(said("xy xz yz", 3, [0, 0, 0]))
         cell = np.array([[x1 - x0, 0.0, 0.0], [xy, y1 - y0, 0.0], [xz, yz, 1.0]])
     if cell[2, :2].any() or cell[:2, 2].any():
         raise InputError(FLAT_BOX)
@@ -138,7 +133,7 @@ def read_extxyz(content, index):
     columns = _columns(names, _rows("\n".join(lines[first + 2 : first + 2 + count]), count))
     if "Lattice" not in entries:
         return columns, None
-    lattice = _floats(entries["Lattice"].split())
+    lattice = numbers(entries["Lattice"].split())
     if lattice.shape != (9,) or lattice[[2, 5, 6, 7]].any():
         raise InputError(f'Lattice="{entries["Lattice"]}": need a₁ and a₂ in the plane, a₃ across it')
     if any(flag[0] not in "Tt1" for flag in entries.get("pbc", "T T").split()[:2]):
@@ -150,7 +145,7 @@ def read_xyr(content, index):
     """Lines x y r; a line `box L`, `box Lx Ly` or `box Lx Ly xy`, which may be a comment (#), if there is one."""
     pick(index, 1)
     rows, box = _xyr(content.decode())
-    return _columns(("x", "y", "radius"), rows), None if box is None else _floats(box[1].split())
+    return _columns(("x", "y", "radius"), rows), None if box is None else numbers(box[1].split())
 
 
 def _xyr(text):
@@ -237,19 +232,20 @@ def _columns(names, rows):
             raise InputError(f"line {' '.join(row)!r}: need {' '.join(names)}")
     columns = dict(zip(names, zip(*rows, strict=False), strict=False))
     if "id" in columns:
-        order = np.argsort(_floats(columns["id"]), kind="stable")
+        order = np.argsort(numbers(columns["id"]), kind="stable")
         columns = {name: [column[row] for row in order] for name, column in columns.items()}
     return columns
 
 
 def _table(body, rows, columns):
-    table = [_floats(row) for row in _rows(body, rows)]
+    table = [numbers(row) for row in _rows(body, rows)]
     if any(len(row) != columns for row in table):
         raise InputError(f"{body.strip()!r}: need {rows} lines of {columns} numbers")
     return np.array(table)
 
 
-def _floats(words):
+def numbers(words):
+    """Words as an array of numbers. Raises InputError."""
     try:
         return np.asarray(words, float)
     except (TypeError, ValueError):

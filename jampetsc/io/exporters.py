@@ -22,10 +22,8 @@ SIZES = 10  # with no more different radii than this, each is a type of its own
 def check_format(out) -> str:
     """The ending of `out`. Raises InputError for one of no format, and for GSD without its package."""
     ending = Path(out).suffix.lower()
-    if ending not in (*_TEXTS, ".npz", ".gsd"):
-        raise InputError(
-            f"{named('out')} {out}: choose the ending of a format: .gsd, .npz, {', '.join(_TEXTS)}"
-        )
+    if ending not in (*_FORMATS, ".gsd"):
+        raise InputError(f"{named('out')} {out}: choose the ending of a format: .gsd, {', '.join(_FORMATS)}")
     if ending == ".gsd":
         _gsd()
     return ending
@@ -37,20 +35,14 @@ def write_frames(out, frames) -> int:
     Raises InputError for more than one where the format holds one, and as `check_format`.
     """
     ending, count = check_format(out), 0
-    file = NewFile(out)
-    try:
+    with NewFile(out) as file:
         if ending == ".gsd":
-            count = _write_gsd(file.stream, frames)
-        else:
-            for frame in frames:
-                count += 1
-                if count > 1 and ending not in SERIES:
-                    raise InputError(f"{out}: holds one frame, and there are more: use {', '.join(SERIES)}")
-                file.stream.write(_npz(frame) if ending == ".npz" else _TEXTS[ending](frame, count - 1))
-        file.finish()
-        file.publish()
-    finally:
-        file.discard()
+            return _write_gsd(file.stream, frames)
+        for frame in frames:
+            count += 1
+            if count > 1 and ending not in SERIES:
+                raise InputError(f"{out}: holds one frame, and there are more: use {', '.join(SERIES)}")
+            file.stream.write(_FORMATS[ending](frame, count - 1))
     return count
 
 
@@ -60,15 +52,11 @@ def types_of(radii):
     return type + 1 if len(sizes) <= SIZES else np.ones(len(radii), int)
 
 
-def _table(names, columns):
-    """(names, rows as lines of text) of columns (N,) and (N, 2); vectors are two columns, name_x and name_y."""
-    heads, parts = [], []
-    for name, values in zip(names, columns, strict=True):
-        vector = values.ndim == 2
-        heads += [f"{name}_x", f"{name}_y"] if vector else [name]
-        parts += list(values.T) if vector else [values]
-    lines = zip(*(part.tolist() for part in parts), strict=True)
-    return heads, "".join(" ".join(map(repr, line)) + "\n" for line in lines)
+def _lines(columns, start="") -> str:
+    """Rows of columns (N,) and (N, d) as lines of text, which begin with `start`; numbers to the last bit."""
+    parts = [part for values in columns for part in (values.T if values.ndim == 2 else [values])]
+    rows = zip(*(part.tolist() for part in parts), strict=True)
+    return "".join(f"{start}{' '.join(map(repr, row))}\n" for row in rows)
 
 
 def _thickness(frame):
@@ -81,23 +69,25 @@ def _spatial(vectors):
     return np.column_stack((vectors, np.zeros(len(vectors), vectors.dtype)))
 
 
+def _solid(columns):
+    """The columns with their vectors in three dimensions."""
+    return {name: _spatial(values) if values.ndim == 2 else values for name, values in columns.items()}
+
+
 def _xyz(frame: Frame, number) -> bytes:
     """Extended XYZ, as ASE and OVITO read it; every disk is an X."""
     (ax, _), (bx, by) = frame.disks.cell.tolist()
-    properties = "species:S:1:id:I:1:pos:R:3"
-    parts = [np.arange(1, frame.disks.n + 1), *_spatial(frame.disks.positions).T]
-    for name, values in frame.columns.items():
-        values = _spatial(values) if values.ndim == 2 else values
+    columns = {"id": np.arange(1, frame.disks.n + 1), "pos": frame.disks.positions} | frame.columns
+    properties, columns = "species:S:1", _solid(columns)
+    for name, values in columns.items():
         kind = "I" if values.dtype.kind == "i" else "R"
         properties += f":{'velo' if name == 'velocity' else name}:{kind}:{values[0].size}"
-        parts += list(values.T) if values.ndim == 2 else [values]
     facts = "".join(f" {name}={value!r}" for name, value in frame.facts.items())
     head = (
         f'{frame.disks.n}\nLattice="{ax!r} 0 0 {bx!r} {by!r} 0 0 0 {_thickness(frame)!r}" '
         f'Properties={properties} pbc="T T F" frame={number}{facts}\n'
     )
-    rows = zip(*(part.tolist() for part in parts), strict=True)
-    return (head + "".join(f"X {' '.join(map(repr, row))}\n" for row in rows)).encode()
+    return (head + _lines(columns.values(), "X ")).encode()
 
 
 def _dump(frame: Frame, number) -> bytes:
@@ -107,15 +97,16 @@ def _dump(frame: Frame, number) -> bytes:
     columns = {"id": np.arange(1, n + 1), "type": types_of(frame.disks.radii)}
     columns |= dict(zip("xyz", _spatial(frame.disks.positions).T, strict=True)) | frame.columns
     columns.pop("unwrapped", None)  # xu and yu, which readers take for x and y: these and ix, iy say it
-    heads, rows = _table(columns, columns.values())
-    own = {"velocity_x": "vx", "velocity_y": "vy", "image_x": "ix", "image_y": "iy", "spin": "omegaz"}
-    names = " ".join(own.get(name, name) for name in heads)
+    own = {"velocity": "vx vy", "image": "ix iy", "spin": "omegaz"}
+    names = " ".join(
+        own.get(name, f"{name}_x {name}_y" if values.ndim == 2 else name) for name, values in columns.items()
+    )
     head = (
         f"ITEM: TIMESTEP\n{number}\nITEM: NUMBER OF ATOMS\n{n}\nITEM: BOX BOUNDS xy xz yz pp pp ff\n"
         f"{min(0.0, bx)!r} {ax + max(0.0, bx)!r} {bx!r}\n0.0 {by!r} 0.0\n{-half!r} {half!r} 0.0\n"
         f"ITEM: ATOMS {names}\n"
     )
-    return (head + rows).encode()
+    return (head + _lines(columns.values())).encode()
 
 
 def _data(frame: Frame, number) -> bytes:
@@ -131,8 +122,7 @@ def _data(frame: Frame, number) -> bytes:
         f"LAMMPS data file of jampetsc, units lj; bonds are contacts: # force overlap\n\n"
         f"{disks.n} atoms\n{len(c)} bonds\n{types.max()} atom types\n1 bond types\n\n"
         f"0.0 {ax!r} xlo xhi\n0.0 {by!r} ylo yhi\n{-half!r} {half!r} zlo zhi\n{bx!r} 0.0 0.0 xy xz yz\n\n"
-        f"Atoms # bpm/sphere\n\n{_table(range(len(atoms)), atoms)[1]}"
-        + (f"\nBonds\n\n{bonds}" if bonds else "")
+        f"Atoms # bpm/sphere\n\n{_lines(atoms)}" + (f"\nBonds\n\n{bonds}" if bonds else "")
     ).encode()
 
 
@@ -163,9 +153,7 @@ def _vtp(frame: Frame, number) -> bytes:
 
 
 def _arrays(columns):
-    return "".join(
-        _array(name, _spatial(values) if values.ndim == 2 else values) for name, values in columns.items()
-    )
+    return "".join(_array(name, values) for name, values in _solid(columns).items())
 
 
 def _array(name, values, tuples=False):
@@ -173,11 +161,10 @@ def _array(name, values, tuples=False):
     kind = "Int64" if values.dtype.kind == "i" else "Float64"
     size = f' NumberOfComponents="{values.shape[1]}"' if values.ndim == 2 else ""
     size += f' NumberOfTuples="{len(values)}"' if tuples else ""
-    text = "\n".join(" ".join(map(repr, row)) for row in values.reshape(len(values), -1).tolist())
-    return f'<DataArray type="{kind}" Name="{name}"{size} format="ascii">\n{text}\n</DataArray>\n'
+    return f'<DataArray type="{kind}" Name="{name}"{size} format="ascii">\n{_lines([values])}</DataArray>\n'
 
 
-def _npz(frame: Frame) -> bytes:
+def _npz(frame: Frame, number) -> bytes:
     disks, file = frame.disks, io.BytesIO()
     np.savez(
         file,
@@ -243,4 +230,4 @@ def _gsd_frame(hoomd, frame, number):
     return made
 
 
-_TEXTS = {".xyz": _xyz, ".dump": _dump, ".data": _data, ".vtp": _vtp}
+_FORMATS = {".npz": _npz, ".xyz": _xyz, ".dump": _dump, ".data": _data, ".vtp": _vtp}

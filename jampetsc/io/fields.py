@@ -8,10 +8,8 @@ from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError, named
 from jampetsc.io.packing_file import is_known_as, read_packing
 
-PHASES = (
-    "stress",
-    "strain",
-)  # that a field is in phase with, the default first; files hold fields per strain
+# that a field is in phase with, the default first; files hold fields per strain
+PHASES = ("stress", "strain")
 _HUGE = 1e100  # displacements per unit strain that no packing has
 _SAME = 0.01  # a frequency asked for may differ from the stored one by this fraction: 0.0316 means 10^-1.5
 

@@ -9,13 +9,15 @@ import glob
 import io
 import os
 from contextlib import contextmanager
+from functools import wraps
 
 import h5py
 import numpy as np
 
 from jampetsc.errors import InputError
 from jampetsc.io.atomic import NewFile, remove_abandoned
-from jampetsc.io.checksums import Damaged, seal, verify
+from jampetsc.io.checksums import Damaged, seal_of, verify
+from jampetsc.io.checksums import seal as add_seal
 from jampetsc.io.regular import open_regular
 
 MAJOR = 1  # version of the formats
@@ -23,10 +25,7 @@ _DAMAGE = (OSError, RuntimeError, LookupError, ValueError, TypeError, Arithmetic
 
 
 class OutputFile(NewFile):
-    """An HDF5 file `.h5` under a temporary name, as `NewFile`; as a context manager it yields the h5py.File.
-
-    Leaving the block finishes and publishes it, an exception discards it.
-    """
+    """An HDF5 file `.h5` under a temporary name, as `NewFile`; as a context manager it yields the h5py.File."""
 
     def __init__(self, path):
         super().__init__(path)
@@ -36,7 +35,7 @@ class OutputFile(NewFile):
     def finish(self) -> tuple[int, str]:
         """Close, seal and fsync; returns size in bytes and seal. The temporary name stays."""
         self.h5.close()
-        digest = seal(self.stream)
+        digest = add_seal(self.stream)
         return super().finish(), digest
 
     def discard(self) -> None:
@@ -47,14 +46,6 @@ class OutputFile(NewFile):
 
     def __enter__(self) -> h5py.File:
         return self.h5
-
-    def __exit__(self, kind, error, trace):
-        try:
-            if kind is None:
-                self.finish()
-                self.publish()
-        finally:
-            self.discard()
 
 
 def _create(stream) -> h5py.File:
@@ -68,26 +59,38 @@ def _create(stream) -> h5py.File:
     return h5py.File(h5py.h5f.create(b"new", h5py.h5f.ACC_TRUNC, creation, access))
 
 
-def store(h5, name, array) -> h5py.Dataset:
-    """A dataset of this name with the values of `array`, under checksums unless it is a single number or empty."""
+def store(h5, name, array, by_entry=False) -> h5py.Dataset:
+    """A dataset of this name with the values of `array`, under checksums unless it is a single number or empty.
+
+    by_entry   its entries along the first axis will be read one by one
+    """
     array = np.asarray(array)
-    return h5.create_dataset(name, data=array, fletcher32=bool(array.ndim and array.size) or None)
+    filled = bool(array.ndim and array.size)
+    chunks = (1, *array.shape[1:]) if by_entry and filled else None
+    return h5.create_dataset(name, data=array, chunks=chunks, fletcher32=filled or None)
 
 
-def open_file(path) -> h5py.File:
-    """Open for reading. Raises InputError as `opening` does, then and on reading.
+@contextmanager
+def open_file(path, seal=None):
+    """Open for reading in a block: the h5py.File. Raises InputError as `opening`, and as `reading` in the block.
+
+    seal   of the only file that will do
 
     Virtual datasets must not be read from it as they are: see `parts.read`.
     """
     with opening(path):
-        return from_stream(open_regular(path))
+        h5 = _from_stream(open_regular(path), seal)
+    with h5, reading(path):
+        yield h5
 
 
-def from_stream(file) -> h5py.File:
+def _from_stream(file, seal):
     """The HDF5 in an open file, which goes with it. Raises Damaged, or OSError where it is no HDF5."""
     file = _Source(file.detach())
     try:
         verify(file)
+        if seal not in (None, seal_of(file)):
+            raise Damaged("not the one that was written")
         return h5py.File(file, "r")
     except BaseException:
         file.close()
@@ -145,15 +148,20 @@ def reading(path):
         raise InputError(f"{path}: damaged ({text}): copy or make it again") from None
 
 
-def undisturbed(path, action):
-    """action(path), once more if it failed while a run was putting another file at `path`."""
-    while True:
-        before = _identity(path)
-        try:
-            return action(path)
-        except InputError:
-            if _identity(path) == before:
-                raise
+def undisturbed(action):
+    """`action(path, …)`, which is done once more if it failed while a run was putting another file at `path`."""
+
+    @wraps(action)
+    def again(path, *more):
+        while True:
+            before = _identity(path)
+            try:
+                return action(path, *more)
+            except InputError:
+                if _identity(path) == before:
+                    raise
+
+    return again
 
 
 def _identity(path):

@@ -14,8 +14,8 @@ from jampetsc.core.packing import Packing, measured
 from jampetsc.core.potentials import Potential
 from jampetsc.errors import InputError, named
 from jampetsc.io.checksums import SIGNATURE
-from jampetsc.io.exchange import READERS, disks_of, format_of, pick
-from jampetsc.io.hdf5 import open_file, reading, values
+from jampetsc.io.exchange import READERS, disks_of, format_of, numbers, pick
+from jampetsc.io.hdf5 import open_file, values
 from jampetsc.io.regular import open_regular
 
 _NUMBER = r"([-+.\deE]+|[-+]?nan|[-+]?inf)"
@@ -60,7 +60,7 @@ def import_packing(
         elif content == SIGNATURE:
             disks = _checked(_read_jaxmd(path, index))
         else:
-            disks = _checked(_read_jambashbulk(path, content, index))
+            disks = _checked(_read_jambashbulk(content.decode(errors="replace"), index))
     except UnicodeDecodeError:
         raise InputError(f"{path}: {format}: is not text") from None
     except InputError as error:
@@ -94,66 +94,46 @@ def _checked(disks):
     return disks
 
 
-def _read_jambashbulk(path, content, index):
-    try:
-        text = content.decode()
-    except UnicodeDecodeError:
-        text = ""
+def _read_jambashbulk(text, index):
     packings = re.split(r"(?m)^(?=[ \t]*N\s*=)", re.sub(r"(?m)^\s*#.*$", "", text))[1:]
     if not packings or "L1" not in packings[0]:
-        raise InputError(
-            f"{path}: none of {', '.join(READERS)}, jamBashbulk, jax-md: {named('format')} says which"
-        )
+        raise InputError(f"none of {', '.join(READERS)}, jamBashbulk, jax-md: {named('format')} says which")
     packing = packings[pick(index, len(packings))]
-    n = int(_find(path, packing, "N", r"\bN\s*=\s*(\d+)")[0])
-    cell = [
-        _find(path, packing, a, rf"\b{a}\s*=\s*\{{\s*{_NUMBER}\s*,\s*{_NUMBER}\s*\}}") for a in ("L1", "L2")
-    ]
-    pressure = _find(path, packing, "P", rf"\bP\s*=\s*{_NUMBER}")[0]
+
+    def said(name, pattern=_NUMBER):
+        found = re.search(rf"\b{name}\s*=\s*{pattern}", packing)
+        if found is None:
+            raise InputError(f"no {name} = … in the header: truncated or edited; get it again")
+        return numbers(found.groups())
+
+    cell = [said(name, rf"\{{\s*{_NUMBER}\s*,\s*{_NUMBER}\s*\}}") for name in ("L1", "L2")]
+    (n,), (pressure,) = said("N", r"(\d+)"), said("P")
     body = re.search(r"\{([^{}]*)(\}?)\s*\Z", packing)
     rows = re.findall(rf"{_NUMBER}\s*,\s*{_NUMBER}\s*,\s*{_NUMBER}", body[1]) if body else []
     if len(rows) != n or not body[2]:
-        raise InputError(
-            f"{path}: {len(rows)} lines x, y, r for N = {n} disks: truncated or edited; get it again"
-        )
-    table = np.array([_floats(path, row) for row in rows])
+        raise InputError(f"{len(rows)} lines x, y, r for N = {n:g} disks: truncated or edited; get it again")
+    table = np.array([numbers(row) for row in rows])
     return Disks.from_positions(
         table[:, :2],
         table[:, 2],
         cell,
         Potential("harmonic", "constant", 1.0),
-        record={"protocol": "jamBashbulk", "published_pressure": pressure},
+        record={"protocol": "jamBashbulk", "published_pressure": float(pressure)},
     )
 
 
-def _find(path, text, name, pattern):
-    match = re.search(pattern, text)
-    if match is None:
-        raise InputError(f"{path}: no {name} = … in the header: truncated or edited; get it again")
-    return _floats(path, match.groups())
-
-
-def _floats(path, words):
-    try:
-        return [float(word) for word in words]
-    except ValueError:
-        raise InputError(f"{path}: {', '.join(words)}: not numbers; get the file again") from None
-
-
 def _read_jaxmd(path, index):
-    with open_file(path) as h5, reading(path):
+    with open_file(path) as h5:
         if str(h5.attrs.get("format", "")).startswith("jampetsc"):
-            raise InputError(f"{path}: is a {h5.attrs['format']} file already: nothing to import")
+            raise InputError(f"is a {h5.attrs['format']} file already: nothing to import")
         missing = [name for name in ("pos", "rad", "box") if name not in h5]
         if missing:
-            raise InputError(f"{path}: no variable {', '.join(missing)}: not a packing file of jax-md")
+            raise InputError(f"no variable {', '.join(missing)}: not a packing file of jax-md")
         pick(index, len(h5["pos"]))
         names = ("pos", "rad", "box", "Energy", "Stress", "Cijkl")
         data = {name: np.asarray(values(h5[name], index), float) for name in names if name in h5}
     if data["box"].shape != (4,) or data["pos"].shape != (2 * len(data["rad"]),):
-        raise InputError(
-            f"{path}: {data['pos'].size} coordinates for {data['rad'].size} disks: two-dimensional only"
-        )
+        raise InputError(f"{data['pos'].size} coordinates for {data['rad'].size} disks: two-dimensional only")
     cell = data["box"].reshape(2, 2).T  # jax-md maps a fraction s to box · s: cell vectors are its columns
     published = {"published_energy": float(data["Energy"])} if "Energy" in data else {}
     if "Stress" in data:

@@ -5,22 +5,14 @@ from pathlib import Path
 
 import h5py
 
-from jampetsc.io.hdf5 import (
-    OutputFile,
-    attributes,
-    check_format,
-    open_file,
-    reading,
-    store,
-    undisturbed,
-    values,
-)
+from jampetsc.io.hdf5 import OutputFile, attributes, check_format, open_file, store, undisturbed, values
 from jampetsc.io.outputs import check_output, check_place
 from jampetsc.io.parts import GROUP, PartList
 
 _BLOCK_BYTES = 1 << 22  # copied at a time from each part
 
 
+@undisturbed
 def merge(path, out=None, request=None) -> int:
     """Write the result at `path` as one plain file at `out`, or in place and remove its parts.
 
@@ -29,15 +21,10 @@ def merge(path, out=None, request=None) -> int:
     Returns the number of parts that were joined (0: it was a plain file already). Raises InputError for a
     file or part that is missing or damaged, JampetscError if writing fails; then everything is as it was.
     """
-    return undisturbed(path, lambda path: _merge(path, out, request))
-
-
-def _merge(path, out, request):
     target = Path(path if out is None else out)
     in_place = os.path.realpath(target) == os.path.realpath(path)
     with open_file(path) as h5:
-        with reading(path):
-            kind = check_format(path, attributes(h5))
+        kind = check_format(path, attributes(h5))
         parts = PartList(h5, path)
         parts.check()
         if in_place and not parts:
@@ -47,7 +34,7 @@ def _merge(path, out, request):
         else:
             check_output(target, kind, [path], request=request)
         with OutputFile(target) as merged:
-            _copy(h5, parts, merged, path)
+            _copy(h5, parts, merged)
             if request and not in_place:
                 merged.attrs["request"] = request.text
             parts.check_present()
@@ -56,7 +43,7 @@ def _merge(path, out, request):
     return len(parts.sizes)
 
 
-def _copy(source, parts, target, path):
+def _copy(source, parts, target):
     def copy(name, item):
         if name == GROUP or name.startswith(f"{GROUP}/"):
             return
@@ -66,9 +53,8 @@ def _copy(source, parts, target, path):
             target.require_group(name)
         target[name].attrs.update(item.attrs)
 
-    with reading(path):
-        target.attrs.update(source.attrs)
-        source.visititems(copy)
+    target.attrs.update(source.attrs)
+    source.visititems(copy)
 
 
 def _copy_dataset(item, parts, target, name):

@@ -38,15 +38,13 @@ class Outlet:
             check_output(path or self.path, kind, inputs, beside, request)
 
     def writer(self, format, comm=None):
-        """A `ResultWriter`, or what takes the same in memory. Collective over comm."""
-        if self.path is not None:
-            from jampetsc.io.result_file import ResultWriter
+        """A `ResultWriter`. Collective over comm."""
+        from jampetsc.io.result_file import ResultWriter
 
-            return ResultWriter(self.path, format, comm, self.request)
-        from jampetsc.io.memory import MemoryWriter
-
-        self._found = MemoryWriter(format, comm, self.request)
-        return self._found
+        writer = ResultWriter(self.path, format, comm, self.request)
+        if self.path is None:  # what is in a file is read from there
+            self._found = writer
+        return writer
 
     def packing(self, disks) -> None:
         """Take a packing that was made. Not collective."""
@@ -72,10 +70,10 @@ class Outlet:
 
     def share(self, comm) -> None:
         """Give every rank what rank 0 has found in memory. Collective."""
-        from jampetsc.io.memory import MemoryWriter
+        from jampetsc.io.result_file import ResultWriter
 
         self._found = comm.bcast(self._found)
-        if isinstance(self._found, MemoryWriter):
+        if isinstance(self._found, ResultWriter):
             self._found.comm = comm  # that all of them save together
 
     @property

@@ -11,7 +11,7 @@ from pathlib import Path
 from jampetsc.errors import InputError, named
 from jampetsc.io.atomic import check_writable
 from jampetsc.io.checksums import SIGNATURE
-from jampetsc.io.hdf5 import attributes, open_file, reading
+from jampetsc.io.hdf5 import attributes, open_file
 from jampetsc.io.regular import open_regular
 
 PICTURE, TABLE = "picture", "table"
@@ -36,7 +36,7 @@ def check_output(out, kind, inputs=(), beside=(), request=None) -> None:
     kind     "picture", "table", `exported(out)` or the format of a result, such as "jampetsc-sweep"
     inputs   paths of what the run reads; those that do not exist are left to who reads them
     beside   paths of what else the run writes
-    request  settings, of which a finished result that is there has to be
+    request  settings, of which a finished result that is there has to be, unless it is to be overwritten
     """
     for other in beside:
         if is_same(out, other) or os.path.realpath(out) == os.path.realpath(other):
@@ -52,7 +52,11 @@ def check_output(out, kind, inputs=(), beside=(), request=None) -> None:
     check_place(out, kind)
     if request is not None:
         request.read(inputs)
-        _check_settings(out, request)
+        if not request.overwrite and _held(out) is not None and (why := unlike(out, request)):
+            raise InputError(
+                f"{out}: is there already and {why}: choose another {named('out')}, "
+                f"or give {named('overwrite')} to replace it"
+            )
 
 
 def check_place(out, kind) -> None:
@@ -68,23 +72,12 @@ def exported(out) -> str:
     return f"an exported {Path(out).suffix.lower()} file"
 
 
-def _check_settings(out, request):
-    """Raise InputError where a finished result of other settings is at `out`, unless it is to be overwritten."""
-    if request.overwrite or _held(out) is None:
-        return
-    if why := unlike(out, request):
-        raise InputError(
-            f"{out}: is there already and {why}: choose another {named('out')}, "
-            f"or give {named('overwrite')} to replace it"
-        )
-
-
 def unlike(path, request) -> str:
     """In what the result at `path` has other settings than a request that has `read` its inputs; empty if in nothing.
 
     Raises InputError for what is no HDF5 file.
     """
-    with open_file(path) as h5, reading(path):
+    with open_file(path) as h5:
         found = attributes(h5).get("request")
     if found is None:
         return "does not say with which settings"
@@ -136,7 +129,7 @@ def _held(path):
 
 def _format(path):
     try:
-        with open_file(path) as h5, reading(path):
+        with open_file(path) as h5:
             name = attributes(h5).get("format")
     except InputError:
         return "a damaged HDF5 file"

@@ -11,7 +11,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from jampetsc.collective import agreed, from_rank_0
+from jampetsc.collective import on_root
 from jampetsc.core.disks import Disks, join
 from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.errors import InputError, named
@@ -21,7 +21,6 @@ from jampetsc.io.hdf5 import (
     check_format,
     open_file,
     opening,
-    reading,
     set_attributes,
     store,
     values,
@@ -31,7 +30,6 @@ from jampetsc.io.regular import open_regular
 
 FORMAT = "jampetsc-packing"
 FORMAT_VERSION = "1.0"
-_ARRAYS = ("base", "offset", "radii", "cell_base", "cell_offset")
 _HEADER = ("format", "format_version", "potential", "stiffness", "k")
 
 
@@ -84,16 +82,7 @@ def read_identified(path, comm=None) -> tuple[Disks, tuple[str, str]]:
     """
     if isinstance(path, Disks):
         return path, (None, path.fingerprint)
-    disks, found = None, None
-    with agreed(comm):
-        if comm is None or comm.rank == 0:
-            disks = _read(path)
-            found = {name: getattr(disks, name) for name in _ARRAYS}
-    name = Path(path).name
-    if comm is not None:
-        arrays = from_rank_0(comm, found)
-        potential, record, name = comm.bcast((disks.potential, disks.record, name) if disks else None)
-        disks = Disks(**arrays, potential=potential, record=record)
+    name, disks = on_root(comm, lambda: (Path(path).name, _read(path)))
     return disks, (name, disks.fingerprint)
 
 
@@ -117,19 +106,13 @@ def is_known_as(path, sha256: str | None) -> bool:
 def check_packing(path) -> None:
     """Raise InputError unless `path` is a packing file by its header: a look before long work."""
     with open_file(path) as h5:
-        _check_header(h5, path)
-
-
-def _check_header(h5, path):
-    with reading(path):
-        attrs = attributes(h5)
-    check_format(path, attrs, FORMAT)
-    return attrs
+        check_format(path, attributes(h5), FORMAT)
 
 
 def packing_from(h5, path) -> Disks:
     """Disks from an open packing file; `path` is for messages. Raises InputError."""
-    attrs = _check_header(h5, path)
+    attrs = attributes(h5)
+    check_format(path, attrs, FORMAT)
     arrays = {name: _array(h5, path, name) for name in ("positions", "radii", "cell")}
     arrays |= {name: _array(h5, path, name) for name in ("positions_low", "cell_low") if name in h5}
     if not np.isfinite(arrays.get("cell_low", 0.0)).all():
@@ -153,8 +136,7 @@ def packing_from(h5, path) -> Disks:
 def _array(h5, path, name):
     if not isinstance(h5.get(name), h5py.Dataset):
         raise InputError(f"{path}: dataset {name} is missing: a packing needs positions, radii and cell")
-    with reading(path):
-        data = h5[name]
-        if data.dtype.kind not in "fiu":
-            raise InputError(f"{path}: dataset {name} holds {data.dtype}: must be real numbers")
-        return values(data).astype(float)
+    data = h5[name]
+    if data.dtype.kind not in "fiu":
+        raise InputError(f"{path}: dataset {name} holds {data.dtype}: must be real numbers")
+    return values(data).astype(float)

@@ -16,7 +16,7 @@ import numpy as np
 
 from jampetsc.errors import InputError
 from jampetsc.io.checksums import seal_of
-from jampetsc.io.hdf5 import from_stream, open_file, opening, reading, values
+from jampetsc.io.hdf5 import open_file, opening, values
 from jampetsc.io.regular import open_regular
 
 GROUP = "part_files"
@@ -35,11 +35,11 @@ class PartList:
     def __init__(self, h5, path):
         self.path = Path(path).resolve()
         self.shown = path  # as the user wrote it, for messages
-        with reading(path):
-            self.run_id = h5.attrs.get("run_id", "")
-            group = h5.get(GROUP, {})
-            columns = [values(group[name]).tolist() for name in ("names", "sizes", "seals") if name in group]
-        names, sizes, seals = columns if len(columns) == 3 else (*(columns or ([], [])), None)
+        self.run_id = h5.attrs.get("run_id", "")
+        group = h5.get(GROUP, {})
+        names, sizes, seals = (
+            values(group[name]).tolist() if name in group else [] for name in ("names", "sizes", "seals")
+        )
         names = [name.decode(errors="replace") for name in names]
         for name in names:
             if not (_NAME.fullmatch(name) and Path(name).name.startswith(f"{self.run_id}-")):
@@ -47,7 +47,8 @@ class PartList:
                     f"{path}: part {name!r} cannot be a part of run {self.run_id}: damaged, make it again"
                 )
         self.sizes = dict(zip(names, sizes, strict=True))
-        self._seals = seals and dict(zip(names, (seal.decode() for seal in seals), strict=True))
+        seals = [seal.decode() for seal in seals] or [None] * len(names)  # which the first versions had not
+        self._seals = dict(zip(names, seals, strict=True))
 
     def __bool__(self):
         return bool(self.sizes)
@@ -77,37 +78,27 @@ class PartList:
         for rank, name in enumerate(self.sizes):
             path = self.path.parent / name
             with opening(path), open_regular(path) as file:
-                if self._seals and seal_of(file) == self._seals[name]:
+                if self._seals[name] and seal_of(file) == self._seals[name]:
                     continue
-            with open_file(path) as h5, reading(path):
+            with open_file(path) as h5:
                 found = h5.attrs.get("run_id"), h5.attrs.get("rank")
             if found != (self.run_id, rank):
                 raise InputError(
                     f"{self.shown}: part {name} is rank {found[1]} of run {found[0]}, not rank {rank} of run "
                     f"{self.run_id}: put the right one back"
                 )
-            if self._seals:
-                raise self._changed(name)
+            if self._seals[name]:
+                raise InputError(
+                    f"{self.shown}: part {name} is damaged: not the one that was written; copy it again or run again"
+                )
 
     @contextmanager
     def open(self, box):
         """The dataset of a part that holds the rows of a box; the part must be the one written with the joint file."""
-        path = self.path.parent / box.part
-        with opening(path):
-            file = open_regular(path)
-            if self._seals and seal_of(file) != self._seals[box.part]:
-                file.close()
-                raise self._changed(box.part)
-            h5 = from_stream(file)
-        with h5, reading(path):
+        with open_file(self.path.parent / box.part, self._seals[box.part]) as h5:
             if h5[box.name].shape != box.shape:
                 raise InputError(f"{self.shown}: part {box.part} holds other rows: damaged")
             yield h5[box.name]
-
-    def _changed(self, name):
-        return InputError(
-            f"{self.shown}: part {name} is damaged: not the one that was written; copy it again or run again"
-        )
 
     def read(self, data: h5py.Dataset, selection=...):
         """What a dataset of the joint file holds, or some of it: what numpy takes. Of each part those entries along the

@@ -11,11 +11,11 @@ from jampetsc.core.potentials import Potential
 from jampetsc.errors import InputError, named
 from jampetsc.io import packing_file
 from jampetsc.io.ensemble import TABLE, load_ensemble
-from jampetsc.io.hdf5 import attributes, check_format, open_file, reading, undisturbed
-from jampetsc.io.memory import MemoryWriter
+from jampetsc.io.hdf5 import attributes, check_format, open_file, undisturbed
 from jampetsc.io.parts import PartList
+from jampetsc.io.result_file import ResultWriter
 from jampetsc.io.results import Result
-from jampetsc.io.snapshots import Snapshot, snapshot
+from jampetsc.io.snapshots import snapshot
 
 _SLOWEST = 1e-100  # rates beyond this and its inverse are no rates of relaxation
 _SAME = 1e-12  # two frequencies that differ by less, relatively, are the same
@@ -123,12 +123,7 @@ class ShearedResult(Result):
 class FlowResult(ShearedResult):
     """Steady shear: with snapshots."""
 
-    def snapshot(self, row=-1) -> Snapshot:
-        """A snapshot, the last one if no other is asked for, as a packing with `velocities`, `spins` and `unwrapped`.
-
-        Raises InputError where the file holds none, or not so many.
-        """
-        return snapshot(self, row)
+    snapshot = snapshot
 
 
 class SpectrumResult(Result):
@@ -170,14 +165,15 @@ RESULTS = {  # format -> class; a new format needs a line here
 }
 
 
-def collected(memory: MemoryWriter) -> Result:
-    """What was collected in memory, in the class that `load` gives for its file."""
-    format = memory.found["format"]
-    arrays = {name: memory.arrays[name] for name in sorted(memory.arrays, key=lambda name: name.split("/"))}
+def collected(writer: ResultWriter) -> Result:
+    """What a writer has collected, in the class that `load` gives for its file."""
+    format = writer.found["format"]
+    arrays = dict(sorted(writer.arrays.items(), key=lambda item: item[0].split("/")))
     words = f"{format.removeprefix('jampetsc-')} in memory"
-    return RESULTS[format](memory.found, arrays, words, memory.comm)
+    return RESULTS[format](writer.found, arrays, words, writer.comm)
 
 
+@undisturbed
 def load(path):
     """Open a jampetsc file: Disks for a packing, SweepResult for a sweep, Result for the others.
 
@@ -187,14 +183,8 @@ def load(path):
     """
     if (Path(path) / TABLE).exists():
         return load_ensemble(path, load)
-    return undisturbed(path, _load)
-
-
-def _load(path):
     with open_file(path) as h5:
-        with reading(path):
-            attrs = attributes(h5)
-        name = check_format(path, attrs)
+        name = check_format(path, attributes(h5))
         if name == "jampetsc-part":
             raise InputError(f"{path}: is one rank's part: open the joint file beside its folder")
         if name == packing_file.FORMAT:

@@ -12,6 +12,7 @@ _KINDS = {  # type of a file -> in words
     stat.S_IFCHR: "a device",
     stat.S_IFBLK: "a device",
 }
+_READ = ("give the file in it", "give a regular file, such as a copy of what comes out of it")
 
 
 def kind(mode) -> str | None:
@@ -25,19 +26,18 @@ def open_regular(path):
     Raises InputError for anything else, OSError where it cannot be opened. Never waits: a pipe has no end to be
     waited for, and reading a device may change it.
     """
-    _require(path, os.stat(path))
+    require_regular(path, os.stat(path), *_READ)
     file = os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb")
     try:
-        _require(path, os.fstat(file.fileno()))  # another one may have taken its place
+        require_regular(path, os.fstat(file.fileno()), *_READ)  # another one may have taken its place
     except InputError:
         file.close()
         raise
     return file
 
 
-def _require(path, status):
+def require_regular(path, status, folder, other) -> None:
+    """Raise InputError unless `status` of os.stat is that of a regular file; remedies for a folder and for others."""
     found = kind(status.st_mode)
-    if found == "a folder":
-        raise InputError(f"{path}: is a folder: give the file in it")
     if found is not None:
-        raise InputError(f"{path}: is {found}: give a regular file, such as a copy of what comes out of it")
+        raise InputError(f"{path}: is {found}: {folder if found == 'a folder' else other}")

@@ -1,222 +1,224 @@
-"""Writing a result from one rank or many: part files beside a joint file that shows them as one.
+"""A result, collected in memory by one rank or many and written as one file or as parts beside a joint file.
 
-Every rank writes the rows it owns to its own part; the joint file holds what all ranks share and HDF5 virtual
+Every rank writes the rows it has to its own part; the joint file holds what all ranks share and HDF5 virtual
 datasets that name the parts by relative path. One rank writes one plain file. A complete result appears or
 none: the joint file gets its name last, and the parts of the result it replaces are removed after that.
 """
 
 import uuid
-from contextlib import contextmanager
-from dataclasses import dataclass
-from pathlib import Path
 
 import h5py
 import numpy as np
 
 from jampetsc.collective import agreed
 from jampetsc.errors import JampetscError
-from jampetsc.io.atomic import follow, remove_abandoned, write_error
-from jampetsc.io.hdf5 import OutputFile, set_attributes, store
+from jampetsc.io.atomic import follow, remove_abandoned, writing
+from jampetsc.io.hdf5 import OutputFile, as_stored, set_attributes, store
 from jampetsc.io.outputs import check_place
 from jampetsc.io.parts import GROUP, part_name, parts_of, remove_if_empty
 
 FORMAT_VERSION = "1.0"
 
 
-@dataclass
-class _Layout:
-    """How the rows of a distributed array lie on the ranks."""
+class ResultArray:
+    """An array of a result in memory, read as `results.StoredArray` is.
 
-    shape: list  # of the whole array
-    axis: int
-    counts: list  # rows of each rank
-    dtype: np.dtype
+    axis     the one along which ranks hold different rows; None: every rank holds all
+    counts   numbers of rows of the ranks along `axis`; None with it
+    rows     slice of the whole array along `axis` that this rank holds; None with it
+    """
 
-    def local_shape(self, rank):
-        shape = list(self.shape)
-        shape[self.axis] = self.counts[rank]
-        return tuple(shape)
+    counts = rows = None
 
-    def rows(self, rank):
-        start = sum(self.counts[:rank])
-        return (slice(None),) * self.axis + (slice(start, start + self.counts[rank]),)
+    def __init__(self, values, axis=None, comm=None):
+        self._values, self.axis = values, axis
+        if axis is not None:
+            count = np.shape(values)[axis]
+            self.counts = [count] if comm is None else comm.allgather(count)
+            start = 0 if comm is None else sum(self.counts[: comm.rank])
+            self.rows = slice(start, start + count)
+
+    shape = property(lambda self: self._whole().shape)
+    dtype = property(lambda self: self._whole().dtype)
+
+    def _whole(self):
+        self._values = np.asarray(self._values)  # entries become one array once somebody looks
+        return self._values
+
+    def add(self, entry) -> None:
+        """One more entry along axis 0."""
+        self._values = [*self._values, entry]
+
+    def gathered(self, comm) -> "ResultArray":
+        """With the rows of all ranks. Collective."""
+        if comm is None:
+            return ResultArray(self[...])
+        return ResultArray(np.concatenate(comm.allgather(self[...]), axis=self.axis))
+
+    def __getitem__(self, selection):
+        return self._whole()[selection].copy()  # of its own, as if it were read
+
+    def __len__(self):
+        return self.shape[0]
+
+    def __array__(self, dtype=None, copy=None):
+        return np.asarray(self[...], dtype=dtype)
 
 
 class ResultWriter:
-    """Writes a result file of `format`, say "jampetsc-sweep". Every method is collective.
+    """Collects a result of `format`, say "jampetsc-sweep", and writes it to `path` where its block ends; None: nowhere.
 
-    `comm` is an mpi4py communicator, or None for one process; `request` is what was asked for. Use it as a context
-    manager: leaving the block closes the file, an exception removes what was written. Raises InputError or
-    JampetscError, on all ranks.
+    Every method is collective. `comm` is an mpi4py communicator, or None for one process; `request` is what was asked
+    for. After an exception in the block nothing is written. Its end raises as `write_result`.
+
+    found    attributes by name, as a file gives them
+    arrays   dataset name -> ResultArray
     """
 
     def __init__(self, path, format, comm=None, request=None):
-        self.path = follow(path)
-        self.comm = comm
-        self.rank, self.size = (0, 1) if comm is None else (comm.rank, comm.size)
-        self.run_id = uuid.uuid4().hex[:12]
-        if comm is not None:
-            self.run_id = comm.bcast(self.run_id)
-        self._joint = self._part = None  # the joint file is open on rank 0; one rank is its own part
-        self._layouts = {}
-        self._open = True
-        with self._step():
-            if self.rank == 0:  # before the others open theirs
-                check_place(self.path, format)
-                remove_abandoned(self._part_path().parent)
-        with self._step():
-            if self.rank == 0:
-                self._joint = OutputFile(self.path)
-            self._part = self._joint if self.size == 1 else self._open_part()
+        self.path, self.comm, self.found, self.arrays = path, comm, {}, {}
         asked = request.recorded if request else {}
-        self.attributes(format=format, format_version=FORMAT_VERSION, run_id=self.run_id, **asked)
-
-    def _part_path(self) -> Path:
-        return self.path.parent / part_name(self.path, self.run_id, self.rank)
-
-    def _open_part(self):
-        path = self._part_path()
-        try:
-            path.parent.mkdir(exist_ok=True)
-        except OSError as error:
-            raise write_error(path.parent, error) from None
-        part = OutputFile(path)
-        part.h5.attrs.update(format="jampetsc-part", run_id=self.run_id, rank=self.rank)
-        return part
-
-    @contextmanager
-    def _step(self):
-        try:
-            with agreed(self.comm):
-                yield
-                for file in (self._joint, self._part):
-                    if file is not None:
-                        file.check()
-        except BaseException:
-            self.abort()
-            raise
+        self.attributes(format=format, format_version=FORMAT_VERSION, run_id=new_run_id(), **asked)
 
     def attributes(self, **values) -> None:
-        """Collective. Store scalars, strings and short lists as attributes; None is left out."""
-        with self._step():
-            if self.rank == 0:
-                set_attributes(self._joint.h5, values)
+        """Collective. Keep scalars, strings and short lists of rank 0 as attributes; None is left out."""
+        values = {name: as_stored(value) for name, value in values.items() if value is not None}
+        self.found |= values if self.comm is None else self.comm.bcast(values)
 
     def dataset(self, name, array) -> None:
-        """Collective. Store an array that every rank holds; rank 0 writes it."""
-        with self._step():
-            if self.rank == 0:
-                store(self._joint.h5, name, array)
+        """Collective. Keep an array that every rank holds."""
+        self._add(name, ResultArray(np.array(array)))
 
     def distributed(self, name, local, axis=0) -> None:
-        """Collective. Store an array whose rows along `axis` are spread over the ranks in rank order.
+        """Collective. Keep an array whose rows along `axis` are spread over the ranks in rank order.
 
         `local` holds this rank's rows, maybe none; its other dimensions are the same on all ranks.
         """
-        local = np.asarray(local)
-        layout = self._add_layout(name, local.shape, local.dtype, axis)
-        with self._step():
-            if layout.counts[self.rank]:
-                store(self._part.h5, name, local)
+        self._add(name, ResultArray(np.array(local), axis, self.comm))
 
     def append(self, name, local) -> None:
-        """Collective. Add rows (n_local, …) as the next entry of an array (F, n, …) distributed along axis 1.
+        """Collective. Add rows (n_local, …) as the next entry of an array (F, n, …) distributed along axis 1."""
+        if name in self.arrays:
+            self.arrays[name].add(np.array(local))
+        else:
+            self._add(name, ResultArray([np.array(local)], 1, self.comm))
 
-        So a field at many frequencies is never in memory as a whole.
-        """
-        local = np.asarray(local)
-        layout = self._layouts.get(name) or self._add_layout(name, (0, *local.shape), local.dtype, 1)
-        layout.shape[0] += 1
-        with self._step():
-            count = layout.counts[self.rank]
-            if count:
-                if name not in self._part.h5:
-                    self._part.h5.create_dataset(
-                        name,
-                        shape=(0, *local.shape),
-                        dtype=local.dtype,
-                        maxshape=(None, *local.shape),
-                        chunks=(1, *local.shape),
-                        fletcher32=True,
-                    )
-                data = self._part.h5[name]
-                data.resize(layout.shape[0], axis=0)
-                data[-1] = local
-
-    def _add_layout(self, name, shape, dtype, axis):
-        counts = [shape[axis]] if self.comm is None else self.comm.allgather(shape[axis])
-        whole = list(shape)
-        whole[axis] = sum(counts)
-        self._layouts[name] = _Layout(whole, axis, counts, dtype)
-        return self._layouts[name]
-
-    def close(self) -> None:
-        """Collective. Make everything durable, then let the joint file appear under its name."""
-        for name, layout in self._layouts.items():
-            if self.rank == 0 and not sum(layout.counts):  # no part holds any of it
-                self._joint.h5.create_dataset(name, shape=tuple(layout.shape), dtype=layout.dtype)
-        if self.size > 1:
-            with self._step():
-                finished = self._part.finish()
-            finished = self.comm.gather(finished)
-            with self._step():
-                if self.rank == 0:
-                    self._join(*zip(*finished, strict=True))
-            with self._step():
-                self._part.publish()
-        with self._step():
-            if self.rank == 0:
-                self._joint.finish()
-        try:
-            with agreed(self.comm):
-                if self.rank == 0:
-                    replaced = parts_of(self.path)
-                    self._joint.publish()
-        except JampetscError:
-            self.abort()
-            raise
-        # an interrupt before this line does not remove the parts: the joint file may have its name already
-        self._open = False
-        if self.rank == 0 and replaced is not None:
-            replaced.remove()
-
-    def _join(self, sizes, seals):
-        joint = self._joint.h5
-        names = [part_name(self.path, self.run_id, rank) for rank in range(self.size)]
-        for name, column in (
-            ("names", np.char.encode(names)),
-            ("sizes", sizes),
-            ("seals", np.array(seals, "S")),
-        ):
-            store(joint, f"{GROUP}/{name}", column)
-        for name, layout in self._layouts.items():
-            virtual = h5py.VirtualLayout(shape=tuple(layout.shape), dtype=layout.dtype)
-            for rank in range(self.size):
-                if layout.counts[rank]:
-                    source = h5py.VirtualSource(
-                        names[rank], name, shape=layout.local_shape(rank), dtype=layout.dtype
-                    )
-                    virtual[layout.rows(rank)] = source
-            if sum(layout.counts):
-                joint.create_virtual_dataset(name, virtual)
-
-    def abort(self) -> None:
-        """Remove everything written so far. Not collective; harmless after `close`."""
-        if not self._open:
-            return
-        self._open = False
-        for file in (self._joint, self._part):
-            if file is not None:
-                file.discard()
-        if self.size > 1:
-            self._part_path().unlink(missing_ok=True)
-            remove_if_empty(self._part_path().parent)
+    def _add(self, name, array):
+        if name in self.arrays:
+            raise ValueError(f"dataset {name} is there already")
+        self.arrays[name] = array
 
     def __enter__(self):
         return self
 
     def __exit__(self, kind, error, trace):
-        if kind is None:
-            self.close()
-        else:
-            self.abort()
+        if kind is None and self.path is not None:
+            write_result(self.path, self.found, self.arrays, self.comm)
+
+
+def new_run_id() -> str:
+    """What tells the parts of one result from those of all others."""
+    return uuid.uuid4().hex[:12]
+
+
+def write_result(path, attributes: dict, arrays: dict, comm=None) -> None:
+    """Collective. Write attributes and arrays, `ResultArray`s or what every rank can read, as the result at `path`.
+
+    An earlier result of the same format is replaced; where anything fails it stays, and nothing of the new one.
+    Raises InputError or JampetscError, on all ranks.
+    """
+    path, run_id = follow(path), attributes["run_id"]
+    rank, size = (0, 1) if comm is None else (comm.rank, comm.size)
+    names = [part_name(path, run_id, number) for number in range(size)]
+    mine = path.parent / names[rank]
+    joint = part = replaced = None  # the joint file is open on rank 0; one rank is its own part
+
+    def discard():
+        for file in (joint, part):
+            if file is not None:
+                file.discard()
+        if size > 1:
+            mine.unlink(missing_ok=True)
+            remove_if_empty(mine.parent)
+
+    try:
+        with agreed(comm):
+            if rank == 0:  # before the others open theirs
+                check_place(path, attributes["format"])
+                remove_abandoned(mine.parent)
+                joint = OutputFile(path)
+                _store_shared(joint, attributes, arrays)
+        with agreed(comm):
+            part = joint if size == 1 else _new_part(mine, run_id, rank)
+            _store_rows(part, arrays, rank)
+        if size > 1:
+            with agreed(comm):
+                finished = part.finish()
+            finished = comm.gather(finished)
+            with agreed(comm):
+                if rank == 0:
+                    _join(joint, names, *zip(*finished, strict=True), arrays)
+            with agreed(comm):
+                part.publish()
+        with agreed(comm):
+            if rank == 0:
+                joint.finish()
+    except BaseException:
+        discard()
+        raise
+    try:
+        with agreed(comm):
+            if rank == 0:
+                replaced = parts_of(path)
+                joint.publish()
+    except JampetscError:  # an interrupt leaves the parts: the joint file may have its name already
+        discard()
+        raise
+    if replaced is not None:
+        replaced.remove()
+
+
+def _new_part(path, run_id, rank):
+    with writing(path.parent):
+        path.parent.mkdir(exist_ok=True)
+    part = OutputFile(path)
+    part.h5.attrs.update(format="jampetsc-part", run_id=run_id, rank=rank)
+    return part
+
+
+def _store_shared(joint, attributes, arrays):
+    """Attributes, arrays that every rank has, and those of which no rank has any row."""
+    set_attributes(joint.h5, attributes)
+    for name, array in arrays.items():
+        if array.axis is None:
+            store(joint.h5, name, array[...])
+        elif not sum(array.counts):
+            joint.h5.create_dataset(name, shape=array.shape, dtype=array.dtype)
+        joint.check()
+
+
+def _store_rows(part, arrays, rank):
+    for name, array in arrays.items():
+        if array.axis is not None and array.counts[rank]:
+            store(part.h5, name, array, by_entry=array.axis == 1)
+        part.check()
+
+
+def _join(joint, names, sizes, seals, arrays):
+    """List the parts, and show their rows as whole arrays."""
+    columns = {"names": np.char.encode(names), "sizes": sizes, "seals": np.array(seals, "S")}
+    for name, column in columns.items():
+        store(joint.h5, f"{GROUP}/{name}", column)
+    for name, array in arrays.items():
+        if array.axis is None or not sum(array.counts):
+            continue
+        shape, start = list(array.shape), 0
+        shape[array.axis] = sum(array.counts)
+        virtual = h5py.VirtualLayout(shape=tuple(shape), dtype=array.dtype)
+        for part, count in zip(names, array.counts, strict=True):
+            if count:
+                shape[array.axis] = count
+                rows = (slice(None),) * array.axis + (slice(start, start + count),)
+                virtual[rows] = h5py.VirtualSource(part, name, shape=tuple(shape), dtype=array.dtype)
+                start += count
+        joint.h5.create_virtual_dataset(name, virtual)

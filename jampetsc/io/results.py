@@ -9,10 +9,10 @@ import h5py
 import numpy as np
 
 from jampetsc.errors import InputError
-from jampetsc.io.hdf5 import attributes, open_file, reading, undisturbed
+from jampetsc.io.hdf5 import attributes, open_file, undisturbed
 from jampetsc.io.parts import GROUP, PartList
 from jampetsc.io.provenance import law_of
-from jampetsc.io.result_file import ResultWriter
+from jampetsc.io.result_file import new_run_id, write_result
 
 _SHOWN = 6  # datasets that a line about a result names
 _LONGEST = 60  # characters of an attribute in a table
@@ -24,23 +24,22 @@ class StoredArray:
     Raises InputError on reading if the file was replaced, or one of its parts went, since it was loaded.
     """
 
-    axis = rows = None  # every rank reads all, as `memory.MemoryArray` has it
-    grown = False
+    axis = rows = None  # every rank reads all, as `result_file.ResultArray` has it
 
     def __init__(self, path, name, h5):
         self._path, self._name, self._run_id = Path(path).resolve(), name, h5.attrs.get("run_id", "")
         self.shape, self.dtype = h5[name].shape, h5[name].dtype
 
     def __getitem__(self, selection):
-        return undisturbed(self._path, lambda path: self._read(path, selection))
+        np.broadcast_to(False, self.shape)[selection]  # an IndexError is the caller's, no damage of the file
+        return undisturbed(self._read)(self._path, selection)
 
     def _read(self, path, selection):
         with open_file(path) as h5:
             parts = PartList(h5, path)
             if parts.run_id != self._run_id:
                 raise InputError(f"{path}: was replaced by another run since it was loaded: load it again")
-            with reading(path):
-                values = parts.read(h5[self._name], selection)
+            values = parts.read(h5[self._name], selection)
             parts.check_present()
         return values
 
@@ -67,7 +66,35 @@ class Attributes(dict):
         raise InputError(f"{self.path}: attribute {name} is missing: {remedy}")
 
 
-class Result(Mapping):
+class Named(Mapping):
+    """Arrays by name. One that there is not is an InputError, or the default of `get`."""
+
+    def __init__(self, arrays: dict):
+        self._arrays = arrays
+
+    def named(self, name, kind, place):
+        """What is held by a name. Raises InputError where it is none of a `kind` that `place` holds."""
+        if name not in self._arrays:
+            near = difflib.get_close_matches(name, self._arrays, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"it holds {', '.join(self._arrays) or 'none'}"
+            raise InputError(f"{place}: no {kind} {name}: {hint}")
+        return self._arrays[name]
+
+    def get(self, name, default=None):
+        """The array of this name, or `default` where there is none."""
+        return self[name] if name in self else default
+
+    def __iter__(self):
+        return iter(self._arrays)
+
+    def __len__(self):
+        return len(self._arrays)
+
+    def __contains__(self, name):
+        return name in self._arrays
+
+
+class Result(Named):
     """A result: `attributes` (how it came about), and a mapping of dataset names to numpy arrays.
 
     path      its file; of a result in memory words that stand for it in messages: "sweep in memory"
@@ -78,7 +105,8 @@ class Result(Mapping):
     """
 
     def __init__(self, attributes: dict, arrays: dict, path, comm=None):
-        self.attributes, self._arrays, self._comm = Attributes(path, attributes), arrays, comm
+        super().__init__(arrays)
+        self.attributes, self._comm = Attributes(path, attributes), comm
         self.path, self.packing = Path(path), None
 
     @classmethod
@@ -90,9 +118,8 @@ class Result(Mapping):
             if isinstance(item, h5py.Dataset) and not name.startswith(f"{GROUP}/"):
                 arrays[name] = StoredArray(path, name, h5)
 
-        with reading(path):
-            h5.visititems(collect)
-            return cls(attributes(h5), arrays, Path(path).resolve())
+        h5.visititems(collect)
+        return cls(attributes(h5), arrays, Path(path).resolve())
 
     @property
     def file(self) -> Path | None:
@@ -114,20 +141,12 @@ class Result(Mapping):
     def save(self, path) -> None:
         """Write it to a file, which `path` is from then on; an earlier result of its kind there is replaced.
 
-        Collective for a result in memory: every rank writes its rows. Raises as ResultWriter.
+        Collective for a result in memory: every rank writes its rows. Raises as `write_result`.
         """
-        with ResultWriter(path, self.format, self._comm) as writer:
-            for name, array in self._arrays.items():
-                if array.axis is None:
-                    writer.dataset(name, array[...])
-                elif array.grown:
-                    for entry in range(len(array)):
-                        writer.append(name, array[entry])
-                else:
-                    writer.distributed(name, array[...], array.axis)
-            writer.attributes(**self.attributes | {"run_id": writer.run_id})
+        run_id = new_run_id() if self._comm is None else self._comm.bcast(new_run_id())
+        write_result(path, self.attributes | {"run_id": run_id}, self._arrays, self._comm)
         self.path = self.attributes.path = Path(path).resolve()
-        self.attributes["run_id"] = writer.run_id
+        self.attributes["run_id"] = run_id
         # what is in memory stays there
         if any(isinstance(array, StoredArray) for array in self._arrays.values()):
             with open_file(path) as h5:
@@ -151,24 +170,7 @@ class Result(Mapping):
 
     def stored(self, name) -> StoredArray:
         """A dataset without reading it. Raises InputError if there is none of this name."""
-        if name not in self._arrays:
-            near = difflib.get_close_matches(name, self._arrays, n=1)
-            hint = f"did you mean {near[0]}?" if near else f"it holds {', '.join(self._arrays) or 'none'}"
-            raise InputError(f"{self.path}: no dataset {name}: {hint}")
-        return self._arrays[name]
-
-    def get(self, name, default=None):
-        """The array of a dataset, or `default` where there is none."""
-        return self[name] if name in self else default
-
-    def __iter__(self):
-        return iter(self._arrays)
-
-    def __len__(self):
-        return len(self._arrays)
-
-    def __contains__(self, name):
-        return name in self._arrays
+        return self.named(name, "dataset", self.path)
 
     @property
     def format(self) -> str:

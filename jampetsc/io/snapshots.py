@@ -20,7 +20,8 @@ class Snapshot(Disks):
 
 
 def snapshot(result, row=-1) -> Snapshot:
-    """A snapshot of a flow file; its record has the number of disks of `walls`, if there are any.
+    """A snapshot of a flow, the last one if no other is asked for, as a packing with `velocities`, `spins` and
+    `unwrapped`; its record has the number of disks of `walls`, if there are any.
 
     Raises InputError where the file holds none, or not so many.
     """

@@ -19,8 +19,8 @@ from jampetsc.cli import main as cli
 from jampetsc.cli.parser import in_words, job_of
 from jampetsc.errors import InputError
 from jampetsc.io.checkpoint import Checkpoint
-from jampetsc.io.memory import MemoryWriter
 from jampetsc.io.reader import collected
+from jampetsc.io.result_file import ResultWriter
 from jampetsc.jobs import JOBS, job_class
 from jampetsc.jobs.correlate import Correlate
 from jampetsc.jobs.modes import Modes
@@ -114,7 +114,7 @@ def test_every_parameter_has_help_and_a_default_that_it_takes(name):
 
 
 def test_a_result_in_memory_is_taken_as_it_is_and_one_in_a_file_by_its_name(tmp_path):
-    found = collected(MemoryWriter("jampetsc-quasistatic"))
+    found = collected(ResultWriter(None, "jampetsc-quasistatic"))
     assert RESULT.read(found) is HELD.read(found) is opened(found) is found
     with pytest.raises(ValueError, match="must be a packing"):
         PACKING.read(found)

@@ -6,7 +6,8 @@ import os
 import resource
 import socket
 import stat
-from pathlib import Path
+import threading
+import time
 
 import numpy as np
 import pytest
@@ -15,26 +16,6 @@ from jampetsc.errors import InputError, JampetscError
 from jampetsc.io.atomic import NewFile, check_writable, remove_abandoned, write_error, write_whole
 from jampetsc.io.hdf5 import OutputFile
 from jampetsc.io.result_file import ResultWriter
-
-
-@pytest.fixture
-def events(monkeypatch):
-    """What was done to the disk, in order: (fsync | replace, name)."""
-    seen = []
-
-    def note(name):
-        original = getattr(os, name)
-
-        def noted(target, *more):
-            path = os.readlink(f"/proc/self/fd/{target}") if isinstance(target, int) else str(target)
-            seen.append((name, Path(path).name.split(".partial")[0].lstrip(".").split(".")[0]))
-            return original(target, *more)
-
-        monkeypatch.setattr(os, name, noted)
-
-    note("fsync")
-    note("replace")
-    return seen
 
 
 def test_bytes_are_on_the_disk_before_the_name(tmp_path, events):
@@ -49,16 +30,23 @@ def test_bytes_are_on_the_disk_before_the_name(tmp_path, events):
 
 
 def test_an_open_file_is_spared_and_an_abandoned_one_is_not(tmp_path):
-    alive, dead = NewFile(tmp_path / "x.h5"), NewFile(tmp_path / "x.h5")
-    os.close(os.dup(dead.stream.fileno()))
-    dead.stream.close()
-    assert len(list(tmp_path.iterdir())) == 2
+    """Of the same output alone, also where its name looks like a pattern; elsewhere a lock need not be seen here."""
+
+    def abandoned(name, host=""):
+        leftover = tmp_path / f".{name}.{socket.gethostname()}{host}.123-abcdef01.partial"
+        leftover.touch()
+        return leftover
+
+    alive, elsewhere, other = NewFile(tmp_path / "s[1].h5"), abandoned("s[1].h5", "x"), abandoned("s1.h5")
+    for action in (check_writable, lambda path: OutputFile(path).discard()):
+        mine = abandoned("s[1].h5")
+        action(tmp_path / "s[1].h5")
+        assert not mine.exists() and set(tmp_path.iterdir()) == {alive.temporary, elsewhere, other}
     remove_abandoned(tmp_path)
-    assert list(tmp_path.iterdir()) == [alive.temporary]
-    alive.stream.write(b"all of it")
-    alive.finish()
-    alive.publish()
-    assert (tmp_path / "x.h5").read_bytes() == b"all of it"
+    assert set(tmp_path.iterdir()) == {alive.temporary, elsewhere}
+    with alive:
+        alive.stream.write(b"all of it")
+    assert (tmp_path / "s[1].h5").read_bytes() == b"all of it" and not alive.temporary.exists()
 
 
 def test_what_only_looks_abandoned_is_left(tmp_path):
@@ -73,40 +61,31 @@ def test_what_only_looks_abandoned_is_left(tmp_path):
     assert (tmp_path / name.replace("-", "-a")).is_symlink()
 
 
-def abandoned(folder, name, host=None):
-    """What a killed process of a machine, of this one unless told, leaves of a file of this name."""
-    leftover = folder / f".{name}.{host or socket.gethostname()}.123-abcdef01.partial"
-    leftover.touch()
-    return leftover
-
-
-def test_what_a_process_elsewhere_writes_is_spared(tmp_path):
-    """Its lock need not be seen here."""
-    left, elsewhere = abandoned(tmp_path, "x.h5"), abandoned(tmp_path, "x.h5", f"{socket.gethostname()}x")
-    remove_abandoned(tmp_path, "x.h5")
-    assert (left.exists(), elsewhere.exists()) == (False, True)
-
-
-def test_only_leftovers_of_the_same_output_are_removed(tmp_path):
-    """Also where the name looks like a pattern."""
-    for action in (check_writable, lambda path: OutputFile(path).discard()):
-        mine, other = abandoned(tmp_path, "s[1].h5"), abandoned(tmp_path, "s1.h5")
-        action(tmp_path / "s[1].h5")
-        assert (mine.exists(), other.exists()) == (False, True)
-
-
-def test_a_new_file_that_was_taken_for_an_abandoned_one_is_made_again(tmp_path, monkeypatch):
-    """Between its birth and its lock another process may remove it."""
+@pytest.mark.parametrize("locked", [False, True])
+def test_a_new_file_that_was_taken_for_an_abandoned_one_is_made_again(tmp_path, monkeypatch, locked):
+    """Between its birth and its lock another process may remove it, or have it locked to do so."""
     flock, removed = fcntl.flock, []
+
+    def remove(name, handle):
+        os.unlink(name)
+        os.close(handle)
 
     def late(stream, how):
         if not removed:
             removed.append(os.readlink(f"/proc/self/fd/{stream.fileno()}"))
-            os.unlink(removed[0])
+            handle = os.open(removed[0], os.O_RDONLY)
+            if locked:
+                flock(handle, fcntl.LOCK_EX)
+                threading.Timer(0.02, remove, (removed[0], handle)).start()
+            else:
+                remove(removed[0], handle)
         flock(stream, how)
 
     monkeypatch.setattr(fcntl, "flock", late)
-    write_whole(tmp_path / "a.csv", b"1,2\n")
+    file = NewFile(tmp_path / "a.csv")
+    time.sleep(0.05 * locked)
+    with file:
+        file.stream.write(b"1,2\n")
     assert (tmp_path / "a.csv").read_bytes() == b"1,2\n" and len(removed) == 1
 
 
@@ -116,9 +95,10 @@ def test_a_file_system_without_locks_will_do(tmp_path, monkeypatch):
 
     monkeypatch.setattr(fcntl, "flock", refuse)
     write_whole(tmp_path / "a.csv", b"1,2\n")
-    left = abandoned(tmp_path, "a.csv")
+    left = NewFile(tmp_path / "a.csv")
+    left.stream.close()
     remove_abandoned(tmp_path)  # nobody can tell whether its writer lives
-    assert sorted(tmp_path.iterdir()) == [left, tmp_path / "a.csv"]
+    assert sorted(tmp_path.iterdir()) == [left.temporary, tmp_path / "a.csv"]
 
 
 def test_a_folder_that_cannot_be_made_durable_will_do(tmp_path, monkeypatch):
@@ -136,19 +116,29 @@ def test_a_folder_that_cannot_be_made_durable_will_do(tmp_path, monkeypatch):
     assert len(os.listdir("/proc/self/fd")) == before  # the folder is closed again
 
 
+PLACES = {  # where no file can be -> what is said
+    "folder": "folder: is a folder: give a file name with out",
+    "pipe": "pipe: is a pipe: give another file with out",
+    "link": "pipe: is a pipe: give another",
+    "none/a.csv": "none does not exist: create it first|No such file",
+    "file/a.csv": "folder|cannot be written",
+    "lost": "none does not exist: create it first|No such file",
+    "n" * 300: "cannot be written .File name too long.: choose another out",
+}
+
+
 @pytest.mark.parametrize("action", [check_writable, lambda path: write_whole(path, b"1"), NewFile])
-def test_what_no_file_may_replace(tmp_path, action):
+@pytest.mark.parametrize("name", PLACES)
+def test_where_no_file_can_be(tmp_path, action, name):
     (tmp_path / "folder").mkdir()
+    (tmp_path / "file").touch()
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "link").symlink_to("pipe")
-    for name, message in (
-        ("folder", "folder: is a folder: give a file name with out"),
-        ("pipe", "pipe: is a pipe, which a file would replace: give the name of a file with out"),
-        ("link", "pipe: is a pipe, which"),
-    ):
-        with pytest.raises(InputError, match=message):
-            action(tmp_path / name)
-    assert len(list(tmp_path.iterdir())) == 3
+    (tmp_path / "lost").symlink_to("none/a.csv")
+    before = sorted(tmp_path.iterdir())
+    with pytest.raises(InputError, match=PLACES[name]):
+        action(tmp_path / name)
+    assert sorted(tmp_path.iterdir()) == before
 
 
 def test_a_file_that_is_write_protected_is_not_replaced(tmp_path, monkeypatch):
@@ -198,29 +188,12 @@ def test_a_failed_write_without_a_number_is_told_in_its_own_words(tmp_path):
     assert str(said) == "a.h5: writing failed: Can't write"
 
 
-def test_places_where_no_file_can_be(tmp_path):
-    (tmp_path / "file").touch()
-    for path, message in (
-        (tmp_path / "none" / "a.csv", "none does not exist: create it first|No such file"),
-        (tmp_path / "file" / "a.csv", "(folder|cannot be written)"),
-        (tmp_path / ("n" * 300), "cannot be written .File name too long.: choose another out"),
-    ):
-        for action in (check_writable, NewFile):
-            with pytest.raises(InputError, match=message):
-                action(path)
-
-
 def test_the_file_that_a_link_stands_for_is_what_is_written(tmp_path):
     (tmp_path / "there").mkdir()
-    for name in ("there", "none"):
-        (tmp_path / f"{name}.csv").symlink_to(tmp_path / name / "a.csv")
-    check_writable(tmp_path / "there.csv")
-    write_whole(tmp_path / "there.csv", b"1,2")
-    assert (tmp_path / "there.csv").is_symlink() and (tmp_path / "there" / "a.csv").read_bytes() == b"1,2"
-    with pytest.raises(InputError, match=r"none/a\.csv: folder .*none does not exist: create it first"):
-        check_writable(tmp_path / "none.csv")
-    with pytest.raises(InputError, match=r"cannot be written \(No such file or directory\)"):
-        write_whole(tmp_path / "none.csv", b"1,2")
+    (tmp_path / "link.csv").symlink_to(tmp_path / "there" / "a.csv")
+    check_writable(tmp_path / "link.csv")
+    write_whole(tmp_path / "link.csv", b"1,2")
+    assert (tmp_path / "link.csv").is_symlink() and (tmp_path / "there" / "a.csv").read_bytes() == b"1,2"
 
 
 def write_result(path):
@@ -265,30 +238,21 @@ def test_what_comes_after_the_end_of_a_file_is_no_error(tmp_path):
         assert list(tmp_path.iterdir()) == []
 
 
-def test_an_interrupt_of_a_write_is_kept_for_later(tmp_path, monkeypatch):
-    file = NewFile(tmp_path / "a.csv")
+@pytest.mark.parametrize("kind", [NewFile, OutputFile])
+def test_an_interrupt_of_a_write_is_raised_in_the_end(tmp_path, monkeypatch, kind):
+    """libhdf5 would not survive it."""
+    file = kind(tmp_path / "x.h5")
 
     def interrupted(view):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(file.stream, "_write_all", interrupted)
-    assert file.stream.write(b"12") == 2
     with pytest.raises(KeyboardInterrupt):
-        file.finish()
-    file.discard()
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_an_interrupt_while_hdf5_writes_is_raised_in_the_end(tmp_path, monkeypatch):
-    output = OutputFile(tmp_path / "x.h5")
-
-    def interrupted(view):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(output.stream, "_write_all", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        with output as h5:
-            h5["x"] = np.ones(100_000)
+        with file as target:
+            if kind is NewFile:
+                assert target.stream.write(b"12") == 2
+            else:
+                target["x"] = np.ones(100_000)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -299,32 +263,3 @@ def test_permissions_are_those_that_the_user_wants(tmp_path):
     finally:
         os.umask(mask)
     assert stat.S_IMODE((tmp_path / "a.csv").stat().st_mode) == 0o640
-
-
-def test_nobody_writes_into_the_new_file_of_another(tmp_path, monkeypatch):
-    """Not even where both are given the same mark."""
-    monkeypatch.setattr("secrets.token_hex", lambda count: "ab" * count)
-    one = NewFile(tmp_path / "a.csv")
-    one.stream.write(b"1,2")
-    with pytest.raises(JampetscError, match=r"a\.csv: writing failed: File exists"):
-        NewFile(tmp_path / "a.csv")
-    assert one.temporary.read_bytes() == b"1,2"
-    one.discard()
-
-
-def test_nothing_is_written_behind_what_is_missing(tmp_path):
-    """After the first failure a file takes no more, and the first failure is the one that is told."""
-    file = NewFile(tmp_path / "a.csv")
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (4, limits[1]))
-    try:
-        assert file.stream.write(b"123456") == 6
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    assert file.stream.write(b"789") == 3
-    assert file.temporary.read_bytes() == b"1234"
-    file.stream.error.errno = errno.EFBIG
-    with pytest.raises(JampetscError, match="file size limit reached"):
-        file.finish()
-    file.discard()
-    assert list(tmp_path.iterdir()) == []

@@ -33,13 +33,23 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_columns_are_arrays(folder):
+def test_rows_are_chosen_and_columns_are_arrays(folder):
     table = jampetsc.load(folder)
     assert (table.rows, len(table["G0"])) == (13, 13) and "G0" in table
     assert list(table)[:5] == ["command", "state", "file", "packing", "pressure"]
     assert np.isnan(table["G0"][-1]) and table["law"][-1] == ""
     assert table.failed["state"].tolist() == ['failed: no, "not" there']
     assert table["pressure"][0] == 1e-2 and table["G0"][0] == -0.5 * 1e-2, "to the last bit"
+    assert table.get("foo", 1) == 1 and table.get("seed")[0] == 1
+    assert table.where(pressure=0.001, beta=[1, 0.1], prestress=True).rows == 6
+    assert table.where(law="contact").rows == 12 and table.where(seed="one").rows == 0
+    for some in ([1, 3], (1, 3), {1, 3}, np.array([1, 3])):
+        assert table.where(seed=some).rows == 8 and set(table.where(seed=some)["seed"]) == {1, 3}
+    with pytest.raises(InputError, match=r"table.csv: no column presure: did you mean pressure\?"):
+        table.where(presure=1)
+    assert table.failed.results() == []
+    with pytest.raises(InputError, match=r"q0\.0111\.0\.h5: no such file"):
+        table.results()
 
 
 def test_info_tells_what_a_study_holds(folder, capsys):
@@ -58,19 +68,6 @@ def test_info_tells_what_a_study_holds(folder, capsys):
     assert "is the folder of a study: --matrices needs a packing" in capsys.readouterr().err
 
 
-def test_what_is_not_there_has_a_default(folder):
-    assert jampetsc.load(folder).get("foo", 1) == 1 and jampetsc.load(folder).get("seed")[0] == 1
-
-
-def test_rows_are_chosen_by_their_values(folder):
-    table = jampetsc.load(folder)
-    assert table.where(pressure=0.001, beta=[1, 0.1], prestress=True).rows == 6
-    assert table.where(law="contact", seed=(1, 3)).rows == 8
-    assert table.where(seed="one").rows == 0
-    with pytest.raises(InputError, match=r"no column presure; did you mean pressure\?"):
-        table.where(presure=1)
-
-
 def test_averages_keep_what_is_negative_and_report_it(folder):
     table = jampetsc.load(folder).where(beta=1)
     mean = table.mean(by="pressure")
@@ -81,13 +78,26 @@ def test_averages_keep_what_is_negative_and_report_it(folder):
     expected = 1.321 * np.std(list(MODULI.values()), ddof=1) / np.sqrt(3)  # t of two degrees of freedom
     np.testing.assert_allclose(mean.error["G0"], [1e-3 * expected, 1e-2 * expected], rtol=1e-3)
     assert "seed" not in list(mean) and {"pressure", "G0", "eta0"} <= set(mean)
+    for part in (mean.error, mean.count, mean.below_zero):
+        assert list(part) == list(mean) and len(part) == len(mean) > 3
+    assert mean["seconds"].tolist() == pytest.approx([0.1, 0.1]) and "seconds" not in list(mean)
+    assert table.mean("law")["law"].tolist() == ["contact"]
 
 
-def test_one_packing_counts_once(folder):
+def test_one_packing_counts_once(folder, tmp_path):
+    """Whatever tells two of its rows apart is named."""
     mean = jampetsc.load(folder).mean(by="pressure")
     with pytest.raises(InputError, match=r"G0 of pressure 0.001: .* are of one packing: .* in by= \(beta\)"):
         mean["G0"]
     assert jampetsc.load(folder).mean(by=["pressure", "beta"]).count["G0"].tolist() == [3] * 4
+    for name in set(CHOICES) - {"command"}:
+        text = f"command,state,file,packing,{name},seed,G0\na,done,1.h5,p,1,1,1\na,done,2.h5,p,%s,2,1\n"
+        for other, by, told in ((2, (), name), (1, name, "see the table")):
+            with pytest.raises(InputError, match=rf"in by= \({told}\)"):
+                written(tmp_path, text % other).mean(by)["G0"]
+    table = written(tmp_path, "command,state,file,G0\na,done,1.h5,0\na,done,2.h5,-1e-300\n")  # of no packing
+    assert table.mean().count["G0"].tolist() == [2]
+    assert table.mean().below_zero["G0"].tolist() == [1], "zero is not below"
 
 
 def written(folder, text):
@@ -116,9 +126,7 @@ def test_only_numbers_are_averaged_and_packings_that_have_one_counted(tmp_path):
         "command,state,file,packing,beta,G0,none\n"
         "a,done,1.h5,p1,1,1.0,\na,done,2.h5,p1,2,,\na,done,3.h5,,1,inf,\na,done,4.h5,,1,-3.0,\na,done,5.h5,,2,-4.0,\n",
     )
-    mean = (
-        table.mean()
-    )  # rows of one packing, of which one has no G0; imported ones have no name of a packing
+    mean = table.mean()  # of one packing a row has no G0; imported ones have no name of a packing
     assert mean["G0"].tolist() == [-2.0]
     assert (mean.count["G0"].tolist(), mean.below_zero["G0"].tolist()) == ([3], [2])
     assert np.isnan(mean["none"]).all() and mean.count["none"].tolist() == [0]
@@ -146,26 +154,18 @@ def test_columns_have_the_type_of_all_their_cells(tmp_path):
     assert "2 rows of" in repr(table) and table.failed.rows == 0
 
 
-def test_files_of_what_is_done_are_loaded(folder):
-    with pytest.raises(InputError, match=r"q0\.0111\.0\.h5: no such file"):
-        jampetsc.load(folder).results()
-    assert jampetsc.load(folder).failed.results() == []
-
-
-@pytest.mark.parametrize("text", ["", "command,state,n\na,done,3\n", "command,state,file\na,done\n"])
-def test_what_is_no_table_at_all(tmp_path, text):
-    with pytest.raises(
-        InputError, match=r"table\.csv: is not the table of a study: run `jampetsc study` again"
-    ):
-        written(tmp_path, text)
-
-
-def test_what_is_no_table_is_refused(tmp_path):
-    row = "pack,done,a.h5"
-    for text in ("command,state\n1,2\n", f"command,state,file\n{row}\n{row},1\n{row}\n", b"\xff\xfe"):
-        (tmp_path / "table.csv").write_bytes(text if isinstance(text, bytes) else text.encode())
-        with pytest.raises(InputError, match="is not the table of a study"):
-            jampetsc.load(tmp_path)
+@pytest.mark.parametrize("text", [
+    b"", b"command,state,n\na,done,3\n", b"command,state,file\na,done\n", b"command,state\n1,2\n",
+    b"command,state,file\npack,done,a.h5\npack,done,a.h5,1\n", b"\xff\xfe", None,
+])  # fmt: skip
+def test_what_is_no_table_is_refused(tmp_path, text):
+    message = r"table\.csv: is not the table of a study: run `jampetsc study` again"
+    if text is None:
+        message = r"table\.csv: cannot be read \(No such file or directory\): is .* the folder of a study\?"
+    else:
+        (tmp_path / "table.csv").write_bytes(text)
+    with pytest.raises(InputError, match=message):
+        load_ensemble(tmp_path, load)
 
 
 @pytest.mark.parametrize(
@@ -206,46 +206,6 @@ def test_errors_of_hardly_any_samples():
     assert np.isnan(mean_with_error([1.0])[1]) and np.isnan(median_with_error([1.0])[1])
     assert mean_with_error([2.0, 2.0]) == median_with_error([2.0, 2.0]) == (2.0, 0.0)
     assert np.isnan(median_interval([1.0, 2.0])).all()
-
-
-def test_errors_and_counts_have_the_columns_of_the_means(folder):
-    mean = jampetsc.load(folder).where(beta=1).mean("pressure")
-    assert jampetsc.load(folder).where(beta=1).mean("law")["law"].tolist() == ["contact"]
-    for part in (mean.error, mean.count, mean.below_zero):
-        assert list(part) == list(mean) and len(part) == len(mean) > 3
-    assert mean["seconds"].tolist() == pytest.approx([0.1, 0.1]) and "seconds" not in list(mean)
-
-
-def test_rows_without_the_name_of_a_packing_are_independent(tmp_path):
-    table = written(tmp_path, "command,state,file,G0\na,done,1.h5,1\na,done,2.h5,3\n")
-    assert table.mean()["G0"].tolist() == [2.0] and table.mean().count["G0"].tolist() == [2]
-
-
-def test_a_folder_without_a_table_is_none_of_a_study(tmp_path):
-    message = r"table\.csv: cannot be read \(No such file or directory\): is .*none the folder of a study\?"
-    with pytest.raises(InputError, match=message):
-        load_ensemble(tmp_path / "none", load)
-
-
-@pytest.mark.parametrize("name", [name for name in CHOICES if name != "command"])
-def test_every_choice_that_tells_two_rows_of_a_packing_apart_is_named(tmp_path, name):
-    text = f"command,state,file,packing,{name},G0\na,done,1.h5,p,1,1\na,done,2.h5,p,2,1\n"
-    with pytest.raises(InputError, match=rf"in by= \({name}\)"):
-        written(tmp_path, text).mean()["G0"]
-    text = f"command,state,file,packing,{name},seed,G0\na,done,1.h5,p,1,1,1\na,done,2.h5,p,1,2,1\n"
-    with pytest.raises(InputError, match=r"in by= \(see the table\)"):
-        written(tmp_path, text).mean(by=name)["G0"]
-
-
-def test_a_list_of_any_kind_chooses_rows(folder):
-    table = jampetsc.load(folder)
-    for some in ([1, 3], (1, 3), {1, 3}, np.array([1, 3])):
-        assert set(table.where(seed=some)["seed"]) == {1, 3}
-
-
-def test_zero_is_not_below_zero(tmp_path):
-    table = written(tmp_path, "command,state,file,G0\na,done,1.h5,0\na,done,2.h5,-1e-300\n")
-    assert table.mean().below_zero["G0"].tolist() == [1]
 
 
 @pytest.fixture(scope="module")
@@ -299,9 +259,7 @@ def test_tables_for_pandas(folder):
             with pytest.raises(InputError, match="needs the package pandas: pip install"):
                 one.to_pandas()
         return
-    assert table.to_pandas()["G0"][0] == table["G0"][0] and len(table.to_pandas()) == 13
-    frame = means.to_pandas()
-    assert (
-        frame["G0"].tolist() == means["G0"].tolist()
-        and frame["G0_error"].tolist() == means.error["G0"].tolist()
-    )
+    whole, frame = table.to_pandas(), means.to_pandas()
+    assert whole["G0"][0] == table["G0"][0] and len(whole) == 13
+    assert frame["G0"].tolist() == means["G0"].tolist()
+    assert frame["G0_error"].tolist() == means.error["G0"].tolist()

@@ -1,10 +1,8 @@
-"""`jampetsc export`: what is in the files, read by readers of our own, and the stress of a disk."""
+"""`jampetsc export`: what is in the files, read by what imports them, and the stress of a disk."""
 
-import importlib.util
-import io
-import json
 import re
 import xml.etree.ElementTree as ElementTree
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -13,8 +11,12 @@ from dense import all_pairs
 
 import jampetsc
 from jampetsc.cli import main as cli
+from jampetsc.core.disks import Disks
 from jampetsc.core.state import disk_areas, disk_stresses, find_contacts, measure
 from jampetsc.errors import InputError
+from jampetsc.io.exchange import READERS
+from jampetsc.io.exporters import write_frames
+from jampetsc.io.frames import packing_frame
 from jampetsc.io.packing_file import write_packing
 from jampetsc.io.snapshots import snapshot
 
@@ -23,53 +25,22 @@ def export(words):
     assert cli.dispatch(["export", *words.split()]) == 0
 
 
-def xyz(path):
-    """[({name of column: values}, {name: text of the header}), …] of the frames of an extended XYZ file."""
-    stream, frames = io.StringIO(path.read_text()), []
-    while line := stream.readline():
-        facts = dict(re.findall(r'(\w+)=("[^"]*"|\S+)', stream.readline()))
-        rows = np.array([stream.readline().split() for _ in range(int(line))])
-        columns, first = {}, 0
-        for name, kind, size in re.findall(r"(\w+):([SIR]):(\d)", facts["Properties"]):
-            part = rows[:, first : first + int(size)]
-            columns[name] = (
-                part
-                if kind == "S"
-                else np.squeeze(part.astype({"I": int, "R": float}[kind]), 1)
-                if size == "1"
-                else part.astype(float)
-            )
-            first += int(size)
-        assert first == rows.shape[1]
-        frames.append((columns, facts))
-    return frames
+def frames_of(path):
+    """[({name of column: values}, cell (2, 2), {name: number of the whole}), …] of the frames of a text file."""
+    found, text = [], path.read_text()
+    starts = {".xyz": "Lattice=", ".dump": "ITEM: TIMESTEP", ".data": "LAMMPS data"}
+    formats = {".xyz": "extxyz", ".dump": "lammps-dump", ".data": "lammps-data"}
+    for index, part in enumerate(text.split(starts[path.suffix])[1:]):
+        columns, cell = READERS[formats[path.suffix]](text.encode(), index)
+        numbers = {name: np.asarray(column, float) for name, column in columns.items() if name != "species"}
+        facts = re.findall(r"(\w+)=([-+.\de]+)", part.partition("\n")[0])
+        found.append((numbers, cell, {name: float(value) for name, value in facts}))
+    return found
 
 
-def dump(path):
-    """[({name of column: values}, cell (2, 2)), …] of the frames of a LAMMPS dump."""
-    frames = []
-    for text in path.read_text().split("ITEM: TIMESTEP\n")[1:]:
-        lines = text.splitlines()
-        assert int(lines[2]) == len(lines) - 8 and int(lines[0]) == len(frames)
-        (low, high, tilt), (bottom, top, _), _ = (list(map(float, line.split())) for line in lines[4:7])
-        left, right = low - min(0, tilt), high - max(0, tilt)  # as LAMMPS bounds a box that leans
-        rows = np.array([line.split() for line in lines[8:]], float)
-        columns = dict(zip(lines[7].removeprefix("ITEM: ATOMS ").split(), rows.T, strict=True))
-        frames.append((columns, np.array([[right - left, 0], [tilt, top - bottom]])))
-    return frames
-
-
-def data(path):
-    """(atoms (N, 8), bonds [(i, j, force, overlap), …], cell (2, 2)) of a LAMMPS data file."""
-    text = path.read_text()
-    xhi, yhi, tilt = (float(re.search(pattern, text, re.M)[1]) for pattern in (
-        r"^0\.0 (\S+) xlo xhi", r"^0\.0 (\S+) ylo yhi", r"^(\S+) 0\.0 0\.0 xy xz yz"))  # fmt: skip
-    atoms, _, bonds = text.partition("\nBonds\n\n")
-    atoms = np.array([line.split() for line in atoms.partition("# bpm/sphere\n\n")[2].splitlines()], float)
-    bonds = np.array([line.replace("#", "").split() for line in bonds.splitlines()], float)
-    assert int(re.search(r"(\d+) atoms", text)[1]) == len(atoms)
-    assert int(re.search(r"(\d+) bonds", text)[1]) == len(bonds)
-    return atoms, bonds[:, 2:], np.array([[xhi, 0], [tilt, yhi]])
+def pair(columns, name):
+    """The vectors (N, 2) of a column of extended XYZ."""
+    return np.column_stack((columns[f"{name}0"], columns[f"{name}1"]))
 
 
 def vtp(path):
@@ -111,22 +82,21 @@ def test_a_packing_in_every_format(tmp_path, monkeypatch, sample):
             export(f"p.h5 --out p.{ending}")
     state, contacts = measure(disks), find_contacts(disks)
     held = np.load("p.npz")
-    ((columns, facts),) = xyz(tmp_path / "p.xyz")
-    ((rows, cell),) = dump(tmp_path / "p.dump")
-    atoms, bonds, box = data(tmp_path / "p.data")
+    ((columns, lattice, facts),), ((rows, cell, _),), ((atoms, box, _),) = (
+        frames_of(tmp_path / f"p.{ending}") for ending in ("xyz", "dump", "data")
+    )
     arrays = vtp(tmp_path / "p.vtp")
 
-    lattice = np.array(facts["Lattice"].strip('"').split(), float).reshape(3, 3)
     whole = disks.positions - held["positions"]  # by cell vectors: the lattice is the same
     shifts = whole @ np.linalg.inv(held["cell"])
     np.testing.assert_allclose(shifts, shifts.round(), atol=1e-9)
     turns = (disks.cell @ np.linalg.inv(held["cell"])).round()
     np.testing.assert_allclose(turns @ held["cell"], disks.cell, atol=1e-12)
     assert abs(held["cell"][1, 0]) <= held["cell"][0, 0] / 2 and inside(held["cell"], held["positions"])
-    for other in (lattice[:2, :2], cell, box, arrays["cell"][:, :2]):
+    for other in (lattice, cell, box, arrays["cell"][:, :2]):
         np.testing.assert_allclose(other, held["cell"], rtol=1e-14)
-    places = np.column_stack((rows["x"], rows["y"]))
-    for other in (columns["pos"][:, :2], places, atoms[:, 5:7], arrays["points"][: disks.n, :2]):
+    places = [np.column_stack((one["x"], one["y"])) for one in (columns, rows, atoms)]
+    for other in (*places, arrays["points"][: disks.n, :2]):
         np.testing.assert_array_equal(other, held["positions"])
 
     number = np.bincount(np.r_[state.contacts.i, state.contacts.j], minlength=disks.n)
@@ -136,11 +106,13 @@ def test_a_packing_in_every_format(tmp_path, monkeypatch, sample):
         np.testing.assert_array_equal(found["coordination"], number)
         normal = (found["stress_xx"] + found["stress_yy"]) @ found["area"]
         assert -normal / 2 / disks.area == pytest.approx(state.pressure, rel=1e-12)
-    np.testing.assert_array_equal(atoms[:, 3], 2 * disks.radii)
-    assert float(facts["pressure"]) == state.pressure
+    np.testing.assert_array_equal(atoms["diameter"], 2 * disks.radii)
+    assert facts["pressure"] == state.pressure
 
     assert held["contact_bearing"].sum() == len(state.contacts)
     np.testing.assert_array_equal(held["contact_overlap"], contacts.overlap)
+    lines = (tmp_path / "p.data").read_text().partition("\nBonds\n\n")[2].splitlines()
+    bonds = np.array([line.replace("#", "").split()[2:] for line in lines], float)
     np.testing.assert_array_equal(bonds[:, :2].astype(int) - 1, held["contact_pairs"])
     np.testing.assert_array_equal(bonds[:, 2:].T, (contacts.force, contacts.overlap))
     i, j = arrays["connectivity"].reshape(-1, 2).T
@@ -164,10 +136,13 @@ def test_motion_is_shown_on_the_packing(session, shared_path, monkeypatch):
     export("modes.h5 --mode 3 --out mode.xyz")
     export("s.h5 --field 1e-3 --out field.vtp")
     export("slow.h5 --out slow.npz")
-    ((columns, facts),) = xyz(shared_path / "mode.xyz")
-    mode, rattlers = columns["mode"], np.setdiff1d(np.arange(disks.n), modes["particles"])
-    np.testing.assert_array_equal(mode[modes["particles"], :2], modes["modes"][2])
-    assert float(facts["eigenvalue"]) == modes["eigenvalues"][2] and len(rattlers) == 2
+    ((columns, _, facts),) = frames_of(shared_path / "mode.xyz")
+    mode, rattlers = (
+        pair(columns, "mode"),
+        np.setdiff1d(np.arange(disks.n), modes["particles"]),
+    )
+    np.testing.assert_array_equal(mode[modes["particles"]], modes["modes"][2])
+    assert facts["eigenvalue"] == modes["eigenvalues"][2] and len(rattlers) == 2
     assert not mode[rattlers].any() and columns["rattler"][rattlers].all()
     field = sweep["fields/displacement"][0]
     arrays = vtp(shared_path / "field.vtp")
@@ -217,22 +192,22 @@ def test_a_flow_is_one_file_of_many_frames(tmp_path, monkeypatch):
     result = jampetsc.load("f.h5")
     export("f.h5 --out f.xyz")
     export("f.h5 --out f.dump")
-    texts, rows = xyz(tmp_path / "f.xyz"), dump(tmp_path / "f.dump")
+    texts, rows = frames_of(tmp_path / "f.xyz"), frames_of(tmp_path / "f.dump")
     assert len(texts) == len(rows) == 3
     tilts = []
-    for row, ((columns, facts), (shown, cell)) in enumerate(zip(texts, rows, strict=True)):
+    for row, ((columns, _, facts), (shown, cell, _)) in enumerate(zip(texts, rows, strict=True)):
         disks = snapshot(result, row)
         velocity = result["snapshots/velocities"][row]
-        np.testing.assert_array_equal(columns["velo"][:, :2], velocity)
+        np.testing.assert_array_equal(pair(columns, "velo"), velocity)
         np.testing.assert_array_equal((shown["vx"], shown["vy"]), velocity.T)
         assert disks.strain == result["snapshots/strain"][row] and np.array_equal(disks.velocities, velocity)
         np.testing.assert_array_equal((shown["ix"], shown["iy"]), disks.images.T)
         turned = disks.reordered(np.arange(disks.n)[::-1])  # with all that is of a disk
         assert np.array_equal(turned.unwrapped[::-1], disks.unwrapped)
         assert np.array_equal(turned.velocities[::-1], velocity) and turned.strain == disks.strain
-        np.testing.assert_array_equal(columns["image"], np.pad(disks.images, ((0, 0), (0, 1))))
-        np.testing.assert_array_equal(columns["unwrapped"][:, :2], disks.unwrapped)
-        assert float(facts["strain"]) == result["snapshots/strain"][row] and facts["rate"] == "0.01"
+        np.testing.assert_array_equal(pair(columns, "image"), disks.images)
+        np.testing.assert_array_equal(pair(columns, "unwrapped"), disks.unwrapped)
+        assert facts["strain"] == result["snapshots/strain"][row] and facts["rate"] == 0.01
         places = np.column_stack((shown["x"], shown["y"]))
         pairs = [all_pairs(p, disks.radii, c) for p, c in ((places, cell), (disks.positions, disks.cell))]
         one, other = (sorted(np.hypot(*np.array(r, float).T)) for *_, r in pairs)
@@ -247,19 +222,19 @@ def test_a_flow_is_one_file_of_many_frames(tmp_path, monkeypatch):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["f.dump", "f.h5", "f.xyz"]
 
 
-def test_gsd_needs_its_package(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    disks = samples.isostatic()
-    write_packing("p.h5", disks)
-    if importlib.util.find_spec("gsd") is None:
-        with pytest.raises(InputError, match="needs the package gsd: pip install"):
-            export("p.h5 --out p.gsd")
-        return
-    export("p.h5 --out p.gsd")
-    with importlib.import_module("gsd.hoomd").open("p.gsd") as file:
-        frame = file[0]
-    np.testing.assert_allclose(frame.particles.diameter, 2 * disks.radii, rtol=1e-6)
-    np.testing.assert_allclose(frame.log["bonds/force"], find_contacts(disks).force)
+def test_disks_that_do_not_touch_are_exported_without_contacts_and_by_their_sizes(tmp_path):
+    disks = Disks.from_positions(np.array([[1.0, 1.0], [5.0, 5.0]]), np.array([0.5, 0.7]), 9.0 * np.eye(2))
+    for ending in ("xyz", "dump", "data", "vtp", "npz"):
+        assert write_frames(tmp_path / f"p.{ending}", [packing_frame(disks)]) == 1
+    assert vtp(tmp_path / "p.vtp")["connectivity"].size == 0
+    for ending in ("xyz", "dump", "data", "npz"):
+        found = jampetsc.import_packing(tmp_path / f"p.{ending}")
+        np.testing.assert_array_equal(found.positions, disks.positions)
+    row = np.column_stack((3.0 * np.arange(11), np.ones(11)))
+    for count, types in ((2, [1, 2]), (10, range(1, 11)), (11, [1] * 11)):  # where sizes are few
+        disks = Disks.from_positions(row[:count], 0.5 + 0.01 * np.arange(count), 40.0 * np.eye(2))
+        write_frames(tmp_path / "p.dump", [packing_frame(disks)])
+        assert frames_of(tmp_path / "p.dump")[0][0]["type"].tolist() == list(types)
 
 
 def test_what_cannot_be_exported_is_one_line(tmp_path, monkeypatch):
@@ -269,7 +244,8 @@ def test_what_cannot_be_exported_is_one_line(tmp_path, monkeypatch):
         "p.h5 --out p.pdb": "--out p.pdb: choose the ending of a format: .gsd, .npz, .xyz",
         "p.h5 --mode 1 --out p.xyz": "--mode: is of modes files, and p.h5 is a packing file",
         "none.h5 --out p.xyz": "none.h5: ",
+        **({} if find_spec("gsd") else {"p.h5 --out p.gsd": "needs the package gsd: pip install"}),
     }.items():
         with pytest.raises(InputError, match=re.escape(message)):
             export(words)
-    assert json.dumps([path.name for path in tmp_path.iterdir()]) == '["p.h5"]'
+    assert [path.name for path in tmp_path.iterdir()] == ["p.h5"]

@@ -3,11 +3,12 @@
 import json
 import os
 import re
-from pathlib import Path
+from contextlib import nullcontext
 
 import h5py
 import numpy as np
 import pytest
+from samples import JAMBASHBULK, JAXMD
 
 from jampetsc.cli import main as cli
 from jampetsc.core.potentials import Potential
@@ -16,10 +17,6 @@ from jampetsc.errors import InputError
 from jampetsc.io import importers
 from jampetsc.io.importers import import_packing
 from jampetsc.io.packing_file import read_packing
-
-DATA = Path(__file__).parents[1] / "data"
-JAMBASHBULK = DATA / "jambashbulk-N16-P1e-3-0001.txt"
-JAXMD = DATA / "jaxmd-2d_polyuniform_N64_Lp-1.0.nc"
 
 
 def test_jambashbulk_has_its_published_numbers():
@@ -74,63 +71,68 @@ def test_cell_vectors_are_the_columns_of_a_box(tmp_path):
     assert disks.cell[1, 0] == tilted[0, 1] != 0 and disks.cell[0, 1] == 0
     assert disks.record["energy"] == pytest.approx(plain.record["energy"], rel=1e-12)
     assert [disks.record[f"published_stress_{name}"] for name in ("xx", "xy", "yx", "yy")] == stress
-
-
-def test_fractions_of_the_box_are_what_fits_the_energy(tmp_path):
-    """Taken as lengths, the positions would have another energy: the file is refused, not misread."""
-    spoiled = tmp_path / "x.nc"
-    spoiled.write_bytes(JAXMD.read_bytes())
-    with h5py.File(spoiled, "r+") as h5:
+    with h5py.File(tmp_path / "x.nc", "r+") as h5:
         h5["pos"][...] *= 0.99
-    with pytest.raises(
-        InputError, match=r"x\.nc: pressure is .* but stored as 0\.1002.*: another potential or unit"
-    ):
-        import_packing(spoiled)
+    with pytest.raises(InputError, match=r"x\.nc: pressure is .* but stored as 0\.1002.*: another potential"):
+        import_packing(tmp_path / "x.nc")
 
 
-EDITS = {
-    "a line lost": (
-        lambda text: "\n".join(text.splitlines()[:20]),
-        "lines x, y, r for N = 16 disks: truncated",
-    ),
-    "the end lost": (lambda text: text.replace("\n}", "\n"), "lines x, y, r for N = 16 disks: truncated"),
-    "no L2": (lambda text: text.replace("L2=", "LL="), "no L2 = … in the header"),
-    "no P": (lambda text: text.replace("P =", "Q ="), "no P = … in the header"),
-    "nan": (lambda text: text.replace("8.8767069662298361795", "nan"), r"positions\[0\].*must be finite"),
+TEXT = JAMBASHBULK.read_text()
+NONE_OF = "none of lammps-data, lammps-dump, extxyz, gsd, xyr, npz, jamBashbulk, jax-md"
+SPOILED = {  # what is wrong -> (content, the message)
+    "a line lost": ("\n".join(TEXT.splitlines()[:20]), "lines x, y, r for N = 16 disks: truncated"),
+    "the end lost": (TEXT.replace("\n}", "\n"), "lines x, y, r for N = 16 disks: truncated"),
+    "no L2": (TEXT.replace("L2=", "LL="), "no L2 = … in the header"),
+    "no P": (TEXT.replace("P =", "Q ="), "no P = … in the header"),
+    "nan": (TEXT.replace("8.8767069662298361795", "nan"), r"positions\[0\].*must be finite"),
     "no pressure": (
-        lambda text: re.sub(r"P = [\d.e-]+", "P = nan", text),
+        re.sub(r"P = [\d.e-]+", "P = nan", TEXT),
         "pressure is .* but stored as nan: another potential",
     ),
-    "no number": (lambda text: text.replace("8.8767069662298361795", "8.8.7"), "8.8.7, .*: not numbers"),
-    "negative": (
-        lambda text: text.replace("1.3999999999999999112", "-1.4"),
-        r"radii\[8\] = -1.4: must be positive",
-    ),
-    "moved": (lambda text: text.replace("8.87670", "8.97670"), "pressure is .* but stored as 0.001: another"),
-    "other text": (
-        lambda text: "x y r\n1 2 3\n",
-        "none of lammps-data, lammps-dump, extxyz, gsd, xyr, npz, jamBashbulk, jax-md",
-    ),
-    "empty": (
-        lambda text: "",
-        "none of lammps-data, lammps-dump, extxyz, gsd, xyr, npz, jamBashbulk, jax-md",
-    ),
-    "cell": (
-        lambda text: text.replace("9.5393607291793076335 ,", "1.5 ,"),
-        "cell that repeats at .*use more disks",
-    ),
+    "no number": (TEXT.replace("8.8767069662298361795", "8.8.7"), r"8\.8\.7 .*: not numbers"),
+    "negative": (TEXT.replace("1.3999999999999999112", "-1.4"), r"radii\[8\] = -1.4: must be positive"),
+    "moved": (TEXT.replace("8.87670", "8.97670"), "pressure is .* but stored as 0.001: another"),
+    "cell": (TEXT.replace("9.5393607291793076335 ,", "1.5 ,"), "cell that repeats at .*use more disks"),
+    "other text": ("x y r\n1 2 3\n", NONE_OF),
+    "empty": ("", NONE_OF),
+    "netCDF of another kind": (b"CDF\x01" + bytes(range(256)), NONE_OF),
+    "half": (JAXMD.read_bytes()[:20000], "truncated"),
 }
 
 
-@pytest.mark.parametrize("edit", EDITS)
-def test_spoiled_text_is_refused_in_one_line(tmp_path, edit):
-    change, message = EDITS[edit]
-    spoiled = tmp_path / "packing.txt"
-    spoiled.write_text(change(JAMBASHBULK.read_text()))
+def h5_of(tmp_path, attrs=None, **arrays):
+    """The content of an HDF5 file of these arrays."""
+    with h5py.File(tmp_path / "made.h5", "w") as h5:
+        h5.attrs.update(attrs or {})
+        for name, array in arrays.items():
+            h5[name] = array
+    return (tmp_path / "made.h5").read_bytes()
+
+
+def refused(path, content, message):
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(InputError, match=message) as caught:
-        import_packing(spoiled)
-    assert str(caught.value).startswith(f"{spoiled}: ") and str(caught.value).count(f"{spoiled}") == 1
+        import_packing(path)
+    assert str(caught.value).startswith(f"{path}: ") and str(caught.value).count(f"{path}") == 1
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("spoiled", SPOILED)
+def test_spoiled_files_are_refused_in_one_line(tmp_path, spoiled):
+    refused(tmp_path / "packing.txt", *SPOILED[spoiled])
+
+
+def test_hdf5_of_other_contents_is_refused_in_one_line(tmp_path):
+    path = tmp_path / "x.nc"
+    for pos, rad, box in ((12, 4, 9), (12, 5, 4), (8, 4, 2)):  # the first in three dimensions
+        arrays = {"pos": np.ones((1, pos)), "rad": np.ones((1, rad)), "box": np.ones((1, box))}
+        message = f"{pos} coordinates for {rad} disks: two-dimensional only"
+        refused(path, h5_of(tmp_path, **arrays), message)
+    refused(path, h5_of(tmp_path, pos=np.zeros((2, 8))), "no variable rad, box: not a packing file of jax-md")
+    ours = h5_of(tmp_path, {"format": "jampetsc-packing"})
+    refused(path, ours, "is a jampetsc-packing file already: nothing to import")
+    with pytest.raises(InputError, match=r"none.txt: cannot be read"):
+        import_packing(tmp_path / "none.txt")
 
 
 @pytest.mark.parametrize(("off", "refused"), [(1e-8, False), (5e-7, False), (5e-6, True), (1e-5, True)])
@@ -138,10 +140,7 @@ def test_how_far_a_stored_pressure_may_be_off(tmp_path, off, refused):
     """Published numbers have some nine digits; 1e-5 is another packing."""
     spoiled = tmp_path / "packing.txt"
     spoiled.write_text(re.sub(r"P = [\d.e-]+", f"P = {1e-3 * (1 + off):.17g}", JAMBASHBULK.read_text()))
-    if refused:
-        with pytest.raises(InputError, match=r"pressure is .* but stored as"):
-            import_packing(spoiled)
-    else:
+    with pytest.raises(InputError, match=r"pressure is .* but stored as") if refused else nullcontext():
         assert import_packing(spoiled).n == 16
 
 
@@ -155,35 +154,6 @@ def test_a_file_without_an_end_is_not_read(tmp_path, monkeypatch):
     monkeypatch.setattr(importers, "_LARGEST", 1000)
     with pytest.raises(InputError, match="more than 0 MB: cut"):
         import_packing(JAMBASHBULK)
-
-
-def test_other_files_are_refused(tmp_path):
-    (tmp_path / "cut.nc").write_bytes(JAXMD.read_bytes()[:20000])
-    (tmp_path / "classic.nc").write_bytes(b"CDF\x01" + bytes(range(256)))
-    with h5py.File(tmp_path / "other.h5", "w") as h5:
-        h5["pos"] = np.zeros((2, 8))
-    with h5py.File(tmp_path / "ours.h5", "w") as h5:
-        h5.attrs["format"] = "jampetsc-packing"
-    with h5py.File(tmp_path / "3d.nc", "w") as h5:
-        h5["pos"], h5["rad"], h5["box"] = np.ones((1, 12)), np.ones((1, 4)), np.ones((1, 9))
-    with h5py.File(tmp_path / "odd.nc", "w") as h5:
-        h5["pos"], h5["rad"], h5["box"] = np.ones((1, 12)), np.ones((1, 5)), np.eye(2).reshape(1, 4)
-    with h5py.File(tmp_path / "flat.nc", "w") as h5:
-        h5["pos"], h5["rad"], h5["box"] = np.ones((1, 8)), np.ones((1, 4)), np.ones((1, 2))
-    cases = {
-        "odd.nc": "12 coordinates for 5 disks: two-dimensional only",
-        "flat.nc": "8 coordinates for 4 disks: two-dimensional only",
-        "cut.nc": "truncated",
-        "classic.nc": "none of lammps-data, lammps-dump, extxyz, gsd, xyr, npz, jamBashbulk, jax-md",
-        "other.h5": "no variable rad, box: not a packing file of jax-md",
-        "ours.h5": "is a jampetsc-packing file already: nothing to import",
-        "3d.nc": "12 coordinates for 4 disks: two-dimensional only",
-        "none.txt": "cannot be read",
-    }
-    for name, message in cases.items():
-        with pytest.raises(InputError, match=message) as refused:
-            import_packing(tmp_path / name)
-        assert str(refused.value).startswith(f"{tmp_path / name}: ") and str(refused.value).count(name) == 1
 
 
 def test_which_packing_of_many(tmp_path):

@@ -1,23 +1,27 @@
 """`merge`: one plain file with the same contents, and nothing lost whatever goes wrong."""
 
-import os
-import resource
+import errno
 import shutil
-import signal
+from itertools import count
 
 import h5py
 import numpy as np
 import pytest
-from test_result_file import assert_holds, names, parts
+from disturbed import WRITES, disturb, killed
+from test_result_file import assert_holds, names
 
 from jampetsc.cli import main as cli
-from jampetsc.errors import InputError, JampetscError
+from jampetsc.errors import JampetscError
 from jampetsc.io import merge as merging
 from jampetsc.io.merge import merge
+from jampetsc.io.parts import parts_of
 
 
-def test_in_place(joint):
-    assert merge(joint) == 3
+@pytest.mark.parametrize("out", [None, "link.h5"])
+def test_in_place(joint, tmp_path, out):
+    """Also where the output is the file itself by another name."""
+    (tmp_path / "link.h5").symlink_to(joint)
+    assert merge(joint, out and tmp_path / out) == 3
     assert names(joint.parent) == ["s.h5"]
     assert_holds(joint)
     with h5py.File(joint) as h5:
@@ -37,13 +41,6 @@ def test_to_another_file(joint, tmp_path):
     assert_holds(tmp_path / "two.h5")
 
 
-def test_out_that_is_the_file_itself_means_in_place(joint, tmp_path):
-    (tmp_path / "link.h5").symlink_to(joint)
-    assert merge(joint, tmp_path / "link.h5") == 3
-    assert names(joint.parent) == ["s.h5"]
-    assert_holds(joint)
-
-
 def test_block_by_block(joint, monkeypatch):
     monkeypatch.setattr(merging, "_BLOCK_BYTES", 100)  # smaller than one frequency, a few rows of the others
     merge(joint)
@@ -61,70 +58,33 @@ def test_attributes_of_groups_and_datasets_are_kept(joint):
         assert "empty" in h5
 
 
-def test_a_missing_part_stops_it(joint):
-    part = parts(joint)[1]
-    part.unlink()
+def test_a_full_disk_leaves_everything(joint, monkeypatch):
+    def fail():
+        raise OSError(errno.ENOSPC, "full")
+
     before = names(joint.parent)
-    with pytest.raises(InputError, match=f"part s.parts/{part.name} is missing"):
+    for number in (0, 7):  # as it begins, and while data are written
+        with monkeypatch.context() as patch:
+            disturb(patch.setattr, number, fail, WRITES)
+            with pytest.raises(JampetscError, match="disk full: make room"):
+                merge(joint)
+        assert names(joint.parent) == before
+        assert_holds(joint)
+
+
+def test_a_kill_at_any_moment_loses_nothing(made, tmp_path):
+    """While copying, before the file gets its name, and after that with parts still there."""
+    found = set()
+    for number in count():
+        joint = shutil.copytree(made / "3-1", tmp_path / str(number)) / "s.h5"
+        if not killed(number, lambda joint=joint: merge(joint)):
+            break
+        found.add(len(parts_of(joint).sizes))
+        assert_holds(joint)
         merge(joint)
-    assert names(joint.parent) == before
-
-
-@pytest.mark.parametrize("name, message", [("none.h5", "no such file"), ("text.h5", "not an HDF5 file")])
-def test_files_that_cannot_be_merged(tmp_path, name, message):
-    (tmp_path / "text.h5").write_text("omega,G\n")
-    with pytest.raises(InputError, match=message):
-        merge(tmp_path / name)
-
-
-def in_child(action):
-    """Exit status or signal of a child process that does `action`; 1 for a JampetscError."""
-    child = os.fork()
-    if child == 0:
-        try:
-            action()
-            os._exit(0)
-        except JampetscError:
-            os._exit(1)
-        finally:
-            os._exit(99)
-    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-
-
-def test_a_full_disk_leaves_everything(joint):
-    before = names(joint.parent)
-
-    def action():
-        resource.setrlimit(resource.RLIMIT_FSIZE, (3000, resource.RLIM_INFINITY))
-        merge(joint)
-
-    assert in_child(action) == 1
-    assert names(joint.parent) == before
-    assert_holds(joint)
-
-
-@pytest.mark.parametrize("moment", ["_copy_dataset", "PartList.check_present", "PartList.remove"])
-def test_a_kill_loses_nothing(joint, monkeypatch, moment):
-    """Killed while copying, before the file gets its name, and after that with the parts still there."""
-    target, name = (merging, moment) if "." not in moment else (merging.PartList, moment.split(".")[1])
-    original = getattr(target, name)
-    calls = []
-
-    def kill(*args):
-        calls.append(args)
-        if moment != "PartList.check_present" or len(calls) == 2:
-            os.kill(os.getpid(), signal.SIGKILL)
-        return original(*args)
-
-    def action():
-        monkeypatch.setattr(target, name, kill)
-        merge(joint)
-
-    assert in_child(action) == -signal.SIGKILL
-    assert_holds(joint)
-    merge(joint)
-    assert_holds(joint)
-    assert [file for file in names(joint.parent) if file.endswith(".partial")] == []
+        assert_holds(joint)
+        assert not list(joint.parent.glob("*.partial"))
+    assert found == {0, 3} and names(joint.parent) == ["s.h5"]
 
 
 def test_what_was_merged_copied_or_left_is_told(joint, tmp_path, monkeypatch, capsys):
@@ -142,3 +102,5 @@ def test_what_was_merged_copied_or_left_is_told(joint, tmp_path, monkeypatch, ca
     assert said("s.h5", "--out", "./s.h5") == "s.h5: one file already, nothing to do\n"
     assert said("s.h5", "--out", "two.h5") == "two.h5: copy of s.h5, which was one file already\n"
     assert np.array_equal(*(h5py.File(name)["G"][...] for name in ("one.h5", "two.h5")))
+    assert cli.main(["merge", "s.h5", "--out", "one.h5"]) == 2  # made of another file: what that was before
+    assert "one.h5: is there already and has other inputs" in capsys.readouterr().err

@@ -6,6 +6,7 @@ import socket
 import stat
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from samples import JAMBASHBULK, published, put
@@ -41,7 +42,7 @@ COMMANDS = {  # words without --out -> the ending of what it writes
     "trade p.h5": ".csv",
     "trade t.h5 --options-files p.h5": ".csv",
 }
-HELD = {"import": "packing", "pack": "packing", "merge": "sweep"}  # what else the command could replace
+HELD = {"import": "packing", "pack": "packing"}  # what the command may replace
 
 
 @pytest.fixture
@@ -85,7 +86,7 @@ def used(words):
 
 
 @pytest.mark.parametrize("words", COMMANDS)
-def test_an_input_is_never_the_output(inputs, capsys, words):
+def test_no_command_replaces_an_input_another_kind_of_file_or_what_is_no_file(inputs, capsys, words):
     source, ending = used(words), COMMANDS[words]
     Path("symbolic" + ending).symlink_to(source)
     os.link(source, "hard" + ending)
@@ -100,36 +101,21 @@ def test_an_input_is_never_the_output(inputs, capsys, words):
         assert f"{Path(out)}: is the input" in line
         assert line.endswith("which would be lost: choose another --out")
 
-
-@pytest.mark.parametrize("words", COMMANDS)
-def test_a_file_of_another_kind_is_never_replaced(inputs, capsys, words):
-    ending, kind = COMMANDS[words], HELD.get(words.split()[0], "correlation")
-    other = next(name for name in ("packing", "sweep") if name != kind)
-    if other == "packing":
-        write_packing("other" + ending, published())
-    else:
+    if HELD.get(words.split()[0]) == "packing":
         result("other" + ending, "jampetsc-sweep")
+    else:
+        write_packing("other" + ending, published())
     (inputs / ("text" + ending)).write_bytes(b"dear diary\0")
     (inputs / ("foreign" + ending)).write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(500))
-    for name, held in (
-        ("other", f"a jampetsc-{other} file"),
-        ("text", "a file of"),
-        ("foreign", "a damaged"),
-    ):
-        if words.startswith(("sweep", "spectrum")) and other == "sweep" and name == "other":
-            continue
+    for name, held in (("other", "a jampetsc-"), ("text", "a file of"), ("foreign", "a damaged")):
         line = refused(capsys, words, name + ending)
         assert f"{name}{ending}: is there already and is {held}" in line
         assert line.endswith("choose another --out, or remove it first")
 
-
-@pytest.mark.parametrize("words", COMMANDS)
-def test_what_is_no_regular_file_is_never_replaced(inputs, capsys, words):
-    ending = COMMANDS[words]
     os.mkfifo("pipe" + ending)
     Path("link" + ending).symlink_to("pipe" + ending)
-    (inputs / ("folder" + ending)).mkdir()
-    places = {"pipe": "is a pipe", "link": "is a pipe", "folder": "is a folder", "socket": "is a socket"}
+    (inputs / ("empty" + ending)).mkdir()
+    places = {"pipe": "is a pipe", "link": "is a pipe", "empty": "is a folder", "socket": "is a socket"}
     with socket.socket(socket.AF_UNIX) as server:
         server.bind("socket" + ending)
         if os.geteuid() == 0:
@@ -137,20 +123,6 @@ def test_what_is_no_regular_file_is_never_replaced(inputs, capsys, words):
             places["node"] = "is a device"
         for name, message in places.items():
             assert message in refused(capsys, words, name + ending)
-
-
-def test_earlier_results_of_the_same_kind_are_replaced(inputs):
-    (inputs / "empty").touch()
-    (inputs / "table.csv").write_text("# measured\n1,2\n")
-    for name, start in (("a.png", b"\x89PNG\r\n\x1a\n"), ("a.pdf", b"%PDF-1.4"), ("a.svg", b"<?xml version")):
-        (inputs / name).write_bytes(start + bytes(9))
-        check_output(name, PICTURE)
-        with pytest.raises(InputError, match="is a picture, not a table"):
-            check_output(name, TABLE)
-    for name, kind in (("s.h5", "jampetsc-sweep"), ("p.h5", "jampetsc-packing"), ("table.csv", TABLE)):
-        check_output(name, kind)
-        check_output("none" + name, kind)
-        check_output("empty", kind)
 
 
 ALONE = ("flow", "shear", "import", "spectrum")
@@ -298,16 +270,72 @@ def test_what_writes_asks_again(inputs):
     assert stat.S_ISFIFO(Path("pipe").stat().st_mode)
 
 
-def test_reading_what_is_no_regular_file_ends(inputs, capsys):
+def test_what_is_no_regular_file_is_not_read(inputs, capsys):
+    """A pipe has no end; a socket cannot even be opened, which shows that a look comes first."""
     os.mkfifo("pipe.h5")
-    for words in ("info pipe.h5", "merge pipe.h5", "import pipe.h5 --out q.h5", "plot pipe.h5 --out q.png"):
-        assert cli.main(words.split()) == 2
-        assert "pipe.h5: is a pipe: give a regular file" in capsys.readouterr().err
-
-
-def test_what_is_no_regular_file_is_not_even_opened(inputs, capsys):
-    """Opening a device may do something; a socket cannot be opened at all, which shows the order."""
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind("socket.h5")
-        assert cli.main(["info", "socket.h5"]) == 2
-    assert "socket.h5: is a socket: give a regular file" in capsys.readouterr().err
+        for words in ("info {}", "merge {}", "import {} --out q.h5", "plot {} --out q.png"):
+            for kind in ("pipe", "socket"):
+                assert cli.main(words.format(f"{kind}.h5").split()) == 2
+                assert f"{kind}.h5: is a {kind}: give a regular file" in capsys.readouterr().err
+
+
+# Of whatever command
+
+KINDS = {  # content -> the kinds of files that may replace it, and what it is called where one may not
+    ("a.csv", b"1,2\n"): (TABLE, "a table"),
+    ("a.CSV", b"# measured\n1,2\n"): (TABLE, "a table"),
+    ("a.csv", b"x\0"): (None, "a file of another kind"),
+    ("a.txt", b"1,2\n"): (None, "a file of another kind"),
+    ("a.svg", b"\xef\xbb\xbf<?xml version"): (PICTURE, "a picture"),
+    ("a.png", b"<svg"): (PICTURE, "a picture"),
+    ("a.png", b"\x89PNG\r\n\x1a\n"): (PICTURE, "a picture"),
+    ("a.pdf", b"%PDF-1.4"): (PICTURE, "a picture"),
+    ("a.h5", b"\x89HDF\r\n\x1a\n"): (None, "a damaged HDF5 file"),
+    ("a.xyz", b"3\nLattice="): ("an exported .xyz file", "an exported .xyz file"),
+    ("a.any", b""): ("any kind", None),
+}
+
+
+@pytest.mark.parametrize(("name", "content"), KINDS)
+def test_what_is_there_already(tmp_path, name, content):
+    (tmp_path / name).write_bytes(content)
+    allowed, held = KINDS[name, content]
+    for kind in (TABLE, PICTURE, "an exported .xyz file"):
+        if allowed in (kind, "any kind"):
+            check_output(tmp_path / name, kind)
+        else:
+            with pytest.raises(
+                InputError, match=f"is there already and is {held}, not a.* {kind.split()[-1]}: choose"
+            ):
+                check_output(tmp_path / name, kind)
+
+
+@pytest.mark.parametrize("attrs", [{}, {"format": "NXdata"}, {"format": 3}])
+def test_hdf5_of_another_program_is_not_replaced(tmp_path, attrs):
+    with h5py.File(tmp_path / "a.h5", "w") as h5:
+        h5.attrs.update(attrs)
+    with pytest.raises(InputError, match="is an HDF5 file of another program, not a jampetsc-sweep file"):
+        check_output(tmp_path / "a.h5", "jampetsc-sweep")
+
+
+@pytest.mark.parametrize("ending", [".png", ".PDF", ".svg", ".csv", ".Txt", ".opts"])
+def test_endings_that_promise_something_else(tmp_path, ending):
+    with pytest.raises(InputError, match=r"would be an HDF5 file by that name: give it the ending \.h5"):
+        check_output(tmp_path / f"a{ending}", "jampetsc-sweep")
+    check_output(tmp_path / f"a{ending}", PICTURE)
+
+
+def test_neither_an_input_nor_another_output_may_be_the_output(inputs):
+    """By whatever name; an input is named where it has another one."""
+    os.link("s.h5", "hard.h5")
+    Path("link").symlink_to(inputs)
+    for out, other in (("s.h5", "hard.h5"), ("new.h5", "link/new.h5"), ("new.h5", "./new.h5")):
+        with pytest.raises(InputError, match="is another file that this run writes: choose another name for"):
+            check_output(out, "jampetsc-sweep", beside=[other])
+    for out, message in (("s.h5", "s.h5: is the input, which"), ("hard.h5", r"hard.h5: is the input s\.h5,")):
+        with pytest.raises(InputError, match=message):
+            check_output(out, "jampetsc-sweep", ["none.h5", "s.h5"])
+    for out, kind in (("s.h5", "sweep"), ("p.h5", "packing"), ("new.h5", "sweep")):
+        check_output(out, f"jampetsc-{kind}", ["none.h5"], ["t.h5", "none/c.h5"])

@@ -4,7 +4,6 @@ import errno
 import os
 import stat
 from datetime import datetime
-from pathlib import Path
 from types import SimpleNamespace
 
 import h5py
@@ -15,10 +14,9 @@ from samples import published
 import jampetsc
 from jampetsc.cli import main as cli
 from jampetsc.errors import InputError, JampetscError
-from jampetsc.io import fields, regular
+from jampetsc.io import fields, hdf5, regular
 from jampetsc.io.hdf5 import (
     attributes,
-    check_format,
     open_file,
     opening,
     reading,
@@ -26,13 +24,13 @@ from jampetsc.io.hdf5 import (
     undisturbed,
     values,
 )
-from jampetsc.io.outputs import PICTURE, TABLE, check_output
-from jampetsc.io.packing_file import read_packing, write_packing
-from jampetsc.io.provenance import derived_from, git_commit
+from jampetsc.io.outputs import check_output
+from jampetsc.io.packing_file import write_packing
+from jampetsc.io.provenance import derived_from
+from jampetsc.io.reader import collected
 from jampetsc.io.regular import kind, open_regular
 from jampetsc.io.request import LONGEST_LINE, Request
 from jampetsc.io.result_file import ResultWriter
-from jampetsc.io.results import StoredArray
 
 
 def handles():
@@ -42,20 +40,10 @@ def handles():
 # What is no regular file
 
 
-@pytest.mark.parametrize(
-    ("mode", "words"),
-    [
-        (stat.S_IFREG, None),
-        (stat.S_IFDIR, "a folder"),
-        (stat.S_IFIFO, "a pipe"),
-        (stat.S_IFSOCK, "a socket"),
-        (stat.S_IFCHR, "a device"),
-        (stat.S_IFBLK, "a device"),
-        (0, "a special file"),
-    ],
-)
-def test_kinds_of_files(mode, words):
-    assert kind(mode | 0o644) == words
+def test_kinds_of_files():
+    words = {stat.S_IFREG: None, stat.S_IFDIR: "a folder", stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket"}
+    words |= {stat.S_IFCHR: "a device", stat.S_IFBLK: "a device", 0: "a special file"}
+    assert {mode: kind(mode | 0o644) for mode in words} == words
 
 
 def test_what_takes_the_place_of_a_file_is_looked_at_once_more(tmp_path, monkeypatch):
@@ -116,8 +104,8 @@ def test_without_permission(tmp_path, monkeypatch):
         raise PermissionError(errno.EACCES, "Permission denied")
 
     monkeypatch.setattr(regular.os, "open", refuse)
-    with pytest.raises(InputError, match=r"x\.h5: no permission to read it$"):
-        open_file(path)
+    with pytest.raises(InputError, match=r"x\.h5: no permission to read it$"), open_file(path):
+        pass
     with pytest.raises(
         InputError, match=r"is there already and is a file that cannot be read \(Permission denied\)"
     ):
@@ -126,85 +114,66 @@ def test_without_permission(tmp_path, monkeypatch):
 
 
 def test_attributes_are_plain_values(tmp_path):
-    written = {
-        "number": np.float64(0.5),
-        "flag": np.bool_(True),
-        "list": [1.0, 2.0],
-        "none": None,
-        "word": "β",
-    }
+    odd = {"bytes": np.bytes_(b"a\xff"), "one": np.array([3]), "square": np.array([[4]])}
     with h5py.File(tmp_path / "x.h5", "w") as h5:
-        set_attributes(h5, written)
-        h5.attrs["bytes"], h5.attrs["one"], h5.attrs["square"] = (
-            np.bytes_(b"a\xff"),
-            np.array([3]),
-            np.array([[4]]),
-        )
+        set_attributes(h5, {"number": np.float64(0.5), "flag": np.bool_(True), "none": None, "word": "β"})
+        h5.attrs.update(odd)
         found = attributes(h5)
-    assert "none" not in found and found["word"] == "β" and found["bytes"] == "a\ufffd"
-    assert (found["number"], found["flag"], found["one"]) == (0.5, True, 3)
+    assert found.pop("square").tolist() == [[4]]
+    assert found == {"number": 0.5, "flag": True, "word": "β", "bytes": "a\ufffd", "one": 3}
     assert [type(found[name]) for name in ("number", "flag", "one")] == [float, bool, int]
-    assert found["list"].tolist() == [1.0, 2.0] and found["square"].tolist() == [[4]]
 
 
 @pytest.mark.parametrize(
-    ("version", "message"),
+    ("attrs", "message"),
     [
-        ("1.9", None),
-        (1, None),
-        ("2.0", r"format_version 2\.0, but this jampetsc reads up to 1\.x: use jampetsc 9 or newer"),
-        ("one", r"format_version = 'one': must be a number such as 1\.0"),
+        ({"format_version": "1.9"}, None),
+        ({"format_version": 1}, None),
+        (
+            {"format_version": "2.0", "jampetsc_version": "9"},
+            r"format_version 2\.0, but this jampetsc reads up to 1\.x: use jampetsc 9 or newer",
+        ),
+        ({"format_version": "one"}, r"format_version = 'one': must be a number such as 1\.0"),
+        ({"format": "jampetsc-later"}, "format jampetsc-later: this jampetsc reads jampetsc-packing, "),
+        ({"format": "NXdata"}, "format = 'NXdata': not a jampetsc file"),
+        ({"format": 3}, "format = 3: not a jampetsc file"),
+        ({"format": "jampetsc-part"}, "is one rank's part: open the joint file beside its folder"),
+        ({"format": "jampetsc-packing"}, "is missing: a packing needs positions"),
     ],
 )
-def test_versions_of_a_format(version, message):
-    attrs = {"format": "jampetsc-sweep", "format_version": version, "jampetsc_version": "9"}
+def test_what_a_file_says_it_is(tmp_path, attrs, message):
+    path = sweep(tmp_path / "s.h5").path
+    with h5py.File(path, "r+") as h5:
+        h5.attrs.update(attrs)
     if message is None:
-        assert check_format("s.h5", attrs, "jampetsc-sweep") == "jampetsc-sweep"
+        assert jampetsc.load(path).format == "jampetsc-sweep"
         return
-    with pytest.raises(InputError, match=message):
-        check_format("s.h5", attrs)
+    with pytest.raises(InputError, match=message) as refused:
+        jampetsc.load(path)
+    assert str(refused.value).startswith(f"{path}: ")
 
 
-def test_a_format_that_is_not_the_one_needed():
-    with pytest.raises(
-        InputError, match=r"s\.h5: is a jampetsc-sweep file: a jampetsc-packing file is needed here"
-    ):
-        check_format("s.h5", {"format": "jampetsc-sweep"}, "jampetsc-packing")
-    for name in (None, 3, "sweep"):
-        with pytest.raises(InputError, match="not a jampetsc file"):
-            check_format("s.h5", {"format": name})
-
-
-def test_what_is_raised_on_damaged_contents():
-    with pytest.raises(InputError, match=r"^x: damaged \(no name\): copy or make it again$"), reading("x"):
-        raise KeyError("no name")
-    with pytest.raises(InputError, match=r"^in its own words$"), reading("x"):
-        raise InputError("in its own words")
-    for error, said in (
-        (OSError("Unable to open file (truncated file: eof = 96)"), "x: truncated: it was not written"),
-        (OSError("file signature not found"), "x: not an HDF5 file: jampetsc reads its own files"),
-        (OSError("odd\n  words"), r"x: cannot be read as HDF5 \(odd words\): copy or make it again"),
-    ):
-        with pytest.raises(InputError, match=said), opening("x"):
-            raise error
-
-
-DAMAGES = (
-    *(OSError, RuntimeError, KeyError, IndexError, ValueError, TypeError, AttributeError, ZeroDivisionError),
-    *(OverflowError, NotImplementedError),
-)
-
-
-@pytest.mark.parametrize("error", DAMAGES)
-def test_whatever_libraries_raise_on_a_damaged_file_is_damage(error):
-    with pytest.raises(InputError, match=r"^x: damaged \(odd words\): copy or make it again$"), reading("x"):
-        raise error("odd words")
-
-
-@pytest.mark.parametrize("error", [KeyboardInterrupt, JampetscError])
-def test_what_is_no_fault_of_the_file_is_raised_as_it_is(error):
-    with pytest.raises(error), reading("x"):
-        raise error
+@pytest.mark.parametrize(
+    ("block", "raised", "said"),
+    [
+        (opening, OSError("Unable to open file (truncated file: eof = 96)"), "x: truncated: it was not written"),
+        (opening, OSError("file signature not found"), "x: not an HDF5 file: jampetsc reads its own files"),
+        (opening, OSError("odd\n  words"), r"x: cannot be read as HDF5 \(odd words\): copy or make it again"),
+        (reading, InputError("in its own words"), "in its own words$"),
+        (reading, MemoryError("1 TB"), r"x: holds or claims more than there is memory for \(1 TB\)"),
+        (reading, KeyboardInterrupt("of the user"), "of the user$"),
+        (reading, JampetscError("no fault of the file"), "no fault of the file$"),
+        *(
+            (reading, error("odd words"), r"x: damaged \(odd words\): copy or make it again$")
+            for error in (OSError, RuntimeError, KeyError, IndexError, ValueError, TypeError, AttributeError,
+                          ZeroDivisionError, OverflowError, NotImplementedError)
+        ),
+    ],
+)  # fmt: skip
+def test_what_libraries_raise_on_a_damaged_file_is_one_line(block, raised, said):
+    mine = KeyboardInterrupt if isinstance(raised, KeyboardInterrupt) else JampetscError
+    with pytest.raises(mine, match=f"^{said}"), block("x"):
+        raise raised
 
 
 # Replaced meanwhile
@@ -231,7 +200,7 @@ def test_a_file_that_is_replaced_while_it_is_read_is_read_again(tmp_path):
             raise InputError("once more")
         return path.read_text()
 
-    assert undisturbed(path, action) == "newer" and tries == [path] * 4
+    assert undisturbed(action)(path) == "newer" and tries == [path] * 4
 
 
 def test_what_nobody_replaces_is_refused_at_once(tmp_path):
@@ -243,7 +212,7 @@ def test_what_nobody_replaces_is_refused_at_once(tmp_path):
 
     for path in (tmp_path, tmp_path / "none"):
         with pytest.raises(InputError, match="damaged"):
-            undisturbed(path, action)
+            undisturbed(action)(path)
     assert tries == [tmp_path, tmp_path / "none"]
 
 
@@ -253,159 +222,59 @@ def test_load_reads_again_too(tmp_path, monkeypatch):
     content, tries = path.read_bytes(), []
     path.write_bytes(b"half")
 
-    from_file = jampetsc.io.reader.open_file
+    from_stream = hdf5._from_stream
 
-    def replaced(name):
-        tries.append(name)
+    def replaced(file, *seal):
+        tries.append(file)
         try:
-            return from_file(name)
+            return from_stream(file, *seal)
         finally:
             if len(tries) == 1:
                 path.unlink()
                 path.write_bytes(content)
 
-    monkeypatch.setattr(jampetsc.io.reader, "open_file", replaced)
+    monkeypatch.setattr(hdf5, "_from_stream", replaced)
     assert jampetsc.load(path).n == published().n and len(tries) == 2
 
 
 def test_a_part_that_goes_while_it_is_read_is_noticed(tmp_path, monkeypatch):
-    path = result(tmp_path / "s.h5", x=np.arange(3.0))
-    with open_file(path) as h5:
-        array = StoredArray(path, "x", h5)
-    monkeypatch.setattr(
-        jampetsc.io.reader.PartList,
-        "check_present",
-        lambda self: (_ for _ in ()).throw(InputError("is missing")),
-    )
+    def missing(parts):
+        raise InputError("is missing")
+
+    held = sweep(tmp_path / "s.h5")
+    monkeypatch.setattr(jampetsc.io.reader.PartList, "check_present", missing)
     with pytest.raises(InputError, match="is missing"):
-        array[...]
-
-
-# What may be written where
-
-
-def test_no_other_file_that_the_run_writes_may_be_the_output(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "a.h5").touch()
-    os.link("a.h5", "hard.h5")
-    (tmp_path / "link").symlink_to(tmp_path)
-    for out, other in (("a.h5", "hard.h5"), ("new.h5", "link/new.h5"), ("new.h5", "./new.h5")):
-        with pytest.raises(
-            InputError, match="is another file that this run writes: choose another name for one"
-        ):
-            check_output(out, "jampetsc-flow", beside=[other])
-    check_output("a.h5", "jampetsc-flow", beside=["b.h5", "none/c.h5"])
-
-
-def test_an_input_is_named_where_it_has_another_name(tmp_path):
-    (tmp_path / "a.h5").touch()
-    os.link(tmp_path / "a.h5", tmp_path / "b.h5")
-    for out, message in (
-        ("a.h5", "a.h5: is the input, which"),
-        ("b.h5", f"b.h5: is the input {tmp_path}/a.h5,"),
-    ):
-        with pytest.raises(InputError, match=message):
-            check_output(tmp_path / out, "jampetsc-sweep", [tmp_path / "none.h5", tmp_path / "a.h5"])
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "held"),
-    [
-        ("a.csv", b"x\0", "a file of another kind"),
-        ("a.txt", b"1,2\n", "a file of another kind"),
-        ("a.CSV", b"1,2\n", None),
-        ("a.svg", b"\xef\xbb\xbf<?xml version", "a picture"),
-        ("a.png", b"<svg", "a picture"),
-        ("a.h5", b"\x89HDF\r\n\x1a\n", "a damaged HDF5 file"),
-    ],
-)
-def test_what_is_there_already(tmp_path, name, content, held):
-    (tmp_path / name).write_bytes(content)
-    if held is None:
-        check_output(tmp_path / name, TABLE)
-        return
-    with pytest.raises(InputError, match=f"is there already and is {held}, not a table: choose another"):
-        check_output(tmp_path / name, TABLE)
-
-
-def test_hdf5_of_another_program_is_not_replaced(tmp_path):
-    for name, attrs in (("a.h5", {}), ("b.h5", {"format": "NXdata"}), ("c.h5", {"format": 3})):
-        with h5py.File(tmp_path / name, "w") as h5:
-            h5.attrs.update(attrs)
-        with pytest.raises(InputError, match="is an HDF5 file of another program, not a jampetsc-sweep file"):
-            check_output(tmp_path / name, "jampetsc-sweep")
-
-
-@pytest.mark.parametrize("ending", [".png", ".PDF", ".svg", ".csv", ".Txt", ".opts"])
-def test_endings_that_promise_something_else(tmp_path, ending):
-    with pytest.raises(InputError, match=r"would be an HDF5 file by that name: give it the ending \.h5"):
-        check_output(tmp_path / f"a{ending}", "jampetsc-sweep")
-    check_output(tmp_path / f"a{ending}", PICTURE)
-
-
-# Packings
-
-
-def test_the_record_does_not_rule_what_a_packing_is(tmp_path):
-    disks = published().with_record(k=5.0, potential="hertzian", format="x", seed=3)
-    write_packing(tmp_path / "p.h5", disks)
-    found = read_packing(tmp_path / "p.h5")
-    assert found.potential == published().potential and found.record["seed"] == 3
-    assert not {"k", "potential", "format"} & found.record.keys()
-
-
-def test_odd_contents_of_a_packing(tmp_path):
-    path = tmp_path / "p.h5"
-    write_packing(path, published())
-    with h5py.File(path, "r+") as h5:
-        h5.attrs["k"] = [1.0, 2.0]
-    with pytest.raises(InputError, match=r"attribute k = .*: must be a positive number"):
-        read_packing(path)
-    with h5py.File(path, "r+") as h5:
-        del h5["radii"]
-        h5["radii"] = np.ones(published().n, bool)
-    with pytest.raises(InputError, match=r"radii holds bool: must be real"):
-        read_packing(path)
+        held["G"]
 
 
 # How a result came about
 
 
-def result(path, attributes=(), **arrays):
+def sweep(path=None, attributes=None, **arrays):
+    """A sweep of a file, or in memory, of these arrays and attributes."""
     with ResultWriter(path, "jampetsc-sweep") as writer:
-        for name in ("omega", "G", "error_bound"):
-            writer.dataset(name, arrays.pop(name, np.ones(2)))
-        for name, values_ in arrays.items():
-            writer.dataset(name, values_)
-        writer.attributes(**dict(attributes))
-    return path
+        for name, values_ in ({"omega": [1.0], "G": [1j], "error_bound": [0.0]} | arrays).items():
+            writer.dataset(name, np.array(values_))
+        writer.attributes(**attributes or {})
+    return jampetsc.load(path) if path else collected(writer)
 
 
 def test_what_sweeps_have_in_common(tmp_path):
-    shared = {
-        "law": "contact",
-        "beta": 0.5,
-        "pressure": 1e-3,
-        "packing_sha256": "ab",
-        "particle_count": 9,
-        "tau1": 2.0,
-    }
+    shared = {"law": "contact", "beta": 0.5, "pressure": 1e-3, "packing_sha256": "ab"}
+    shared |= {"particle_count": 9, "tau1": 2.0}
     sweeps = [
-        jampetsc.load(result(tmp_path / f"{n}.h5", {**shared, "phi": n, "packing": f"{n}.h5"}.items()))
-        for n in (1, 2)
+        sweep(tmp_path / f"{n}.h5", {**shared, "phi": n, "packing": f"{n}.h5"}, G=[1j * n]) for n in (1, 2)
     ]
     found = derived_from(sweeps, 1.5)
     assert shared.items() <= found.items() and not {"phi", "packing", "k"} & found.keys()
-    assert derived_from([jampetsc.load(result(tmp_path / "k.h5", {"k": 3.0}.items()))], 0.0)["k"] == 3.0
+    assert derived_from([sweep(attributes={"k": 3.0})], 0.0)["k"] == 3.0
     many = derived_from(sweeps * 600, 0.0)  # an attribute holds 64 kB
     assert all(len(many[name]) < LONGEST_LINE + 3 for name in ("sources", "source_runs"))
     assert (found["sources"], found["wall_seconds"]) == ("1.h5 2.h5", 1.5)
     assert datetime.fromisoformat(found["date"]).utcoffset() is not None
     assert found["source_runs"] == " ".join(sweep.attributes["run_id"] for sweep in sweeps)
-    only = jampetsc.load(result(tmp_path / "3.h5"))
-    assert "law" not in derived_from([only, sweeps[0]], 0.0) and "law" not in derived_from(
-        [sweeps[0], only], 0.0
-    )
+    for some in ([sweep(), sweeps[0]], [sweeps[0], sweep()]):
+        assert "law" not in derived_from(some, 0.0)
 
 
 def test_a_line_that_is_too_long_for_an_attribute_is_cut():
@@ -415,66 +284,49 @@ def test_a_line_that_is_too_long_for_an_attribute_is_cut():
     assert many.recorded["argv"] == "x" * LONGEST_LINE + " …"
 
 
-def test_a_commit_that_is_no_text(tmp_path):
-    (tmp_path / ".git").mkdir()
-    (tmp_path / ".git" / "HEAD").write_bytes(b"\xff")
-    assert git_commit(tmp_path) is None
-    assert git_commit(tmp_path / "none") is None
+# Fields
 
 
-class Fields:
-    """A sweep with fields of n disks at these frequencies."""
-
-    path = Path("s.h5")
-
-    def __init__(self, omega, n=3, particles=None):
-        self.omega = np.array(omega)
-        displacement = np.arange(2.0 * n * len(omega)).reshape(len(omega), n, 2) * 1j
-        self.fields = SimpleNamespace(omega=self.omega, displacement=displacement, rotation=None)
-        self.particles = particles
-
-    def __contains__(self, name):
-        return self.particles is not None
-
-    def __getitem__(self, name):
-        return np.array(self.particles)
+def of_fields(omega, n=3, value=0.0, **arrays):
+    """A sweep in memory with fields of n disks at these frequencies; a value of the last one."""
+    displacement = np.arange(2.0 * n * len(omega)).reshape(len(omega), n, 2) * 1j
+    displacement[-1:, -1:, 0] += value
+    return sweep(**{"fields/omega": omega, "fields/displacement": displacement}, **arrays)
 
 
 def test_frequencies_shown_by_themselves_are_four_at_most_in_their_order():
-    assert fields.chosen_frequencies(Fields([1.0])).tolist() == [0]
-    assert fields.chosen_frequencies(Fields([3.0, 1.0, 2.0])).tolist() == [1, 2, 0]
-    assert fields.chosen_frequencies(Fields([7.0, 6, 5, 4, 3, 2, 1])).tolist() == [6, 4, 2, 0]
+    for omega, rows in (([1.0], [0]), ([3.0, 1.0, 2.0], [1, 2, 0]), ([7.0, 6, 5, 4, 3, 2, 1], [6, 4, 2, 0])):
+        assert fields.chosen_frequencies(of_fields(omega)).tolist() == rows
     with pytest.raises(InputError, match="holds no fields: ask the sweep for fields"):
-        fields.chosen_frequencies(Fields([]))
+        fields.chosen_frequencies(of_fields([]))
 
 
 def test_a_frequency_is_found_to_a_hundredth():
-    held = Fields([10.0, 1.0, 0.1])
+    held = of_fields([10.0, 1.0, 0.1])
     assert fields.chosen_frequencies(held, [1.009, 0.0991, 10.0, 10.09]).tolist() == [1, 2, 0, 0]
     for omega in (1.0102, 0.9899, 0.102, 10.2):
-        with pytest.raises(
-            InputError, match=rf"no fields at omega = {omega:g}: nearest are 0\.1, 1, 10; or sweep"
-        ):
+        message = rf"no fields at omega = {omega:g}: nearest are 0\.1, 1, 10; or sweep"
+        with pytest.raises(InputError, match=message):
             fields.chosen_frequencies(held, [omega])
 
 
 def test_rows_of_fields_are_disks_of_the_packing():
     disks = SimpleNamespace(n=3)
-    assert fields.particle_rows(Fields([1.0]), disks).tolist() == [0, 1, 2]
-    assert fields.particle_rows(Fields([1.0], particles=[2, 0, 1]), disks).tolist() == [2, 0, 1]
-    for particles, n in (([0, 1], 3), ([0, 1, 3], 3), ([-1, 0, 1], 3), (None, 4)):
+    assert fields.particle_rows(of_fields([1.0]), disks).tolist() == [0, 1, 2]
+    assert fields.particle_rows(of_fields([1.0], particles=[2, 0, 1]), disks).tolist() == [2, 0, 1]
+    for n, more in ((3, [0, 1]), (3, [0, 1, 3]), (3, [-1, 0, 1]), (4, None)):
+        held = of_fields([1.0], n, **({} if more is None else {"particles": more}))
         with pytest.raises(InputError, match=r"fields of . particles do not fit the 3 disks of the packing"):
-            fields.particle_rows(Fields([1.0], n, particles), disks)
+            fields.particle_rows(held, disks)
     with pytest.raises(InputError, match="its fields are those of no disk, every one is a rattler"):
-        fields.particle_rows(Fields([1.0], 0, []), disks)
+        fields.particle_rows(of_fields([1.0], 0, particles=[]), disks)
 
 
 @pytest.mark.parametrize(
     ("value", "sound"), [(0.99e100, True), (1.01e100, False), (np.nan, False), (np.inf, False)]
 )
 def test_fields_that_no_packing_has(value, sound):
-    held = Fields([0.5, 2.0])
-    held.fields.displacement[1, 2, 0] = value
+    held = of_fields([0.5, 2.0], value=value)
     assert np.array_equal(fields.field_at(held, 0)[0], held.fields.displacement[0])
     if sound:
         assert fields.field_at(held, 1)[1] is None
@@ -483,10 +335,15 @@ def test_fields_that_no_packing_has(value, sound):
             fields.field_at(held, 1)
 
 
-def spectrum_of(tmp_path, **changes):
-    reduced = {"G0": 1.0, "eta_inf": 0.5, "rates": [0.1, 10.0], "weights": [1.0, 2.0]} | changes
-    arrays = {f"reduced/{name}": np.array(value) for name, value in reduced.items()}
-    return jampetsc.load(result(tmp_path / "s.h5", **arrays)).spectrum
+# Moduli
+
+
+def swept(omega, G, attributes=None, reduced=None, **arrays):
+    """A sweep in memory; reduced: what differs from two modes in its spectrum, None where it has none."""
+    modes = {"G0": 2.0, "eta_inf": 0.5, "rates": [1.0, 100.0], "weights": [3.0, 4.0]}
+    if reduced is not None:
+        arrays |= {f"reduced/{name}": value for name, value in (modes | reduced).items()}
+    return sweep(attributes=attributes, omega=omega, G=G, **arrays)
 
 
 @pytest.mark.parametrize(
@@ -502,49 +359,72 @@ def spectrum_of(tmp_path, **changes):
         {"rates": [0.1, np.nan]},
     ],
 )
-def test_spectra_that_no_packing_has(tmp_path, changes):
-    with pytest.raises(InputError, match=r"s\.h5: its spectrum holds values that no packing has"):
-        spectrum_of(tmp_path, **changes)
-    assert spectrum_of(tmp_path, rates=[0.99e100, 1.01e-100]).rates[0] == 0.99e100
+def test_spectra_that_no_packing_has(changes):
+    with pytest.raises(InputError, match=r"sweep in memory: its spectrum holds values that no packing has"):
+        swept([1.0], [1j], reduced=changes).spectrum  # noqa: B018
+    extreme = swept([1.0], [1j], reduced={"rates": [0.99e100, 1.01e-100]})
+    assert extreme.spectrum.rates[0] == 0.99e100
 
 
-def test_frequencies_are_told_apart_by_their_ratio(tmp_path):
-    omega = np.array([1e-14, 1.0])
-    held = jampetsc.load(result(tmp_path / "s.h5", omega=omega, G=omega * 1j))
-    assert held.modulus(1e-14 * (1 + 1e-13)) == 1e-14j and held.modulus([1.0, 1e-14]).tolist() == [1j, 1e-14j]
-    with pytest.raises(InputError, match=r"omega = 2e-14 is not one of its 2 frequencies, 1e-14 to 1"):
-        held.modulus(2e-14)
-    for nearly in (
-        1e-14 * (1 + 5e-13),
-        1 - 5e-13,
-    ):  # what rounding does to a number that was read and written
+def test_stored_frequencies_give_stored_values_and_a_spectrum_all_others():
+    omega = np.array([[0.2, 1.0, 50.0]])
+    maxwell = 2 + 0.5j * omega + 3j * omega / (1 + 1j * omega) + 4j * omega / (100 + 1j * omega)
+    held = swept([1.0, 2.0], [5 + 6j, 1j], reduced={})
+    found = held.modulus(omega)
+    assert np.allclose(found[0, ::2], maxwell[0, ::2], rtol=1e-12) and found[0, 1] == 5 + 6j
+    assert held.G_storage.tolist() == [5, 0] and held.G_loss.tolist() == [6, 1]
+    assert held.modulus(2.0) == 1j and np.ndim(held.modulus(3.0)) == 0
+
+
+def test_frequencies_are_told_apart_by_their_ratio():
+    held = swept([1e-14, 1.0], [1e-14j, 1j])
+    assert held.modulus([[1.0, 1e-14]]).tolist() == [[1j, 1e-14j]]
+    for nearly in (1e-14 * (1 + 5e-13), 1 - 5e-13):  # what rounding does to a number written and read
         assert held.modulus(nearly).imag == pytest.approx(nearly)
-    for other in (1e-14 * (1 + 5e-12), 1 - 5e-12):
-        with pytest.raises(InputError, match="is not one of its 2 frequencies"):
-            held.modulus(other)
+    for other in (1e-14 * (1 + 5e-12), 1 - 5e-12, 2e-14):
+        message = r"is not one of its 2 frequencies, 1e-14 to 1: method rational gives any"
+        with pytest.raises(InputError, match=f"omega = {other:g} {message}"):
+            held.modulus([1.0, other])
+    for odd in (np.nan, np.inf):  # which are near to every frequency that is stored, or to none
+        with pytest.raises(InputError, match=f"omega = {odd}: must be finite"):
+            held.modulus([1.0, odd])
     assert held.frequency_range == (1e-14, 1.0) and held.damping is None
-    with pytest.raises(InputError, match=r"attribute alpha is missing: make the file again"):
-        held.attributes["alpha"]
 
 
-def test_what_was_solved_under_power_law_damping_is_another_range(tmp_path):
-    arrays = {"equivalent_omega": np.array([3.0, 0.5])}
-    held = jampetsc.load(
-        result(tmp_path / "s.h5", {"alpha": 0.5, "stress": 1e-3, "tau1": 4.0}.items(), **arrays)
-    )
+def test_what_was_solved_under_power_law_damping_is_another_range():
+    power = {"alpha": 0.5, "stress": 1e-3, "tau1": 4.0}
+    held = swept([1.0, 2.0], [1j, 2j], power, {}, equivalent_omega=[3.0, 0.5])
     assert held.frequency_range == (0.5, 3.0)
     expected = held.damping.frequency(0.7 * 4.0) / 4.0
-    assert held._linear(0.7) == expected != held.damping.frequency(0.7)
-    reduced = {"G0": 1.0, "eta_inf": 0.5, "rates": np.array([0.1, 10.0]), "weights": np.array([1.0, 2.0])}
-    arrays |= {f"reduced/{name}": values_ for name, values_ in reduced.items()}
-    attributes_ = {"alpha": 0.5, "stress": 1e-3, "tau1": 4.0}
-    arrays |= {"omega": np.array([1.0, 2.0]), "G": np.array([1 + 1j, 2 + 1j])}
-    held = jampetsc.load(result(tmp_path / "s.h5", attributes_.items(), **arrays))
+    assert expected != held.damping.frequency(0.7)
     assert held.modulus(0.7) == held.spectrum.modulus(expected) != held.spectrum.modulus(0.7)
-    late = tmp_path / "t.h5"
-    with ResultWriter(late, "jampetsc-spectrum") as writer:
-        writer.dataset("relaxation/rates", np.array([2.0]))
-        writer.dataset("relaxation/weights", np.array([3.0]))
-        writer.attributes(G0=1.0, eta_inf=0.0, slowest_omega=1e-3, fastest_omega=1e3)
-    found = jampetsc.load(late)
+
+
+def test_the_spectrum_of_a_file_of_its_own():
+    writer = ResultWriter(None, "jampetsc-spectrum")
+    writer.dataset("relaxation/rates", np.array([2.0]))
+    writer.dataset("relaxation/weights", np.array([3.0]))
+    writer.attributes(G0=1.0, eta_inf=0.0, slowest_omega=1e-3, fastest_omega=1e3)
+    found = collected(writer)
     assert found.frequency_range == (1e-3, 1e3) and found.spectrum.G_inf == 4.0
+
+
+def test_a_dataset_or_an_attribute_that_is_not_there(tmp_path):
+    held = sweep(tmp_path / "s.h5")
+    for name, message in (("modes", "it holds G, error_bound, omega"), ("omga", r"did you mean omega\?")):
+        with pytest.raises(InputError, match=f"s.h5: no dataset {name}: {message}"):
+            held[name]
+    for name, message in (("formt", r"did you mean format\?"), ("alpha", "make the file again")):
+        with pytest.raises(InputError, match=f"s.h5: attribute {name} is missing: {message}"):
+            held.attributes[name]
+    assert held.get("foo", 1) == 1 and held.get("omega").tolist() == [1.0]
+    for name, message in (
+        ("fields", "holds no fields: ask the sweep for"),
+        ("spectrum", "holds no spectrum"),
+    ):
+        with pytest.raises(InputError, match=message):
+            getattr(held, name)
+    with h5py.File(tmp_path / "s.h5", "r+") as h5:
+        del h5["G"]
+    with pytest.raises(InputError, match="no dataset G"):
+        jampetsc.load(tmp_path / "s.h5")

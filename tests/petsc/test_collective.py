@@ -3,7 +3,6 @@
 import os
 import socket
 
-import numpy as np
 import pytest
 
 from jampetsc import collective
@@ -42,26 +41,8 @@ def test_what_rank_0_finds_all_know(session):
 
 
 @pytest.mark.scalar("real")
-@pytest.mark.most_ranks(2)
-def test_arrays_of_any_length_arrive_whole(session, monkeypatch):
-    assert collective._PIECE < 2**31  # MPI counts in 32 bits
-    monkeypatch.setattr(collective, "_PIECE", 4)
-    sent = {str(n): np.arange(1, n + 1, dtype=np.uint8) for n in range(10)} | {
-        "x": np.eye(3),
-        "y": np.array(2.5),
-    }
-    found = collective.from_rank_0(session.comm, sent if session.rank == 0 else None)
-    assert found.keys() == sent.keys()
-    assert all(
-        np.array_equal(found[name], array) and found[name].dtype == array.dtype
-        for name, array in sent.items()
-    )
-
-
 def test_one_process_needs_no_communicator():
-    arrays = {"a": np.arange(3)}
     assert collective.on_root(None, lambda: 5) == 5
-    assert collective.from_rank_0(None, arrays) is arrays
     with pytest.raises(JampetscError, match="no"), collective.agreed(None):
         raise JampetscError("no")
 
