@@ -13,9 +13,8 @@ from jampetsc.plots import numbers, style
 from jampetsc.plots.picture import PICTURES, Drawn, Picture
 
 MODULES = (  # with pictures; a file shows by itself the first that suits it and the options given
-    "moduli", "spectrum", "correlation", "floppy", "exponents", "finite_size", "vibrations", "lowmodes", "flowcurves",
-    "quasistatic_shear", "regimes", "order", "profiles", "shearing", "jamming", "scaling", "branches", "fields",
-    "packing",
+    "moduli", "spectrum", "correlation", "floppy", "exponents", "finite_size", "vibrations", "flowcurves",
+    "quasistatic_shear", "shearing", "jamming", "scaling", "fields", "packing",
 )  # fmt: skip
 COMMANDS = {  # format -> the command, where they have two names
     "correlation": "correlate",

@@ -1,5 +1,6 @@
 """Log axes: ticks of short ones, guide slopes, and corners that are clear of data."""
 
+from contextlib import contextmanager
 from itertools import pairwise
 
 import numpy as np
@@ -67,6 +68,15 @@ def _labels(axis):
     return [label for label in axis.get_majorticklabels() if low <= label.get_position()[along] <= high]
 
 
+@contextmanager
+def limits_kept(ax, when=True):
+    """What is drawn within it does not widen the limits of `ax`, or only `when` that holds."""
+    kept = ax.dataLim.frozen()
+    yield
+    if when:
+        ax.dataLim.set(kept)
+
+
 def draw_guide(ax, x, y, exponent, symbol, above) -> None:
     """A line of slope `exponent` over the longest stretch where y(x) follows it, above or below all lines of `ax`.
 
@@ -115,12 +125,12 @@ def _regime(x, y, exponent):
     return first + spare, last - spare
 
 
-def power_law(ax, x, y, exponent, **look) -> None:
+def power_law(ax, x, y, exponent) -> None:
     """A dotted line ∝ x^exponent through the geometric middle of the points (x, y); limits stay as they are."""
-    log, kept = np.log(x), ax.dataLim.frozen()
+    log = np.log(x)
     line = np.exp(np.mean(np.log(y)) + exponent * (log - np.mean(log)))
-    ax.plot(x, line, **{"color": GREY, "linewidth": 0.8, "linestyle": ":", "zorder": 1} | look)
-    ax.dataLim.set(kept)
+    with limits_kept(ax):
+        ax.plot(x, line, color=GREY, linewidth=0.8, linestyle=":", zorder=1)
 
 
 def clear_corner(ax, first, settings) -> str | None:

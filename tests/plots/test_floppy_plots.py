@@ -13,8 +13,7 @@ from jampetsc.io.reader import load
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.plots import style
 from jampetsc.plots.floppy import plot_medians, plot_viscosities
-from jampetsc.plots.lowmodes import plot_lowest
-from jampetsc.plots.vibrations import chosen_modes, density_of_states, plot_modes, plot_states
+from jampetsc.plots.vibrations import chosen_modes, density_of_states, plot_lowest, plot_modes, plot_states
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 

@@ -24,13 +24,12 @@ from jampetsc.plots.flowcurves import (
     flow_curves,
     plot_against_phi,
     plot_flow,
+    plot_regimes,
+    regimes,
 )
 from jampetsc.plots.numbers import table
-from jampetsc.plots.order import plot_order
 from jampetsc.plots.packing import touching
-from jampetsc.plots.profiles import plot_profiles
-from jampetsc.plots.regimes import plot_regimes, regimes
-from jampetsc.plots.shearing import kind_of, labels_of, lanes_of, plot_lanes
+from jampetsc.plots.shearing import kind_of, labels_of, lanes_of, plot_lanes, plot_order, plot_profiles
 from jampetsc.plots.units import flow_units
 
 
