@@ -8,9 +8,11 @@ from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError, named
 from jampetsc.io.atomic import write_whole
 from jampetsc.io.ensemble import Ensemble
+from jampetsc.io.outputs import PICTURE, TABLE
 from jampetsc.io.reader import load
 from jampetsc.plots import numbers, style
-from jampetsc.plots.picture import PICTURES, Drawn, Picture
+from jampetsc.plots.page import Page
+from jampetsc.plots.picture import PICTURES, Picture
 
 MODULES = (  # with pictures; a file shows by itself the first that suits it and the options given
     "moduli", "spectrum", "correlation", "floppy", "exponents", "finite_size", "vibrations", "flowcurves",
@@ -62,10 +64,10 @@ def plot(
     """
     items = list(results) if isinstance(results, list | tuple) else [results]
     chosen = {"size": size, "xlim": xlim, "ylim": ylim, "label": label, "style": style}
-    return draw(items, kind, ax, out=out, csv=csv, chosen=chosen, **more)[1].back(ax)
+    return draw(items, kind, ax, out=out, csv=csv, chosen=chosen, **more)[1].given_back
 
 
-def draw(items, kind=None, ax=None, *, out=None, csv=None, chosen=None, **options) -> tuple[str, Drawn]:
+def draw(items, kind=None, ax=None, *, out=None, csv=None, chosen=None, **options) -> tuple[str, Page]:
     """(kind, what was drawn): as `plot`; chosen: size, xlim and so on."""
     options = {name: value for name, value in options.items() if value is not None}
     kinds = asked_kinds(kind, options)
@@ -84,9 +86,9 @@ def draw(items, kind=None, ax=None, *, out=None, csv=None, chosen=None, **option
     for n, path in enumerate(inputs):
         if real[n] in real[:n]:
             raise InputError(f"{path}: is given already: name each file once")
-    for place, check in ((out, style.check_picture), (csv, style.check_table)):
+    for place, what in ((out, PICTURE), (csv, TABLE)):
         if place is not None:
-            check(place, [*inputs, *filter(None, [options.get("packing")])])
+            style.check(place, what, [*inputs, *filter(None, [options.get("packing")])])
     drawn = picture.draw(found, ax, **chosen or {}, **options)
     if out is not None:
         style.save(drawn.figure, out)

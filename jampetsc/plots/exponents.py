@@ -12,8 +12,7 @@ from jampetsc.analysis.scaling import (
 from jampetsc.analysis.statistics import log_median, mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.io.reader import SweepResult
-from jampetsc.plots.averages import require_same_frequencies
-from jampetsc.plots.curves import Curve, curve_of, group_curves
+from jampetsc.plots.curves import Curve, curve_of, group_curves, require_same_frequencies
 from jampetsc.plots.floppy import (
     PRESTRESS,
     QUANTITIES,
@@ -86,17 +85,11 @@ def exponent_samples(curves):
     omega = curves[0].omega
     require_same_frequencies(curves)
     limits = [low_frequency_limit(curve.omega, curve.G) for curve in curves]
-    samples = [
-        (
-            *critical_exponents(omega, curve.G, limit.modulus),
-            curve.G.imag / curve.G.real,
-            local_slope(omega, curve.G.imag),
-        )
-        for curve, limit in zip(curves, limits, strict=True)
-    ]
-    modulus, viscosity = (
-        np.mean([getattr(limit, name) for limit in limits]) for name in ("modulus", "viscosity")
-    )
+    samples = []
+    for G, limit in ((curve.G, limit) for curve, limit in zip(curves, limits, strict=True)):
+        slopes = critical_exponents(omega, G, limit.modulus)
+        samples.append((*slopes, G.imag / G.real, local_slope(omega, G.imag)))
+    modulus, viscosity = np.mean([(limit.modulus, limit.viscosity) for limit in limits], axis=0)
     return omega, np.swapaxes(samples, 0, 1), omega > modulus / viscosity
 
 

@@ -21,11 +21,13 @@ class Page:
     axes     those that are given, or none: then `panels` makes a figure
     size     (width, height) of that figure in inches, None: what the picture takes
     labels   words that replace those of the legends, in their order
+
+    `text` is what the picture shows, in words.
     """
 
     def __init__(self, axes=None, size=None, labels=()):
-        self.own, self.size, self.labels = axes is None, size, list(labels)
-        self.axes = [] if axes is None else list(np.ravel(axes))
+        self.own, self.size, self.labels, self.text = axes is None, size, list(labels), ""
+        self.axes, self._given = [] if axes is None else list(np.ravel(axes)), axes
         self.lettered, self.laid_out, self._legends, self._raised = False, False, [], False
 
     def panels(
@@ -61,7 +63,15 @@ class Page:
                 ax.set(**{f"{axis}label": name})
             for axis in log if isinstance(log, str) else log[n]:
                 ax.set(**{f"{axis}scale": "log"})
-        return self.axes[0] if count == 1 else np.array(self.axes)
+        return self._one_or_all()
+
+    def _one_or_all(self):
+        return self.axes[0] if len(self.axes) == 1 else np.array(self.axes)
+
+    @property
+    def given_back(self):
+        """The axes that were given; else the new ones: one, or (panels,) of them."""
+        return self._one_or_all() if self.own else self._given
 
     def _make(self, width, height):
         self._figure = Figure(figsize=self.size or (width, height), layout="constrained")
@@ -118,12 +128,6 @@ class Page:
             self.figure.set_figheight(height + rise)
         self.figure.get_layout_engine().set(rect=(0, 0, 1, 1 - rise / self.figure.get_figheight()))
 
-    def _letter(self):
-        """(a), (b), … above the panels of a figure of its own."""
-        if self.lettered:
-            for ax, letter in zip(self.axes, string.ascii_lowercase, strict=False):
-                ax.set_title(f"({letter})", loc="left", pad=3)
-
     def finish(self, xlim=None, ylim=None) -> None:
         """Limits, letters of panels, legends and ticks of log axes.
 
@@ -142,8 +146,9 @@ class Page:
                     ax.set(**{name: pair})
         if self.labels:
             raise InputError(f"label {self.labels[0]}: the legends have no entry that is left: give fewer")
-        self._letter()
-        for ax in self.axes:
+        for ax, letter in zip(self.axes, string.ascii_lowercase, strict=False):
+            if self.lettered:
+                ax.set_title(f"({letter})", loc="left", pad=3)
             low, high = ax.get_ylim()
             if ax.get_yscale() == "log" and ax.get_autoscaley_on() and high < _LEAST * low:
                 middle = (low * high) ** 0.5  # what hardly changes is not blown up

@@ -37,9 +37,8 @@ def draw_trade(rows, certified, page) -> None:
     groups = [group for group in _GROUPS if any(row.group == group for row in shown)]
     shades = colours(len(_GROUPS))
     colour = {group: shades[shade] for group, (_, shade, _) in _GROUPS.items()}
-    ax = page.panels(1, 1, PAGE, HEIGHT)
-    ax.set(xscale="log", yscale="log", xlabel="time of the run [s]")
-    ax.set_ylabel(f"largest relative error of {STORAGE}, {LOSS}")
+    named = {"x": "time of the run [s]", "y": f"largest relative error of {STORAGE}, {LOSS}"}
+    ax = page.panels(1, 1, PAGE, HEIGHT, **named, log="xy")
     for group in groups:
         members = [row for row in shown if row.group == group]
         if group in _JOINED:

@@ -9,8 +9,7 @@ from test_plots import write_sweep
 from jampetsc.analysis.statistics import half_width, mean_with_error, median_interval
 from jampetsc.cli import main as cli
 from jampetsc.io.reader import load
-from jampetsc.plots.averages import average_curves
-from jampetsc.plots.curves import curve_of, group_curves
+from jampetsc.plots.curves import average_curves, curve_of, group_curves
 from jampetsc.studies.table import table_text
 
 OMEGA = np.geomspace(1e-4, 1, 9)

@@ -11,9 +11,8 @@ from test_flow_plots import facts
 from jampetsc.analysis.scaling import collapse_spread
 from jampetsc.errors import InputError
 from jampetsc.plots import jamming, logaxes, trade
-from jampetsc.plots.averages import average_curves
 from jampetsc.plots.correlation import CorrelationCurve, plot_lengths
-from jampetsc.plots.curves import Curve, curve_of
+from jampetsc.plots.curves import Curve, average_curves, curve_of
 from jampetsc.plots.floppy import pressures_of
 from jampetsc.plots.flowcurves import plot_flow
 from jampetsc.plots.moduli import plot_collapse, plot_loss, plot_moduli
