@@ -173,13 +173,12 @@ def _average(curves, statistic):
     first, seen = curves[0], {}
     require_same_frequencies(curves)
     for curve in curves:
-        packing = curve.attributes.get("packing_sha256")
+        packing = curve.attributes.get("packing_sha256", curve)  # one that is not known is no other's
         if packing in seen:
             raise InputError(
                 f"{curve.name}: is of the same packing as {seen[packing]}: a mean takes each once"
             )
-        if packing is not None:
-            seen[packing] = curve.name
+        seen[packing] = curve.name
     G = np.array([curve.G for curve in curves])
     samples = np.stack((G.real, G.imag), axis=1)
     middle, error = STATISTICS[statistic](samples)
