@@ -4,22 +4,39 @@ from pathlib import Path
 
 import numpy as np
 
+from jampetsc.io.result_file import ResultWriter
 from jampetsc.plots.page import Page
 from jampetsc.plots.style import drawn_in
 
 
 class Held(dict):
-    """What a picture asks of a file: arrays by name, attributes, path and format."""
+    """What a picture asks of a file: arrays by name, attributes, path and format; its packing where that is set."""
+
+    packing = None
 
     def __init__(self, arrays, attributes, path="a.h5", format=""):
         super().__init__(arrays)
         self.attributes, self.path, self.format = attributes, Path(path), format
 
 
+def written(path, held) -> str:
+    """A file with what is held."""
+    with ResultWriter(path, held.format) as writer:
+        for name, values in held.items():
+            writer.dataset(name, values)
+        writer.attributes(**held.attributes)
+    return str(path)
+
+
 def figure_of(plot, results, **settings):
     """The figure that a picture of `jampetsc.plots` draws of these results, or of one."""
     axes = plot(results if isinstance(results, list | tuple) else [results], **settings)
     return np.ravel(axes)[0].figure
+
+
+def told(ax):
+    """The words of a legend."""
+    return [text.get_text() for text in ax.get_legend().get_texts()]
 
 
 def drawn_by(draw, *what, **settings):
