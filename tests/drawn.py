@@ -19,12 +19,18 @@ class Held(dict):
         self.attributes, self.path, self.format = attributes, Path(path), format
 
 
+def put(held, writer):
+    """The writer, of a file or in memory, with what is held in it."""
+    for name, values in held.items():
+        writer.dataset(name, values)
+    writer.attributes(**held.attributes)
+    return writer
+
+
 def written(path, held) -> str:
     """A file with what is held."""
     with ResultWriter(path, held.format) as writer:
-        for name, values in held.items():
-            writer.dataset(name, values)
-        writer.attributes(**held.attributes)
+        put(held, writer)
     return str(path)
 
 

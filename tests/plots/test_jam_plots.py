@@ -165,7 +165,7 @@ def test_kinds_of_samples_are_named_by_what_differs():
     for more, names in (
         ({}, ["$N=64$"]),
         ({"n": 256}, ["$N=64$", "$N=256$"]),
-        ({"potential": "hertzian"}, ["harmonic", "hertzian"]),
+        ({"potential": "hertzian", "sizes": ""}, ["hertzian", "harmonic"]),  # "": not told
         ({"protocol": "shear"}, ["random", "shear"]),
     ):
         kinds = [one.kind for one in samples_of([jam_of(), jam_of(**more)] if more else [jam_of()])]
