@@ -1,5 +1,6 @@
 """What a picture shows, as numbers: the axes of a plot instead of its file."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +44,16 @@ def figure_of(plot, results, **settings):
 def told(ax):
     """The words of a legend."""
     return [text.get_text() for text in ax.get_legend().get_texts()]
+
+
+def require_arrows(ax, field):
+    """That arrows are rows of a field (n, 2), as many times as is told: one that leaves the cell is drawn twice."""
+    factor, arrows = float(re.search(r"arrows \$([\d.]+)", ax.get_xlabel())[1]), ax.collections[-1]
+    apart = np.column_stack((arrows.U, arrows.V))[:, None] / factor - field
+    assert (
+        np.abs(apart).max(axis=2).min(axis=0).max() < 1e-9
+        and np.abs(apart).max(axis=2).min(axis=1).max() < 1e-9
+    )
 
 
 def drawn_by(draw, *what, **settings):
