@@ -67,15 +67,9 @@ class Picture:
     def draw(
         self, results, ax=None, *, size=None, xlim=None, ylim=None, label=(), style=None, **options
     ) -> Page:  # fmt: skip
-        """Draw results on the axes `ax`, or on a figure of its own; gives what they are on and what they show in words.
+        """Draw results of `jampetsc.load`, on the axes `ax` or on a new figure; `page.text` says what they show.
 
-        results      of `jampetsc.load`
-        ax           as many axes as the picture has panels; None: a new figure in the package's style
-        size         (width, height) of a new figure in inches
-        xlim, ylim   (low, high) for all panels, or one for each
-        label        words that replace those of the legend, in its order
-        style        a style file of matplotlib, or {name: value}, on top of the package's style
-        options      of this kind of picture
+        Parameters as `draw.plot` has them; options: of this kind of picture.
 
         Raises InputError for files that it cannot show, and for an option that it does not have.
         """

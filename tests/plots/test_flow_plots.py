@@ -56,6 +56,21 @@ def test_pictures(runs, files, kind, says):
     assert says in draw(runs[files], kind)[1].text
 
 
+def test_snapshots_are_titled_by_what_differs_between_the_runs(runs):
+    def titles(paths):
+        return [ax.get_title() for ax in np.ravel(jampetsc.plot(paths, "snapshot"))]
+
+    other = jampetsc.load(runs[1])
+    other.attributes["mass"] = 1.0
+    assert titles(runs[0]) == [""] and titles([runs[0], other]) == ["no mass", "$m=1$"]
+
+
+@pytest.mark.parametrize("count", [1, 12, 13])
+def test_a_legend_names_twelve_runs_of_one_rate_at_most(count):
+    names = [f"r{n}" for n in range(count)] if count == 12 else []
+    assert told(figure_of(plot_flow, [series(f"r{n}.h5") for n in range(count)]).axes[1]) == [*names, "means"]
+
+
 def test_velocities_are_those_of_the_last_snapshot_per_rate(runs):
     field = jampetsc.load(runs[0])["snapshots/velocities"][-1] / 1e-2
     require_arrows(jampetsc.plot(runs[0], "velocities"), field)
