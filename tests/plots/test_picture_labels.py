@@ -134,6 +134,7 @@ def test_flanks_of_the_window_are_not_drawn(tmp_path):
     """H below 10⁻⁴ of its largest value is of the window, not of the spectrum."""
     held = RelaxationSpectrum(0.02, 0.4, np.array([1e-4, 1.0]), np.array([1.0, 1e-5]))
     one = spectrum_curve(load(write_sweep(tmp_path / "s.h5", held)), 0.3)
-    ax = figure_of(plot_relaxation, [one]).axes[0]
+    ax, cumulative, *_ = figure_of(plot_relaxation, [one]).axes
+    assert cumulative.get_ylim() == pytest.approx((0.0, 1.05 * 1.00001))  # the sum of the weights is in sight
     H = ax.get_lines()[0].get_ydata()
     assert one.transient.H.min() < 1e-4 * one.transient.H.max() and H.min() >= 1e-4 * H.max() > 0
