@@ -175,6 +175,7 @@ def test_the_last_snapshot_is_the_last_state(runs):
     disks = snapshot(result)
     contacts, number, alone = touching(disks)
     assert len(contacts) * 2 / disks.n == result["coordination"][-1] == number.mean()
+    assert f"$Z={number.mean():.3f}$" in jampetsc.plot(result, "snapshot").get_xlabel()
     assert np.array_equal(np.flatnonzero(~alone), np.unique(np.r_[contacts.i, contacts.j]))
     peeled = measure(disks)  # as if forces were balanced: contacts that a flow has would be lost
     assert len(peeled.contacts) < len(contacts) and peeled.rattlers.sum() > alone.sum()
