@@ -1,25 +1,59 @@
 """What a picture shows, as numbers: the axes of a plot instead of its file."""
 
+import re
 from pathlib import Path
 
 import numpy as np
 
+from jampetsc.io.result_file import ResultWriter
 from jampetsc.plots.page import Page
 from jampetsc.plots.style import drawn_in
 
 
 class Held(dict):
-    """What a picture asks of a file: arrays by name, attributes, path and format."""
+    """What a picture asks of a file: arrays by name, attributes, path and format; its packing where that is set."""
+
+    packing = None
 
     def __init__(self, arrays, attributes, path="a.h5", format=""):
         super().__init__(arrays)
         self.attributes, self.path, self.format = attributes, Path(path), format
 
 
+def put(held, writer):
+    """The writer, of a file or in memory, with what is held in it."""
+    for name, values in held.items():
+        writer.dataset(name, values)
+    writer.attributes(**held.attributes)
+    return writer
+
+
+def written(path, held) -> str:
+    """A file with what is held."""
+    with ResultWriter(path, held.format) as writer:
+        put(held, writer)
+    return str(path)
+
+
 def figure_of(plot, results, **settings):
     """The figure that a picture of `jampetsc.plots` draws of these results, or of one."""
     axes = plot(results if isinstance(results, list | tuple) else [results], **settings)
     return np.ravel(axes)[0].figure
+
+
+def told(ax):
+    """The words of a legend."""
+    return [text.get_text() for text in ax.get_legend().get_texts()]
+
+
+def require_arrows(ax, field):
+    """That arrows are rows of a field (n, 2), as many times as is told: one that leaves the cell is drawn twice."""
+    factor, arrows = float(re.search(r"arrows \$([\d.]+)", ax.get_xlabel())[1]), ax.collections[-1]
+    apart = np.column_stack((arrows.U, arrows.V))[:, None] / factor - field
+    assert (
+        np.abs(apart).max(axis=2).min(axis=0).max() < 1e-9
+        and np.abs(apart).max(axis=2).min(axis=1).max() < 1e-9
+    )
 
 
 def drawn_by(draw, *what, **settings):

@@ -7,7 +7,7 @@ from jampetsc.analysis.order import six_fold_order
 from jampetsc.analysis.profiles import heights, mean_profile, middle_share
 from jampetsc.analysis.scaling import local_exponents
 from jampetsc.analysis.statistics import mean_with_error
-from jampetsc.plots.regimes import regimes
+from jampetsc.plots.flowcurves import regimes
 
 PHI_J = 0.8433  # V's, RD0
 ROUNDED = 1.05 / 3.55, 1.15 / 3.45  # y/zν that V's digits, 1.1 and 3.5, may stand for

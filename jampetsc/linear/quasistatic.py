@@ -10,7 +10,7 @@ On BT's plateau of the mean |Δu∥| at low pressure: none is seen here. Without
 lies between 0.71 and 0.82 at every pressure from 1e-2 to 1e-6 (N = 256 and 1024, 6 to 12 packings each,
 with and without pre-stress; 0.80 for a normal distribution), and the largest hundredth of the contacts
 makes up 6 to 16 % of Σ(Δu∥)², so there is no long tail either. What levels off below pN² ≈ 1 is G₀ itself,
-by finite size. See benchmarks/floppy.py.
+by finite size. See benchmarks/claims/motion.py.
 """
 
 import time

@@ -126,12 +126,10 @@ def plot_correlation(results, page, omega=None):
         return _comparison(curves, [curves[0].omega.min()] if omega is None else np.ravel(omega), page)
     curve = curves[0] if omega is None else curves[0].at(curves[0].rows(omega))
     few, shades = len(curve.omega) <= _FEW, colours(len(curve.omega))
-    axes = page.panels(1, 2, PAGE, HEIGHT, sharey=True)
-    for ax, (name, _, part) in zip(axes, _PARTS, strict=True):
+    axes = _panels(page, 1, [r"$\delta/L$"] * 2, curve)
+    for ax, (_, _, part) in zip(axes, _PARTS, strict=True):
         for n, shade in enumerate(shades):
-            label = rf"$\omega\tau_1={power_or_number(curve.omega[n])}$"
-            _draw(ax, curve, n, part, shade, 1.0 / curve.size, label, others=few, spread=few)
-        _label(ax, name, r"$\delta/L$", curve.phase)
+            _draw(ax, curve, n, part, shade, 1.0 / curve.size, _at(curve.omega[n]), others=few, spread=few)
         top = ax.secondary_xaxis("top", functions=(lambda x: x * curve.size, lambda x: x / curve.size))
         top.set_xlabel(r"$\delta/d$")
         ax.tick_params(top=False)
@@ -140,9 +138,8 @@ def plot_correlation(results, page, omega=None):
         handles = [
             entry(f"${power_or_number(w)}$", shade) for shade, w in zip(shades, curve.omega, strict=True)
         ]
-        page.legend(
-            axes[1], handles + (_explained([curve], True) if few else []), r"$\omega\tau_1$", "upper right"
-        )
+        handles += _explained([curve], others=True) if few else []
+        page.legend(axes[1], handles, r"$\omega\tau_1$", "upper right")
     else:
         shown = ScalarMappable(LogNorm(curve.omega.min(), curve.omega.max()), sequential())
         page.figure.colorbar(shown, ax=list(axes), label=r"$\omega\tau_1$", pad=0.01)
@@ -166,33 +163,41 @@ def _comparison(curves, omega, page):
     title, groups = group_curves(chosen)
     shades = colours(len(omega))
     dashes = [_DASHES[n % len(_DASHES)] if several else "-" for n in range(len(groups))]
-    axes = page.panels(2, 2, PAGE, 2 * HEIGHT, sharey=True, sharex="row")
-    for ax, unit, (name, _, part) in zip(axes, "ddLL", _PARTS * 2, strict=True):
+    axes = _panels(page, 2, [rf"$\delta/{unit}$" for unit in "ddLL"], curves[0], sharex="row")
+    for ax, unit, (_, _, part) in zip(axes, "ddLL", _PARTS * 2, strict=True):
         for group, dash in zip(groups, dashes, strict=True):
             for curve in group.curves:
+                scale = 1.0 if unit == "d" else 1 / curve.size
                 for n, w in enumerate(omega):
-                    shade, scale = (
+                    shade, label = (
                         shades[n] if several else group.colour,
-                        1.0 if unit == "d" else 1 / curve.size,
+                        f"{group.label}, {curve.name}, {_at(w)}",
                     )
-                    label = rf"{group.label}, {curve.name}, $\omega\tau_1={power_or_number(w)}$"
                     _draw(ax, curve, n, part, shade, scale, label, dash=dash, spread=not several)
-        _label(ax, name, rf"$\delta/{unit}$", curves[0].phase)
     _fit(axes, chosen)
-    words = [title] if title else []
     if several:
-        handles = [
-            entry(rf"$\omega\tau_1={power_or_number(w)}$", shade)
-            for shade, w in zip(shades, omega, strict=True)
-        ]
+        handles = [entry(_at(w), shade) for shade, w in zip(shades, omega, strict=True)]
         handles += [entry(g.label, linestyle=dash) for g, dash in zip(groups, dashes, strict=True)]
     else:
-        words.insert(0, rf"$\omega\tau_1={power_or_number(omega[0])}$")
+        title = ",  ".join(filter(None, (_at(omega[0]), title)))
         handles = [entry(g.label, g.colour) for g in groups] + _explained(chosen, others=False)
-    page.legend(axes[1], handles, ",  ".join(words) or None, "upper right")
+    page.legend(axes[1], handles, title or None, "upper right")
     told = ", ".join(f"{w:g}" for w in omega)
     files = count(curves, "file", "files")
     return f"correlation in {files} at omega tau1 = {told}, in phase with the {curves[0].phase}"
+
+
+def _at(omega):
+    return rf"$\omega\tau_1={power_or_number(omega)}$"
+
+
+def _panels(page, rows, x, curve, **grid):
+    """Rows of two panels, Re and Im of u_y in phase with what it is in phase with in `curve`, and a line at 0."""
+    y = [rf"$C(\delta)$ of {name} {SYMBOLS[curve.phase]}" for name, _, _ in _PARTS] * rows
+    axes = page.panels(rows, 2, PAGE, rows * HEIGHT, x=x, y=y, sharey=True, **grid)
+    for ax in axes:
+        ax.axhline(0.0, color="0.6", linewidth=0.5, zorder=0)
+    return axes
 
 
 def _draw(ax, curve, n, part, colour, scale, label, others=False, spread=True, dash="-"):
@@ -220,17 +225,11 @@ def _explained(curves, others):
     return entries
 
 
-def _label(ax, name, x, phase):
-    ax.axhline(0.0, color="0.6", linewidth=0.5, zorder=0)
-    ax.set(xlabel=x, ylabel=rf"$C(\delta)$ of {name} {SYMBOLS[phase]}")
-    ax.set_xlim(left=0.0)
-
-
 def _fit(axes, curves):
-    """The same vertical range for all panels: down to −½, or as far as some C goes."""
+    """From δ = 0 on; the same vertical range for all panels: down to −½, or as far as some C goes."""
     lowest = min(float(np.nanmin(curve.C[0])) for curve in curves)
     for ax in axes:
-        ax.set_ylim(min(-0.5, lowest - 0.05), 1.05)
+        ax.set(xlim=(0.0, None), ylim=(min(-0.5, lowest - 0.05), 1.05))
 
 
 @picture("length", "correlation", options=(LOG,))
@@ -247,34 +246,28 @@ def plot_lengths(results, page, log_exponent=LOG_EXPONENT):
     for curve in curves:
         if curve.pressure is None:
             raise InputError(f"{curve.name}: attribute pressure is missing: correlate sweeps that have it")
-    panels = [
-        (r"$\omega\tau_1$", r"$l/L$", lambda curve, found, y: (curve.omega[found], y / curve.size)),
-        (
-            r"$\omega\tau_1\,/\,(p/k)^{1/2}$",
-            rf"$(l/d)\,[-\ln(p/k)]^{{{exponent:g}}}$",
-            lambda curve, found, y: stokes_collapse(curve.omega[found], y, curve.pressure, exponent),
-        ),
-    ]
     medium = all(curve.modulus is not None for curve in curves)
-    if medium:
-        place = lambda curve, found, y: medium_collapse(curve.omega[found], y, curve.modulus[found])  # noqa: E731
-        panels.append((r"$(|G^*|/k\omega\tau_1)^{1/2}$", r"$l/d$", place))
-    axes = page.panels(1, len(panels), PAGE, HEIGHT + 0.2, subplot_kw={"xscale": "log", "yscale": "log"})
+    panels = [  # names of the axes, and where lengths y of a curve lie in them
+        (r"$\omega\tau_1$", "$l/L$", lambda one, y: (one.omega, y / one.size)),
+        (r"$\omega\tau_1\,/\,(p/k)^{1/2}$", rf"$(l/d)\,[-\ln(p/k)]^{{{exponent:g}}}$",
+         lambda one, y: stokes_collapse(one.omega, y, one.pressure, exponent)),
+        (r"$(|G^*|/k\omega\tau_1)^{1/2}$", "$l/d$", lambda one, y: medium_collapse(one.omega, y, one.modulus)),
+    ][: 3 if medium else 2]  # fmt: skip
+    x_names, y_names, places = zip(*panels, strict=True)
+    axes = page.panels(1, len(panels), PAGE, HEIGHT + 0.2, x=x_names, y=y_names, log="xy")
     title, groups = group_curves(curves)
-    for ax, (x_label, y_label, place) in zip(axes, panels, strict=True):
-        ax.set(xlabel=x_label, ylabel=y_label)
+    for ax, place in zip(axes, places, strict=True):
         for group, curve in ((one, curve) for one in groups for curve in one.curves):
             for name, dash, part in _PARTS:
                 length = curve.G.imag if part else curve.G.real
                 found = np.isfinite(length) & (length > 0)
                 if not found.any():
                     continue
-                x, y = place(curve, found, length[found])
-                face = "white" if part else group.colour
-                points(
-                    ax, x, y, curve.bounds[part][found] * y / length[found], color=group.colour, marker=group.marker,
-                    markerfacecolor=face, linestyle=dash, linewidth=0.8, label=hidden(f"{name}, {group.label}"),
-                )  # fmt: skip
+                x, y = place(curve.at(found), length[found])
+                error = curve.bounds[part][found] * y / length[found]
+                look = {"color": group.colour, "marker": group.marker, "linestyle": dash, "linewidth": 0.8}
+                look |= {"markerfacecolor": "white"} if part else {}
+                points(ax, x, y, error, label=hidden(f"{name}, {group.label}"), **look)
     axes[0].axhline(0.25, color="0.4", linewidth=0.6, linestyle=":", zorder=0)
     for factor, shade in ((solid, "0.2"), (dragged, "0.6")):
         axes[0].axhline(first_root(factor), color=shade, linewidth=0.6, linestyle="--", zorder=0)

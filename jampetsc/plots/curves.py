@@ -1,14 +1,18 @@
-"""G*(ω) of sweeps made comparable: units of k and 1/τ₁, and labels that tell what differs between them."""
+"""G*(ω) of sweeps made comparable: units of k and 1/τ₁, labels that tell what differs, means over an ensemble."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
+from matplotlib.colors import LogNorm
 
+from jampetsc.analysis.statistics import mean_with_error, median_interval, median_with_error
 from jampetsc.core.laws import FAMILIES, OPTIONS
 from jampetsc.errors import InputError
-from jampetsc.plots.style import MARKERS, colours, number, power_or_number, sequential
+from jampetsc.plots.picture import grouped
+from jampetsc.plots.style import colours, looks, number, power_or_number, sequential
 from jampetsc.plots.units import units_of
 
+STATISTICS = {"mean": mean_with_error, "median": median_with_error}
 _SAME = 1e-9  # frequencies closer than this, relatively, are one: a grid and a list that meet
 _LARGEST = 1e200  # modulus that a log axis can show, and the inverse of the smallest
 _BOUNDS = ("error_bound_storage", "error_bound_loss")  # sharper than the one on |ΔG*|, where a file has them
@@ -96,33 +100,25 @@ def group_curves(curves) -> tuple[str, list]:
     varying = [key for key in descriptions[0] if _varies(key, [d[key] for d in descriptions])]
     only_pressure = varying in (["p/k"], []) and all(c.pressure and c.pressure > 0 for c in curves)
     keys = varying or ["p/k"]
-    members = {}
-    for curve, description in sorted(zip(curves, descriptions, strict=True), key=lambda pair: _rank(pair[1])):
-        members.setdefault(tuple(_part(key, description[key], only_pressure) for key in keys), []).append(
-            curve
-        )
+    members = grouped(
+        sorted(zip(curves, descriptions, strict=True), key=lambda pair: _rank(pair[1])),
+        lambda pair: tuple(_part(key, pair[1][key], only_pressure) for key in keys),
+    )
+    shades = colours(len(members))
+    if only_pressure:
+        pressures = [found[0][0].pressure for found in members.values()]
+        shades = map(tuple, sequential()(LogNorm(min(pressures), max(pressures))(pressures)))
     groups = []
-    for n, (parts, found) in enumerate(members.items()):
-        label = ", ".join(part for part in parts if part) or "other"  # what only some files record
-        groups.append(Group(label, found, None, MARKERS[n % len(MARKERS)]))
-    pressures = [g.curves[0].pressure for g in groups]
-    shades = _by_pressure(pressures) if only_pressure else colours(len(groups))
-    groups = [replace(group, colour=shade) for group, shade in zip(groups, shades, strict=True)]
+    for (parts, found), look, shade in zip(members.items(), looks(len(members)), shades, strict=True):
+        label = ", ".join(filter(None, parts)) or "other"  # what only some files record
+        groups.append(Group(label, [curve for curve, _ in found], shade, look["marker"]))
     return ("$p/k$" if only_pressure else ""), groups
-
-
-def _by_pressure(pressures):
-    """Colours on a log scale from the lowest pressure to the highest."""
-    height = np.log(pressures) - np.log(min(pressures))
-    return [sequential()(x) for x in height / max(height.max(), 1e-300)]
 
 
 def _varies(key, values):
     """Whether a property tells sweeps apart; what a law does not have differs from nothing, but for _LEADING."""
-    return (
-        len({str(v) for v in values if v is not None or key not in (*OPTIONS, *_SWITCHES) or key in _LEADING})
-        > 1
-    )
+    told = key not in (*OPTIONS, *_SWITCHES) or key in _LEADING
+    return len({str(value) for value in values if told or value is not None}) > 1
 
 
 def _rank(description):
@@ -147,3 +143,46 @@ def _part(key, value, bare):
     if key in _SWITCHES:
         return _SWITCHES[key][bool(value)]
     return FAMILIES[value].label.split()[0] if value in FAMILIES else str(value)
+
+
+def average_curves(curves, statistic="mean") -> list[Curve]:
+    """One curve for those that differ in the packing alone; `bounds`: its error, nan for one packing.
+
+    statistic   "mean", the arithmetic one, or "median", of G' and of G''
+
+    G' < 0 of a packing unstable to shear counts like any other value. One that is nearly unstable has a G'' at low ω
+    that makes up all of a mean: the median knows it only as one of many.
+    Raises InputError for sweeps of one packing, and for frequencies that differ, among those of one curve.
+    """
+    groups = grouped(curves, lambda curve: str(curve.description))
+    return [_average(group, statistic) for group in groups.values()]
+
+
+def require_same_frequencies(curves) -> None:
+    """Raise InputError where curves that are averaged have other frequencies than the first."""
+    first = curves[0]
+    for curve in curves:
+        same = len(curve.omega) == len(first.omega)
+        if not (same and np.allclose(curve.omega, first.omega, rtol=_SAME, atol=0)):
+            raise InputError(
+                f"{curve.name}: other frequencies than {first.name}: a mean needs the same; draw them as files"
+            )
+
+
+def _average(curves, statistic):
+    first, seen = curves[0], {}
+    require_same_frequencies(curves)
+    for curve in curves:
+        packing = curve.attributes.get("packing_sha256", curve)  # one that is not known is no other's
+        if packing in seen:
+            raise InputError(
+                f"{curve.name}: is of the same packing as {seen[packing]}: a mean takes each once"
+            )
+        seen[packing] = curve.name
+    G = np.array([curve.G for curve in curves])
+    samples = np.stack((G.real, G.imag), axis=1)
+    middle, error = STATISTICS[statistic](samples)
+    if statistic == "median" and len(curves) > 2:  # whose errors are not alike on both sides
+        error = np.abs(np.array(median_interval(samples)) - middle).swapaxes(0, 1)
+    name = first.name if len(curves) == 1 else f"{len(curves)} sweeps"
+    return replace(first, name=name, G=middle[0] + 1j * middle[1], bounds=error)

@@ -8,14 +8,15 @@ from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError, named
 from jampetsc.io.atomic import write_whole
 from jampetsc.io.ensemble import Ensemble
+from jampetsc.io.outputs import PICTURE, TABLE
 from jampetsc.io.reader import load
 from jampetsc.plots import numbers, style
-from jampetsc.plots.picture import PICTURES, Drawn, Picture
+from jampetsc.plots.page import Page
+from jampetsc.plots.picture import PICTURES, Picture
 
 MODULES = (  # with pictures; a file shows by itself the first that suits it and the options given
-    "moduli", "spectrum", "correlation", "floppy", "exponents", "finite_size", "vibrations", "lowmodes", "flowcurves",
-    "quasistatic_shear", "regimes", "order", "profiles", "shearing", "jamming", "scaling", "branches", "fields",
-    "packing",
+    "moduli", "spectrum", "correlation", "floppy", "exponents", "finite_size", "vibrations", "flowcurves",
+    "quasistatic_shear", "shearing", "jamming", "scaling", "fields", "packing",
 )  # fmt: skip
 COMMANDS = {  # format -> the command, where they have two names
     "correlation": "correlate",
@@ -63,31 +64,32 @@ def plot(
     """
     items = list(results) if isinstance(results, list | tuple) else [results]
     chosen = {"size": size, "xlim": xlim, "ylim": ylim, "label": label, "style": style}
-    return draw(items, kind, ax, out=out, csv=csv, chosen=chosen, **more)[1].back(ax)
+    return draw(items, kind, ax, out=out, csv=csv, chosen=chosen, **more)[1].given_back
 
 
-def draw(items, kind=None, ax=None, *, out=None, csv=None, chosen=None, **options) -> tuple[str, Drawn]:
+def draw(items, kind=None, ax=None, *, out=None, csv=None, chosen=None, **options) -> tuple[str, Page]:
     """(kind, what was drawn): as `plot`; chosen: size, xlim and so on."""
     options = {name: value for name, value in options.items() if value is not None}
     kinds = asked_kinds(kind, options)
-    given = [load(os.fspath(item)) if isinstance(item, str | os.PathLike) else item for item in items]
-    found, names = [], []
-    for item, one in zip(items, given, strict=True):
+    found, names, studies = [], [], False
+    for item in items:
+        name = os.fspath(item) if isinstance(item, str | os.PathLike) else ""
+        one = load(name) if name else item
         some = of_study(one, kinds) if isinstance(one, Ensemble) else [one]
-        unnamed = item if isinstance(item, str | os.PathLike) else ""
-        found, names = found + some, names + [str(getattr(part, "path", unnamed)) for part in some]
+        studies = studies or isinstance(one, Ensemble)
+        found, names = found + some, names + [str(getattr(part, "path", name)) for part in some]
     kind = choose(kinds, found, names)
     picture = PICTURES[kind]
-    if any(isinstance(one, Ensemble) for one in given) and "statistic" in picture.keywords:
+    if studies and "statistic" in picture.keywords:
         options.setdefault("statistic", "mean")
-    inputs = [name for name in names if name]
-    real = [os.path.realpath(path) for path in inputs]
-    for n, path in enumerate(inputs):
-        if real[n] in real[:n]:
+    inputs, real = [name for name in names if name], set()
+    for path in inputs:
+        if os.path.realpath(path) in real:
             raise InputError(f"{path}: is given already: name each file once")
-    for place, check in ((out, style.check_picture), (csv, style.check_table)):
+        real.add(os.path.realpath(path))
+    for place, what in ((out, PICTURE), (csv, TABLE)):
         if place is not None:
-            check(place, [*inputs, *filter(None, [options.get("packing")])])
+            style.check(place, what, [*inputs, *filter(None, [options.get("packing")])])
     drawn = picture.draw(found, ax, **chosen or {}, **options)
     if out is not None:
         style.save(drawn.figure, out)
@@ -101,21 +103,17 @@ def asked_kinds(kind, options) -> list[str]:
     known = pictures()
     if kind is not None and kind not in known:
         near = difflib.get_close_matches(kind, known, n=1)
-        raise InputError(
-            f"{named('kind')} {kind}: {f'did you mean {near[0]}?' if near else 'there are ' + ', '.join(known)}"
-        )
+        hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(known)}"
+        raise InputError(f"{named('kind')} {kind}: {hint}")
     kinds = list(known) if kind is None else [kind]
     for name, value in options.items():
         meant = [one for one, picture in known.items() if name in picture.keywords]
         if not meant:
             raise InputError(f"{name}: is no option of any picture")
-        left = [one for one in kinds if one in meant]
-        if not left:
-            raise InputError(
-                f"{named(name)} {value}: belongs to {' or '.join(meant)} pictures, not to {' or '.join(kinds)}: leave "
-                "it out"
-            )
-        kinds = left
+        others, kinds = kinds, [one for one in kinds if one in meant]
+        if not kinds:
+            words = f"belongs to {' or '.join(meant)} pictures, not to {' or '.join(others)}"
+            raise InputError(f"{named(name)} {value}: {words}: leave it out")
     return kinds
 
 

@@ -12,13 +12,13 @@ from jampetsc.analysis.scaling import (
 from jampetsc.analysis.statistics import log_median, mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.io.reader import SweepResult
-from jampetsc.plots.averages import require_same_frequencies
-from jampetsc.plots.curves import Curve, curve_of, group_curves
+from jampetsc.plots.curves import Curve, curve_of, group_curves, require_same_frequencies
 from jampetsc.plots.floppy import (
     PRESTRESS,
     QUANTITIES,
     groups_of,
     handles_of,
+    pressures_of,
     unstable,
     value_of,
     values_of,
@@ -59,11 +59,11 @@ def draw_exponents(curves, page) -> str:
     errors as bands. Raises InputError for a sweep that does not begin in the quasistatic limit.
     """
     title, groups = group_curves(curves)
-    axes = page.panels(2, 2, PAGE, 2 * HEIGHT, sharex=True)
-    for ax, (label, levels, _, _) in zip(axes, _PANELS, strict=True):
+    names = [label for label, *_ in _PANELS]
+    axes = page.panels(2, 2, PAGE, 2 * HEIGHT, x=r"$\omega\tau_1$", y=names, log="x", sharex=True)
+    for ax, (_, levels, *_) in zip(axes, _PANELS, strict=True):
         for level in levels:
             ax.axhline(level, color=GREY, linewidth=0.8, linestyle=":", zorder=1)
-        ax.set(ylabel=label, xscale="log")
     for group in groups:
         omega, samples, above = exponent_samples(group.curves)
         for ax, values, (_, _, _, limited) in zip(axes, samples, _PANELS, strict=True):
@@ -73,8 +73,6 @@ def draw_exponents(curves, page) -> str:
             band(ax, omega[shown], mean - error, mean + error, group.label, color=group.colour)
     for ax, (_, _, limits, _) in zip(axes, _PANELS, strict=True):
         ax.set_ylim(limits)
-    for ax in axes[2:]:
-        ax.set_xlabel(r"$\omega\tau_1$")
     page.legend(axes[0], [entry(group.label, group.colour) for group in groups], title)
     return f"local exponents of G* against omega of {count(curves)}"
 
@@ -87,17 +85,11 @@ def exponent_samples(curves):
     omega = curves[0].omega
     require_same_frequencies(curves)
     limits = [low_frequency_limit(curve.omega, curve.G) for curve in curves]
-    samples = [
-        (
-            *critical_exponents(omega, curve.G, limit.modulus),
-            curve.G.imag / curve.G.real,
-            local_slope(omega, curve.G.imag),
-        )
-        for curve, limit in zip(curves, limits, strict=True)
-    ]
-    modulus, viscosity = (
-        np.mean([getattr(limit, name) for limit in limits]) for name in ("modulus", "viscosity")
-    )
+    samples = []
+    for G, limit in ((curve.G, limit) for curve, limit in zip(curves, limits, strict=True)):
+        slopes = critical_exponents(omega, G, limit.modulus)
+        samples.append((*slopes, G.imag / G.real, local_slope(omega, G.imag)))
+    modulus, viscosity = np.mean([(limit.modulus, limit.viscosity) for limit in limits], axis=0)
     return omega, np.swapaxes(samples, 0, 1), omega > modulus / viscosity
 
 
@@ -108,21 +100,20 @@ def draw_pressure_exponents(results, page) -> str:
     pre-stress; open: with. Medians over the packings of one pressure and N, of which G₀ < 0 under pre-stress counts
     like any other; errors are those of medians. Raises InputError for fewer than two pressures.
     """
-    groups = groups_of(results)
-    levels = {size: np.array([p for n, p in groups if n == size]) for size, _ in groups}
-    sizes = [size for size in sorted(levels) if len(levels[size]) >= _FEWEST]
-    if not sizes:
+    every = pressures_of(results)
+    groups = {size: levels for size, levels in groups_of(results).items() if len(levels) >= _FEWEST}
+    if not groups:
         raise InputError(f"{results[0].path}: one pressure: local exponents need files at several")
-    axes, styles = page.panels(2, 3, PAGE, 2 * HEIGHT), dict(zip(sizes, looks(len(sizes)), strict=True))
-    for ax, (name, (symbol, limit)) in zip(axes, _LIMITS.items(), strict=True):
+    styles = dict(zip(groups, looks(len(groups)), strict=True))
+    names = [rf"$d\,\ln {symbol}\,/\,d\,\ln p$" for symbol, _ in _LIMITS.values()]
+    axes = page.panels(2, 3, PAGE, 2 * HEIGHT, x="$p/k$", y=names, log="x")
+    for ax, (name, (_, limit)) in zip(axes, _LIMITS.items(), strict=True):
         ax.axhline(limit, color=GREY, linewidth=0.8, linestyle=":", zorder=1)
-        for size, look in styles.items():
+        for size, levels in groups.items():
             for prefix, words, face in PRESTRESS:
-                samples = values_of(results, groups, size, value_of, name, prefix)
-                label = hidden(f"$N={size}$, {words}")
-                points(ax, *local_exponents_of(levels[size], samples), label=label, **look, **face)
-        ax.set(xlabel="$p/k$", ylabel=rf"$d\,\ln {symbol}\,/\,d\,\ln p$", xscale="log")
-        ax.set(xlim=(min(p for _, p in groups), max(p for _, p in groups)), ylim=(limit - 0.5, limit + 0.5))
+                drawn = local_exponents_of(np.array(list(levels)), values_of(levels, value_of, name, prefix))
+                points(ax, *drawn, label=hidden(f"$N={size}$, {words}"), **styles[size], **face)
+        ax.set(xlim=(min(every), max(every)), ylim=(limit - 0.5, limit + 0.5))
     page.legend(axes[2], handles_of(styles))
     of = count(results, "file", "files")
     return f"local exponents of G0, eta0 and omega* against p of {of}{unstable(results)}"

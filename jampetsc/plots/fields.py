@@ -11,9 +11,8 @@ from jampetsc.io.snapshots import snapshot
 from jampetsc.plots.correlation import OMEGA
 from jampetsc.plots.packing import circles
 from jampetsc.plots.periodic import (
-    cells,
     disk_images,
-    frame_cell,
+    framed,
     lay_out,
     points_per_length,
     segment_images,
@@ -69,9 +68,9 @@ def plot_fields(results, page, omega=None, packing=None, phase=PHASES[0], total=
     turns = [phase_factor(sweep, fields.omega[row], phase) for row in rows]
     found = [field_at(sweep, row) for row in rows]
     motion = [turn * (affine + field) for turn, (field, _) in zip(turns, found, strict=True)]
-    spin = (
-        None if fields.rotation is None else [turn * one for turn, (_, one) in zip(turns, found, strict=True)]
-    )
+    spin = None
+    if fields.rotation is not None:
+        spin = [turn * rotation for turn, (_, rotation) in zip(turns, found, strict=True)]
     omega = fields.omega[rows] * float(sweep.attributes.get("tau1", 1.0))
     draw_fields(page, disks, omega, motion, spin, particles, phase, "u" if total else r"\tilde u")
     told = ", ".join(f"{w:g}" for w in omega)
@@ -90,8 +89,7 @@ def draw_fields(page, disks, omega, displacement, rotation, particles, phase, sy
             title = f"{instant},  {frequency}" if single else "" if part else frequency
             spin = None if rotation is None else take(rotation[f])
             panels.append((title, take(displacement[f]), spin, "" if single or f else instant))
-    rows, columns = (1, 2) if single else (2, len(omega))
-    axes = _draw(page, disks, panels, particles, rf"{symbol}/\gamma", rows, columns)
+    axes = _draw(page, disks, panels, particles, rf"{symbol}/\gamma", 1 if single else 2)
     if rotation is not None:
         shown = ScalarMappable(Normalize(-_RANGE, _RANGE), _colours())
         settings = {"shrink": 0.5, "aspect": 18, "pad": 0.01, "ticks": (-_RANGE, 0, _RANGE)}
@@ -143,16 +141,17 @@ def draw_panels(page, disks, panels, particles, symbol) -> None:
     if len(panels) > COLUMNS:
         raise InputError(f"{len(panels)} fields: one picture holds {COLUMNS}; choose fewer")
     panels = [(title, field, None, "") for title, field in panels]
-    _draw(page, disks, panels, particles, symbol, 1, len(panels))
+    _draw(page, disks, panels, particles, symbol, 1)
 
 
-def _draw(page, disks, panels, particles, symbol, rows, columns):
+def _draw(page, disks, panels, particles, symbol, rows):
     """Panels [(title, field, rotations or None, name of the row), …] on cells of one size; gives the axes."""
-    axes = cells(page, [disks.cell], rows, columns, COLUMN if columns <= 2 else PAGE)
+    width = COLUMN if len(panels) // rows <= 2 else PAGE
+    axes = framed(page, [disks.cell] * len(panels), rows, width, linewidth=0.4)
     centres = wrap(disks.positions, disks.cell)
     chosen = _spread(centres[particles], disks.cell)
-    spacing, outlines = np.sqrt(disks.area / max(len(chosen), 1)), []
-    for ax, (title, u, spin, row) in zip(axes, panels, strict=True):
+    spacing = np.sqrt(disks.area / max(len(chosen), 1))
+    for (ax, _), (title, u, spin, row) in zip(axes, panels, strict=True):
         factor = _factor(u, spacing)
         scales = rf"arrows ${number(factor)}\,{symbol}$" if factor else f"${symbol}=0$"
         if spin is not None:
@@ -160,13 +159,12 @@ def _draw(page, disks, panels, particles, symbol, rows, columns):
         ax.set_title(title, pad=3)
         ax.set_ylabel(row, fontsize=9)
         ax.set_xlabel(scales, fontsize=_SMALL, labelpad=3)
-        outlines.append(frame_cell(ax, disks.cell, linewidth=0.4))
     few = len(chosen) < len(particles)
     if few and page.own:
         page.figure.supxlabel(f"arrows on {len(chosen)} of {len(particles)} disks", fontsize=_SMALL)
     lay_out(page, rows, 0.15 if few else 0.0)
     images, places = disk_images(centres, disks.radii, disks.cell)
-    for ax, outline, (_, u, spin, _) in zip(axes, outlines, panels, strict=True):
+    for (ax, outline), (_, u, spin, _) in zip(axes, panels, strict=True):
         scale, faces = points_per_length(ax), np.ones((disks.n, 4))
         if spin is not None:
             faces[particles] = _colours()(0.5 + spin / (2 * _RANGE * (_rms(spin) or 1.0)))
@@ -176,7 +174,7 @@ def _draw(page, disks, panels, particles, symbol, rows, columns):
         if factor := _factor(u, spacing):
             vectors = factor * u[chosen]
             within(outline, [_arrows(ax, centres[particles][chosen], vectors, disks.cell, scale * spacing)])
-    return axes
+    return [ax for ax, _ in axes]
 
 
 def _arrows(ax, starts, vectors, cell, spacing):

@@ -8,14 +8,14 @@ from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError, named
 from jampetsc.plots.floppy import (
     BARE,
-    PRESTRESS,
     draw_medians,
+    drawn_of_both,
     groups_of,
     handles_of,
     unstable,
     value_of,
-    values_of,
 )
+from jampetsc.plots.logaxes import limits_kept
 from jampetsc.plots.page import points
 from jampetsc.plots.picture import Option, count, picture
 from jampetsc.plots.style import GREY, PAGE, entry, exponent_text, looks, power_or_number, power_text
@@ -49,14 +49,17 @@ def plot_finite_size(results, page, size_power=1.0):
     groups = groups_of(results)
     fluid = any(fluid_of(result) > 0 for result in results)
     symbols = [r"\eta_0"] + [r"(\eta_0-\eta_F)"] * fluid
-    sizes = sorted({size for size, _ in groups})
-    styles = dict(zip(sizes, looks(len(sizes)), strict=True))
-    axes = page.panels(1, 1 + len(symbols), PAGE, HEIGHT if fluid else 0.9 * HEIGHT)
-    for ax, symbol, subtracted in zip(axes, symbols, (False, True), strict=False):
-        ylabel = rf"${symbol}\,/\,{power_text('N', size_power)}$ $[k\tau_1]$"
-        ax.set(xlabel="$N^2p/k$", ylabel=ylabel, xscale="log", yscale="log")
-        _draw_collapse(ax, results, groups, styles, size_power, subtracted)
-    _draw_sizes(page, axes[-1], results, groups, symbols[-1])
+    styles = dict(zip(groups, looks(len(groups)), strict=True))
+    y = [rf"${symbol}\,/\,{power_text('N', size_power)}$ $[k\tau_1]$" for symbol in symbols]
+    axes = {
+        "x": ["$N^2p/k$"] * len(symbols) + ["$N$"],
+        "y": [*y, rf"$(p/k)^{{1/2}}\,{symbols[-1]}$ $[k\tau_1]$"],
+        "log": ["xy"] * len(symbols) + ["x"],
+    }
+    axes = page.panels(1, 1 + len(symbols), PAGE, HEIGHT if fluid else 0.9 * HEIGHT, **axes)
+    for ax, subtracted in zip(axes[:-1], (False, True), strict=False):
+        _draw_collapse(ax, groups, styles, size_power, subtracted)
+    _draw_sizes(page, axes[-1], groups)
     guide = entry(f"slope ${exponent_text(-size_power / 2)}$", GREY, linestyle="--")
     page.legend(axes[0], [*handles_of(styles), guide], first="lower left", handlelength=1.8)
     return f"eta0/N^{size_power:g} against pN^2 of {count(results, 'file', 'files')}{unstable(results)}"
@@ -67,49 +70,46 @@ def fluid_of(result) -> float:
     return float(result.attributes.get("eta0_fluid", 0.0))
 
 
-def viscosity_of(result, prefix=f"{BARE}_", subtracted=False) -> float:
-    """η₀ in kτ₁ without pre-stress (this prefix) or with it (""), less η_F if subtracted."""
+def viscosity_of(result, subtracted=False, prefix=f"{BARE}_") -> float:
+    """η₀ in kτ₁, less η_F if subtracted, without pre-stress (this prefix) or with it ("")."""
     units = units_of(result)
     eta0 = value_of(result, "eta0", prefix) - (fluid_of(result) if subtracted else 0.0)
     return eta0 / (units.k * units.tau1)
 
 
-def _draw_collapse(ax, results, groups, styles, power, subtracted):
+def _draw_collapse(ax, groups, styles, power, subtracted):
     bare = []
-    for size, look in styles.items():
-        x = np.array([level for n, level in groups if n == size]) * size**2
-        for prefix, words, face in PRESTRESS:
-            values = values_of(results, groups, size, viscosity_of, prefix, subtracted)
+    for size, levels in groups.items():
+        x, look = np.array(list(levels)) * size**2, {"linewidth": 0.8} | styles[size]
+        for values, words, face, prefix in drawn_of_both(levels, viscosity_of, subtracted):
             samples = [value / size**power for value in values]
-            if not np.isfinite(np.concatenate(samples)).any():
-                continue
-            y, _ = draw_medians(ax, x, samples, {"linewidth": 0.8} | look | face, f"$N={size}$, {words}")
+            y, _ = draw_medians(ax, x, samples, look | face, f"$N={size}$, {words}")
             if prefix:
                 bare.append((x, y))
     x, y = np.concatenate(bare, axis=1)
     large = x > LARGE
     if large.any():
         level = np.exp(np.mean(np.log(y[large] * x[large] ** (power / 2))))
-        guide, kept = np.array([1.0, x.max()]), ax.dataLim.frozen()
-        ax.plot(guide, level * guide ** (-power / 2), "--", color=GREY, linewidth=0.8, zorder=1)
-        ax.dataLim.set(kept)
+        guide = np.array([1.0, x.max()])
+        with limits_kept(ax):
+            ax.plot(guide, level * guide ** (-power / 2), "--", color=GREY, linewidth=0.8, zorder=1)
 
 
-def scaled_by_pressure(results, rows) -> tuple[float, float]:
+def scaled_by_pressure(files) -> tuple[float, float]:
     """(mean, standard error) of √p (η₀ − η_F) without pre-stress over files of one pressure, k = τ₁ = 1."""
-    scaled = [
-        np.sqrt(units_of(results[r]).pressure) * viscosity_of(results[r], subtracted=True) for r in rows
-    ]
+    scaled = [np.sqrt(units_of(one).pressure) * viscosity_of(one, subtracted=True) for one in files]
     return tuple(float(value) for value in mean_with_error(scaled))
 
 
-def _draw_sizes(page, ax, results, groups, symbol):
-    large = [(size, level) for size, level in groups if level * size**2 > LARGE and level < CRITICAL]
-    levels = sorted({level for _, level in large})
-    ax.set(xscale="log", xlabel="$N$", ylabel=rf"$(p/k)^{{1/2}}\,{symbol}$ $[k\tau_1]$")
-    for level, look in zip(levels, looks(len(levels)), strict=True):
-        n = np.array([size for size, p in large if p == level])
-        y, error = np.transpose([scaled_by_pressure(results, groups[size, level]) for size in n])
+def _draw_sizes(page, ax, groups):
+    large = {}  # {p/k: {N: files}}
+    for size, levels in groups.items():
+        for level, files in levels.items():
+            if level * size**2 > LARGE and level < CRITICAL:
+                large.setdefault(level, {})[size] = files
+    for (level, sizes), look in zip(sorted(large.items()), looks(len(large)), strict=True):
+        n = np.array(list(sizes))
+        y, error = np.transpose([scaled_by_pressure(files) for files in sizes.values()])
         points(ax, n, y, error, linestyle="none", label=f"${power_or_number(level)}$", **look)
         known = np.isfinite(error) & (error > 0)
         if known.sum() >= FEWEST:
@@ -117,6 +117,6 @@ def _draw_sizes(page, ax, results, groups, symbol):
             ax.plot(n, line.constant + line.slope * np.log(n), color=look["color"], linewidth=0.8, zorder=1)
     ax.set_ylim(0.0, None)
     page.legend(ax, title="$p/k$", named=False)
-    ax.xaxis.set_major_locator(FixedLocator(sorted({size for size, _ in large})))
+    ax.xaxis.set_major_locator(FixedLocator(sorted({size for sizes in large.values() for size in sizes})))
     ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     ax.xaxis.set_minor_locator(NullLocator())

@@ -1,6 +1,4 @@
-"""Floppy motion against pressure (BT Fig. 5) and the viscosities against β (BT Fig. 4, inset), of quasistatic
-files.
-"""
+"""Floppy motion against pressure (BT Fig. 5), viscosities against β (BT Fig. 4, inset), of quasistatic files."""
 
 import numpy as np
 from matplotlib.patches import Patch
@@ -39,11 +37,27 @@ def pressures_of(results):
 
 
 def groups_of(results) -> dict:
-    """{(N, p/k): rows of `results`}, of files that differ in the packing alone, small N and low pressure first."""
+    """{N: {p/k: files}}, of files that differ in the packing alone, small N and low pressure first."""
     found = {}
-    for row, (result, pressure) in enumerate(zip(results, pressures_of(results), strict=True)):
-        found.setdefault((int(result.attributes.get("particle_count", 0)), pressure), []).append(row)
+    for result, pressure in sorted(
+        zip(results, pressures_of(results), strict=True), key=lambda pair: pair[1]
+    ):
+        sized = found.setdefault(int(result.attributes.get("particle_count", 0)), {})
+        sized.setdefault(pressure, []).append(result)
     return dict(sorted(found.items()))
+
+
+def values_of(levels, value, *more) -> list:
+    """value(result, *more) of the files of each pressure of one N, [(files,), …]; `levels` of `groups_of`."""
+    return [np.array([value(result, *more) for result in files]) for files in levels.values()]
+
+
+def drawn_of_both(levels, value, *more):
+    """(values as `values_of`, words, look, prefix) without pre-stress and with it, of what the files hold."""
+    for prefix, words, face in PRESTRESS:
+        samples = values_of(levels, value, *more, prefix)
+        if np.isfinite(np.concatenate(samples)).any():
+            yield samples, words, face, prefix
 
 
 @picture("medians", "quasistatic")
@@ -54,44 +68,29 @@ def plot_medians(results, page):
     one pressure and N; where each has several, bands are 68 % intervals of these medians by resampling the files.
     """
     groups = groups_of(results)
-    sizes = sorted({size for size, _ in groups})
-    ax = page.panels()
-    ax.set(xlabel="$p/k$", ylabel="median per unit strain", xscale="log", yscale="log")
-    markers = [look["marker"] for look in looks(len(sizes))]
-    handles, bands, single = [], [], False
-    for (name, (symbol, slope)), look in zip(QUANTITIES.items(), looks(len(QUANTITIES)), strict=True):
-        handles.append(entry(f"${symbol}$", **(look if len(sizes) == 1 else {"color": look["color"]})))
-        for size, marker in zip(sizes, [look["marker"]] if len(sizes) == 1 else markers, strict=True):
-            levels, guide = np.array([level for n, level in groups if n == size]), None
-            for prefix, words, face in PRESTRESS:
-                samples = values_of(results, groups, size, value_of, f"{name}_median", prefix)
-                if not np.isfinite(np.concatenate(samples)).any():
-                    continue
+    ax = page.panels(x="$p/k$", y="median per unit strain", log="xy")
+    styles = {size: {"marker": look["marker"]} for size, look in zip(groups, looks(len(groups)), strict=True)}
+    several, handles, bands, single = len(groups) > 1, [], [], False
+    for (name, (symbol, slope)), own in zip(QUANTITIES.items(), looks(len(QUANTITIES)), strict=True):
+        handles.append(entry(f"${symbol}$", **({"color": own["color"]} if several else own)))
+        for size, levels in groups.items():
+            p, look, found = np.array(list(levels)), own | (styles[size] if several else {}), []
+            for samples, words, face, _ in drawn_of_both(levels, value_of, f"{name}_median"):
                 label = f"${symbol}$, $N={size}$, {words}"
-                medians, drawn = draw_medians(ax, levels, samples, look | {"marker": marker} | face, label)
-                bands = drawn or bands
+                medians, drawn = draw_medians(ax, p, samples, look | face, label)
+                found, bands = [*found, medians], drawn or bands
                 if max(map(len, samples)) > 1:
-                    p, y = np.repeat(levels, [len(some) for some in samples]), np.concatenate(samples)
+                    x, y = np.repeat(p, [len(some) for some in samples]), np.concatenate(samples)
                     dots = {"markersize": 2, "markeredgewidth": 0, "label": hidden(f"{label}, single files")}
-                    ax.plot(p, y, ".", color=look["color"], **dots)
+                    ax.plot(x, y, ".", color=look["color"], **dots)
                     single = True
-                guide = medians if guide is None else guide
-            if size == sizes[-1]:
-                power_law(ax, levels, guide, slope)
-    styles = {size: {"marker": marker, "ls": "none"} for size, marker in zip(sizes, markers, strict=True)}
-    handles += handles_of(styles if len(sizes) > 1 else {})
+        power_law(ax, p, found[0], slope)  # of the largest N
+    handles += handles_of({size: look | {"ls": "none"} for size, look in styles.items() if several})
     handles.append(entry(r"$p^{\pm 1/4}$", GREY, linestyle=":", linewidth=0.8))
     if single:
         handles.append(entry("single files", marker=".", ms=2, ls="none"))
     page.legend(ax, handles + bands)
     return f"medians of floppy motion in {count(results, 'file', 'files')}"
-
-
-def values_of(results, groups, size, value, *more) -> list:
-    """value(result, *more) of the files of each pressure of one N, [(files,), …]."""
-    return [
-        np.array([value(results[row], *more) for row in rows]) for (n, _), rows in groups.items() if n == size
-    ]
 
 
 def handles_of(styles) -> list:
@@ -140,16 +139,15 @@ def plot_viscosities(results, page):
             raise InputError(
                 f"{result.path}: law {result.attributes.get('law')}: has no beta; give contact damping"
             )
-    groups = groups_of(results)
-    several = len({size for size, _ in groups}) > 1
-    ax = page.panels()
-    ax.set(xlabel=r"$\beta$", ylabel=r"$\eta_0,\ \eta_\infty\ [k\tau_1]$", xscale="log", yscale="log")
+    sizes = groups_of(results)
+    groups = [(size, level, files) for size, levels in sizes.items() for level, files in levels.items()]
+    ax = page.panels(x=r"$\beta$", y=r"$\eta_0,\ \eta_\infty\ [k\tau_1]$", log="xy")
     handles, bands = [], []
     columns = ((r"$\eta_0$", {}), (r"$\eta_\infty$", OPEN))
-    for ((size, level), rows), look in zip(groups.items(), looks(len(groups)), strict=True):
-        points = np.array([row for one in rows for row in _rows(results[one])])
+    for (size, level, files), look in zip(groups, looks(len(groups)), strict=True):
+        points = np.array([row for result in files for row in _rows(result)])
         betas = np.unique(points[:, 0])
-        label = f"${power_or_number(level)}$" + (f", $N={size}$" if several else "")
+        label = f"${power_or_number(level)}$" + (f", $N={size}$" if len(sizes) > 1 else "")
         handles.append(entry(label, **look))
         for column, (symbol, face) in enumerate(columns, 1):
             samples = [points[points[:, 0] == beta, column] for beta in betas]
@@ -161,11 +159,9 @@ def plot_viscosities(results, page):
 
 def _rows(result):
     """(β, η₀, η_∞) in kτ₁, the file's own and its scan's, β > 0."""
-    attributes = result.attributes
-    units = units_of(result)
+    units, names = units_of(result), ("beta", "eta0", "eta_inf")
     unit = units.k * units.tau1
-    rows = [(attributes["beta"], attributes["eta0"] / unit, attributes["eta_inf"] / unit)]
+    rows = [tuple(result.attributes[name] for name in names)]
     if "beta_scan/beta" in result:
-        scan = (result[f"beta_scan/{name}"] for name in ("beta", "eta0", "eta_inf"))
-        rows += [(beta, eta0 / unit, eta_inf / unit) for beta, eta0, eta_inf in zip(*scan, strict=True)]
-    return sorted({row for row in rows if row[0] > 0})
+        rows += zip(*(result[f"beta_scan/{name}"] for name in names), strict=True)
+    return sorted({(beta, eta0 / unit, eta_inf / unit) for beta, eta0, eta_inf in rows if beta > 0})

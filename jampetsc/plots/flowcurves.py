@@ -1,6 +1,7 @@
 """Flow curves: stress, pressure, friction, viscosity and coordination against the rate, or against φ at each rate.
 
-Local exponents d ln σ/d ln γ̇ tell the regime: 1 is Newtonian, 2 Bagnoldian (Vågberg, thesis sec. 6.4).
+Local exponents d ln σ/d ln γ̇ tell the regime (Vågberg, thesis sec. 6.4): 1 is Newtonian, where disks stay together in
+large clusters, 2 Bagnoldian, where they part after a collision.
 """
 
 import numpy as np
@@ -71,16 +72,14 @@ def draw_flow_curves(results, page) -> str:
     curves, units = flow_curves(results), flow_units(results)
     if not any(len(curve["pressure"][0]) >= _FEWEST for curve in curves.values()):
         raise InputError(f"{results[0].path}: flow curves need several rates of one model, phi and N")
-    labels = [units.label(r"\sigma", "stress"), units.label("p", "stress"), r"$\sigma/p$"]
-    labels += [units.label(r"\sigma/\dot\gamma,\ p/\dot\gamma", "viscosity")]
-    labels += [r"$d\ln\sigma/d\ln\dot\gamma,\ d\ln p/d\ln\dot\gamma$", "$Z$"]
-    axes = page.panels(2, 3, PAGE, 2 * HEIGHT)
+    names = [units.label(r"\sigma", "stress"), units.label("p", "stress"), r"$\sigma/p$"]
+    names += [units.label(r"\sigma/\dot\gamma,\ p/\dot\gamma", "viscosity")]
+    names += [r"$d\ln\sigma/d\ln\dot\gamma,\ d\ln p/d\ln\dot\gamma$", "$Z$"]
+    rate = units.label(r"\dot\gamma", "rate")
+    axes = page.panels(2, 3, PAGE, 2 * HEIGHT, x=rate, y=names, log=["xy"] * 4 + ["x"] * 2)
     every = np.concatenate([curve["pressure"][0] for curve in curves.values()])
-    for ax, text in zip(axes, labels, strict=True):
-        ax.set(xlabel=units.label(r"\dot\gamma", "rate"), ylabel=text, xscale="log")
+    for ax in axes:
         ax.set_xlim(every.min() / 1.3, 1.3 * every.max())
-    for ax in axes[:4]:
-        ax.set_yscale("log")
     exponents = []
     for name, look, curve in zip(labels_of(list(curves)), looks(len(curves)), curves.values(), strict=True):
         points(axes[5], *curve["coordination"], label=hidden(name), **look)
@@ -125,12 +124,69 @@ def plot_against_phi(results, page):
     units = flow_units(results)
     kinds = [kind for kind, _ in curves]
     words = labels_of(kinds) if len(set(kinds)) > 1 else [""] * len(kinds)
-    texts = [units.label(r"\sigma", "stress"), units.label("p", "stress"), "$Z$"]
-    axes = page.panels(1, 3, PAGE, HEIGHT * 1.2)
-    for ax, name, text in zip(axes, QUANTITIES, texts, strict=True):
-        ax.set(xlabel=r"$\phi$", ylabel=text, yscale="linear" if name == "coordination" else "log")
+    names = [units.label(r"\sigma", "stress"), units.label("p", "stress"), "$Z$"]
+    axes = page.panels(1, 3, PAGE, HEIGHT * 1.2, x=r"$\phi$", y=names, log=["y", "y", ""])
+    for ax, name in zip(axes, QUANTITIES, strict=True):
         for ((_, rate), curve), word, look in zip(curves.items(), words, looks(len(curves)), strict=True):
             label = (f"{word}, " if word else "") + f"${number(rate * units.tau1)}$"
             points(ax, *curve[name], label=label, **look)
     page.legend(axes[2], title=units.label(r"\dot\gamma", "rate"))
     return f"stress, pressure and coordination of {count(results, 'run', 'runs')} against phi"
+
+
+def regimes(results) -> dict:
+    """{model: {φ: (Q (M,), exponent (M,), error (M,), cluster (M,), low, high)}} of massive flows at two rates or more.
+
+    exponent   d ln σ/d ln γ̇ between the two lowest rates, low and high, in 1/τ₁; nan where σ is not positive
+    cluster    share of the disks in the largest cluster, at the lowest rate
+
+    Raises InputError where there is no massive flow at two rates.
+    """
+    found, clusters = {}, {}
+    for result in results:
+        a = result.attributes
+        clusters.setdefault((kind_of(result), float(a["rate"])), []).append(float(a["largest_cluster_mean"]))
+    quality = {kind_of(result): result.attributes.get("quality") for result in results}
+    for kind, curve in flow_curves(results).items():
+        rates, stress, error = curve["shear_stress"]
+        if quality[kind] is None or len(rates) < 2:
+            continue
+        exponent, spread = np.nan, np.nan
+        if (stress[:2] > 0).all():
+            _, (exponent,), (spread,) = local_exponents(rates[:2], stress[:2], error[:2])
+        slowest = min(rate for one, rate in clusters if one == kind)
+        share = np.mean(clusters[kind, slowest]) / kind[2]
+        row = (float(quality[kind]), exponent, spread, share, rates[0], rates[1])
+        found.setdefault(kind[0], {}).setdefault(kind[1], []).append(row)
+    if not found:
+        raise InputError(f"{results[0].path}: regimes are of massive disks at several rates of one φ and Q")
+    return {
+        model: {phi: np.array(sorted(rows)).T for phi, rows in sorted(some.items())}
+        for model, some in found.items()
+    }
+
+
+@picture("regimes", "flow")
+def plot_regimes(results, page):
+    """Exponents of σ at the lowest rates, and the share of the largest cluster, against Q; a line for each φ.
+
+    Raises InputError as `regimes`.
+    """
+    maps = regimes(results)
+    phis = sorted({phi for some in maps.values() for phi in some})
+    styles = dict(zip(phis, looks(len(phis)), strict=True))
+    axes = page.panels(2, len(maps), PAGE, 4.2, x="$Q$", log="x", sharex=True, sharey="row").reshape(2, -1)
+    axes[0, 0].set_ylabel(r"$d\ln\sigma/d\ln\dot\gamma$")
+    axes[1, 0].set_ylabel("largest cluster$/N$")
+    for (slope, share), (model, some) in zip(axes.T, sorted(maps.items()), strict=True):
+        for value in (1, 2):
+            slope.axhline(value, color=GREY, lw=0.6, ls=":")
+        for phi, (quality, exponent, error, cluster, *_) in some.items():
+            look = styles[phi] | {"label": hidden(rf"${phi:g}$")}
+            slope.errorbar(quality, exponent, error, elinewidth=0.6, **look)
+            share.plot(quality, cluster, **look)
+        slope.set_title(model, loc="right", pad=3)
+        share.set_ylim(0, 1.05)
+    handles = [entry(rf"${phi:g}$", **look) for phi, look in styles.items()]
+    page.legend(axes[1, 0], handles, r"$\phi$", "lower left")
+    return f"exponents and clusters of {count(results, 'run', 'runs')} against Q"

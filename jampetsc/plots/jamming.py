@@ -118,8 +118,8 @@ def _labels(kinds):
 def plot_fraction(results, page):
     """f(φ), the share of samples that jam, a line for every N and protocol; bars are one standard error."""
     samples = samples_of(results)
-    ax = page.panels(1, 1, COLUMN, HEIGHT)
-    ax.set(xlabel=r"$\phi$", ylabel=r"$f(\phi)$", ylim=(-0.04, 1.04))
+    ax = page.panels(1, 1, COLUMN, HEIGHT, x=r"$\phi$", y=r"$f(\phi)$")
+    ax.set_ylim(-0.04, 1.04)
     ax.axhline(0.5, color=GREY, lw=0.5, ls=":")
     labels = _labels([one.kind for one in samples])
     for one, label, look in zip(samples, labels, looks(len(samples)), strict=True):
@@ -146,16 +146,14 @@ def plot_pressures(results, page):
     if len(curves) > PANELS:
         raise InputError(f"{len(curves)} kinds of samples: one picture shows P(p) of {PANELS}; choose some")
     units, columns = flow_units(results), min(len(curves), 2)
-    rows = -(-len(curves) // columns)
-    axes = np.ravel(
-        page.panels(rows, columns, PAGE if columns == 2 else COLUMN, HEIGHT * rows, count=len(curves))
-    )
+    rows, width = -(-len(curves) // columns), PAGE if columns == 2 else COLUMN
+    named = {"x": units.label("p", "stress"), "y": "$P(p)$"}
+    axes = np.ravel(page.panels(rows, columns, width, HEIGHT * rows, **named, count=len(curves)))
     for ax, (one, some), label in zip(axes, curves, _labels([one.kind for one, _ in curves]), strict=True):
         for phi, colour in zip(some, colours(len(some)), strict=True):
-            _density(
-                ax, *one.density(phi, units.k), label=rf"$\phi={phi:.6g}$", color=colour, marker="o", ms=2.4
-            )
-        ax.set(xlabel=units.label("p", "stress"), ylabel=r"$P(p)$", xlim=(0, None), ylim=(0, None))
+            look = {"color": colour, "marker": "o", "ms": 2.4, "label": rf"$\phi={phi:.6g}$"}
+            _density(ax, *one.density(phi, units.k), **look)
+        ax.set(xlim=(0, None), ylim=(0, None))
         ax.set_title(label, pad=3)
         ax.ticklabel_format(axis="x", style="sci", scilimits=(-2, 3), useMathText=True)
         page.legend(ax, first="upper right")
@@ -184,8 +182,7 @@ def plot_jamming_densities(results, page):
         )
     labels = _labels([kind for kind, _, _ in curves])
     several = len({phi for _, phi, _ in curves}) > 1
-    ax = page.panels(1, 1, COLUMN, HEIGHT)
-    ax.set(xlabel=r"$\phi_J$", ylabel=r"$P(\phi_J)$")
+    ax = page.panels(1, 1, COLUMN, HEIGHT, x=r"$\phi_J$", y=r"$P(\phi_J)$")
     for (_, phi, values), label, look in zip(curves, labels, looks(len(curves)), strict=True):
         text = label + (rf", cooled at $\phi={phi:.6g}$" if several else "")
         _density(ax, *density(values), label=text, **look)

@@ -1,10 +1,11 @@
 """Log axes: ticks of short ones, guide slopes, and corners that are clear of data."""
 
+from contextlib import contextmanager
 from itertools import pairwise
 
 import numpy as np
 from matplotlib.path import Path
-from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
+from matplotlib.ticker import FixedLocator, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from jampetsc.analysis.scaling import local_slope
 from jampetsc.plots.style import GREY, number, power_text
@@ -53,9 +54,7 @@ def _label(axis, steps):
     many = len(shown) > 1
     plain = all(1e-3 <= value < 1e4 for value in shown or (low, high))
     axis.set_major_locator(LogLocator(subs=steps) if many else MaxNLocator(4, steps=(1, 2, 5, 10)))
-    axis.set_major_formatter(
-        FuncFormatter(lambda value, _: f"${value:g}$" if plain else f"${number(value)}$")
-    )
+    axis.set_major_formatter(lambda value, _: f"${value:g}$" if plain else f"${number(value)}$")
     if not many:
         axis.set_minor_locator(NullLocator())
     return many
@@ -65,6 +64,15 @@ def _labels(axis):
     """The labels in sight."""
     (low, high), along = sorted(axis.get_view_interval()), "xy".index(axis.axis_name)
     return [label for label in axis.get_majorticklabels() if low <= label.get_position()[along] <= high]
+
+
+@contextmanager
+def limits_kept(ax, when=True):
+    """What is drawn within it does not widen the limits of `ax`, or only `when` that holds."""
+    kept = ax.dataLim.frozen()
+    yield
+    if when:
+        ax.dataLim.set(kept)
 
 
 def draw_guide(ax, x, y, exponent, symbol, above) -> None:
@@ -78,25 +86,15 @@ def draw_guide(ax, x, y, exponent, symbol, above) -> None:
     u = np.linspace(*window, 50)
     drawn = [np.log10(line.get_data()) for line in ax.get_lines() if len(line.get_xdata())]
     heights = np.array([np.interp(u, *one, left=np.nan, right=np.nan) for one in drawn])
-    sign = 1 if above else -1
+    sign, edge = (1, np.nanmax(heights, axis=0)) if above else (-1, np.nanmin(heights, axis=0))
     gap = max(0.035 * np.ptp(np.log10(ax.get_ylim())), 0.12)
-    v = exponent * u + sign * (np.max(sign * (_edge(heights, sign) - exponent * u)) + gap)
+    v = exponent * u + sign * (np.max(sign * (edge - exponent * u)) + gap)
     ax.plot(10**u, 10**v, color=GREY, linewidth=0.8, solid_capstyle="butt", zorder=1.5)
-    middle = len(u) // 2
-    ax.annotate(
-        f"${power_text(symbol, exponent)}$",
-        (10 ** u[middle], 10 ** v[middle]),
-        xytext=(-2 * sign, 2 * sign),
-        textcoords="offset points",
-        ha="right" if above else "left",
-        va="bottom" if above else "top",
-        color="0.25",
-    )
+    middle, aligned = len(u) // 2, ("right", "bottom") if above else ("left", "top")
+    look = {"textcoords": "offset points", "ha": aligned[0], "va": aligned[1], "color": "0.25"}
+    at = (10 ** u[middle], 10 ** v[middle])
+    ax.annotate(f"${power_text(symbol, exponent)}$", at, (-2 * sign, 2 * sign), **look)
     ax.update_datalim([(10 ** u[0], 10 ** (v.max() + gap)), (10 ** u[0], 10 ** (v.min() - 0.5 * gap))])
-
-
-def _edge(heights, sign):
-    return np.nanmax(heights, axis=0) if sign > 0 else np.nanmin(heights, axis=0)
 
 
 def _regime(x, y, exponent):
@@ -115,12 +113,12 @@ def _regime(x, y, exponent):
     return first + spare, last - spare
 
 
-def power_law(ax, x, y, exponent, **look) -> None:
+def power_law(ax, x, y, exponent) -> None:
     """A dotted line ∝ x^exponent through the geometric middle of the points (x, y); limits stay as they are."""
-    log, kept = np.log(x), ax.dataLim.frozen()
+    log = np.log(x)
     line = np.exp(np.mean(np.log(y)) + exponent * (log - np.mean(log)))
-    ax.plot(x, line, **{"color": GREY, "linewidth": 0.8, "linestyle": ":", "zorder": 1} | look)
-    ax.dataLim.set(kept)
+    with limits_kept(ax):
+        ax.plot(x, line, color=GREY, linewidth=0.8, linestyle=":", zorder=1)
 
 
 def clear_corner(ax, first, settings) -> str | None:

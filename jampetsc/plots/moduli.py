@@ -11,8 +11,7 @@ from matplotlib.patches import Patch
 from jampetsc.analysis.scaling import LAMBDA, MU, collapse, collapse_spread
 from jampetsc.analysis.statistics import few_words
 from jampetsc.errors import InputError
-from jampetsc.plots.averages import BANDS, STATISTICS, average_curves
-from jampetsc.plots.curves import curve_of, group_curves
+from jampetsc.plots.curves import STATISTICS, average_curves, curve_of, group_curves
 from jampetsc.plots.logaxes import draw_guide
 from jampetsc.plots.page import band
 from jampetsc.plots.picture import Option, count, picture
@@ -28,15 +27,8 @@ STATISTIC = Option(
 )  # fmt: skip
 EXPONENTS = (
     Option("mu", "number", "collapse: moduli over p^MU (default 0.5)", "MU", low=0, high=10),
-    Option(
-        "lambda",
-        "number",
-        "collapse: frequency over p^LAMBDA (default 1; 0 leaves it)",
-        "LAMBDA",
-        low=0,
-        high=10,
-    ),
-)
+    Option("lambda", "number", "collapse: frequency over p^LAMBDA (default 1; 0 leaves it)", "LAMBDA", low=0, high=10),
+)  # fmt: skip
 
 
 @picture("moduli", "sweep", options=(STATISTIC,))
@@ -95,7 +87,9 @@ def averaged(results, statistic):
     negative = sum(bool((curve.G.real < 0).any()) for curve in curves)
     below = f"; G' < 0 somewhere in {negative} of them, which count like the others" if negative else ""
     words = {"mean": "arithmetic means", "median": "medians"}[statistic]
-    what = BANDS[statistic] + (f"\n{STORAGE} < 0 in {negative} of {len(curves)}" if negative else "")
+    what = f"{statistic}, 68 % interval" + (
+        f"\n{STORAGE} < 0 in {negative} of {len(curves)}" if negative else ""
+    )
     text = f", {words} over packings with errors{below}{few_words(fewest, 'packing')}"
     return average_curves(curves, statistic), what, text
 
@@ -117,8 +111,7 @@ def _scaled(curve, mu, lam):
 
 def _draw(page, curves, labels, critical, symbol, what, parts):
     """critical: exponent of the regime between the crossovers, if it gets a guide as the viscous one does."""
-    ax = page.panels()
-    ax.set(xscale="log", yscale="log", xlabel=labels[0], ylabel=labels[1])
+    ax = page.panels(x=labels[0], y=labels[1], log="xy")
     title, groups = group_curves(curves)
     drawn = [_curve(ax, g, curve, n, parts) for n, g in enumerate(groups) for curve in g.curves]
     if not any(drawn):

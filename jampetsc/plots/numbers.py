@@ -26,10 +26,8 @@ def table(axes) -> list[dict]:
             name = artist.get_label()
             values = np.broadcast_arrays(*columns.values())
             about = told | {"series": plain(name.removeprefix("_:")), "what": what}
-            rows += [
-                about | dict(zip(columns, row, strict=True))
-                for row in zip(*map(np.ravel, values), strict=True)
-            ]
+            numbers = zip(*map(np.ravel, values), strict=True)
+            rows += [about | dict(zip(columns, row, strict=True)) for row in numbers]
     return rows
 
 
@@ -42,7 +40,7 @@ def written(axes) -> bytes:
     writer.writeheader()
     for row in rows:
         writer.writerow(
-            {name: repr(float(value)) if name not in COLUMNS else value for name, value in row.items()}
+            {name: value if name in COLUMNS else repr(float(value)) for name, value in row.items()}
         )
     return text.getvalue().encode()
 
@@ -60,10 +58,8 @@ def _drawn(ax):
         columns, lines, known = _points(data), list(lines), _known(data)
         for axis, there in ((0, bars.has_xerr), (1, bars.has_yerr)):
             if there:
-                # matplotlib takes ends that are no numbers out
-                drawn = [
-                    one if len(one) == 2 else np.full((2, 2), np.nan) for one in lines.pop(0).get_segments()
-                ]
+                segments = lines.pop(0).get_segments()  # matplotlib takes ends that are no numbers out
+                drawn = [one if len(one) == 2 else np.full((2, 2), np.nan) for one in segments]
                 ends = np.reshape(drawn, (-1, 2, 2))[known, :, axis]
                 columns |= {f"{'xy'[axis]}_low": ends[:, 0], f"{'xy'[axis]}_high": ends[:, 1]}
         yield bars, "points", columns
@@ -75,11 +71,8 @@ def _drawn(ax):
             yield one, "arrows", {"x_value": one.X, "y_value": one.Y, "u": one.U, "v": one.V}
         elif isinstance(one, PathCollection | EllipseCollection):
             x, y = one.get_offsets().T
-            more = (
-                {"colour": one.get_array()}
-                if isinstance(one, PathCollection)
-                else {"diameter": 2 * one._widths}
-            )
+            disks = isinstance(one, EllipseCollection)
+            more = {"diameter": 2 * one._widths} if disks else {"colour": one.get_array()}
             yield one, "points", {"x_value": x, "y_value": y} | more
         elif isinstance(one, LineCollection):
             (x, y), (x_end, y_end) = np.moveaxis(one.get_segments(), 0, -1)
@@ -104,13 +97,11 @@ def _points(line):
 
 def _band(one):
     corners = np.concatenate([path.vertices for path in one.get_paths()] or [np.zeros((0, 2))])
-    x = np.unique(corners[:, 0])
-    ends = [corners[corners[:, 0] == value, 1] for value in x]
-    return {
-        "x_value": x,
-        "y_low": np.array([end.min() for end in ends]),
-        "y_high": np.array([e.max() for e in ends]),
-    }
+    x, which = np.unique(corners[:, 0], return_inverse=True)
+    low, high = np.full(len(x), np.inf), np.full(len(x), -np.inf)
+    np.minimum.at(low, which, corners[:, 1])
+    np.maximum.at(high, which, corners[:, 1])
+    return {"x_value": x, "y_low": low, "y_high": high}
 
 
 def plain(text) -> str:

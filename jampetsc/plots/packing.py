@@ -8,9 +8,8 @@ from jampetsc.errors import InputError
 from jampetsc.flows.walls import phi_between
 from jampetsc.io.snapshots import snapshot
 from jampetsc.plots.periodic import (
-    cells,
     disk_images,
-    frame_cell,
+    framed,
     lay_out,
     points_per_length,
     segment_images,
@@ -44,9 +43,9 @@ def plot_packing(results, page):
 @picture("minimum", "shear", single=True)
 def plot_minimum(results, page):
     """The last minimum of quasistatic shear, as `plot_packing`."""
-    disks = results[0].last
-    plot_packing.function([disks], page)
-    return f"{disks.n} disks at strain {results[0]['strain'][-1]:.4g}"
+    (result,) = results
+    plot_packing.function([result.last], page)
+    return f"{result.last.n} disks at strain {result['strain'][-1]:.4g}"
 
 
 @picture("snapshot", "flow")
@@ -93,13 +92,12 @@ def _draw(page, panels):
         raise InputError(f"{len(panels)} snapshots: one picture shows {PANELS}; choose some")
     count, largest = len(panels), max(disks.n for _, disks, *_ in panels)
     width = count * (COLUMN if count > 1 or largest <= MANY else PAGE)
-    axes = cells(page, [disks.cell for _, disks, *_ in panels], 1, count, width)
-    for ax, (title, *_, caption) in zip(axes, panels, strict=True):
+    axes = framed(page, [disks.cell for _, disks, *_ in panels], 1, width)
+    for (ax, _), (title, *_, caption) in zip(axes, panels, strict=True):
         ax.set_title(title)
         ax.set_xlabel(caption, linespacing=1.4)
-    outlines = [frame_cell(ax, disks.cell) for ax, (_, disks, *_) in zip(axes, panels, strict=True)]
     lay_out(page, 1)
-    for ax, outline, (_, disks, contacts, hollow, _) in zip(axes, outlines, panels, strict=True):
+    for (ax, outline), (_, disks, contacts, hollow, _) in zip(axes, panels, strict=True):
         centres = wrap(disks.positions, disks.cell)
         drawn = [_disks(disks, centres, hollow, ax)]
         if len(contacts):

@@ -8,7 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from jampetsc.errors import InputError
-from jampetsc.plots.logaxes import clear_corner, set_ticks, thin_ticks
+from jampetsc.plots.logaxes import clear_corner, limits_kept, set_ticks, thin_ticks
 from jampetsc.plots.style import COLUMN, drawn_in, hidden, save
 
 HEIGHT = 2.9  # inches of a picture of one panel
@@ -21,17 +21,23 @@ class Page:
     axes     those that are given, or none: then `panels` makes a figure
     size     (width, height) of that figure in inches, None: what the picture takes
     labels   words that replace those of the legends, in their order
+
+    `text` is what the picture shows, in words.
     """
 
     def __init__(self, axes=None, size=None, labels=()):
-        self.own, self.size, self.labels = axes is None, size, list(labels)
-        self.axes = [] if axes is None else list(np.ravel(axes))
+        self.own, self.size, self.labels, self.text = axes is None, size, list(labels), ""
+        self.axes, self._given = [] if axes is None else list(np.ravel(axes)), axes
         self.lettered, self.laid_out, self._legends, self._raised = False, False, [], False
 
-    def panels(self, rows=1, columns=1, width=COLUMN, height=HEIGHT, letters=True, count=None, **grid):
+    def panels(
+        self, rows=1, columns=1, width=COLUMN, height=HEIGHT, *, x="", y="", log="", letters=True, count=None, **grid
+    ):  # fmt: skip
         """(count,) axes, row by row; a single one for one panel.
 
         width, height   inches of the figure
+        x, y            names of the axes: of each panel, or one of all, which stands at the edge where they share it
+        log             "x", "y" or "xy": which of them are logarithmic, in all panels or in each
         letters         (a), (b), … above several panels
         count           of a last row that is not full; the others do without
         grid            keywords of `Figure.subplots`
@@ -47,10 +53,25 @@ class Page:
                 ax.remove()
         elif len(self.axes) != count:
             raise InputError(f"ax: {len(self.axes)} axes: this picture of these files takes {count}, or none")
-        else:
-            for ax in self.axes:
-                ax.set(**grid.get("subplot_kw", {}))
-        return self.axes[0] if count == 1 else np.array(self.axes)
+        for n, ax in enumerate(self.axes):
+            inner = (
+                bool(grid.get("sharex")) and n < count - columns,
+                bool(grid.get("sharey")) and n % columns > 0,
+            )
+            for axis, names, within in zip("xy", (x, y), inner, strict=True):
+                name = names[n] if not isinstance(names, str) else "" if within else names
+                ax.set(**{f"{axis}label": name})
+            for axis in log if isinstance(log, str) else log[n]:
+                ax.set(**{f"{axis}scale": "log"})
+        return self._one_or_all()
+
+    def _one_or_all(self):
+        return self.axes[0] if len(self.axes) == 1 else np.array(self.axes)
+
+    @property
+    def given_back(self):
+        """The axes that were given; else the new ones: one, or (panels,) of them."""
+        return self._one_or_all() if self.own else self._given
 
     def _make(self, width, height):
         self._figure = Figure(figsize=self.size or (width, height), layout="constrained")
@@ -107,12 +128,6 @@ class Page:
             self.figure.set_figheight(height + rise)
         self.figure.get_layout_engine().set(rect=(0, 0, 1, 1 - rise / self.figure.get_figheight()))
 
-    def _letter(self):
-        """(a), (b), … above the panels of a figure of its own."""
-        if self.lettered:
-            for ax, letter in zip(self.axes, string.ascii_lowercase, strict=False):
-                ax.set_title(f"({letter})", loc="left", pad=3)
-
     def finish(self, xlim=None, ylim=None) -> None:
         """Limits, letters of panels, legends and ticks of log axes.
 
@@ -131,8 +146,9 @@ class Page:
                     ax.set(**{name: pair})
         if self.labels:
             raise InputError(f"label {self.labels[0]}: the legends have no entry that is left: give fewer")
-        self._letter()
-        for ax in self.axes:
+        for ax, letter in zip(self.axes, string.ascii_lowercase, strict=False):
+            if self.lettered:
+                ax.set_title(f"({letter})", loc="left", pad=3)
             low, high = ax.get_ylim()
             if ax.get_yscale() == "log" and ax.get_autoscaley_on() and high < _LEAST * low:
                 middle = (low * high) ** 0.5  # what hardly changes is not blown up
@@ -160,13 +176,10 @@ def saved_page(path):
         save(page.figure, path)
 
 
-def band(ax, x, low, high, name="", **look) -> None:
+def band(ax, x, low, high, name, **look) -> None:
     """A band from `low` to `high` over x, which does not widen the limits of log axes."""
-    kept = ax.dataLim.frozen()
-    look = {"alpha": 0.25, "linewidth": 0} | look
-    ax.fill_between(x, low, high, label=hidden(name) if name else None, **look)
-    if ax.get_yscale() == "log":
-        ax.dataLim.set(kept)
+    with limits_kept(ax, when=ax.get_yscale() == "log"):
+        ax.fill_between(x, low, high, label=hidden(name), **{"alpha": 0.25, "linewidth": 0} | look)
 
 
 def points(ax, x, y, error=None, **look):
@@ -181,10 +194,9 @@ def points(ax, x, y, error=None, **look):
         error = np.asarray(error, float)[..., known]
         seen = np.broadcast_to(np.where(np.isfinite(error), error, 0.0), seen.shape)
         error = seen if np.isfinite(error).any() else None
-    kept = ax.dataLim.frozen()
-    drawn = ax.errorbar(x, y, error, **{"elinewidth": 0.6, "markeredgewidth": 0.7} | look)
+    with limits_kept(ax, when=log):
+        drawn = ax.errorbar(x, y, error, **{"elinewidth": 0.6, "markeredgewidth": 0.7} | look)
     if log:
-        ax.dataLim.set(kept)
         for ends in (np.maximum(y - seen[0], y / 3), np.minimum(y + seen[1], 3 * y)):
             ax.update_datalim(np.column_stack((x, ends)))
     return drawn

@@ -38,12 +38,16 @@ def _images(low, high, anchors, cell):
     return np.concatenate(rows), np.concatenate(points)
 
 
-def cells(page, shapes, rows, columns, width, **settings) -> list:
-    """Axes for cells [(2, 2), …] of one picture, none of them higher than TALLEST times its width."""
-    ratio = max(height / wide for wide, height in map(extent, shapes))
+def framed(page, cells, rows, width, linewidth=0.6) -> list:
+    """[(axes, outline of its cell, at which `within` cuts what is in it)] of cells [(2, 2), …] in rows.
+
+    No cell is higher than TALLEST times its width.
+    """
+    columns = len(cells) // rows
+    ratio = max(cell[1, 1] / (abs(cell[0, 0]) + abs(cell[1, 0])) for cell in cells)
     height = rows * (width / columns * min(ratio, TALLEST) + CAPTION)
-    axes = page.panels(rows, columns, width, height, letters=False, **settings)
-    return list(np.ravel(axes))
+    axes = np.ravel(page.panels(rows, columns, width, height, letters=False))
+    return [(ax, _frame(ax, cell, linewidth)) for ax, cell in zip(axes, cells, strict=True)]
 
 
 def lay_out(page, rows, note=0.0) -> None:
@@ -60,8 +64,7 @@ def lay_out(page, rows, note=0.0) -> None:
     page.laid_out = True
 
 
-def frame_cell(ax, cell, linewidth=0.6) -> Polygon:
-    """Draw the outline of the cell and fit the axes to it; returns it as a clip path for the contents."""
+def _frame(ax, cell, linewidth):
     corners = np.array([(0.0, 0.0), cell[0], cell[0] + cell[1], cell[1]])
     outline = Polygon(corners, closed=True, fill=False, edgecolor="0.3", linewidth=linewidth, zorder=5)
     ax.add_patch(outline)
@@ -83,8 +86,3 @@ def points_per_length(ax) -> float:
     ax.apply_aspect()
     (x0, _), (x1, _) = ax.transData.transform([(0, 0), (1, 0)])
     return (x1 - x0) * 72 / ax.figure.dpi
-
-
-def extent(cell):
-    """Width and height of the cell's bounding box."""
-    return abs(cell[0, 0]) + abs(cell[1, 0]), cell[1, 1]

@@ -13,9 +13,6 @@ without, and gives them back: plot_lanes(results, ax=None, …).
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
-
-import numpy as np
 
 from jampetsc.errors import InputError
 from jampetsc.plots.page import Page
@@ -47,22 +44,6 @@ class Option:
 PACKING = Option("packing", "file", "the packing, if it is not beside the file", "FILE")
 
 
-class Drawn(NamedTuple):
-    """A picture that was drawn."""
-
-    axes: list
-    text: str  # what it shows
-
-    def back(self, given=None):
-        """The axes that were given; else the new ones: one, or (panels,) of them."""
-        return given if given is not None else self.axes[0] if len(self.axes) == 1 else np.array(self.axes)
-
-    @property
-    def figure(self):
-        """The figure that the axes are on."""
-        return self.axes[0].figure
-
-
 @dataclass(frozen=True)
 class Picture:
     """A kind of picture; calling it draws."""
@@ -80,21 +61,15 @@ class Picture:
         return {option.name: option for option in self.options}
 
     def __call__(self, results, ax=None, **settings):
-        """Draw, and give back the axes: one, or (panels,) of them. Parameters and errors as `draw`."""
-        return self.draw(results, ax, **settings).back(ax)
+        """Draw, and give back the axes. Parameters and errors as `draw`."""
+        return self.draw(results, ax, **settings).given_back
 
     def draw(
-        self, results, ax=None, size=None, xlim=None, ylim=None, label=(), style=None, **options
-    ) -> Drawn:
-        """Draw results on the axes `ax`, or on a figure of its own.
+        self, results, ax=None, *, size=None, xlim=None, ylim=None, label=(), style=None, **options
+    ) -> Page:  # fmt: skip
+        """Draw results of `jampetsc.load`, on the axes `ax` or on a new figure; `page.text` says what they show.
 
-        results      of `jampetsc.load`
-        ax           as many axes as the picture has panels; None: a new figure in the package's style
-        size         (width, height) of a new figure in inches
-        xlim, ylim   (low, high) for all panels, or one for each
-        label        words that replace those of the legend, in its order
-        style        a style file of matplotlib, or {name: value}, on top of the package's style
-        options      of this kind of picture
+        Parameters as `draw.plot` has them; options: of this kind of picture.
 
         Raises InputError for files that it cannot show, and for an option that it does not have.
         """
@@ -109,9 +84,9 @@ class Picture:
         if ax is not None and size is not None:
             raise InputError("size: is of a new figure: leave it out where ax is given")
         with drawn_in(style, own=ax is None):
-            text = self.function(results, page, **options)
+            page.text = self.function(results, page, **options)
             page.finish(xlim, ylim)
-        return Drawn(page.axes, text)
+        return page
 
 
 def picture(kind, *of, options=(), single=False, mixed=False):

@@ -13,41 +13,30 @@ HEIGHT = 2.3  # inches of one row of panels
 def plot_quasistatic_shear(results, page):
     """U/N on a log scale, σ, p and Z over γ of one run or several; unjammed states are light, means dashed."""
     units = flow_units(results)
-    panels = (
-        ("energy", units.label("U/N", "energy"), units.k),
-        ("shear_stress", units.label(r"\sigma", "stress"), units.k),
-        ("pressure", units.label("p", "stress"), units.k),
-        ("coordination", "$Z$", 1.0),
-    )
-    axes = page.panels(2, 2, PAGE, 2 * HEIGHT, sharex=True)
-    axes[0].set_yscale("log")
-    loose, plastic = (
-        [bool(seen(result).any()) for result in results]
-        for seen in (lambda result: result["jammed"] != 1, lambda result: result.get("plastic", np.zeros(1)))
-    )
-    for ax, (name, text, unit) in zip(axes, panels, strict=True):
+    panels = {"energy": units.label("U/N", "energy"), "shear_stress": units.label(r"\sigma", "stress")}
+    panels |= {"pressure": units.label("p", "stress"), "coordination": "$Z$"}
+    named = {"x": r"$\gamma$", "y": list(panels.values()), "log": ["y", "", "", ""]}
+    axes = page.panels(2, 2, PAGE, 2 * HEIGHT, **named, sharex=True)
+    loose = any((result["jammed"] != 1).any() for result in results)
+    plastic = [result["strain"][result["plastic"] == 1] if "plastic" in result else [] for result in results]
+    for ax, name in zip(axes, panels, strict=True):
         for result, colour in zip(results, colours(len(results)), strict=True):
             a, strain = result.attributes, result["strain"]
-            per = float(a["particle_count"]) if name == "energy" else 1.0
-            _draw(ax, strain, result[name] / unit / per, result["jammed"] == 1, colour, result.path.stem)
+            unit = {"energy": units.k * float(a["particle_count"]), "coordination": 1.0}.get(name, units.k)
+            _draw(ax, strain, result[name] / unit, result["jammed"] == 1, colour, result.path.stem)
             if name != "energy":
                 mean, span = float(a[f"{name}_mean"]) / unit, [float(a["discard"]), strain[-1]]
                 label = hidden(f"{result.path.stem}, mean")
                 ax.plot(span, [mean, mean], color=colour, lw=1.3, ls=DASHED, label=label)
-        ax.set_ylabel(text)
-        ax.margins(x=0)
-    for result, colour, some in zip(results, colours(len(results)), plastic, strict=True):
-        events = result["strain"][result["plastic"] == 1] if some else []
+        ax.set_xmargin(0)
+    for events, colour in zip(plastic, colours(len(results)), strict=True):
         below = {"transform": axes[1].get_xaxis_transform(), "ms": 4}
         axes[1].plot(events, np.full(len(events), 0.02), "|", color=colour, **below)
-    if any(loose):
-        axes[0].axhline(float(results[0].attributes["energy_cut"]), color=GREY, lw=0.6, ls=":")
-    for ax in axes[2:]:
-        ax.set_xlabel(r"$\gamma$")
     handles = [entry("jammed", lw=0.7)]
-    if any(loose):
+    if loose:
+        axes[0].axhline(float(results[0].attributes["energy_cut"]), color=GREY, lw=0.6, ls=":")
         handles.append(entry("not jammed", alpha=0.5, marker=".", ms=1.5, ls="none"))
-    if any(plastic):
+    if any(map(len, plastic)):
         handles.append(entry("plastic events, in (b)", marker="|", ms=4, ls="none"))
     page.legend(axes[0], [*handles, entry("means", lw=1.3, ls=DASHED)])
     return f"energy, stress, pressure and coordination of {count(results, 'run', 'runs')} over the strain"

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from jampetsc.errors import InputError
+from jampetsc.plots.logaxes import limits_kept
 from jampetsc.plots.page import points
 from jampetsc.plots.picture import picture
 from jampetsc.plots.style import GREY, PAGE, hidden, looks, number
@@ -10,6 +12,14 @@ HEIGHTS = (3.0, 1.4, 1.9)  # inches of collapse, residuals and drift
 REACH = 6.0  # from the best value in sight, in typical changes or errors: beyond, a fit has lost its way
 SYMBOLS = {"pressure": "p", "shear_stress": r"\sigma", "jammed": "f"}
 _NAMES = {"phi_J": r"\phi_J", "y": "y", "znu": r"z\nu", "nu": r"\nu", "omega": r"\omega"}
+
+
+def scaled(result):
+    """(b, O/b^(y/κ) without its corrections, its error): b is the rate, κ = zν; of sizes 1/L and ν."""
+    a = result.attributes
+    b, kappa = (result["rate"], "znu") if a["scaling"] == "rate" else (1 / result["size"], "nu")
+    unit = b ** (float(a["y"]) / float(a[kappa]))
+    return b, (result["value"] - result["correction"]) / unit, result["error"] / unit
 
 
 @picture("scaling", "collapse", single=True)
@@ -27,13 +37,9 @@ def plot_scaling(results, page):
 
 
 def _collapse(page, top, middle, result):
-    a = result.attributes
+    a, x, (b, left, bars) = result.attributes, result["x"], scaled(result)
     sized = a["scaling"] == "size"
-    b = 1 / result["size"] if sized else result["rate"]
-    unit = b ** (float(a["y"]) / float(a["nu" if sized else "znu"]))
-    x, value, error = result["x"], result["value"], result["error"]
-    left = (value - result["correction"]) / unit
-    residuals = (value - result["leading"] - result["correction"]) / error
+    residuals = (result["value"] - result["leading"] - result["correction"]) / result["error"]
     top.plot(result["curve/x"], result["curve/f0"], color=GREY, lw=0.9, zorder=1, label=hidden("f0"))
     if (left > 0).all() and left.max() > 5 * left.min():
         top.set_yscale("log")
@@ -41,7 +47,7 @@ def _collapse(page, top, middle, result):
     scales = np.unique(b)
     for scale, look in zip(scales, looks(len(scales)), strict=True):
         here, label = b == scale, f"${1 / scale**2:.0f}$" if sized else f"${number(scale)}$"
-        points(top, x[here], left[here], error[here] / unit[here], ls="none", ms=3, label=label, **look)
+        points(top, x[here], left[here], bars[here], ls="none", ms=3, label=label, **look)
         middle.plot(x[here], residuals[here], ls="none", ms=3, label=hidden(label), **look)
     symbol = SYMBOLS[str(a["observable"])]
     power = r"L^{y/\nu}" if sized else r"\dot\gamma^{-y/z\nu}"
@@ -72,3 +78,37 @@ def _drift(ax, result, name, column):
     reach = REACH * max(np.median(np.abs(y - best)), np.median(bars), own)
     low, high = min((y - bars).min(), best - own), max((y + bars).max(), best + own)
     ax.set_ylim(max(low - 0.1 * own, best - reach), min(high + 0.1 * own, best + reach))
+
+
+@picture("branches", "collapse", single=True)
+def plot_branches(results, page):
+    """The collapse in two branches (Vågberg, Fig. 5.1): O/γ̇^(y/zν), corrections taken off, against |φ − φ_J|/γ̇^(1/zν).
+
+    Filled above φ_J, hollow below it, a colour for each rate; lines: the fitted f₀. Raises InputError for a collapse
+    with the size, which has no rates.
+    """
+    (result,) = results
+    a, x = result.attributes, result["x"]
+    if a["scaling"] != "rate":
+        raise InputError(f"{result.path}: is a collapse of sizes: branches are of rates; draw it as scaling")
+    rate, y, error = scaled(result)
+    scaled_y = rf"${SYMBOLS[str(a['observable'])]}\,\dot\gamma^{{-y/z\nu}}$"
+    ax = page.panels(1, 1, PAGE, 4.0, x=r"$|\phi-\phi_J|\,\dot\gamma^{-1/z\nu}$", y=scaled_y, log="xy")
+    scales = np.unique(rate)
+    for one, look in zip(scales, looks(len(scales)), strict=True):
+        label = rf"${number(one)}$"
+        above = {"label": label, "markerfacecolor": look["color"]}
+        below = {"label": hidden(f"{label}, below phi_J"), "markerfacecolor": "white"}
+        for side, face in ((1, above), (-1, below)):
+            here = (rate == one) & (side * x > 0)
+            if (y[here] > 0).any():
+                points(ax, np.abs(x[here]), y[here], error[here], ls="none", **look, **face)
+    with limits_kept(ax):
+        for side in (-1, 1):
+            along = side * result["curve/x"] > 0
+            curve = np.abs(result["curve/x"][along]), result["curve/f0"][along]
+            ax.plot(*curve, color=GREY, lw=0.9, zorder=1)
+    told = rf"$\phi_J={float(a['phi_J']):.4f}$, $y={float(a['y']):.3g}$, $z\nu={float(a['znu']):.3g}$"
+    ax.set_title(told, loc="right", pad=3)
+    page.legend(ax, title="$\\dot\\gamma$; hollow: $\\phi<\\phi_J$")
+    return f"two branches of the {a['observable']} at {len(x)} points"

@@ -1,8 +1,15 @@
-"""Pictures of steady shear: series over strain and g_y(x); what tells runs apart.
+"""Pictures of steady shear: series and order over strain, profiles between walls, g_y(x); what tells runs apart.
 
 Quantities are in the units that the files tell (`units.flow_units`): Vågberg's where `jampetsc flow` made the disks.
 """
 
+from itertools import pairwise
+
+import numpy as np
+
+from jampetsc.analysis.order import six_fold_order
+from jampetsc.analysis.profiles import heights, mean_profile
+from jampetsc.errors import InputError
 from jampetsc.flows.velocity_correlation import BIN, FORMAT, LANE, correlate_lanes
 from jampetsc.plots.page import band
 from jampetsc.plots.picture import count, differing, grouped, picture
@@ -12,6 +19,9 @@ from jampetsc.plots.units import flow_units
 HEIGHT = 2.7  # inches of one row of panels
 _QUANTITIES = (("shear_stress", r"\sigma"), ("pressure", "p"))
 NAMED = 12  # runs that a legend names
+ORDERS = (r"$\langle|\psi_6|\rangle$", r"$|\langle\psi_6\rangle|$")
+WINDOWS = (0.0, 0.1, 0.3, 1.0)  # strains between which the start is shown; the last window is the steady part
+PANELS = 3  # kinds of flow between walls
 
 
 def kind_of(result) -> tuple:
@@ -36,21 +46,78 @@ def labels_of(kinds) -> list[str]:
 def draw_series(results, page) -> str:
     """σ and p over the strain, of one file or several, with the means of the steady part."""
     units = flow_units(results)
-    axes = page.panels(1, 2, PAGE, HEIGHT)
-    for ax, (name, symbol) in zip(axes, _QUANTITIES, strict=True):
+    names = [units.label(symbol, "stress") for _, symbol in _QUANTITIES]
+    axes = page.panels(1, 2, PAGE, HEIGHT, x=r"$\gamma$", y=names)
+    for ax, (name, _) in zip(axes, _QUANTITIES, strict=True):
         for result, colour in zip(results, colours(len(results)), strict=True):
             strain, discard = result["strain"], float(result.attributes["discard"])
             ax.plot(strain, result[name].sum(1) / units.k, color=colour, lw=0.6, label=result.path.stem)
             mean = result.attributes[f"{name}_mean"] / units.k
             label = hidden(f"{result.path.stem}, mean")
             ax.plot([discard, strain[-1]], [mean, mean], color=colour, lw=1.6, ls=DASHED, label=label)
-        ax.set(xlabel=r"$\gamma$", ylabel=units.label(symbol, "stress"), ylim=(0, None))
-        ax.margins(x=0)
+        ax.set(ylim=(0, None), xmargin=0)
     handles = [entry("means", GREY, lw=1.6, ls=DASHED)]
     if 1 < len(results) <= NAMED:
         handles = axes[0].get_legend_handles_labels()[0] + handles
     page.legend(axes[1], handles)
     return f"stress and pressure of {count(results, 'run', 'runs')} over the strain"
+
+
+@picture("order", "flow")
+def plot_order(results, page):
+    """⟨|ψ₆|⟩ and |⟨ψ₆⟩| over the strain: disks of one size order into layers, disks of two do not (Vågberg, Fig. 4.6).
+
+    Kind by kind: thin lines runs, thick ones their mean. Raises InputError for files without snapshots, and for runs of
+    one kind with snapshots at other strains.
+    """
+    kinds = grouped([(result, six_fold_order(result)) for result in results], lambda pair: kind_of(pair[0]))
+    for (first, _), *others in kinds.values():
+        for result, _ in others:
+            if not np.array_equal(result["snapshots/strain"], first["snapshots/strain"]):
+                raise InputError(
+                    f"{result.path}: snapshots at other strains than {first.path.name}: a mean needs the same"
+                )
+    axes = page.panels(1, 2, PAGE, HEIGHT, x=r"$\gamma$", y=ORDERS)
+    for part, ax in enumerate(axes):
+        for runs, label, look in zip(kinds.values(), labels_of(list(kinds)), looks(len(kinds)), strict=True):
+            strain, thin = runs[0][0]["snapshots/strain"], {"color": look["color"], "lw": 0.3, "alpha": 0.6}
+            for run, order in runs if len(runs) > 1 else ():
+                ax.plot(strain, order[part], label=hidden(run.path.name), **thin)
+            mean = np.mean([order[part] for _, order in runs], axis=0)
+            ax.plot(strain, mean, markevery=max(1, len(strain) // 10), label=label, **look)
+        ax.set(ylim=(0, 1), xmargin=0.01)
+    page.legend(axes[1], title=f"thin: {len(results)} runs" if len(results) > len(kinds) else None)
+    return f"six-fold order of {count(results, 'run', 'runs')} over the strain"
+
+
+@picture("profile", "flow")
+def plot_profiles(results, page):
+    """y/H − ½ against v_x/(γ̇H) between walls in windows of strain: where the shear is at the start, and when steady.
+
+    A panel for each kind and rate, runs averaged; dotted: linear, bars: standard errors. Raises InputError for files
+    without profiles, and for more kinds than PANELS.
+    """
+    kinds = grouped(results, lambda one: (kind_of(one), float(one.attributes["rate"])))
+    if len(kinds) > PANELS:
+        raise InputError(f"{len(kinds)} kinds of flow: one picture of profiles shows {PANELS}; choose some")
+    rates = {rate for _, rate in kinds}
+    named = {"x": r"$v_x/(\dot\gamma H)$", "y": r"$y/H-\frac{1}{2}$"}
+    axes = np.ravel(page.panels(1, len(kinds), PAGE, 3.0, **named, sharey=True))
+    names = labels_of([kind for kind, _ in kinds])
+    for ax, ((_, rate), runs), name in zip(axes, kinds.items(), names, strict=True):
+        steady = min(float(run.attributes["discard"]) for run in runs)
+        end = min(float(run["strain"][-1]) for run in runs)
+        windows = [*pairwise([edge for edge in WINDOWS if edge < steady]), (steady, end)]
+        ax.plot([-0.5, 0.5], [-0.5, 0.5], color=GREY, lw=0.8, ls=":", zorder=1)
+        for (low, high), look in zip(windows, looks(len(windows)), strict=True):
+            v, error = mean_profile(runs, low, high)
+            bars = {"xerr": np.nan_to_num(error), "elinewidth": 0.6, "label": f"${low:g}$ to ${high:.3g}$"}
+            ax.errorbar(v, heights(len(v)), ms=3, lw=0.8, **bars, **look)
+        ax.set(xlim=(-0.52, 0.52), ylim=(-0.5, 0.5))
+        told = rf"{name}, $\dot\gamma={number(rate)}$" if len(rates) > 1 else name
+        ax.set_title(told, loc="right", pad=3)
+    page.legend(axes[0], title=r"$\gamma$", first="upper left")
+    return f"velocity between walls of {count(results, 'run', 'runs')} in windows of strain"
 
 
 def lanes_of(results) -> list:
@@ -76,12 +143,11 @@ def lanes_of(results) -> list:
 def plot_lanes(results, page):
     """g_y against x of one or several files, with bands of one standard error."""
     curves = lanes_of(results)
-    ax = page.panels(1, 1, PAGE, HEIGHT)
+    ax = page.panels(1, 1, PAGE, HEIGHT, x=flow_units(results).label("x", "length"), y="$g_y(x)$")
     ax.axhline(0.0, color=GREY, lw=0.6)
     for (label, x, g, error), look in zip(curves, looks(len(curves)), strict=True):
         band(ax, x, g - error, g + error, label, color=look["color"])
         ax.plot(x, g, label=label, **look)
-    ax.set(xlabel=flow_units(results).label("x", "length"), ylabel="$g_y(x)$")
-    ax.margins(x=0.02)
+    ax.set_xmargin(0.02)
     page.legend(ax, title="bands: one standard error")
     return f"g_y of {count(results, 'file', 'files')}"

@@ -8,6 +8,7 @@ from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.analysis.transient import Transient, transient
 from jampetsc.errors import InputError
 from jampetsc.plots.curves import Curve, group_curves
+from jampetsc.plots.logaxes import limits_kept
 from jampetsc.plots.picture import count, picture
 from jampetsc.plots.style import DASHED, PAGE, entry, hidden, number
 from jampetsc.plots.units import units_of
@@ -62,24 +63,14 @@ def plot_relaxation(results, page):
     if not any(len(curve.spectrum.rates) for curve in curves):
         raise InputError(f"{curves[0].name}: no relaxation modes: G* = G0 + i omega eta, nothing to draw")
     title, groups = group_curves(curves)
-    axes = page.panels(2, 2, PAGE, HEIGHT, subplot_kw={"xscale": "log", "yscale": "log"})
-    axes[1].set_yscale("linear")
-    panels = (
-        (_spectrum, r"$\tau/\tau_1$", r"$H/k$"),
-        (_cumulative, r"$\tau/\tau_1$", r"$\sum_{\tau_m\leq\tau}\,g_m/k$"),
-        (_relaxation, r"$t/\tau_1$", r"$G(t)/k$"),
-        (_creep, r"$t/\tau_1$", r"$J(t)\,k$"),
-    )
-    for ax, (draw, x, y) in zip(axes, panels, strict=True):
-        ax.set(xlabel=x, ylabel=y)
+    x = [r"$\tau/\tau_1$"] * 2 + [r"$t/\tau_1$"] * 2
+    y = [r"$H/k$", r"$\sum_{\tau_m\leq\tau}\,g_m/k$", r"$G(t)/k$", r"$J(t)\,k$"]
+    axes = page.panels(2, 2, PAGE, HEIGHT, x=x, y=y, log=["xy", "x", "xy", "xy"])
+    for ax, draw in zip(axes, (_spectrum, _cumulative, _relaxation, _creep), strict=True):
         for group in groups:
             for curve in group.curves:
-                draw(
-                    ax,
-                    curve,
-                    len(curves),
-                    {"color": group.colour, "label": hidden(f"{group.label}, {curve.name}")},
-                )
+                look = {"color": group.colour, "label": hidden(f"{group.label}, {curve.name}")}
+                draw(ax, curve, len(curves) <= _FEW, look)
     axes[1].set_ylim(0.0, 1.05 * max(curve.spectrum.weights.sum() for curve in curves))
     _notes(page, axes, curves)
     if len(groups) > 1 or title:
@@ -92,43 +83,40 @@ def _positive(x, y):
     return x[shown], y[shown]
 
 
-def _spectrum(ax, curve, count, look):
+def _spectrum(ax, curve, few, look):
     """H averaged over its window; for few spectra also the mean of H between modes, as steps."""
     t, spectrum = curve.transient, curve.spectrum
     tau, H = _positive(t.tau, np.where(t.H >= _SHARE * t.H.max(initial=0.0), t.H, 0.0))
     ax.plot(tau, H, **look)
-    if count <= _FEW and len(spectrum.rates) > 1:
+    if few and len(spectrum.rates) > 1:
         times, between = spectrum.between()
-        kept = ax.dataLim.frozen()
-        ax.stairs(np.maximum(between, 1e-300), times, baseline=None, color=look["color"], linewidth=0.5)
-        ax.dataLim.set(kept)
+        with limits_kept(ax):
+            ax.stairs(np.maximum(between, 1e-300), times, baseline=None, color=look["color"], linewidth=0.5)
         middle, between = _positive(np.sqrt(times[1:] * times[:-1]), between)
         seen = between >= _SHARE * between.max()
         ax.update_datalim(np.column_stack((middle[seen], between[seen])))
 
 
-def _cumulative(ax, curve, count, look):
+def _cumulative(ax, curve, few, look):
     """Weight of all modes up to τ: steps at the modes, whose number is that of the reduced pencil."""
-    times, weights = 1.0 / curve.spectrum.rates, curve.spectrum.weights
+    total = np.cumsum(curve.spectrum.weights)
     ax.step(
-        times, np.cumsum(weights), where="post", marker="." if count <= _FEW else None, markersize=3, **look
+        1.0 / curve.spectrum.rates, total, where="post", marker="." if few else None, markersize=3, **look
     )
 
 
-def _relaxation(ax, curve, count, look):
+def _relaxation(ax, curve, few, look):
     ax.plot(*_positive(curve.transient.time, curve.transient.G), **look)
 
 
-def _creep(ax, curve, count, look):
-    stable = curve.transient.retardation.growth_rate == 0
-    ax.plot(
-        *_positive(curve.transient.creep_time, curve.transient.J), linestyle="-" if stable else DASHED, **look
-    )
+def _creep(ax, curve, few, look):
+    dash = "-" if curve.transient.retardation.growth_rate == 0 else DASHED
+    ax.plot(*_positive(curve.transient.creep_time, curve.transient.J), linestyle=dash, **look)
 
 
 def _notes(page, axes, curves):
     """What the curves do not show by themselves."""
-    small = {"fontsize": 7.5, "va": "top", "ha": "right"}
+    small = {"fontsize": 7.5, "va": "top"}
     windows = sorted({round(curve.transient.window, 2) for curve in curves})
     text = f"averaged over {windows[0]:g}" + (f" to {windows[-1]:g}" if len(windows) > 1 else "") + " decades"
     handles = [entry(text)]
@@ -140,8 +128,8 @@ def _notes(page, axes, curves):
         text = r"without $\eta_\infty\,\delta(t)$"
         if max(viscous) < 1.005 * min(viscous):
             text += rf", $\eta_\infty={number(viscous[0])}\,k\tau_1$"
-        axes[2].text(0.97, 0.97, text, transform=axes[2].transAxes, **small)
+        axes[2].text(0.97, 0.97, text, ha="right", transform=axes[2].transAxes, **small)
     unstable = sum(curve.transient.retardation.growth_rate > 0 for curve in curves)
     if unstable:
         text = rf"$G_0<0$ in {unstable} of {len(curves)}: creep diverges (dashed)"
-        axes[3].text(0.03, 0.97, text, transform=axes[3].transAxes, **{**small, "ha": "left"})
+        axes[3].text(0.03, 0.97, text, transform=axes[3].transAxes, **small)

@@ -7,6 +7,7 @@ import io
 import os
 import re
 from contextlib import contextmanager
+from fractions import Fraction
 from pathlib import Path
 
 import matplotlib
@@ -16,7 +17,7 @@ from matplotlib.lines import Line2D
 
 from jampetsc.errors import InputError
 from jampetsc.io.atomic import write_whole
-from jampetsc.io.outputs import PICTURE, TABLE, check_output
+from jampetsc.io.outputs import PICTURE, check_output
 
 COLUMN, PAGE = 3.4, 7.0  # inches: one and two columns of a journal
 GREY = "0.45"
@@ -97,11 +98,8 @@ def power_or_number(value) -> str:
 
 def exponent_text(value) -> str:
     """An exponent in TeX: a small fraction where it is one."""
-    for denominator in range(1, 7):
-        numerator = value * denominator
-        if abs(numerator - round(numerator)) < 1e-9:
-            return f"{round(numerator)}" if denominator == 1 else f"{round(numerator)}/{denominator}"
-    return f"{value:.3g}"
+    fraction = Fraction(float(value)).limit_denominator(6)
+    return str(fraction) if abs(fraction - value) * fraction.denominator < 1e-9 else f"{value:.3g}"
 
 
 def power_text(base, exponent) -> str:
@@ -146,18 +144,12 @@ def drawn_in(style=None, own=True):
         yield
 
 
-def check_picture(path, inputs=()) -> None:
-    """Raise InputError unless a picture of a known kind may be put at `path`; inputs: files that the run reads."""
-    if Path(path).suffix.lower() not in FORMATS:
-        raise InputError(f"out {path}: give it the ending {' or '.join(FORMATS)}")
-    check_output(path, PICTURE, inputs)
-
-
-def check_table(path, inputs=()) -> None:
-    """Raise InputError unless a table of numbers may be put at `path`; inputs: files that the run reads."""
-    if Path(path).suffix.lower() != ".csv":
-        raise InputError(f"csv {path}: give it the ending .csv")
-    check_output(path, TABLE, inputs)
+def check(path, what, inputs=()) -> None:
+    """Raise InputError unless a picture or a table of its numbers may be put at `path`; inputs: files that are read."""
+    option, endings = ("out", FORMATS) if what == PICTURE else ("csv", (".csv",))
+    if Path(path).suffix.lower() not in endings:
+        raise InputError(f"{option} {path}: give it the ending {' or '.join(endings)}")
+    check_output(path, what, inputs)
 
 
 def save(fig, path) -> None:
@@ -174,9 +166,6 @@ def save(fig, path) -> None:
 
 def _numbered_clips(svg: bytes) -> bytes:
     """The same SVG with clip paths named by number: matplotlib names them after places in memory."""
-    names = dict.fromkeys(re.findall(rb'<clipPath id="(\w+)"', svg))
-    for number, name in enumerate(names):
-        svg = svg.replace(b'"%s"' % name, b'"clip%d"' % number).replace(
-            b"url(#%s)" % name, b"url(#clip%d)" % number
-        )
+    for number, name in enumerate(dict.fromkeys(re.findall(rb'<clipPath id="(\w+)"', svg))):
+        svg = re.sub(rb'(?<=["#])%s(?=[")])' % name, b"clip%d" % number, svg)
     return svg

@@ -37,9 +37,8 @@ def draw_trade(rows, certified, page) -> None:
     groups = [group for group in _GROUPS if any(row.group == group for row in shown)]
     shades = colours(len(_GROUPS))
     colour = {group: shades[shade] for group, (_, shade, _) in _GROUPS.items()}
-    ax = page.panels(1, 1, PAGE, HEIGHT)
-    ax.set(xscale="log", yscale="log", xlabel="time of the run [s]")
-    ax.set_ylabel(f"largest relative error of {STORAGE}, {LOSS}")
+    named = {"x": "time of the run [s]", "y": f"largest relative error of {STORAGE}, {LOSS}"}
+    ax = page.panels(1, 1, PAGE, HEIGHT, **named, log="xy")
     for group in groups:
         members = [row for row in shown if row.group == group]
         if group in _JOINED:
@@ -73,13 +72,8 @@ def _draw(ax, row, colour, floor):
 def _write_names(fig, ax, rows, floor):
     """The names of the rows beside their larger errors, moved up or down where they would cover something."""
     fig.draw_without_rendering()
-    points = [
-        (row.seconds, max(error, floor)) for row in rows for error in (row.error_storage, row.error_loss)
-    ]
-    half = 3.5 * fig.dpi / 72
-    taken = [
-        Bbox.from_extents(x - half, y - half, x + half, y + half) for x, y in ax.transData.transform(points)
-    ]
+    points = [(row.seconds, max(e, floor)) for row in rows for e in (row.error_storage, row.error_loss)]
+    taken = [Bbox([at, at]).padded(3.5 * fig.dpi / 72) for at in ax.transData.transform(points)]
     for row, name in _names(rows):
         point = (row.seconds, max(row.error, floor))
         text = ax.annotate(name, point, (5, 0), textcoords="offset points", va="center", fontsize=7)
@@ -113,9 +107,8 @@ def _names(rows):
             power = ", ".join(f"${number(float(other.choice.split()[-1]))}$" for other in equal)
             names[max(equal, key=lambda other: other.seconds)] = power
         else:
-            names[row] = (
-                row.choice.removeprefix("direct, ").removesuffix(".opts").removesuffix(" frequencies")
-            )
+            short = row.choice.removeprefix("direct, ").removesuffix(".opts")
+            names[row] = short.removesuffix(" frequencies")
     return names.items()
 
 

@@ -1,16 +1,34 @@
-"""Mode spectra with their floppiness, what they carry of the response to shear, and the density of states."""
+"""Mode spectra with their floppiness, what modes carry of the response to shear, and the density of states."""
 
 import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
 
-from jampetsc.errors import InputError
-from jampetsc.plots.floppy import pressures_of
-from jampetsc.plots.picture import count, picture
-from jampetsc.plots.style import COLUMN, DASHED, GREY, entry, hidden, looks, power_or_number, sequential
+from jampetsc.analysis.statistics import mean_with_error
+from jampetsc.errors import InputError, named
+from jampetsc.plots.floppy import QUANTITIES, groups_of, pressures_of, values_of
+from jampetsc.plots.logaxes import power_law
+from jampetsc.plots.page import points
+from jampetsc.plots.picture import count, grouped, picture
+from jampetsc.plots.style import (
+    COLUMN,
+    DASHED,
+    DOTTED,
+    GREY,
+    MARKERS,
+    OPEN,
+    PAGE,
+    colours,
+    entry,
+    hidden,
+    looks,
+    power_or_number,
+    sequential,
+)
 from jampetsc.plots.units import units_of
 
 BINS = 8  # per decade of frequency, of the density of states
+FREQUENCY = r"$\omega_m\ [\sqrt{k/m}]$"
 
 
 def eigenvalues(result):
@@ -24,22 +42,20 @@ def frequencies(result):
     return np.sqrt(values[values > 0])
 
 
-def _labels(results):
-    p = pressures_of(results)
-    return p, [f"${power_or_number(float(f'{one:.3g}'))}$" for one in p]
+def _pressure(level):
+    return f"${power_or_number(float(f'{level:.3g}'))}$"
 
 
 @picture("modes", "modes")
 def plot_modes(results, page):
-    """Above: frequency of each mode against its number, floppiness (rms Δu⊥/Δu∥) in colour. Below: the
-    cumulative shares of Σ|u_na|² (solid) and of G_affine − G₀ (dashed) that the modes carry. A marker for
-    each file.
+    """Above: frequency of each mode against its number, floppiness (rms Δu⊥/Δu∥) in colour. Below: the cumulative
+    shares of Σ|u_na|² (solid) and of G_affine − G₀ (dashed) that the modes carry. A marker for each file.
     """
-    _, labels = _labels(results)
+    labels = [_pressure(one) for one in pressures_of(results)]
     finite = [result["floppiness"][np.isfinite(result["floppiness"])] for result in results]
     norm = LogNorm(min(f.min() for f in finite), max(f.max() for f in finite))
-    above, below = page.panels(2, 1, COLUMN, 4.4, sharex=True, height_ratios=(1.4, 1))
-    above.set(xscale="log", yscale="log", ylabel=r"$\omega_m\ [\sqrt{k/m}]$")
+    axes = {"x": "mode number", "y": [FREQUENCY, "cumulative share"], "log": ["xy", "x"]}
+    above, below = page.panels(2, 1, COLUMN, 4.4, **axes, sharex=True, height_ratios=(1.4, 1))
     for result, look, name in zip(results, looks(len(results)), labels, strict=True):
         values, marker = eigenvalues(result), look["marker"]
         shown = values > 0
@@ -54,20 +70,17 @@ def plot_modes(results, page):
                 dots = {"marker": marker, "mec": "k", "mfc": face, "mew": 0.6, "markevery": spaced}
                 name_of = hidden(f"{share}, {name}")
                 below.plot(number, result[f"cumulative/{share}"], "k", ls=dash, lw=0.8, label=name_of, **dots)
-    below.set(xlabel="mode number", ylabel="cumulative share", ylim=(0, 1.3), yticks=(0, 0.5, 1))
+    below.set(ylim=(0, 1.3), yticks=(0, 0.5, 1))
     below.axhline(1.0, color=GREY, linewidth=0.5, zorder=0)
     bar = page.figure.colorbar(ScalarMappable(norm, sequential()), ax=above, pad=0.02, aspect=25)
     bar.set_label(r"$\langle\Delta u_\perp^2\rangle^{1/2}/\,\langle\Delta u_\parallel^2\rangle^{1/2}$")
     bar.ax.tick_params(which="both", length=2)
     files = zip(looks(len(results)), labels, strict=True)
-    page.legend(
-        above, [entry(label, "0.3", ls="none", marker=look["marker"]) for look, label in files], "$p/k$"
-    )
-    shares = [
-        entry(r"$\Sigma|u_{\rm na}|^2$", "k", lw=0.8),
-        entry(r"$G_{\rm aff}-G_0$", "k", lw=0.8, ls=DASHED),
-    ]
-    below.legend(handles=shares, loc="upper left", ncol=2)
+    handles = [entry(label, "0.3", ls="none", marker=look["marker"]) for look, label in files]
+    page.legend(above, handles, "$p/k$")
+    nonaffine = entry(r"$\Sigma|u_{\rm na}|^2$", "k", lw=0.8)
+    modulus = entry(r"$G_{\rm aff}-G_0$", "k", lw=0.8, ls=DASHED)
+    below.legend(handles=[nonaffine, modulus], loc="upper left", ncol=2)
     return f"modes of {count(results, 'packing', 'packings')}"
 
 
@@ -84,9 +97,7 @@ def chosen_modes(result, numbers):
 
 
 def density_of_states(results):
-    """(ω, D): states per unit frequency and degree of freedom, of complete spectra pooled, in log bins; empty
-    bins out.
-    """
+    """(ω, D): states per unit frequency and degree of freedom of complete spectra pooled, in log bins with some."""
     pooled = np.concatenate([frequencies(result) for result in results])
     states = sum(2 * len(result["particles"]) for result in results)
     low, high = np.floor(np.log10(pooled.min()) * BINS), np.ceil(np.log10(pooled.max()) * BINS)
@@ -108,12 +119,79 @@ def plot_states(results, page):
             raise InputError(
                 f"{result.path}: holds {len(result['eigenvalues'])} modes only: run modes with --all"
             )
-    p, names = _labels(results)
-    levels, first = np.unique(p, return_index=True)
-    ax = page.panels()
-    ax.set(xscale="log", yscale="log", xlabel=r"$\omega_m\ [\sqrt{k/m}]$", ylabel=r"$D(\omega_m)$")
-    for level, row, look in zip(levels, first, looks(len(levels)), strict=True):
-        pooled = [result for result, q in zip(results, p, strict=True) if q == level]
-        ax.plot(*density_of_states(pooled), markersize=2.8, label=names[row], **look)
+    levels = grouped(zip(pressures_of(results), results, strict=True), lambda pair: pair[0])
+    ax = page.panels(x=FREQUENCY, y=r"$D(\omega_m)$", log="xy")
+    for (level, files), look in zip(sorted(levels.items()), looks(len(levels)), strict=True):
+        pooled = [result for _, result in files]
+        ax.plot(*density_of_states(pooled), markersize=2.8, label=_pressure(level), **look)
     page.legend(ax, title="$p/k$")
     return f"density of states of {count(results, 'packing', 'packings')}"
+
+
+@picture("lowest-modes", "modes")
+def plot_lowest(results, page):
+    """Means over the files of one pressure, with errors, against p/k:
+
+    (a) floppiness, rms Δu⊥ over rms Δu∥, of the lowest 10, 50 and 200 modes together, with slope −½ (λ ~ p);
+    (b) what they carry of Σ|u_na|², Σ(Δu⊥)² and Σ(Δu∥)², affine parts left out;
+    (c) medians of the whole response (filled, BT Fig. 5) and of what the most of these modes make up alone (open).
+
+    Raises InputError for files of several N, and for files that do not hold the numbers of modes that others do.
+    """
+    levels, *others = groups_of(results).values()
+    if others:
+        raise InputError(
+            f"{results[0].path}: files of several N: choose one (of a study with {named('where')} n=…)"
+        )
+    for result in results:
+        if "lowest/count" not in result or not len(result["lowest/count"]):
+            raise InputError(
+                f"{result.path}: does not tell what its modes carry of slow shear: find 10 or more, and anew "
+                "if the file is an older one"
+            )
+    counts = results[0]["lowest/count"]
+    if any(list(result["lowest/count"]) != list(counts) for result in results):
+        raise InputError(f"{results[0].path}: files with other numbers of modes: find as many in each")
+    p = np.array(list(levels))
+
+    def averages(value, log=True):
+        """(mean, error) at each pressure of a number per file; of its logarithm, brought back, if `log`."""
+        found = [np.log(some) if log else some for some in values_of(levels, value)]
+        means, errors = np.transpose([mean_with_error(some) for some in found])
+        errors = np.nan_to_num(errors)
+        return (np.exp(means), np.exp(means) * errors) if log else (means, errors)
+
+    names = "floppiness of the lowest modes", "share of the lowest modes", "median per unit strain"
+    axes = page.panels(1, 3, PAGE, 3.1, x="$p/k$", y=names, log=("xy", "x", "xy"))
+    axes[1].set_ylim(-0.03, 1.03)
+    of_modes = [  # modes together -> how they are drawn
+        (m, {"linestyle": dash, "marker": marker, "label": hidden(f"lowest {m}")})
+        for m, dash, marker in zip(counts, ("-", DASHED, DOTTED), MARKERS, strict=False)
+    ]
+    shades = colours(len(QUANTITIES))
+    for m, look in of_modes:
+        points(axes[0], p, *averages(lambda one, m=m: _floppiness(one, m)), color="0.2", **look)
+    power_law(axes[0], p, averages(lambda one: _floppiness(one, counts[0]))[0], -0.5)
+    for (name, (symbol, slope)), shade in zip(QUANTITIES.items(), shades, strict=True):
+        for m, look in of_modes:
+            share = averages(lambda one, m=m, name=name: one[f"cumulative/{name}"][m - 1], log=False)
+            points(axes[1], p, *share, color=shade, **look | {"label": hidden(f"${symbol}$, lowest {m}")})
+        whole = averages(lambda one, name=name: one.attributes[f"{name}_median"])
+        alone = averages(lambda one, name=name: one[f"lowest/{name}_median"][-1])
+        look = {"color": shade, "marker": "o"}
+        points(axes[2], p, *whole, label=hidden(f"${symbol}$, whole"), **look)
+        points(axes[2], p, *alone, **look | OPEN, label=hidden(f"${symbol}$, lowest {counts[-1]}"))
+        power_law(axes[2], p, whole[0], slope)
+    handles = [entry(**look | {"label": f"lowest {m}"}) for m, look in of_modes]
+    drawn = zip(QUANTITIES.values(), shades, strict=True)
+    handles += [entry(f"${symbol}$", shade) for (symbol, _), shade in drawn]
+    handles += [entry("(c) whole", marker="o")]
+    handles += [entry(f"(c) lowest {counts[-1]}", marker="o", **OPEN)]
+    handles += [entry(r"$p^{-1/2}$, $p^{\pm 1/4}$", GREY, ls=":", lw=0.8)]
+    page.legend(axes[0], handles)
+    return f"what the lowest modes carry of slow shear, of {count(results, 'packing', 'packings')}"
+
+
+def _floppiness(result, count):
+    """rms Δu⊥ over rms Δu∥ of the lowest modes together, each of unit length."""
+    return np.sqrt(result["transverse"][:count].sum() / result["normal"][:count].sum())

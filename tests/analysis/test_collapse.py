@@ -19,8 +19,7 @@ from jampetsc.errors import InputError
 from jampetsc.io.reader import collected, load
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.jobs.scaling import ALIKE, notes_of, read_points, text_of
-from jampetsc.plots.branches import plot_branches
-from jampetsc.plots.scaling import plot_scaling
+from jampetsc.plots.scaling import plot_branches, plot_scaling
 from jampetsc.studies.table import table_text
 
 

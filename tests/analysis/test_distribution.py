@@ -1,8 +1,7 @@
-"""Medians and logarithmic histograms of magnitudes, slopes over an ensemble, and bounds in relation to their values."""
+"""Medians and logarithmic histograms of magnitudes, and bounds in relation to their values."""
 
 import numpy as np
 import pytest
-from floppy import ensemble_slope
 
 from jampetsc.analysis.bounds import relative_bound
 from jampetsc.analysis.distribution import Distribution
@@ -43,27 +42,6 @@ def test_lengths_are_told_by_their_absolute_value():
     assert found.rms == pytest.approx(np.sqrt((25 + 169 + 1) / 3))
     still = Distribution.of(np.zeros((4, 2)))
     assert still.counts[0] == 4 == still.counts.sum() and still.rms == 0.0 and np.isfinite(still.edges).all()
-
-
-def ensemble(exponents, factors, x=(1e-4, 1e-3, 1e-2)):
-    """y = c x^a of packings with these a and c, each at all x, as (x, y, group)."""
-    rows = [(u, c * u**a, 7 * n) for n, (a, c) in enumerate(zip(exponents, factors, strict=True)) for u in x]
-    return map(np.array, zip(*rows, strict=True))
-
-
-def test_a_slope_over_an_ensemble_draws_whole_packings_whose_scatter_is_its_error():
-    """Of one exponent but other prefactors medians have that slope whichever are drawn; points do not."""
-    rng = np.random.default_rng(1)
-    slope, error = ensemble_slope(*ensemble(np.full(9, -0.25), 10 ** rng.uniform(-1, 1, 9)), repeats=50)
-    assert slope == pytest.approx(-0.25, abs=1e-12) and error < 1e-12
-    exponents = np.array(
-        [0.2, 0.23, 0.25, 0.28, 0.4]
-    )  # of prefactor 1, medians at x < 1 follow the median one
-    slope, error = ensemble_slope(*ensemble(exponents, np.ones(5)), repeats=300)
-    assert slope == pytest.approx(0.25, abs=1e-12)
-    drawn = np.random.default_rng(5).choice(exponents, (4000, 5))
-    assert error == pytest.approx(np.median(drawn, axis=1).std(), rel=0.2)
-    assert ensemble_slope(*ensemble(exponents, np.ones(5)), repeats=300) == (slope, error)
 
 
 def test_a_bound_of_what_vanishes():

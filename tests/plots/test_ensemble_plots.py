@@ -4,115 +4,119 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from drawn import written
+from test_jam_plots import jam_of, shear_of
+from test_picture_limits import curve
 from test_plots import write_sweep
 
 from jampetsc.analysis.statistics import half_width, mean_with_error, median_interval
 from jampetsc.cli import main as cli
+from jampetsc.errors import InputError
 from jampetsc.io.reader import load
-from jampetsc.plots.averages import average_curves
-from jampetsc.plots.curves import curve_of, group_curves
+from jampetsc.plots.curves import average_curves, group_curves
+from jampetsc.plots.draw import draw
 from jampetsc.studies.table import table_text
 
 OMEGA = np.geomspace(1e-4, 1, 9)
 
 
-@pytest.fixture
-def folder(tmp_path):
-    """Sweeps of five packings at two pressures each, one of them unstable to shear, and a packing."""
-    rows = [{"command": "pack", "state": "done", "file": "packing.h5", "seconds": 0.1}]
-    for pressure in (1e-2, 1e-3):
-        for seed in range(5):
-            G = (seed - 0.5) * pressure + 1j * OMEGA * (1 + seed)
-            name = f"sweep-{pressure}-{seed}.h5"
-            write_sweep(
-                tmp_path / name, pressure, OMEGA, G, packing_sha256=f"{pressure}{seed}", particle_count=64
-            )
-            rows.append({"command": "sweep", "state": "done", "file": name, "seconds": 0.1})
-    (tmp_path / "table.csv").write_text(table_text(rows))
-    return tmp_path
+def sweeps_of(values, pressure=1e-2, n=64):
+    """Sweeps of packings with G' = these values times p, and G'' = ω times one more than the number of the packing."""
+    found = []
+    for seed, value in enumerate(values):
+        G, facts = value * pressure + 1j * OMEGA * (1 + seed), {"packing_sha256": f"{pressure} {n} {seed}"}
+        found.append(curve(f"sweep-{pressure}-{seed}.h5", OMEGA, pressure, G, particle_count=n, **facts))
+    return found
 
 
-def curves(folder):
-    return [curve_of(result) for result in load(folder).where(command="sweep").results()]
-
-
-def test_curves_are_arithmetic_means_with_their_errors(folder):
-    averages = average_curves(curves(folder))
-    assert [curve.pressure for curve in averages] == [1e-2, 1e-3]
-    for curve in averages:
-        np.testing.assert_allclose(curve.G, 1.5 * curve.pressure + 3j * OMEGA, rtol=1e-14)
-        expected = half_width(4) * np.sqrt(2.5 / 5)  # standard error of 0, 1, 2, 3, 4
-        np.testing.assert_allclose(curve.bounds[0], expected * curve.pressure, rtol=1e-9)
-        np.testing.assert_allclose(curve.bounds[1], expected * OMEGA, rtol=1e-9)
-
-
-def test_a_median_has_the_interval_of_a_median(folder):
-    """0, 1, 2, 3 and 90: the last moves the mean, not the median, and the interval is not alike on both sides."""
-    found = curves(folder)[:5]
-    some = [
-        replace(one, G=value + 1j * one.omega) for one, value in zip(found, (0, 1, 2, 3, 90), strict=True)
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Sweeps of five packings at two pressures each, one of them unstable to shear, a packing, and samples."""
+    folder = tmp_path_factory.mktemp("study")
+    commands = {"packing.h5": "pack", "jam.h5": "jam", "shear.h5": "shear"}
+    written(folder / "jam.h5", jam_of(path="jam.h5"))
+    written(
+        folder / "shear.h5", shear_of(np.tile([1, 1, 1, 0], 20), phi=0.9, **jam_of().attributes | {"k": 1.0})
+    )
+    for one in sweeps_of(np.arange(5) - 0.5) + sweeps_of(np.arange(5) - 0.5, 1e-3):
+        write_sweep(folder / one.name, one.pressure, OMEGA, one.G, **one.attributes)
+        commands[one.name] = "sweep"
+    rows = [
+        {"command": made, "state": "done", "file": name, "seconds": 0.1} for name, made in commands.items()
     ]
+    (folder / "table.csv").write_text(table_text(rows))
+    return folder
+
+
+def test_curves_are_arithmetic_means_with_their_errors():
+    """Of each pressure and each N."""
+    values = np.arange(5) - 0.5
+    averages = average_curves(sweeps_of(values) + sweeps_of(values, 1e-3) + sweeps_of([1.0], n=256))
+    assert [one.pressure for one in averages] == [1e-2, 1e-3, 1e-2]
+    for one in averages[:2]:
+        np.testing.assert_allclose(one.G, 1.5 * one.pressure + 3j * OMEGA, rtol=1e-14)
+        expected = half_width(4) * np.sqrt(2.5 / 5)  # standard error of 0, 1, 2, 3, 4
+        np.testing.assert_allclose(
+            one.bounds, expected * np.array([np.full(9, one.pressure), OMEGA]), rtol=1e-9
+        )
+    labels = [group.label for group in group_curves(averages)[1]]
+    assert labels == ["$p/k=10^{-3}$, $N=64$", "$p/k=10^{-2}$, $N=64$", "$p/k=10^{-2}$, $N=256$"]
+
+
+def test_a_median_has_the_interval_of_a_median():
+    """0, 1, 2, 3 and 90: the last moves the mean, not the median, and the interval is not alike on both sides."""
+    some = [replace(one, G=one.G.real + 1j * OMEGA) for one in sweeps_of([0, 1, 2, 3, 90], 1.0)]
     (median,) = average_curves(some, "median")
     np.testing.assert_allclose(median.G, 2 + 1j * OMEGA)
     low, high = median_interval(np.array([0.0, 1, 2, 3, 90]))
-    np.testing.assert_allclose(
-        median.bounds[0], [np.full(len(OMEGA), 2 - low), np.full(len(OMEGA), high - 2)]
-    )
+    np.testing.assert_allclose(median.bounds[0], [np.full(9, 2 - low), np.full(9, high - 2)])
     assert np.isnan(average_curves(some[:1], "median")[0].bounds).all()
-
-
-def test_sizes_are_not_averaged(folder):
-    write_sweep(
-        folder / "sweep-0.01-0.h5", 1e-2, OMEGA, 1 + 1j * OMEGA, packing_sha256="large", particle_count=256
-    )
-    averages = average_curves(curves(folder))
-    assert len(averages) == 3
-    assert [group.label for group in group_curves(averages)[1]][1:] == [
-        "$p/k=10^{-2}$, $N=64$",
-        "$p/k=10^{-2}$, $N=256$",
-    ]
-
-
-@pytest.mark.parametrize("kind", [[], ["--kind", "collapse"]])
-def test_pictures_of_a_study(folder, capsys, kind):
-    assert cli.main(["plot", str(folder), *kind, "--out", str(folder / "x.png")]) == 0
-    said = capsys.readouterr().out
-    assert "10 sweeps" in said and "arithmetic means over packings with errors" in said
-    assert "G' < 0 somewhere in 2 of them" in said
-    assert (folder / "x.png").stat().st_size > 5000
 
 
 @pytest.mark.parametrize(
     ("kind", "says"),
     [
-        ("medians", "a study with pack, sweep: nothing for medians picture\n"),
-        ("fields", "a study with pack, sweep: nothing for fields picture; of those that show a single file"),
+        (
+            None,
+            "G' and G'' of 10 sweeps, arithmetic means over packings with errors; G' < 0 somewhere in 2 of them",
+        ),
+        ("collapse", "collapse of 10 sweeps with mu = 0.5, lambda = 1, arithmetic means"),
+        ("strain", "of 1 run over the strain"),
+        ("fraction", "share of samples that jam, of 2 files"),
     ],
 )
-def test_a_study_without_what_is_to_be_drawn(folder, capsys, kind, says):
-    assert cli.main(["plot", str(folder), "--kind", kind, "--out", str(folder / "x.png")]) == 2
-    assert says in capsys.readouterr().err
+def test_pictures_of_a_study(folder, kind, says):
+    assert says in draw([folder], kind)[1].text
 
 
-def test_some_rows_of_a_study_are_chosen_by_their_values(folder, capsys):
-    def plot(*words):
-        return cli.main(["plot", str(folder), *words, "--out", str(folder / "x.png")])
+@pytest.mark.parametrize(
+    ("kind", "says"),
+    [
+        ("medians", "a study with jam, pack, shear, sweep: nothing for medians picture$"),
+        ("fields", "nothing for fields picture; of those that show a single file, name the file"),
+    ],
+)
+def test_a_study_without_what_is_to_be_drawn(folder, kind, says):
+    with pytest.raises(InputError, match=says):
+        draw([folder], kind)
 
-    assert plot("--kind", "loss", "--where", "command=sweep,file=sweep-0.01-3.h5") == 0
+
+def test_some_rows_of_a_study_are_chosen_by_their_values(folder, tmp_path, capsys):
+    def plot(path, *words):
+        return cli.main(["plot", str(path), *words, "--out", str(tmp_path / "x.png")])
+
+    assert plot(folder, "--kind", "loss", "--where", "command=sweep,file=sweep-0.01-3.h5") == 0
     assert "G'' of 1 sweep," in capsys.readouterr().out
-    for where, says in (
-        ("file=none", "a study with nothing: nothing for a picture"),
-        ("state=failed", "a study with nothing: nothing for a picture"),
-        ("beta=1", "no column beta"),
-        ("file", "--where file: write column=value"),
+    for path, where, says in (
+        (folder, "file=none", "a study with nothing: nothing for a picture"),
+        (folder, "state=failed", "a study with nothing: nothing for a picture"),
+        (folder, "beta=1", "no column beta"),
+        (folder, "file", "--where file: write column=value"),
+        (folder / "sweep-0.01-3.h5", "n=1", "--where n=1: chooses rows of a study"),
     ):
-        assert plot("--where", where) == 2
+        assert plot(path, "--where", where) == 2
         assert says in capsys.readouterr().err
-    assert (
-        cli.main(["plot", str(folder / "sweep-0.01-3.h5"), "--where", "n=1", "--out", str(folder / "x.png")])
-        == 2
-    )
-    assert "--where n=1: chooses rows of a study" in capsys.readouterr().err
+    assert len(load(folder).where(command="sweep").results()) == 10
 
 
 def test_intervals_of_long_tails_stay_among_the_samples():

@@ -1,11 +1,11 @@
-"""Pictures of steady shear, drawn from real runs through the command line."""
+"""Pictures of steady shear, drawn from real runs and from results of known content."""
 
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from drawn import Held, bands, bars, figure_of, lines
+from drawn import Held, bands, bars, figure_of, lines, require_arrows, told
 from matplotlib.figure import Figure
 
 import jampetsc
@@ -15,58 +15,70 @@ from jampetsc.analysis.statistics import half_width
 from jampetsc.cli import main as cli
 from jampetsc.core.state import measure
 from jampetsc.errors import InputError
-from jampetsc.io.result_file import ResultWriter
 from jampetsc.io.results import Attributes
 from jampetsc.io.snapshots import snapshot
+from jampetsc.plots.draw import draw
 from jampetsc.plots.flowcurves import (
     _draw_exponents,
-    _ratio,
     flow_curves,
     plot_against_phi,
     plot_flow,
+    plot_regimes,
+    regimes,
 )
 from jampetsc.plots.numbers import table
-from jampetsc.plots.order import plot_order
 from jampetsc.plots.packing import touching
-from jampetsc.plots.profiles import plot_profiles
-from jampetsc.plots.regimes import plot_regimes, regimes
-from jampetsc.plots.shearing import kind_of, labels_of, lanes_of, plot_lanes
+from jampetsc.plots.shearing import kind_of, labels_of, lanes_of, plot_lanes, plot_order, plot_profiles
 from jampetsc.plots.units import flow_units
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
+    """Real ones, at two rates."""
     folder = tmp_path_factory.mktemp("flow")
-    paths = []
-    for rate, seed in [("1e-2", 1), ("1e-2", 2), ("3e-2", 1)]:
-        path = folder / f"{rate}-{seed}.h5"
-        words = f"flow --n 64 --phi 0.86 --model RD0 --rate {rate} --seed {seed} --strain 0.5 --snapshots 2"
-        assert cli.main([*words.split(), "--out", str(path)]) == 0
-        paths.append(str(path))
-    return paths
+    for rate in ("1e-2", "3e-2"):
+        words = f"flow --n 64 --phi 0.86 --model RD0 --rate {rate} --strain 0.5 --snapshots 2 --out"
+        assert cli.main([*words.split(), str(folder / f"{rate}.h5")]) == 0
+    return [str(folder / "1e-2.h5"), str(folder / "3e-2.h5")]
 
 
 @pytest.mark.parametrize(
-    "files, more, says",
+    "files, kind, says",
     [
-        (slice(0, 2), (), "stress and pressure of 2 runs over the strain"),
-        (slice(0, 3), (), "flow curves of 3 runs at 2 rates"),
-        (slice(0, 1), ("--kind", "snapshot"), "64 disks at strain 0.5"),
-        (slice(1, 3), ("--kind", "snapshot"), "64 disks at strain 0.5, 64 disks at strain 0.5"),
-        (slice(0, 3), ("--kind", "lanes"), "g_y of 3 files"),
-        (slice(0, 1), ("--kind", "velocities"), "velocities at strain 0.5"),
+        (slice(0, 1), None, "stress and pressure of 1 run over the strain"),
+        (slice(0, 2), None, "flow curves of 2 runs at 2 rates"),
+        (slice(0, 1), "snapshot", "contacts of 64 disks at strain 0.5"),
+        (slice(0, 2), "snapshot", "64 disks at strain 0.5, 64 disks at strain 0.5"),
+        (slice(0, 2), "lanes", "g_y of 2 files"),
     ],
 )
-def test_pictures(runs, tmp_path, capsys, files, more, says):
-    out = tmp_path / "picture.png"
-    assert cli.main(["plot", *runs[files], *more, "--out", str(out)]) == 0
-    assert says in capsys.readouterr().out
-    assert out.stat().st_size > 10_000
+def test_pictures(runs, files, kind, says):
+    assert says in draw(runs[files], kind)[1].text
+
+
+def test_snapshots_are_titled_by_what_differs_between_the_runs(runs):
+    def titles(paths):
+        return [ax.get_title() for ax in np.ravel(jampetsc.plot(paths, "snapshot"))]
+
+    other = jampetsc.load(runs[1])
+    other.attributes["mass"] = 1.0
+    assert titles(runs[0]) == [""] and titles([runs[0], other]) == ["no mass", "$m=1$"]
+
+
+@pytest.mark.parametrize("count", [1, 12, 13])
+def test_a_legend_names_twelve_runs_of_one_rate_at_most(count):
+    names = [f"r{n}" for n in range(count)] if count == 12 else []
+    assert told(figure_of(plot_flow, [series(f"r{n}.h5") for n in range(count)]).axes[1]) == [*names, "means"]
+
+
+def test_velocities_are_those_of_the_last_snapshot_per_rate(runs):
+    field = jampetsc.load(runs[0])["snapshots/velocities"][-1] / 1e-2
+    require_arrows(jampetsc.plot(runs[0], "velocities"), field)
 
 
 def test_flow_files_are_correlated_as_correlate_does(runs, tmp_path):
     g = tmp_path / "g.h5"
-    assert cli.main(["correlate", *runs[:2], "--out", str(g)]) == 0
+    assert cli.main(["correlate", runs[0], "--out", str(g)]) == 0
     first, other = lanes_of([jampetsc.load(path) for path in runs])
     assert np.array_equal(first[2], jampetsc.load(g)["g_y"]) and not np.allclose(first[2], other[2])
 
@@ -109,26 +121,20 @@ def test_units_are_those_of_the_files(runs):
     assert own.label("p", "stress") == r"$p\ [k]$" and own.label("x", "length") == "$x$"
     assert made.label("p", "stress") == r"$p\ [k_{\rm e}/d_{\rm s}^2]$"
     assert made.label(r"\eta", "viscosity") == r"$\eta\ [k_{\rm d}]$"
-    with pytest.raises(InputError, match=r"a\.h5: is in other units .those of the packing. than 1e-2-1"):
+    with pytest.raises(InputError, match=r"a\.h5: is in other units .those of the packing. than 1e-2"):
         flow_units([jampetsc.load(runs[0]), facts()])
 
 
 def test_flow_curves_are_drawn_in_the_units_that_their_axes_name():
     """σ = (2, 6) k, p = (4, 8) k at γ̇τ₁ = (0.05, 0.1), for k = 2 and τ₁ = ½."""
-    some = [
-        facts(
-            rate=rate,
-            shear_stress_mean=2 * s,
-            shear_stress_error=0.2 * s,
-            pressure_mean=2 * p,
-            pressure_error=p / 5,
-        )
-        for rate, s, p in ((0.1, 2.0, 4.0), (0.2, 6.0, 8.0))
-    ]
     x, s, p = np.array([[0.05, 0.1], [2.0, 6.0], [4.0, 8.0]])
+    some = []
+    for rate, stress, pressure in zip(2 * x, 2 * s, 2 * p, strict=True):
+        values = {"shear_stress_mean": stress, "pressure_mean": pressure}
+        errors = {"shear_stress_error": 0.1 * stress, "pressure_error": 0.1 * pressure}
+        some.append(facts(rate=rate, **values, **errors))
     axes = figure_of(plot_flow, some).axes
-    friction = s / p
-    expected = [[(s, 0.1 * s)], [(p, 0.1 * p)], [(friction, np.sqrt(0.02) * friction)]]
+    expected = [[(s, 0.1 * s)], [(p, 0.1 * p)], [(s / p, np.sqrt(0.02) * s / p)]]
     expected += [[(s / x, 0.1 * s / x), (p / x, 0.1 * p / x)]]
     for ax, wanted in zip(axes, expected, strict=False):
         for drawn, (y, error) in zip(bars(ax), wanted, strict=True):
@@ -136,38 +142,32 @@ def test_flow_curves_are_drawn_in_the_units_that_their_axes_name():
     stress, pressure = (container.lines[0] for container in axes[4].containers)
     np.testing.assert_allclose((stress.get_ydata(), pressure.get_ydata()), [[np.log2(3)], [1.0]])
     assert stress.get_markerfacecolor() != "white" and pressure.get_markerfacecolor() == "white"
-    against = figure_of(plot_against_phi, [facts(phi=phi, rate=0.2) for phi in (0.8, 0.82)])
-    assert [text.get_text() for text in against.axes[2].get_legend().get_texts()] == ["$0.1$"]
 
 
-def test_series_are_sums_of_their_parts_with_their_own_means(tmp_path):
-    strain, parts = 0.1 * np.arange(1, 11), np.random.default_rng(1).random((2, 10, 3))
-    attributes = facts(discard=0.5, shear_stress_mean=3.0, pressure_mean=5.0).attributes
-    with ResultWriter(tmp_path / "run.h5", "jampetsc-flow") as writer:
-        for name, values in (("strain", strain), ("shear_stress", parts[0]), ("pressure", parts[1])):
-            writer.dataset(name, values)
-        writer.attributes(**attributes)
-    axes = figure_of(plot_flow, [jampetsc.load(tmp_path / "run.h5")]).axes
-    for ax, values, mean in zip(axes, parts, (3.0, 5.0), strict=True):
-        series, level = lines(ax)
-        np.testing.assert_allclose(series[:2], [strain, values.sum(1) / 2.0])  # k = 2
-        np.testing.assert_allclose(level[:2], [[0.5, 1.0], [mean / 2, mean / 2]])
+def test_series_are_sums_of_their_parts_with_their_own_means():
+    one = series("a.h5", shear_stress_mean=3.0, pressure_mean=5.0)
+    for ax, name, mean in zip(
+        figure_of(plot_flow, [one]).axes, ("shear_stress", "pressure"), (3.0, 5.0), strict=True
+    ):
+        drawn, level = lines(ax)
+        np.testing.assert_allclose(drawn[:2], [one["strain"], one[name].sum(1) / 2.0])  # k = 2
+        np.testing.assert_allclose(level[:2], [[0.15, 0.3], [mean / 2, mean / 2]])
 
 
-def test_curves_average_seeds(runs):
-    results = [jampetsc.load(path) for path in runs]
-    ((_, curve),) = flow_curves(results).items()
+def test_curves_average_seeds():
+    some = [
+        facts(seed=seed, rate=rate, pressure_mean=p)
+        for seed, rate, p in ((1, 0.1, 2.0), (2, 0.1, 4.0), (1, 0.3, 9.0))
+    ]
+    ((_, curve),) = flow_curves(some).items()
     rates, pressure, error = curve["pressure"]
-    means = [float(r.attributes["pressure_mean"]) for r in results]
-    assert np.allclose(rates, [1e-2, 3e-2])
-    assert np.allclose(pressure, [np.mean(means[:2]), means[2]])
-    assert error[0] >= abs(means[0] - means[1]) / 2 * (1 - 1e-12)
+    np.testing.assert_allclose((rates, pressure), [[0.05, 0.15], [1.5, 4.5]])
+    assert error[0] >= 0.5 * (1 - 1e-12)  # of runs that differ by 1
     values = np.array([1.0, 10.0, 1000.0])
-    middle, exponent, error = local_exponents(
-        np.array([1e-3, 1e-2, 1e-1]), values, values * [0.03, 0.04, 0.0]
-    )
-    assert error == pytest.approx(np.array([0.05, 0.04]) / np.log(10))
-    assert np.allclose(exponent, [1, 2]) and np.allclose(middle, 10 ** np.array([-2.5, -1.5]))
+    x = np.array([1e-3, 1e-2, 1e-1])
+    middle, exponent, error = local_exponents(x, values, values * [0.03, 0.04, 0.0])
+    np.testing.assert_allclose(error, np.array([0.05, 0.04]) / np.log(10))
+    np.testing.assert_allclose((exponent, middle), ([1, 2], 10 ** np.array([-2.5, -1.5])))
 
 
 def test_the_last_snapshot_is_the_last_state(runs):
@@ -175,22 +175,24 @@ def test_the_last_snapshot_is_the_last_state(runs):
     disks = snapshot(result)
     contacts, number, alone = touching(disks)
     assert len(contacts) * 2 / disks.n == result["coordination"][-1] == number.mean()
+    assert f"$Z={number.mean():.3f}$" in jampetsc.plot(result, "snapshot").get_xlabel()
     assert np.array_equal(np.flatnonzero(~alone), np.unique(np.r_[contacts.i, contacts.j]))
     peeled = measure(disks)  # as if forces were balanced: contacts that a flow has would be lost
     assert len(peeled.contacts) < len(contacts) and peeled.rattlers.sum() > alone.sum()
 
 
-def test_what_cannot_be_drawn(runs, tmp_path, capsys):
-    plain = tmp_path / "plain.h5"
-    words = "flow --n 64 --phi 0.86 --model RD0 --rate 1e-1 --strain 0.2 --out"
-    assert cli.main([*words.split(), str(plain)]) == 0
-    for files, more, message in [
-        ([plain], ["--kind", "snapshot"], "holds no snapshots"),
-        (runs[:2], ["--kind", "velocities"], "plot them one by one"),
-        ([*runs[:1]], ["--kind", "moduli"], "is a flow file"),
-    ]:
-        assert cli.main(["plot", *map(str, files), *more, "--out", str(tmp_path / "x.png")]) == 2
-        assert message in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("count", "kind", "says"),
+    [
+        (1, "snapshot", "holds no snapshots"),
+        (2, "velocities", "plot them one by one"),
+        (1, "moduli", "is a flow file"),
+        (4, "profile", "4 kinds of flow: one picture of profiles shows 3"),
+    ],
+)
+def test_what_cannot_be_drawn(count, kind, says):
+    with pytest.raises(InputError, match=says):
+        draw([series(f"{n}.h5", phi=0.8 + 0.01 * n) for n in range(count)], kind)
 
 
 @pytest.mark.parametrize(
@@ -206,26 +208,13 @@ def test_exponents_that_have_a_name_are_marked_where_they_are_in_sight(power, na
     assert levels == [{"Newtonian": 1, "Bagnoldian": 2}[name] for name in names]
 
 
-def test_the_error_of_a_quotient_is_of_both():
-    value, error = _ratio(
-        (np.array([3.0, -4.0]), np.array([0.3, 0.0])), (np.array([2.0, 2.0]), np.array([0.0, 0.5]))
-    )
-    np.testing.assert_allclose((value, error), [[1.5, -2.0], [0.15, 0.5]])
-
-
 def test_rates_at_which_phi_is_varied_are_named_with_their_kinds():
-    some = [
-        facts(phi=phi, rate=rate, mass=mass)
-        for phi in (0.8, 0.82)
-        for rate, mass in ((0.2, 1.0), (0.2, 2.0), (0.4, 1.0))
-    ]
-    legend = figure_of(plot_against_phi, some).axes[2].get_legend()
-    assert [text.get_text() for text in legend.get_texts()] == [
-        "$m=1$, $0.1$",
-        "$m=1$, $0.2$",
-        "$m=2$, $0.1$",
-    ]
-    assert legend.get_title().get_text() == r"$\dot\gamma\ [1/\tau_1]$"
+    kinds = ((0.2, 1.0), (0.2, 2.0), (0.4, 1.0))
+    some = [facts(phi=phi, rate=rate, mass=mass) for phi in (0.8, 0.82) for rate, mass in kinds]
+    ax = figure_of(plot_against_phi, some).axes[2]
+    assert told(ax) == ["$m=1$, $0.1$", "$m=1$, $0.2$", "$m=2$, $0.1$"]
+    assert ax.get_legend().get_title().get_text() == r"$\dot\gamma\ [1/\tau_1]$"
+    assert told(figure_of(plot_against_phi, some[::3]).axes[2]) == ["$0.1$"]
 
 
 def series(name, rate=0.1, **more):
@@ -241,8 +230,7 @@ def test_lanes_are_drawn_with_bands_of_one_error_kind_by_kind():
     ax = figure_of(plot_lanes, [one]).axes[0]
     np.testing.assert_allclose(lines(ax, 2)[1][:2], [one["x"], one["g_y"]])
     np.testing.assert_allclose(bands(ax)[0], [one["x"], [0.3, -0.15], [0.5, -0.05]])
-    (text,) = ax.get_legend().get_texts()
-    assert text.get_text() == r"RD, $\phi=0.8$, $\dot\gamma=0.1$"
+    assert told(ax) == [r"RD, $\phi=0.8$, $\dot\gamma=0.1$"]
 
 
 def test_regimes_are_exponents_and_clusters_at_the_lowest_rates():
@@ -261,7 +249,7 @@ def test_regimes_are_exponents_and_clusters_at_the_lowest_rates():
     assert np.allclose([low, high], [[0.05, 0.05], [0.1, 0.1]])  # in 1/τ₁
     slopes, shares = figure_of(plot_regimes, some).axes
     assert np.allclose(bars(slopes)[0][:2], [quality, exponent])
-    assert [text.get_text() for text in shares.get_legend().get_texts()] == ["$0.8$"]
+    assert told(shares) == ["$0.8$"]
     with pytest.raises(InputError, match="regimes are of massive disks at several rates"):
         regimes(some[-2:])
 
@@ -272,21 +260,20 @@ def seen(sizes, seed, **arrays):
 
 
 def test_order_is_drawn_kind_by_kind_with_its_mean():
-    strain = np.array([0.0, 1.0, 2.0])
-    files = [
-        seen("monodisperse", n, **{"snapshots/strain": strain, "snapshots/psi6_local": strain / 4 + 0.1 * n,
-                                   "snapshots/psi6_global": strain / 8}) for n in (1, 2)
-    ]  # fmt: skip
-    fig = figure_of(plot_order, files)
-    for ax, mean in zip(fig.axes, (strain / 4 + 0.15, strain / 8), strict=True):
+    strain, one_size, files = np.array([0.0, 1.0, 2.0]), "monodisperse", []
+    for n in (1, 2):
+        orders = {"snapshots/psi6_local": strain / 4 + 0.1 * n, "snapshots/psi6_global": strain / 8}
+        files.append(seen(one_size, n, **{"snapshots/strain": strain}, **orders))
+    for ax, mean in zip(figure_of(plot_order, files).axes, (strain / 4 + 0.15, strain / 8), strict=True):
         np.testing.assert_allclose(ax.get_lines()[-1].get_ydata(), mean)
         assert len(ax.get_lines()) == 3
-    with pytest.raises(InputError, match=r"snapshots at other strains than monodisperse-1.h5"):
-        figure_of(
-            plot_order, [files[0], seen("monodisperse", 3, **{**files[1], "snapshots/strain": strain + 1})]
-        )
-    with pytest.raises(InputError, match="holds no snapshots: run the flow with"):
-        plot_order([seen("monodisperse", 1)])
+    later = seen(one_size, 3, **files[1] | {"snapshots/strain": strain + 1})
+    for refused, says in (
+        ([files[0], later], "snapshots at other strains than monodisperse-1.h5"),
+        ([seen(one_size, 1)], "holds no snapshots: run the flow with"),
+    ):
+        with pytest.raises(InputError, match=says):
+            plot_order(refused)
 
 
 def test_profiles_are_means_of_windows_and_of_runs():
@@ -300,9 +287,7 @@ def test_profiles_are_means_of_windows_and_of_runs():
     np.testing.assert_allclose(error, half_width(1) * np.abs(v) / 1.05 * 0.05)  # of two runs
     (ax,) = figure_of(plot_profiles, files).axes
     np.testing.assert_allclose(ax.get_lines()[0].get_data(), [[-0.5, 0.5], [-0.5, 0.5]])
-    files[0]["velocity_profile"][:, 1] = (
-        np.nan
-    )  # a layer that is empty all the time has no point, and no number
+    files[0]["velocity_profile"][:, 1] = np.nan  # a layer that is always empty has no point, and no number
     empty = figure_of(plot_profiles, files[:1]).axes
     assert sum("x_value" in row for row in table(empty)) == 3 * 3
     steady = ax.containers[-1].lines[0]

@@ -1,49 +1,53 @@
 """Pictures of which packings jam: shares with their errors, densities, and samples of one kind put together."""
 
-from dataclasses import replace
+import re
 
 import numpy as np
 import pytest
 from densities import jamming_step
-from drawn import Held, bars, figure_of, lines
+from drawn import Held, bars, figure_of, lines, told
 from pressures import CUTS, low_end
 from samples import isostatic
 
 from jampetsc.analysis.averages import mean_of_runs
 from jampetsc.analysis.jamming import correlated_share, density, independent_share, memory
 from jampetsc.analysis.statistics import half_width
-from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
-from jampetsc.io.reader import load
-from jampetsc.io.result_file import ResultWriter
 from jampetsc.plots import jamming
-from jampetsc.plots.jamming import Samples, plot_fraction, plot_jamming_densities, plot_pressures, samples_of
+from jampetsc.plots.draw import draw
+from jampetsc.plots.jamming import plot_fraction, plot_jamming_densities, plot_pressures, samples_of
 from jampetsc.plots.quasistatic_shear import plot_quasistatic_shear
-from jampetsc.studies.table import table_text
 
 UNITS = {"units": "k_e = k_d = 1, diameter of the small disks 1", "stiffness": "inverse-square-diameter"}
 PHIS = (0.83, 0.84)
 
 
-def write_jam(path, n=64, seeds=range(40), seed=1, **attributes):
-    """A file as `jam` writes it, of samples that jam more often the denser they are."""
+def jam_of(n=64, seeds=range(40), seed=1, path="a.h5", **attributes):
+    """What `jam` makes, of samples that jam more often the denser they are."""
     rng = np.random.default_rng(seed)
     phi, number = np.repeat(PHIS, len(seeds)), np.tile(list(seeds), len(PHIS))
     jammed = (rng.random(len(phi)) < (phi - 0.825) * 50).astype(float)
     jammed[: len(phi) and 1] = np.nan
-    with ResultWriter(path, "jampetsc-jam") as writer:
-        for name, values in {
-            "phi": phi,
-            "seed": number,
-            "jammed": jammed,
-            "pressure": jammed * rng.exponential(1e-3, len(phi)),
-        }.items():
-            writer.dataset(name, values)
-        facts = {"particle_count": n, "sizes": "bidisperse", "potential": "harmonic", **UNITS}
-        if "cooling_rate" in attributes:
-            writer.dataset("phi_J", np.where(np.isfinite(jammed), rng.normal(0.84, 1e-3, len(phi)), np.nan))
-        writer.attributes(**facts | attributes)
-    return load(path)
+    pressure = jammed * rng.exponential(1e-3, len(phi))
+    arrays = {"phi": phi, "seed": number, "jammed": jammed, "pressure": pressure}
+    if "cooling_rate" in attributes:
+        arrays["phi_J"] = np.where(np.isfinite(jammed), rng.normal(0.84, 1e-3, len(phi)), np.nan)
+    facts = {"particle_count": n, "sizes": "bidisperse", "potential": "harmonic", **UNITS}
+    return Held(arrays, facts | attributes, path, "jampetsc-jam")
+
+
+def shear_of(jammed, plastic=None, path="s.h5", **more):
+    """What `shear` makes, of so many states."""
+    jammed = np.array(jammed, float)
+    scales = {"shear_stress": 1e-3, "pressure": 2e-3, "coordination": 4.0}
+    arrays = {key: jammed * scale for key, scale in scales.items()}
+    means = {f"{key}_mean": values.mean() for key, values in arrays.items()}
+    arrays |= {"jammed": jammed, "strain": 0.1 * np.arange(1, len(jammed) + 1)}
+    arrays |= {"energy": np.where(jammed == 1, 1e-4, 1e-20)}
+    arrays |= {} if plastic is None else {"plastic": np.array(plastic, float)}
+    facts = {"discard": 0.25, "energy_cut": 1e-16, "particle_count": 10, "k": 2.0, "stiffness": "constant"}
+    facts |= {"phi": 0.9, "seed": 1, "sizes": "bidisperse", "potential": "harmonic"}
+    return Held(arrays, facts | means | more, path, "jampetsc-shear")
 
 
 def switching(rng, steps, change):
@@ -133,173 +137,126 @@ def test_where_disks_begin_to_jam_and_how_steeply():
     assert np.isnan(jamming_step(phi[:4], steep)).all()
 
 
-def test_samples_of_one_kind_are_put_together(tmp_path):
-    files = [
-        write_jam(tmp_path / "a.h5"),
-        write_jam(tmp_path / "b.h5", seeds=range(40, 90)),
-        write_jam(tmp_path / "c.h5", n=256),
-    ]
+def test_samples_of_one_kind_are_put_together():
+    files = [jam_of(), jam_of(seeds=range(40, 90), path="b.h5"), jam_of(256)]
     small, large = samples_of(files)
-    assert (small.kind[1], large.kind[1]) == (64, 256)
-    assert sorted(small.runs) == list(PHIS)
-    assert (
-        small.share(0.84).samples == 90 and small.share(0.83).samples == 88
-    )  # one of each file reached none
+    assert (small.kind[1], large.kind[1]) == (64, 256) and sorted(small.runs) == list(PHIS)
+    assert [small.share(phi).samples for phi in PHIS] == [88, 90]  # one of each file reached no minimum
     hard = np.concatenate([one["pressure"][(one["phi"] == 0.84) & (one["jammed"] == 1)] for one in files[:2]])
     assert np.allclose(np.sort(small.pressures(0.84)), np.sort(hard))
     with pytest.raises(InputError, match=r"seed 0 is in a\.h5 too"):
-        samples_of([files[0], write_jam(tmp_path / "d.h5")])
-    sheared = {"protocol": "shear", "step": 1e-3}
-    others = {
-        "separated": write_jam(tmp_path / "e.h5", separated=True),
-        "coarse": write_jam(tmp_path / "f.h5", **sheared),
-        "fine": write_jam(tmp_path / "g.h5", **sheared | {"step": 1e-4}),
-        "both": write_jam(tmp_path / "h.h5", protocol="compress", cooling_rate=1e-2, step=1e-3, strain=4.0),
-    }
-    kinds = [one.kind for one in samples_of([files[0], *others.values()])]
+        samples_of([files[0], jam_of(path="d.h5")])
+
+
+def test_kinds_of_samples_are_named_by_what_differs():
+    sheared, cooled = {"protocol": "shear", "step": 1e-3}, {"protocol": "compress", "cooling_rate": 1e-2}
+    files = [jam_of(), jam_of(separated=True), jam_of(**sheared), jam_of(**sheared | {"step": 1e-4})]
+    kinds = [one.kind for one in samples_of([*files, jam_of(**cooled, step=1e-3, strain=4.0)])]
     assert sorted(jamming._labels(kinds)) == [
-        "compress, $R=10^{-2}$, sheared by 4",
-        "random",
-        "random, separated",
-        r"shear, $\Delta\gamma=10^{-3}$",
+        "compress, $R=10^{-2}$, sheared by 4", "random", "random, separated", r"shear, $\Delta\gamma=10^{-3}$",
         r"shear, $\Delta\gamma=10^{-4}$",
-    ]
+    ]  # fmt: skip
+    for more, names in (
+        ({}, ["$N=64$"]),
+        ({"n": 256}, ["$N=64$", "$N=256$"]),
+        ({"potential": "hertzian", "sizes": ""}, ["hertzian", "harmonic"]),  # "": not told
+        ({"protocol": "shear"}, ["random", "shear"]),
+    ):
+        kinds = [one.kind for one in samples_of([jam_of(), jam_of(**more)] if more else [jam_of()])]
+        assert jamming._labels(kinds) == names
 
 
-def test_jamming_densities_by_rate_of_cooling(tmp_path):
-    rates = {"protocol": "compress", "cooling_rate": 1e-2}, {"protocol": "compress", "cooling_rate": 1e-3}
-    files = [write_jam(tmp_path / f"{k}.h5", **rate) for k, rate in enumerate(rates)]
+def test_jamming_densities_by_rate_of_cooling():
+    """A line for each kind and φ it was cooled at, a dotted one at its mean."""
+    files = [jam_of(protocol="compress", cooling_rate=rate, seed=n) for n, rate in enumerate((1e-2, 1e-3))]
     fast, slow = samples_of(files)
-    assert fast.kind[0] == "compress, $R=10^{-2}$" and slow.kind[0] == "compress, $R=10^{-3}$"
+    assert [one.kind[0] for one in (fast, slow)] == [f"compress, $R=10^{{-{n}}}$" for n in (2, 3)]
     here = files[0]["phi"] == 0.83
     assert np.array_equal(fast.jamming[0.83], files[0]["phi_J"][here][1:])  # one sample reached no minimum
-    with pytest.raises(InputError, match="holds fewer than 10 values of phi_J"):
-        plot_jamming_densities([write_jam(tmp_path / "random.h5")])
+    ax = figure_of(plot_jamming_densities, files).axes[0]
+    values = [one.jamming[phi] for one in (fast, slow) for phi in PHIS]
+    means = [x[0] for x, _, dash, _ in lines(ax, 2) if dash == ":"]
+    np.testing.assert_allclose(means, [np.mean(some) for some in values])
+    for (x, y, _, up), some in zip(bars(ax), values, strict=True):
+        edges, height, error = density(some)
+        np.testing.assert_allclose((x, y, up), (0.5 * (edges[1:] + edges[:-1]), height, error))
+    cooled = [rf"compress, $R=10^{{-{n}}}$, cooled at $\phi={phi}$" for n in (2, 3) for phi in PHIS]
+    assert told(ax) == cooled
 
 
-def test_bars_of_shares_are_their_intervals_and_pressures_are_in_units_of_k(tmp_path):
-    file = write_jam(tmp_path / "a.h5", seeds=range(80), k=2.0)
+def test_bars_of_shares_are_their_intervals_and_pressures_are_in_units_of_k():
+    file = jam_of(seeds=range(80), k=2.0)
     (samples,) = samples_of([file])
     ((x, y, down, up),) = bars(figure_of(plot_fraction, [file]).axes[0])
     shares = [samples.share(phi) for phi in PHIS]
-    assert np.allclose(x, PHIS) and np.allclose(y, [one.value for one in shares])
-    assert np.allclose(y - down, [one.low for one in shares]) and np.allclose(
-        y + up, [one.high for one in shares]
-    )
-    drawn = bars(figure_of(plot_pressures, [file]).axes[0])
-    for (x, y, _, up), phi in zip(drawn, PHIS, strict=True):
+    drawn = np.transpose([(phi, one.value, one.low, one.high) for phi, one in zip(PHIS, shares, strict=True)])
+    np.testing.assert_allclose((x, y, y - down, y + up), drawn)
+    for (x, y, _, up), phi in zip(bars(figure_of(plot_pressures, [file]).axes[0]), PHIS, strict=True):
         edges, height, error = density(samples.pressures(phi) / 2.0, 0.0)
-        assert np.allclose(x, 0.5 * (edges[1:] + edges[:-1])) and np.allclose((y, up), (height, error))
+        np.testing.assert_allclose((x, y, up), (0.5 * (edges[1:] + edges[:-1]), height, error))
 
 
-def test_what_cannot_be_drawn(tmp_path):
-    with pytest.raises(InputError, match="fewer than 10 jammed samples"):
-        plot_pressures([write_jam(tmp_path / "few.h5", seeds=range(5))], tmp_path / "x.png")
-    with pytest.raises(InputError, match="holds no sample"):
-        plot_fraction([write_jam(tmp_path / "none.h5", seeds=range(0))], tmp_path / "x.png")
-    kinds = [write_jam(tmp_path / f"{n}.h5", n=n) for n in range(4, 11)]
-    with pytest.raises(InputError, match="7 kinds of samples"):
-        plot_pressures(kinds)
-    own = write_jam(tmp_path / "own.h5", n=32, units="those of the packing", stiffness="constant")
-    with pytest.raises(InputError, match=r"own\.h5: is in other units .those of the packing. than 4\.h5"):
-        plot_pressures([kinds[0], own])
-    assert not list(tmp_path.glob("*.png"))
-
-
-def write_shear(path, disks, phi, seed=1, k=1.0):
-    """A file as `shear` writes it, whose last minimum is `disks`."""
-    rng = np.random.default_rng(seed)
-    jammed = switching(rng, 200, 0.1)
-    series = {"strain": 0.01 * np.arange(1, 201), "jammed": jammed, "energy": 1e-20 + 1e-4 * jammed}
-    series |= {
-        "shear_stress": jammed * rng.normal(1e-4, 1e-4, 200),
-        "pressure": 1e-3 * jammed * rng.random(200),
-    }
-    state = {name: getattr(disks, name) for name in ("base", "offset", "cell_base", "cell_offset", "radii")}
-    with ResultWriter(path, "jampetsc-shear") as writer:
-        for name, values in (series | {"coordination": 4 * jammed}).items():
-            writer.dataset(name, values)
-        for name, values in state.items():
-            writer.dataset(f"state/{name}", values)
-        means = {f"{name}_mean": series[name].mean() for name in ("shear_stress", "pressure")}
-        facts = {
-            "phi": phi,
-            "seed": seed,
-            "particle_count": disks.n,
-            "discard": 1.0,
-            "energy_cut": 1e-16,
-            "k": k,
-        }
-        facts |= {"sizes": "bidisperse", "potential": "harmonic", "coordination_mean": 2.0, **UNITS}
-        writer.attributes(**facts | means)
-
-
-@pytest.fixture(scope="module")
-def study(tmp_path_factory):
-    """A folder with two runs of quasistatic shear and a file of random samples."""
-    folder = tmp_path_factory.mktemp("study")
-    rows = [{"command": "jam", "state": "done", "file": "jam.h5", "seconds": 0.1}]
-    write_jam(folder / "jam.h5")
-    for phi in (0.82, 0.9):
-        write_shear(folder / f"shear-{phi}.h5", isostatic(), phi)
-        rows.append({"command": "shear", "state": "done", "file": f"shear-{phi}.h5", "seconds": 0.1})
-    (folder / "table.csv").write_text(table_text(rows))
-    return folder
+KINDS = [jam_of(n, path=f"{n}.h5") for n in range(4, 11)]
+OWN = jam_of(32, path="own.h5", units="those of the packing", stiffness="constant")
 
 
 @pytest.mark.parametrize(
-    "files, kind, says",
+    ("picture", "files", "says"),
     [
-        (["shear-0.82.h5"], [], "energy, stress, pressure and coordination of 1 run"),
-        (["shear-0.9.h5"], ["--kind", "minimum"], "24 disks at strain 2"),
-        (["jam.h5"], [], "share of samples that jam, of 1 file"),
-        (["jam.h5", "shear-0.82.h5"], ["--kind", "pressures"], "P(p) of the jammed samples of 2 files"),
-        ([""], ["--kind", "fraction"], "share of samples that jam, of 3 files"),
-        ([""], ["--kind", "strain"], "of 2 runs over the strain"),
+        (plot_pressures, [jam_of(seeds=range(5))], "fewer than 10 jammed samples"),
+        (plot_fraction, [jam_of(seeds=range(0))], "holds no sample"),
+        (plot_pressures, KINDS, "7 kinds of samples"),
+        (plot_pressures, [KINDS[0], OWN], r"own\.h5: is in other units .those of the packing. than 4\.h5"),
+        (plot_jamming_densities, [jam_of()], "holds fewer than 10 values of phi_J"),
     ],
 )
-def test_pictures(study, tmp_path, capsys, files, kind, says):
-    out = tmp_path / "picture.png"
-    assert cli.main(["plot", *(str(study / name) for name in files), *kind, "--out", str(out)]) == 0
-    assert says in capsys.readouterr().out
-    assert out.stat().st_size > 8_000
+def test_what_cannot_be_drawn(picture, files, says):
+    with pytest.raises(InputError, match=says):
+        picture(files)
 
 
-def test_series_of_slow_shear_are_per_disk_and_in_units_of_k(tmp_path):
-    write_shear(tmp_path / "s.h5", isostatic(), 0.9, k=2.0)
-    result = load(tmp_path / "s.h5")
-    axes = figure_of(plot_quasistatic_shear, [result]).axes
-    jammed = result["jammed"] == 1
-    units = {"energy": 2.0 * 24, "shear_stress": 2.0, "pressure": 2.0, "coordination": 1.0}
-    for ax, (name, unit) in zip(axes, units.items(), strict=True):
-        x, y, *_ = lines(ax, 200)[0]
-        assert np.allclose(x, result["strain"]) and np.allclose(y[jammed], result[name][jammed] / unit)
-        if name != "energy":
-            level = next(one for one in lines(ax, 2) if one[2] == "--")
-            assert np.allclose(level[:2], [[1.0, 2.0], [result.attributes[f"{name}_mean"] / unit] * 2])
+@pytest.mark.parametrize(
+    ("files", "kind", "says"),
+    [
+        (["shear"], None, "energy, stress, pressure and coordination of 1 run"),
+        (["jam"], None, "share of samples that jam, of 1 file"),
+        (["jam", "shear"], "pressures", r"P\(p\) of the jammed samples of 2 files"),
+        (["jam", "shear"], "fraction", "share of samples that jam, of 2 files"),
+        (
+            ["jam", "shear"],
+            "strain",
+            "a.h5 is a jam file, s.h5 a shear file: one picture shows one or the other",
+        ),
+    ],
+)
+def test_files_of_samples_and_of_shear_go_together_in_some_pictures(files, kind, says):
+    made = {"jam": jam_of(), "shear": shear_of(np.tile([1, 1, 1, 0], 20), **UNITS | {"k": 1.0})}
+    if kind == "strain":
+        with pytest.raises(InputError, match=says):
+            draw([made[one] for one in files], kind)
+    else:
+        assert re.search(says, draw([made[one] for one in files], kind)[1].text)
 
 
-def test_states_before_the_discarded_strain_do_not_count(study):
-    result = load(study / "shear-0.9.h5")
+def test_states_before_the_discarded_strain_do_not_count():
+    rng = np.random.default_rng(1)
+    result = shear_of(switching(rng, 200, 0.1), discard=10.0, **UNITS)
+    result["pressure"] = result["jammed"] * rng.random(200)
     (samples,) = samples_of([result])
-    assert samples.share(0.9).samples == 100 and 1 < samples.share(0.9).independent < 20
-    assert samples.share(0.9).value == pytest.approx(result["jammed"][100:].mean())
+    share, steady = samples.share(0.9), result["jammed"][100:] == 1
+    assert share.samples == 100 and 1 < share.independent < 20 and share.value == pytest.approx(steady.mean())
     pressures = result["pressure"][100:]
-    _, height, error = density(pressures[result["jammed"][100:] == 1], 0.0)
+    _, height, error = density(pressures[steady], 0.0)
     found = samples.density(0.9)
     assert memory([pressures]) > 1.5  # one run, whose states remember each other
-    assert np.allclose(found[1], height) and np.allclose(found[2], np.sqrt(memory([pressures])) * error)
+    np.testing.assert_allclose(found[1:], (height, np.sqrt(memory([pressures])) * error))
 
 
-def test_a_mixture_that_no_picture_shows_is_refused(study, tmp_path, capsys):
-    files = [str(study / name) for name in ("jam.h5", "shear-0.9.h5")]
-    assert cli.main(["plot", *files, "--kind", "strain", "--out", str(tmp_path / "x.png")]) == 2
-    assert "one picture shows one or the other" in capsys.readouterr().err
-
-
-def test_the_last_minimum_is_the_last_state(study):
-    disks = replace(load(study / "shear-0.9.h5").last, potential=isostatic().potential)
-    assert disks.fingerprint == isostatic().fingerprint
+def test_the_last_minimum_is_drawn_as_a_packing():
+    one = shear_of([1.0, 1.0])
+    one.last = isostatic()
+    text = draw([one], "minimum")[1].text
+    assert text == "24 disks at strain 0.2"
 
 
 def test_runs_are_remembered_by_their_length():
@@ -329,77 +286,34 @@ def test_as_many_bins_as_the_root_of_samples(count, bins):
     assert len(density(np.linspace(0.0, 1.0, count))[1]) == bins
 
 
-def samples(kind, count=12, phi_J=0.84, phis=(0.84,)):
-    one = Samples(kind)
-    for phi in phis:
-        one.runs[phi] = [(np.ones(1), np.array([1e-3 * (n + 1)])) for n in range(count)]
-        one.jamming[phi] = phi_J + 1e-3 * np.arange(count) ** 2
-    return one
-
-
-def test_means_of_phi_J_are_dotted(monkeypatch):
-    kinds = (("compress", 64, "", ""), ("compress", 256, "", ""))
-    monkeypatch.setattr(
-        jamming, "samples_of", lambda results: [samples(kinds[0]), samples(kinds[1], 20, 0.8)]
-    )
-    ax = figure_of(plot_jamming_densities, []).axes[0]
-    means = [x[0] for x, _, dash, _ in lines(ax, 2) if dash == ":"]
-    np.testing.assert_allclose(
-        means, [0.84 + 1e-3 * np.mean(np.arange(12) ** 2), 0.8 + 1e-3 * np.mean(np.arange(20) ** 2)]
-    )
-    for (x, y, _, up), one in zip(bars(ax), (samples(kinds[0]), samples(kinds[1], 20, 0.8)), strict=True):
-        edges, height, error = density(one.jamming[0.84])
-        np.testing.assert_allclose((x, y, up), (0.5 * (edges[1:] + edges[:-1]), height, error))
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["$N=64$", "$N=256$"]
-    both = samples(kinds[0], phis=(0.83, 0.84))
-    monkeypatch.setattr(jamming, "samples_of", lambda results: [both])
-    told = [
-        text.get_text() for text in figure_of(plot_jamming_densities, []).axes[0].get_legend().get_texts()
-    ]
-    assert told == [rf"$N=64$, cooled at $\phi={phi}$" for phi in (0.83, 0.84)]
-
-
-def slow_shear(jammed, plastic=None, name="s.h5", **more):
-    """A shear file of so many states."""
-    jammed = np.array(jammed, float)
-    scales = {"shear_stress": 1e-3, "pressure": 2e-3, "coordination": 4.0}
-    arrays = {key: jammed * scale for key, scale in scales.items()}
-    means = {f"{key}_mean": values.mean() for key, values in arrays.items()}
-    arrays |= {"jammed": jammed, "strain": 0.1 * np.arange(1, len(jammed) + 1)}
-    arrays |= {"energy": np.where(jammed == 1, 1e-4, 1e-20)}
-    arrays |= {} if plastic is None else {"plastic": np.array(plastic, float)}
-    facts = {"discard": 0.25, "energy_cut": 1e-16, "particle_count": 10, "k": 2.0, "stiffness": "constant"}
-    return Held(arrays, facts | means | more, name)
-
-
 def test_states_that_jam_are_lines_others_dots_and_single_ones_dashes():
-    file = slow_shear([1, 1, 0, 1, 0, 0, 1, 1])
+    file = shear_of([1, 1, 0, 1, 0, 0, 1, 1])
     fig = figure_of(plot_quasistatic_shear, [file])
-    strain = file["strain"]
-    for ax, (name, unit) in zip(
-        fig.axes,
-        (("energy", 20.0), ("shear_stress", 2.0), ("pressure", 2.0), ("coordination", 1.0)),
-        strict=True,
-    ):
+    strain, units = (
+        file["strain"],
+        {"energy": 20.0, "shear_stress": 2.0, "pressure": 2.0, "coordination": 1.0},
+    )
+    for ax, (name, unit) in zip(fig.axes, units.items(), strict=True):
         line, loose, single = ax.get_lines()[:3]
         values = file[name] / unit
         np.testing.assert_allclose(line.get_ydata(), np.where(file["jammed"] == 1, values, np.nan))
         np.testing.assert_allclose(loose.get_data(), [strain[[2, 4, 5]], values[[2, 4, 5]]])
         np.testing.assert_allclose(single.get_data(), [strain[[3]], values[[3]]])
         assert single.get_marker() == "_" and loose.get_marker() == "."
+        if name != "energy":
+            level = next(one for one in lines(ax, 2) if one[2] == "--")
+            np.testing.assert_allclose(level[:2], [[0.25, 0.8], [file.attributes[f"{name}_mean"] / unit] * 2])
     cut = [y[0] for x, y, dash, _ in lines(fig.axes[0], 2) if dash == ":"]
     assert cut == [1e-16] and fig.axes[0].get_yscale() == "log"
-    told = [text.get_text() for text in fig.axes[0].get_legend().get_texts()]
-    assert told == ["jammed", "not jammed", "means"]
+    assert told(fig.axes[0]) == ["jammed", "not jammed", "means"]
 
 
 def test_where_all_is_jammed_no_cut_is_drawn_and_plastic_events_are_marked():
-    fig = figure_of(plot_quasistatic_shear, [slow_shear(np.ones(6), [0, 1, 0, 0, 1, 0])])
-    told = [text.get_text() for text in fig.axes[0].get_legend().get_texts()]
-    assert told == ["jammed", "plastic events, in (b)", "means"]
+    fig = figure_of(plot_quasistatic_shear, [shear_of(np.ones(6), [0, 1, 0, 0, 1, 0])])
+    assert told(fig.axes[0]) == ["jammed", "plastic events, in (b)", "means"]
     assert not [1 for _, _, dash, _ in lines(fig.axes[0], 2) if dash == ":"]
     marks = [line for line in fig.axes[1].get_lines() if line.get_marker() == "|"]
     np.testing.assert_allclose(marks[0].get_xdata(), [0.2, 0.5])
     assert (np.asarray(marks[0].get_ydata()) == 0.02).all()  # of the height of the panel
-    quiet = figure_of(plot_quasistatic_shear, [slow_shear(np.ones(6), np.zeros(6))])
-    assert [text.get_text() for text in quiet.axes[0].get_legend().get_texts()] == ["jammed", "means"]
+    quiet = figure_of(plot_quasistatic_shear, [shear_of(np.ones(6), np.zeros(6))])
+    assert told(quiet.axes[0]) == ["jammed", "means"]

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from drawn import drawn_by, figure_of, require_inside
 from test_correlations import correlation_file
-from test_floppy_plots import modes_of, quasistatic_of, write_lowest
+from test_floppy_plots import lowest_of, modes_of, quasistatic_of
 from test_flow_plots import facts, series
-from test_jam_plots import slow_shear, write_jam
+from test_jam_plots import jam_of, shear_of
 from test_picture_limits import curve, run
 from test_spectrum import write_sweep
 
@@ -17,7 +17,6 @@ from jampetsc.plots import (
     floppy,
     flowcurves,
     jamming,
-    lowmodes,
     moduli,
     quasistatic_shear,
     trade,
@@ -40,7 +39,7 @@ def spectra(folder):
 
 
 def cooled(folder):
-    return [write_jam(folder / "j.h5", protocol="compress", cooling_rate=0.1)]
+    return [jam_of(protocol="compress", cooling_rate=0.1)]
 
 
 def modes(folder):
@@ -58,7 +57,7 @@ PICTURES = [  # (function, what it draws, (x, y, scales) of the panels: linear o
      [(r"$\omega\tau_1\,/\,(p/k)$", rf"{STORAGE}, {LOSS}  $[\,k\,(p/k)^{{1/2}}\,]$", "ll")]),
     (floppy.plot_medians, lambda folder: [quasistatic_of([1, 1, 1], pressure=p) for p in (1e-3, 1e-2)],
      [("$p/k$", "median per unit strain", "ll")]),
-    (lowmodes.plot_lowest, lambda folder: [write_lowest(folder / f"{p}.h5", p) for p in (1e-3, 1e-2)],
+    (vibrations.plot_lowest, lambda folder: [lowest_of(p) for p in (1e-3, 1e-2)],
      [("$p/k$", "floppiness of the lowest modes", "ll"), ("$p/k$", "share of the lowest modes", "l-"),
       ("$p/k$", "median per unit strain", "ll")]),
     (floppy.plot_viscosities, lambda folder: [quasistatic_of([1, 1, 1])],
@@ -71,7 +70,7 @@ PICTURES = [  # (function, what it draws, (x, y, scales) of the panels: linear o
      [(r"$\phi$", r"$\sigma\ [k]$", "-l"), (r"$\phi$", r"$p\ [k]$", "-l"), (r"$\phi$", "$Z$", "--")]),
     (flowcurves.plot_flow, lambda folder: [series("a.h5")],
      [(r"$\gamma$", r"$\sigma\ [k]$", "--"), (r"$\gamma$", r"$p\ [k]$", "--")]),
-    (quasistatic_shear.plot_quasistatic_shear, lambda folder: [slow_shear(np.ones(5))],
+    (quasistatic_shear.plot_quasistatic_shear, lambda folder: [shear_of(np.ones(5))],
      [("", r"$U/N\ [k]$", "-l"), ("", r"$\sigma\ [k]$", "--"), (r"$\gamma$", r"$p\ [k]$", "--"),
       (r"$\gamma$", "$Z$", "--")]),
     (jamming.plot_fraction, cooled, [(r"$\phi$", r"$f(\phi)$", "--")]),
@@ -135,6 +134,7 @@ def test_flanks_of_the_window_are_not_drawn(tmp_path):
     """H below 10⁻⁴ of its largest value is of the window, not of the spectrum."""
     held = RelaxationSpectrum(0.02, 0.4, np.array([1e-4, 1.0]), np.array([1.0, 1e-5]))
     one = spectrum_curve(load(write_sweep(tmp_path / "s.h5", held)), 0.3)
-    ax = figure_of(plot_relaxation, [one]).axes[0]
+    ax, cumulative, *_ = figure_of(plot_relaxation, [one]).axes
+    assert cumulative.get_ylim() == pytest.approx((0.0, 1.05 * 1.00001))  # the sum of the weights is in sight
     H = ax.get_lines()[0].get_ydata()
     assert one.transient.H.min() < 1e-4 * one.transient.H.max() and H.min() >= 1e-4 * H.max() > 0

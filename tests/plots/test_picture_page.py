@@ -5,10 +5,11 @@ import itertools
 
 import numpy as np
 import pytest
+from drawn import told
 from matplotlib.figure import Figure
 from test_flow_plots import series
 from test_picture_limits import curve
-from test_plots import plot, write_sweep
+from test_plots import plot, sweep_of, write_sweep
 
 import jampetsc
 from jampetsc.errors import InputError
@@ -23,11 +24,8 @@ pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWar
 
 
 def test_every_module_with_pictures_is_listed():
-    found = {
-        path.stem
-        for path in (style.Path(style.__file__).parent).glob("*.py")
-        if "@picture(" in path.read_text()
-    }
+    files = style.Path(style.__file__).parent.glob("*.py")
+    found = {path.stem for path in files if "@picture(" in path.read_text()}
     assert found - {"picture"} == set(MODULES) and next(iter(pictures())) == "moduli"
 
 
@@ -41,39 +39,52 @@ def test_a_picture_is_drawn_on_the_axes_of_its_user():
     for one, other in zip(own, back, strict=True):
         assert table([one]) == table([other]) != []
         assert one.get_ylabel() == other.get_ylabel() and other.get_title(loc="left") == ""
-    with pytest.raises(InputError, match="ax: 1 axes: this picture of these files takes 2, or none"):
-        plot_flow([series("a.h5")], ax=given[:1])
     ax = Figure().subplots()
     assert plot_moduli([curve()], ax=ax) is ax
 
 
-def test_size_limits_words_and_style_are_chosen(tmp_path, capsys):
-    file = write_sweep(tmp_path / "s.h5")
-    (tmp_path / "my.mplstyle").write_text("lines.linewidth: 7\n")
-    ax = jampetsc.plot(
-        file, size=(5, 4), xlim=(1e-3, 1), ylim=[(1e-2, 2)], label=["mine"], style=tmp_path / "my.mplstyle"
-    )
+def test_size_limits_words_and_style_are_chosen(tmp_path):
+    (tmp_path / "my.mplstyle").write_text("axes.linewidth: 7\n")
+    limits = {"xlim": (1e-3, 1), "ylim": [(1e-2, 2)]}
+    ax = jampetsc.plot(sweep_of(), size=(5, 4), **limits, label=["mine"], style=tmp_path / "my.mplstyle")
     assert ax.figure.get_size_inches().tolist() == [5, 4]
     assert (ax.get_xlim(), ax.get_ylim()) == ((1e-3, 1), (1e-2, 2))
-    assert ax.get_legend().get_texts()[0].get_text() == "mine"
-    (tmp_path / "my.mplstyle").write_text("nonsense\n")
-    for wrong, message in (
-        ({"style": tmp_path / "none.mplstyle"}, "style .*none.mplstyle"),
+    assert told(ax)[0] == "mine" and ax.spines["top"].get_linewidth() == 7
+    file, out = write_sweep(tmp_path / "s.h5"), tmp_path / "x.png"
+    plot(file, "--size", "2,3", "--xlim", "1e-3:1", "--ylim", "1e-2:2", "--label", "mine", "--out", out)
+    assert style.matplotlib.image.imread(out).shape[:2] == (900, 600)
+    for words in (
+        "--size 2",
+        "--xlim 2:1",
+        "--ylim a",
+        "--size 0,1",
+        "--kind modulus",
+        "--kind moduli --mu 1",
+    ):
+        with pytest.raises(InputError, match=f"^{words.split()[-2]}"):
+            plot(file, *words.split(), "--out", out)
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ({"style": "none.mplstyle"}, "style .*none.mplstyle"),
         ({"label": ["a", "b", "c", "d"]}, "label d: the legends have no entry that is left"),
         ({"xlim": [(1, 2), (3, 4)]}, "xlim: 2 pairs for 1 panels"),
         ({"kind": "modulus"}, "kind modulus: did you mean modul"),
         ({"nonsense": 1}, "nonsense: is no option of any picture"),
         ({"kind": "moduli", "mu": 1}, "mu 1: belongs to collapse pictures, not to moduli"),
-    ):
-        with pytest.raises(InputError, match=message):
-            jampetsc.plot(file, **wrong)
-    out = tmp_path / "x.png"
-    plot(file, "--size", "2,3", "--xlim", "1e-3:1", "--ylim", "1e-2:2", "--label", "mine", "--out", out)
-    assert style.matplotlib.image.imread(out).shape[:2] == (900, 600)
-    refused = ["--size 2", "--xlim 2:1", "--ylim a", "--size 0,1", "--kind modulus", "--kind moduli --mu 1"]
-    for words in map(str.split, refused):
-        with pytest.raises(InputError, match=f"^{words[-2]}"):
-            plot(file, *words, "--out", out)
+        ({"mu": 11}, "mu 11: must lie between 0 and 10"),
+        ({"statistic": "mode"}, "statistic mode: choose mean or median"),
+        ({"csv": "n.txt"}, "n.txt: give it the ending .csv"),
+        ({"csv": "nowhere/n.csv"}, "nowhere does not exist"),
+        ({"ax": Figure().subplots(), "size": (2, 2)}, "size: is of a new figure"),
+        ({"ax": Figure().subplots(1, 2)}, "ax: 2 axes: this picture of these files takes 1, or none"),
+    ],
+)
+def test_what_cannot_be_chosen(asked, message):
+    with pytest.raises(InputError, match=message):
+        jampetsc.plot(sweep_of(), **asked)
 
 
 def test_the_numbers_that_are_drawn_are_written_with_the_names_of_their_axes(tmp_path):
@@ -91,9 +102,6 @@ def test_the_numbers_that_are_drawn_are_written_with_the_names_of_their_axes(tmp
         np.testing.assert_allclose([float(row["y_value"]) for row in line], values)
         band = [row for row in own if row["what"] == "band"]
         np.testing.assert_allclose([float(row["y_high"]) for row in band], values + 0.1)
-    for name, message in (("n.txt", "give it the ending .csv"), ("nowhere/n.csv", "nowhere does not exist")):
-        with pytest.raises(InputError, match=message):
-            jampetsc.plot(file, csv=tmp_path / name)
 
 
 def test_ends_of_bars_and_bands_are_written():
@@ -108,11 +116,16 @@ def test_ends_of_bars_and_bands_are_written():
     np.testing.assert_allclose(found, points + bands)
 
 
-def test_labels_without_tex():
-    assert plain(r"$\omega_m\ [\sqrt{k/m}]$") == "omega_m [sqrt k/m]" and plain(r"$C(\delta)$") == "C(delta)"
-    assert plain(r"$p/k=10^{-3}$, $N=64$") == "p/k=10^-3, N=64"
-    assert plain(r"$y/H-\frac{1}{2}$") == "y/H-1/2"
-    assert plain(r"$\dot\gamma\ [k_{\rm e}/k_{\rm d}d_{\rm s}^2]$") == "dot gamma [k_e/k_dd_s^2]"
+@pytest.mark.parametrize(
+    ("label", "words"),
+    [
+        (r"$\omega_m\ [\sqrt{k/m}]$", "omega_m [sqrt k/m]"), (r"$C(\delta)$", "C(delta)"),
+        (r"$p/k=10^{-3}$, $N=64$", "p/k=10^-3, N=64"), (r"$y/H-\frac{1}{2}$", "y/H-1/2"),
+        (r"$\dot\gamma\ [k_{\rm e}/k_{\rm d}d_{\rm s}^2]$", "dot gamma [k_e/k_dd_s^2]"),
+    ],
+)  # fmt: skip
+def test_labels_without_tex(label, words):
+    assert plain(label) == words
 
 
 @pytest.mark.parametrize(
@@ -176,7 +189,7 @@ def test_bars_and_bands_do_not_stretch_log_axes():
     page = Page()
     ax = page.panels(subplot_kw={"xscale": "log", "yscale": "log"})
     bars = points(ax, [1.0, 2.0, 3.0, 4.0], [1.0, np.nan, -1.0, 2.0], [0.999999, 0.1, 0.1, np.nan], label="x")
-    band(ax, [1.0, 4.0], [1e-12, 1.0], [2.0, 2.0])
+    band(ax, [1.0, 4.0], [1e-12, 1.0], [2.0, 2.0], "x")
     page.finish()
     assert bars.lines[0].get_xdata().tolist() == [1.0, 4.0] and 0.2 < ax.get_ylim()[0] < 1 / 3
     flat = Page()
@@ -194,9 +207,5 @@ def test_bars_and_bands_do_not_stretch_log_axes():
 def test_numbers_as_print_writes_them(value, text):
     assert style.number(value) == text
     assert [style.power_or_number(x) for x in (0.1, 1.0)] == ["10^{-1}", "1"]
-    assert [style.power_text("p", x) for x in (1, 0.5, 2 / 3, 0.47)] == [
-        "p",
-        "p^{1/2}",
-        "p^{2/3}",
-        "p^{0.47}",
-    ]
+    powers = {1: "p", 0.5: "p^{1/2}", 2 / 3: "p^{2/3}", -0.5: "p^{-1/2}", 2: "p^{2}", 0.47: "p^{0.47}"}
+    assert [style.power_text("p", x) for x in powers] == list(powers.values())

@@ -1,6 +1,5 @@
 """Pictures: drawn from real files through the command line, and what must be right about them."""
 
-import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -9,7 +8,7 @@ import matplotlib
 import numpy as np
 import pytest
 import samples
-from drawn import bands, drawn_by, figure_of, lines
+from drawn import Held, bands, drawn_by, figure_of, lines, put, require_arrows, written
 
 import jampetsc
 from jampetsc.cli import main as cli
@@ -18,11 +17,11 @@ from jampetsc.core.potentials import Potential
 from jampetsc.core.state import measure
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_identified, write_packing
-from jampetsc.io.reader import load
+from jampetsc.io.reader import collected, load
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.plots import periodic
 from jampetsc.plots.curves import Curve, group_curves
-from jampetsc.plots.draw import choose
+from jampetsc.plots.draw import choose, draw
 from jampetsc.plots.fields import ARROWS, _colours, _spread, plot_fields
 from jampetsc.plots.moduli import plot_collapse, plot_moduli
 from jampetsc.plots.numbers import table
@@ -41,25 +40,27 @@ def modulus(omega, pressure):
     return 0.5 * np.sqrt(pressure) + 0.3 * s[:, 0] + np.sum(weights * s / (s + rates), axis=1)
 
 
-def write_sweep(
-    path, pressure=1e-3, omega=OMEGA, G=None, bound=1e-9, packing=None, fields=None, **attributes
-):
-    """A sweep file; fields is (omega, displacement, rotation or None, particles)."""
-    G = modulus(omega, pressure) if G is None else G
-    with ResultWriter(path, "jampetsc-sweep") as writer:
-        for name, values in (("omega", omega), ("G", G), ("error_bound", np.full(len(omega), bound))):
-            writer.dataset(name, values)
-        attributes = {"law": "contact", "beta": 1.0, "pressure": pressure, "k": 1.0, "tau1": 1.0} | attributes
-        if packing is not None:
-            attributes |= dict(zip(("packing", "packing_sha256"), read_identified(packing)[1], strict=True))
-        writer.attributes(**attributes)
-        if fields is not None:
-            writer.dataset("fields/omega", fields[0])
-            writer.dataset("fields/displacement", fields[1])
-            if fields[2] is not None:
-                writer.dataset("fields/rotation", fields[2])
-            writer.dataset("particles", fields[3])
-    return str(path)
+def held_sweep(pressure=1e-3, omega=OMEGA, G=None, bound=1e-9, packing=None, fields=None, **attributes):
+    """A sweep; fields is (omega, displacement, rotation or None, particles)."""
+    arrays = {"omega": omega, "G": modulus(omega, pressure) if G is None else G}
+    arrays |= {"error_bound": np.full(len(omega), bound)}
+    attributes = {"law": "contact", "beta": 1.0, "pressure": pressure, "k": 1.0, "tau1": 1.0} | attributes
+    if packing is not None:
+        attributes |= dict(zip(("packing", "packing_sha256"), read_identified(packing)[1], strict=True))
+    if fields is not None:
+        names = ("fields/omega", "fields/displacement", "fields/rotation", "particles")
+        arrays |= {name: values for name, values in zip(names, fields, strict=True) if values is not None}
+    return Held(arrays, attributes, format="jampetsc-sweep")
+
+
+def sweep_of(*what, **more):
+    """A sweep in memory: `held_sweep`."""
+    return collected(put(held_sweep(*what, **more), ResultWriter(None, "jampetsc-sweep")))
+
+
+def write_sweep(path, *what, **more):
+    """A file of a sweep: `held_sweep`."""
+    return written(path, held_sweep(*what, **more))
 
 
 @pytest.fixture(scope="module")
@@ -73,8 +74,17 @@ def folder(tmp_path_factory):
     write_sweep(folder / "negative.h5", -0.1, G=modulus(OMEGA, 0.1))
     write_sweep(folder / "bare.h5", None, G=modulus(OMEGA, 0.1))
     write_sweep(folder / "fast.h5", omega=np.geomspace(10, 100, 5))
-    with ResultWriter(folder / "modes.h5", "jampetsc-modes") as writer:
-        writer.dataset("eigenvalues", np.ones(3))
+    write_sweep(folder / "none.h5", G=np.full(45, np.nan))
+    written(folder / "modes.h5", Held({"eigenvalues": np.ones(3)}, {}, format="jampetsc-modes"))
+    ones = np.ones((6, 16, 2), complex)
+    (folder / "taken.png").mkdir()
+    for name, omega, particles in (
+        ("few", OMEGA[:1], np.arange(15)),
+        ("beyond", OMEGA[:1], np.arange(1, 17)),
+        ("many", np.geomspace(1e-3, 1, 6), np.arange(16)),
+    ):
+        fields = (omega, ones[: len(omega)], None, particles)
+        write_sweep(folder / f"{name}.h5", packing=folder / "packing.h5", fields=fields)
     return folder
 
 
@@ -84,13 +94,9 @@ def sweeps(folder):
 
 
 @pytest.fixture
-def packing(tmp_path):
+def with_fields(tmp_path):
+    """A sweep with fields, beside its packing, to be moved about."""
     write_packing(tmp_path / "packing.h5", samples.published())
-    return str(tmp_path / "packing.h5")
-
-
-@pytest.fixture
-def with_fields(tmp_path, packing):
     return write_fields(tmp_path)
 
 
@@ -106,45 +112,52 @@ def plot(*words):
     assert cli.dispatch(["plot", *map(str, words)]) == 0
 
 
-@pytest.mark.parametrize(("kind", "ending"), [("moduli", ".svg"), ("packing", ".pdf"), ("fields", ".png")])
-def test_every_kind_in_every_format_twice_the_same(
-    kind, ending, sweeps, packing, with_fields, tmp_path, capsys
+@pytest.mark.parametrize(
+    ("words", "ending", "begins"),
+    [
+        ("p2.h5 p3.h5 p4.h5", ".svg", b"<?xml"),
+        ("packing.h5", ".pdf", b"%PDF"),
+        ("fields.h5 --kind fields", ".png", b"\x89PNG"),
+    ],
+)
+def test_every_format_is_twice_the_same_whatever_matplotlibrc_says(
+    words, ending, begins, folder, tmp_path, monkeypatch, capsys
 ):
-    files = {"packing": [packing], "fields": [with_fields]}.get(kind, sweeps)
-    pictures = []
-    for name in ("first", "second"):
-        plot(*files, "--kind", kind, "--out", tmp_path / f"{name}{ending}")
-        pictures.append((tmp_path / f"{name}{ending}").read_bytes())
-    assert pictures[0] == pictures[1]
-    assert pictures[0].startswith({".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}[ending])
-    assert not [word for word in (b"CreationDate", b"dc:date", b"Software") if word in pictures[0]]
-    assert capsys.readouterr().out.startswith(str(tmp_path / f"first{ending}: "))
-    assert not list(tmp_path.glob("*.partial"))
+    monkeypatch.chdir(folder)
+    for name, settings in (
+        ("a", {}),
+        ("b", {"font.size": 30, "lines.linewidth": 9, "svg.hashsalt": "other"}),
+    ):
+        with matplotlib.rc_context(settings):
+            plot(*words.split(), "--out", tmp_path / f"{name}{ending}")
+    one, other = (path.read_bytes() for path in sorted(tmp_path.iterdir()))  # and nothing else is there
+    assert one == other and one.startswith(begins)
+    assert not [word for word in (b"CreationDate", b"dc:date", b"Software") if word in one]
+    assert capsys.readouterr().out.startswith(str(tmp_path / f"a{ending}: "))
 
 
-def test_the_kind_follows_from_files_and_options(sweeps, packing, with_fields, tmp_path, capsys):
-    cases = {
-        "G' and G'' of 3 sweeps": sweeps,
-        "packing of 16 disks": [packing],
-        "collapse of 3 sweeps with mu = 0.4, lambda = 1": [*sweeps, "--mu", "0.4"],
-        "collapse of 3 sweeps with mu = 0.5, lambda = 0.9": [*sweeps, "--lambda", "0.9"],
-        "fields at omega tau1 = 1e-06, 1": [with_fields, "--omega", "1e-6,1"],
-    }
-    for expected, words in cases.items():
-        plot(*words, "--out", tmp_path / "x.png")
-        assert expected in capsys.readouterr().out
+@pytest.mark.parametrize(
+    ("files", "options", "says"),
+    [
+        ("p2 p3 p4", {}, "G' and G'' of 3 sweeps"),
+        ("packing", {}, "packing of 16 disks"),
+        ("p2 p3 p4", {"mu": 0.4}, "collapse of 3 sweeps with mu = 0.4, lambda = 1"),
+        ("p2 p3 p4", {"lambda": 0.9}, "collapse of 3 sweeps with mu = 0.5, lambda = 0.9"),
+        ("fields", {"omega": [1e-6, 1.0]}, "fields at omega tau1 = 1e-06, 1"),
+        ("fields", {"omega": [0.0316, 1.0]}, "fields at omega tau1 = 0.0316228, 1"),  # as people write it
+        ("many", {"phase": "strain"}, "fields at omega tau1 = 0.001, "),  # four of them
+    ],
+)
+def test_the_kind_follows_from_files_and_options(files, options, says, folder):
+    assert says in draw([folder / f"{name}.h5" for name in files.split()], **options)[1].text
 
 
 @pytest.mark.parametrize("kind", ["moduli", "collapse"])
-def test_units_of_the_file_do_not_show(kind, tmp_path):
+def test_units_of_the_file_do_not_show(kind):
     """k = 4 and τ₁ = 2 scale a sweep exactly; in units of k and 1/τ₁ it is the same picture."""
-    plain = write_sweep(tmp_path / "plain.h5", 2.0**-10)
-    scaled = write_sweep(
-        tmp_path / "scaled.h5", 2.0**-8, OMEGA / 2, 4 * modulus(OMEGA, 2.0**-10), bound=4e-9, k=4.0, tau1=2.0
-    )
-    shown = [table([jampetsc.plot(path, kind=kind)]) for path in (plain, scaled)]
-    for one, other in zip(*shown, strict=True):
-        assert one | {"series": ""} == other | {"series": ""}
+    plain = sweep_of(pressure=2.0**-10)
+    scaled = sweep_of(2.0**-8, OMEGA / 2, 4 * plain["G"], bound=4e-9, k=4.0, tau1=2.0)
+    assert table([jampetsc.plot(plain, kind)]) == table([jampetsc.plot(scaled, kind)])
 
 
 @pytest.mark.parametrize(
@@ -160,16 +173,9 @@ def test_units_of_the_file_do_not_show(kind, tmp_path):
         {"law": "stokes", "beta": None, "eta_f": 0.0, "G": 0.1 + 1j * OMEGA / (1 + OMEGA**2)},
     ],
 )
-def test_unusual_sweeps_are_drawn_without_complaint(case, tmp_path, recwarn):
-    figure_of(plot_moduli, load(write_sweep(tmp_path / "sweep.h5", **case))).draw_without_rendering()
+def test_unusual_sweeps_are_drawn_without_complaint(case, recwarn):
+    figure_of(plot_moduli, sweep_of(**case)).draw_without_rendering()
     assert not [str(w.message) for w in recwarn]
-
-
-def test_a_modulus_that_cannot_be_shown(tmp_path):
-    for G, message in ((np.full(45, np.nan), "no modulus at any"), (np.full(45, -1 - 1j), "nothing to show")):
-        path = write_sweep(tmp_path / "sweep.h5", G=G)
-        with pytest.raises(InputError, match=message):
-            plot(path, "--out", tmp_path / "x.png")
 
 
 def curve(pressure, **attributes):
@@ -179,25 +185,28 @@ def curve(pressure, **attributes):
     )
 
 
-def test_labels_tell_what_differs():
+@pytest.mark.parametrize(
+    ("differing", "labels"),
+    [
+        ([{"beta": 10.0}, {"beta": 0.0}], [r"$\beta=0$", r"$\beta=10$"]),
+        ([{"prestress": True}, {"prestress": False}], ["no pre-stress", "pre-stress"]),
+        ([{"rotations": True}, {"law": "stokes", "beta": None, "eta_f": 1.0}],
+         [r"contact, $\beta=1$", r"Stokes, $\eta_F=1$"]),
+        ([{"beta": 1.0}, {"pressure": 1e-2, "beta": 2.0}], [r"$p/k=10^{-3}$, $\beta=1$", r"$p/k=10^{-2}$, $\beta=2$"]),
+        ([{"alpha": 0.5, "stress": 1e-6}, {}], [r"$\alpha=0.5$, $\sigma_0/k=10^{-6}$", "linear"]),
+        ([{"normal": 0.0}, {}], [r"$w_\parallel=0$", r"$w_\parallel=1$"]),  # a file older than --normal has 1
+        ([{"pressure": None}], ["$p$ unknown"]),
+    ],
+)  # fmt: skip
+def test_labels_tell_what_differs(differing, labels):
+    title, groups = group_curves([curve(**{"pressure": 1e-3} | more) for more in differing])
+    assert title == "" and [group.label for group in groups] == labels
+
+
+def test_sweeps_of_one_pressure_share_a_label():
     title, groups = group_curves([curve(1e-2), curve(1e-4), curve(1.0000001e-4), curve(1e-3)])
-    assert title == "$p/k$"
-    assert [g.label for g in groups] == ["$10^{-4}$", "$10^{-3}$", "$10^{-2}$"]
-    assert [len(g.curves) for g in groups] == [2, 1, 1]
-    _, groups = group_curves([curve(1e-3, beta=b) for b in (10.0, 0.0)])
-    assert [g.label for g in groups] == [r"$\beta=0$", r"$\beta=10$"]
-    _, groups = group_curves([curve(1e-3, prestress=on) for on in (True, False)])
-    assert {g.label for g in groups} == {"pre-stress", "no pre-stress"}
-    _, groups = group_curves([curve(1e-3, rotations=True), curve(1e-3, law="stokes", beta=None, eta_f=1.0)])
-    assert [g.label for g in groups] == [r"contact, $\beta=1$", r"Stokes, $\eta_F=1$"]
-    _, groups = group_curves([curve(1e-3, beta=1.0), curve(1e-2, beta=2.0)])
-    assert [g.label for g in groups] == [r"$p/k=10^{-3}$, $\beta=1$", r"$p/k=10^{-2}$, $\beta=2$"]
-    _, groups = group_curves([curve(1e-3, alpha=0.5, stress=1e-6), curve(1e-3)])
-    assert [g.label for g in groups] == [r"$\alpha=0.5$, $\sigma_0/k=10^{-6}$", "linear"]
-    _, groups = group_curves([curve(1e-3, normal=0.0), curve(1e-3)])  # a file older than --normal has 1
-    assert [g.label for g in groups] == [r"$w_\parallel=0$", r"$w_\parallel=1$"]
-    _, groups = group_curves([curve(None)])
-    assert [g.label for g in groups] == ["$p$ unknown"]
+    assert title == "$p/k$" and [len(group.curves) for group in groups] == [2, 1, 1]
+    assert [group.label for group in groups] == ["$10^{-4}$", "$10^{-3}$", "$10^{-2}$"]
 
 
 def test_both_moduli_with_their_bounds_are_drawn_and_collapsed():
@@ -230,39 +239,25 @@ def test_colours_grow_lighter_with_pressure_and_stay_visible_on_white():
     assert 1.05 / (shades[-1] + 0.05) >= 3  # contrast with white, as WCAG 2 asks of graphics
 
 
-CELLS = [np.array([[4.0, 0.0], [a, 3.0]]) for a in (0.0, 1.3, -2.0)]
-
-
-@pytest.mark.parametrize("cell", CELLS)
-def test_images_of_disks_are_those_that_reach_into_the_cell(cell):
+@pytest.mark.parametrize("cell", [np.array([[4.0, 0.0], [a, 3.0]]) for a in (0.0, 1.3, -2.0)])
+def test_what_leaves_the_cell_comes_in_on_the_other_side(cell):
+    """Every point of every disk and segment, folded into the cell, lies on a drawn image, also across a corner."""
     rng = np.random.default_rng(7)
-    centres, radii = periodic.wrap(rng.uniform(-20, 20, (30, 2)), cell), rng.uniform(0.1, 0.6, 30)
-    rows, points = periodic.disk_images(centres, radii, cell)
-    found = {(row, *np.round(point, 9)) for row, point in zip(rows, points, strict=True)}
-    assert len(found) == len(rows)
-    angles = np.linspace(0, 2 * np.pi, 200)
-    rim = np.column_stack((np.cos(angles), np.sin(angles)))
-    for row in range(30):
-        for a in range(-3, 4):
-            for b in range(-3, 4):
-                centre = centres[row] + (a, b) @ cell
-                inside = (centre + radii[row] * rim) @ np.linalg.inv(cell)
-                if ((inside > 1e-9) & (inside < 1 - 1e-9)).all(axis=1).any():
-                    assert (row, *np.round(centre, 9)) in found
-
-
-@pytest.mark.parametrize("cell", CELLS)
-def test_segments_go_on_across_the_boundary(cell):
-    """Every point of every segment, folded into the cell, lies on a drawn image, also across a corner."""
-    rng = np.random.default_rng(8)
-    start, vector = periodic.wrap(rng.uniform(-9, 9, (40, 2)), cell), rng.uniform(-1.2, 1.2, (40, 2))
-    rows, starts = periodic.segment_images(start, vector, cell)
-    for t in np.linspace(0, 1, 23):
-        folded = periodic.wrap(start + t * vector, cell)
-        drawn = starts + t * vector[rows]
-        for row in range(40):
-            distance = np.linalg.norm(drawn[rows == row] - folded[row], axis=1)
-            assert distance.min() < 1e-9
+    starts, radii = periodic.wrap(rng.uniform(-20, 20, (40, 2)), cell), rng.uniform(0.1, 0.6, 40)
+    vectors, turns = rng.uniform(-1.2, 1.2, (40, 2)), np.linspace(0, 2 * np.pi, 60)
+    rims = radii[:, None, None] * np.column_stack((np.cos(turns), np.sin(turns)))
+    along = vectors[:, None] * np.linspace(0, 1, 23)[:, None]
+    for (rows, anchors), points in (
+        (periodic.disk_images(starts, radii, cell), rims),
+        (periodic.segment_images(starts, vectors, cell), along),
+    ):
+        assert len({(row, *np.round(anchor, 9)) for row, anchor in zip(rows, anchors, strict=True)}) == len(
+            rows
+        )
+        for row, offsets in enumerate(points):
+            folded = periodic.wrap(starts[row] + offsets, cell)
+            images = anchors[rows == row][:, None] + offsets
+            assert np.linalg.norm(images - folded, axis=2).min(axis=0).max() < 1e-9
 
 
 def test_lines_are_as_wide_as_forces_are_strong_and_the_caption_is_in_units_of_k():
@@ -280,23 +275,21 @@ def test_lines_are_as_wide_as_forces_are_strong_and_the_caption_is_in_units_of_k
     np.testing.assert_allclose(widths / widths.mean(), contacts.force[which] / contacts.force[which].mean())
 
 
-def test_arrows_are_the_field_at_peak_and_at_zero_stress_with_its_affine_part(tmp_path, packing):
+def test_arrows_are_the_field_at_peak_and_at_zero_stress_with_its_affine_part():
     """Re and −Im of (y x̂ + ũ/γ)/G*, but for |G*|, times what is told; y from the middle of the cell."""
     disks, rng = samples.published(), np.random.default_rng(3)
     u = 0.01 * (rng.normal(size=(1, 16, 2)) + 2j * rng.normal(size=(1, 16, 2)))
-    path = write_sweep(tmp_path / "s.h5", packing=packing, fields=(OMEGA[24:25], u, u[..., 0], np.arange(16)))
+    sweep = sweep_of(fields=(OMEGA[24:25], u, u[..., 0], np.arange(16)))
+    sweep.packing = disks
     turn = np.exp(-1j * np.angle(modulus(OMEGA, 1e-3)[24]))
     total = u[0].copy()
     total[:, 0] += periodic.wrap(disks.positions, disks.cell)[:, 1] - disks.cell[1, 1] / 2
     motion, spin = turn * total, turn * u[0, :, 0]
-    axes = plot_fields([load(path)], total=True)
+    axes = plot_fields([sweep], total=True)
     for ax, name, take in zip(axes, ("peak", "zero"), (np.real, lambda z: -np.imag(z)), strict=True):
-        faces, arrows = ax.collections
-        factor = float(re.search(r"arrows \$([\d.]+)", ax.get_xlabel())[1])
+        faces = ax.collections[0]
         assert f"$u$ at {name} stress" in ax.get_title()
-        drawn = np.column_stack((arrows.U, arrows.V)) / factor
-        for one in take(motion):  # arrows that leave the cell are drawn twice
-            assert np.abs(drawn - one).max(axis=1).min() < 1e-9
+        require_arrows(ax, take(motion))
         turned = take(spin) / np.sqrt(np.mean(take(spin) ** 2))
         rows = periodic.disk_images(periodic.wrap(disks.positions, disks.cell), disks.radii, disks.cell)[0]
         np.testing.assert_allclose(faces.get_facecolors(), _colours()(0.5 + turned[rows] / 4))
@@ -346,45 +339,18 @@ def test_many_disks_make_a_small_vector_file(tmp_path):
     assert b"/Subtype /Image" in content
 
 
-def test_frequencies_of_fields_are_found_as_people_write_them(with_fields, tmp_path, capsys):
-    plot(with_fields, "--omega", "0.0316,1", "--out", tmp_path / "x.png")
-    assert "omega tau1 = 0.0316228, 1" in capsys.readouterr().out
-    with pytest.raises(
-        InputError, match=r"no fields at omega = 0\.001: nearest are 1e-06, 0\.0001, 0\.0316228"
-    ):
-        plot(with_fields, "--omega", "0.001", "--out", tmp_path / "x.png")
-
-
-def test_the_packing_of_a_sweep(with_fields, packing, tmp_path):
-    out = ("--out", tmp_path / "x.png")
+def test_the_packing_of_a_sweep(with_fields, tmp_path):
     (tmp_path / "elsewhere").mkdir()
-    moved = tmp_path / "elsewhere" / "moved.h5"
-    (tmp_path / "packing.h5").rename(moved)
-    with pytest.raises(InputError, match=r"its packing packing\.h5 is not beside it: give it with --packing"):
-        plot(with_fields, "--kind", "fields", *out)
-    plot(with_fields, "--packing", moved, *out)
-    write_packing(packing, samples.published("hertzian"))
+    moved, beside = tmp_path / "elsewhere" / "moved.h5", tmp_path / "packing.h5"
+    beside.rename(moved)
+    with pytest.raises(InputError, match=r"its packing packing\.h5 is not beside it: give it with packing"):
+        draw([with_fields], "fields")
+    assert "fields at" in draw([with_fields], packing=moved)[1].text
+    write_packing(beside, samples.published("hertzian"))
     with pytest.raises(
         InputError, match=r"packing\.h5: is not the packing that fields\.h5 was made from \(sha256"
     ):
-        plot(with_fields, "--kind", "fields", *out)
-
-
-def test_fields_that_do_not_fit_the_packing(tmp_path, packing):
-    for particles in (np.arange(15), np.arange(1, 17)):
-        fields = (np.array([1.0]), np.ones((1, 16, 2), complex), None, particles)
-        path = write_sweep(tmp_path / "odd.h5", packing=packing, fields=fields)
-        with pytest.raises(InputError, match="fields of 16 particles do not fit the 16 disks"):
-            plot(path, "--kind", "fields", "--out", tmp_path / "x.png")
-
-
-def test_too_many_frequencies_for_one_picture(tmp_path, packing):
-    omega = np.geomspace(1e-3, 1, 6)
-    fields = (omega, np.ones((6, 16, 2), complex), None, np.arange(16))
-    path = write_sweep(tmp_path / "many.h5", packing=packing, fields=fields)
-    plot(path, "--kind", "fields", "--phase", "strain", "--out", tmp_path / "x.png")  # four of them
-    with pytest.raises(InputError, match="6 frequencies: one picture holds 5"):
-        plot(path, "--omega", "1e-3:1:6", "--phase", "strain", "--out", tmp_path / "x.png")
+        draw([with_fields], "fields")
 
 
 @pytest.mark.parametrize(
@@ -408,6 +374,16 @@ def test_too_many_frequencies_for_one_picture(tmp_path, packing):
             r"omega \[1\.\]: belongs to correlation or fields pictures, not to collapse",
         ),
         ("p2.h5 --kind fields --lambda 1", r"lambda 1\.0: belongs to collapse pictures, not to fields"),
+        ("few.h5 --kind fields", "fields of 16 particles do not fit the 16 disks"),
+        ("beyond.h5 --kind fields", "fields of 16 particles do not fit the 16 disks"),
+        ("many.h5 --omega 1e-3:1:6 --phase strain", "6 frequencies: one picture holds 5"),
+        ("fields.h5 --omega 0.001", r"no fields at omega = 0\.001: nearest are 1e-06, 0\.0001, 0\.0316228"),
+        ("none.h5", "none.h5: holds no modulus at any frequency"),
+        ("p2.h5 --mode x", "--mode x: write numbers"),
+        ("p2.h5 --out x.jpg", r"out x\.jpg: give it the ending \.png or \.pdf or \.svg"),
+        ("p2.h5 --out x", "out x: give it the ending"),
+        ("p2.h5 --out nowhere/x.png", "folder nowhere does not exist"),
+        ("p2.h5 --out taken.png", r"taken\.png: is a folder"),
         ("p2.h5 --mu nan", r"--mu nan: must lie in \[0, 10\]"),
         ("p2.h5 --lambda -1", r"--lambda -1: must lie in \[0, 10\]"),
         ("bare.h5 --kind collapse", r"bare\.h5: attribute pressure is missing"),
@@ -420,25 +396,9 @@ def test_too_many_frequencies_for_one_picture(tmp_path, packing):
 def test_what_cannot_be_drawn(words, message, folder, monkeypatch):
     monkeypatch.chdir(folder)
     with pytest.raises(InputError, match=message) as caught:
-        plot(*words.split(), "--out", "x.png")
+        plot("--out", "x.png", *words.split())
     assert "\n" not in str(caught.value)
     assert not list(folder.glob("*x.png*"))
-
-
-@pytest.mark.parametrize(
-    ("out", "message"),
-    [
-        ("x.jpg", r"out x\.jpg: give it the ending \.png or \.pdf or \.svg"),
-        ("x", "out x: give it the ending"),
-        ("nowhere/x.png", "folder nowhere does not exist"),
-        ("folder.png", r"folder\.png: is a folder"),
-    ],
-)
-def test_where_nothing_can_be_written(out, message, sweeps, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "folder.png").mkdir()
-    with pytest.raises(InputError, match=message):
-        plot(*sweeps, "--out", out)
 
 
 def test_plotting_loads_no_mpi_no_petsc_and_needs_no_display(with_fields, tmp_path):
@@ -456,19 +416,13 @@ def test_plotting_loads_no_mpi_no_petsc_and_needs_no_display(with_fields, tmp_pa
     assert done.returncode == 0, done.stderr
 
 
-def test_a_users_matplotlibrc_changes_nothing(sweeps, tmp_path):
-    plot(*sweeps, "--out", tmp_path / "a.svg")
-    with matplotlib.rc_context({"font.size": 30, "lines.linewidth": 9, "svg.hashsalt": "other"}):
-        plot(*sweeps, "--out", tmp_path / "b.svg")
-    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
-
-
-def test_the_one_file_of_another_kind_is_named_wherever_it_stands(sweeps, packing):
+def test_the_one_file_of_another_kind_is_named_wherever_it_stands(sweeps, folder):
+    packing = str(folder / "packing.h5")
     for place in range(4):
         files = [*sweeps[:place], packing, *sweeps[place:]]
         odd = packing if place else sweeps[0]
-        with pytest.raises(InputError) as refused:
+        first, noun = ("sweep", "packing") if place else ("packing", "sweep")
+        with pytest.raises(
+            InputError, match=f"^{files[0]} is a {first}, {odd} a {noun}: one picture shows one or"
+        ):
             choose(["moduli"], [load(file) for file in files], files)
-        noun = "packing" if place else "sweep"
-        assert f", {odd} a {noun}: one picture shows one or the other" in str(refused.value)
-        assert str(refused.value).startswith(f"{files[0]} is a {'sweep' if place else 'packing'}, ")
