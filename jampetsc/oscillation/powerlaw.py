@@ -136,5 +136,9 @@ class Tangent:
         return self.forces(mismatch / unit) if self.by_force else mismatch
 
     def mean_stiffness(self):
-        """Diagonal of df/dz, (contacts, components), mean over the steps."""
-        return np.mean(self.stiffness[..., None] * (1.0 + self.ratio[..., None] * self.x**2), axis=0)
+        """Diagonal of df/dz, (contacts, components), mean over the steps, where α < 1 the geometric one.
+
+        A contact that sticks is stiffer by decades for a moment, and so would be its arithmetic mean.
+        """
+        diagonal = self.stiffness[..., None] * (1.0 + self.ratio[..., None] * self.x**2)
+        return np.exp(np.mean(np.log(diagonal), axis=0)) if self.by_force else np.mean(diagonal, axis=0)

@@ -114,8 +114,8 @@ def test_a_quasistatic_response_tells_its_parts():
         flow=flow,
         G0=0.5,
         bulk_modulus=4.0,
-        crossover=0.1,
-        identity=1e-12,
+        omega_star=0.1,
+        identity_difference=1e-12,
     )
     outcome = SimpleNamespace(eta_inf=0.5, responses={"": response}, distributions={"": median})
     lines = quasistatic._summary("q.h5", PHYSICS, outcome).split("\n")

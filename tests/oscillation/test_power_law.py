@@ -62,7 +62,8 @@ def test_tangents_are_derivatives(z, alpha, softening):
     whole = np.stack(
         [tangent.forces(np.broadcast_to(e, z.shape))[..., k] for k, e in enumerate(np.eye(2))], -1
     )
-    np.testing.assert_allclose(tangent.mean_stiffness(), whole.mean(axis=0), rtol=1e-12)
+    mean = np.exp(np.log(whole).mean(axis=0)) if alpha < 1.0 else whole.mean(axis=0)
+    np.testing.assert_allclose(tangent.mean_stiffness(), mean, rtol=1e-12)
 
 
 @pytest.mark.parametrize("alpha", (0.1, *ALPHAS))
