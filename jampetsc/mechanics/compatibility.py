@@ -33,7 +33,7 @@ class Compatibility:
         np.ndarray
     )  # (rows,) |w_K| plus what rounding may do to it, in units of ε: an overlap is off by ε σ
     reach_K: np.ndarray  # (n_local,) Σ |w_K| C² over the contacts of each unknown,
-    reach_B: np.ndarray  # and of w_B; see `reach`
+    reach_B: np.ndarray  # and Σ w_B C² + drag; see `reach`
     drag: np.ndarray  # (n_local,) kτ₁ times the drag, 0 for angles: what B has of disks, not of contacts
     drag_gg: float  # the part of b_γγ that does not come from contacts, kτ₁ η_F V
 
@@ -42,7 +42,7 @@ class Compatibility:
         return self.w_B @ motions**2 + self.drag @ field**2
 
     def reach(self, s: float):
-        """D (n_local,) of K + sB: Σ (|w_K| + s w_B)(|C||x|)² ≤ ROW xᵀDx, however lengths and angles are measured.
+        """D (n_local,) of K + sB: Σ (|w_K| + s w_B)(|C||x|)² + s Σ drag x² ≤ ROW xᵀDx, in any unit of length.
 
         So far can rounding of the terms of motions reach; ROW unknowns at most have a part in one.
         """
@@ -100,6 +100,10 @@ def build_compatibility(pencil: Pencil) -> Compatibility:
     starts = np.searchsorted(network.contacts.i, np.arange(network.first, network.last))
     reach = np.add.reduceat(at[:, 0], starts).ravel()
     reach[np.isin(np.arange(network.first * d, network.last * d), pencil.pins)] = 0.0
+    damping = network.damping(law)
+    drag = np.zeros((network.last - network.first, d))
+    drag[:, :2] = damping * law.drag
+    reach += 1j * drag.ravel()
     w, values, g = w[once], rows[once], g[once]
     columns = np.concatenate((i[:, None] * d + np.arange(d), j[:, None] * d + np.arange(d)), axis=1)
     columns = np.broadcast_to(columns[:, None, :], values.shape)
@@ -109,9 +113,6 @@ def build_compatibility(pencil: Pencil) -> Compatibility:
     )
     local.sort_indices()
     C = distributed_matrix(network.comm, local, local.data, (network.last - network.first) * d)
-    damping = network.damping(law)
-    drag = np.zeros((network.last - network.first, d))
-    drag[:, :2] = damping * law.drag
     return Compatibility(
         pencil, C, f, g.ravel(), w.real.ravel(), w.imag.ravel(), size_K.ravel(), reach.real, reach.imag,
         drag.ravel(), damping * law.eta_f * network.area,

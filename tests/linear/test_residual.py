@@ -268,18 +268,19 @@ def test_rounding_of_the_columns_is_in_the_bound(session, law, monkeypatch):
 
 @pytest.mark.parametrize("law", LAWS, ids=str)
 def test_terms_of_motions_do_not_reach_beyond_what_is_said(session, law):
-    """Σ (|w_K| + s w_B)(|C||x|)² ≤ ROW xᵀDx, and D is no more than the diagonal of sums of squares."""
+    """Σ (|w_K| + s w_B)(|C||x|)² + s Σ drag x² ≤ ROW xᵀDx, and D is no more than the diagonal of sums of squares."""
     pencil = pencil_of(session, law)
     c = build_compatibility(pencil)
     C = np.abs(dense(c.C))
-    sizes, viscous, reach_K, reach_B = (
-        np.concatenate(session.comm.allgather(a)) for a in (np.abs(c.w_K), c.w_B, c.reach_K, c.reach_B)
+    sizes, viscous, drag, reach_K, reach_B = (
+        np.concatenate(session.comm.allgather(a))
+        for a in (np.abs(c.w_K), c.w_B, c.drag, c.reach_K, c.reach_B)
     )
     np.testing.assert_allclose(reach_K, sizes @ C**2, rtol=1e-13, atol=1e-300)
-    np.testing.assert_allclose(reach_B, viscous @ C**2, rtol=1e-13, atol=1e-300)
+    np.testing.assert_allclose(reach_B, viscous @ C**2 + drag, rtol=1e-13, atol=1e-300)
     for s, x in zip((1e-6, 1e-2, 10.0), np.random.default_rng(1).normal(size=(3, C.shape[1])), strict=True):
         D = np.concatenate(session.comm.allgather(c.reach(s)))
-        assert (sizes + s * viscous) @ (C @ np.abs(x)) ** 2 <= ROW * (D @ x**2)
+        assert (sizes + s * viscous) @ (C @ np.abs(x)) ** 2 + s * (drag @ x**2) <= ROW * (D @ x**2)
 
 
 @pytest.mark.parametrize("law", LAWS, ids=str)
