@@ -27,7 +27,7 @@ from jampetsc.mechanics.compatibility import Compatibility
 
 EPSILON = float(np.finfo(float).eps)
 # of a contact's motion, relative to its terms: bond, distance, normal, products and sum; also of sums of such forces
-ROUNDING = 4.0 * EPSILON
+ROUNDING = 6.0 * EPSILON
 
 
 @dataclass(frozen=True)
@@ -131,11 +131,11 @@ class Functional:
         (K_rr, K_ii, K_ri), (B_rr, B_ii, B_ri), (abs_rr, abs_ii, _), reach = map(network.sum, local)
         B_rr += c.drag_gg
         elastic, viscous = complex(K_rr - K_ii, 2.0 * K_ri), complex(B_rr - B_ii, 2.0 * B_ri)
-        # Evaluating a is off by ε|C||x|, see `Compatibility.reach`. The coefficients are off by a few ε; they
+        # Evaluating a is off by 2ε|C||x|, see `Compatibility.reach`. The coefficients are off by a few ε; they
         # multiply relative motions, and g. The rest is Cauchy and Schwarz. Real and imaginary parts are kept
         # apart: at low frequency they differ by many decades.
         noise = e_Kr, e_Ki, e_Br, e_Bi = np.sqrt([abs_rr, abs_ii, B_rr, B_ii])
-        noise = 7.0 * noise + np.sqrt(ROW * reach)
+        noise = 7.0 * noise + 2.0 * np.sqrt(ROW * reach)
         noise[::2] += 4.0 * self.affine
         d_Kr, d_Ki, d_Br, d_Bi = noise
         storage = e_Kr * (e_Kr + d_Kr) + e_Ki * (e_Ki + d_Ki)
