@@ -15,7 +15,7 @@ import numpy as np
 
 from jampetsc.analysis.lane_sums import LaneSums, grid_cells, lane_sums
 from jampetsc.analysis.statistics import draws_of, of_few
-from jampetsc.errors import InputError, named
+from jampetsc.errors import InputError, about
 
 ENOUGH_PACKINGS = 5  # from so many on, whole packings are resampled
 SAMPLES = 200  # of the bootstrap
@@ -112,10 +112,8 @@ def correlate_motions(motions, lanes) -> LaneCorrelations:
         parts = np.stack((motion.transverse.real, motion.transverse.imag), axis=1)
         parts = parts.reshape(2 * len(motion.transverse), -1)
         for width, found in zip(lanes, sums, strict=True):
-            try:
+            with about(motion.name):
                 found.append(lane_sums(motion.positions, motion.cell, parts, width * motion.diameter, cells))
-            except InputError as error:
-                raise InputError(f"{motion.name}: {error.told(named)}") from None
     length, diameter = np.mean([(motion.cell[0, 0], motion.diameter) for motion in motions], axis=0)
     widths = np.array([found[0].width for found in sums])
     return LaneCorrelations([correlate(found) for found in sums], widths, length, diameter)

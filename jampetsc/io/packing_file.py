@@ -14,7 +14,7 @@ import numpy as np
 from jampetsc.collective import on_root
 from jampetsc.core.disks import Disks, join
 from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
-from jampetsc.errors import InputError, named
+from jampetsc.errors import InputError, about
 from jampetsc.io.hdf5 import (
     OutputFile,
     attributes,
@@ -126,11 +126,9 @@ def packing_from(h5, path) -> Disks:
     except (TypeError, ValueError):
         raise InputError(f"{path}: attribute k = {attrs['k']!r}: must be a positive number") from None
     record = {name: value for name, value in attrs.items() if name not in _HEADER}
-    try:
+    with about(path):
         potential = Potential(attrs["potential"], attrs["stiffness"], stiffness)
         return Disks.from_positions(**arrays, potential=potential, record=record)
-    except InputError as error:
-        raise InputError(f"{path}: {error.told(named)}") from None
 
 
 def _array(h5, path, name):

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from jampetsc.asking.damping import OfPacking
 from jampetsc.core.laws import DEFAULT
-from jampetsc.errors import InputError, named
+from jampetsc.errors import about
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,10 +41,8 @@ class Matrices(OfPacking):
 
         comm = session.current().comm
         disks, _ = read_identified(self.packing, comm)
-        try:
+        with about(source_told(self.packing)):
             matrices = matrices_of(disks, self.physics, comm)
-        except InputError as error:
-            raise InputError(f"{source_told(self.packing)}: {error.told(named)}") from None
         write_matrices(to.path, matrices)
         told = ", ".join(map(str, files_of(to.path).values()))
         unknowns, disks, pins = len(matrices.dofs), len(matrices.particles), len(matrices.pins)

@@ -12,7 +12,7 @@ from jampetsc.asking.kinds import LAST_SEED, MOST_THREADS, PACKING, RADII, SEEDS
 from jampetsc.asking.parameters import Kind, asked
 from jampetsc.core.disks import Disks
 from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
-from jampetsc.errors import ConvergenceError, InputError, JampetscError, named
+from jampetsc.errors import ConvergenceError, InputError, JampetscError, about, named
 from jampetsc.minimise.sizes import FEWEST, MOST, SIZES, Radii, radii_asked, sizes_told
 
 PRESSURES = (1e-8, 1.0)
@@ -273,8 +273,6 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
                 f"{named('n')} {self.n}: {source_told(self.from_)} has {begin.source.n} disks; leave it out with "
                 f"{named('from_')}"
             )
-        try:
+        with about(source_told(self.from_)):
             begin.disks(self.tasks(None)[0])
-        except InputError as error:
-            raise InputError(f"{source_told(self.from_)}: {error.told(named)}") from None
         return begin

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jampetsc.core.disks import Disks
-from jampetsc.errors import ConvergenceError, InputError, named
+from jampetsc.errors import ConvergenceError, InputError, about, named
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_identified, source_told
 from jampetsc.linear.elastic import ElasticResponse
@@ -76,12 +76,9 @@ def solve(job, to: Outlet) -> dict:
     session = current()
     disks, identity = read_identified(job.packing, session.comm)
     to.made_from(disks)
-    with session.stage("assembly"):
-        try:
-            network = build_network(disks, session.comm, job.prestress)
-            _require_stable(network, job.control)
-        except InputError as error:
-            raise InputError(f"{source_told(job.packing)}: {error.told(named)}") from None
+    with session.stage("assembly"), about(source_told(job.packing)):
+        network = build_network(disks, session.comm, job.prestress)
+        _require_stable(network, job.control)
     with _solver(job, disks, network) as solver:
         checkpoint = to.checkpoint(job.key(identity), session.comm)
         failures = _solve_all(job, solver, checkpoint)

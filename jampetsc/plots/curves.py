@@ -5,14 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from matplotlib.colors import LogNorm
 
-from jampetsc.analysis.statistics import mean_with_error, median_interval, median_with_error
+from jampetsc.analysis.statistics import median_interval
 from jampetsc.core.laws import FAMILIES, OPTIONS
 from jampetsc.errors import InputError
+from jampetsc.io.averages import STATISTICS
 from jampetsc.plots.picture import grouped
 from jampetsc.plots.style import colours, looks, number, power_or_number, sequential
 from jampetsc.plots.units import units_of
 
-STATISTICS = {"mean": mean_with_error, "median": median_with_error}
 _SAME = 1e-9  # frequencies closer than this, relatively, are one: a grid and a list that meet
 _LARGEST = 1e200  # modulus that a log axis can show, and the inverse of the smallest
 _BOUNDS = ("error_bound_storage", "error_bound_loss")  # sharper than the one on |ΔG*|, where a file has them

@@ -11,7 +11,8 @@ from matplotlib.patches import Patch
 from jampetsc.analysis.scaling import LAMBDA, MU, collapse, collapse_spread
 from jampetsc.analysis.statistics import few_words
 from jampetsc.errors import InputError
-from jampetsc.plots.curves import STATISTICS, average_curves, curve_of, group_curves
+from jampetsc.io.averages import STATISTICS
+from jampetsc.plots.curves import average_curves, curve_of, group_curves
 from jampetsc.plots.logaxes import draw_guide
 from jampetsc.plots.page import band
 from jampetsc.plots.picture import Option, count, picture
