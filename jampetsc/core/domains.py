@@ -11,8 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from jampetsc.core.compiled import FAST, compiled
+from jampetsc.core.disks import Disks
 from jampetsc.core.kernel import add_forces
-from jampetsc.core.pairs import PairList
+from jampetsc.core.pair_search import listed
+from jampetsc.core.threads import Team
 
 GRAIN = 256  # disks: domains begin at multiples of it, and arrays are padded to one
 SIZE = 2048  # disks per domain: two to four of a hundred pairs then cross a border
@@ -26,10 +28,17 @@ class Domains(NamedTuple):
     begin: np.ndarray  # (D,) int64: its pairs begin here,
     across: np.ndarray  # (D,) int64: from here on i alone is its own,
     end: np.ndarray  # (D,) int64: and here they end
-    i: np.ndarray  # (M',) uint32
+    i: np.ndarray  # (M',) uint32; there is more room than pairs at the end
     j: np.ndarray  # (M',) uint32
     r0: np.ndarray  # (2, M')
     sigma: np.ndarray  # (M',)
+
+    @classmethod
+    def build(cls, disks: Disks, skin: float, borders, team: Team | None = None) -> "Domains":
+        """All pairs of `disks` closer than σ + skin, by domains with these `borders` (D + 1,)."""
+        counts, *pairs = listed(disks, skin, borders, team or Team())
+        ends = counts.ravel().cumsum().reshape(-1, 2)
+        return cls(borders, ends[:, 0] - counts[:, 0], ends[:, 0].copy(), ends[:, 1].copy(), *pairs)
 
     def room(self) -> "Domains":
         """Where `choose_near` puts some of the pairs."""
@@ -50,58 +59,6 @@ def borders(n: int):
     """First disks of the domains of n disks, and the end, (D + 1,)."""
     number = min(max(1, n // SIZE), MOST)
     return GRAIN * (padded(n) // GRAIN * np.arange(number + 1) // number)
-
-
-def into_domains(pairs: PairList, disks) -> Domains:
-    """The pairs of a half list by domain, whose `borders` are these; those of a domain in the order of the list."""
-    if len(disks) == 2:
-        begin, end = np.zeros(1, np.int64), np.array([len(pairs.i)])
-        return Domains(disks, begin, end, end, *pairs.arrays)
-    return Domains(disks, *_by_domain(disks, *pairs.arrays))
-
-
-@compiled(False)
-def _by_domain(disks, i, j, r0, sigma):
-    """What a Domains has beside the borders `disks`."""
-    number = len(disks) - 1
-    home = np.empty(disks[number], np.uint32)
-    for d in range(number):
-        home[disks[d] : disks[d + 1]] = d
-    # of every domain: pairs inside of it, and pairs across its border
-    place = np.zeros((number, 2), np.int64)
-    for p in range(np.uint64(len(i))):
-        a, b = home[i[p]], home[j[p]]
-        if a == b:
-            place[a, 0] += 1
-        else:
-            place[a, 1] += 1
-            place[b, 1] += 1
-    begin, across, end = np.empty(number, np.int64), np.empty(number, np.int64), np.empty(number, np.int64)
-    count = 0
-    for d in range(number):
-        begin[d], across[d] = count, count + place[d, 0]
-        count = across[d] + place[d, 1]
-        end[d] = count
-        place[d, 0], place[d, 1] = begin[d], across[d]
-    to_i, to_j = np.empty(count, np.uint32), np.empty(count, np.uint32)
-    to_r0, to_sigma = np.empty((2, count)), np.empty(count)
-    for p in range(np.uint64(len(i))):
-        a, b = home[i[p]], home[j[p]]
-        outer = 0 if a == b else 1
-        q = place[a, outer]
-        place[a, outer] = q + 1
-        to_i[q], to_j[q], to_r0[0, q], to_r0[1, q], to_sigma[q] = i[p], j[p], r0[0, p], r0[1, p], sigma[p]
-        if outer == 1:
-            q = place[b, 1]
-            place[b, 1] = q + 1
-            to_i[q], to_j[q], to_r0[0, q], to_r0[1, q], to_sigma[q] = (
-                j[p],
-                i[p],
-                -r0[0, p],
-                -r0[1, p],
-                sigma[p],
-            )
-    return begin, across, end, to_i, to_j, to_r0, to_sigma
 
 
 @compiled(FAST, forceinline=True)

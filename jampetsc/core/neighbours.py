@@ -91,15 +91,17 @@ def neighbour_pairs(positions, radii, cell, skin=0.0, rows=None):
 
 
 def _hilbert(x, y, bits):
-    """Distance along the Hilbert curve of integer coordinates, taken modulo 2**bits."""
-    key = np.zeros(len(x), np.int64)
-    for s in 1 << np.arange(bits)[::-1]:
-        right, high = (x & s) != 0, (y & s) != 0
-        key += s * s * ((3 * right) ^ high)
-        x, y = x & (s - 1), y & (s - 1)
-        turned = right & ~high
-        x, y = np.where(turned, s - 1 - x, x), np.where(turned, s - 1 - y, y)
-        x, y = np.where(high, x, y), np.where(high, y, x)
+    """Distance along the Hilbert curve of coordinates (N,) uint32 of so many bits, which are overwritten."""
+    key = np.zeros(len(x), np.uint32)
+    for bit in range(bits)[::-1]:
+        right, low = (x >> bit) & 1, (~y >> bit) & 1
+        key = (key << 2) | ((3 * right) ^ (1 - low))
+        turned = np.uint32((1 << bit) - 1) * (right & low)
+        x ^= turned
+        y ^= turned
+        swapped = (x ^ y) * low
+        x ^= swapped
+        y ^= swapped
     return key
 
 
@@ -113,5 +115,5 @@ def spatial_order(positions, cell):
     bits = 16
     fractional = positions @ np.linalg.inv(upright(cell)[0])
     fractional -= np.floor(fractional)
-    grid = (fractional * 2**bits).astype(np.int64)
-    return np.argsort(_hilbert(grid[:, 0], grid[:, 1], bits), kind="stable")
+    grid = (fractional.T * 2**bits).astype(np.uint32)
+    return np.argsort(_hilbert(*grid, bits), kind="stable")

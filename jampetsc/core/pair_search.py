@@ -6,6 +6,9 @@ import numpy as np
 
 from jampetsc.core.compiled import compiled
 from jampetsc.core.neighbours import grid_shape, upright
+from jampetsc.core.threads import meet
+
+ROOM = 4  # pairs per disk that there is room for at first
 
 
 class Grid(NamedTuple):
@@ -16,6 +19,7 @@ class Grid(NamedTuple):
 
     corner: np.ndarray  # (N,) uint64: lower left of the cells around each disk
     width: int  # cells in a row, with margins
+    around: tuple  # (columns, rows) of cells within reach of a disk, its own among them
     start: np.ndarray  # (cells + 1,) uint64
     x: np.ndarray  # (E,)
     y: np.ndarray  # (E,)
@@ -78,20 +82,22 @@ def _grid(positions, radii, cell, skin, shape, margin):
                 image[e, 0] = over - wrapped[j, 0]
                 image[e, 1] = up - wrapped[j, 1]
                 e += np.uint64(1)
-    return Grid(corner, width, start, x, y, reach, disk, image, inside, wrapped)
+    around = (2 * margin[0] + 1, 2 * margin[1] + 1)
+    return Grid(corner, width, around, start, x, y, reach, disk, image, inside, wrapped)
 
 
 @compiled(False)
-def _search(grid, radii, around, found, ends):
-    """Entries near each disk and after it into `found`, those of each up to its `ends`; their number, −1 without room.
+def _search(grid, radii, first, found, ends):
+    """Entries near disks from `first` on into `found`, those of one up to its of `ends`; how many, −1 without room.
 
-    around = (columns, rows) of cells to look at. Which entries are near is hard to predict: all are stored, and
-    only near ones counted.
+    A pair of these is found once, from its first disk; pairs with disks before or after them, from their side.
+    Which entries are near is hard to predict: all are stored, and only near ones counted.
     """
     x, y, reach, disk = grid.x, grid.y, grid.reach, grid.disk
-    columns, rows, width = np.uint64(around[0]), np.uint64(around[1]), np.uint64(grid.width)
-    count = np.uint64(0)
-    for i in range(np.uint64(len(ends))):
+    columns, rows, width = np.uint64(grid.around[0]), np.uint64(grid.around[1]), np.uint64(grid.width)
+    count, before = np.uint64(0), np.uint64(first)
+    for own in range(np.uint64(len(ends))):
+        i = before + own
         xi, yi, radius = grid.inside[i, 0], grid.inside[i, 1], radii[i]
         for row in range(rows):
             cells = grid.corner[i] + row * width
@@ -101,25 +107,48 @@ def _search(grid, radii, around, found, ends):
             for e in range(begin, end):
                 dx, dy, near = x[e] - xi, y[e] - yi, radius + reach[e]
                 found[count] = e
-                count += np.uint64((dx * dx + dy * dy < near * near) & (disk[e] > i))
-        ends[i] = count
+                count += np.uint64((dx * dx + dy * dy < near * near) & ((disk[e] > i) | (disk[e] < before)))
+        ends[own] = count
     return np.int64(count)
 
 
 @compiled(False)
+def _found(grid, radii, borders, counts):
+    """(found, ends) of `_search` near the disks of all these domains, (D + 1,) borders; their numbers into counts."""
+    first, total, d = borders[0], 0, 0
+    ends = np.empty(borders[-1] - first, np.int64)  # from where the domain begins
+    found = np.empty(ROOM * len(ends) + 64, np.uint32)
+    while d < len(counts):
+        low, high = borders[d], borders[d + 1]
+        count = _search(grid, radii, low, found[total:], ends[low - first : high - first])
+        if count < 0:
+            more = np.empty(2 * len(found), np.uint32)
+            more[:total] = found[:total]
+            found = more
+            continue
+        inside = 0
+        for q in range(total, total + count):
+            b = np.int64(grid.disk[found[q]])
+            inside += (low <= b) & (b < high)
+        counts[d, 0], counts[d, 1] = inside, count - inside
+        total += count
+        d += 1
+    return found, ends
+
+
+def _shaped(positions, radii, cell, skin):
+    """The arguments of `_grid`, and m: its images are those of the upright cell a1, a2 − m a1."""
+    cell, turns = upright(cell)
+    shape, margin = grid_shape(cell, len(radii), 2.0 * float(radii.max()) + skin)
+    return (positions, radii, cell, skin, shape, margin), turns
+
+
+@compiled(False)
 def _pairs(positions, radii, cell, skin, shape, margin):
-    """`half_list` on a grid of `shape` cells with `margin` cells within reach of each, both (columns, rows)."""
-    n = len(radii)
-    grid = _grid(positions, radii, cell, skin, shape, margin)
-    around = (2 * margin[0] + 1, 2 * margin[1] + 1)
-    ends = np.empty(n, np.int64)
-    room = 4 * n + 64
-    while True:
-        found = np.empty(room, np.uint32)
-        count = _search(grid, radii, around, found, ends)
-        if count >= 0:
-            break
-        room *= 2
+    """`half_list`, in the cell of the grid."""
+    n, grid = len(radii), _grid(positions, radii, cell, skin, shape, margin)
+    found, ends = _found(grid, radii, np.array([0, n]), np.empty((1, 2), np.int64))
+    count = ends[-1]
     i, j, image = np.empty(count, np.int32), np.empty(count, np.int32), np.empty((count, 2), np.int32)
     q = 0
     for a in range(n):
@@ -134,8 +163,74 @@ def _pairs(positions, radii, cell, skin, shape, margin):
 
 def half_list(positions, radii, cell, skin):
     """What `neighbours.neighbour_pairs` returns where each pair is to appear once."""
-    cell, turns = upright(cell)
-    shape, margin = grid_shape(cell, len(radii), 2.0 * float(radii.max()) + skin)
-    i, j, image = _pairs(positions, radii, cell, skin, shape, margin)
+    shaped, turns = _shaped(positions, radii, cell, skin)
+    i, j, image = _pairs(*shaped)
     image[:, 0] -= turns * image[:, 1]
     return i, j, image
+
+
+@compiled(False, nogil=True)
+def _list(
+    me, threads, counter, borders, positions, radii, cell, skin, shape, margin,
+    turns, base, offset, cell_base, cell_offset, counts, i, j, r0, sigma,
+):  # fmt: skip
+    """`listed` into counts (D, 2), i, j, r0 and sigma if these have room, by thread `me`: (their number, 1).
+
+    One after the other, as tuples of arrays take numba up to 0.3 ms to look at.
+    """
+    meet(counter, threads)  # so that none begins late
+    number = len(borders) - 1
+    first, last = me * number // threads, (me + 1) * number // threads
+    grid = _grid(positions, radii, cell, skin, shape, margin)
+    found, ends = _found(grid, radii, borders[first : last + 1], counts[first:last])
+    meet(counter, threads)
+    wanted = counts.sum()
+    if wanted > len(sigma):
+        return wanted, 1
+    # unsigned, so that nothing need be asked about negative indices
+    disk, image, wrapped = grid.disk, grid.image, grid.wrapped
+    at, q, row = np.uint64(counts[:first].sum()), np.uint64(0), np.uint64(0)
+    for d in range(first, last):
+        within, low, high = at, np.uint64(borders[d]), np.uint64(borders[d + 1])
+        across = at + np.uint64(counts[d, 0])
+        at, start = across + np.uint64(counts[d, 1]), q
+        for a in range(low, high):
+            stop = start + np.uint64(ends[row])
+            row += np.uint64(1)
+            while q < stop:
+                e = found[q]
+                q += np.uint64(1)
+                b = np.uint64(disk[e])
+                inside = (b >= low) & (b < high)
+                p = within if inside else across
+                within += np.uint64(inside)
+                across += np.uint64(not inside)
+                up = image[e, 1] + wrapped[a, 1]
+                over = image[e, 0] + wrapped[a, 0] - turns * up
+                i[p], j[p], sigma[p] = a, b, radii[a] + radii[b]
+                for axis in range(2):  # differences of bases are exact, offsets are added to them
+                    coarse = base[b, axis] - base[a, axis]
+                    coarse += over * cell_base[0, axis] + up * cell_base[1, axis]
+                    fine = offset[b, axis] - offset[a, axis]
+                    fine += over * cell_offset[0, axis] + up * cell_offset[1, axis]
+                    r0[axis, p] = coarse + fine
+    return wanted, 1
+
+
+def listed(disks, skin, borders, team):
+    """Pairs of `disks` closer than σ + skin, by domains; d has the disks borders[d] … borders[d + 1] − 1, up to N.
+
+    Returns counts (D, 2) of pairs within each domain, and across its border, seen from its disks; and i, j, r0 (2, M'),
+    sigma: those of one domain after those of another, first those within it. There is more room than pairs at the end.
+    """
+    n, number, borders = disks.n, len(borders) - 1, np.minimum(borders, disks.n)
+    shaped, turns = _shaped(disks.positions, disks.radii, disks.cell, skin)
+    cells = np.ascontiguousarray(disks.cell_base), np.ascontiguousarray(disks.cell_offset)
+    counts, wanted, room = np.empty((number, 2), np.int64), 1, 0
+    while wanted > room:
+        room = max(ROOM * n, wanted)
+        found = np.empty(room, np.uint32), np.empty(room, np.uint32), np.empty((2, room)), np.empty(room)
+        wanted, _ = team.run(
+            _list, number, borders, *shaped, turns, disks.base, disks.offset, *cells, counts, *found
+        )
+    return counts, *found

@@ -25,13 +25,15 @@ a while, by the same rule. With r of now and r' of later, at ε = 0,
 so moves Δo since then count ‖F(g)‖ times, and the shear since then as that of a list.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from jampetsc.core.compiled import compiled
 from jampetsc.core.disks import GRID, Disks, split
-from jampetsc.core.pair_search import half_list
+from jampetsc.core.pair_search import listed
+from jampetsc.core.threads import Team
 
 SKIN_START = 0.3  # skin of the first list in units of d,
 SKIN_RANGE = (0.02, 0.5)  # and between which it is tuned
@@ -47,38 +49,17 @@ class PairList:
     j: np.ndarray  # (M,) uint32
     r0: np.ndarray  # (2, M)
     sigma: np.ndarray  # (M,) ρ_i + ρ_j
-    skin: float
 
     @classmethod
     def build(cls, disks: Disks, skin: float) -> "PairList":
         """All pairs of `disks` closer than σ + skin."""
-        i, j, image = half_list(disks.positions, disks.radii, disks.cell, skin)
-        i, j = i.view(np.uint32), j.view(np.uint32)
-        r0, sigma = _bonds(
-            disks.base, disks.offset, disks.cell_base, disks.cell_offset, disks.radii, i, j, image
-        )
-        return cls(i, j, r0, sigma, skin)
+        counts, *pairs = listed(disks, skin, np.array([0, disks.n]), Team())
+        return cls(*(np.ascontiguousarray(one[..., : counts.sum()]) for one in pairs))
 
     @property
     def arrays(self):
         """(i, j, r0, sigma), as the compiled loops take them."""
         return self.i, self.j, self.r0, self.sigma
-
-
-@compiled(False)
-def _bonds(base, offset, cell_base, cell_offset, radii, i, j, image):
-    """`state.bond_vectors` as (2, M), and σ (M,): differences of bases are exact, offsets are added to them."""
-    r0, sigma = np.empty((2, len(i))), np.empty(len(i))
-    for p in range(np.uint64(len(i))):
-        a, b = i[p], j[p]
-        for axis in range(2):
-            coarse = base[b, axis] - base[a, axis]
-            coarse += image[p, 0] * cell_base[0, axis] + image[p, 1] * cell_base[1, axis]
-            fine = offset[b, axis] - offset[a, axis]
-            fine += image[p, 0] * cell_offset[0, axis] + image[p, 1] * cell_offset[1, axis]
-            r0[axis, p] = coarse + fine
-        sigma[p] = radii[a] + radii[b]
-    return r0, sigma
 
 
 @compiled(False)
@@ -102,9 +83,9 @@ def tuned_skin(skin: float, steps: float, diameter: float, rebuild: float = REBU
     without: with one worth `rebuild` evaluations the cost per evaluation is least at
     skin² = rebuild d/(WIDTH v).
     """
-    best = np.sqrt(rebuild / WIDTH * diameter * skin / max(steps, 1))
+    best = math.sqrt(rebuild / WIDTH * diameter * skin / max(steps, 1))
     narrowest, widest = (limit * diameter for limit in SKIN_RANGE)
-    return float(min(max(best, 0.5 * skin, narrowest), 1.5 * skin, widest))
+    return min(max(best, 0.5 * skin, narrowest), 1.5 * skin, widest)
 
 
 def deformed(disks: Disks, offsets, strain, shear) -> Disks:
@@ -126,10 +107,11 @@ def deformed(disks: Disks, offsets, strain, shear) -> Disks:
 class ListedDisks:
     """Disks since their pairs were listed: `reference` then, moved by `offsets` (N, 2) since, and the cell by `box`.
 
-    skin: of the first list, in mean diameters
+    skin: of the first list, in mean diameters; team: the threads that make lists
     """
 
-    def __init__(self, disks: Disks, skin: float = SKIN_START):
+    def __init__(self, disks: Disks, skin: float = SKIN_START, team: Team | None = None):
+        self.team = team or Team()
         self.diameter = 2.0 * float(np.mean(disks.radii))
         self.largest = 2.0 * float(disks.radii.max())  # σ_max
         self.skin = skin * self.diameter
@@ -137,9 +119,15 @@ class ListedDisks:
 
     def list(self, disks: Disks):
         """Go on from these disks, with a list of their pairs."""
-        self.reference = disks
-        self.pairs = PairList.build(disks, self.skin)
+        self.reference, self._pairs = disks, None
         self.offsets = np.zeros((disks.n, 2))
+
+    @property
+    def pairs(self) -> PairList:
+        """Their half list, made when it is first asked for."""
+        if self._pairs is None:
+            self._pairs = PairList.build(self.reference, self.skin)
+        return self._pairs
 
     def fold(self):
         """Put the moves into the coordinates and list the pairs anew."""

@@ -88,7 +88,7 @@ class SlowShear(ListedDisks):
         self._moved = np.zeros((disks.n, 2))  # and in this one
         self._unit, self._law = stress_unit(disks), disks.potential.constants
         self._memory = compiled.nothing_remembered(disks.n)
-        super().__init__(self._quenched(disks), SKIN_RANGE[1])
+        super().__init__(self._quenched(disks), SKIN_RANGE[1], team)
 
     @property
     def strain(self) -> float:

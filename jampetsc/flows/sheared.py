@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jampetsc.core.disks import PLACES, Disks
-from jampetsc.core.domains import borders, into_domains
+from jampetsc.core.domains import Domains, borders
 from jampetsc.core.neighbours import spatial_order
 from jampetsc.core.pairs import ListedDisks
+from jampetsc.core.threads import Team
 from jampetsc.flows import moves
 from jampetsc.flows import steps as compiled
 from jampetsc.flows.clusters import find_clusters_of, unite_clusters
@@ -15,7 +16,7 @@ from jampetsc.flows.models import Model, Scheme
 from jampetsc.flows.resistance import Graph, Search, deepest_overlap, find_contacts_of
 
 NEAR = 0.2  # of the skin of a list is that of the near pairs which forces are computed of
-SORTED = 0.25  # strain after which disks are put anew into an order in which domains are compact
+SORTED = 0.5  # strain after which disks are folded, and put anew into an order in which domains are compact
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,9 @@ class ShearedDisks(ListedDisks):
 
     ARRAYS = ("offsets", "velocities", "accelerations", "spins", "spin_rates")
 
-    def __init__(self, disks: Disks, model: Model, rate: float, scheme: Scheme, held=0):
+    def __init__(
+        self, disks: Disks, model: Model, rate: float, scheme: Scheme, team: Team | None = None, held=0
+    ):
         self.model, self.rate, self.scheme, self.held = model, rate, scheme, held
         n = disks.n
         self.unit = float(disks.potential.k * model.law.tau1)  # kτ₁, of all weights
@@ -58,7 +61,7 @@ class ShearedDisks(ListedDisks):
         sums = np.zeros((2, len(self._borders) - 1, moves.SUMMED + 2))
         self._room = np.empty((2, n, 2)), np.empty((n, 2)), sums
         self._ahead, self._direction = np.empty((n, 2)), np.empty((3, n, 2))
-        super().__init__(self._sorted(replace(disks, images=np.zeros((n, 2), int)).folded()))
+        super().__init__(self._sorted(replace(disks, images=np.zeros((n, 2), int))), team=team)
         if held and model.mass:  # at rest when the walls begin to slide
             middle = 0.5 * disks.cell[1, 1]
             self.velocities[held:, 0] = rate * (middle - self.reference.positions[held:, 1])
@@ -68,7 +71,7 @@ class ShearedDisks(ListedDisks):
         """See `ListedDisks`; the disks are those at γ_ref."""
         super().list(disks)
         self.since = 0
-        domains = into_domains(self.pairs, self._borders)
+        domains = Domains.build(disks, self.skin, self._borders, self.team)
         self.lists = domains, domains.room()
         if self.solves:
             weights, number = self.model.law.on_contacts, domains.number
@@ -77,13 +80,15 @@ class ShearedDisks(ListedDisks):
 
     def fold(self):
         """See `ListedDisks`."""
-        self.list(self._sorted(self.here))
+        self.list(self._sorted(super().disks))
 
     def _sorted(self, disks):
-        """The disks, and what belongs to them, in an order in which domains are compact, from time to time."""
-        if len(self._borders) == 2 or abs(self.strain - self._sorted_at) < SORTED:
+        """The disks, from time to time folded, and they and all they have in an order in which domains are compact."""
+        if abs(self.strain - self._sorted_at) < SORTED:
             return disks
-        self._sorted_at, held = self.strain, self.held
+        self._sorted_at, disks, held = self.strain, disks.folded(), self.held
+        if len(self._borders) == 2:
+            return disks
         order = np.append(np.arange(held), held + spatial_order(disks.positions[held:], disks.cell))
         for name in (*self.ARRAYS[1:], "inertia", "order"):
             setattr(self, name, getattr(self, name)[order])

@@ -19,8 +19,7 @@ class Shear(ShearedDisks):
     """Disks that `advance` shears; `team` does the steps: how many threads it has does not change them."""
 
     def __init__(self, disks, model: Model, rate: float, scheme: Scheme, team: Team | None = None, held=0):
-        super().__init__(disks, model, rate, scheme, held)
-        self.team = team or Team()
+        super().__init__(disks, model, rate, scheme, team, held)
         # steps beyond 2 c/k are unstable, in parts too
         weights = [self.unit * weight for weight in model.law.on_contacts if weight]
         self.divides = bool(

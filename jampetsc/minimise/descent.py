@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.core.disks import Disks
-from jampetsc.core.domains import borders, into_domains, padded
+from jampetsc.core.domains import Domains, borders, padded
 from jampetsc.core.pairs import ListedDisks
 from jampetsc.core.threads import Team
 from jampetsc.errors import ConvergenceError
@@ -31,7 +31,7 @@ class Descent(ListedDisks):
     """Disks as they were when their pairs were listed, and their moves since; `evaluations` counts those of forces."""
 
     def __init__(self, disks: Disks, goal: Goal, team: Team):
-        self.goal, self.team = goal, team
+        self.goal = goal
         self.evaluations = 0
         rows, size, domains = 2 * MEMORY, padded(disks.n), len(borders(disks.n)) - 1
         self.space = Space(
@@ -45,12 +45,12 @@ class Descent(ListedDisks):
             reaches=np.zeros((domains, 3)),
         )
         self._remembered = (0, 0)  # how many pairs, and where the next one goes
-        super().__init__(disks)
+        super().__init__(disks, team=team)
 
     def list(self, disks):
         """See `ListedDisks`; the moves are those in `space`."""
         super().list(disks)
-        self.domains = into_domains(self.pairs, borders(disks.n))
+        self.domains = Domains.build(disks, self.skin, borders(disks.n), self.team)
         self.space.offsets[:] = 0.0
         self.space.box[:] = 0.0
         self.offsets = self.space.offsets[: disks.n]
@@ -102,7 +102,7 @@ class Descent(ListedDisks):
 
     def stiffest(self):
         """Stiffness of the stiffest contact there is, or that the target pressure makes."""
-        sigma = self.pairs.sigma
+        sigma = self.domains.sigma[: self.domains.end[-1]]
         depth = np.full_like(sigma, self.usual_overlap())
         if self.potential.alpha > 2.0:
             depth = np.maximum(depth, self.bonds().overlap)
@@ -143,7 +143,7 @@ class Descent(ListedDisks):
             scale=float(np.sqrt(self.n)) * self.diameter,
             reach=REACH * self.diameter,
             widest=self.largest,
-            skin=self.pairs.skin,
+            skin=self.skin,
             softness=FIRST / self.stiffest(),
             force=float(force),
             box_force=float(box_force),

@@ -133,7 +133,7 @@ def fall(descent: Descent, force: float, evaluations: int) -> bool:
         status, done, clock = descent.team.run(
             _fall,
             number,
-            *(descent.domains, motion, descent.potential.constants, descent.pairs.skin, float(force)),
+            *(descent.domains, motion, descent.potential.constants, descent.skin, float(force)),
             *(min(SLICE, budget - descent.evaluations), clock, longest),
         )
         descent.served(done, status == STALE)

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from jampetsc.core.disks import GRID, Disks
-from jampetsc.core.domains import choose_near, into_domains
+from jampetsc.core.domains import Domains, choose_near
 from jampetsc.core.neighbours import neighbour_pairs
 from jampetsc.core.pairs import REBUILD, SKIN_RANGE, WIDTH, PairList, are_worn, deformed, is_stale, tuned_skin
 from jampetsc.core.state import bond_vectors, find_contacts, measure
+from jampetsc.core.threads import Team
 from jampetsc.minimise.sizes import radii_of
 
 
@@ -104,6 +105,34 @@ def test_no_touching_pair_is_missing_until_the_list_is_stale(kind):
     assert newcomers > 50
 
 
+@pytest.mark.parametrize("skin", [0.0, 0.3, 4.0])
+def test_domains_list_each_pair_where_its_disks_are(skin):
+    """Once within a domain, from both sides across a border; on any number of threads the same to the last bit."""
+    disks, borders = deformed(crowd(3, phi=0.6), np.zeros((60, 2)), 0.0, 0.7), np.array([0, 11, 12, 40, 64])
+    half, home = PairList.build(disks, skin), np.searchsorted(borders, np.arange(60), "right")
+    wanted = {}
+    for i, j, x, y, sigma in zip(*(a.tolist() for a in (half.i, half.j, *half.r0, half.sigma)), strict=True):
+        assert i < j and sigma == disks.radii[i] + disks.radii[j]
+        wanted[i, j, x, y] = home[i] == home[j]
+        if home[i] != home[j]:
+            wanted[j, i, -x, -y] = False
+    assert len(half.i) == len(neighbour_pairs(disks.positions, disks.radii, disks.cell, skin)[0])
+    teams = Team(2), Team(3)  # the first run is one thread's
+    found = [Domains.build(disks, skin, borders, team) for team in teams for _ in range(3)]
+    for one in found[1:]:
+        last = one.end[-1]
+        assert all(np.array_equal(a[..., :last], b[..., :last]) for a, b in zip(found[0], one, strict=True))
+    told = {}
+    for d in range(4):
+        for first, last, inside in ((one.begin[d], one.across[d], True), (one.across[d], one.end[d], False)):
+            some = slice(first, last)
+            assert (home[one.i[some]] == d + 1).all()
+            told |= dict.fromkeys(
+                zip(*(a[some].tolist() for a in (one.i, one.j, *one.r0)), strict=True), inside
+            )
+    assert told == wanted and len(told) == one.end[-1]
+
+
 @pytest.mark.parametrize("borders", [(0, 60), (0, 23, 60)], ids=["one domain", "two domains"])
 def test_near_pairs_serve_until_they_are_worn(borders):
     """Disks on straight ways under shear: every touching pair is among the near ones until then."""
@@ -112,7 +141,7 @@ def test_near_pairs_serve_until_they_are_worn(borders):
         rng = np.random.default_rng(seed)
         disks, skin = crowd(seed, phi=0.6), 0.1
         pairs, largest = PairList.build(disks, 1.5), 2 * disks.radii.max()
-        domains = into_domains(pairs, np.array(borders))
+        domains = Domains.build(disks, 1.5, np.array(borders))
         near = domains.room()
         offsets, then, moved = rng.normal(0, 0.1, (disks.n, 2)), rng.choice([-0.4, 0.4]), 0.0
         assert are_worn(1e300, then, 0.0, largest, skin)

@@ -39,12 +39,12 @@ def test_progress_can_be_silenced(tmp_path, capsys):
         assert "sigma" in text and told == ""
 
 
-def test_many_disks_of_a_random_start_do_not_jump(tmp_path):
-    """Large clusters turn fast at their rims: steps in which they would go too far are divided."""
-    words = "flow --n 4096 --phi 0.82 --seed 2 --model CD0 --rate 1e-2 --strain 0.1".split()
+def test_steps_in_which_disks_would_jump_are_divided(tmp_path):
+    """Large clusters turn fast at their rims."""
+    words = "flow --n 64 --phi 0.9 --seed 2 --model CD0 --rate 0.3 --step 1 --strain 6".split()
     assert flow(*words, "--out", tmp_path / "f.h5") == 0
     result = jampetsc.load(tmp_path / "f.h5")
-    assert result.attributes["substeps"] == 2 and len(result["strain"]) == 20
+    assert result.attributes["substeps"] >= 20 and len(result["strain"]) == 20
 
 
 @pytest.fixture

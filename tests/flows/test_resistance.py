@@ -8,7 +8,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from sheared import crowd
 
-from jampetsc.core.domains import into_domains
+from jampetsc.core.domains import Domains
 from jampetsc.core.pairs import PairList, deformed
 from jampetsc.core.state import find_contacts
 from jampetsc.flows import clusters, resistance
@@ -37,7 +37,7 @@ def placed(request):
     disks = replace(disks, radii=disks.radii * np.where(np.arange(24) == 9, giant, 1.0))
     pairs, shear = PairList.build(disks, 0.5), 0.08
     offsets = np.random.default_rng(1).normal(0, 0.03, (24, 2))
-    domains = into_domains(pairs, 24 * np.arange(number + 1) // number)
+    domains = Domains.build(disks, 0.5, 24 * np.arange(number + 1) // number)
     return deformed(disks, offsets, 0.0, shear), pairs.arrays, offsets, shear, domains
 
 

@@ -11,7 +11,7 @@ from samples import lattice
 from jampetsc.core import domains, state
 from jampetsc.core.disks import Disks
 from jampetsc.core.minimum import proved_minimum
-from jampetsc.core.pairs import PairList, deformed, is_stale
+from jampetsc.core.pairs import deformed, is_stale
 from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.core.state import find_contacts, measure
 from jampetsc.core.threads import Team
@@ -96,8 +96,9 @@ def test_a_move_is_one_of_the_disks_where_they_are():
 
 def test_domains_are_of_one_type_however_many():
     """Numba would compile the descent, ten seconds of it, once more for the first large packing."""
-    lists = ((n, PairList.build(random_disks(n, 0.3), 0.1)) for n in (16, 4100))
-    one, several = (typeof(domains.into_domains(pairs, domains.borders(n))) for n, pairs in lists)
+    one, several = (
+        typeof(domains.Domains.build(random_disks(n, 0.3), 0.1, domains.borders(n))) for n in (16, 4100)
+    )
     assert one == several
 
 
@@ -126,8 +127,8 @@ def test_no_touching_pair_is_ever_unlisted(goal, monkeypatch):
         else:
             descent.descend(0.0, 0.0, steps)
         far = np.hypot(*descent.offsets.T).max()
-        assert not is_stale(far, *descent.box, widest, descent.pairs.skin)
-        used.append(2.0 * far / descent.pairs.skin)
+        assert not is_stale(far, *descent.box, widest, descent.skin)
+        used.append(2.0 * far / descent.skin)
         listed = set(zip(descent.pairs.i.tolist(), descent.pairs.j.tolist(), strict=True))
         contacts = find_contacts(descent.disks)
         assert set(zip(contacts.i.tolist(), contacts.j.tolist(), strict=True)) <= listed
@@ -514,8 +515,7 @@ def test_fire_moves_as_its_equations_say(steps, k):
 def test_all_domains_take_one_step_of_fire(along):
     """What decides it are sums over all of them, as if there were one: power, sizes of forces and of velocities."""
     disks = random_disks(4200)
-    pairs, size = PairList.build(disks, 0.3), domains.padded(disks.n)
-    parts = domains.into_domains(pairs, domains.borders(disks.n))
+    parts, size = domains.Domains.build(disks, 0.3, domains.borders(disks.n)), domains.padded(disks.n)
     f = state.net_forces(disks.n, find_contacts(disks))
     middle, longest, law = parts.disks[1], 0.5, disks.potential.constants
     factors = np.where(np.arange(disks.n) < middle, *along)[:, None]
