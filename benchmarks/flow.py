@@ -36,9 +36,7 @@ from jampetsc.minimise.sizes import radii_of
 PHI = 0.8433
 STEPS = {"RD0": 0.2, "CD0": 0.5}  # others 0.1
 TIME, MANY = 2000.0, 4096  # simulated, in τ0, of so many disks at most; of more it is shorter
-# Seconds of the same before: threads know how many get on faster, and numba its arguments. Tuples that it describes by
-# more than 40 bytes numba 0.56 looks at anew in many of the first hundred calls, for 0.3 ms each.
-SETTLED = 2.0
+SETTLED = 2.0  # seconds of the same before: threads know how many get on faster, and numba its arguments
 
 HEAD = """
 units lj

@@ -6,7 +6,7 @@ Each domain finds those of its own disks; then those that touch across borders b
 import numpy as np
 
 from jampetsc.core.compiled import FAST, compiled
-from jampetsc.flows.resistance import WIDTH
+from jampetsc.flows.resistance import WIDTH, find_contacts_of
 
 NONE = np.uint32(2**32 - 1)
 
@@ -86,3 +86,20 @@ def centre_clusters_of(graph, d, u):
         top = over[root[a]]
         u[a, 0] -= total[top, 0] / size[top]
         u[a, 1] -= total[top, 1] / size[top]
+
+
+@compiled(FAST)
+def survey_of(domains, o, shear, graph):
+    """(clusters, disks of the largest, largest δ/σ) at offsets o (N, 2) and `shear`, of which is the graph then."""
+    i, j, sigma, r0x, r0y = domains.i, domains.j, domains.sigma, domains.r0[0], domains.r0[1]
+    deepest = 0.0
+    for d in range(len(domains.begin)):
+        find_contacts_of(domains, d, o, shear, graph)
+        find_clusters_of(graph, d, o)
+        for c in range(domains.begin[d], graph.ends[d, 1]):
+            p = graph.touching[c]
+            y = r0y[p] + (o[j[p], 1] - o[i[p], 1])
+            x = r0x[p] + (o[j[p], 0] - o[i[p], 0]) + shear * y
+            deepest = max(deepest, 1.0 - np.sqrt(x * x + y * y) / sigma[p])
+    number, largest = unite_clusters(domains, graph)
+    return number, largest, deepest

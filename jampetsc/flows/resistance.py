@@ -113,13 +113,6 @@ def find_contacts_of(domains, d, o, shear, graph):
     graph.ends[d, 2] = end
 
 
-def deepest_overlap(pairs, o, shear) -> float:
-    """Largest δ/σ of all pairs, zero if none touches; pairs = (i, j, r0, sigma), o (N, 2), at `shear`."""
-    i, j, r0, sigma = pairs
-    x, y = r0 + (o[j] - o[i]).T
-    return float(np.max(1.0 - np.hypot(x + shear * y, y) / sigma, initial=0.0))
-
-
 @compiled(FAST, forceinline=True)
 def resist(graph, d, weights, hold, x, y):
     """y = (A + hold) x for the disks of domain d, x, y (N, 2), zero for held ones; returns its share of x·y."""

@@ -11,9 +11,9 @@ from jampetsc.core.pairs import ListedDisks
 from jampetsc.core.threads import Team
 from jampetsc.flows import moves
 from jampetsc.flows import steps as compiled
-from jampetsc.flows.clusters import find_clusters_of, unite_clusters
+from jampetsc.flows.clusters import survey_of
 from jampetsc.flows.models import Model, Scheme
-from jampetsc.flows.resistance import Graph, Search, deepest_overlap, find_contacts_of
+from jampetsc.flows.resistance import Graph, Search
 
 NEAR = 0.2  # of the skin of a list is that of the near pairs which forces are computed of
 SORTED = 0.5  # strain after which disks are folded, and put anew into an order in which domains are compact
@@ -161,11 +161,7 @@ class ShearedDisks(ListedDisks):
         """Contacts as they are now."""
         (domains, _), o, shear, held = self.lists, self.offsets, self.shear, self.held
         graph = Graph.room(domains, len(o), held, False)
-        for d in range(domains.number):
-            find_contacts_of(domains, d, o, shear, graph)
-            find_clusters_of(graph, d, o)
-        number, largest = unite_clusters(domains, graph)
-        deepest = deepest_overlap(self.pairs.arrays, o, shear)
+        number, largest, deepest = survey_of(domains, o, shear, graph)
         return Survey(float(graph.number[held:].mean()), number, largest, deepest)
 
     def velocities_now(self) -> np.ndarray:

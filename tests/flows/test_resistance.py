@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from sheared import crowd
 
 from jampetsc.core.domains import Domains
-from jampetsc.core.pairs import PairList, deformed
+from jampetsc.core.pairs import deformed
 from jampetsc.core.state import find_contacts
 from jampetsc.flows import clusters, resistance
 
@@ -31,19 +31,19 @@ def dense(disks, weights, hold, held=0):
 
 @pytest.fixture(params=[(0.4, 1, 1.0), (0.86, 1, 1.0), (0.86, 3, 2.5)], ids=["loose", "dense", "domains"])
 def placed(request):
-    """(disks of now, pairs, offsets, shear since the list was made, domains); in the last case one is a giant."""
+    """(disks of now, offsets, shear since the list was made, domains); in the last case one is a giant."""
     phi, number, giant = request.param
     disks = crowd(24, phi=phi)
     disks = replace(disks, radii=disks.radii * np.where(np.arange(24) == 9, giant, 1.0))
-    pairs, shear = PairList.build(disks, 0.5), 0.08
+    shear = 0.08
     offsets = np.random.default_rng(1).normal(0, 0.03, (24, 2))
     domains = Domains.build(disks, 0.5, 24 * np.arange(number + 1) // number)
-    return deformed(disks, offsets, 0.0, shear), pairs.arrays, offsets, shear, domains
+    return deformed(disks, offsets, 0.0, shear), offsets, shear, domains
 
 
 def graph_of(placed, weights, held=0):
     """The contact graph of all domains."""
-    disks, _, offsets, shear, domains = placed
+    disks, offsets, shear, domains = placed
     graph = resistance.Graph.room(domains, disks.n, held, weights[0] != weights[1])
     for d in range(domains.number):
         resistance.find_contacts_of(domains, d, offsets, shear, graph)
@@ -53,7 +53,7 @@ def graph_of(placed, weights, held=0):
 @pytest.mark.parametrize("held", [0, 5])
 @pytest.mark.parametrize("weights", [(1.0, 1.0, 0.0), (1.3, 0.4, 0.0), (0.2, 0.9, 0.0)], ids=str)
 def test_the_matrix_is_that_of_the_contacts(placed, weights, held):
-    disks, number = placed[0], placed[4].number
+    disks, number = placed[0], placed[3].number
     graph, contacts = graph_of(placed, weights, held), find_contacts(disks)
     z = np.bincount(np.concatenate((contacts.i, contacts.j)), minlength=24)
     np.testing.assert_array_equal(graph.number, z)
@@ -72,12 +72,17 @@ def test_the_matrix_is_that_of_the_contacts(placed, weights, held):
         np.testing.assert_allclose(inverse, 1.0 / np.where(diagonal > 0, diagonal, 1.0), rtol=1e-12)
 
 
+def clusters_of(contacts):
+    """(how many, (24,) cluster of each disk)."""
+    links = coo_array((np.ones(len(contacts)), (contacts.i, contacts.j)), shape=(24, 24))
+    return connected_components(links, directed=False)
+
+
 @pytest.mark.parametrize("held", [0, 5])
 def test_every_cluster_of_contacts_loses_its_mean_velocity(placed, held):
-    disks, domains = placed[0], placed[4]
-    graph, contacts = graph_of(placed, (1.0, 1.0), held), find_contacts(disks)
-    links = coo_array((np.ones(len(contacts)), (contacts.i, contacts.j)), shape=(24, 24))
-    number, of = connected_components(links, directed=False)
+    disks, domains = placed[0], placed[3]
+    graph = graph_of(placed, (1.0, 1.0), held)
+    number, of = clusters_of(find_contacts(disks))
     u = np.random.default_rng(5).normal(size=(24, 2))
     wanted = u.copy()
     for cluster in range(number):
@@ -94,7 +99,7 @@ def test_every_cluster_of_contacts_loses_its_mean_velocity(placed, held):
 @pytest.mark.parametrize("tolerance", [0.1, 1e-6])
 def test_a_solve_is_as_good_as_its_tolerance_and_no_better_than_it_takes(placed, tolerance):
     """The residual over the right-hand side, not over what was left at the beginning; u is a start like any other."""
-    disks, number = placed[0], placed[4].number
+    disks, number = placed[0], placed[3].number
     weights, hold = (1.3, 0.4, 0.0), 1e-3
     graph, matrix = graph_of(placed, weights), dense(disks, weights, hold)
     search = resistance.Search(*np.empty((3, 24, 2)), np.empty((2, number, 3)))
@@ -120,8 +125,11 @@ def test_a_solve_is_as_good_as_its_tolerance_and_no_better_than_it_takes(placed,
     assert max(reached) > 0.1
 
 
-def test_the_deepest_overlap_is_that_of_the_sheared_disks(placed):
-    disks, pairs, offsets, shear, _ = placed
-    contacts = find_contacts(disks)
+def test_a_survey_sees_the_clusters_and_the_deepest_overlap(placed):
+    disks, offsets, shear, domains = placed
+    graph, contacts = resistance.Graph.room(domains, 24, 0, False), find_contacts(disks)
     deepest = np.max(contacts.overlap / contacts.sigma, initial=0.0)
-    assert resistance.deepest_overlap(pairs, offsets, shear) == pytest.approx(deepest, rel=1e-10)
+    of = clusters_of(contacts)[1]
+    found = clusters.survey_of(domains, offsets, shear, graph)
+    assert found[:2] == (of.max() + 1, np.bincount(of).max())
+    assert found[2] == pytest.approx(deepest, rel=1e-10)

@@ -1,0 +1,60 @@
+"""What numba is told about arguments."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from numba import typeof
+from numba.core.typing.typeof import Purpose, _TypeofContext
+
+from jampetsc.core import compiled
+
+
+class Two(NamedTuple):
+    """A pair of anything."""
+
+    first: object
+    second: object
+
+
+class Other(NamedTuple):
+    """The same under another name."""
+
+    first: object
+    second: object
+
+
+def fixed(array):
+    array.flags.writeable = False
+    return array
+
+
+VALUES = {
+    "numbers": (1, 2.0, True, None),
+    "columns": np.zeros((4, 2))[:, 0],
+    "rows": np.zeros((4, 2)),
+    "fortran": np.zeros((4, 2), order="F"),
+    "single": np.zeros(4, np.float32),
+    "unsigned": np.zeros(4, np.uint32),
+    "read only": fixed(np.zeros(4)),
+    "empty": np.zeros((0, 6, 2)),
+    "word": "a word",
+    "scalar": np.float32(1.0),
+    "seconds": np.timedelta64(1, "s"),
+    "record": np.zeros(2, [("x", float)]),
+    "other record": np.zeros(2, [("x", int)]),
+}
+
+
+@pytest.mark.parametrize("kind", [Two, Other, lambda a, b: (a, b)], ids=["two", "other", "tuple"])
+def test_a_tuple_is_of_the_type_that_numba_gives_it(kind):
+    """In whatever order they are met, and again."""
+    context = _TypeofContext(Purpose.argument)
+    for _ in range(2):
+        for first in VALUES.values():
+            for second in VALUES.values():
+                value = kind(first, (second, first))
+                with pytest.MonkeyPatch.context() as patch:
+                    patch.setattr(compiled, "_kind", lambda _: None)
+                    wanted = compiled._remembered_type(value, context)
+                assert typeof(value) == wanted
