@@ -1,8 +1,6 @@
 """Results of several ranks for the tests of this room."""
 
-import os
 import shutil
-from pathlib import Path
 
 import launch
 import pytest
@@ -22,23 +20,3 @@ def joint(made, tmp_path):
     """A fresh copy, with its parts, of a result of three ranks."""
     shutil.copytree(made / "3-1", tmp_path / "copy")
     return tmp_path / "copy" / "s.h5"
-
-
-@pytest.fixture
-def events(monkeypatch):
-    """What is done to the disk, in order: (fsync | replace, name)."""
-    seen = []
-
-    def note(name):
-        original = getattr(os, name)
-
-        def noted(target, *more):
-            path = os.readlink(f"/proc/self/fd/{target}") if isinstance(target, int) else str(target)
-            seen.append((name, Path(path).name.split(".partial")[0].lstrip(".").split(".")[0]))
-            return original(target, *more)
-
-        monkeypatch.setattr(os, name, noted)
-
-    note("fsync")
-    note("replace")
-    return seen

@@ -72,7 +72,6 @@ def test_any_number_of_ranks_reads_the_same(made, tmp_path, ranks):
     files = names(folder)
     assert len(files) == 1 + (ranks if ranks > 1 else 0)
     assert all(file == "s.h5" or file.startswith("s.parts/") for file in files)
-    assert_holds(folder / "s.h5")
     for rank, part in enumerate(parts(folder / "s.h5") if ranks > 1 else []):
         with h5py.File(part) as h5:  # what tells them apart where nobody has their seals
             run = part.name.partition("-")[0]
@@ -94,7 +93,10 @@ def test_other_programs_read_the_joint_file_with_plain_hdf5(joint, tmp_path, mon
     for path in (joint, os.path.relpath(joint)):
         with h5py.File(path) as h5:
             assert np.array_equal(h5["fields/displacement"], displacement)
-        assert_holds(path)
+        result = load(path)
+        with monkeypatch.context() as patch:  # a file is read from where it was found
+            patch.chdir(tmp_path)
+            assert np.array_equal(result.fields.displacement, displacement)
     assert_holds(tmp_path / "link.h5")
 
 
@@ -120,8 +122,8 @@ def test_a_selection_is_what_numpy_makes_of_it(stored, data):
 
 def test_rows_that_are_listed_and_those_that_there_are_not(stored):
     array, whole = stored[0]
-    assert np.array_equal(array[:, [0, 3, 14]], whole[:, [0, 3, 14]])
-    assert np.array_equal(array[np.int64(1)], whole[1])
+    for selection in ((slice(None), [0, 3, 14]), np.int64(1)):
+        assert np.array_equal(array[selection], whole[selection])
     for selection in (2, -3, (0, N), (0, -N - 1), (..., 0, ...), (0, 0, 0, 0), (0, 1.5)):
         with pytest.raises(IndexError):
             array[selection]
@@ -138,14 +140,6 @@ def test_entries_that_are_not_asked_for_are_not_read(joint, monkeypatch):
     )
     assert field[1, 3:7].shape == (4, 2)
     assert read == [...] * 3 + [slice(1, 2)] * 3  # the list of parts, and of each part one entry
-
-
-def test_a_file_is_read_from_where_it_was_found(joint, tmp_path, monkeypatch):
-    """Though the program has gone elsewhere since."""
-    monkeypatch.chdir(joint.parent)
-    result = load("s.h5")
-    monkeypatch.chdir(tmp_path)
-    assert np.array_equal(result.fields.rotation, arrays(1)[2]["fields/rotation"][0])
 
 
 # Parts that are not those that were written
@@ -289,12 +283,11 @@ def test_parts_go_and_their_folder_with_them(joint):
 def test_a_rewrite_replaces_everything_but_a_renamed_result(joint):
     kept, result = joint.with_name("kept.h5"), load(joint)
     joint.rename(kept)
-    written(joint, 2, seed=2)
-    assert_holds(kept, 1)
-    assert_holds(joint, 2)
-    assert len(names(joint.parent)) == 2 + 3 + 2
-    assert_holds(written(joint, 1, seed=3), 3)
-    assert len(names(joint.parent)) == 2 + 3
+    for ranks, files in ((2, 2 + 3 + 2), (1, 2 + 3)):
+        written(joint, ranks, seed=2)
+        assert_holds(kept, 1)
+        assert_holds(joint, 2)
+        assert len(names(joint.parent)) == files
     with pytest.raises(InputError, match="was replaced by another run since it was loaded: load it again"):
         result["particles"]
 
@@ -353,12 +346,12 @@ def test_provenance_round_trip(tmp_path):
         "versions": {"petsc": "3.18.5", "slepc": "3.18.2", "mumps": None},
         "law": {"law": "stokes", "eta_f": 1.0, "prestress": True, "beta": None},
         "packing": ("p.h5", "ab" * 32),
-        **{
-            "scalar_type": "complex",
-            "petsc_options": "-freq_ksp_type preonly",
-            "ranks": 3,
-            "wall_seconds": 1.5,
-        },
+    }
+    told |= {
+        "scalar_type": "complex",
+        "petsc_options": "-freq_ksp_type preonly",
+        "ranks": 3,
+        "wall_seconds": 1.5,
     }
     entries = provenance(**told)
     found = load(sweep(tmp_path / "s.h5", **entries)).attributes
