@@ -6,8 +6,10 @@ import os
 import resource
 import socket
 import stat
+import tempfile
 import threading
 import time
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -72,9 +74,8 @@ def test_an_open_file_is_spared_and_an_abandoned_one_is_not(tmp_path):
     assert (tmp_path / "s[1].h5").read_bytes() == b"all of it" and not alive.temporary.exists()
 
 
-@pytest.mark.parametrize("locked", [False, True])
-def test_a_new_file_that_was_taken_for_an_abandoned_one_is_made_again(tmp_path, monkeypatch, locked):
-    """Between its birth and its lock another process may remove it, or have it locked to do so."""
+def test_a_new_file_that_was_taken_for_an_abandoned_one_is_made_again(tmp_path, monkeypatch):
+    """Between its birth and its lock another process may have it locked, and then remove it."""
     flock, removed = fcntl.flock, []
 
     def remove(name, handle):
@@ -85,16 +86,13 @@ def test_a_new_file_that_was_taken_for_an_abandoned_one_is_made_again(tmp_path, 
         if not removed:
             removed.append(os.readlink(f"/proc/self/fd/{stream.fileno()}"))
             handle = os.open(removed[0], os.O_RDONLY)
-            if locked:
-                flock(handle, fcntl.LOCK_EX)
-                threading.Timer(0.02, remove, (removed[0], handle)).start()
-            else:
-                remove(removed[0], handle)
+            flock(handle, fcntl.LOCK_EX)
+            threading.Timer(0.02, remove, (removed[0], handle)).start()
         flock(stream, how)
 
     monkeypatch.setattr(fcntl, "flock", late)
     file = NewFile(tmp_path / "a.csv")
-    time.sleep(0.05 * locked)
+    time.sleep(0.05)
     with file:
         file.stream.write(b"1,2\n")
     assert (tmp_path / "a.csv").read_bytes() == b"1,2\n" and len(removed) == 1
@@ -152,16 +150,25 @@ def test_where_no_file_can_be(tmp_path, action, name):
     assert sorted(tmp_path.iterdir()) == before
 
 
-def test_a_file_that_is_write_protected_is_not_replaced(tmp_path, monkeypatch):
-    """A rename would not ask; root, who may everything, is played by anybody."""
-    path = tmp_path / "a.csv"
-    path.touch()
-    access = os.access
-    monkeypatch.setattr(os, "access", lambda file, how: how != os.W_OK and access(file, how))
-    with pytest.raises(InputError, match=r"a\.csv: exists and is write-protected: choose another out"):
-        check_writable(path)
-    check_writable(tmp_path / "b.csv")
-    assert list(tmp_path.iterdir()) == [path]
+def test_folders_and_files_without_permission_are_refused():
+    """A rename would not ask for a file that is write-protected."""
+    with tempfile.TemporaryDirectory(dir="/tmp") as name:  # pytest's own folders are closed to other users
+        folder, user = Path(name), os.getuid()
+        (folder / "held.csv").touch(mode=0o444)
+        for mode, file, message in (
+            (0o555, "a.csv", "cannot be written .Permission denied."),
+            (0o777, "held.csv", "exists and is write-protected"),
+            (0o777, "a.csv", None),
+        ):
+            folder.chmod(mode)
+            os.setresuid(user or 65534, user or 65534, user)  # root may everything
+            try:
+                refused = pytest.raises(InputError, match=rf"{folder / file}: {message}: choose another out")
+                with refused if message else nullcontext():
+                    check_writable(folder / file)
+            finally:
+                os.setresuid(user, user, user)
+        assert [path.name for path in folder.iterdir()] == ["held.csv"]
 
 
 @pytest.mark.parametrize(
@@ -185,6 +192,7 @@ def test_what_a_failed_write_says(tmp_path, monkeypatch, number, kind, message):
         raise OSError(number, os.strerror(number))
 
     assert type(write_error(path, OSError(number, os.strerror(number)))) is kind
+    assert str(write_error("a.h5", OSError("Can't\n  write"))) == "a.h5: writing failed: Can't write"
     for name in ("fsync", "replace"):
         with monkeypatch.context() as patch:
             patch.setattr(os, name, refuse)
@@ -192,11 +200,6 @@ def test_what_a_failed_write_says(tmp_path, monkeypatch, number, kind, message):
                 write_whole(path, b"1,2\n")
         assert str(caught.value).startswith(f"{path}: {message}")
         assert list(tmp_path.iterdir()) == []
-
-
-def test_a_failed_write_without_a_number_is_told_in_its_own_words(tmp_path):
-    said = write_error("a.h5", OSError("Can't\n  write"))
-    assert str(said) == "a.h5: writing failed: Can't write"
 
 
 def test_the_file_that_a_link_stands_for_is_what_is_written(tmp_path):

@@ -2,6 +2,7 @@
 
 import importlib.util
 import re
+from itertools import product
 
 import numpy as np
 import pytest
@@ -15,7 +16,6 @@ from jampetsc.io.averages import CHOICES
 from jampetsc.io.ensemble import load_ensemble
 from jampetsc.io.packing_file import write_packing
 from jampetsc.io.reader import load
-from jampetsc.io.result_file import ResultWriter
 from jampetsc.studies.table import table_text
 
 MODULI = {1: -0.5, 2: 1.0, 3: 4.0}
@@ -197,13 +197,10 @@ def swept(tmp_path_factory):
     """A study of three packings at each of two pressures, and sweeps under two laws."""
     folder = tmp_path_factory.mktemp("swept")
     rows = []
-    for number, (p, s, beta) in enumerate(
-        (p, s, b) for p in (1e-2, 1e-3) for s in (1, 2, 3) for b in (1.0, 0.1)
-    ):
-        with ResultWriter(folder / f"{number}.h5", "jampetsc-sweep") as writer:
-            writer.dataset("omega", np.array([1e-3, 1.0]))
-            writer.dataset("G", p * beta * np.array([s + 1j, s**2 - 2j * s]))
-            writer.dataset("error_bound", np.zeros(2))
+    for number, (p, s, beta) in enumerate(product((1e-2, 1e-3), (1, 2, 3), (1.0, 0.1))):
+        arrays = {"omega": np.array([1e-3, 1.0]), "error_bound": np.zeros(2)}
+        arrays["G"] = p * beta * np.array([s + 1j, s**2 - 2j * s])
+        samples.stored(folder / f"{number}.h5", "sweep", arrays)
         told = {"command": "sweep", "state": "done", "file": f"{number}.h5", "packing": f"p{p}{s}.h5"}
         rows.append(told | {"pressure": p, "seed": s, "beta": beta})
     write_packing(folder / "p0.011.h5", samples.published())  # its row has no curve

@@ -187,11 +187,3 @@ def test_the_command_writes_a_packing_file(tmp_path, capsys):
     printed = capsys.readouterr().out
     assert "64 disks" in printed
     assert "0.10047438   published 0.10047438" in printed
-
-
-def test_the_command_writes_nothing_for_bad_input(tmp_path):
-    with pytest.raises(InputError, match="--index 10"):
-        imported(JAXMD, "--index", 10, "--out", tmp_path / "p.h5")
-    with pytest.raises(InputError, match="does not exist: create it first"):
-        imported(JAXMD, "--out", tmp_path / "none" / "p.h5")
-    assert list(tmp_path.iterdir()) == []

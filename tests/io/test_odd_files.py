@@ -4,13 +4,13 @@ import warnings
 
 import numpy as np
 import pytest
+from samples import stored
 
 import jampetsc.core.compiled  # noqa: F401  numba, whose import warns
 from jampetsc.cli import main as cli
 from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_identified, write_packing
-from jampetsc.io.result_file import ResultWriter
 
 OMEGA = np.geomspace(1e-6, 1e2, 9)
 LINEAR = OMEGA * (1 + 1j)
@@ -20,22 +20,19 @@ DISKS = 16
 
 def write_sweep(path, G=LINEAR, bound=1e-9, fields=None, spectrum=None, **attributes):
     """A sweep; fields is (omega (F,), displacement (F, n, 2)) and spectrum (G0, eta_inf, rates, weights)."""
-    with ResultWriter(path, "jampetsc-sweep") as writer:
-        for name, values in (("omega", OMEGA), ("G", G), ("error_bound", np.full(len(OMEGA), bound))):
-            writer.dataset(name, values)
-        known = {"law": "contact", "beta": 1.0, "pressure": 1e-3, "k": 1.0, "tau1": 1.0} | attributes
-        if fields is not None:
-            for name, values in zip(("omega", "displacement"), fields, strict=True):
-                writer.dataset(f"fields/{name}", values)
-            writer.dataset("particles", np.arange(DISKS))
-            points = np.random.default_rng(0).random((DISKS, 2)) * 4.0
-            packing = path.with_name("packing.h5")
-            write_packing(packing, Disks.from_positions(points, np.full(DISKS, 0.5), 4.0 * np.eye(2)))
-            known |= dict(zip(("packing", "packing_sha256"), read_identified(packing)[1], strict=True))
-        if spectrum is not None:
-            for name, values in zip(("G0", "eta_inf", "rates", "weights"), spectrum, strict=True):
-                writer.dataset(f"reduced/{name}", values)
-        writer.attributes(**known)
+    arrays = {"omega": OMEGA, "G": G, "error_bound": np.full(len(OMEGA), bound)}
+    known = {"law": "contact", "beta": 1.0, "pressure": 1e-3, "k": 1.0, "tau1": 1.0} | attributes
+    if fields is not None:
+        arrays |= dict(zip(("fields/omega", "fields/displacement"), fields, strict=True))
+        arrays["particles"] = np.arange(DISKS)
+        points = np.random.default_rng(0).random((DISKS, 2)) * 4.0
+        packing = path.with_name("packing.h5")
+        write_packing(packing, Disks.from_positions(points, np.full(DISKS, 0.5), 4.0 * np.eye(2)))
+        known |= dict(zip(("packing", "packing_sha256"), read_identified(packing)[1], strict=True))
+    if spectrum is not None:
+        names = (f"reduced/{name}" for name in ("G0", "eta_inf", "rates", "weights"))
+        arrays |= dict(zip(names, spectrum, strict=True))
+    stored(path, "sweep", arrays, **known)
 
 
 def field(value):

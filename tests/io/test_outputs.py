@@ -9,7 +9,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from samples import JAMBASHBULK, published, put
+from samples import JAMBASHBULK, published, put, stored
 
 import jampetsc
 from jampetsc.cli import main as cli
@@ -17,7 +17,6 @@ from jampetsc.errors import InputError, JampetscError
 from jampetsc.io.merge import merge
 from jampetsc.io.outputs import PICTURE, TABLE, check_output
 from jampetsc.io.packing_file import write_packing
-from jampetsc.io.result_file import ResultWriter
 
 COMMANDS = {  # words without --out -> the ending of what it writes
     "pack --from p.h5 --pressure 1e-4": ".h5",
@@ -43,6 +42,7 @@ COMMANDS = {  # words without --out -> the ending of what it writes
     "trade t.h5 --options-files p.h5": ".csv",
 }
 HELD = {"import": "packing", "pack": "packing"}  # what the command may replace
+SWEEP = dict.fromkeys(("omega", "G", "error_bound"), np.ones(2))
 
 
 @pytest.fixture
@@ -51,15 +51,9 @@ def inputs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_packing("p.h5", published())
     for name in ("s.h5", "t.h5"):
-        result(name, "jampetsc-sweep")
+        stored(name, "sweep", SWEEP)
     Path("p.txt").write_bytes(JAMBASHBULK.read_bytes())
     return tmp_path
-
-
-def result(name, format):
-    with ResultWriter(name, format) as writer:
-        for dataset in ("omega", "G", "error_bound"):
-            writer.dataset(dataset, np.ones(2))
 
 
 def content(folder):
@@ -90,7 +84,7 @@ def test_no_command_replaces_an_input_another_kind_of_file_or_what_is_no_file(in
     source, ending = used(words), COMMANDS[words]
     os.link(source, "input" + ending)
     if HELD.get(words.split()[0]) == "packing":
-        result("other" + ending, "jampetsc-sweep")
+        stored("other" + ending, "sweep", SWEEP)
     else:
         write_packing("other" + ending, published())
     os.mkfifo("pipe" + ending)
@@ -231,7 +225,7 @@ def test_what_writes_asks_again(inputs):
             write_packing(path, published())
     for path, message in (("p.h5", "is a jampetsc-packing file, not"), ("pipe", "pipe: is a pipe")):
         with pytest.raises(InputError, match=message):
-            result(path, "jampetsc-sweep")
+            stored(path, "sweep", SWEEP)
         with pytest.raises(InputError, match=message):
             merge("s.h5", path)
     assert stat.S_ISFIFO(Path("pipe").stat().st_mode)

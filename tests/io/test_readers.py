@@ -50,14 +50,6 @@ def same_lattice(places, disks, cell):
     return np.allclose(shifts, shifts.round(), atol=1e-5)
 
 
-def by_jampetsc(folder, disks, flow):
-    for path in folder.glob("p.*"):
-        if path.suffix != ".vtp":
-            imported_alike(path, disks, within=SINGLE if path.suffix == ".gsd" else 1e-9)
-    for path in folder.glob("flow.*"):
-        imported_alike(path, flow.snapshot(2), 2, within=SINGLE if path.suffix == ".gsd" else 1e-9)
-
-
 def by_ase(folder, disks, flow):
     read = importlib.import_module("ase.io").read
     atoms = read(folder / "p.xyz")
@@ -140,7 +132,7 @@ def by_vtk(folder, disks, flow):
     np.testing.assert_allclose(radii[ends].sum(axis=1) - length, contacts.overlap, atol=1e-13)
 
 
-PROGRAMS = {"jampetsc": by_jampetsc, "ase": by_ase, "gsd": by_gsd, "ovito": by_ovito, "vtk": by_vtk}
+PROGRAMS = {"ase": by_ase, "gsd": by_gsd, "ovito": by_ovito, "vtk": by_vtk}
 
 
 @pytest.mark.parametrize("program", [name for name in PROGRAMS if importlib.util.find_spec(name)])

@@ -135,6 +135,10 @@ def test_attributes_are_plain_values(tmp_path):
         ),
         ({"format_version": "one"}, r"format_version = 'one': must be a number such as 1\.0"),
         ({"format": "jampetsc-later"}, "format jampetsc-later: this jampetsc reads jampetsc-packing, "),
+        (
+            {"format_version": "2.1"},
+            r"format_version 2\.1, but this jampetsc reads up to 1\.x: use a newer jampetsc$",
+        ),
         ({"format": "NXdata"}, "format = 'NXdata': not a jampetsc file"),
         ({"format": 3}, "format = 3: not a jampetsc file"),
         ({"format": "jampetsc-part"}, "is one rank's part: open the joint file beside its folder"),
