@@ -3,9 +3,9 @@
 import errno
 import shutil
 from itertools import count
+from pathlib import Path
 
 import h5py
-import numpy as np
 import pytest
 from disturbed import WRITES, disturb, killed
 from test_result_file import assert_holds, names
@@ -17,45 +17,42 @@ from jampetsc.io.merge import merge
 from jampetsc.io.parts import parts_of
 
 
-@pytest.mark.parametrize("out", [None, "link.h5"])
-def test_in_place(joint, tmp_path, out):
-    """Also where the output is the file itself by another name."""
+def test_what_was_merged_copied_or_left_is_told_and_holds_the_same(joint, tmp_path, monkeypatch, capsys):
+    """In place also where the output is the file itself by another name."""
+    monkeypatch.chdir(joint.parent)
     (tmp_path / "link.h5").symlink_to(joint)
-    assert merge(joint, out and tmp_path / out) == 3
-    assert names(joint.parent) == ["s.h5"]
-    assert_holds(joint)
-    with h5py.File(joint) as h5:
+    before = names(joint.parent)
+    for words, told, more in (
+        ("s.h5 --out one.h5", "one.h5: 3 parts in one file", before),
+        (f"s.h5 --out {tmp_path}/link.h5", f"{tmp_path}/link.h5: 3 parts in one file", ["s.h5"]),
+        ("s.h5", "s.h5: one file already, nothing to do", ["s.h5"]),
+        ("s.h5 --out ./s.h5", "s.h5: one file already, nothing to do", ["s.h5"]),
+        ("s.h5 --out two.h5", "two.h5: copy of s.h5, which was one file already", ["s.h5", "two.h5"]),
+    ):
+        assert cli.main(["merge", *words.split()]) == 0
+        assert capsys.readouterr().out == f"{told}\n"
+        assert names(joint.parent) == sorted({"one.h5", *more})
+        assert_holds(Path(told.partition(":")[0]))
+    with h5py.File("s.h5") as h5:
         assert "part_files" not in h5
         assert not any(h5[name].is_virtual for name in ("fields/displacement", "nonaffine", "particles"))
-    assert merge(joint) == 0
-    assert_holds(joint)
+    assert cli.main(["merge", "s.h5", "--out", "one.h5"]) == 2  # made of another file: what that was before
+    assert "one.h5: is there already and has other inputs" in capsys.readouterr().err
 
 
-def test_to_another_file(joint, tmp_path):
-    before = names(joint.parent)
-    assert merge(joint, tmp_path / "one.h5") == 3
-    assert names(joint.parent) == before
-    shutil.rmtree(joint.parent)
-    assert_holds(tmp_path / "one.h5")
-    assert merge(tmp_path / "one.h5", tmp_path / "two.h5") == 0
-    assert_holds(tmp_path / "two.h5")
-
-
-def test_block_by_block(joint, monkeypatch):
+def test_attributes_of_groups_and_datasets_are_kept(joint, monkeypatch):
+    """And the rows, where they are copied block by block."""
     monkeypatch.setattr(merging, "_BLOCK_BYTES", 100)  # smaller than one frequency, a few rows of the others
-    merge(joint)
-    assert_holds(joint)
-
-
-def test_attributes_of_groups_and_datasets_are_kept(joint):
     with h5py.File(joint, "r+") as h5:
         h5["fields"].attrs["unit"] = "d"
         h5["omega"].attrs["unit"] = "1/tau1"
         h5.create_group("empty")
-    merge(joint)
+    assert merge(joint) == 3
+    assert_holds(joint)
     with h5py.File(joint) as h5:
         assert (h5["fields"].attrs["unit"], h5["omega"].attrs["unit"]) == ("d", "1/tau1")
         assert "empty" in h5
+    assert merge(joint) == 0
 
 
 def test_a_full_disk_leaves_everything(joint, monkeypatch):
@@ -85,22 +82,3 @@ def test_a_kill_at_any_moment_loses_nothing(made, tmp_path):
         assert_holds(joint)
         assert not list(joint.parent.glob("*.partial"))
     assert found == {0, 3} and names(joint.parent) == ["s.h5"]
-
-
-def test_what_was_merged_copied_or_left_is_told(joint, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(joint.parent)
-
-    def said(*words):
-        assert cli.main(["merge", *words]) == 0
-        return capsys.readouterr().out
-
-    assert said("s.h5", "--out", "one.h5") == "one.h5: 3 parts in one file\n"
-    assert (
-        said("s.h5") == "s.h5: 3 parts in one file\n"
-        and said("s.h5") == "s.h5: one file already, nothing to do\n"
-    )
-    assert said("s.h5", "--out", "./s.h5") == "s.h5: one file already, nothing to do\n"
-    assert said("s.h5", "--out", "two.h5") == "two.h5: copy of s.h5, which was one file already\n"
-    assert np.array_equal(*(h5py.File(name)["G"][...] for name in ("one.h5", "two.h5")))
-    assert cli.main(["merge", "s.h5", "--out", "one.h5"]) == 2  # made of another file: what that was before
-    assert "one.h5: is there already and has other inputs" in capsys.readouterr().err

@@ -378,21 +378,17 @@ def test_git_commit_in_and_outside_of_a_checkout(tmp_path):
     git("init", "-q", "-b", "trunk")
     assert git_commit(tmp_path / "repo") is None  # no commit yet
     git("commit", "-q", "--allow-empty", "-m", "first")
-    head = git("rev-parse", "HEAD")
-    assert git_commit(tmp_path / "repo") == head
+    first = git("rev-parse", "HEAD")
+    assert git_commit(tmp_path / "repo") == first
     git("worktree", "add", "-q", "-b", "side", str(tmp_path / "tree"))
-    assert git_commit(tmp_path / "tree") == head
     git("commit", "-q", "--allow-empty", "-m", "second")
-    for branch, commit in (("a-b", head), ("x/a.b", head), ("a.b", "HEAD")):  # names that look alike
+    for branch, commit in (("a-b", first), ("x/a.b", first), ("a.b", "HEAD")):  # names that look alike
         git("branch", branch, commit)
-    head = git("rev-parse", "HEAD")
-    git("pack-refs", "--all")
-    assert git_commit(tmp_path / "repo") == head
-    assert git_commit(tmp_path / "tree") == git("rev-parse", "side") != head
-    git("checkout", "-q", "a.b")
-    assert git_commit(tmp_path / "repo") == head
-    git("checkout", "-q", "--detach")
-    assert git_commit(tmp_path / "repo") == head
+    second = git("rev-parse", "HEAD")
+    for words in (["checkout", "-q", "trunk"], ["pack-refs", "--all"], ["checkout", "-q", "a.b"],
+                  ["checkout", "-q", "--detach"]):  # fmt: skip
+        git(*words)
+        assert (git_commit(tmp_path / "repo"), git_commit(tmp_path / "tree")) == (second, first)
 
 
 # Within the ranks of a run
@@ -453,25 +449,23 @@ def test_a_disk_that_fails_at_any_moment_on_any_rank_leaves_what_was_there(
 
 @pytest.mark.scalar("real")
 def test_what_is_raised_between_or_refused_on_rank_0_leaves_what_was_there(session, shared_path):
-    path = shared_path / "s.h5"
-    for error in (None, InputError("between")):
-        try:
-            with ResultWriter(path, "jampetsc-modes", session.comm) as writer:
-                writer.dataset("same", np.ones(2 if error else 1))
-                if error:
-                    raise error
-        except InputError as raised:
-            assert raised is error
+    def put(name, count=1, error=None):
+        with ResultWriter(shared_path / name, "jampetsc-modes", session.comm) as writer:
+            writer.dataset("same", np.ones(count))
+            if error:
+                raise error
+
+    put("s.h5")
+    with pytest.raises(InputError, match=r"^between$"):
+        put("s.h5", 2, InputError("between"))
     session.comm.Barrier()
-    assert len(load(path)["same"]) == 1
+    assert len(load(shared_path / "s.h5")["same"]) == 1
     session.comm.Barrier()
     if session.rank == 0:
         (shared_path / "folder.h5").mkdir()
-    session.comm.Barrier()
     for name, message in (
         ("folder.h5", "is a folder"),
         ("none/s.h5", "folder .*/none does not exist: create it"),
     ):
         with pytest.raises(InputError, match=f"h5: {message}"):
-            with ResultWriter(shared_path / name, "jampetsc-modes", session.comm):
-                pass
+            put(name)
