@@ -11,7 +11,6 @@ from disturbed import WRITES, killed
 from jampetsc.core.disks import Disks
 from jampetsc.core.potentials import Potential
 from jampetsc.errors import InputError
-from jampetsc.io.merge import merge
 from jampetsc.io.packing_file import is_known_as, read_identified, read_packing, write_packing
 from jampetsc.io.reader import load
 
@@ -120,24 +119,6 @@ def test_defects_are_named_in_one_line(path, defect):
         read_packing(path)
     assert str(caught.value).startswith(f"{path}: ")
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("text.h5", "not an HDF5 file"),
-        ("empty.h5", "HDF5"),
-        ("none.h5", "no such file"),
-        (".", "is a folder: give the file in it"),
-    ],
-)
-def test_files_that_are_no_hdf5(tmp_path, name, message):
-    (tmp_path / "text.h5").write_text("positions\n1 2 0.5\n")
-    (tmp_path / "empty.h5").touch()
-    for action in (read_packing, load, merge):
-        with pytest.raises(InputError, match=message) as caught:
-            action(tmp_path / name)
-        assert "\n" not in str(caught.value)
 
 
 def test_identity_is_name_and_hash_of_the_arrays(tmp_path, path, disks):

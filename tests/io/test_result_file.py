@@ -352,11 +352,10 @@ def test_provenance_round_trip(tmp_path):
     }
     entries = provenance(**told)
     found = load(sweep(tmp_path / "s.h5", **entries)).attributes
-    assert {name: found[name] for name in entries if entries[name] is not None} == {
-        name: value for name, value in entries.items() if value is not None
-    }
-    assert found["petsc_version"] == "3.18.5" and found["packing_sha256"] == "ab" * 32
-    assert (found["packing"], found["ranks"], found["wall_seconds"]) == ("p.h5", 3, 1.5)
+    for name, value in entries.items():
+        assert found.get(name) == value
+    said = [found[name] for name in ("petsc_version", "packing", "packing_sha256", "ranks", "wall_seconds")]
+    assert said == ["3.18.5", "p.h5", "ab" * 32, 3, 1.5] and "mumps_version" not in found
     assert datetime.fromisoformat(found["date"]).utcoffset() is not None
     assert (found["python_version"], found["jampetsc_version"]) == (platform.python_version(), VERSION)
     assert law_of(found) == {"law": "stokes", "eta_f": 1.0, "prestress": True}
