@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from jampetsc.core.state import Contacts
 from jampetsc.errors import InputError, named
 from jampetsc.io.atomic import NewFile
 from jampetsc.io.frames import Frame
@@ -165,26 +164,18 @@ def _array(name, values, tuples=False):
 
 
 def _npz(frame: Frame, number) -> bytes:
-    disks, file = frame.disks, io.BytesIO()
+    disks, c, file = frame.disks, frame.contacts, io.BytesIO()
+    contacts = {"pairs": np.column_stack((c.i, c.j)), "bonds": c.r, "force": c.force, "overlap": c.overlap}
     np.savez(
         file,
         positions=disks.positions,
         cell=disks.cell,
         **frame.columns,
-        **_bonds(frame.contacts),
+        **{f"contact_{name}": values for name, values in contacts.items()},
         contact_bearing=frame.bearing,
         **frame.facts,
     )
     return file.getvalue()
-
-
-def _bonds(contacts: Contacts):
-    return {
-        "contact_pairs": np.column_stack((contacts.i, contacts.j)),
-        "contact_bonds": contacts.r,
-        "contact_force": contacts.force,
-        "contact_overlap": contacts.overlap,
-    }
 
 
 def _gsd():

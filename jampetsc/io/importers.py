@@ -12,7 +12,7 @@ import numpy as np
 from jampetsc.core.disks import Disks
 from jampetsc.core.packing import Packing, measured
 from jampetsc.core.potentials import Potential
-from jampetsc.errors import InputError, named
+from jampetsc.errors import InputError, about, named
 from jampetsc.io.checksums import SIGNATURE
 from jampetsc.io.exchange import READERS, disks_of, format_of, numbers, pick
 from jampetsc.io.hdf5 import open_file, values
@@ -50,27 +50,26 @@ def import_packing(
     law = {"potential": potential, "stiffness": stiffness, "k": k}
     law = {name: value for name, value in law.items() if value is not None}
     format = format or format_of(content)
-    try:
+    with about(path):
         if format:
             disks = _read_exchanged(content, index, format, radius, box, law)
         elif law or radius or box is not None:
             raise InputError(
                 "radii, box and potential are those of its program: leave out the options for them"
             )
-        elif content == SIGNATURE:
-            disks = _checked(_read_jaxmd(path, index))
-        else:
+        elif content != SIGNATURE:
             disks = _checked(_read_jambashbulk(content.decode(errors="replace"), index))
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: {format}: is not text") from None
-    except InputError as error:
-        text = error.args[0]
-        raise InputError(text if text.startswith(f"{path}: ") else f"{path}: {text}") from None
+    if not format and content == SIGNATURE:
+        with open_file(path) as h5, about(path):  # what `open_file` raises names the file
+            disks = _checked(_read_jaxmd(h5, index))
     return disks.with_record(imported_from=Path(path).name, imported_index=index)
 
 
 def _read_exchanged(content, index, format, radius, box, law):
-    columns, own = READERS[format](content, index)
+    try:
+        columns, own = READERS[format](content, index)
+    except UnicodeDecodeError:
+        raise InputError(f"{format}: is not text") from None
     if (own is None) == (box is None):
         raise InputError(
             f"has no box: give {named('box')}, L, Lx,Ly or Lx,Ly,xy"
@@ -122,16 +121,15 @@ def _read_jambashbulk(text, index):
     )
 
 
-def _read_jaxmd(path, index):
-    with open_file(path) as h5:
-        if str(h5.attrs.get("format", "")).startswith("jampetsc"):
-            raise InputError(f"is a {h5.attrs['format']} file already: nothing to import")
-        missing = [name for name in ("pos", "rad", "box") if name not in h5]
-        if missing:
-            raise InputError(f"no variable {', '.join(missing)}: not a packing file of jax-md")
-        pick(index, len(h5["pos"]))
-        names = ("pos", "rad", "box", "Energy", "Stress", "Cijkl")
-        data = {name: np.asarray(values(h5[name], index), float) for name in names if name in h5}
+def _read_jaxmd(h5, index):
+    if str(h5.attrs.get("format", "")).startswith("jampetsc"):
+        raise InputError(f"is a {h5.attrs['format']} file already: nothing to import")
+    missing = [name for name in ("pos", "rad", "box") if name not in h5]
+    if missing:
+        raise InputError(f"no variable {', '.join(missing)}: not a packing file of jax-md")
+    pick(index, len(h5["pos"]))
+    names = ("pos", "rad", "box", "Energy", "Stress", "Cijkl")
+    data = {name: np.asarray(values(h5[name], index), float) for name in names if name in h5}
     if data["box"].shape != (4,) or data["pos"].shape != (2 * len(data["rad"]),):
         raise InputError(f"{data['pos'].size} coordinates for {data['rad'].size} disks: two-dimensional only")
     cell = data["box"].reshape(2, 2).T  # jax-md maps a fraction s to box · s: cell vectors are its columns

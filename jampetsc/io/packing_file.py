@@ -44,13 +44,8 @@ def write_packing(path, disks: Disks, request=None) -> None:
     cell, cell_low = join(disks.cell_base, disks.cell_offset)
     datasets = {"positions": positions, "positions_low": positions_low, "radii": disks.radii}
     datasets |= {"cell": cell, "cell_low": cell_low}
-    header = (
-        FORMAT,
-        FORMAT_VERSION,
-        disks.potential.kind,
-        disks.potential.stiffness,
-        float(disks.potential.k),
-    )
+    potential = disks.potential
+    header = (FORMAT, FORMAT_VERSION, potential.kind, potential.stiffness, float(potential.k))
     record = {name: value for name, value in disks.record.items() if name not in _HEADER}
     check_replaced(path, FORMAT)
     with OutputFile(path) as h5:
