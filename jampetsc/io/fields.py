@@ -33,7 +33,7 @@ def packing_of(result, given=None) -> Disks:
         what = f"packing {name} is not beside it" if name else "packing was in memory"
         raise InputError(f"{result.path}: its {what}: give it with {named('packing')}")
     disks = read_packing(path)
-    if recorded is not None and not is_known_as(path, recorded):
+    if recorded not in (None, disks.fingerprint) and not is_known_as(path, recorded):
         raise InputError(
             f"{path}: is not the packing that {result.path.name} was made from (sha256 {disks.fingerprint[:12]}… "
             f"instead of {recorded[:12]}…): give that one with {named('packing')}"

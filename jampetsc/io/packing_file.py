@@ -55,9 +55,10 @@ def write_packing(path, disks: Disks, request=None) -> None:
             store(h5, name, array)
 
 
-def read_packing(path, comm=None) -> Disks:
-    """Read a packing file. Collective over `comm` as `read_identified`, which says what it raises."""
-    return read_identified(path, comm)[0]
+def read_packing(path) -> Disks:
+    """Read a packing file. Raises InputError naming the file, what is wrong with it and the remedy."""
+    with open_file(path) as h5:
+        return packing_from(h5, path)
 
 
 def source_told(source) -> str:
@@ -73,17 +74,12 @@ def read_identified(path, comm=None) -> tuple[Disks, tuple[str, str]]:
     Collective: rank 0 of the mpi4py communicator `comm` reads the file, once. One that is replaced meanwhile gives one
     packing or the other, on all ranks. None: one process reads for itself.
 
-    Raises InputError, on all ranks, naming the file, what is wrong with it and the remedy.
+    Raises InputError as `read_packing`, on all ranks.
     """
     if isinstance(path, Disks):
         return path, (None, path.fingerprint)
-    name, disks = on_root(comm, lambda: (Path(path).name, _read(path)))
+    name, disks = on_root(comm, lambda: (Path(path).name, read_packing(path)))
     return disks, (name, disks.fingerprint)
-
-
-def _read(path):
-    with open_file(path) as h5:
-        return packing_from(h5, path)
 
 
 def is_known_as(path, sha256: str | None) -> bool:

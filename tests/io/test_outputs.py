@@ -97,12 +97,13 @@ def test_no_command_replaces_an_input_another_kind_of_file_or_what_is_no_file(in
         assert f"{name}{ending}{message}" in line and line.endswith(remedy)
 
 
-ALONE = ("flow", "shear", "import", "spectrum")
+TOGETHER = ("sweep p.h5 --omega 1", "jam", "study")  # what ranks share, each in a way of its own
 
 
 def ranks_of(words):
-    """On how many ranks a command shows something: what solves nothing and quasistatic shear are of one."""
-    return pytest.param(words, marks=pytest.mark.most_ranks(1 if words.startswith(ALONE) else 2))
+    """On how many ranks a command shows something."""
+    several = words.startswith(TOGETHER) and "direct" not in words
+    return pytest.param(words, marks=pytest.mark.most_ranks(2 if several else 1))
 
 
 OTHERS = {  # words that make a result, and the word of which there is another

@@ -159,4 +159,4 @@ def test_rank_0_reads_for_all(session, shared_path, disks):
     if session.rank == 0:
         name.write_text("no longer")
     with pytest.raises(InputError, match=r"p\.h5: not an HDF5 file"):
-        read_packing(name, session.comm)
+        read_identified(name, session.comm)
