@@ -212,6 +212,10 @@ def test_a_flow_is_one_file_of_many_frames(tmp_path, monkeypatch):
         assert inside(cell, places) and abs(cell[1, 0]) <= cell[0, 0] / 2
         tilts.append((result["snapshots/strain"][row] - cell[1, 0] / cell[1, 1]) * cell[1, 1] / cell[0, 0])
     np.testing.assert_allclose(tilts, np.round(tilts), atol=1e-9)
+    assert snapshot(result, -3).strain == snapshot(result, 0).strain
+    for row in (3, -4):
+        with pytest.raises(InputError, match=rf"f\.h5: snapshot {row}: it holds 3, from 0"):
+            snapshot(result, row)
     with pytest.raises(
         InputError, match=r"f\.npz: holds one frame, and there are more: use \.xyz, \.dump, \.gsd"
     ):
