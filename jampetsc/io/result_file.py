@@ -21,14 +21,24 @@ FORMAT_VERSION = "1.0"
 
 
 class ResultArray:
-    """An array of a result in memory, read as `results.StoredArray` is.
+    """An array of a result: `array[…]` gives what is asked for, `numpy.asarray(array)` all of it.
 
     axis     the one along which ranks hold different rows; None: every rank holds all
     counts   numbers of rows of the ranks along `axis`; None with it
     rows     slice of the whole array along `axis` that this rank holds; None with it
     """
 
-    counts = rows = None
+    axis = counts = rows = None
+
+    def __len__(self):
+        return self.shape[0]
+
+    def __array__(self, dtype=None, copy=None):
+        return np.asarray(self[...], dtype=dtype)
+
+
+class ArrayInMemory(ResultArray):
+    """Of this process, with the rows that it has."""
 
     def __init__(self, values, axis=None, comm=None):
         self._values, self.axis = values, axis
@@ -49,20 +59,14 @@ class ResultArray:
         """One more entry along axis 0."""
         self._values = [*self._values, entry]
 
-    def gathered(self, comm) -> "ResultArray":
+    def gathered(self, comm) -> "ArrayInMemory":
         """With the rows of all ranks. Collective."""
         if comm is None:
-            return ResultArray(self[...])
-        return ResultArray(np.concatenate(comm.allgather(self[...]), axis=self.axis))
+            return ArrayInMemory(self[...])
+        return ArrayInMemory(np.concatenate(comm.allgather(self[...]), axis=self.axis))
 
     def __getitem__(self, selection):
         return self._whole()[selection].copy()  # of its own, as if it were read
-
-    def __len__(self):
-        return self.shape[0]
-
-    def __array__(self, dtype=None, copy=None):
-        return np.asarray(self[...], dtype=dtype)
 
 
 class ResultWriter:
@@ -72,7 +76,7 @@ class ResultWriter:
     for. After an exception in the block nothing is written. Its end raises as `write_result`.
 
     found    attributes by name, as a file gives them
-    arrays   dataset name -> ResultArray
+    arrays   dataset name -> ArrayInMemory
     """
 
     def __init__(self, path, format, comm=None, request=None):
@@ -87,21 +91,21 @@ class ResultWriter:
 
     def dataset(self, name, array) -> None:
         """Collective. Keep an array that every rank holds."""
-        self._add(name, ResultArray(np.array(array)))
+        self._add(name, ArrayInMemory(np.array(array)))
 
     def distributed(self, name, local, axis=0) -> None:
         """Collective. Keep an array whose rows along `axis` are spread over the ranks in rank order.
 
         `local` holds this rank's rows, maybe none; its other dimensions are the same on all ranks.
         """
-        self._add(name, ResultArray(np.array(local), axis, self.comm))
+        self._add(name, ArrayInMemory(np.array(local), axis, self.comm))
 
     def append(self, name, local) -> None:
         """Collective. Add rows (n_local, …) as the next entry of an array (F, n, …) distributed along axis 1."""
         if name in self.arrays:
             self.arrays[name].add(np.array(local))
         else:
-            self._add(name, ResultArray([np.array(local)], 1, self.comm))
+            self._add(name, ArrayInMemory([np.array(local)], 1, self.comm))
 
     def _add(self, name, array):
         if name in self.arrays:
@@ -122,7 +126,7 @@ def new_run_id() -> str:
 
 
 def write_result(path, attributes: dict, arrays: dict, comm=None) -> None:
-    """Collective. Write attributes and arrays, `ResultArray`s or what every rank can read, as the result at `path`.
+    """Collective. Write attributes and arrays, `ResultArray`s, as the result at `path`.
 
     An earlier result of the same format is replaced; where anything fails it stays, and nothing of the new one.
     Raises InputError or JampetscError, on all ranks.

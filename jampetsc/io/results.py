@@ -12,19 +12,17 @@ from jampetsc.errors import InputError
 from jampetsc.io.hdf5 import attributes, open_file, undisturbed
 from jampetsc.io.parts import GROUP, PartList
 from jampetsc.io.provenance import law_of
-from jampetsc.io.result_file import new_run_id, write_result
+from jampetsc.io.result_file import ResultArray, new_run_id, write_result
 
 _SHOWN = 6  # datasets that a line about a result names
 _LONGEST = 60  # characters of an attribute in a table
 
 
-class StoredArray:
-    """A dataset that stays in its file: `array[…]` reads what is asked for, `numpy.asarray(array)` all of it.
+class StoredArray(ResultArray):
+    """A dataset that stays in its file, of which every rank reads what it is asked for.
 
     Raises InputError on reading if the file was replaced, or one of its parts went, since it was loaded.
     """
-
-    axis = rows = None  # every rank reads all, as `result_file.ResultArray` has it
 
     def __init__(self, path, name, h5):
         self._path, self._name, self._run_id = Path(path).resolve(), name, h5.attrs.get("run_id", "")
@@ -42,12 +40,6 @@ class StoredArray:
             values = parts.read(h5[self._name], selection)
             parts.check_present()
         return values
-
-    def __len__(self):
-        return self.shape[0]
-
-    def __array__(self, dtype=None, copy=None):
-        return np.asarray(self[...], dtype=dtype)
 
     def __repr__(self):
         return f"<{self._name} {self.shape} {self.dtype} in {self._path.name}>"
