@@ -69,14 +69,14 @@ def mode_frame(result, number: int, packing=None) -> Frame:
     if not 1 <= number <= count:
         raise InputError(f"{named('mode')} {number}: {result.path.name} holds modes 1 to {count}")
     vectors = {"mode": result.stored("modes")[number - 1]}
-    return _on_packing(result, packing, vectors, eigenvalue=float(result["eigenvalues"][number - 1]))
+    disks = packing_of(result, packing)
+    return _on_packing(result, disks, vectors, eigenvalue=float(result["eigenvalues"][number - 1]))
 
 
 def slow_frame(result, packing=None) -> Frame:
     """The response to slow shear per unit strain: `nonaffine` and, where disks roll, `rotation`. Raises InputError."""
-    return _on_packing(
-        result, packing, {name: result[name] for name in ("nonaffine", "rotation") if name in result}
-    )
+    vectors = {name: result[name] for name in ("nonaffine", "rotation") if name in result}
+    return _on_packing(result, packing_of(result, packing), vectors)
 
 
 def field_frame(result, omega: float, packing=None) -> Frame:
@@ -90,14 +90,14 @@ def field_frame(result, omega: float, packing=None) -> Frame:
     vectors = {
         f"{name}_{part}": getattr(value, part) for name, value in found.items() for part in ("real", "imag")
     }
-    particle_rows(result, packing_of(result, packing))
-    return _on_packing(result, packing, vectors, omega=float(result.fields.omega[row]))
+    disks = packing_of(result, packing)
+    particle_rows(result, disks)  # which refuses those that do not fit
+    return _on_packing(result, disks, vectors, omega=float(result.fields.omega[row]))
 
 
-def _on_packing(result, packing, vectors, **facts):
+def _on_packing(result, disks, vectors, **facts):
     """Vectors of the disks that bear load on the packing of their file; those of rattlers are zero."""
-    disks, rows = packing_of(result, packing), result["particles"]
-    whole = {}
+    rows, whole = result["particles"], {}
     for name, values in vectors.items():
         whole[name] = np.zeros((disks.n, *values.shape[1:]))
         whole[name][rows] = values

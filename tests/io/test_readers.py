@@ -86,6 +86,7 @@ def by_gsd(folder, disks, flow):
     with opened(folder / "again.gsd", "w") as file:
         file.append(last)
     imported_alike(folder / "again.gsd", flow.snapshot(2), within=SINGLE)
+    imported_alike(folder / "p.gsd", disks, within=SINGLE)
 
 
 def by_ovito(folder, disks, flow):
