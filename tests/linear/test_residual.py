@@ -222,7 +222,10 @@ def test_a_factor_serves_for_shifts_close_by():
 @pytest.mark.parametrize("sample", ["k = 2.5", "hertzian"])
 @pytest.mark.parametrize("law", [*LAWS, physics(normal=0.5, tau1=3.0), physics("stokes", tau1=0.3)], ids=str)
 def test_largest_rate_is_one(session, law, sample):
-    """K ≤ λ_max B on all that is not pinned, with k ≠ 1 and in units of 1/τ₁, by the stiffest contact of all ranks."""
+    """K ≤ λ_max B on all that is not pinned, with k ≠ 1 and in units of 1/τ₁, by the stiffest contact of all ranks.
+
+    None where bonds move freely.
+    """
     pencil = pencil_of(session, law, sample)
     top = largest_rate(pencil)
     K, B = dense(pencil.K), dense(pencil.B)
@@ -234,10 +237,6 @@ def test_largest_rate_is_one(session, law, sample):
         stiffest = np.concatenate(session.comm.allgather(pencil.network.contacts.stiffness)).max()
         damping = pencil.network.k * law.law.tau1 * law.law.normal
         assert top == pytest.approx(stiffest / damping, rel=1e-12)
-
-
-@pytest.mark.most_ranks(1)
-def test_there_is_no_largest_rate_where_bonds_move_freely(session):
     assert largest_rate(pencil_of(session, physics(normal=0.0, rotations=False))) == np.inf
 
 
@@ -421,25 +420,6 @@ def test_what_is_no_energy_is_no_bound(energy):
     with pytest.raises(NotPositiveDefinite, match=r"K \+ sB at s = 0.1 is not positive definite"):
         positive({1.0: (2.0, 0.0), 0.1: (energy, 0.0)})
     assert positive({1.0: (0.0, 0.0)}) == {1.0: (0.0, 0.0)}
-
-
-@pytest.mark.most_ranks(1)
-@pytest.mark.parametrize("law", LAWS[:2], ids=str)
-def test_energies_at_other_frequencies_are_bounds(session, law):
-    pencil = pencil_of(session, law)
-    K, B = dense(pencil.K), dense(pencil.B)
-    top = float(scipy.linalg.eigvalsh(K + 1e-3 * B, B + 1e-6 * K).max())
-    v = np.random.default_rng(1).standard_normal(len(K))
-
-    def energy(s):
-        return float(v @ np.linalg.solve(K + s * B, v))
-
-    omega = np.geomspace(1e-5, 1e3, 40)
-    bound = energy_between(top, {s: energy(s) for s in (1e-3, 0.1, 7.0)}, omega)
-    assert np.all(bound >= [energy(w) * (1 - 1e-9) for w in omega])
-    assert np.all(bound <= [1e3 * energy(w) for w in omega])
-    assert np.all(transfer(top, 0.1, omega) * energy(0.1) >= [energy(w) * (1 - 1e-9) for w in omega])
-    pencil.destroy()
 
 
 @pytest.mark.parametrize("unit", [1.0, 2.0**-100])

@@ -1,10 +1,12 @@
-"""`assemble` and `jampetsc matrices`: G* of what they give, by numpy, is that of a sweep and of the dense reference."""
+"""`assemble` and `jampetsc matrices`: G* of what they give, by numpy, is that of the dense reference."""
 
 import importlib.util
 
 import numpy as np
 import pytest
 import samples
+from dense import Reference
+from samples import physics
 from scipy.io import mmread
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import spsolve
@@ -16,13 +18,13 @@ from jampetsc.mechanics.matrices import NAMES, SPARSE, Matrices
 
 pytestmark = pytest.mark.scalar("real")
 OMEGA = (1e-3, 1.0)
-WORDS = {  # options of the command -> those of `assemble`
-    "": {},
-    "--beta 0.1 --no-prestress": {"law": jampetsc.ContactDamping(beta=0.1), "prestress": False},
-    "--no-rotations": {"law": jampetsc.ContactDamping(rotations=False)},
-    "--law stokes --tau1 0.5": {"law": jampetsc.StokesDrag(tau1=0.5)},
-    "--law stokes --no-prestress": {"law": "stokes", "prestress": False},
-}
+LAWS = [
+    physics(),
+    physics(beta=0.1, prestress=False),
+    physics(rotations=False),
+    physics("stokes", tau1=0.5),
+    physics("stokes", prestress=False),
+]
 
 
 def modulus(m, omega):
@@ -33,28 +35,29 @@ def modulus(m, omega):
     return (m.k_gg + 1j * omega * m.b_gg - c @ spsolve(A, c)) / m.area
 
 
-def same(found, wanted):
-    """Whether two moduli agree to 1e-12, G' and G'' each."""
-    assert found.real == pytest.approx(wanted.real, rel=1e-12)
-    assert found.imag == pytest.approx(wanted.imag, rel=1e-12)
-
-
 @pytest.fixture
 def packing(session, shared_path):
     return samples.put(shared_path / "p.h5", samples.isostatic(), session.comm)
 
 
-@pytest.mark.parametrize("words", WORDS)
-def test_moduli_of_the_matrices_are_those_of_a_sweep(session, shared_path, words):
-    packing = samples.put(shared_path / "p.h5", samples.published(), session.comm)
-    matrices = jampetsc.assemble(packing, **WORDS[words])
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_they_are_those_of_the_dense_reference(session, law):
+    """With nothing held; and so is G* of them, without the rows of pins."""
+    disks = samples.isostatic()
+    matrices, exact = jampetsc.assemble(disks, law.law, prestress=law.prestress), Reference(disks, law)
     whole = matrices.to_scipy()
     matrices.destroy()
-    command = [str(packing), "--accuracy", "1e-12", "--omega", ",".join(map(str, OMEGA)), *words.split()]
-    assert cli.dispatch(["sweep", *command, "--out", str(shared_path / "s.h5")]) == 0
-    sweep = jampetsc.load(shared_path / "s.h5")
+    rows = [exact.disks.index(disk) * exact.dofs + component for disk, component in whole.dofs]
+    assert sorted(rows) == list(range(len(exact.K) - 1))
+    for name in SPARSE:
+        dense, border = getattr(exact, name).astype(float), f"{name.lower()}_g"
+        np.testing.assert_allclose(getattr(whole, name).toarray(), dense[np.ix_(rows, rows)], atol=1e-13)
+        found = np.append(getattr(whole, f"{border}amma"), getattr(whole, f"{border}g"))
+        np.testing.assert_allclose(found, dense[[*rows, -1], -1], atol=1e-12)
+    assert sorted(whole.particles) == sorted(exact.disks)
     for omega in OMEGA:
-        same(modulus(whole, omega), sweep.modulus(omega))
+        found, wanted = modulus(whole, omega), exact.modulus(omega)
+        np.testing.assert_allclose([found.real, found.imag], [wanted.real, wanted.imag], rtol=1e-9)
 
 
 def test_a_model_for_pymor_has_the_same_moduli(session, packing):
@@ -67,26 +70,6 @@ def test_a_model_for_pymor_has_the_same_moduli(session, packing):
     for omega in OMEGA:
         (found,) = model.transfer_function.eval_tf(1j * omega).ravel()
         assert found * 1j * omega == pytest.approx(modulus(whole, omega), rel=1e-10)
-
-
-def test_without_anything_held_they_are_the_dense_reference(session):
-    disks = samples.isostatic()
-    whole = jampetsc.assemble(disks).to_scipy()
-    reference = samples.reference("isostatic", str(samples.physics()))
-    number = {disk: row for row, disk in enumerate(reference.disks)}
-    rows = [3 * number[disk] + component for disk, component in whole.dofs.tolist()]
-    for name in ("K", "B"):
-        dense = getattr(reference, name).astype(float)
-        np.testing.assert_allclose(getattr(whole, name).toarray(), dense[np.ix_(rows, rows)], atol=1e-13)
-        border = np.append(getattr(whole, f"{name.lower()}_gamma"), getattr(whole, f"{name.lower()}_gg"))
-        np.testing.assert_allclose(border, dense[[*rows, -1], -1], atol=1e-12)
-    assert set(whole.particles) == set(reference.disks)
-    moved = np.zeros(len(rows))
-    moved[whole.dofs[:, 1] == 0] = 1.0  # all along x
-    assert np.abs(whole.K @ moved).max() < 1e-14
-    assert (
-        whole.pins.tolist() == [row for row in whole.pins if whole.dofs[row, 1] < 2] and len(whole.pins) == 2
-    )
 
 
 def read(out):
