@@ -97,13 +97,6 @@ def test_newest_build_for_this_python_comes_first(tmp_path):
     assert found[1].slepc_dir == tmp_path / "slepcdir/slepc3.18/any-linux-gnu-real"
 
 
-@pytest.mark.parametrize(("scalar", "chosen"), [(None, "real"), ("complex", "complex")])
-def test_real_is_preferred_to_a_newer_complex_build(installed, scalar, chosen):
-    make_build(installed, "petsc3.18/any-linux-gnu-real")
-    make_build(installed, "petsc3.19/any-linux-gnu-complex")
-    assert variables_of(scalar)[0].endswith(f"any-linux-gnu-{chosen}")
-
-
 OTHER = "complex scalars are needed and {real}.* has real ones: unset PETSC_DIR and .*{complex}"
 PAIR = "slepcdir.*: set PETSC_DIR and SLEPC_DIR to one pair, or unset both"
 STARTED = [  # what is asked for, whose folders PETSC_DIR and SLEPC_DIR name, the scalars of the session or what is said
@@ -170,38 +163,41 @@ def test_variables_are_as_before_when_a_build_has_been_selected(installed, monke
     assert variables_of() == (petsc, "/other") and os.environ["SLEPC_DIR"] == "/other"
 
 
-def test_nothing_is_chosen_where_petsc4py_is_loaded_or_the_users_own(installed, monkeypatch):
-    make_build(installed, "petsc3.18/any-linux-gnu-real")
-    assert builds.to_choose("real") and not builds.to_choose("complex")
-    with monkeypatch.context() as patch:
-        patch.setitem(sys.modules, "petsc4py", sys)
-        assert variables_of() == (None, None) and not builds.to_choose("real")
-    with monkeypatch.context() as patch:
-        patch.setattr(
-            importlib.util, "find_spec", lambda name: SimpleNamespace(origin="/own/petsc4py/__init__.py")
-        )
-        assert variables_of() == (None, None) and not builds.to_choose("real")
-    with monkeypatch.context() as patch:  # the distribution's, on the path
-        inside = str(installed / "petscdir/petsc3.18/any-linux-gnu-real/lib/petsc4py/__init__.py")
-        patch.setattr(importlib.util, "find_spec", lambda name: SimpleNamespace(origin=inside))
-        assert variables_of()[0] and builds.to_choose("real")
-    monkeypatch.setenv("PETSC_DIR", "/own")
-    assert not builds.to_choose("real")
+REAL, COMPLEX = "petscdir/petsc3.18/any-linux-gnu-real", "petscdir/petsc3.19/any-linux-gnu-complex"
+CHOSEN = [  # what is asked for, what is loaded already, where petsc4py is on the path, the user's own, PETSC_DIR
+    (None, False, None, {}, REAL),  # though older
+    ("complex", False, None, {}, COMPLEX),
+    (None, True, None, {}, None),  # nothing is chosen then
+    (None, False, "/own", {}, None),
+    (None, False, f"{REAL}/lib", {}, REAL),  # the distribution's
+    (None, False, None, {"PETSC_DIR": "own"}, "no petsc4py for this python there"),
+    (None, False, "/own", {"PETSC_DIR": "own"}, "own"),
+    (None, False, None, {"PETSC_DIR": "own", "PETSC_ARCH": "arch-opt"}, "own"),
+]
 
 
-def test_an_own_petsc_may_have_its_petsc4py_under_its_arch_or_on_the_path(installed, monkeypatch):
+@pytest.mark.parametrize(("asked", "loaded", "found", "own", "chosen"), CHOSEN)
+def test_which_build_is_chosen(installed, monkeypatch, asked, loaded, found, own, chosen):
+    """The distribution's, where there is none of the user's own: under its arch, or on the path."""
+    for build in (REAL, COMPLEX):
+        make_build(installed, build.removeprefix("petscdir/"))
     lib = installed / "own" / "arch-opt" / "lib" / "petsc4py" / "lib" / "arch-opt"
     lib.mkdir(parents=True)
     (lib / f"PETSc{EXTENSION_SUFFIXES[0]}").touch()
-    monkeypatch.setenv("PETSC_DIR", str(installed / "own"))
-    with pytest.raises(InputError, match="no petsc4py for this python there"):
-        variables_of()
-    monkeypatch.setenv("PETSC_ARCH", "arch-opt")
-    assert variables_of()[0] == str(installed / "own")
-    assert sys.path[0] == str(installed / "own" / "arch-opt" / "lib")
-    monkeypatch.delenv("PETSC_ARCH")
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: SimpleNamespace(origin="/own/x.py"))
-    assert variables_of()[0] == str(installed / "own")
+    for name, value in own.items():
+        monkeypatch.setenv(name, str(installed / value) if name == "PETSC_DIR" else value)
+    if loaded:
+        monkeypatch.setitem(sys.modules, "petsc4py", sys)
+    if found:
+        spec = SimpleNamespace(origin=str(installed / found / "petsc4py/__init__.py"))
+        monkeypatch.setattr(importlib.util, "find_spec", lambda name: spec)
+    assert builds.to_choose("real") == (not own and bool(chosen))
+    if chosen and " " in chosen:
+        with pytest.raises(InputError, match=chosen):
+            variables_of(asked)
+    else:
+        assert variables_of(asked)[0] == (chosen and str(installed / chosen))
+    assert "PETSC_ARCH" not in own or sys.path[0] == str(lib.parents[2])
 
 
 def test_own_petsc4py_on_the_path_is_respected():
@@ -368,17 +364,8 @@ def test_the_remedy_is_a_build_of_the_type_that_is_wanted(installed, monkeypatch
         builds._choose(scalar)
     make_build(installed, f"petsc3.18/any-linux-gnu-{scalar}")
     folder = installed / f"petscdir/petsc3.18/any-linux-gnu-{scalar}"
-    assert builds.remedy(scalar) == (
-        f"unset PETSC_DIR and SLEPC_DIR (and leave other environments) to use {folder}"
-    )
-    assert not builds.to_choose(scalar)
-    monkeypatch.delenv("PETSC_DIR")
-    assert builds.to_choose(scalar)
-    assert builds._choose(scalar) == {
-        "PETSC_DIR": str(folder), "SLEPC_DIR": str(folder).replace("petscdir/petsc", "slepcdir/slepc"),
-    }  # fmt: skip
-    monkeypatch.setitem(sys.modules, "petsc4py", SimpleNamespace())
-    assert not builds.to_choose(scalar)
+    instead = f"unset PETSC_DIR and SLEPC_DIR (and leave other environments) to use {folder}"
+    assert builds.remedy(scalar) == instead
 
 
 def test_who_works_together(monkeypatch):
