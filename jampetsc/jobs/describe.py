@@ -187,6 +187,8 @@ def _moduli(sweep):
 
 def matrices(disks, network, physics, facts, ranks) -> str:
     """Sizes, symmetry and definiteness of K and B, and in words whether the packing is a minimum."""
+    from jampetsc.petsc.inertia import SHIFT
+
     contacts = facts.contacts
     excess = contacts - (2 * network.n - 2)
     rows = [
@@ -207,12 +209,11 @@ def matrices(disks, network, physics, facts, ranks) -> str:
         _inertia("K, no pre-stress", facts.without_prestress, "displacements, nothing pinned"),
         _inertia("B", facts.damping, "without the pinned unknowns"),
     ]
-    shift = facts.damping.shift
     return "\n".join(
         [
             table(rows[:8]),
             table(rows[8:]),
-            f"  inertia of L D Lᵀ; zero: within {shift:.0e} of it, the matrix scaled to a unit diagonal",
+            f"  inertia of L D Lᵀ; zero: within {SHIFT:.0e} of it, the matrix scaled to a unit diagonal",
             *verdict(facts, imbalance(disks, measure(disks)) <= BALANCED),
         ]
     )

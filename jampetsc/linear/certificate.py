@@ -157,9 +157,7 @@ class Functional:
         return field_bound(self.compatibility, found.omega, x, squared)
 
 
-def field_bound(
-    compatibility: Compatibility, omega: float, x, squared: float, size: float | None = None
-) -> float:
+def field_bound(compatibility: Compatibility, omega: float, x, squared: float, size: float = 0.0) -> float:
     """Bound on ‖x − exact‖ / ‖x‖, the error of a field in the energy norm ‖x‖² = xᴴ(K + ωB) x. Collective.
 
     x        non-affine field (n_local,), complex
@@ -179,5 +177,5 @@ def field_bound(
     energy, norm2 = network.sum(local)
     if energy == 0.0:  # a crystal: nothing moves against the strain
         return 0.0 if squared == 0.0 else float("inf")
-    rounding = 4.0 * EPSILON * np.sqrt(ROW) * max(np.sqrt(norm2), size or 0.0)
+    rounding = 4.0 * EPSILON * np.sqrt(ROW) * max(np.sqrt(norm2), size)
     return float((np.sqrt(abs(squared)) + rounding) / np.sqrt(abs(energy)))

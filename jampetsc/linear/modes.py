@@ -29,18 +29,11 @@ from jampetsc.petsc.session import current
 
 FORMAT = "jampetsc-modes"
 PER_MODE = "eigenvalues residuals normal transverse participation_ratio floppiness shear_force".split()
-TOLD = (
-    "inertia_count",
-    "inertia_shift",
-    "complete",
-    "method",
-    "restarts",
-)  # fields that are attributes of the file
+TOLD = "inertia_count inertia_shift complete method restarts".split()  # attributes of the file
 GAP = 1e-7  # eigenvalues closer than this, relatively, belong together: a count cannot tell them apart
 ATTEMPTS = 4  # with more modes each time, where a cluster goes on or the count shows that some were missed
-RESIDUAL = (
-    1e-9  # largest ‖Kφ − λφ‖ accepted, in units of the stiffness; |Δλ| is less: its square over the gap
-)
+# largest ‖Kφ − λφ‖ accepted, in units of the stiffness; |Δλ| is less: its square over the gap
+RESIDUAL = 1e-9
 ALIKE = 1e-6  # largest product of two modes, or defect of a length: far more of them, alike, could pass for several
 
 
@@ -88,26 +81,24 @@ def lowest_modes(
     try:
         if not proved:
             require_minimum(network)
-        free = 2 * len(pencil.pieces.roots)
-        there = pencil.unknowns - free
         if below is not None:
-            count = count_below(pencil.K, below, "K − λ") - free
+            count = count_below(pencil.K, below, "K − λ") - pencil.pieces.translations
             if count <= 0:
                 raise InputError(
                     f"{named('below')} {below:g}: no mode lies there; raise it, or ask for a number with "
                     f"{named('count')}"
                 )
-        pairs, kept, shift = _certified(pencil, compatibility, there if count is None else count, stiffness)
-        return _describe(pencil, compatibility, pairs[:kept], shift)
+        there = pencil.unknowns - pencil.pieces.translations
+        wanted = there if count is None else count
+        pairs, kept, shift = _certified(pencil, compatibility, wanted, there, stiffness)
+        return _describe(pencil, compatibility, pairs[:kept], shift, kept == there)
     finally:
         compatibility.destroy()
         pencil.destroy()
 
 
-def _certified(pencil, compatibility, count, stiffness):
-    """(pairs, m, μ): eigenpairs of which the first m ≥ count are all there are below μ, by inertia."""
-    free = 2 * len(pencil.pieces.roots)
-    there = pencil.unknowns - free
+def _certified(pencil, compatibility, count, there, stiffness):
+    """(pairs, m, μ): eigenpairs of which the first m ≥ count of all `there` are those below μ, by inertia."""
     wanted, pairs = count, None
     for _ in range(ATTEMPTS):
         if pairs is None:
@@ -125,7 +116,7 @@ def _certified(pencil, compatibility, count, stiffness):
         if kept is None:  # a cluster that goes on: find more of it
             wanted, pairs = min(there, wanted + 8), None
             continue
-        counted = count_below(pencil.K, shift, "K − μ") - free
+        counted = count_below(pencil.K, shift, "K − μ") - pencil.pieces.translations
         if counted == kept:
             return pairs, kept, shift
         # Of equal eigenvalues Lanczos sees one vector, the others only by rounding: look beside those at hand.
@@ -178,7 +169,7 @@ def _cut(values, count, there, stiffness):
     return (there, float(values[-1])) if len(values) == there else (None, None)
 
 
-def _describe(pencil: Pencil, compatibility, pairs, shift):
+def _describe(pencil: Pencil, compatibility, pairs, shift, complete):
     network, m = pencil.network, len(pairs.values)
     sums = np.empty((m, 4))
     push = pencil.k_gamma.getArray()
@@ -194,7 +185,7 @@ def _describe(pencil: Pencil, compatibility, pairs, shift):
         normal=sums[:, 0] / contacts, transverse=sums[:, 1] / contacts,
         participation_ratio=1.0 / (network.n * sums[:, 2]),
         shear_force=force, carried=carried_by(compatibility, pairs.values, fields, force),
-        inertia_count=m, inertia_shift=shift, complete=m == pencil.unknowns - 2 * len(pencil.pieces.roots),
+        inertia_count=m, inertia_shift=shift, complete=complete,
         method=pairs.method, restarts=pairs.iterations,
     )  # fmt: skip
 

@@ -42,7 +42,6 @@ class Quasistatic:
     """Response of one network under one law. Arrays hold this rank's share, per unit strain."""
 
     network: Network
-    law: Law
     nonaffine: np.ndarray  # (n_local, 2) u_na, without the mean of each connected piece
     field: np.ndarray  # (n_local, 2) the same as `Viscosity.quasistatic` takes it
     normal: np.ndarray  # (contacts_local,) Δu∥
@@ -88,7 +87,6 @@ def solve(network: Network, law: Law, viscosity: Viscosity) -> Quasistatic:
     field = nonaffine if law.holds_translations else shear.x.reshape(-1, 2)
     return Quasistatic(
         network,
-        law,
         nonaffine,
         field,
         *shear.motions.T,

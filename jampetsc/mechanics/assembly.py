@@ -178,8 +178,6 @@ def pins_of(law: Law, pieces: Pieces):
 
 def _pin(matrix, gamma, pins, offset, k):
     """Turn rows and columns of pinned unknowns into the identity's (times k in K), in place."""
-    if len(pins) == 0:
-        return
     matrix.data[np.isin(matrix.indices, pins)] = 0.0
     for row in pins - offset:
         if 0 <= row < matrix.shape[0]:

@@ -31,7 +31,7 @@ class Compatibility:
     w_B: np.ndarray  # (rows,) local weights of a² in B
     size_K: (
         np.ndarray
-    )  # (rows,) |w_K| plus what rounding may do to it, in units of ε: an overlap is off by ε σ
+    )  # (rows,) |w_K| and what rounding may do to it, in units of ε: an overlap is off by ε σ
     reach_K: np.ndarray  # (n_local,) Σ |w_K| C² over the contacts of each unknown,
     reach_B: np.ndarray  # and Σ w_B C² + drag; see `reach`
     drag: np.ndarray  # (n_local,) kτ₁ times the drag, 0 for angles: what B has of disks, not of contacts

@@ -55,7 +55,7 @@ def require_unique_response(network: Network) -> None:
     """Raise InputError, with their number, for negative modes and for zero modes besides translations. Collective."""
     inertia = count_modes(network)
     _refuse_negative(inertia.negative)
-    floppy = inertia.zero - 2 * len(find_pieces(network).roots)
+    floppy = inertia.zero - find_pieces(network).translations
     if floppy > 0:
         raise InputError(
             f"K has {floppy} floppy mode{'s' * (floppy > 1)} besides its translations: the response to strain is not "

@@ -135,6 +135,11 @@ class Pieces:
         """One disk of each piece, the lowest in number."""
         return np.unique(self.label)
 
+    @property
+    def translations(self) -> int:
+        """How many moves cost no energy whatever the packing: two for each piece."""
+        return 2 * len(self.roots)
+
     @cached_property
     def index(self):
         """(n,) which of the pieces, 0, 1, …, each disk belongs to."""

@@ -13,41 +13,28 @@ from jampetsc.petsc.cholesky import suitesparse
 from jampetsc.petsc.session import current
 
 
-class Blocks:
-    """The blocks of a PETSc.Mat, and the order in which its disks are eliminated.
+def factorised(matrix, shift: float):
+    """A function b → (A + shift)⁻¹b, (2N,) each, for the PETSc.Mat A; None where A + shift is not positive definite."""
+    n = matrix.getSize()[0] // 2
+    indptr, indices, values = matrix.getValuesCSR()
+    blocks = csr_array((values, indices, indptr), shape=matrix.getSize()).tobsr((2, 2))
+    rows = np.repeat(np.arange(n), np.diff(blocks.indptr))
+    upper = rows < blocks.indices
+    # unsigned, as in a list of pairs: compiled code is compiled for them already
+    i, j = rows[upper].astype(np.uint32), blocks.indices[upper].astype(np.uint32)
+    definite, factor = ldl.factorise(
+        elimination_order(n, i, j), i, j, -blocks.data[upper], np.ones(len(i), bool), np.full(n, shift)
+    )
+    if not definite:
+        return None
+    work = np.empty((n, 2))
 
-    i, j     (M,) contacts, i < j
-    values   (M, 2, 2) b_ij
-    order    (N,) disks, as they are eliminated
-    """
+    def solve(b):
+        x = np.empty((n, 2))
+        ldl.solve(factor, b.reshape(n, 2), x, work)
+        return x.ravel()
 
-    def __init__(self, matrix):
-        size = matrix.getSize()
-        indptr, indices, values = matrix.getValuesCSR()
-        blocks = csr_array((values, indices, indptr), shape=size).tobsr((2, 2))
-        rows = np.repeat(np.arange(size[0] // 2), np.diff(blocks.indptr))
-        upper = rows < blocks.indices
-        # unsigned, as in a list of pairs: compiled code is compiled for them already
-        self.i, self.j = rows[upper].astype(np.uint32), blocks.indices[upper].astype(np.uint32)
-        self.values = -blocks.data[upper]
-        self.order = elimination_order(size[0] // 2, self.i, self.j)
-
-    def factorise(self, shift: float):
-        """A function b → (A + shift)⁻¹b, (2N,) each; None where A + shift is not positive definite."""
-        n = len(self.order)
-        definite, factor = ldl.factorise(
-            self.order, self.i, self.j, self.values, np.ones(len(self.i), bool), np.full(n, shift)
-        )
-        if not definite:
-            return None
-        work = np.empty((n, 2))
-
-        def solve(b):
-            x = np.empty((n, 2))
-            ldl.solve(factor, b.reshape(n, 2), x, work)
-            return x.ravel()
-
-        return solve
+    return solve
 
 
 def elimination_order(n: int, i, j):

@@ -34,10 +34,10 @@ class Build:
         return {"PETSC_DIR": str(self.petsc_dir), "SLEPC_DIR": str(self.slepc_dir)}
 
 
-def distribution_builds(root=DISTRIBUTION):
-    """Builds under `root` with a petsc4py for this python: newest first, debug and 64-bit-index ones last."""
+def distribution_builds():
+    """The distribution's builds with a petsc4py for this python: newest first, debug and 64-bit-index ones last."""
     found = {}
-    for folder in Path(root).glob("petscdir/*/*/"):
+    for folder in DISTRIBUTION.glob("petscdir/*/*/"):
         scalar = re.search(r"real|complex", folder.name)
         if scalar and _module_folder(folder, "petsc4py"):
             slepc_dir = Path(str(folder).replace("petscdir/petsc", "slepcdir/slepc"))

@@ -44,11 +44,8 @@ class NotPositiveDefinite(ConvergenceError):
 
 def suitesparse() -> bool:
     """Whether PETSc was built with it."""
-    names = (
-        "suitesparse",
-        "cholmod",
-    )  # PETSc of Debian 12 and earlier knows the first only, later ones the second
-    return any(map(current().PETSc.Sys.hasExternalPackage, names))
+    # PETSc of Debian 12 and earlier knows the first name only, later ones the second
+    return any(map(current().PETSc.Sys.hasExternalPackage, ("suitesparse", "cholmod")))
 
 
 def fits_cholmod(matrix) -> bool:

@@ -84,9 +84,9 @@ class _BlockFactor:
     """(K − σ)⁻¹ of a matrix that one rank has whole, as a preconditioner that PETSc calls."""
 
     def __init__(self, matrix, shift):
-        from jampetsc.petsc.blocks import Blocks  # compiled code, which takes its time to load
+        from jampetsc.petsc import blocks  # compiled code, which takes its time to load
 
-        self._solve = Blocks(matrix).factorise(shift)
+        self._solve = blocks.factorised(matrix, shift)
         if self._solve is None:
             raise ConvergenceError("K − σ is not positive definite, σ just below zero: K has negative modes")
 

@@ -18,7 +18,7 @@ from jampetsc.petsc import mumps
 from jampetsc.petsc.cholesky import DEFAULTS, MUMPS, doubt
 from jampetsc.petsc.matrices import set_diagonal
 
-SHIFT = 1e-12
+SHIFT = 1e-12  # σ
 PREFIX = "inertia_"
 NULL_PIVOTS = {"mat_mumps_icntl_24": 1}  # PETSc gives no inertia without their detection
 
@@ -30,10 +30,9 @@ class Inertia:
     negative: int
     zero: int
     positive: int
-    shift: float  # σ, for the matrix scaled to a unit diagonal
 
 
-def count_eigenvalues(matrix, what: str, pins=(), shift: float = SHIFT) -> Inertia:
+def count_eigenvalues(matrix, what: str, pins=()) -> Inertia:
     """Inertia of a distributed real symmetric PETSc Mat. Collective; needs the real build.
 
     what   name of the matrix, for messages
@@ -50,12 +49,12 @@ def count_eigenvalues(matrix, what: str, pins=(), shift: float = SHIFT) -> Inert
     set_diagonal(scaled, pins, 1.0)
 
     try:
-        below_plus, below_minus = _negative(scaled, (-shift, 2.0 * shift), what)
+        below_plus, below_minus = _negative(scaled, (-SHIFT, 2.0 * SHIFT), what)
     finally:
         for item in (scaled, diagonal):
             item.destroy()
     positive = matrix.getSize()[0] - below_plus - len(pins)
-    return Inertia(below_minus, below_plus - below_minus, positive, shift)
+    return Inertia(below_minus, below_plus - below_minus, positive)
 
 
 def _negative(matrix, shifts, what):

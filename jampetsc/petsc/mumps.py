@@ -66,7 +66,7 @@ def factorise(ksp, matrix, what: str) -> int:
         if not code or code > 0:  # positive codes are warnings
             return attempt
         if code not in WORKSPACE or attempt == ATTEMPTS:
-            raise explain(code, what)
+            raise _explained(code, what)
         option = f"{ksp.getOptionsPrefix()}mat_mumps_icntl_14"
         options = current().PETSc.Options()
         options.setValue(option, max(USUAL, 2 * options.getInt(option, USUAL)))
@@ -84,18 +84,14 @@ def solve(ksp, rhs, out, what: str, remedy: str = "") -> None:
     ksp.solve(rhs, out)
     reason = min(ksp.getComm().tompi4py().allgather(ksp.getConvergedReason()))
     if reason < 0:
+        reasons = current().PETSc.KSP.ConvergedReason
+        told = next((name for name in dir(reasons) if getattr(reasons, name) == reason), reason)
         raise ConvergenceError(
-            f"{what}: KSP stopped with {reason_told(reason)} after {ksp.getIterationNumber()} iterations{remedy}"
+            f"{what}: KSP stopped with {told} after {ksp.getIterationNumber()} iterations{remedy}"
         )
 
 
-def reason_told(code: int) -> str:
-    """PETSc's name of why a KSP stopped."""
-    reasons = current().PETSc.KSP.ConvergedReason
-    return next((name for name in dir(reasons) if getattr(reasons, name) == code), str(code))
-
-
-def explain(code, what: str) -> Failure:
+def _explained(code, what):
     """The error to raise for a factorisation of `what` that failed with this INFOG(1)."""
     told = f"MUMPS INFOG(1) = {code}"
     if code in WORKSPACE or code in MEMORY:
@@ -107,5 +103,5 @@ def explain(code, what: str) -> Failure:
             f"the matrix is singular ({told}); is the packing a minimum? see info with {named('matrices')}"
         )
     else:
-        remedy = f"the solver reports {told if code else 'a failed factorisation'}"
+        remedy = f"the solver reports {told}"
     return Failure(f"factorisation of {what}: {remedy}", code)

@@ -124,9 +124,7 @@ def test_a_response_is_unique_without_modes_but_translations(session):
 )
 def test_one_mode_is_enough(session, monkeypatch, negative, zero, says):
     network = build_network(SAMPLES["published"](), session.comm)
-    monkeypatch.setattr(
-        minimum, "count_modes", lambda _: Inertia(negative, zero, 32 - negative - zero, 1e-12)
-    )
+    monkeypatch.setattr(minimum, "count_modes", lambda _: Inertia(negative, zero, 32 - negative - zero))
     if says is None:
         return require_unique_response(network)
     with pytest.raises(InputError, match=says):

@@ -1,7 +1,6 @@
 """The door to PETSc: which build is taken, whose options win, and what is never started."""
 
 import ctypes
-import functools
 import gc
 import importlib.util
 import os
@@ -76,7 +75,7 @@ def make_build(root, name, suffix=EXTENSION_SUFFIXES[0]):
     (lib / f"PETSc{suffix}").touch()
 
 
-def test_newest_build_for_this_python_comes_first(tmp_path):
+def test_newest_build_for_this_python_comes_first(tmp_path, monkeypatch):
     for name in ("petsc3.9/*-real", "petsc3.18/*-real-debug", "petsc3.18/*-real", "petsc64-3.20/*-real"):
         make_build(tmp_path, name.replace("*", "any-linux-gnu"))
     make_build(tmp_path, "petsc3.19/any-linux-gnu-complex")
@@ -84,7 +83,8 @@ def test_newest_build_for_this_python_comes_first(tmp_path):
     make_build(tmp_path, "petsc3.22/any-linux-gnu-real", suffix=".cpython-30-other.so")
     (tmp_path / "petscdir" / "3.9").mkdir()  # another name of a build that has been found
     (tmp_path / "petscdir/3.9/real").symlink_to(tmp_path / "petscdir/petsc3.9/any-linux-gnu-real")
-    found = builds.distribution_builds(tmp_path)
+    monkeypatch.setattr(builds, "DISTRIBUTION", tmp_path)
+    found = builds.distribution_builds()
     names = [str(build.petsc_dir.resolve().relative_to(tmp_path / "petscdir")) for build in found]
     assert names == [
         "petsc3.19/any-linux-gnu-complex",
@@ -126,9 +126,7 @@ def test_which_build_is_started(asked, own, found):
 def installed(tmp_path, monkeypatch):
     """A distribution's root, in which builds can be made, and no petsc4py loaded or the user's own."""
     find = importlib.util.find_spec
-    monkeypatch.setattr(
-        builds, "distribution_builds", functools.partial(builds.distribution_builds, tmp_path)
-    )
+    monkeypatch.setattr(builds, "DISTRIBUTION", tmp_path)
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "petsc4py" else find(name))
     monkeypatch.setattr(sys, "path", [*sys.path])
     for name in ("petsc4py", "slepc4py"):
@@ -205,7 +203,7 @@ def test_own_petsc4py_on_the_path_is_respected():
     paths = [str(path / "lib/python3/dist-packages") for path in (own.petsc_dir, own.slepc_dir)]
     # the distribution's is told by where it lies; seen from a root without builds it is the user's own
     code = (
-        f"import sys; sys.path[:0] = {paths}\nbuilds.distribution_builds.__defaults__ = ('/nowhere',)\n"
+        f"import sys; sys.path[:0] = {paths}\nbuilds.DISTRIBUTION /= 'nowhere'\n"
         "print(session.start().scalar_type)\nsession.start('real')"
     )
     done = python(code)
