@@ -233,14 +233,6 @@ def test_a_count_that_never_agrees_is_an_error(session, monkeypatch, beyond):
 
 
 @pytest.mark.most_ranks(1)
-def test_an_affine_response_has_no_shares(session):
-    """In a crystal a shear moves every disk with the cell: there is nothing to share."""
-    modes = lowest_modes(build_network(crystal(), session.comm), 4)
-    assert modes.carried is None
-    assert np.abs(modes.shear_force).max() < 1e-12
-
-
-@pytest.mark.most_ranks(1)
 def test_where_a_cluster_ends():
     """Just above it, if the next value is farther than 1e-7 relatively and than rounding; else with it."""
     apart, together = 1.0 + 1.5e-7, 1.0 + 0.5e-7
@@ -259,11 +251,13 @@ def test_where_a_cluster_ends():
 @pytest.mark.most_ranks(2)
 @pytest.mark.parametrize("count", [1, 5, 12])
 def test_clusters_are_kept_whole(session, count):
+    """In a crystal; where a shear moves every disk with the cell, so that there is nothing for modes to share."""
     network = build_network(crystal(), session.comm)
     every = lowest_modes(network)
     modes = lowest_modes(network, count=count)
     m = len(modes.eigenvalues)
-    assert m >= count
+    assert m >= count and modes.carried is None
+    assert np.abs(modes.shear_force).max() < 1e-12
     np.testing.assert_allclose(modes.eigenvalues, every.eigenvalues[:m], rtol=1e-10)
     assert every.eigenvalues[m] - every.eigenvalues[m - 1] > 1e-6
     assert every.eigenvalues[count - 1] == pytest.approx(every.eigenvalues[m - 1], rel=1e-10)

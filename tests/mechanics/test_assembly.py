@@ -9,7 +9,6 @@ from samples import LAWS, SAMPLES, laws_of, network_of, physics, reference
 
 from jampetsc.mechanics.assembly import ROW, assemble
 from jampetsc.mechanics.compatibility import build_compatibility
-from jampetsc.petsc.matrices import diagonal_of, set_diagonal
 from jampetsc.petsc.session import current
 
 EPSILON = np.finfo(float).eps
@@ -38,7 +37,10 @@ def cases(request):
 
 
 def test_matrices_and_border(cases):
+    """In one pattern, zeros stored, so that K + sB needs no new one and no new symbolic factorisation."""
     for pencil, exact, rows in cases:
+        for one, other in zip(csr(pencil.K)[:2], csr(pencil.B)[:2], strict=True):
+            np.testing.assert_array_equal(one, other)
         for name, border, corner, on_pin in (
             ("K", pencil.k_gamma, pencil.k_gg, pencil.network.k),
             ("B", pencil.b_gamma, pencil.b_gg, 0.0),
@@ -82,13 +84,6 @@ def test_every_rank_may_have_all_rows(cases):
         mean = every.reshape(-1, pencil.law.dofs)[:, :2].mean(axis=0)
         assert np.all(np.abs(mean) < 1e-14) == pencil.law.holds_translations
         alone.destroy()
-
-
-def test_one_pattern_for_both(cases):
-    """Zeros are stored, so that K + sB needs no new pattern and no new symbolic factorisation."""
-    for pencil, *_ in cases:
-        for one, other in zip(csr(pencil.K)[:2], csr(pencil.B)[:2], strict=True):
-            np.testing.assert_array_equal(one, other)
 
 
 def test_as_many_pins_as_moves_that_cost_nothing(cases):
@@ -143,18 +138,3 @@ def test_weights_are_off_by_what_an_overlap_is_off(session, sample):
     assert np.all(off <= EPSILON * (size + 4.0 * np.abs(before)))
     more = np.any(off[:, 1] > 4.0 * EPSILON * np.abs(before[:, 1]))  # than its own last digit
     assert any(session.comm.allgather(more))
-
-
-def test_rows_of_any_rank_take_a_diagonal(session):
-    """The first and the last of each, and none."""
-    matrix = session.PETSc.Mat().createAIJ((9, 9), nnz=1, comm=session.comm)
-    matrix.assemble()
-    matrix.shift(1.0)
-    first, last = matrix.getOwnershipRange()
-    ends = session.comm.allgather((first, last - 1))
-    for rows, value in ((np.array([], int), 5.0), (np.unique(ends), 3.0)):
-        set_diagonal(matrix, rows, value)
-        wanted = np.ones(9)
-        wanted[rows] = value
-        np.testing.assert_array_equal(diagonal_of(matrix), wanted[first:last])
-    matrix.destroy()

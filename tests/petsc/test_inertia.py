@@ -57,15 +57,6 @@ def numbers(found):
     return found.negative, found.zero, found.positive
 
 
-def test_known_numbers(session):
-    """diag(−1e-3, 0, 0, 1e6, 3) ⊕ [[1, 2], [2, 1]]: 2 negative, 2 zero and 3 positive."""
-    dense = np.diag([-1e-3, 0.0, 0.0, 1e6, 3.0, 1.0, 1.0])
-    dense[5, 6] = dense[6, 5] = 2.0
-    matrix = symmetric(session, dense)
-    assert numbers(count_eigenvalues(matrix, "A")) == (2, 2, 3)
-    assert numbers(count_eigenvalues(matrix, "A", pins=[1])) == (2, 1, 3)
-
-
 def test_an_eigenvalue_at_the_very_value_is_not_counted_silently(session):
     """The pivots of A − value are exact here, one of them zero: on which side it lies nobody can say."""
     matrix = symmetric(session, np.diag(np.arange(1.0, 7.0)))

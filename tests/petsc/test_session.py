@@ -17,7 +17,6 @@ import samples
 
 import jampetsc
 from jampetsc.cli import main as cli
-from jampetsc.collective import own_cores
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import write_packing
 from jampetsc.petsc import builds
@@ -323,14 +322,6 @@ def test_what_python_drops_petsc_forgets(session, capfd):
     finally:
         gc.enable()
     assert kept() <= {0}
-
-
-@pytest.mark.scalar("real")
-def test_ranks_of_a_node_share_its_cores(session):
-    cores = len(os.sched_getaffinity(0))
-    assert own_cores(session.comm) == max(1, cores // session.size)
-    alone = own_cores(session.comm, session.rank == 0)
-    assert alone == cores or session.rank > 0
 
 
 # A rank on its own
