@@ -98,6 +98,14 @@ def lattice(side=8, spacing=0.97):
     return Disks.from_positions(places, np.full(side**2, 0.5), side * spacing * np.eye(2))
 
 
+def crystal():
+    """A perfect triangular lattice, 6 × 6: modes in clusters, and a shear moves every disk with the cell."""
+    row, column = np.divmod(np.arange(36), 6)
+    height = np.sqrt(0.75)
+    places = 0.99 * np.column_stack((column + 0.5 * row, height * row))
+    return Disks.from_positions(places, np.full(36, 0.5), 0.99 * np.array([(6, 0), (3, 6 * height)]))
+
+
 SAMPLES = {
     "published": published,
     "k = 2.5": lambda: replace(published(), potential=Potential(k=2.5)),

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from dense import Reference
 from gathered import unknowns
-from samples import DATA, SAMPLES, cut, pairs_of, physics, published, reference, strips
+from samples import DATA, SAMPLES, crystal, cut, pairs_of, physics, published, reference, strips
 
-from jampetsc.core.disks import Disks
 from jampetsc.core.potentials import Potential
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.linear import modes as modes_module
@@ -171,14 +170,6 @@ def test_planted_floppy_mode(session):
     assert abs(modes.shear_force[0]) < 1e-10
     with pytest.raises(InputError, match="K has 1 floppy mode besides its translations"):
         ElasticResponse(floppy)
-
-
-def crystal():
-    """A perfect triangular lattice, 6 × 6: its modes come in clusters of equal eigenvalues."""
-    row, column = np.divmod(np.arange(36), 6)
-    height = np.sqrt(0.75)
-    positions = np.column_stack((column + 0.5 * row, height * row)) * 0.99
-    return Disks.from_positions(positions, np.full(36, 0.5), [(6 * 0.99, 0), (3 * 0.99, 6 * height * 0.99)])
 
 
 @pytest.mark.most_ranks(2)

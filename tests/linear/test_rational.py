@@ -11,6 +11,7 @@ from samples import (
     DATA,
     LAWS,
     SAMPLES,
+    crystal,
     isostatic,
     laws_of,
     modulus,
@@ -132,13 +133,6 @@ def test_a_factor_serves_again_nearby(session, monkeypatch):
                 found.basis.shifts = [s] * given
                 assert (found.sweep._serving(3.0 * s) == s) == serves
     assert made[0] > made[1] >= made[2]
-
-
-def crystal():
-    """A triangular lattice, in which a shear moves every disk with the cell."""
-    row, column = np.divmod(np.arange(24), 6)
-    positions = np.column_stack((column + 0.5 * row, np.sqrt(0.75) * row)) * 0.98
-    return Disks.from_positions(positions, np.full(24, 0.5), [(6 * 0.98, 0), (0.0, 4 * np.sqrt(0.75) * 0.98)])
 
 
 @pytest.mark.most_ranks(2)
