@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from dense import Reference
 from gathered import unknowns
-from samples import DATA, SAMPLES, crystal, cut, pairs_of, physics, published, reference, strips
+from samples import SAMPLES, crystal, cut, pairs_of, physics, published, reference, strips
 
 from jampetsc.core.potentials import Potential
 from jampetsc.errors import ConvergenceError, InputError
@@ -19,8 +19,6 @@ from jampetsc.mechanics.network import build_network
 from jampetsc.petsc import eigen
 
 pytestmark = pytest.mark.scalar("real")
-
-PACKING = DATA / "isostatic-N24-p1e-7.h5"
 
 
 def spectrum(sample, prestress=True):

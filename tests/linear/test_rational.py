@@ -8,7 +8,6 @@ import pytest
 from dense import without
 from gathered import unknowns
 from samples import (
-    DATA,
     LAWS,
     SAMPLES,
     crystal,
@@ -33,7 +32,6 @@ pytestmark = pytest.mark.scalar("real")
 
 OMEGA = np.geomspace(1e-10, 1e4, 15)
 MINIMA = ("published", "hertzian", "polydisperse", "isostatic")
-ISOSTATIC = DATA / "isostatic-N24-p1e-7.h5"
 
 
 def exact(sample, law, omega=OMEGA):

@@ -369,68 +369,26 @@ def test_who_works_together(monkeypatch):
 # Words for PETSc, and what may be wrong with it
 
 
-@pytest.fixture
-def modules(monkeypatch):
-    """petsc4py, slepc4py and mpi4py that do nothing: a function that puts others in their place, None for missing."""
-
-    def module(name, part, **attributes):
-        path = f"/lib/{name}/__init__.py"
-        made = SimpleNamespace(init=lambda *words, **more: None, __file__=path, **attributes)
-        inner = {"COMM_WORLD": "world", "Is_finalized": lambda: False}
-        setattr(made, part, SimpleNamespace(__file__=f"/usr/lib/petsc/lib/{part}.so", **inner))
-        return made
-
-    def put(**changes):
-        found = {name: module(name, part) for name, part in PARTS.items()} | changes
-        for name, one in found.items():
-            monkeypatch.setitem(sys.modules, name, one)
-        return found
-
-    return put
-
-
-PARTS = {"mpi4py": "MPI", "petsc4py": "PETSc", "slepc4py": "SLEPc"}
-
-
-def refusing(error):
-    """A module whose start fails."""
-
-    def init(*words, **more):
-        raise error
-
-    return SimpleNamespace(init=init, __file__="/lib/any/__init__.py", PETSc=None)
-
-
-def test_petsc_is_started_with_the_words_and_slepc_need_not_be_there(modules):
-    started = []
-    found = modules()
-    found["petsc4py"].init = lambda words, comm: started.append((words, comm))
-    assert door._load(["-a", "1"]) == (
-        found["petsc4py"].PETSc,
-        found["slepc4py"].SLEPc,
-        "world",
-    )
-    assert started == [(["jampetsc", door.QUIET, "-a", "1"], "world")]
-    modules(slepc4py=None)
-    assert door._load([])[1] is None
+def test_petsc_is_started_with_the_words_and_slepc_need_not_be_there():
+    start = "running = session.start('real', ['-a', '1'])\nprint(running.SLEPc, running.options())"
+    done = python(f"import sys\nsys.modules['slepc4py'] = None\n{start}")
+    assert done.stdout.startswith("None {'a': '1'}\n"), done.stderr
 
 
 @pytest.mark.parametrize(
-    ("name", "module", "message"),
+    ("module", "found", "message"),
     [
         ("mpi4py", None, "petsc4py and mpi4py: import of mpi4py halted; None in sys.modules: install them for /"),
         ("petsc4py", None, "petsc4py and mpi4py: import of petsc4py halted"),
-        ("petsc4py", refusing(ImportError("no\n  symbol")), "petsc4py and mpi4py: no symbol: install them for"),
-        ("petsc4py", refusing(RuntimeError(62)), "-a 1: PETSc does not start with this: see its message above"),
-        ("slepc4py", refusing(ImportError("x")), "/lib/any was not built for /usr/lib/petsc: set PETSC_DIR and"),
-        ("slepc4py", refusing(ValueError("x")), "/lib/any was not built for /usr/lib/petsc: set PETSC_DIR and"),
+        ("any", None, "-malloc_debug maybe: PETSc does not start with this: see its message above"),
+        ("slepc4py", "Namespace(init=dict, __file__='/lib/x/y.py')", "/lib/x was not built for /"),  # ValueError
     ],
 )  # fmt: skip
-def test_what_does_not_start_is_one_line(modules, name, module, message):
-    modules(**{name: module})
-    with pytest.raises(InputError) as refused:
-        door._load(["-a", "1"])
-    assert str(refused.value).startswith(message)
+def test_what_does_not_start_is_one_line(module, found, message):
+    words = ["-malloc_debug", "maybe"] if module == "any" else []
+    before = f"import sys\nfrom argparse import Namespace\nsys.modules[{module!r}] = {found}"
+    done = python(f"{before}\nsession.start('real', {words})")
+    assert done.stderr.splitlines()[-1].startswith(f"jampetsc.errors.InputError: {message}"), done.stderr
 
 
 @pytest.mark.parametrize(
