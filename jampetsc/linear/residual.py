@@ -169,10 +169,6 @@ class ResidualBound:
         stretch = self.network.max(reach / diagonal)
         return Anchor(s, diagonal, least, np.sqrt(stretch) * self.residual.rounding(s, reach))
 
-    def _stretch(self, s, diagonal):
-        """Largest entry of the diagonal of K + sB in units of that of an anchor."""
-        return self.network.max(self.pencil.diagonal(s) / diagonal)
-
     def _add_direction(self, v, energies):
         self.pencil.project(v)
         self.directions = np.column_stack((self.directions, v))
@@ -206,9 +202,8 @@ class ResidualBound:
     def _evaluate(self, allowed):
         """(bound (M,), `_Worst` or None where it is within `allowed`)."""
         triangles = [self._triangle(anchor) for anchor in self.anchors]
-        stretch = [
-            [self._stretch(s, anchor.diagonal) for s in self.factors.shifts] for anchor in self.anchors
-        ]
+        diagonals = [self.pencil.diagonal(s) for s in self.factors.shifts]
+        stretch = [[self.network.max(one / anchor.diagonal) for one in diagonals] for anchor in self.anchors]
         return on_root(self.network.comm, lambda: self._judge(triangles, stretch, allowed))
 
     def _triangle(self, anchor):
@@ -218,7 +213,7 @@ class ResidualBound:
         return None if parts is None else np.linalg.qr(np.vstack(parts), mode="r")
 
     def _judge(self, triangles, stretch, allowed):
-        """What `_evaluate` gives, on rank 0. By anchor: T, and stretch at each shift at hand."""
+        """What `_evaluate` gives, on rank 0. By anchor: T; and largest diagonal entry of K + sB over D, by shift."""
         omega, k = self.omega, self.directions.shape[1]
         if not all(np.isfinite(triangle).all() for triangle in triangles):
             return np.full(len(omega), np.inf), None
