@@ -81,12 +81,10 @@ class Distributed:
                 self._factor(s)
                 self.shifts.append(s)
 
-    def start(self, s: float) -> RationalBasis:
-        """The basis without vectors that starts from the field at shift s, if contacts dissipate."""
-        if not self.pencil.law.damps_contacts:
-            return _from_infinity(self.pencil)
+    def field(self, s: float):
+        """(shift, x): the field x (n_local,) at the shift next to s that there is a factor of, see `field_at`."""
         s = closest(self.shifts, s)
-        return RationalBasis(self.pencil, s, field_at(self.pencil, self._factor(s), s))
+        return s, field_at(self.pencil, self._factor(s), s)
 
     def extend(self, basis: RationalBasis, shifts, count: int) -> None:
         """Add `count` vectors at each shift."""
@@ -155,13 +153,11 @@ class SideBySide:
                 if self.owner[s] == self.comm.rank:
                     self.mine[s] = _new_factor(self.whole, s)
 
-    def start(self, s: float) -> RationalBasis:
-        """The basis without vectors that starts from the field at shift s, if contacts dissipate."""
-        if not self.pencil.law.damps_contacts:
-            return _from_infinity(self.pencil)
+    def field(self, s: float):
+        """(shift, x): the field x (n_local,) at the shift next to s that there is a factor of, see `field_at`."""
         s = closest(self.owner, s)
-        x0 = self._by_owner(s, lambda factor: field_at(self.whole, factor, s))
-        return RationalBasis(self.pencil, s, self._scatter(x0, self.owner[s]))
+        x = self._by_owner(s, lambda factor: field_at(self.whole, factor, s))
+        return s, self._scatter(x, self.owner[s])
 
     def extend(self, basis: RationalBasis, shifts, count: int) -> None:
         """Add `count` vectors at each shift; the chains grow at the same time."""
@@ -236,7 +232,3 @@ class SideBySide:
         for factor in self.mine.values():
             factor.destroy()
         self.whole.destroy()
-
-
-def _from_infinity(pencil):
-    return RationalBasis(pencil, np.inf, np.zeros(pencil.K.getLocalSize()[0]))

@@ -178,7 +178,10 @@ class RationalSweep:
         """Factorise K + sB at each of them, or take a factor close by, extend the basis and renew the bound."""
         self.factors.factorise(shifts)
         if self.basis is None:
-            self._set_basis(self.factors.start(shifts[0]))
+            first, x0 = np.inf, np.zeros(self.pencil.K.getLocalSize()[0])  # where only a fluid dissipates
+            if self.pencil.law.damps_contacts:
+                first, x0 = self.factors.field(shifts[0])
+            self._set_basis(RationalBasis(self.pencil, first, x0))
         self.factors.extend(self.basis, shifts, VECTORS)
         q, more = self.basis.residual()
         self.basis.complete |= not more

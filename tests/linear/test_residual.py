@@ -148,7 +148,7 @@ class Inexact(RationalBasis):
 @pytest.mark.parametrize("noise", [1e-10, 1e-5, 1e-2])
 def test_the_bound_holds_for_a_space_made_by_poor_solves(session, law, noise, monkeypatch):
     """Refused, or within its bound: φ and q, which assume exact solves, only steer."""
-    monkeypatch.setattr("jampetsc.linear.factors.RationalBasis", Inexact)
+    monkeypatch.setattr("jampetsc.linear.rational.RationalBasis", Inexact)
     monkeypatch.setattr(Inexact, "noise", noise)
     wanted = exact("published", law)
     sweep = Sweep(SAMPLES["published"](), law, OMEGA, 1e-6, session.comm)
@@ -352,7 +352,7 @@ def test_shifts_go_to_ranks_in_turn(session):
 
 
 @pytest.mark.least_ranks(2)
-@pytest.mark.parametrize("what", ["factorise", "start", "extend", "solve", "energies", "least_eigenvalue"])
+@pytest.mark.parametrize("what", ["factorise", "field", "extend", "solve", "energies", "least_eigenvalue"])
 def test_what_fails_on_one_rank_fails_on_all(session, what):
     """A matrix that is not positive definite, or a factor with which nothing comes out."""
 
@@ -363,13 +363,13 @@ def test_what_fails_on_one_rank_fails_on_all(session, what):
     side = SideBySide(pencil)
     side.factorise([1e-2, 10.0])
     s = next(s for s, rank in side.owner.items() if rank == session.size - 1)
-    basis = side.start(1e-2)
+    basis = RationalBasis(pencil, *side.field(1e-2))
     if s in side.mine:
         side.mine[s] = SimpleNamespace(solve=lost, energy=lost, least_eigenvalue=lost, destroy=lambda: None)
     force = pencil.k_gamma.getArray()
     calls = {
         "factorise": lambda: side.factorise([1.0, -0.1]),
-        "start": lambda: side.start(s),
+        "field": lambda: side.field(s),
         "extend": lambda: side.extend(basis, [s], 1),
         "solve": lambda: side._solve(s, force),
         "energies": lambda: side.energies(force),
