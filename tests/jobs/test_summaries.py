@@ -14,7 +14,6 @@ PHYSICS = Physics(damping_law())
 
 
 def sweep_job(**more):
-    disks = SimpleNamespace(record={"pressure": 2e-3}, potential=SimpleNamespace(k=2.0))
     plain = {
         "to": "s.h5",
         "physics": PHYSICS,
@@ -22,6 +21,7 @@ def sweep_job(**more):
         "damping": None,
         "omega": np.array([3.0, 4.0]),
     }
+    disks = SimpleNamespace(record={"pressure": 2e-3}, potential=SimpleNamespace(k=2.0))
     return SimpleNamespace(**plain | {"disks": disks} | more)
 
 
@@ -74,22 +74,18 @@ def test_a_study_tells_what_failed_and_what_is_unstable():
     rows = [{"G0": -1.0}, {"G0": 1.0}, {"G0": 0.0}, {}]
     failures = [{"file": f"{n}.h5", "state": "failed: no"} for n in range(study.MANY + 2)]
     lines = study._summary("t.csv", rows, failures, "3 s").split("\n")
-    assert lines[0] == f"t.csv: 4 tasks, {study.MANY + 2} failed, 3 s" and lines[1] == "  0.h5: failed: no"
-    assert lines[study.MANY :][1:] == [
-        "  … and 2 more, see the table",
-        "  G0 < 0 in 1 of 3 rows: kept in the averages",
-    ]
+    assert lines[:2] == [f"t.csv: 4 tasks, {study.MANY + 2} failed, 3 s", "  0.h5: failed: no"]
+    more, unstable = lines[study.MANY + 1 :]
+    assert more == "  … and 2 more, see the table"
+    assert unstable == "  G0 < 0 in 1 of 3 rows: kept in the averages"
     exactly = study._summary("t.csv", [], failures[: study.MANY], "3 s")
     assert "more, see" not in exactly and exactly.count("failed: no") == study.MANY
 
 
 def test_an_oscillation_tells_both_ends_of_its_frequencies():
+    omega = np.array([0.1, 1.0, 10.0])
     asked = SimpleNamespace(
-        alpha=1.0,
-        physics=PHYSICS,
-        amplitude=np.array([1e-6]),
-        omega=np.array([0.1, 1.0, 10.0]),
-        control="strain",
+        alpha=1.0, physics=PHYSICS, amplitude=np.array([1e-6]), omega=omega, control="strain"
     )
     arrays = {
         "G": np.array([[1 + 1j, 2 + 2j, 3 + 4j]]), "error": np.array([[1e-3, 1e-3, 1e-1]]),
@@ -105,90 +101,49 @@ def test_an_oscillation_tells_both_ends_of_its_frequencies():
 
 def test_a_quasistatic_response_tells_its_parts():
     flow = SimpleNamespace(parts={"contacts": 0.25, "fluid": 0.5}, eta0=0.75)
-    median = {
-        key: SimpleNamespace(median=value)
-        for key, value in (("normal", 1.0), ("transverse", 2.0), ("nonaffine", 3.0))
-    }
-    response = SimpleNamespace(
-        network=SimpleNamespace(prestress=True),
-        flow=flow,
-        G0=0.5,
-        bulk_modulus=4.0,
-        omega_star=0.1,
-        identity_difference=1e-12,
-    )
-    outcome = SimpleNamespace(eta_inf=0.5, responses={"": response}, distributions={"": median})
-    lines = quasistatic._summary("q.h5", PHYSICS, outcome).split("\n")
-    assert lines == [
+    medians = {"normal": 1.0, "transverse": 2.0, "nonaffine": 3.0}
+    found = {key: SimpleNamespace(median=value) for key, value in medians.items()}
+    numbers = {"G0": 0.5, "bulk_modulus": 4.0, "omega_star": 0.1, "identity_difference": 1e-12}
+    response = SimpleNamespace(network=SimpleNamespace(prestress=True), flow=flow, **numbers)
+    outcome = SimpleNamespace(eta_inf=0.5, responses={"": response}, distributions={"": found})
+    assert quasistatic._summary("q.h5", PHYSICS, outcome).split("\n") == [
         "q.h5: contact damping, beta = 1, eta_inf = 0.5",
         "  pre-stress: G0 = 0.5, bulk modulus 4, eta0 = 0.75 (contacts 0.25, fluid 0.5), omega* = 0.1",
         "    medians per unit strain: |Δu∥| 1, |Δu⊥| 2, |u_na| 3; identity kept to 1e-12",
     ]
 
 
-def fit_of(**parameters):
-    free = ["phi_J", "y", "kappa"]
-    plain = {"phi_J": 0.8433, "y": 1.1, "kappa": 3.5} | parameters
-    return SimpleNamespace(
-        form=SimpleNamespace(free=free), parameters=plain, chi2=30.0, dof=20, probability=0.5
-    )
+@pytest.mark.parametrize(("finite_size", "scale"), [(False, 1e-3), (True, 0.125)])
+def test_a_collapse_tells_its_parameters_those_of_every_cut_and_notes(finite_size, scale):
+    def cut(scale, chi2, y, *errors):
+        values = {"phi_J": 0.8433, "y": y, "kappa": 3.5}
+        fit = SimpleNamespace(parameters=values, chi2=chi2, dof=20, probability=0.5)
+        found = zip(values.items(), errors, strict=True)
+        return scale, fit, {name: Estimate(one, one - 2 * e, one + 2 * e, 0.0) for (name, one), e in found}
 
-
-def found_with(*errors):
-    values = fit_of().parameters.items()
-    return {
-        name: Estimate(value, value - 2 * e, value + 2 * e, 0.0)
-        for (name, value), e in zip(values, errors, strict=True)
-    }
-
-
-def test_a_collapse_tells_its_parameters_those_of_every_cut_and_notes():
-    for finite_size, scales in ((False, (1e-2, 1e-3)), (True, (0.5, 0.125))):
-        job = SimpleNamespace(observable="pressure", finite_size=finite_size)
-        cut = fit_of(y=1.5)
-        cut.chi2 = 10.0
-        cuts = [
-            (scales[0], fit_of(), found_with(0.01, 0.2, 1.0)),
-            (scales[1], cut, found_with(1e-3, 0.1, np.inf)),
-        ]
-        lines = collapse._summary("c.h5", job, range(7), cuts, ["one", "two"]).split("\n")
-        nu, what = ("nu", "N >= 64") if finite_size else ("znu", "rates <= 0.001")
-        assert lines == [
-            f"c.h5: pressure at 7 points, phi_J = 0.8433 ± 0.01, y = 1.1 ± 0.2, {nu} = 3.5 ± 1",
-            "  chi2/dof = 1.5 with 20 degrees of freedom, probability 0.5",
-            f"  {what}: phi_J = 0.8433 ± 0.001, y = 1.5 ± 0.1, {nu} undecided, chi2/dof = 0.5",
-            "  note: one",
-            "  note: two",
-        ]
+    job = SimpleNamespace(observable="pressure", finite_size=finite_size)
+    cuts = [cut(0.5, 30.0, 1.1, 0.01, 0.2, 1.0), cut(scale, 10.0, 1.5, 1e-3, 0.1, np.inf)]
+    nu, what = ("nu", "N >= 64") if finite_size else ("znu", "rates <= 0.001")
+    assert collapse._summary("c.h5", job, range(7), cuts, ["one", "two"]).split("\n") == [
+        f"c.h5: pressure at 7 points, phi_J = 0.8433 ± 0.01, y = 1.1 ± 0.2, {nu} = 3.5 ± 1",
+        "  chi2/dof = 1.5 with 20 degrees of freedom, probability 0.5",
+        f"  {what}: phi_J = 0.8433 ± 0.001, y = 1.5 ± 0.1, {nu} undecided, chi2/dof = 0.5",
+        "  note: one",
+        "  note: two",
+    ]
 
 
 def test_lanes_of_other_widths_are_compared_with_errors_of_both():
     def result(values, errors):
-        C, e = (np.array([[one, x, np.nan], [one, x, np.nan]]) for one, x in ((1.0, values), (0.0, errors)))
-        return SimpleNamespace(
-            values=C, errors=e, pairs=9, root=np.array([0.1, np.nan]), root_error=np.array([0.01, 0.02])
-        )
+        C, e = (np.array([[one, x, np.nan]] * 2) for one, x in ((1.0, values), (0.0, errors)))
+        root, error = np.array([0.1, np.nan]), np.array([0.01, 0.02])
+        return SimpleNamespace(values=C, errors=e, pairs=9, root=root, root_error=error)
 
     results = [result(0.5, 0.03), result(0.7, 0.04), result(np.nan, 0.1)]
-    found = SimpleNamespace(results=results, length=40.0, diameter=2.0)
-    lines = correlate_sweeps._summary("c.h5", 1, np.array([1e-3]), "strain", [0.5, 1.0, 2.0], found).split(
-        "\n"
-    )
-    assert lines == [
+    found, widths = SimpleNamespace(results=results, length=40.0, diameter=2.0), [0.5, 1.0, 2.0]
+    assert correlate_sweeps._summary("c.h5", 1, np.array([1e-3]), "strain", widths, found).split("\n") == [
         "c.h5: 1 packing, L = 20 d, lanes of 0.5 d, 9 pairs, in phase with the strain",
         "  omega 0.001: l/d Re 2 ± 0.2,  Im no root",
         "  lanes of 1 d: C differs by 0.2 (rms), with errors of 0.05",
         "  lanes of 2 d: C is not known",
     ]
-    found.results = results[:1]
-    assert correlate_sweeps._summary("c.h5", 2, np.ones(1), "strain", [0.5], found).startswith(
-        "c.h5: 2 packings, "
-    )
-
-
-def test_the_worst_error_of_the_loss_is_over_the_loss():
-    """Bounds of |G*|, G' and G'' of which each part's own is worst at another frequency."""
-    G = np.array([1 + 0.5j, 4 + 1j])
-    bounds = np.array([[0.5, 1e-3, 2e-3], [0.5, 2e-3, 1e-3]])
-    (line, *_) = sweep._summary(sweep_job(), np.array([0.1, 1.0]), G, bounds).split("\n")
-    assert line.endswith("certified to 1.0e-03 in G' and 4.0e-03 in G''")

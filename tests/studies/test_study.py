@@ -30,46 +30,22 @@ from jampetsc.studies.lock import Lock
 from jampetsc.studies.plan import plan
 
 ALL = """
-[pack]
-n = 16
-pressure = "1e-2"
-seeds = "1:2"
-[[sweep]]
-omega = "1e-4:1:5"
-beta = [1.0, 0.1]
-[[sweep]]
-omega = "1e-3:1:4"
-law = "stokes"
-fields = "1e-3,1"
-no-prestress = true
-[quasistatic]
-[modes]
-count = 3
-[oscillate]
-omega = 1.0
-strain = 1e-6
-steps = 16
-[shear]
-step = 1e-3
-strain = 2e-3
-[[flow]]
-model = "CD0"
-rate = 1e-2
-strain = 0.05
-[[flow]]
-n = 16
-phi = 0.8
-model = "RD0"
-seeds = "1:2"
-rate = 1e-2
-strain = 0.05
-snapshots = 2
-[jam]
-n = 16
-phi = [0.75, 0.9]
-seeds = "1:3"
-[spectrum]
-[correlate]
+pack = {n = 16, pressure = "1e-2", seeds = "1:2"}
+sweep = [
+    {omega = "1e-4:1:5", beta = [1.0, 0.1]},
+    {omega = "1e-3:1:4", law = "stokes", fields = "1e-3,1", no-prestress = true},
+]
+quasistatic = {}
+modes = {count = 3}
+oscillate = {omega = 1.0, strain = 1e-6, steps = 16}
+shear = {step = 1e-3, strain = 2e-3}
+flow = [
+    {model = "CD0", rate = 1e-2, strain = 0.05},
+    {n = 16, phi = 0.8, model = "RD0", seeds = "1:2", rate = 1e-2, strain = 0.05, snapshots = 2},
+]
+jam = {n = 16, phi = [0.75, 0.9], seeds = "1:3"}
+spectrum = {}
+correlate = {}
 """
 
 
@@ -146,33 +122,35 @@ def told(capsys):
     return [tuple(line[1:].split("] ", 1)) for line in lines]
 
 
+def times(folder):
+    """When each result was written."""
+    return {path.name: path.stat().st_mtime_ns for path in folder.glob("*.h5")}
+
+
 @pytest.mark.scalar("real")
 def test_a_task_that_fails_is_a_row_and_the_others_go_on(session, shared_path, capsys, monkeypatch):
     clock = SimpleNamespace(monotonic=itertools.count(0, 10).__next__, perf_counter=perf_counter, sleep=sleep)
     monkeypatch.setattr(study_run, "time", clock)  # so late that the time left is estimated for every line
     text = "[pack]\nn = 24\nphi = [0.8, 0.95]\n[quasistatic]\n[modes]\ncount = [2, 1000]\n"
     table = study(shared_path / "study", text, status=3)
-    found = dict(
-        zip(zip(table["command"], table["phi"], table["count"], strict=True), table["state"], strict=True)
-    )
-    reasons = {key: state for key, state in found.items() if state != "done"}
-    assert len(found) == 8 and len(reasons) == 5
-    states = {(c, round(p, 2), None if n != n else n): state for (c, p, n), state in reasons.items()}
-    assert "phi = 0.8: the disks do not touch" in states["pack", 0.8, None]
-    assert "failed: pack-n24-phi0.8" in states["quasistatic", 0.8, None]
-    assert "1000 modes: K has" in states["modes", 0.95, 1000]
-    assert str(shared_path) not in "".join(reasons.values())
+    keys = zip(table["command"], table["phi"].round(2), table["count"].tolist(), strict=True)
+    states = {" ".join(map(str, key)): state for key, state in zip(keys, table["state"], strict=True)}
+    assert len(states) == 8 and sum(state != "done" for state in states.values()) == 5
+    assert "phi = 0.8: the disks do not touch" in states["pack 0.8 nan"]
+    assert "failed: pack-n24-phi0.8" in states["quasistatic 0.8 nan"]
+    assert "1000 modes: K has" in states["modes 0.95 1000.0"]
+    assert str(shared_path) not in "".join(states.values())
     if session.size == 1:
         said = told(capsys)
         assert [count for count, _ in said] == [f"{n}/8" for n in range(1, 9)]
         failed = [int((re.findall(r"; (\d+) failed\b", line) or [0])[-1]) for _, line in said]
         assert failed == sorted(failed) and failed[-1] == 5 and "left" not in said[-1][1]
     # what is asked for no more fails no more; what was done stays as it is
-    before = {path.name: path.stat().st_mtime_ns for path in (shared_path / "study").glob("*.h5")}
+    before = times(shared_path / "study")
     session.comm.Barrier()
     table = study(shared_path / "study", text.replace("0.8, ", "").replace(", 1000", ", 4"))
     assert set(table["state"]) == {"done"} and table.rows == 4
-    after = {path.name: path.stat().st_mtime_ns for path in (shared_path / "study").glob("*.h5")}
+    after = times(shared_path / "study")
     assert before.items() <= after.items() and len(after) == len(before) + 1
 
 
@@ -385,10 +363,6 @@ def test_a_bug_in_what_all_do_together_is_no_row(session, shared_path, monkeypat
 # Killed
 
 
-def launched(ranks, count, moment, *words):
-    return launch.run(ranks, "run_killed_study.py", count, moment, *words)
-
-
 def test_killed_at_any_moment_the_same_command_continues(tmp_path):
     path, folder = tmp_path / "study.toml", tmp_path / "study"
     ladder = LADDER.replace(", 1e-4", "").replace("1:2", "1:1")
@@ -396,16 +370,15 @@ def test_killed_at_any_moment_the_same_command_continues(tmp_path):
     words = ("study", path, "--out", folder)
     kept = {}
     for ranks, count, moment in ((0, 2, "before"), (2, 2, "within"), (0, 1, "after")):
-        done = launched(ranks, count, moment, *words)
+        done = launch.run(ranks, "run_killed_study.py", count, moment, *words)
         assert done.returncode != 0
-        now = {file.name: file.stat().st_mtime_ns for file in folder.glob("*.h5")}
-        assert kept.items() <= now.items(), "what was made is not made again"
-        kept = now
-    done = launched(2, 99, "never", *words)
+        assert kept.items() <= times(folder).items(), "what was made is not made again"
+        kept = times(folder)
+    done = launch.run(2, "run_killed_study.py", 99, "never", *words)
     assert done.returncode == 0, done.stderr
     table = jampetsc.load(folder)
     assert set(table["state"]) == {"done"} and table.rows == 6
-    assert kept.items() <= {file.name: file.stat().st_mtime_ns for file in folder.glob("*.h5")}.items()
+    assert kept.items() <= times(folder).items()
     assert len(list((folder / "journal").iterdir())) == len(records_of(folder)) == 6
     assert not list(folder.glob(".*")) and (folder / "study.toml").read_text() == path.read_text()
 
@@ -423,20 +396,14 @@ def test_a_rank_that_fails_alone_ends_all(tmp_path, ranks):
 CHAIN = '[pack]\nn = 16\npressure = 1e-2\n[sweep]\nomega = "1e-2,1"\n[spectrum]\n'
 
 
-def times(folder):
-    """When each result was written."""
-    return {path.name: path.stat().st_mtime_ns for path in folder.glob("*.h5")}
-
-
 def truncated(path):
     os.truncate(path, path.stat().st_size - 200)
 
 
 def with_another_byte(path):
     """As a disk may change it: the line of checksums is the one that was written."""
-    content = bytearray(path.read_bytes())
-    content[3000] ^= 1
-    path.write_bytes(content)
+    content = path.read_bytes()
+    path.write_bytes(content[:3000] + bytes([content[3000] ^ 1]) + content[3001:])
 
 
 def replaced(path):
