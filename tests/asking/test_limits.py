@@ -40,6 +40,9 @@ RANGES = [  # (line, option, values within, values beyond)
     (PHI, "phi", [0.8, 1.5], [0.79, 1.51, "nan"]),
     (PHI, "pressure", ["1e-8", "1"], ["0.99e-8", "1.01", "nan", "inf"]),
     ("pack --pressure 1e-2 --out p.h5", "n", [16], [15, 10_000_001]),
+    (SWEEP, "omega", ["1e-16", "1e12", "1,2,1", "1e-2:1e2:2", "1e-2:1e2:100000", "lin:1:2:3"],
+     ["1:1:5", "0.99e-16", "1.01e12", "1e-17:1:5", "1:1e13:5", "2:1:5", "1:2:1", "1:2:100001", "nan", "1,inf", "0",
+      "-1", "1:2", ""]),
     (SWEEP, "accuracy", [1e-12, 0.1], [0.99e-12, 0.11, "nan"]),
     (SWEEP, "beta", [0.0, 1e3], [-0.1, "nan", "-nan"]),
     (f"{SWEEP} --stress 1e-5", "alpha", [0.05, 5.0], [0.049, 5.01, "nan"]),
@@ -66,6 +69,8 @@ RANGES = [  # (line, option, values within, values beyond)
      ["phi_J,y,znu", "phi_J,y,znu,omega=0.019", "phi_J,y,znu,omega=5.1"]),
     (SIZE, "fit", ["phi_J,y,nu"], ["phi_J,y,znu"]),
     (f"{FIT} --fit phi_J,y,znu", "observable", ["pressure", "shear_stress", "jammed"], ["stress"]),
+    ("plot c.h5 --out c.png", "log-exponent", [-10], [-100]),
+    ("trade p.h5 --out t.csv", "ranks", [1, 100_000], [0, 100_001]),
     ("quasistatic p.h5 --out q.h5", "betas", ["1,0.1", "0"], ["x", "1,-1", ""]),
 ]  # fmt: skip
 
@@ -86,23 +91,10 @@ def test_what_lies_beyond_a_range_is_refused(line, option, values):
         assert "\n" not in said and not said.startswith("--out")
 
 
-@pytest.mark.parametrize(
-    ("text", "count"),
-    [("1e-16", 1), ("1e12", 1), ("1,2,1", 2), ("1e-2:1e2:2", 2), ("1e-2:1e2:100000", 100_000)],
-)
-def test_frequencies(text, count):
-    omega = FREQUENCIES.read(text)
-    assert len(omega) == count and (np.diff(omega) > 0).all()
-
-
-NO_FREQUENCY = "1:1:5 0.99e-16 1.01e12 1e-17:1:5 1:1e13:5 2:1:5 1:2:1 1:2:100001 1:2:0 nan 1,inf 0 -1 1:2"
-
-
-@pytest.mark.parametrize("text", [*NO_FREQUENCY.split(), ""])
-def test_what_is_no_frequency(text):
-    with pytest.raises(ValueError, match=r"must|need|write"):
-        FREQUENCIES.read(text)
-
-
-def test_a_grid_of_frequencies_is_logarithmic():
-    np.testing.assert_allclose(FREQUENCIES.read("1e-2:1e2:5"), [0.01, 0.1, 1, 10, 100])
+def test_lists_of_numbers_are_increasing_and_grids_logarithmic_unless_told_otherwise():
+    for text, expected in (
+        ("1e-2:1e2:5", [0.01, 0.1, 1, 10, 100]),
+        ("lin:1:2:3", [1, 1.5, 2]),
+        ("2,1,2", [1, 2]),
+    ):
+        np.testing.assert_allclose(FREQUENCIES.read(text), expected)

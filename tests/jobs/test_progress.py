@@ -7,25 +7,14 @@ import jampetsc
 from jampetsc.progress import LOG, Progress
 
 
-def test_lines_count_from_what_was_done_before(capsys, telling):
+def test_lines_count_from_what_was_done_before_a_total_that_is_known(capsys, telling):
     with Progress(5, "sweep", done=2) as progress:
         progress.step("omega 1")
         progress.note("beside")
         progress.step("omega 2")
-    assert capsys.readouterr().err == "[3/5] omega 1\nbeside\n[4/5] omega 2\n"
-
-
-def test_a_total_that_is_not_known_is_not_told(capsys, telling):
     with Progress(None, "trade") as progress:
         progress.step("a")
-    assert capsys.readouterr().err == "[1] a\n"
-
-
-def test_other_ranks_count_in_silence(capsys):
-    with Progress(5, "sweep", rank=1) as progress:
-        progress.step("a")
-        progress.note("b")
-    assert progress.count == 1 and capsys.readouterr().err == ""
+    assert capsys.readouterr().err == "[3/5] omega 1\nbeside\n[4/5] omega 2\n[1] a\n"
 
 
 def test_a_function_is_silent_unless_its_user_listens(capsys, monkeypatch):
@@ -57,8 +46,12 @@ def test_a_terminal_has_a_bar_that_goes_in_the_end(monkeypatch, telling):
     assert "beside the bar\n" in terminal.getvalue() and "[3/5]" not in terminal.getvalue()
 
 
-def test_other_ranks_have_no_bar(monkeypatch):
-    monkeypatch.setattr("sys.stderr", terminal := Terminal())
-    with Progress(5, "sweep", rank=1) as progress:
-        progress.step("a")
-    assert terminal.getvalue() == ""
+def test_other_ranks_count_in_silence(capsys, monkeypatch, telling):
+    for terminal in (None, Terminal()):
+        if terminal:
+            monkeypatch.setattr("sys.stderr", terminal)
+        with Progress(5, "sweep", rank=1) as progress:
+            progress.step("a")
+            progress.note("b")
+        assert progress.count == 1
+        assert (terminal.getvalue() if terminal else capsys.readouterr().err) == ""
