@@ -85,15 +85,15 @@ def ending(folder, *stages):
     return done.returncode, done.stdout.splitlines()[-2:]
 
 
-def test_a_stage_that_fails_fails_the_run(tmp_path):
-    good, bad = "echo '3 passed in 0.1s'", "echo '1 failed, 2 passed in 0.1s'; exit 1"
-    for number, (stages, status, said) in enumerate(
-        [
-            ([("a", good), ("b", good)], 0, "== 6 passed in"),
-            ([("a", bad), ("b", good)], 1, "not passed: a == 1 failed, 5 passed in"),
-            ([("a", good), ("b", "exit 5")], 1, "not passed: b == 0 failed, 3 passed in"),  # no test at all
-        ]
-    ):
-        (tmp_path / str(number)).mkdir()
-        found, lines = ending(tmp_path / str(number), *stages)
-        assert found == status and said in " ".join(lines)
+@pytest.mark.parametrize(
+    ("stages", "status", "said"),
+    [
+        ([("a", "GOOD"), ("b", "GOOD")], 0, "== 6 passed in"),
+        ([("a", "BAD"), ("b", "GOOD")], 1, "not passed: a == 1 failed, 5 passed in"),
+        ([("a", "GOOD"), ("b", "exit 5")], 1, "not passed: b == 0 failed, 3 passed in"),  # no test at all
+    ],
+)
+def test_a_stage_that_fails_fails_the_run(tmp_path, stages, status, said):
+    words = {"GOOD": "echo '3 passed in 0.1s'", "BAD": "echo '1 failed, 2 passed in 0.1s'; exit 1"}
+    found, lines = ending(tmp_path, *((name, words.get(what, what)) for name, what in stages))
+    assert found == status and said in " ".join(lines)

@@ -29,9 +29,8 @@ def blocks(name, language):
 
 def lines(name):
     """The command lines of a document as lists of words after `jampetsc`: those of its indented blocks."""
-    found = re.findall(
-        r"^    (?:mpirun -n \d+ )?jampetsc (.*)$", (launch.ROOT / name).read_text(), re.MULTILINE
-    )
+    text = (launch.ROOT / name).read_text()
+    found = re.findall(r"^    (?:mpirun -n \d+ )?jampetsc (.*)$", text, re.MULTILINE)
     return [shlex.split(line, comments=True) for line in found]
 
 
@@ -123,14 +122,8 @@ def test_examples(tmp_path):
     if not importlib.util.find_spec("ovito"):  # 500 MB: CI has it
         del runs["ovito_picture.py"]
     made = ["pack --n 16 --pressure 1e-2 --out p.h5", "sweep p.h5 --out s.h5", "quasistatic p.h5 --out q.h5"]
-    said = launch.run_lines(
-        tmp_path,
-        [
-            *(line.split() for line in made),
-            *(example(name, *words) for name, words in runs.items()),
-            example("own_packing.py", "0", "packing.dump"),
-        ],
-    )
+    items = [line.split() for line in made] + [example(name, *words) for name, words in runs.items()]
+    said = launch.run_lines(tmp_path, [*items, example("own_packing.py", "0", "packing.dump")])
     energies = re.findall(r"^energy \D*(\d\S+?),?(?: |$)", said, re.MULTILINE)
     assert len(energies) == 3 and float(energies[0]) == pytest.approx(float(energies[1]), rel=1e-8)
     assert re.search(r"^16 disks, phi = 0\.\d+, Z = ", said, re.MULTILINE)
@@ -145,11 +138,9 @@ def test_examples(tmp_path):
     differences = [float(one) for one in re.findall(r"from the sweep (\S+)$", said, re.MULTILINE)]
     assert len(differences) == 3 and max(differences) < 1e-12
     assert re.search(r"pressure from the contacts (0\.01\d*|0\.00999\d*) k, of the packing 0\.01 k", said)
-    assert all(
-        (tmp_path / name).stat().st_size > 10_000 for name in ("figure.pdf", "ensemble-n16/collapse.png")
-    )
+    for name in ("figure.pdf", "ensemble-n16/collapse.png"):
+        assert (tmp_path / name).stat().st_size > 10_000
     # one law is the sum of the others where they do not compete
-    both, contacts, drag = map(
-        float, re.search(r"^ +1e-06 +(\S+) +(\S+) +(\S+)$", said, re.MULTILINE).groups()
-    )
+    losses = re.search(r"^ +1e-06 +(\S+) +(\S+) +(\S+)$", said, re.MULTILINE).groups()
+    both, contacts, drag = map(float, losses)
     assert both == pytest.approx(contacts + drag, rel=1e-3)

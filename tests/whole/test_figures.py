@@ -68,9 +68,8 @@ def test_a_figure_asks_for_what_there_is(parsers, name):
         assert pictures
         for picture in pictures:
             if is_program(picture):
-                assert (launch.ROOT / picture[0]).exists() and all(
-                    part.startswith(picture[1]) for part in studies
-                )
+                assert (launch.ROOT / picture[0]).exists()
+                assert all(part.startswith(picture[1]) for part in studies)
                 continue
             args = parsers[picture[0]].parse_args(picture[1:])
             if picture[0] == "collapse" or picture[1].endswith(".h5"):
@@ -115,9 +114,8 @@ def test_figures_of_motion_are_those_of_the_paper(words):
     assert "law" not in contact and contact["omega"] == contact["fields"] == "1e-9,1e-3,1e3"  # twelve decades
     assert (stokes["law"], stokes["eta-f"]) == ("stokes", 0) and stokes["omega"] == stokes["fields"]
     omega = FREQUENCIES.read(stokes["fields"])
-    assert (
-        all(np.isclose(omega, 10**power).any() for power in (-6.5, -5.5)) and len(tables["pack"][0]["n"]) == 2
-    )
+    assert all(np.isclose(omega, 10**power).any() for power in (-6.5, -5.5))
+    assert len(tables["pack"][0]["n"]) == 2
     assert tables["correlate"] == [{"lane": "0.5,0.25,0.125", "phase": ["stress", "strain"]}]
     for law in ("law=contact,phase=stress", "law=stokes,eta_f=0,phase=stress"):
         assert any("correlation" in line and any(law in word for word in line) for line in pictures)
@@ -275,9 +273,8 @@ def test_studies_of_jamming_are_those_of_the_papers(name):
 
 
 def test_corrections_to_scaling_are_fitted_beside_what_goes_without(parsers):
-    fits = [
-        parsers["collapse"].parse_args(words[1:]) for words in shown("paper2")[1] if words[0] == "collapse"
-    ]
+    lines = [words[1:] for words in shown("paper2")[1] if words[0] == "collapse"]
+    fits = [parsers["collapse"].parse_args(words) for words in lines]
     asked = {(fit.where, fit.observable, fit.corrections) for fit in fits}
     assert len(asked) == len(fits) == 8 and all(fit.finite_size for fit in fits)
     assert {fit.fit for fit in fits if fit.corrections} == {"phi_J,y=0,nu,omega", "phi_J,y,nu,omega"}
@@ -313,13 +310,11 @@ LESS = {  # a figure of which something has to be smaller, or must not be
     "bt-modes": sizes("MODES=10"),
     "bt-nonlinear": sizes("STRESSES=1e-5 POINTS=3 PRESSURES=1e-2"),
     "paper1": sizes(
-        "LIQUID=16 LARGE=20 SEVERAL,MIXED=1:2 MIXING=0.02 THIRD,RUNS=1:1 PHI=0.84,0.86 STRAIN=0.1 DISCARD=0.04 "
-        "FIRST=0.06"
-    ),
-    "paper2": sizes(
-        "SMALL=16 MIDDLE=20,24 SOME=1:3 WIDE=0.8,0.82,0.84,0.86,0.88 NARROW=0.82,0.84,0.86,0.88 SLOW=20 "
-        "STRAIN,LITTLE=0.1 DISCARD=0.04"
-    ),
+        "LIQUID=16 LARGE=20 SEVERAL,MIXED=1:2 MIXING=0.02 THIRD,RUNS=1:1 PHI=0.84,0.86 FIRST=0.06"
+    )
+    | sizes("STRAIN=0.1 DISCARD=0.04"),
+    "paper2": sizes("SMALL=16 MIDDLE=20,24 SOME=1:3 WIDE=0.8,0.82,0.84,0.86,0.88 NARROW=0.82,0.84,0.86,0.88")
+    | sizes("SLOW=20 STRAIN,LITTLE=0.1 DISCARD=0.04"),
     "paper3": sizes("STRAIN=0.1 DISCARD=0.04 RUNS=1:1"),
     "paper4": sizes("STRAIN=1.2 DISCARD=0.6 RATES=0.1,0.05 SLOW=0.03 PHI=0.78 HEAVY=1,10 HEAVIEST=10"),
     "paper5": sizes("SEEN=0.1:1.2 BETWEEN=0.05,0.03:1.2 PHI=0.83,0.86 QUALITY=1"),
@@ -399,15 +394,11 @@ def test_a_figure_is_made_and_its_claims_are_looked_at(tmp_path):
     assert done.returncode == 0, done.stderr
     rows = [line for line in done.stdout.splitlines()[2:]]
     assert len(rows) == 15 and all(row.count(" | ") == 6 and "`bt-fig5`" in row for row in rows)
-    keeping = (
-        f"import pathlib, keep; keep.keep(pathlib.Path({str(folder)!r}), pathlib.Path({str(tmp_path)!r}))"
-    )
+    keeping = f"import keep, pathlib as p; keep.keep(p.Path({str(folder)!r}), p.Path({str(tmp_path)!r}))"
     subprocess.run([sys.executable, "-c", keeping], cwd=program.parent, check=True)
     with tarfile.open(tmp_path / f"{WHOLE}.tar.xz") as archive:
         archive.extractall(tmp_path / f"{WHOLE}-kept")
     kept = subprocess.run([sys.executable, program, tmp_path, "kept"], **settings)
     assert kept.stdout == done.stdout
-    assert (
-        not list(tmp_path.glob(f"{WHOLE}-kept/pack-*"))
-        and os.path.getsize(tmp_path / f"{WHOLE}.tar.xz") < 1e5
-    )
+    assert not list(tmp_path.glob(f"{WHOLE}-kept/pack-*"))
+    assert os.path.getsize(tmp_path / f"{WHOLE}.tar.xz") < 1e5

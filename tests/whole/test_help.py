@@ -6,10 +6,10 @@ import shlex
 import launch
 import numpy as np
 import pytest
+from samples import stored
 from test_collapse import PHIS, RATES, write_flow
 
 from jampetsc.cli import main as cli
-from jampetsc.io.result_file import ResultWriter
 from jampetsc.jobs import JOBS, job_class
 from jampetsc.studies.table import table_text
 
@@ -22,16 +22,7 @@ SMALL = {  # option -> {its value: that here}
     **{"--stress": {"1e-6,1e-5": "1e-5", "1e-5,1e-4": "1e-4"}, "--steps": {"256": "32"}},
 }
 SHEARED = ("flow", "shear", "jam")  # whose strain is that of a run
-FIRST = (
-    "pack",
-    "sweep",
-    "modes",
-    "quasistatic",
-    "flow",
-    "shear",
-    "jam",
-    "study",
-)  # make what the others read
+FIRST = "pack sweep modes quasistatic flow shear jam study".split()  # make what the others read
 LONG = ("trade", "--corrections")  # have tests of their own
 MORE = """\
 pack --n 16 --pressure 1e-2 --stabilise shear --out p.h5
@@ -68,11 +59,8 @@ def small(words, folder):
     if words[0] == "oscillate":
         named += [] if "--steps" in words else ["--steps", "16"]
         named += ["--cycles", "3"] if "moving" in words else []
-    return [
-        name
-        for word in named
-        for name in (sorted(path.name for path in folder.glob(word)) if "*" in word else [word])
-    ]
+    found = [sorted(path.name for path in folder.glob(word)) if "*" in word else [word] for word in named]
+    return [name for some in found for name in some]
 
 
 @pytest.mark.parametrize("command", ["", *JOBS])
@@ -98,12 +86,10 @@ def write_scaled(folder):
     for n in (64, 128, 256):
         phi = np.repeat(np.linspace(0.83, 0.85, 9), 200)
         jammed = rng.random(phi.size) < 1 / (1 + np.exp(-30 * (phi - 0.841) * n**0.5))
-        with ResultWriter(folder / f"jam-{n}.h5", "jampetsc-jam") as writer:
-            for column, values in {"phi": phi, "jammed": 1.0 * jammed, "pressure": 1e-3 * jammed}.items():
-                writer.dataset(column, values)
-            writer.dataset("seed", np.arange(phi.size))
-            facts = {"protocol": "random", "sizes": "bidisperse", "potential": "harmonic", "k": 1.0}
-            writer.attributes(particle_count=n, stiffness="constant", units="smallest diameter", **facts)
+        columns = {"phi": phi, "jammed": 1.0 * jammed, "pressure": 1e-3 * jammed, "seed": np.arange(phi.size)}
+        facts = {"protocol": "random", "sizes": "bidisperse", "potential": "harmonic", "k": 1.0}
+        facts |= {"stiffness": "constant", "units": "smallest diameter"}
+        stored(folder / f"jam-{n}.h5", "jam", columns, particle_count=n, **facts)
 
 
 @pytest.fixture(scope="module")

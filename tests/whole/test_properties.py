@@ -117,9 +117,8 @@ def test_units_of_length_and_force_change_no_number_without_units(disks, length,
     assert scaled.coordination == disks.coordination and (scaled.rattlers == disks.rattlers).all()
     assert scaled.phi == pytest.approx(disks.phi, rel=1e-12)
     assert scaled.pressure == pytest.approx(force * disks.pressure, rel=1e-6, abs=1e-9 * k * force)
-    assert measure(scaled).energy == pytest.approx(
-        force * length**2 * measure(disks).energy, rel=1e-6, abs=1e-9
-    )
+    energy = force * length**2 * measure(disks).energy
+    assert measure(scaled).energy == pytest.approx(energy, rel=1e-6, abs=1e-9)
 
 
 @settings(max_examples=25)
@@ -156,14 +155,8 @@ def test_a_list_that_is_told_is_read_as_the_same_numbers(values, as_grid):
     assert np.array_equal(numbers(0, 1e13, even=True).read(even_told(values)), np.unique(values))
 
 
-VALUES = st.one_of(
-    st.none(),
-    st.booleans(),
-    st.integers(),
-    st.floats(),
-    st.text(max_size=8),
-    st.lists(st.floats(), max_size=3),
-)
+VALUES = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8)
+VALUES |= st.lists(st.floats(), max_size=3)
 
 
 @pytest.mark.parametrize("name", JOBS)

@@ -14,32 +14,14 @@ from jampetsc.core.laws import FAMILIES
 from jampetsc.jobs import JOBS
 
 PACKAGE = Path(jampetsc.__file__).parent
-ROOMS = (  # from the ground up; a module may import its own room and those before it
-    "ground",
-    "core",
-    "analysis",
-    "io",
-    "minimise",
-    "petsc",
-    "mechanics",
-    "linear",
-    "flows",
-    "oscillation",
-    "plots",
-    "asking",
-    "jobs",
-    "speed_accuracy",
-    "studies",
-    "cli",
-)
+# rooms from the ground up; a module may import its own room and those before it
+ROOMS = "ground core analysis io minimise petsc mechanics linear flows oscillation plots asking jobs".split()
+ROOMS += ["speed_accuracy", "studies", "cli"]
 TOP = {"__main__": "cli"}  # other modules: ground
 WITHOUT_PETSC = ("ground", "core", "analysis", "io", "minimise", "plots")
 PETSC = ("petsc4py", "slepc4py", "mpi4py")
-DOORS = (
-    "petsc.session",
-    "petsc.builds",
-    "cli.main",
-)  # cli.main only to end a job that fails before the session has begun
+# cli.main only to end a job that fails before the session has begun
+DOORS = ("petsc.session", "petsc.builds", "cli.main")
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
 
@@ -162,9 +144,8 @@ def test_no_module_knows_a_law_by_its_name():
 
 def test_one_module_has_numba_compile():
     """A function that does not say how fast its mathematics is inherits it from whatever calls it first."""
-    named = holding(
-        ast.Attribute | ast.Name, lambda node: ast.unparse(node).split(".")[-1] in ("njit", "jit")
-    )
+    words = ast.Attribute | ast.Name
+    named = holding(words, lambda node: ast.unparse(node).split(".")[-1] in ("njit", "jit"))
     assert named == {"core.compiled"}
 
 
@@ -194,25 +175,21 @@ def test_compiled_code_does_not_outlive_its_sources(tmp_path):
     """f in b calls g in a: after a change of a alone f is compiled again, and not when nothing has changed."""
     package = tmp_path / "sample"
     package.mkdir()
-    (package / "a.py").write_text("import numba\n@numba.njit(cache=True)\ndef g():\n    return 1\n")
-    (package / "b.py").write_text(
-        "import numba\nfrom sample.a import g\n@numba.njit(cache=True)\ndef f():\n    return g()\n"
-    )
-    (package / "__init__.py").write_text(
-        "from pathlib import Path\nfrom jampetsc.core import compiled\n"
-        "compiled.forget_outdated(Path(__file__).parent)\n"
-    )
-    code = "from sample.b import f; print(f(), sum(f.stats.cache_hits.values()))"
+    g = "import numba\n@numba.njit(cache=True)\ndef g():\n    return 1\n"
+    f = "import numba\nfrom sample.a import g\n@numba.njit(cache=True)\ndef f():\n    return g()\n"
+    forget = "from pathlib import Path\nfrom jampetsc.core import compiled\n"
+    forget += "compiled.forget_outdated(Path(__file__).parent)\n"
+    for name, text in (("a", g), ("b", f), ("__init__", forget)):
+        (package / f"{name}.py").write_text(text)
+    program = [sys.executable, "-c", "from sample.b import f; print(f(), sum(f.stats.cache_hits.values()))"]
+    settings = {"cwd": tmp_path, "capture_output": True, "text": True, "check": True}
 
     def run():
-        done = subprocess.run(
-            [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
-        )
-        return done.stdout.split()
+        return subprocess.run(program, **settings).stdout.split()
 
     assert [run(), run()] == [["1", "0"], ["1", "1"]]
     # of another length: python itself tells a module of the same second and length from no other
-    (package / "a.py").write_text((package / "a.py").read_text().replace("1", "1 + 1"))
+    (package / "a.py").write_text(g.replace("1", "1 + 1"))
     assert [run(), run()] == [["2", "0"], ["2", "1"]]
 
 

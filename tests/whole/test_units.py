@@ -45,13 +45,8 @@ def test_a_quench_is_the_same_in_any_units(kind, stiffness, target):
         np.testing.assert_array_equal(found.positions, length * usual.positions)
         for name in ("evaluations", "newton_steps", "limited_by", "rattlers", "phi"):
             assert found.record[name] == usual.record[name], name
-        for name, unit in (
-            ("energy", energy),
-            ("max_force", energy / length),
-            ("pressure", energy / length**2),
-            ("shear_stress", energy / length**2),
-            ("shear_modulus", energy / length**2),
-        ):
+        stresses = dict.fromkeys(("pressure", "shear_stress", "shear_modulus"), energy / length**2)
+        for name, unit in {"energy": energy, "max_force": energy / length, **stresses}.items():
             assert found.record[name] == pytest.approx(unit * usual.record[name], rel=1e-9), name
 
 
@@ -64,8 +59,7 @@ def test_a_descent_at_a_pressure_is_the_same_in_any_units(kind, shear):
         law = Potential(kind, STIFFNESSES[0], k)
         stress = energy_unit(length, k, law) / length**2
         start = random_start(length * radii_of("bidisperse", 16), 0.9, 3, law)
-        effort = Effort()
-        goal = Goal(1e-3 * stress, shear)
+        effort, goal = Effort(), Goal(1e-3 * stress, shear)
         return relax(start, goal, 1e-6 * stress * length, effort=effort), effort.evaluations
 
     usual, evaluations = relaxed(1.0, 1.0)
