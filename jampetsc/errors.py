@@ -4,6 +4,7 @@
 parameter by `named`, and whoever shows it says how users write that: `eta_f` in python, `--eta-f` on a command line.
 """
 
+import math
 import re
 from contextlib import contextmanager
 
@@ -18,6 +19,14 @@ def named(parameter: str) -> str:
 def option(parameter: str) -> str:
     """A parameter as a command line has it."""
     return f"--{parameter.removesuffix('_').replace('_', '-')}"
+
+
+def as_float(value) -> float:
+    """A number as ranges compare it and messages show it: infinite where no double can hold it."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
 
 
 class JampetscError(Exception):

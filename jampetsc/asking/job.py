@@ -34,6 +34,7 @@ class Job:
         "real"  # PETSc's that it needs, or complex, any; None: PETSc has nothing to do
     )
     place: ClassVar = None  # where its result goes where no name is given
+    several: ClassVar[bool] = False  # whether it has several results, each a file of its own
     AGAIN: ClassVar[bool] = False  # whether its result is made anew without asking: pictures and tables
 
     def __post_init__(self):

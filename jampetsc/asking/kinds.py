@@ -48,7 +48,7 @@ def _numbers(given, least, most, unit):
     else:
         try:
             values = np.unique(np.asarray(given, float).ravel())
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise ValueError("must be numbers") from None
     if not len(values):
         raise ValueError("must be at least one number")
@@ -112,10 +112,10 @@ def seeds_of(given) -> Sequence[int]:
         seeds = given if isinstance(given, range) else tuple(operator.index(one) for one in given)
     except (TypeError, ValueError):
         raise ValueError("must be FIRST:LAST, for instance 1:20, or a,b,…") from None
-    if not len(seeds):
+    if not seeds:
         raise ValueError("the last must not be below the first")
-    if len(seeds) > MOST_SEEDS:
-        raise ValueError(f"{len(seeds)} seeds: at most {MOST_SEEDS} at a time")
+    if len(seeds[: MOST_SEEDS + 1]) > MOST_SEEDS:  # there are ranges longer than python can count
+        raise ValueError(f"more than {MOST_SEEDS} seeds at a time")
     if not isinstance(seeds, range) and len(set(seeds)) < len(seeds):
         raise ValueError("has a seed twice")
     if not 0 <= min(seeds) <= max(seeds) <= LAST_SEED:

@@ -20,9 +20,10 @@ import types
 import typing
 from collections.abc import Callable, Sequence
 from dataclasses import MISSING, dataclass
+from decimal import Decimal
 from pathlib import Path
 
-from jampetsc.errors import InputError, named
+from jampetsc.errors import InputError, as_float, named
 
 NEAR = 0.75  # likeness of a name to what may have been meant
 # where a command line has it: --name, its place, all its places
@@ -49,7 +50,7 @@ def _number(value):
     if isinstance(value, bool):
         raise ValueError("must be a number")
     try:
-        return float(value)
+        return as_float(value)
     except (TypeError, ValueError):
         raise ValueError("must be a number") from None
 
@@ -254,6 +255,8 @@ def did_you_mean(name, known) -> str:
 
 def shown(value) -> str:
     """A value as messages show it, in one line."""
+    if isinstance(value, int) and value.bit_length() > 64:
+        return f"{Decimal(value):.6g}"
     text = f"{value:g}" if isinstance(value, float) else str(value)
     return text if text.isprintable() else ascii(text)
 

@@ -14,9 +14,15 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from jampetsc.errors import InputError, named
+from jampetsc.errors import InputError, as_float, named
 
 LARGEST = 1e12  # of a weight
+
+
+def refuse_beyond(what: str, value) -> None:
+    """Raise InputError, which begins with `what`, unless a number lies between 0 and LARGEST."""
+    if not 0 <= value <= LARGEST:  # nan does not
+        raise InputError(f"{what} {as_float(value):g}: must lie between 0 and {LARGEST:g}")
 
 
 @dataclass(frozen=True)
@@ -81,11 +87,10 @@ class Law:
 
     def __post_init__(self):
         for name in WEIGHTS:
-            weight = getattr(self, name)
-            if not (math.isfinite(weight) and 0 <= weight <= LARGEST):
-                raise InputError(f"{name} = {weight:g}: must lie between 0 and {LARGEST:g}")
-        if not (math.isfinite(self.tau1) and self.tau1 > 0):
-            raise InputError(f"{named('tau1')} {self.tau1:g}: must be positive")
+            refuse_beyond(f"{name} =", getattr(self, name))
+        tau1 = as_float(self.tau1)
+        if not 0 < tau1 < math.inf:
+            raise InputError(f"{named('tau1')} {tau1:g}: must be positive")
 
     @property
     def on_contacts(self) -> tuple[float, float, float]:
@@ -186,8 +191,8 @@ def damping_law(name: str = DEFAULT, *, tau1: float = 1.0, exponent: float = 1.0
             )
     values = {option: options.get(option, family.options[option].default) for option in family.options}
     for option, value in values.items():
-        if not isinstance(value, bool) and not (math.isfinite(value) and 0 <= value <= LARGEST):
-            raise InputError(f"{named(option)} {value:g}: must lie between 0 and {LARGEST:g}")
+        if not isinstance(value, bool):
+            refuse_beyond(named(option), value)
     label = family.label + "".join(
         f", no {option}" if value is False else f", {option} = {value:g}"
         for option, value in values.items()

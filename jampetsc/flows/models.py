@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.core.laws import LARGEST, Law
-from jampetsc.errors import InputError, named
+from jampetsc.core.laws import LARGEST, Law, refuse_beyond
+from jampetsc.errors import InputError, as_float, named
 
 # Vågberg, thesis sec. 4.3: weights of the law (see `core.laws`), and whether disks have a mass.
 MODELS = {
@@ -48,11 +48,10 @@ class Model:
     def __post_init__(self):
         law = self.law
         for name in ("mass", "friction"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and 0 <= value <= LARGEST):
-                raise InputError(f"{named(name)} {value:g}: must lie between 0 and {LARGEST:g}")
-        if self.quality is not None and not (math.isfinite(self.quality) and 0 < self.quality <= LARGEST):
-            raise InputError(f"{named('quality')} {self.quality:g}: must be positive and at most {LARGEST:g}")
+            refuse_beyond(named(name), getattr(self, name))
+        if self.quality is not None and not 0 < self.quality <= LARGEST:
+            quality = f"{named('quality')} {as_float(self.quality):g}"
+            raise InputError(f"{quality}: must be positive and at most {LARGEST:g}")
         if self.quality is not None and self.mass:
             raise InputError(
                 f"{named('quality')} {self.quality:g}: {named('mass')} says the same; leave one out"

@@ -9,7 +9,7 @@ from typing import ClassVar
 from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import RESULT, opened, words
 from jampetsc.asking.parameters import FILES, Kind, asked
-from jampetsc.errors import InputError, named
+from jampetsc.errors import InputError, as_float, named
 from jampetsc.jobs.sources import WHERE, refuse_repeated, rows_named, write_derived
 
 OBSERVABLES = ("pressure", "shear_stress", "jammed")
@@ -19,7 +19,7 @@ SHARED = ("model", "mass", "sizes", "potential", "stiffness", "protocol", "units
 def _range(given):
     """Two packing fractions, or words A:B."""
     try:
-        low, high = (float(one) for one in (given.split(":") if isinstance(given, str) else given))
+        low, high = (as_float(one) for one in (given.split(":") if isinstance(given, str) else given))
     except (TypeError, ValueError):
         raise ValueError("write A:B, two packing fractions") from None
     if not 0 < low < high:

@@ -8,7 +8,7 @@ from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import FREQUENCIES, PACKING, RESULT, Numbers, opened, words
 from jampetsc.asking.parameters import FILES, Kind, asked, shown
 from jampetsc.core.disks import Disks
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, as_float
 from jampetsc.io.fields import PHASES
 from jampetsc.jobs.sources import refuse_repeated
 
@@ -20,7 +20,7 @@ SWEEPS, FLOW = "jampetsc-sweep", "jampetsc-flow"
 def _lanes(given):
     """Widths in the order given, since the first is that of the summary."""
     try:
-        lanes = tuple(map(float, words(given)))
+        lanes = tuple(map(as_float, words(given)))
     except (TypeError, ValueError):
         raise ValueError(f"must be widths in mean diameters, such as {_lanes_told(LANES)}") from None
     for width in lanes:

@@ -12,7 +12,7 @@ from jampetsc.asking.kinds import LAST_SEED, MOST_THREADS, PACKING, RADII, SEEDS
 from jampetsc.asking.parameters import Kind, asked
 from jampetsc.core.disks import Disks
 from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
-from jampetsc.errors import ConvergenceError, InputError, JampetscError, about, named
+from jampetsc.errors import ConvergenceError, InputError, JampetscError, about, as_float, named
 from jampetsc.minimise.sizes import FEWEST, MOST, SIZES, Radii, radii_asked, sizes_told
 
 PRESSURES = (1e-8, 1.0)
@@ -28,7 +28,7 @@ def _pressures(given):
     written, found = isinstance(given, str), []
     for one in words(given):
         try:
-            value = float(one)
+            value = as_float(one)
         except (TypeError, ValueError):
             raise ValueError("must be a number, or several with commas between") from None
         found.append(one if written else repr(value))

@@ -8,6 +8,7 @@ from typing import ClassVar
 from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import FREQUENCIES, HELD, words
 from jampetsc.asking.parameters import FILES, NUMBER, SWITCH, WORD, Kind, Parameter, Part, asked, part
+from jampetsc.errors import as_float
 from jampetsc.jobs.sources import WHERE, rows_named
 
 
@@ -48,7 +49,7 @@ def _integers(given):
 
 def _size(given):
     try:
-        width, height = map(float, words(given))
+        width, height = map(as_float, words(given))
     except (TypeError, ValueError):
         raise ValueError("write the width and the height in inches, such as 3.4,2.9") from None
     if not (0.5 <= width <= 100 and 0.5 <= height <= 100):

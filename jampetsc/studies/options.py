@@ -76,6 +76,12 @@ def choices_of(job, lists: list, where: str, begins: bool) -> list[Choice]:
             asked = made(job, files | given)
         except InputError as error:
             raise InputError(f"{where}: {error.told(lambda name: keys.get(name, name))}") from None
+        for one, value in chosen:
+            if asked.several and isinstance(getattr(asked, one.name), tuple):
+                key = keys[one.name]
+                raise InputError(
+                    f"{where}: {key} {value}: several in one string: write a list, {key} = [{value}]"
+                )
         defaults = {one.name: None if one.required else one.default for one, _ in chosen}
         changed = {name: value for name, value in given.items() if value != defaults[name]}
         told = {name: number_of(value) for name, value in given.items()}

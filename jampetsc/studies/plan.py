@@ -109,7 +109,7 @@ def _tables(path, content):
     """{command: [(where, table)]}. Raises InputError."""
     try:
         content = content if isinstance(content, dict) else tomllib.loads(content.decode())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:  # of TOML, of text, of a number with too many digits
         raise InputError(f"{path}: is not TOML: {error}") from None
     except RecursionError:
         raise InputError(f"{path}: brackets within brackets, too deep for any table: remove them") from None

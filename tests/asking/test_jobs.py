@@ -18,6 +18,7 @@ from jampetsc.asking.kinds import HELD, PACKING, RESULT, opened
 from jampetsc.asking.parameters import fields, made, parameters
 from jampetsc.cli import main as cli
 from jampetsc.cli.parser import in_words, job_of
+from jampetsc.core.laws import Law
 from jampetsc.errors import InputError
 from jampetsc.io.checkpoint import Checkpoint
 from jampetsc.io.reader import collected
@@ -158,6 +159,20 @@ def test_what_is_refused_by_name(job, files, given, named):
     assert "--" not in str(refused.value) and "\n" not in str(refused.value)
     assert all(name in str(refused.value) for name in named)
     assert all(option in in_words(refused.value, job) for option in options.values())
+
+
+@pytest.mark.parametrize("number", [10**400, -(10**400), float("inf"), float("nan"), -1.0])
+def test_numbers_of_laws_and_models_that_are_refused(number):
+    for make, name in (
+        *((ContactDamping, name) for name in ("beta", "normal", "tau1")),
+        *((StokesDrag, name) for name in ("eta_f", "tau1")),
+        *((partial(Law, "own", drag=1.0), name) for name in ("sliding", "tau1")),
+        *((jampetsc.models.CD, name) for name in ("mass", "quality")),
+        *((jampetsc.models.CD0, name) for name in ("friction", "tau1")),
+        (partial(Sweep, "p.h5"), "accuracy"),
+    ):
+        with pytest.raises(InputError, match=f"{name} .*must"):
+            make(**{name: number})
 
 
 def test_files_there_must_be():
