@@ -2,11 +2,11 @@
 
 import json
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
 
+from jampetsc.cli import main, parser
 from jampetsc.petsc.launcher import without_launcher
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -45,10 +45,15 @@ def run_lines(folder, items):
     return done.stdout
 
 
-def open_mpi():
-    """First number of the version of Open MPI that mpirun belongs to."""
-    told = subprocess.run(["mpirun", "--version"], capture_output=True, text=True).stdout
-    return int(re.search(r"Open MPI\) (\d+)", told)[1])
+def asked(words):
+    """(job, parsed words) of a command line after `jampetsc`."""
+    args = main.command_parser(words)[0].parse_args(words)
+    return parser.job_of(args), args
+
+
+def here(line):
+    """Do a command in this process, which has PETSc: `cli.dispatch` would end MPI after one that does not need it."""
+    assert parser.run(*asked(line.split())) == 0
 
 
 def start(ranks, program, *args, **options):

@@ -93,29 +93,6 @@ def bug(args):
     raise ZeroDivisionError("a bug")
 
 
-def read(args):
-    Path(args.file).read_text()
-
-
-def read_hdf5(args):
-    import h5py
-
-    h5py.File(args.file)
-
-
-def disk_full(args):
-    with open("/dev/full", "w") as file:
-        file.write("x")
-
-
-def out_of_memory(args):
-    raise MemoryError
-
-
-def interrupt(args):
-    raise KeyboardInterrupt
-
-
 def be_deaf(args):
     from jampetsc.petsc.session import current
 

@@ -7,6 +7,7 @@ from python any list or array.
 import operator
 import os
 from collections.abc import Iterable, Sequence
+from functools import partial
 
 from jampetsc.asking.parameters import Kind, shown
 from jampetsc.linear.limits import LARGEST, SMALLEST
@@ -37,7 +38,7 @@ def numbers(least, most, metavar="LIST", unit="", even=False) -> Kind:
             given = f"lin:{given.removeprefix('lin:')}"
         return _numbers(given, least, most, unit)
 
-    return Kind(read, even_told if even else grid_told, metavar=metavar)
+    return Kind(read, partial(grid_told, even=even), metavar=metavar)
 
 
 def _numbers(given, least, most, unit):
@@ -75,26 +76,20 @@ def _written(text):
     return (np.linspace if even else np.geomspace)(low, high, count)
 
 
-def even_told(values) -> str:
-    """Numbers (M,) in the grammar of even grids."""
-    told = grid_told(values)
-    return (
-        told.removeprefix("lin:")
-        if told.startswith("lin:") or ":" not in told
-        else ",".join(map(repr, values.tolist()))
-    )
+def grid_told(values, even=False) -> str:
+    """Numbers (M,) in the grammar, which gives the same to the last bit.
 
-
-def grid_told(values) -> str:
-    """Numbers (M,) in the grammar, which gives the same to the last bit."""
+    even   in that where low:high:count is an even grid
+    """
     import numpy as np
 
     values = np.asarray(values, float)
     if len(values) > 2:
         ends = f"{float(values[0])!r}:{float(values[-1])!r}:{len(values)}"
-        for text in (ends, f"lin:{ends}"):
-            if (text[0] == "l" or values[0] > 0) and np.array_equal(_written(text), values):
-                return text
+        if not even and values[0] > 0 and np.array_equal(_written(ends), values):
+            return ends
+        if np.array_equal(_written(f"lin:{ends}"), values):
+            return ends if even else f"lin:{ends}"
     return ",".join(repr(float(value)) for value in values)
 
 

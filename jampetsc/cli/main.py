@@ -16,7 +16,7 @@ import time
 
 from jampetsc import progress, streams
 from jampetsc.asking.parameters import did_you_mean
-from jampetsc.cli.parser import add_job
+from jampetsc.cli.parser import add_job, job_of, run
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.jobs import JOBS, job_class
 from jampetsc.petsc import launcher, session, solver_options
@@ -77,7 +77,8 @@ def dispatch(argv):
         raise InputError(f"{error}{hint}") from None
     if rest:
         raise InputError(_unknown(rest[0], commands.choices[args.command]))
-    takes_petsc = args.check(args).scalar is not None
+    job = job_of(args)
+    takes_petsc = job.scalar is not None
     if petsc_argv and not takes_petsc:
         raise InputError(
             f"{args.command} {petsc_argv[0]}: single-dash options are PETSc's, which has nothing to do here; "
@@ -88,7 +89,7 @@ def dispatch(argv):
     progress.tell(-1 if args.quiet else 1 if args.verbose else 0)
     if not takes_petsc and not _chosen(argv):
         return 0
-    status = args.run(args, petsc_argv)
+    status = run(job, args, petsc_argv)
     if petsc_argv:
         session.current().tell_unused()
     return status

@@ -35,7 +35,7 @@ def add_job(job, subparsers, whole=True) -> None:
     if job.OUT and not job.AGAIN:
         overwrite = "replace a finished result of other settings, which is refused otherwise"
         parser.add_argument("--overwrite", action="store_true", default=None, help=overwrite)
-    parser.set_defaults(job=job, check=job_of, run=run)
+    parser.set_defaults(job=job)
 
 
 def _add(parser, name, one):
@@ -84,11 +84,10 @@ def in_words(error, job) -> str:
     return error.told(lambda name: known[name].word if name in known else option(name))
 
 
-def run(args, petsc_argv) -> int:
-    """Do what parsed words ask for and print what was found. Collective."""
+def run(job, args, petsc_argv=()) -> int:
+    """Do a job that parsed words ask for and print what was found; the exit status. Collective."""
     from jampetsc.io.outlet import Outlet
 
-    job = job_of(args)
     needs_petsc = job.scalar is not None
     try:
         out = getattr(args, "out", None) or job.place
@@ -96,7 +95,7 @@ def run(args, petsc_argv) -> int:
         overwrite = getattr(args, "overwrite", False)
         told = job.perform(to, petsc_argv=petsc_argv, overwrite=overwrite, alone=not needs_petsc)
     except JampetscError as error:
-        error.args = (in_words(error, args.job),)
+        error.args = (in_words(error, type(job)),)
         raise
     comm = session.communicator() if needs_petsc else None
     if told and (comm is None or comm.rank == 0):

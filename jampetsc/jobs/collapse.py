@@ -138,9 +138,9 @@ examples:
         return {"N": data.size[used], "runs": data.runs[used]} | size | found
 
     def _attributes(self, first, fit, found, notes):
-        from jampetsc.jobs.scaling import names_of
+        from jampetsc.jobs.scaling import words_of
 
-        words = {name: word for word, name in names_of(self.finite_size).items()}
+        words = words_of(self.finite_size)
         return {
             **{name: first.attributes.get(name) for name in SHARED},
             "observable": self.observable,

@@ -156,12 +156,11 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         from jampetsc.jobs.packings import Task
         from jampetsc.minimise.protocols import Target
 
-        how = {"stabilise": self.stabilise, "tolerance": self.tolerance}
         if self.pressure is None:
             targets = {"": Target(phi=self.phi, tolerance=self.tolerance)}
         else:
             words = self.pressure if isinstance(self.pressure, tuple) else (self.pressure,)
-            targets = {word: Target(k * float(word), **how) for word in words}
+            targets = {word: Target(k * float(word), **self._how) for word in words}
         seeds = [None] if self.from_ is not None else self.seeds or [1 if self.seed is None else self.seed]
         if out is not None:
             self._check_name(out, {"{seed}": len(seeds), "{pressure}": len(targets)})

@@ -138,9 +138,14 @@ def files_of(rows, finite_size, where) -> list[str]:
     return [str(rows.path / name) for name in done["file"].tolist()]
 
 
+def words_of(finite_size) -> dict:
+    """{parameter: what users call it}."""
+    return {name: word for word, name in names_of(finite_size).items()}
+
+
 def text_of(parameters, found, finite_size) -> str:
     """phi_J = 0.8433 ± 0.0002, znu > 2.7, … of {parameter: value} and {parameter: Estimate}; held ones have none."""
-    words = {name: word for word, name in names_of(finite_size).items()}
+    words = words_of(finite_size)
     shown = [name for name in PARAMETERS if name in parameters]
     return ", ".join(f"{words[name]} {_told(parameters[name], found.get(name))}" for name in shown)
 
@@ -159,7 +164,7 @@ def _told(value, one):
 
 def notes_of(points: Points, fit, found, finite_size) -> list[str]:
     """What is to be known before a number of a fit is used."""
-    words = {name: word for word, name in names_of(finite_size).items()}
+    words = words_of(finite_size)
     lowest, highest = points.phi.min(), points.phi.max()
     degrees = degrees_above(points, fit.form)
     notes = []

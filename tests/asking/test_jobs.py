@@ -17,7 +17,7 @@ from jampetsc import ContactDamping, StokesDrag
 from jampetsc.asking.kinds import HELD, PACKING, RESULT, opened
 from jampetsc.asking.parameters import fields, made, parameters
 from jampetsc.cli import main as cli
-from jampetsc.cli.parser import in_words, job_of
+from jampetsc.cli.parser import in_words
 from jampetsc.core.laws import Law
 from jampetsc.errors import InputError
 from jampetsc.io.checkpoint import Checkpoint
@@ -61,8 +61,7 @@ ASKED = [
 
 def parsed(job):
     """The job that its own command line asks for."""
-    line = job.line("o.h5")[1:]
-    return job_of(cli.command_parser(line)[0].parse_args(line))
+    return launch.asked(job.line("o.h5")[1:])[0]
 
 
 @pytest.mark.parametrize("job", ASKED, ids=str)
@@ -182,23 +181,6 @@ def test_files_there_must_be():
         jampetsc.sweep()
 
 
-@pytest.mark.parametrize(
-    ("alpha", "omega", "within"),
-    [
-        (1.0, 1e-16, True), (1.0, 0.99e-16, False), (1.0, 1e12, True), (1.0, 1.01e12, False),
-        (2.0, 0.99e-16, False), (0.5, 1e-32, True), (0.5, 0.99e-32, False), (0.5, 1e24, True),
-        (0.5, 1.01e24, False), (0.05, 1e240, True), (0.05, 1.01e240, False),
-        (0.01, 1e-300, True), (0.01, 1e300, True),
-    ],
-)  # fmt: skip
-def test_frequencies_of_a_power_law_go_as_far_as_their_power_does(alpha, omega, within):
-    if within:
-        assert Oscillate("p.h5", omega=omega, strain=1e-3, alpha=alpha).omega.tolist() == [omega]
-    else:
-        with pytest.raises(InputError, match=r"omega .* must lie between"):
-            Oscillate("p.h5", omega=omega, strain=1e-3, alpha=alpha)
-
-
 def test_what_the_package_gives_by_name():
     assert {name for name in JOBS if name != "import"} | {"load", "import_packing"} < set(jampetsc.__all__)
     names = set(jampetsc.__all__) - {"models", "__version__"}
@@ -228,7 +210,7 @@ def test_a_function_gives_what_its_command_writes(session, shared_path):
     kept = jampetsc.sweep(packing, law, prestress=False, omega=[0.01, 1.0], out=shared_path / "kept.h5")
     told = kept.attributes["argv"].split()
     assert told[:4] == ["jampetsc", "sweep", str(packing), "--out"]
-    again = job_of(cli.command_parser(told[1:])[0].parse_args(told[1:]))
+    again, _ = launch.asked(told[1:])
     assert again.told() == Sweep(packing, law, prestress=False, omega=[0.01, 1.0]).told()
 
 

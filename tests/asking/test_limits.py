@@ -7,6 +7,7 @@ import pytest
 
 from jampetsc.asking.kinds import FREQUENCIES
 from jampetsc.cli import main as cli
+from jampetsc.cli.parser import job_of
 from jampetsc.errors import InputError
 
 
@@ -16,10 +17,9 @@ def parser(command):
 
 
 def checked(line):
-    """What the command's check makes of a command line."""
+    """The job that a command line asks for."""
     command, *words = line.split()
-    args = parser(command).parse_args(words)
-    return args.check(args)
+    return job_of(parser(command).parse_args(words))
 
 
 PACK = "pack --n 16 --out p.h5 --pressure 1e-2"
@@ -51,6 +51,11 @@ RANGES = [  # (line, option, values within, values beyond)
     (MODES, "below", [1.01e-12, 5.0], [1e-12, 0.0, -1.0, "inf", "nan"]),
     (f"{OSC} --strain 1e-6", "alpha", [1e-9, 2.0], [0.0, -0.1, 2.01, "nan"]),
     (f"{OSC} --strain 1e-6", "steps", [16, 24, 4096], [8, 20, 4104, 0, -16]),
+    *((f"oscillate p.h5 --out o.h5 --strain 1e-3 --alpha {alpha}", "omega", within, beyond)  # ω^α is to be within
+      for alpha, within, beyond in (
+          (1, ["1e-16", "1e12"], ["0.99e-16", "1.01e12"]), (2, ["1e-16"], ["0.99e-16"]),
+          (0.5, ["1e-32", "1e24"], ["0.99e-32", "1.01e24"]), (0.05, ["1e240"], ["1.01e240"]),
+          (0.01, ["1e-300", "1e300"], ["1.01e300"]))),
     (f"{MOVING} --strain 1e-6", "cycles", ["auto", 3, 100_000], [2, 100_001, "few", 3.5, -3]),
     (OSC, "strain", ["1e-30", "1", "1e-3,1e-6"], ["0.99e-30", "1.01", "nan", "1e-3,2", "a"]),
     (OSC, "stress", ["1e-30", "1"], ["0.99e-30", "1.01", "nan", "0"]),

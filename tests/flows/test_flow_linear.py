@@ -1,10 +1,10 @@
 """Linear response meets flow: stress after a small step of strain is G(t) of the packing's certified spectrum."""
 
+import launch
 import numpy as np
 import pytest
 
 import jampetsc
-from jampetsc.cli import main as cli
 from jampetsc.core.laws import damping_law
 from jampetsc.core.state import find_contacts, stress_tensor
 from jampetsc.flows.models import Model, Scheme
@@ -22,20 +22,14 @@ LAWS = {
 }
 
 
-def run(words):
-    """A command within a process that has PETSc already."""
-    args = cli.command_parser(words.split())[0].parse_args(words.split())
-    assert args.run(args, []) == 0
-
-
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(1)  # the sweep has its own tests on ranks, and flow is not on ranks here
 @pytest.mark.parametrize("name", LAWS)
 def test_step_strain(session, shared_path, monkeypatch, name):
     family, options, words = LAWS[name]
     monkeypatch.chdir(shared_path)
-    run("pack --n 64 --pressure 1e-2 --seed 3 --stabilise shear --out packing.h5")
-    run(f"sweep packing.h5 --out sweep.h5 --omega 1e-4:1e3:8 --accuracy 1e-8 {words}")
+    launch.here("pack --n 64 --pressure 1e-2 --seed 3 --stabilise shear --out packing.h5")
+    launch.here(f"sweep packing.h5 --out sweep.h5 --omega 1e-4:1e3:8 --accuracy 1e-8 {words}")
     spectrum, disks = jampetsc.load("sweep.h5").spectrum, jampetsc.load("packing.h5")
     model = Model(damping_law(family, **options))
 

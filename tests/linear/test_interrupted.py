@@ -29,7 +29,7 @@ def test_the_same_command_continues(tmp_path, disks, options, ranks, steps, said
 
     def sweep(out, count=99, ranks=ranks):
         words = ("sweep", packing, "--out", out, "--accuracy", "1e-10", "--fields", "0.01", *options)
-        return run(ranks, "run_interrupted.py", count, *words)
+        return run(ranks, "run_disturbed.py", "steps", count, *words)
 
     whole, out = tmp_path / "whole.h5", tmp_path / "sweep.h5"
     assert sweep(whole, ranks=0).returncode == 0

@@ -2,6 +2,7 @@
 
 from functools import cache
 
+import launch
 import numpy as np
 import pytest
 from gathered import unknowns
@@ -9,7 +10,6 @@ from powerlaw import Motion, slow_moduli
 from samples import network_of, physics, published
 from sweeps import Sweep
 
-from jampetsc.cli import main as cli
 from jampetsc.core.laws import Physics
 from jampetsc.errors import ConvergenceError
 from jampetsc.io.packing_file import write_packing
@@ -206,9 +206,7 @@ def test_slow_limit(packed, alpha):
 def test_the_command_has_the_mean_diameter_for_its_length_and_leaves_no_checkpoint(session, tmp_path):
     packing, out = tmp_path / "p.h5", tmp_path / "o.h5"
     write_packing(packing, published())
-    line = f"oscillate {packing} --out {out} --alpha 0.5 --omega {OMEGA} --stress {STRESS} --steps 16".split()
-    args = cli.command_parser(line)[0].parse_args(line)
-    assert args.run(args, []) == 0
+    launch.here(f"oscillate {packing} --out {out} --alpha 0.5 --omega {OMEGA} --stress {STRESS} --steps 16")
     assert load(out)["G"][0, 0] == pytest.approx(shaken(0.5, 16).G, rel=1e-6)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["o.h5", "p.h5"]
 

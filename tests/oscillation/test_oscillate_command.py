@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from samples import published
 
-from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import write_packing
 from jampetsc.io.reader import load
@@ -29,9 +28,7 @@ def oscillate(*words, ranks=0):
 
 def checked(packing, *words):
     """The job of a command line."""
-    line = ["oscillate", str(packing), "--out", "o.h5", *map(str, words)]
-    args = cli.command_parser(line)[0].parse_args(line)
-    return args.check(args)
+    return launch.asked(["oscillate", str(packing), "--out", "o.h5", *map(str, words)])[0]
 
 
 @pytest.mark.parametrize(
@@ -98,7 +95,7 @@ def test_steps_in_time_on_any_number_of_ranks(packing, tmp_path):
     """Points are shared between ranks, and each is the same to the last bit; a journal of one rank serves two."""
     words = "--contacts moving --alpha 0.7 --omega 0.1,1 --cycles 3 --stress 1e-6 --steps 16".split()
     line = ("oscillate", packing, "--out", tmp_path / "2.h5", *words)
-    assert launch.run(0, "run_interrupted.py", 1, *line).returncode < 0  # killed
+    assert launch.run(0, "run_disturbed.py", "steps", 1, *line).returncode < 0  # killed
     files = []
     for ranks in (0, 2):
         done = oscillate(packing, "--out", tmp_path / f"{ranks}.h5", *words, ranks=ranks)

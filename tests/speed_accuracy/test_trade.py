@@ -412,19 +412,15 @@ def test_which_ensembles_a_packing_allows_and_that_they_are_made_as_it_was(told,
         assert (pack.potential, pack.stiffness) == ("harmonic", "constant")
 
 
-def test_scatter_of_an_ensemble_is_that_of_a_mean_in_the_window():
-    reference = Reference(Curve(WIDE))
-    shifts = np.array([-0.1, 0.1] * 4)
+def test_scatter_of_an_ensemble_is_that_of_a_mean_in_the_window_and_of_slopes_from_packing_to_packing():
+    reference, shifts = Reference(Curve(WIDE)), np.array([-0.1, 0.1] * 4)
     curves = (1 + shifts)[:, None] * reference.G
     curves[:, 0] = shifts + 1e-9j
     found = ensembles._statistics(reference, curves)
     assert found["window_storage"] < 1e-12  # the mean is exact
     assert found["stderr_storage"] == found["stderr_loss"] == pytest.approx(0.1 / np.sqrt(7) * half_width(7))
 
-
-def test_slopes_of_an_ensemble_scatter_from_packing_to_packing():
-    omega = np.geomspace(1e-4, 1e-2, 7)
-    reference = Reference(Curve(omega))
+    reference = Reference(Curve(omega := np.geomspace(1e-4, 1e-2, 7)))
     steep = [omega**exponent * (1 + 1j) for exponent in (0.5, 0.6)]
     found = ensembles._statistics(reference, np.array(steep))
     for part in ("storage", "loss"):  # √(0.05² + 0.05²)/√2

@@ -383,22 +383,11 @@ def test_large_tasks_are_everybodys_and_what_reads_their_files_comes_after_them(
 # What a study says and does beside its tasks
 
 
-def work(rank=0, records=None, refresh=None, tasks=3, folder=None, claims=None):
-    """A study's work on a rank."""
+def work(records=None, tasks=3, folder=None, claims=None):
+    """A study's work on rank 0."""
     runner = SimpleNamespace(records=records or {}, folder=folder)
     tasks = [SimpleNamespace(name=f"task {n}") for n in range(tasks)]
-    return study_run._Work(SimpleNamespace(rank=rank), runner, claims, tasks, refresh)
-
-
-@pytest.mark.parametrize(("rank", "every", "count"), [(0, -1.0, 2), (0, 1000.0, 0), (1, -1.0, 0)])
-def test_the_table_is_written_now_and_then_by_rank_0(monkeypatch, rank, every, count):
-    monkeypatch.setattr(study_run, "REFRESH", every)
-    calls = []
-    one = work(rank, refresh=lambda: calls.append(1))
-    before = one.refreshed
-    one._now_and_then()
-    one._now_and_then()
-    assert len(calls) == count and (one.refreshed > before) == (count > 0)
+    return study_run._Work(SimpleNamespace(rank=0), runner, claims, tasks, None)
 
 
 def test_a_record_that_is_not_new_is_not_kept_again(tmp_path):
