@@ -1,8 +1,6 @@
 """The trade: real runs at N = 64, what is made of them, and the advice that follows from rows."""
 
 import csv
-import subprocess
-import sys
 from dataclasses import fields, replace
 
 import launch
@@ -35,17 +33,6 @@ pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWar
 OMEGA = "1e-2:10:16"  # six of them in the critical window of p = 1e-3
 
 
-def jampetsc_run(*words, folder, **environment):
-    return subprocess.run(
-        [sys.executable, "-m", "jampetsc", *map(str, words)],
-        env=launch.environment() | environment,
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
-
-
 def rows_of(path):
     """The rows of a written table as dictionaries of text, by the name of the choice."""
     lines = [line for line in path.read_text().splitlines() if not line.startswith("#")]
@@ -55,8 +42,7 @@ def rows_of(path):
 @pytest.fixture(scope="module")
 def packing(tmp_path_factory):
     folder = tmp_path_factory.mktemp("trade")
-    made = jampetsc_run("pack", "--n", 64, "--pressure", "1e-3", "--out", "p.h5", folder=folder)
-    assert made.returncode == 0, made.stderr
+    launch.run_lines(folder, ["pack --n 64 --pressure 1e-3 --out p.h5".split()])
     return folder / "p.h5"
 
 
@@ -81,9 +67,8 @@ def bench_of(folder, *asked_, **changes):
 
 def test_trade_of_a_packing(packing, tmp_path):
     (tmp_path / "broken.opts").write_text("-freq_pc_type none_such\n")
-    words = ["trade", packing, "--out", "t.csv", "--omega", OMEGA, "--choices", "method"]
-    done = jampetsc_run(*words, "--options-files", "broken.opts", folder=tmp_path)
-    assert done.returncode == 0, done.stderr
+    words = ["trade", str(packing), "--out", "t.csv", "--omega", OMEGA, "--choices", "method"]
+    said = launch.run_lines(tmp_path, [[*words, "--options-files", "broken.opts"]])
     rows = rows_of(tmp_path / "t.csv")
     assert [group for group, _ in rows] == ["reference", *["method"] * 2]
     reference = next(row for (group, _), row in rows.items() if group == "reference")
@@ -97,7 +82,7 @@ def test_trade_of_a_packing(packing, tmp_path):
     broken = rows["method", "direct, broken.opts"]
     assert broken["failed"] == "1" and broken["note"].startswith("failed: ") and "\n" not in broken["note"]
     assert broken["seconds"] == broken["error_storage"] == ""
-    assert "for a figure" in done.stdout and "broken.opts" in done.stdout
+    assert "for a figure" in said and "broken.opts" in said
     assert imread(tmp_path / "t.png").std() > 0.01
     assert sorted(path.name for path in tmp_path.iterdir()) == ["broken.opts", "t.csv", "t.png"]
 
