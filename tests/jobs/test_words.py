@@ -14,13 +14,6 @@ from jampetsc.jobs.sources import refuse_repeated, rows_named
 from jampetsc.studies.table import table_text
 
 
-def test_a_result_is_no_picture(tmp_path):
-    message = r"s\.png: would be an HDF5 file by that name: give it the ending \.h5"
-    with pytest.raises(InputError, match=f"--out .*{message}"):
-        cli.dispatch(["sweep", "p.h5", "--out", f"{tmp_path}/s.png"])
-    assert not list(tmp_path.iterdir())
-
-
 def test_one_file_under_two_names(tmp_path):
     (tmp_path / "a.h5").touch()
     (tmp_path / "b.h5").symlink_to("a.h5")
