@@ -97,6 +97,7 @@ def with_record(path, n=64, **record):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
+        ("none.h5 --out t.csv", "none.h5: no such file"),
         ("--out t.txt", "--out t.txt: give it the ending .csv"),
         ("--out t.csv --choices method,speed", "--choices method,speed: 'speed' is none of"),
         ("--out t.csv --options-files none.opts", "--options-files none.opts: no such file"),
@@ -118,7 +119,7 @@ def test_what_can_be_known_to_be_wrong_is_said_before_anything_runs(tmp_path, mo
     good = asked()
     good.check_outputs(Outlet("t.csv"))  # a table and a picture may be made anew
     with pytest.raises(InputError) as error:
-        cli.dispatch(["trade", "p.h5", *words.split()])
+        cli.dispatch(["trade", *(["p.h5"] if words[0] == "-" else []), *words.split()])
     assert str(error.value).startswith(message) and "\n" not in str(error.value)
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted([*held, "p.h5"])
     monkeypatch.setattr(launcher, "several", lambda: True)
@@ -168,6 +169,8 @@ def test_simpler_physics_of_each_law():
 
 
 # Runs that end otherwise
+
+
 @pytest.mark.parametrize(
     ("text", "status", "reason"),
     [
@@ -416,7 +419,7 @@ def test_scatter_of_an_ensemble_is_that_of_a_mean_in_the_window_and_of_slopes_fr
     assert alone["exponent_storage_error"] == fit["exponent_storage_error"] > 0
 
 
-# The whole of it
+# What it tells
 def test_a_trade_tells_what_was_measured_on_what_and_what_was_left_out(tmp_path, monkeypatch):
     packing, drawn = with_record(tmp_path / "p.h5", 64), []
     curve = spent(Curve(WIDE))
