@@ -2,6 +2,8 @@
 
 import json
 import os
+import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -36,13 +38,27 @@ def mpirun(ranks):
     return [*words, "-n", str(ranks)] if ranks else []
 
 
+def command_lines(text):
+    """The command lines in the indented blocks of a text, as lists of words after `jampetsc`."""
+    found = re.findall(r"^(?:  |    )(?:mpirun -n \d+ )?jampetsc (.*)$", text, re.MULTILINE)
+    return [shlex.split(line, comments=True) for line in found]
+
+
 def run_lines(folder, items):
-    """What tests/run_lines.py says of command lines and pieces of python in a folder, all in one process."""
-    settings = {"env": environment(), "cwd": folder, "capture_output": True, "text": True}
-    line = command(0, "run_lines.py")
-    done = subprocess.run(line, input=json.dumps(items), timeout=MINUTES, **settings)
-    assert done.returncode == 0, f"{done.stderr[-2000:]}\n{items}"
-    return done.stdout
+    """What tests/run_lines.py says of command lines and pieces of python in a folder, all in one process.
+
+    But for those with options of PETSc, of which a process has one set: each of them in one of its own, afterwards.
+    """
+    apart = [
+        one for one in items if not isinstance(one, str) and any(re.match("-[a-z]{2}", word) for word in one)
+    ]
+    settings = {"env": environment(), "cwd": folder, "capture_output": True, "text": True, "timeout": MINUTES}
+    said = ""
+    for some in ([one for one in items if one not in apart], *([words] for words in apart)):
+        done = subprocess.run(command(0, "run_lines.py"), input=json.dumps(some), **settings)
+        assert done.returncode == 0, f"{done.stderr[-2000:]}\n{some}"
+        said += done.stdout
+    return said
 
 
 def asked(words):

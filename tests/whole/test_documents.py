@@ -3,7 +3,6 @@
 import importlib.util
 import re
 import runpy
-import shlex
 import subprocess
 import sys
 
@@ -27,13 +26,6 @@ def blocks(name, language):
     return re.findall(rf"```{language}\n(.*?)```", (launch.ROOT / name).read_text(), re.DOTALL)
 
 
-def lines(name):
-    """The command lines of a document as lists of words after `jampetsc`: those of its indented blocks."""
-    text = (launch.ROOT / name).read_text()
-    found = re.findall(r"^    (?:mpirun -n \d+ )?jampetsc (.*)$", text, re.MULTILINE)
-    return [shlex.split(line, comments=True) for line in found]
-
-
 def small(words):
     """A command line at a size for tests."""
     words = list(words)
@@ -54,28 +46,22 @@ def test_what_the_documents_say_runs(tmp_path):
         (tmp_path / name).symlink_to(launch.ROOT / name)
     (study,) = blocks("docs/tasks.md", "toml")
     (tmp_path / "study.toml").write_text(small_study(study))
-    together, apart = [], []
+    commands = []
     for name in ("README.md", "docs/tasks.md", "docs/solvers.md"):
-        for words in lines(name):
+        for words in launch.command_lines((launch.ROOT / name).read_text()):
             if words[0] == LONG:
                 cli.command_parser(words)[0].parse_args(words)
-            elif small(words) not in together:  # in another document
-                (apart if _has_petsc_options(words) else together).append(small(words))
+            elif small(words) not in commands:  # in another document
+                commands.append(small(words))
     python = [
         text.replace("n=256", "n=32").replace("n = 256", "n = 64").replace("range(1, 7)", "range(1, 3)")
         for name in ("README.md", "docs/python.md", "docs/tutorial.md")
         for text in blocks(name, "python")
     ]
-    assert len(together) > 20 and len(apart) > 1 and len(python) > 3
-    launch.run_lines(tmp_path, together + python)
-    for words in apart:  # one process has one set of them
-        launch.run_lines(tmp_path, [words])
+    assert len(commands) > 20 and len(python) > 3
+    launch.run_lines(tmp_path, commands + python)
     for path in re.findall(r"--out (\S+)", (launch.ROOT / "docs/tasks.md").read_text()):
         assert list(tmp_path.glob(re.sub(r"\{\w+\}", "*", path))) or path == "trade.csv", path
-
-
-def _has_petsc_options(words):
-    return any(re.match(r"-[a-z]", word) for word in words)
 
 
 def test_the_site_has_every_page_and_every_name(tmp_path):

@@ -1,7 +1,6 @@
 """The examples of every --help run as they are written, at small sizes."""
 
 import re
-import shlex
 
 import launch
 import numpy as np
@@ -39,12 +38,6 @@ flow p.h5 --model RD0 --rate 1e-2 --strain 0.05 --out rd0-1e-2.h5
 flow p.h5 --model RD0 --rate 2e-2 --strain 0.05 --out rd0-2e-2.h5"""
 
 
-def examples(text):
-    """The command lines under `examples:` in a help, as lists of words after `jampetsc`."""
-    found = re.findall(r"^  (?:mpirun -n \d+ )?jampetsc (.*)$", text, re.MULTILINE)
-    return [shlex.split(line, comments=True) for line in found]
-
-
 def small(words, folder):
     """A command line at a size for tests, its patterns as a shell in the folder replaces them."""
     named = [*words]
@@ -67,7 +60,7 @@ def small(words, folder):
 def test_every_help_has_an_example(command):
     parser, parsers = cli.command_parser([command] if command else ["--help"])
     text = (parsers.choices[command] if command else parser).format_help()
-    lines = examples(text[text.index("\nexamples:\n") :])
+    lines = launch.command_lines(text[text.index("\nexamples:\n") :])
     assert not command or command in [words[0] for words in lines]
     for words in lines:
         if set(words) & set(LONG):
@@ -96,7 +89,7 @@ def write_scaled(folder):
 def ran(tmp_path_factory):
     """(folder, lines): after all examples but those of pictures, which are left to draw."""
     folder = tmp_path_factory.mktemp("help")
-    lines = {command: examples(job_class(command).EPILOG) for command in JOBS}
+    lines = {command: launch.command_lines(job_class(command).EPILOG) for command in JOBS}
     order = [words for command in FIRST for words in lines.pop(command)]
     order += [words for some in lines.values() for words in some if not set(words) & set(LONG)]
     study = re.search(r"(?:^  [\[a-z].*\n)+", job_class("study").EPILOG, re.MULTILINE)[0]
@@ -108,11 +101,8 @@ def ran(tmp_path_factory):
     (folder / "dump.lammpstrj").write_text(2 * text)
     np.savetxt(folder / "disks.txt", np.loadtxt(text.splitlines()[9:], usecols=(2, 3, 5)))
     rest = [small(words, folder) for words in order if words[0] != "pack"]
-    apart = [words for words in rest if any(re.match(r"-[a-z]", word) for word in words)]
     pictures = [words for words in rest if words[0] == "plot"]
-    launch.run_lines(folder, [words for words in rest if words not in apart + pictures])
-    for words in apart:  # one process has one set of PETSc's options
-        launch.run_lines(folder, [words])
+    launch.run_lines(folder, [words for words in rest if words not in pictures])
     return folder, rest, pictures
 
 
