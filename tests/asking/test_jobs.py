@@ -25,6 +25,7 @@ from jampetsc.io.reader import collected
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.jobs import JOBS, job_class
 from jampetsc.jobs.correlate import Correlate
+from jampetsc.jobs.flow import Flow
 from jampetsc.jobs.modes import Modes
 from jampetsc.jobs.oscillate import Oscillate
 from jampetsc.jobs.quasistatic import Quasistatic
@@ -147,6 +148,8 @@ P, OSC = ("p.h5",), {"omega": 0.1, "strain": 1e-6}
         (Oscillate, P, OSC | {"contacts": "moving", "prestress": False}, ["prestress", "contacts"]),
         (Oscillate, P, OSC | {"omega": 1e-299, "alpha": 0.01, "tau1": 0.09}, ["omega", "tau1"]),
         (Correlate, P, {"phase": "time"}, ["phase"]),
+        (Flow, P, {"strain": 1.0, "rate": 0.1, "model": "RD0", "law": "stokes"}, ["model", "law"]),
+        (Flow, P, {"strain": 1.0, "rate": 0.1, "mass": 1.0}, ["model", "law"]),
     ],
 )
 def test_what_is_refused_by_name(job, files, given, named):
