@@ -38,6 +38,4 @@ def table_text(rows) -> str:
 def _cell(value):
     if isinstance(value, bool):
         return int(value)
-    if value is None or value != value:
-        return ""
-    return value
+    return value if value == value else None  # for which csv writes nothing
