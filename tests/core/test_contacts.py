@@ -96,22 +96,6 @@ def test_state_against_loops_over_all_images(name):
     np.testing.assert_allclose(total, disks.stress, rtol=1e-12, atol=1e-13 * disks.pressure)
 
 
-def test_net_forces_are_the_gradient_of_the_energy():
-    disks, _ = polydisperse(0)
-
-    def energy(positions):
-        moved = Disks.from_positions(positions, disks.radii, disks.cell, disks.potential)
-        return measure(moved).energy
-
-    rng = np.random.default_rng(4)
-    shaken = disks.positions + rng.normal(0, 1e-3, (64, 2))
-    direction, h = rng.normal(0, 1, (64, 2)), 1e-6
-    moved = Disks.from_positions(shaken, disks.radii, disks.cell, disks.potential)
-    power = np.sum(net_forces(64, find_contacts(moved)) * direction)
-    slope = (energy(shaken + h * direction) - energy(shaken - h * direction)) / (2 * h)
-    assert power == pytest.approx(-slope, rel=1e-6)
-
-
 def test_rattlers_are_removed_again_and_again():
     square = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]  # three contacts each: stays
     tail = [(3, 4), (3, 5), (4, 5), (4, 6), (5, 6), (6, 7)]  # falls from its end: 7, then 6, then 4 and 5

@@ -7,7 +7,7 @@ import pytest
 import sheared
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from sheared import OVERDAMPED, ROWS, crowd, shear
+from sheared import ROWS, crowd, shear
 
 from jampetsc.core.disks import Disks
 from jampetsc.core.laws import Law
@@ -78,11 +78,7 @@ def test_energy_is_balanced_at_every_instant(name, kind):
     assert abs(change - power) < 1e-6 * scale
 
 
-@pytest.mark.parametrize("name", OVERDAMPED)
-def test_the_flow_as_a_whole_stands_still(name):
-    run = moving(name)
-    if name != "CD0":
-        assert np.abs(run.velocities.sum(0)).max() < 1e-13
+def test_every_cluster_of_contacts_goes_with_the_flow():
     thin = crowd(phi=0.55)
     run, contacts = moving("CD0", thin), find_contacts(thin)
     links = coo_array((np.ones(len(contacts)), (contacts.i, contacts.j)), shape=(thin.n, thin.n))
@@ -129,21 +125,6 @@ def test_stress_does_not_depend_on_origin_images_tilt_or_skin(name):
     assert np.abs(history(wide, 20) / reference - 1).max() < 1e-11
 
 
-def test_a_long_run_stays_folded():
-    run = shear("RD0", crowd(aspect=1.7, tilt=0.0), rate=0.05, step=0.2, method="euler")
-    area, radii = run.reference.area, run.reference.radii
-    for _ in range(60):
-        run.advance(10)
-        disks = run.disks
-        width, height = disks.cell[0, 0], disks.cell[1, 1]
-        assert abs(disks.cell[1, 0]) <= width / 2 * (1 + 1e-12)
-        assert disks.positions[:, 1].min() >= -1e-9 and disks.positions[:, 1].max() <= height + 1e-9
-        turns = (run.strain * height - disks.cell[1, 0]) / width
-        assert abs(turns - round(turns)) < 1e-9
-    assert run.strain == pytest.approx(6.0) and round(turns) >= 3
-    assert run.reference.area == pytest.approx(area, rel=1e-12) and run.reference.radii is radii
-
-
 def test_unwrapped_coordinates_go_on_through_every_image():
     """Disks that do not touch go with the affine flow, however often all is folded; others never jump."""
     cell = np.array([[1.0, 0.0], [0.3, 2.0]])
@@ -156,10 +137,14 @@ def test_unwrapped_coordinates_go_on_through_every_image():
             run.advance(10)
         affine = start.positions + layers.strain * start.positions[:, 1:] * [1.0, 0.0]
         np.testing.assert_allclose(layers.disks.unwrapped, affine, rtol=0, atol=1e-12)
-        now = crowded.disks.unwrapped
+        now, (width, height) = crowded.disks.unwrapped, np.diag(crowded.disks.cell)
+        tilt, y = crowded.disks.cell[1, 0], crowded.disks.positions[:, 1]
+        turns = (crowded.strain * height - tilt) / width
+        assert abs(tilt) <= width / 2 * (1 + 1e-12) and abs(turns - round(turns)) < 1e-9
+        assert -1e-9 <= y.min() and y.max() <= height + 1e-9
         assert np.hypot(*(now - before - 0.1 * before[:, 1:] * [1.0, 0.0]).T).max() < 1.5
         before = now
-    assert layers.strain == pytest.approx(7.3)
+    assert layers.strain == pytest.approx(7.3) and round(turns) >= 3
     assert layers.disks.images[:, 0].max() >= 7 and np.abs(crowded.disks.images).max() >= 4
     disks = crowded.disks
     again = Disks.from_positions(disks.unwrapped, disks.radii, disks.cell).folded().positions
@@ -167,81 +152,6 @@ def test_unwrapped_coordinates_go_on_through_every_image():
     assert low >= 0.0
     with pytest.raises(InputError, match="images are not counted"):
         _ = start.unwrapped
-
-
-@pytest.mark.parametrize("name", ROWS)
-@pytest.mark.parametrize("boundary", [(0, 0), (1, 0), (0, 1), (1, -1)])
-@pytest.mark.parametrize("tilt", [0.0, 0.49, -0.49])
-def test_one_pair_by_hand(name, boundary, tilt):
-    """Two disks, 5 % overlap, at an angle, across every boundary: forces, stress, dissipation from the formulas."""
-    law, mass = ROWS[name]
-    angle, side, rate = 0.7, 10.0, 0.2
-    radii = np.array([0.5, 0.7])
-    sigma, overlap = 1.2, 0.06
-    r = (sigma - overlap) * np.array([np.cos(angle), np.sin(angle)])
-    cell = np.array([[side, 0.0], [tilt * side, side]])
-    positions = np.array([[0.2, 0.3], np.array([0.2, 0.3]) + r - np.array(boundary) @ cell])
-    disks = Disks.from_positions(positions, radii, cell, Potential("harmonic", "inverse-square-diameter"))
-    run = Shear(disks, Model(law, mass), rate, Scheme(0.01, "verlet" if mass else "euler", 1e-14))
-    n, t = r / np.hypot(*r), np.array([-np.sin(angle), np.cos(angle)])
-    spring = overlap / sigma**2
-    unit = law.tau1
-    c = [unit * w for w in law.on_contacts]
-    flow = rate * r[1] * np.array([1.0, 0.0])
-    if mass:
-        run.velocities[:], run.started = [[0.01, 0.02], [-0.03, 0.05]], True
-        run.spins[:] = [0.1, -0.3]
-    else:
-        run.velocities[:] = run.velocities_now()
-    u, spin = run.velocities, run.spins
-    if not mass and law.damps_contacts:
-        # the pair shares its mean: ½ of the relative velocity each, along n and t apart
-        relative = (spring / c[0] * n) - flow
-        assert np.allclose(u, [-relative / 2, relative / 2], atol=1e-13)
-    elif not mass:
-        assert np.allclose(u, [-spring * n / unit, spring * n / unit], atol=1e-14)
-    velocity = u[1] - u[0] + flow
-    sliding = t @ velocity - radii @ spin
-    push = spring * n - c[0] * (n @ velocity) * n - (c[1] * (t @ velocity) + c[2] * sliding) * t
-    force, torques, sums = rates_of(run)
-    drag = law.drag * unit
-    exact = np.array([-push, push]) - drag * u - mass * rate * np.column_stack((u[:, 1], [0, 0]))
-    assert np.allclose(force, exact, atol=1e-13)
-    if law.couples_rotations:
-        assert np.allclose(torques, radii * c[2] * sliding, atol=1e-14)
-    assert sums[2] == pytest.approx(spring * n[0] * r[1], rel=1e-12)
-    assert sums[7] == pytest.approx((push - spring * n)[0] * r[1], abs=1e-14)
-    spent = c[0] * (n @ velocity) ** 2 + c[1] * (t @ velocity) ** 2 + c[2] * sliding**2
-    assert sums[5] == pytest.approx(spent, rel=1e-11, abs=1e-15)
-    assert sums[4] == 1
-
-
-def travelled(name, step, strain=0.02, rate=1e-2, method=None, start=None):
-    run = shear(name, start, rate=rate, step=step, method=method)
-    run.advance(round(strain / rate / step))
-    d = run.disks
-    return d.positions, d.cell
-
-
-def apart(one, other):
-    """rms distance of two states of the same disks, images aside."""
-    (x, cell), (y, _) = one, other
-    d = (x - y) @ np.linalg.inv(cell)
-    return float(np.sqrt(np.mean(np.sum(((d - np.round(d)) @ cell) ** 2, axis=1))))
-
-
-@pytest.mark.parametrize(
-    "name, method, step, order", [("RD0", "euler", 0.1, 1), ("RD0", "heun", 0.1, 2), ("RD", "verlet", 0.1, 2)]
-)
-def test_order_of_convergence(name, method, step, order):
-    """Drag is smooth: errors fall by 2^order when the step is halved. (Contact damping switches on: order 1.)"""
-    settled = shear("RD0", crowd(), step=0.1)
-    settled.advance(400)
-    start = settled.disks
-    exact = travelled(name, step / 32, method="heun" if method != "verlet" else method, start=start)
-    errors = [apart(travelled(name, h, method=method, start=start), exact) for h in (step, step / 2)]
-    assert errors[0] / errors[1] > 2**order * 0.8
-    assert errors[0] < 1e-3
 
 
 @pytest.mark.parametrize("name", ["RD0", "CD0", "CD", "rolling"])
@@ -281,13 +191,7 @@ def test_velocities_that_are_not_found_are_told():
 @pytest.mark.parametrize(
     "name, mass, rate, step, method",
     [
-        (
-            "RD",
-            0.01,
-            1e-4,
-            0.25,
-            "backward Euler",
-        ),  # light disks follow the forces where all of them are braked,
+        ("RD", 0.01, 1e-4, 0.25, "backward Euler"),  # light disks follow the forces where all are braked,
         ("CDn", 0.01, 1e-4, 1e-3, "verlet"),  # else they fly and collide
         ("CDt", 0.01, 1e-4, 1e-3, "verlet"),
         ("RD0", 0.0, 1e-3, 0.2, "euler"),
@@ -362,19 +266,6 @@ def test_time_steps_know_k_tau1_and_the_potential():
     assert scheme_for(braked, disks, 1e-4).step == pytest.approx(0.25 * 3.0)  # the strongest one decides
     larger = Disks.from_positions(2 * disks.positions, 2 * disks.radii, 2 * disks.cell, disks.potential)
     assert scheme_for(Model(ROWS["RD0"][0]), larger, 1e-4).step == pytest.approx(4 * 0.2)  # k_e/d²
-
-
-def test_units_of_a_run_are_those_of_its_disks():
-    """Weights, drag and the stress of the fluid in kτ₁."""
-    disks = crowd(16)
-    stiff = replace(disks, potential=replace(disks.potential, k=4.0))
-    law = Law("some", normal=1.0, transverse=0.5, sliding=0.25, drag=0.3, eta_f=2.0, tau1=0.5)
-    run = Shear(stiff, Model(law, 0.7, friction=0.1), 0.02, Scheme(0.05, "verlet", 1e-6), held=3)
-    task = run.task()
-    assert task.weights == (2.0, 1.0, 0.5) and task.held == 3
-    found = task.drag, task.mass, task.rate, task.background
-    assert found == pytest.approx((2.0 * 0.4, 0.7, 0.02, 2.0 * 2.0 * disks.area))
-    assert run.inertia == pytest.approx(0.35 * disks.radii**2)
 
 
 def test_disks_of_walls_are_not_among_those_that_coordination_is_a_mean_over():

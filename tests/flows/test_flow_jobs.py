@@ -13,7 +13,6 @@ from jampetsc.analysis.jamming import independent_share
 from jampetsc.asking import starts
 from jampetsc.asking.parameters import made
 from jampetsc.core.laws import ContactDamping, Law
-from jampetsc.core.potentials import Potential
 from jampetsc.errors import InputError
 from jampetsc.flows import models
 from jampetsc.flows.jamming import PROTOCOLS
@@ -166,12 +165,6 @@ def test_a_flow_is_asked_for_as_told():
     more = replace(job, tolerance=1e-6, step=0.01, snapshots=3, discard=0.125)._fresh()
     assert (more.scheme.tolerance, more.scheme.step) == (1e-6, 0.01)
     assert (more.plan.snapshots(1), more.plan.discard) == (3, 0.125)
-
-
-def test_a_quality_knows_the_stiffness_of_the_packing():
-    stiff = replace(published(), potential=Potential(k=4.0))
-    job = Flow(stiff, jampetsc.models.RD(quality=3.0, tau1=0.5), rate=1e-3, strain=0.1)
-    assert job._fresh().model.mass == pytest.approx(9.0 * 4.0 * 0.25)
 
 
 @pytest.mark.parametrize("seed", [None, 0, 3])

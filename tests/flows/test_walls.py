@@ -11,7 +11,7 @@ from jampetsc.core.kernel import bond_forces
 from jampetsc.core.potentials import Potential
 from jampetsc.core.state import find_contacts
 from jampetsc.errors import InputError
-from jampetsc.flows import moves, walls
+from jampetsc.flows import walls
 from jampetsc.flows.models import Model, Scheme
 from jampetsc.flows.record import LAYERS
 from jampetsc.flows.shearing import Shear
@@ -51,7 +51,7 @@ def test_the_start(channel):
     assert len(set(np.round(disks.radii[:held], 12))) == 2  # rough
 
 
-@pytest.mark.parametrize("name", ROWS)
+@pytest.mark.parametrize("name", ["RD0", "CD0", "rolling"])
 def test_walls_are_rigid_and_stand_in_the_affine_flow(channel, name):
     run = shear(name, channel)
     disks, held = channel
@@ -115,43 +115,6 @@ def test_disks_with_a_mass_are_at_rest_when_walls_begin_to_slide(channel, name):
     profile = seen_between_walls(shear(name, channel))["velocity_profile"]
     wanted = pytest.approx(1.0, abs=0.1) if name == "RD0" else pytest.approx(0.0, abs=1e-12)
     assert middle_share(np.nan_to_num(profile)) == wanted
-
-
-@pytest.mark.parametrize("name", ["RD0", "CD0", "CD", "rolling"])
-def test_energy_is_balanced(channel, name):
-    """γ̇Vσ − D is what the energy grows by: the work is that of the walls (and of the fluid's drag)."""
-    run = shear(name, channel, step=0.01)
-    run.advance(300)  # disks with a mass are at rest first, which one step of the sums hardly resolves
-    ends = []
-    for _ in range(2):
-        run.seen[:] = 0
-        run.advance(1)
-        ends.append(run.seen[moves.TALLY.index("energy")])
-        run.seen[:] = 0
-        run.advance(100)
-    tally = run.seen
-    run.seen = np.zeros_like(tally)
-    # the second hundred: energies at its ends
-    before = ends[1]
-    run.advance(1)
-    after = run.seen[moves.TALLY.index("energy")]
-    power = -run.rate * (tally[0] + tally[2] + tally[4]) - tally[7]
-    assert after - before == pytest.approx(0.01 * power, rel=0.02)
-
-
-def test_what_the_walls_feel_in_the_mean_is_the_stress_of_the_bulk():
-    """With mass: σ with its kinetic part, within the errors."""
-    run = shear("CD", between_walls(1.2 * radii_of("bidisperse", 16), 0.84, 1, SOFT), rate=0.05, step=0.1)
-    run.advance(200)
-    walls, bulk = [], []
-    for _ in range(400):
-        run.seen[:] = 0
-        run.advance(5)
-        bulk.append(-(run.seen[0] + run.seen[2] + run.seen[4]) / 5 / run.disks.area)
-        walls.append(stress_on_walls(run, run.velocities_now())[0])
-    blocks = (np.array(walls) - np.array(bulk)).reshape(10, -1).mean(1)
-    assert abs(blocks.mean()) < 4 * blocks.std(ddof=1) / np.sqrt(10)
-    assert abs(blocks.mean()) < 0.05 * np.mean(bulk)
 
 
 def test_rows_that_leave_no_room():

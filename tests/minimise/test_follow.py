@@ -48,16 +48,6 @@ def test_the_factor_is_that_of_the_hessian(listed):
     assert modulus == pytest.approx(np.sum(bonds.stiffness * (bonds.normal[0] * bonds.r[1]) ** 2))
 
 
-def test_a_matrix_that_is_not_definite_is_told(listed):
-    disks, pairs, order = listed
-    still = np.zeros((disks.n, 2))
-    blocks, chosen = compiled.springs(pairs.arrays, still, 0.0, disks.potential.constants, 0.0, 1.0)
-    for shift, definite in ((10.0, True), (-1e-3, False)):
-        whole = np.full(disks.n, shift)
-        assert factorise(order, *pairs.arrays[:2], blocks, chosen, whole)[0] is definite
-        assert (np.linalg.eigvalsh(dense(pairs, disks.n, blocks, whole))[0] > 0) == definite
-
-
 def test_pairs_that_are_nearly_closed_are_half_as_stiff(listed):
     disks, pairs, _ = listed
     law, still = disks.potential.constants, np.zeros((disks.n, 2))
@@ -94,14 +84,6 @@ def test_where_following_ends(listed):
     status, few, force, _ = followed(listed, floor=1e-7)
     assert status == compiled.CONVERGED and few < evaluations and force <= 1e-7
     assert followed(listed, skin=1e-6)[0] == compiled.STALE
-
-
-def test_without_a_factor_it_goes_down_too(listed, monkeypatch):
-    exact = followed(listed)
-    monkeypatch.setattr(compiled, "factor_of", lambda *_: compiled.NO_FACTOR)
-    status, evaluations, _, pressure = followed(listed)
-    assert status == compiled.CONVERGED and pressure == pytest.approx(exact[3], rel=1e-6)
-    assert evaluations > 2 * exact[1]
 
 
 def test_displacements_are_told_without_their_drift():

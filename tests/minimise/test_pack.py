@@ -103,7 +103,7 @@ def test_files_of_several_are_loaded_as_a_list(session, shared_path, monkeypatch
 def test_a_packing_file_is_changed_with_its_potential_and_record(session, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     first = jampetsc.pack(n=48, pressure=1e-2, potential="hertzian", out="a.h5")
-    for aim in ({"pressure": 1e-4}, {"phi": 0.95}):
+    for aim in ({"pressure": 1e-4}, {"pressure": 5e-2}, {"phi": 0.95}):
         found = jampetsc.pack(from_="a.h5", n=48, **aim, out="b.h5", overwrite=True)
         assert found.potential == first.potential and np.array_equal(found.radii, first.radii)
         assert found.record["source"] == "a.h5" and "seed" not in found.record

@@ -66,15 +66,6 @@ def test_fixed_packing_fraction():
     assert state.max_force <= 1e-10 * state.pressure
 
 
-def test_up_and_down_in_pressure():
-    disks = pack(64, Target(1e-2))
-    for pressure in (1e-4, 5e-2):
-        disks = protocols.make_packing(disks, Target(pressure), NewtonSolver(), fresh=False)
-        state = measure(disks)
-        assert abs(state.pressure / pressure - 1) <= 1e-10
-        assert state.max_force <= 1e-10 * pressure
-
-
 def test_ensemble_statistics():
     """N = 256: bands around independent values for N = 1024 (φ, Δz/√p, rattlers), but wider."""
     for pressure, phi, excess, rattlers in ((1e-2, 0.8645, 5.3, 0.010), (1e-3, 0.8437, 4.99, 0.033)):

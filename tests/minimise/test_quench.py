@@ -345,6 +345,7 @@ def test_held_disks_have_unit_rows():
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
 def test_newton_reaches_rounding_where_plain_doubles_cannot():
     """At p = 1e-7 the residual is that of rounding r ~ d; rounded coordinates leave a far larger one."""
     n, pressure, rounding = 256, 1e-7, 2e-15
@@ -364,6 +365,7 @@ def test_newton_reaches_rounding_where_plain_doubles_cannot():
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
 def test_cholesky_solves_and_refuses():
     rng = np.random.default_rng(2)
     root = rng.normal(size=(12, 12))

@@ -62,19 +62,6 @@ def test_a_method_without_a_derivative_is_refused(packing, tmp_path):
     assert len(done.stderr.splitlines()) == 1
 
 
-def test_what_failed_is_tried_again_and_the_rest_kept(packing, tmp_path):
-    """With few Newton steps only the easy point is solved; without the limit, only the other one is left to do."""
-    path = tmp_path / "out.h5"
-    how = "--alpha 0.5 --omega 1e-12,1e-6 --stress 1e-4 --steps 16"
-    words = (packing, "--out", path, *how.split())
-    failed = oscillate(*words, "-osc_snes_max_it", 3)
-    assert failed.returncode == 3 and "1 of 2 points failed" in failed.stderr
-    assert list(np.isnan(load(path)["G"][0])) == [False, True]
-    done = oscillate(*words)
-    assert done.returncode == 0 and "1 points are finished" in done.stderr
-    assert np.isfinite(load(path)["G"]).all()
-
-
 def test_a_checkpoint_is_of_the_same_oscillation(packing):
     """Whatever decides a result is in the key of its checkpoint."""
 

@@ -5,19 +5,18 @@ from functools import cache
 import numpy as np
 import pytest
 from oscillations import steady_oscillation
-from powerlaw import Opening, slow_moduli
-from samples import isostatic, network_of, physics, published
+from powerlaw import Opening
+from samples import isostatic, physics, published
 from sweeps import Sweep
 
 from jampetsc.core.state import find_contacts, measure
 from jampetsc.errors import ConvergenceError
 from jampetsc.flows import steps as flow
 from jampetsc.flows.models import Model, Scheme
-from jampetsc.flows.moves import move
 from jampetsc.flows.quasistatic_shear import SlowShear, minimum_of
 from jampetsc.flows.shearing import Shear
 from jampetsc.minimise.hessian import Bonds
-from jampetsc.oscillation import dashpots, repeated, stage, steps
+from jampetsc.oscillation import repeated, stage, steps
 from jampetsc.oscillation.moving import MovingContacts
 from jampetsc.oscillation.repeated import START_STEPS, left_to_change, repeat_cycles
 from jampetsc.oscillation.response import Drive, Imposed, Moduli
@@ -123,28 +122,6 @@ def test_against_integration_in_time(moving, alpha, omega, imposed):
     assert np.abs(difference).max() < 2e-3 * np.abs(expected).max()
 
 
-def test_dry_contacts_in_slow_shear():
-    """α = 0.1, where contacts stick: G'' is what the motions of slow shear dissipate."""
-    alpha, omega, strain = 0.1, 1e-75, 1e-5
-    found = shaken(omega, strain, 16, 3, alpha=alpha, rotations=False)
-    network = network_of(published(), physics(rotations=False), current().comm)
-    storage, loss = slow_moduli(network, published(), alpha, omega, strain)
-    assert found.G.imag == pytest.approx(loss, rel=2e-2)
-    assert found.G.real == pytest.approx(storage, rel=1e-2)
-    assert 1e-3 < found.G.imag / found.G.real < 0.05 and abs(found.energy_balance) < 2e-2
-
-
-def test_contacts_at_rest_are_soft_enough(monkeypatch):
-    """Where the force of a contact begins to be linear in its velocity does not matter."""
-    words = {"alpha": 0.5, "rotations": False}
-    usual = shaken(2e-10, 1e-7, 16, 1, **words).G
-    off = []
-    for below in (0.3, 10.0 * dashpots.LINEAR_BELOW):
-        monkeypatch.setattr(dashpots, "LINEAR_BELOW", below)
-        off.append(abs(shaken.__wrapped__(2e-10, 1e-7, 16, 1, **words).G - usual))
-    assert off[0] > 1e-4 * abs(usual) and off[1] < 1e-6 * abs(usual)
-
-
 def test_what_newtons_method_leaves_of_the_forces_does_not_matter(monkeypatch):
     usual = shaken(0.1, 2e-3, 16, 1, rotations=False).G
     monkeypatch.setattr(stage, "TOLERANCE", 1e-12)
@@ -173,46 +150,6 @@ class FlowAt(Shear):
         out, (domains, _), task = np.empty_like(u), self.lists, self.task()._replace(mass=0.0)
         assert domains.number == 1
         return out, flow.residual_at(domains, 0, self.offsets, self.shear, task, u, out, rolling)
-
-
-def flow_cycles(disks, law, omega, strain, steps, cycles):
-    """G* of the last cycle, contacts opened and closed in it: by the steps of `flow`, explicit, with its own solver."""
-    dt = 2.0 * np.pi / (omega * steps)
-    run = FlowAt(disks, Model(law), 1.0, Scheme(dt, "euler", 1e-9))
-    o, ahead, moved = np.zeros((3, disks.n, 2))
-
-    def velocities(o, t):
-        run.at(o, strain * np.sin(omega * t), strain * omega * np.cos(omega * t))
-        run.velocities[:] = run.velocities_here()  # where the next search begins
-        assert not run.stale()
-        return run.velocities.copy(), run.shear
-
-    total, counts = 0.0, []
-    for step in range(cycles * steps):
-        t = dt * step
-        u, shear = velocities(o, t)
-        if step >= (cycles - 1) * steps:
-            _, sums = run.forces(u)
-            stress = -(sums.elastic_xy + sums.viscous_xy) / disks.area
-            total += stress * np.exp(-1j * (omega * t - 0.5 * np.pi))
-            counts.append(sums.contacts)
-        move(o, u, shear, dt, ahead)
-        u2, later = velocities(ahead, t + dt)
-        move(o, u, shear, 0.5 * dt, moved)
-        move(moved, u2, later, 0.5 * dt, o)
-    return total * 2.0 / (steps * strain), np.ptp(counts)
-
-
-def test_contacts_open_and_close_as_in_flow():
-    """The same motion by other steps, another solver and the compiled pair loop."""
-    law, omega, strain = physics(rotations=False).law, 0.1, 2e-3
-    found = shaken(omega, strain, 48, rotations=False)
-    G, changed = flow_cycles(published(), law, omega, strain, 200, 4)
-    linear = shaken(omega, 1e-7, 16, rotations=False)
-    assert changed >= 2
-    assert abs(found.G - G) < found.error + 1e-3 * abs(G)
-    assert abs(found.G - linear.G) > 10 * abs(found.G - G)
-    assert 1e-3 < abs(found.harmonics[0]) < 0.5
 
 
 def test_order_of_the_steps():

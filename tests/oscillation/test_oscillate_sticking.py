@@ -12,11 +12,7 @@ from samples import SAMPLES, network_of, physics, published
 from sweeps import Sweep
 
 from jampetsc.errors import ConvergenceError
-from jampetsc.linear.elastic import ElasticResponse
 from jampetsc.oscillation import dashpots, halfcycles, stage
-from jampetsc.oscillation.dashpots import Damping
-from jampetsc.oscillation.fixed import FixedSprings
-from jampetsc.oscillation.powerlaw import PowerLaw
 from jampetsc.oscillation.repeated import repeat_cycles
 from jampetsc.oscillation.response import Drive
 from jampetsc.petsc.session import current
@@ -100,24 +96,15 @@ def test_dry_friction_is_the_limit():
     assert found.G.imag > 0.3 * found.G.real
 
 
-@pytest.mark.parametrize("alpha", [0.1, 0.02])
-def test_slow_limit(alpha):
+def test_slow_limit():
     """Contacts move as in slow shear, and G'' is what that dissipates: ∝ ω^α γ₀^(α−1)."""
+    alpha = 0.02
     omega = frequency(alpha, 1e-3, 1.0)
     found = stepped(alpha, omega, 1.0, False, 16, rotations=False)
     network = network_of(published(), physics(rotations=False), current().comm)
     storage, loss = slow_moduli(network, published(), alpha, omega, 1.0)
     assert found.G.imag == pytest.approx(loss, rel=2e-2)
     assert found.G.real == pytest.approx(storage, rel=1e-2)
-
-
-def test_stress_and_frequency_are_one_variable_at_any_power_of_ten():
-    """Where only dashpots hold, G* ∝ σ^(1 − 1/α): 49 powers of ten for one of the stress."""
-    alpha = 0.02
-    runs = [stepped(alpha, frequency(alpha, 3.0, 1e-2), stress, True) for stress in (1e-2, 1e-3)]
-    assert abs(runs[0].G) > 1e15 and abs(runs[0].G.real) < runs[0].error
-    ratio = np.log10(runs[1].G.imag) - np.log10(runs[0].G.imag)
-    assert ratio == pytest.approx(1.0 / alpha - 1.0, abs=1e-4)
 
 
 def test_where_contacts_begin_to_be_linear_does_not_matter(monkeypatch):
@@ -129,6 +116,7 @@ def test_where_contacts_begin_to_be_linear_does_not_matter(monkeypatch):
     found = stepped.__wrapped__(*words)
     change = abs(found.G - usual.G)
     assert 0.3 < found.regularisation_effect / change < 3.0 and change > 1e-4 * abs(usual.G)
+    assert found.error > usual.error + 0.5 * found.regularisation_effect
 
 
 def test_moving_contacts_at_small_amplitudes():
@@ -138,20 +126,6 @@ def test_moving_contacts_at_small_amplitudes():
     law = physics(exponent=alpha, rotations=False).law
     found = repeat_cycles(published(), law, exact.start, 8, 3)
     assert abs(found.G - exact.G) < 2e-4 * abs(exact.G) < found.error
-
-
-@pytest.mark.parametrize("options", [{}, {"prestress": False}])
-def test_springs_are_those_of_slow_shear(options):
-    """Sheared so, they are balanced and pull at the cell by G₀."""
-    law = physics(**options)
-    network = network_of(published(), law, current().comm)
-    elastic = ElasticResponse(network)
-    shear = elastic.shear()
-    springs = FixedSprings(network, law.law, 2.0 * network.k, Damping.of(law.law, PowerLaw(1.0, 1.0), 1.0))
-    forces = springs.times_K(np.append(elastic.pencil.split(shear.x)[0], 1.0)) / network.k
-    elastic.destroy()
-    assert abs(forces[:-1]).max() < 1e-10
-    assert forces[-1] == pytest.approx(2.0 * shear.value / network.k, rel=1e-9)
 
 
 @pytest.mark.parametrize("most", [1, 3])
@@ -194,18 +168,15 @@ def test_error_covers_what_finer_steps_change():
 
 @pytest.mark.parametrize(
     ("module", "name", "value"),
-    [(halfcycles, "LEFT", 0.3), (stage, "TOLERANCE", 1e-2), (dashpots, "LINEAR_BELOW", 10.0)],
+    [(halfcycles, "LEFT", 0.3), (stage, "TOLERANCE", 1e-2)],
 )
 def test_what_is_left_is_in_the_error(monkeypatch, module, name, value):
-    """Of half cycles not yet repeated, of forces that are not balanced, of contacts that are linear too soon."""
+    """Of half cycles not yet repeated, of forces that are not balanced."""
     usual = easy()
     monkeypatch.setattr(module, name, value)
     found = again()
     change = abs(found.G - usual.G)
-    if module is dashpots:
-        assert found.error > found.regularisation_effect > 0.1 * abs(found.G)
-    else:
-        assert change > 1e-3 * abs(usual.G) and found.error > usual.error + change
+    assert change > 1e-3 * abs(usual.G) and found.error > usual.error + change
 
 
 def test_half_cycles_are_mixed():
@@ -286,16 +257,3 @@ def test_half_cycles_go_on_until_little_is_left(monkeypatch):
     exact = again()
     assert exact.half_cycles > usual.half_cycles
     assert abs(usual.G - exact.G) < 1e-5 * abs(exact.G)
-
-
-def test_work_of_forces_that_are_left_is_seen(monkeypatch):
-    """Far less than the work of a cycle, and more where more is left."""
-    shares = []
-    for tolerance in (stage.TOLERANCE, 1e-3):
-        monkeypatch.setattr(stage, "TOLERANCE", tolerance)
-        solver = oscillation(0.5, 8, rotations=False)
-        motion = solver._motion(Drive(*EASY[1:]))
-        half = motion.half(np.zeros(2 * motion.springs.n + 1), 8)
-        shares.append(half.unbalanced / half.moduli.work)
-        motion.matrix.destroy()
-    assert 0.0 <= shares[0] < 1e-6 and 1e-4 < shares[1] < 0.1
