@@ -41,7 +41,7 @@ def shear(name, disks=None, rate=1e-2, step=0.05, method=None, tolerance=1e-13) 
 
 
 def forces(disks, law, rate, u, spin):
-    """(elastic (N, 2), viscous (N, 2), torques (N,), viscous virial Σ f_x r_y, dissipation in contacts)."""
+    """(elastic (N, 2), viscous (N, 2), torques (N,), viscous virial Σ f r (2, 2), dissipation in contacts)."""
     c = find_contacts(disks)
     unit = disks.potential.k * law.tau1
     n, t = c.normal, c.transverse
@@ -57,7 +57,7 @@ def forces(disks, law, rate, u, spin):
         np.add.at(viscous, end, sign * on_j)
         np.add.at(torques, end, unit * law.sliding * sliding * disks.radii[end])
     spent = unit * np.sum(law.normal * along**2 + law.transverse * across**2 + law.sliding * sliding**2)
-    return elastic, viscous, torques, float(on_j[:, 0] @ c.r[:, 1]), float(spent)
+    return elastic, viscous, torques, on_j.T @ c.r, float(spent)
 
 
 def overdamped_velocities(disks, law, rate, held=0):

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+import sheared
 
 from jampetsc.core.disks import Disks
 from jampetsc.core.kernel import bond_forces
+from jampetsc.core.laws import Law
 from jampetsc.core.pairs import PairList, deformed
 from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.core.state import find_contacts
@@ -28,24 +30,6 @@ def crowd(potential=None, n=700):
     return Disks.from_positions(rng.random((n, 2)) @ cell, radii, cell, potential)
 
 
-def reference(disks, u, rate, weights, spin):
-    """(forces (N, 2), torques (N,), contacts, dissipation, viscous virial (2, 2)) by sums over contacts."""
-    c = find_contacts(disks)
-    n, t = c.normal, c.transverse
-    velocity = u[c.j] - u[c.i] + rate * np.column_stack((c.r[:, 1], np.zeros(len(c))))
-    along, across = (n * velocity).sum(1), (t * velocity).sum(1)
-    sliding = across - disks.radii[c.i] * spin[c.i] - disks.radii[c.j] * spin[c.j]
-    viscous = -(weights[0] * along)[:, None] * n - (weights[1] * across + weights[2] * sliding)[:, None] * t
-    total = c.force[:, None] * n + viscous
-    forces, torques = np.zeros((disks.n, 2)), np.zeros(disks.n)
-    np.add.at(forces, c.j, total)
-    np.add.at(forces, c.i, -total)
-    for end in (c.i, c.j):
-        np.add.at(torques, end, disks.radii[end] * weights[2] * sliding)
-    work = weights[0] * along**2 + weights[1] * across**2 + weights[2] * sliding**2
-    return forces, torques, len(c), work.sum(), viscous.T @ c.r
-
-
 @pytest.mark.parametrize("name", WEIGHTS)
 @pytest.mark.parametrize("spinning", [False, True])
 @pytest.mark.parametrize("kind, stiffness", [(k, s) for k in EXPONENTS for s in STIFFNESSES])
@@ -65,12 +49,13 @@ def test_against_sums_over_contacts(name, spinning, kind, stiffness):
         (u, rate, weights), (spin, disks.radii, torques) if spinning else None,
     )  # fmt: skip
     moved = deformed(disks, offsets, strain, shear)
-    wanted, turned, contacts, work, virial = reference(moved, u, rate, weights, spin)
-    c = find_contacts(moved)
+    law = Law(name, *weights, tau1=1.0 / potential.k)  # weights count kτ₁
+    springs, viscous, turned, virial, work = sheared.forces(moved, law, rate, u, spin)
+    c, wanted = find_contacts(moved), springs + viscous
     assert np.abs(forces - wanted).max() < 1e-12 * np.abs(wanted).max()
     if spinning:
         assert np.abs(torques - turned).max() < 1e-12 * max(np.abs(turned).max(), 1)
-    assert sums.contacts == contacts
+    assert sums.contacts == len(c)
     assert sums.dissipation == pytest.approx(work, rel=1e-12)
     assert np.allclose(sums[6:], virial.ravel(), rtol=0, atol=1e-11 * np.abs(virial).max())
     energy = potential.energy(c.overlap, c.sigma).sum()

@@ -153,33 +153,6 @@ def rigidity(disks, pressure, moving):
     return np.linalg.eigvalsh(matrix[np.ix_(every, every)] * np.outer(scale, scale)), modulus / disks.area
 
 
-@pytest.fixture(scope="module")
-def unstable():
-    """A minimum at its pressure that is none once the cell may shear."""
-    pressure = 1e-3
-    for seed in range(1, 40):
-        start = random_disks(64, protocols.start_phi(pressure), seed)
-        disks = protocols.make_packing(start, protocols.Target(pressure), NewtonSolver())
-        if disks.record["shear_modulus"] < -0.01:
-            return disks, pressure
-    raise AssertionError("no packing with a negative shear modulus")
-
-
-@one_rank
-def test_proof_is_that_of_dense_eigenvalues(unstable):
-    disks, pressure = unstable
-    for shear, negative in ((False, 0), (True, 1)):
-        goal = Goal(pressure, shear)
-        modes, modulus = rigidity(disks, pressure, [0, 1] if shear else [0])
-        assert np.count_nonzero(modes < -1e-12) == negative
-        newton = Newton(Descent(disks, goal, Team()), NewtonSolver(), Effort())
-        found = newton.prove()
-        if negative:
-            assert found is None
-        else:
-            assert found == pytest.approx(modulus, rel=1e-6)
-
-
 def test_what_is_proved_are_the_contacts_that_bear_load(monkeypatch):
     monkeypatch.setattr(state, "TOUCH", 0.4)  # of p d: many contacts carry less
     disks = random_disks(100, 1.0)

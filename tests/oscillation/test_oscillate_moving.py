@@ -7,14 +7,12 @@ import pytest
 from oscillations import steady_oscillation
 from powerlaw import Opening
 from samples import isostatic, physics, published
+from sheared import forces
 from sweeps import Sweep
 
 from jampetsc.core.state import find_contacts, measure
 from jampetsc.errors import ConvergenceError
-from jampetsc.flows import steps as flow
-from jampetsc.flows.models import Model, Scheme
 from jampetsc.flows.quasistatic_shear import SlowShear, minimum_of
-from jampetsc.flows.shearing import Shear
 from jampetsc.minimise.hessian import Bonds
 from jampetsc.oscillation import repeated, stage, steps
 from jampetsc.oscillation.moving import MovingContacts
@@ -137,21 +135,6 @@ def test_rattlers_do_not_matter_where_they_touch_nothing():
     assert abs(found.G - G) <= 2.0 * found.error < 0.05 * abs(G)
 
 
-class FlowAt(Shear):
-    """Disks of `flow` at any shear g and rate, on the list of those that they are made of."""
-
-    shear = 0.0
-
-    def at(self, o, g, rate):
-        self.offsets[:], self.shear, self.rate = o, g, rate
-
-    def forces(self, u, rolling=None):
-        """(forces (N, 2) without inertia at velocities u, sums over bonds), by the compiled loop."""
-        out, (domains, _), task = np.empty_like(u), self.lists, self.task()._replace(mass=0.0)
-        assert domains.number == 1
-        return out, flow.residual_at(domains, 0, self.offsets, self.shear, task, u, out, rolling)
-
-
 def test_order_of_the_steps():
     """While contacts stay, halving the steps takes off three quarters of the error."""
     runs = [shaken(0.1, 1e-5, steps, cycles=2, rotations=False).G for steps in (16, 32, 64)]
@@ -160,20 +143,17 @@ def test_order_of_the_steps():
 
 @pytest.mark.parametrize("rotations", [True, False])
 def test_forces_balance_after_a_step(moving, rotations):
-    """Elastic and viscous forces of the compiled pair loop, at a state in which some contacts have opened."""
+    """Elastic and viscous forces of the contacts there are, at a state in which some have opened."""
     law, strain = physics(rotations=rotations).law, 1e-2
     motion = moving(0.02, strain, law=law)
     for step in range(40):
         strained(motion, strain * 0.02 * np.array([step + 0.3, step + 1.0]), np.full(2, strain))
     disks = motion.disks
     assert len(find_contacts(disks)) != len(find_contacts(published()))
-    run = FlowAt(disks, Model(law, mass=1.0), strain, Scheme(1.0, "verlet", 1e-9))
-    torques = np.empty(disks.n)
-    rolling = (motion.velocities[:, 2].copy(), run.reference.radii, torques) if rotations else None
-    forces, _ = run.forces(motion.velocities[:, :2].copy(), rolling)
-    assert np.abs(forces).max() < 2e-3 * strain
-    if rotations:
-        assert np.abs(torques).max() < 2e-3 * strain
+    u, spins = motion.velocities[:, :2], motion.velocities[:, 2] if rotations else np.zeros(disks.n)
+    elastic, viscous, torques, *_ = forces(disks, law, strain, u, spins)
+    assert np.abs(elastic + viscous).max() < 2e-3 * strain < np.abs(viscous).max()
+    assert np.abs(torques).max() < 2e-3 * strain
 
 
 def sheared(motion, strain, steps):
@@ -295,23 +275,32 @@ def test_energy_balances(alpha, omega, count):
 
 
 def test_steps_are_cut_where_disks_rearrange():
-    """None loses more energy than it may, and together they lose less than those that are not cut."""
-    omega, strain = 1e-4, 2e-2
-    lost, counts = [], []
+    """None loses more energy than it may, and together they lose less than those that are not cut.
+
+    Each begins where the last has ended, whole at places where whole ones begin, longer again after the event.
+    """
+    lost, counts, period = [], [], 2.0 * np.pi / 16
     for allowed in (np.inf, 1e-8):
-        run, _ = run_of(omega, strain, 16)
-        spent, work = 0.0, 0.0
+        run, _ = run_of(1e-4, 2e-2, 16)
+        steps, spent, work = [], 0.0, 0.0
         for n in range(4):
-            for one in run.steps.over(n * 2.0 * np.pi / 16, 2.0 * np.pi / 16, allowed):
+            for one in run.steps.over(n * period, period, allowed):
                 fed = [weight * run.motion.area * seen.stress * seen.rate for _, weight, seen in one.stages()]
                 dissipated = [weight * seen.power for _, weight, seen in one.stages()]
                 assert abs(sum(fed) - sum(dissipated) - run.motion.gained) <= allowed
                 spent, work = spent + sum(dissipated) + run.motion.gained, work + sum(fed)
+                steps.append((one.begin, one.length))
+        run.motion.matrix.destroy()
         lost.append(abs(spent - work))
         counts.append(run.steps.taken)
-        run.motion.matrix.destroy()
-    assert counts[0] == 4 and 2 * counts[0] < counts[1] < 64
+        begins, lengths = np.transpose(steps)
+        np.testing.assert_allclose([*begins, 4 * period], [0.0, *(begins + lengths)], atol=1e-12)
+        assert run.motion.gamma == pytest.approx(2e-2 * np.sin(4 * period), rel=1e-9)
+    assert counts[0] == 4 and 2 * counts[0] < counts[1] == len(steps) < 64
     assert lost[1] < 0.5 * lost[0]
+    for whole in (-np.log2(lengths / period), begins / lengths):
+        np.testing.assert_allclose(whole, np.round(whole), atol=1e-9)
+    assert lengths.min() <= 0.25 * period and np.any(np.diff(lengths) > 1e-9)
 
 
 @pytest.mark.parametrize("kind", ["harmonic", "hertzian"])
@@ -534,21 +523,3 @@ def test_rounding_is_no_energy_that_is_lost(imposed):
     usual = shaken(1e-2, 1e-7, 16, 1, rotations=False, **imposed)
     assert found.steps_taken == 24 and found.newton_steps <= 1.3 * usual.newton_steps
     assert abs(found.G - usual.G) < 1e-4 * abs(usual.G)
-
-
-def test_cut_steps_fill_the_time():
-    """Each begins where the last has ended, whole at places where whole ones begin, longer again after the event."""
-    run, _ = run_of(1e-4, 2e-2, 16)
-    steps, period = [], 2.0 * np.pi / 16
-    for n in range(3):
-        steps += list(run.steps.over(n * period, period, 3e-8))
-    run.motion.matrix.destroy()
-    ends = [one.begin + one.length for one in steps]
-    np.testing.assert_allclose([one.begin for one in steps], [0.0, *ends[:-1]], atol=1e-12)
-    assert ends[-1] == pytest.approx(3 * period, rel=1e-12)
-    parts = np.array([one.length for one in steps]) / period
-    np.testing.assert_allclose(np.log2(parts), np.round(np.log2(parts)), atol=1e-9)
-    phase = np.array([one.begin for one in steps]) / period / parts
-    np.testing.assert_allclose(phase, np.round(phase), atol=1e-9)
-    assert parts.min() <= 0.25 and np.any(np.diff(parts) > 0.0) and run.steps.taken == len(steps)
-    assert run.motion.gamma == pytest.approx(2e-2 * np.sin(3 * period), rel=1e-9)
