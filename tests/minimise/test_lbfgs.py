@@ -10,7 +10,6 @@ from jampetsc.core.pairs import PairList, deformed, is_stale, tuned_skin
 from jampetsc.core.potentials import Potential
 from jampetsc.core.state import find_contacts, net_forces
 from jampetsc.core.threads import Team
-from jampetsc.minimise import descent as descent_module
 from jampetsc.minimise import lbfgs
 from jampetsc.minimise import warm_start as compiled
 from jampetsc.minimise.descent import MEMORY, Descent, Goal
@@ -66,10 +65,10 @@ class Numpy:
         return np.concatenate((on_disks.ravel(), on_cell / np.sqrt(self.n)))
 
     def forget_oldest(self):
-        self.pairs = self.pairs[-(MEMORY - 1) :]
+        self.pairs = self.pairs[-4:]
 
     def descend(self, evaluations):
-        left, softness = evaluations, descent_module.FIRST / self.disks.potential.k
+        left, softness = evaluations, 0.1 / self.disks.potential.k
         while left > 0:
             done, stale = self.with_list(left, softness)
             left -= done
@@ -86,14 +85,14 @@ class Numpy:
             if tried is not None:
                 before, d, slope, length, shrinks = tried
                 after = d @ g
-                if after > -lbfgs.UPHILL * slope and shrinks < lbfgs.SHRINKS and done < most:
+                if after > -0.9 * slope and shrinks < 10 and done < most:
                     shorter = length * min(max(slope / (slope - after), 0.1), 0.9)
                     self.x = self.x + (shorter - length) * d
                     self.events["too far"] += 1
                     tried = before, d, slope, shorter, shrinks + 1
                     continue
                 if length * (after - slope) > 0.0:
-                    self.pairs = [*self.pairs, (length * d, g - before)][-MEMORY:]
+                    self.pairs = [*self.pairs, (length * d, g - before)][-5:]
                 else:
                     self.events["bent down"] += 1
                     self.forget_oldest()
@@ -106,8 +105,8 @@ class Numpy:
             slope = d @ g
             assert slope < 0.0
             moves, turned = self.parts(d)
-            longest = np.abs(moves).max() / (descent_module.REACH * self.diameter)
-            length = 1.0 / max(1.0, longest, np.abs(turned).max() / lbfgs.STRETCH)
+            longest = np.abs(moves).max() / (0.1 * self.diameter)
+            length = 1.0 / max(1.0, longest, np.abs(turned).max() / 0.01)
             self.events["cut short"] += length < 1.0
             here = self.x
             self.x = here + length * d
@@ -151,7 +150,7 @@ def test_a_descent_is_that_of_its_equations(goal, n, phi, seed, evaluations, hap
     assert not descent.descend(0.0, 0.0, evaluations)
     plain.descend(evaluations)
     assert descent.evaluations == evaluations and happens <= set(+plain.events)
-    assert evaluations != 100 or plain.events["too far"] > lbfgs.SHRINKS + plain.events["lists"]
+    assert evaluations != 100 or plain.events["too far"] > 10 + plain.events["lists"]
     found, wanted = descent.disks, plain.now()
     assert apart(found, disks) > 0.3 and apart(found, wanted) < off
     assert np.abs(found.cell - wanted.cell).max() < 1e-5
@@ -239,18 +238,18 @@ class Following:
             length = min(1.0, reach / np.hypot(*d.reshape(-1, 2).T).max())
             self.events["cut short"] += length < 1.0
             old, done = f, 0.0
-            for _ in range(compiled.TRIES):
+            for _ in range(8):
                 self.go(d, length - done)
                 done = length
                 f = self.forces()
                 evaluations += 1
                 end = f @ d
-                if end >= -compiled.OVERSHOT * slope:
+                if end >= -0.5 * slope:
                     break
                 self.events["too far"] += 1
                 length *= max(slope / (slope - end), 0.1)
             if slope - end > 1e-12 * slope:
-                self.kept = [*self.kept, (length * d, old - f)][-compiled.MEMORY :]
+                self.kept = [*self.kept, (length * d, old - f)][-8:]
             else:
                 self.events["bent down"] += 1
         return evaluations

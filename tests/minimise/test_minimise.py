@@ -424,21 +424,21 @@ def test_evaluations_are_not_exceeded(monkeypatch):
 
 def fallen(disks, steps):
     """(positions, steps that were uphill) after so many of FIRE, by the equations and loops over all contacts."""
-    longest = fire.STEP / np.sqrt(disks.potential.k)
-    step, mixing, downhill, uphill = 0.2 * longest, fire.MIXING, 0, 0
+    longest = 0.5 / np.sqrt(disks.potential.k)
+    step, mixing, downhill, uphill = 0.2 * longest, 0.1, 0, 0
     v = np.zeros((disks.n, 2))
     for _ in range(steps):
         f = state.net_forces(disks.n, find_contacts(disks))
         if np.vdot(f, v) > 0:
             downhill += 1
-            if downhill > fire.DELAY:
+            if downhill > 20:
                 step, mixing = min(1.1 * step, longest), 0.99 * mixing
             v = (1 - mixing) * v + mixing * np.linalg.norm(v) / np.linalg.norm(f) * f + step * f
             back = 0.0
         else:
             uphill += 1
             back, old = 0.5 * step, v
-            step, mixing, downhill = max(0.5 * step, 0.02 * longest), fire.MIXING, 0
+            step, mixing, downhill = max(0.5 * step, 0.02 * longest), 0.1, 0
             v = step * f
         move = step * v - (back * old if back else 0.0)
         disks = deformed(disks, move, 0.0, 0.0)
@@ -463,29 +463,6 @@ def test_fire_moves_as_its_equations_say(n, steps, k):
     assert uphill >= 1 + (steps > 100)  # the first one is: there is no velocity yet
     for share in (1 - 1e-9, 1 + 1e-9):
         assert fall(Descent(disks, Goal(), Team()), share * largest, 1) == (share > 1)
-
-
-def test_the_first_step_is_a_tenth_of_that_of_the_springs():
-    """Along the forces, which then have no history; of the stiffest contact there is."""
-    for law in (Potential(k=3.0), Potential("harmonic", "inverse-square-diameter")):
-        disks = minimise.settle(random_disks(40, 0.9, 3, law), 0.3)
-        descent = Descent(disks, Goal(), Team())
-        descent.descend(0.0, 0.0, 2)
-        forces = state.net_forces(disks.n, find_contacts(disks))
-        stiffest = law.contact_stiffness(np.array(0.1), 2.0 * disks.radii.min())
-        assert np.abs(forces).max() / stiffest < 1.0
-        np.testing.assert_allclose(descent.offsets, 0.1 * forces / stiffest, rtol=1e-6, atol=1e-9)
-
-
-def test_no_coordinate_changes_by_more_than_its_reach():
-    """A tenth of a mean diameter for disks, a hundredth for sides of the cell: just as much where far more is asked."""
-    crushed = random_disks(40, 6.0, 3)
-    descent = Descent(crushed, Goal(), Team())
-    descent.descend(0.0, 0.0, 2)
-    assert np.abs(descent.offsets).max() == pytest.approx(0.1 * descent.diameter, rel=1e-6)
-    squeezed = Descent(random_disks(40, 1.0, 3), Goal(50.0), Team())
-    squeezed.descend(0.0, 0.0, 2)
-    assert abs(squeezed.box[0]) == pytest.approx(0.01, rel=1e-6)
 
 
 @one_rank

@@ -16,7 +16,7 @@ from jampetsc.flows.quasistatic_shear import SlowShear, minimum_of
 from jampetsc.minimise.hessian import Bonds
 from jampetsc.oscillation import repeated, stage, steps
 from jampetsc.oscillation.moving import MovingContacts
-from jampetsc.oscillation.repeated import START_STEPS, left_to_change, repeat_cycles
+from jampetsc.oscillation.repeated import START_STEPS, repeat_cycles
 from jampetsc.oscillation.response import Drive, Imposed, Moduli
 from jampetsc.oscillation.stage import STAGE
 from jampetsc.oscillation.steady import SteadyOscillation
@@ -199,15 +199,6 @@ def test_harmonics_of_a_cycle_without_its_creep():
         assert found.work == pytest.approx(np.pi * found.G.imag * strain**2)
 
 
-def test_what_is_left_to_change():
-    geometric = 1.0 + 0.5 ** np.arange(8)
-    assert left_to_change(geometric) == pytest.approx(0.5**7)
-    assert left_to_change(geometric[:2]) == np.inf
-    assert left_to_change([1.0, 2.0, 1.0]) == np.inf and left_to_change([1.0, 1.1, 1.3]) == np.inf
-    assert left_to_change([2.0, 2.0]) == 0.0
-    assert left_to_change([1.0, 2.0, 2.9, 3.71]) == pytest.approx(7.29)  # slow: far more than the last change
-
-
 def test_what_cycles_still_change_is_in_the_error():
     """Also where the halves of the steps happen to agree: so fast that no cycle is like the one before."""
     found = shaken(10.0, 5e-2, 8, cycles=3, rotations=False)
@@ -351,7 +342,7 @@ class Told(repeated.Cycles):
     ("G", "cycles", "count", "left", "change", "spread"),
     [
         (
-            [1.0 + 0.5**n for n in range(60)],
+            [1 + 0.5**n for n in range(60)],
             None,
             11,
             0.5**10,
@@ -363,6 +354,8 @@ class Told(repeated.Cycles):
         ([*[1.0, 2.0] * 29, 1.0, 1.0], None, 60, 0.0, 0.0, 1.0),  # the last one is in time
         ([10.0, 7.0, 1.5, 1.2, 1.0], 5, 5, 0.4, 0.2, 0.5),  # spread is that of the later half
         ([9.0, 3.0, 1.0, 2.0], 4, 4, 1.0, 1.0, 1.0),
+        ([1.0, 2.0, 2.9, 3.71], 4, 4, 7.29, 0.81, 0.81),  # slow: far more than the last change
+        ([1.0, 1.1, 1.3], 3, 3, np.inf, 0.2, 0.2),
         ([1.0], 1, 1, np.inf, np.inf, 0.0),
     ],
 )
