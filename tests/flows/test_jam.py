@@ -154,6 +154,7 @@ def test_an_independent_program_finds_the_same_states(solver, kind):
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
 def test_results_of_other_protocols(session):
     result = jampetsc.jam(**GIVEN | {"seeds": "3:4"}, protocol="compress", cooling_rate=0.5)
     assert result.attributes["protocol"] == "compress" and result.attributes["cooling_rate"] == 0.5

@@ -14,7 +14,6 @@ from samples import published
 
 import jampetsc
 from jampetsc.cli import main as cli
-from jampetsc.core.potentials import Potential
 from jampetsc.core.state import measure
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.io.packing_file import read_packing, write_packing
@@ -89,16 +88,6 @@ def test_packings_in_memory_are_those_of_files(session, empty):
 
 
 @pytest.mark.scalar("real")
-@pytest.mark.most_ranks(2)
-def test_files_of_several_are_loaded_as_a_list(session, shared_path, monkeypatch):
-    monkeypatch.chdir(shared_path)
-    found = jampetsc.pack(n=16, phi=0.95, seeds="1:2", tolerance=1e-6, out="{seed}.h5")
-    assert [disks.record["seed"] for disks in found] == [1, 2]
-    assert found[1].fingerprint == read_packing("2.h5").fingerprint
-    assert {"request", "argv"}.isdisjoint(found[0].record)  # the same whatever else was made beside it
-
-
-@pytest.mark.scalar("real")
 @pytest.mark.most_ranks(1)
 def test_a_packing_file_is_changed_with_its_potential_and_record(session, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -110,15 +99,6 @@ def test_a_packing_file_is_changed_with_its_potential_and_record(session, tmp_pa
     assert found.phi == pytest.approx(0.95, rel=1e-12)
     with pytest.raises(InputError, match=r"^n 47: a\.h5 has 48 disks"):
         jampetsc.pack(from_="a.h5", n=47, pressure=1e-3)
-
-
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
-def test_a_pressure_is_in_units_of_the_k_of_the_packing_that_is_changed(session):
-    stiff = replace(published(), potential=Potential("harmonic", "constant", 2.0))
-    found = jampetsc.pack(from_=stiff, pressure=2e-3)
-    assert found.record["requested_pressure"] == 4e-3
-    assert measure(found).pressure == pytest.approx(4e-3, rel=1e-9)
 
 
 def test_a_changed_packing_leaves_its_record_behind():
@@ -145,6 +125,7 @@ def test_radii_are_those_that_one_rank_has_read(session, shared_path, tmp_path):
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
 def test_a_packing_that_fails_leaves_the_others_alone(session, shared_path, monkeypatch):
     """At φ = 0.8 some small packings are jammed and others are not: those are named, the others written."""
     monkeypatch.chdir(shared_path)
@@ -194,6 +175,7 @@ def by_hand():
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
 def test_each_pressure_of_a_ladder_starts_from_the_packing_before_it(session, empty, by_hand):
     found = jampetsc.pack(**LADDER)
     assert [one.fingerprint for one in found] == [one.fingerprint for one in by_hand.values()]

@@ -55,17 +55,6 @@ def test_shear_stabilised(n, pressure, seed):
     assert rigidity(disks, pressure, [])[1] > 0 and disks.record["shear_modulus"] > 0
 
 
-def test_fixed_packing_fraction():
-    disks = pack(128, Target(phi=0.87))
-    state = measure(disks)
-    assert disks.phi == pytest.approx(0.87, rel=1e-14)
-    for name in ("pressure", "energy", "max_force", "coordination"):
-        assert disks.record[name] == getattr(state, name)
-    assert disks.record["shear_stress"] == state.stress[0, 1]
-    assert 5e-3 < state.pressure < 3e-2
-    assert state.max_force <= 1e-10 * state.pressure
-
-
 def test_ensemble_statistics():
     """N = 256: bands around independent values for N = 1024 (φ, Δz/√p, rattlers), but wider."""
     for pressure, phi, excess, rattlers in ((1e-2, 0.8645, 5.3, 0.010), (1e-3, 0.8437, 4.99, 0.033)):
@@ -113,4 +102,8 @@ def test_how_a_packing_was_made_is_in_its_record():
     assert lower.record["limited_by"] == "rounding" and lower.record["tolerance"] == 1e-12
     assert lower.record["rattlers"] == np.count_nonzero(measure(lower).rattlers)
     dense = pack(16, Target(phi=0.9), potential=stiff)
-    assert dense.record["protocol"] == "random, phi = 0.9"
+    state = measure(dense)
+    assert dense.record["protocol"] == "random, phi = 0.9" and dense.phi == pytest.approx(0.9, rel=1e-14)
+    assert dense.record["shear_stress"] == state.stress[0, 1] and state.max_force <= 1e-10 * state.pressure
+    for name in ("pressure", "energy", "max_force", "coordination"):
+        assert dense.record[name] == getattr(state, name)
