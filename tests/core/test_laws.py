@@ -1,13 +1,11 @@
-"""Laws as data: the table, what its rows mean, and a law that only a row makes, through every command."""
+"""Laws as data: the table, what its rows mean, and what is refused."""
 
 from functools import partial
 
-import numpy as np
 import pytest
-from samples import LAWS, physics, published, put, reference
+from samples import LAWS, physics, published
 
 import jampetsc
-from jampetsc.cli import main as cli
 from jampetsc.core.laws import FAMILIES, LARGEST, UNDAMPED, Law, damping_law
 from jampetsc.errors import InputError
 
@@ -96,34 +94,6 @@ def test_a_power_law_is_one_of_contacts_alone(fluid):
         jampetsc.oscillate(published(), law, omega=1.0, strain=1e-6)
     with pytest.raises(InputError, match="alpha: belongs to law contact, not to both"):
         jampetsc.sweep(published(), law, alpha=0.5, stress=1e-6)
-
-
-@pytest.mark.most_ranks(1)
-@pytest.mark.scalar("real")
-def test_a_law_of_a_row_alone_through_every_command(session, shared_path, capsys):
-    """Vågberg's CDt in linear response, against the dense reference of the same weights."""
-    exact = reference("published", str(TRANSVERSE))
-    packing, words = shared_path / "packing.h5", ("--normal", "0", "--no-rotations")
-    put(packing, published(), session.comm)
-
-    def command(name, *more):
-        return cli.main([name, str(packing), *words, *map(str, more)])
-
-    out = shared_path / "sweep.h5"
-    assert command("sweep", "--out", out, "--omega", "1e-6,1e-2,10") == 0
-    found = jampetsc.load(out)
-    np.testing.assert_allclose(found.G, [exact.modulus(omega) for omega in found.omega], rtol=1e-6)
-    assert found.law["normal"] == 0.0 and found.law["rotations"] == np.False_
-    out = shared_path / "slow.h5"
-    assert command("quasistatic", "--out", out) == 0
-    slow = jampetsc.load(out).attributes
-    assert slow["eta0"] == pytest.approx(exact.eta0(), rel=1e-9)
-    assert slow["eta_inf"] == pytest.approx(exact.eta_infinity(), rel=1e-9)
-    assert slow["eta0_normal"] == 0.0
-    capsys.readouterr()
-    assert command("info", "--matrices") == 0
-    if session.rank == 0:
-        assert "K and B for contact damping, normal = 0, beta = 1, no rotations" in capsys.readouterr().out
 
 
 def test_samples_cover_the_table():

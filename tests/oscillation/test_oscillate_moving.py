@@ -166,14 +166,14 @@ def sheared(motion, strain, steps):
 
 def test_no_contact_is_missed(moving):
     """Lists are made anew in time: after a long shear all contacts are seen, and the cell is where it should be."""
-    motion = sheared(moving(20.0, 1e-3), 0.8, 80)
+    motion = sheared(moving(20.0, 1e-3), 0.6, 60)
     listed = motion.listed
     r = Bonds.of(motion.pairs, motion.disks.potential, motion.offsets, 0.0, motion.gamma - listed)
-    assert listed > 0.3  # not the first list
+    assert listed > 0.2  # not the first list
     assert np.count_nonzero(r.overlap > 0.0) == len(find_contacts(motion.disks))
     before, after = published().cell, motion.disks.cell
-    turned = (after[1, 0] - before[1, 0] - 0.8 * before[1, 1]) / before[0, 0]
-    assert turned == pytest.approx(round(turned), abs=1e-9) and motion.gamma == pytest.approx(0.8)
+    turned = (after[1, 0] - before[1, 0] - 0.6 * before[1, 1]) / before[0, 0]
+    assert turned == pytest.approx(round(turned), abs=1e-9) and motion.gamma == pytest.approx(0.6)
 
 
 def test_slow_shear_goes_from_minimum_to_minimum(moving):
@@ -213,8 +213,8 @@ def test_a_stress_that_shears_for_good_is_refused():
 
 def test_any_amplitude():
     """Steps that disks could not take at once, from rest: linear response would take them through each other."""
-    found = shaken(1.0, 0.6, 8, cycles=2, rotations=False)
-    assert found.steps_taken > 2 * (4 + 8) and 0.1 < found.G.imag < 1.0 and abs(found.energy_balance) < 0.1
+    found = shaken(1.0, 0.6, 8, cycles=1, rotations=False)
+    assert found.steps_taken > 4 + 8 and 0.1 < found.G.imag < 1.0 and abs(found.energy_balance) < 0.1
 
 
 def test_steps_that_are_too_long_are_refused(monkeypatch):
@@ -395,9 +395,8 @@ def test_both_runs_are_counted(runs):
     assert (found.steps_taken, found.cycles) == (3 * (8 + 16), 6) and [run.count for run in runs] == [8, 16]
     newton = [run.motion.stages.iterations for run in runs]
     factors = [run.motion.matrix.factorisations for run in runs]
-    assert (found.newton_steps, found.factorisations) == (sum(newton), sum(factors)) and min(
-        newton + factors
-    ) > 0
+    assert (found.newton_steps, found.factorisations) == (sum(newton), sum(factors))
+    assert min(newton + factors) > 0
     assert found.newton_steps >= 2 * found.steps_taken
 
 

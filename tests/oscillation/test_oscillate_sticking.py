@@ -50,13 +50,13 @@ def test_steps_in_time_are_the_whole_cycle(stress, sample):
     assert found.work == pytest.approx(exact.work, rel=2.0 * found.error / found.G.imag)
 
 
-FROZEN, SHORT = (
-    {"prestress": False, "normal": 0.25, "beta": 3.0},
-    {"tau1": 2.0, "rotations": False, "beta": 0.3},
+@pytest.mark.parametrize(
+    ("stress", "options"),
+    [
+        (True, {"prestress": False, "normal": 0.25, "beta": 3.0}),
+        (False, {"tau1": 2.0, "rotations": False, "beta": 0.3}),
+    ],
 )
-
-
-@pytest.mark.parametrize(("stress", "options"), [(True, FROZEN), (False, SHORT)])
 def test_linear_damping_is_the_sweep(stress, options):
     with Sweep(published(), physics(**options), np.array([3e-2]), 1e-8, current().comm) as sweep:
         G, bound = sweep.G[0], sweep.bounds[0, 0]
@@ -230,18 +230,9 @@ def test_more_than_doubles_hold(stress, slower):
 @pytest.mark.parametrize(
     ("module", "name", "words", "message"),
     [
-        (
-            stage,
-            "ITERATIONS",
-            EASY,
-            "not balanced after 1 of Newton's steps",
-        ),  # nothing smaller is tried instead
-        (
-            halfcycles,
-            "PILOTS",
-            (0.1, frequency(0.1, 100.0, 1e-4), 1e-4, True),
-            "no unit of velocity .* in 1 trials",
-        ),
+        # nothing smaller is tried instead
+        (stage, "ITERATIONS", EASY, "not balanced after 1 of Newton's steps"),
+        (halfcycles, "PILOTS", (0.1, frequency(0.1, 100.0, 1e-4), 1e-4, True), "no unit of velocity .* in 1"),
     ],
 )
 def test_trials_that_fail_or_do_not_suffice_are_told(monkeypatch, module, name, words, message):
