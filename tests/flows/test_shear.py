@@ -154,6 +154,16 @@ def test_every_way_down_ends_in_the_same_minimum(jammed, monkeypatch):
     assert np.allclose(found[1:], found[0], rtol=1e-6)
 
 
+def test_means_do_not_depend_on_the_step(session, tmp_path):
+    """σ and p with Δγ and Δγ/4, other trajectories after the first event, agree within their errors."""
+    runs = (shear(tmp_path / f"{step}.h5", discard=0.5, step=step, strain=2.0) for step in (4e-3, 1e-3))
+    whole, fine = (run.attributes for run in runs)
+    for name in ("shear_stress", "pressure"):
+        error = np.hypot(whole[f"{name}_error"], fine[f"{name}_error"])
+        assert abs(whole[f"{name}_mean"] - fine[f"{name}_mean"]) < 4 * error
+        assert error < 0.5 * whole[f"{name}_mean"]
+
+
 def test_disks_below_jamming_have_no_energy(session, tmp_path):
     result = shear(tmp_path / "qs.h5", phi=0.80, step=1e-2, strain=0.2)
     loose = result["jammed"] == 0

@@ -117,6 +117,21 @@ def test_disks_with_a_mass_are_at_rest_when_walls_begin_to_slide(channel, name):
     assert middle_share(np.nan_to_num(profile)) == wanted
 
 
+def test_what_the_walls_feel_in_the_mean_is_the_stress_of_the_bulk():
+    """With mass: σ with its kinetic part, within the errors."""
+    run = shear("CD", between_walls(1.2 * radii_of("bidisperse", 16), 0.84, 1, SOFT), rate=0.05, step=0.1)
+    run.advance(200)
+    walls, bulk = [], []
+    for _ in range(400):
+        run.seen[:] = 0
+        run.advance(5)
+        bulk.append(-(run.seen[0] + run.seen[2] + run.seen[4]) / 5 / run.disks.area)
+        walls.append(stress_on_walls(run, run.velocities_now())[0])
+    blocks = (np.array(walls) - np.array(bulk)).reshape(10, -1).mean(1)
+    assert abs(blocks.mean()) < 4 * blocks.std(ddof=1) / np.sqrt(10)
+    assert abs(blocks.mean()) < 0.05 * np.mean(bulk)
+
+
 def test_rows_that_leave_no_room():
     with pytest.raises(InputError, match="leave no room for a disk of diameter 12"):
         between_walls(np.r_[np.full(30, 0.5), 6.0], 0.8, 2, SOFT)

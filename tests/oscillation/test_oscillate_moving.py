@@ -14,7 +14,7 @@ from jampetsc.core.state import find_contacts, measure
 from jampetsc.errors import ConvergenceError
 from jampetsc.flows.quasistatic_shear import SlowShear, minimum_of
 from jampetsc.minimise.hessian import Bonds
-from jampetsc.oscillation import repeated, stage, steps
+from jampetsc.oscillation import dashpots, repeated, stage, steps
 from jampetsc.oscillation.moving import MovingContacts
 from jampetsc.oscillation.repeated import START_STEPS, repeat_cycles
 from jampetsc.oscillation.response import Drive, Imposed, Moduli
@@ -118,6 +118,17 @@ def test_against_integration_in_time(moving, alpha, omega, imposed):
     assert last.stress == pytest.approx(stress, rel=2e-3)
     difference = moved - moved.mean(axis=0) - expected + expected.mean(axis=0)
     assert np.abs(difference).max() < 2e-3 * np.abs(expected).max()
+
+
+def test_contacts_at_rest_are_soft_enough(monkeypatch):
+    """Where the force of a contact begins to be linear in its velocity does not matter."""
+    words = {"alpha": 0.5, "rotations": False}
+    usual = shaken(2e-10, 1e-7, 16, 1, **words).G
+    off = []
+    for below in (0.3, 10.0 * dashpots.LINEAR_BELOW):
+        monkeypatch.setattr(dashpots, "LINEAR_BELOW", below)
+        off.append(abs(shaken.__wrapped__(2e-10, 1e-7, 16, 1, **words).G - usual))
+    assert off[0] > 1e-4 * abs(usual) and off[1] < 1e-6 * abs(usual)
 
 
 def test_what_newtons_method_leaves_of_the_forces_does_not_matter(monkeypatch):

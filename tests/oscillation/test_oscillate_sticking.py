@@ -96,15 +96,24 @@ def test_dry_friction_is_the_limit():
     assert found.G.imag > 0.3 * found.G.real
 
 
-def test_slow_limit():
+@pytest.mark.parametrize("alpha", [0.1, 0.02])
+def test_slow_limit(alpha):
     """Contacts move as in slow shear, and G'' is what that dissipates: ∝ ω^α γ₀^(α−1)."""
-    alpha = 0.02
     omega = frequency(alpha, 1e-3, 1.0)
     found = stepped(alpha, omega, 1.0, False, 16, rotations=False)
     network = network_of(published(), physics(rotations=False), current().comm)
     storage, loss = slow_moduli(network, published(), alpha, omega, 1.0)
     assert found.G.imag == pytest.approx(loss, rel=2e-2)
     assert found.G.real == pytest.approx(storage, rel=1e-2)
+
+
+def test_stress_and_frequency_are_one_variable_at_any_power_of_ten():
+    """Where only dashpots hold, G* ∝ σ^(1 − 1/α): 49 powers of ten for one of the stress."""
+    alpha = 0.02
+    runs = [stepped(alpha, frequency(alpha, 3.0, 1e-2), stress, True) for stress in (1e-2, 1e-3)]
+    assert abs(runs[0].G) > 1e15 and abs(runs[0].G.real) < runs[0].error
+    ratio = np.log10(runs[1].G.imag) - np.log10(runs[0].G.imag)
+    assert ratio == pytest.approx(1.0 / alpha - 1.0, abs=1e-4)
 
 
 def test_where_contacts_begin_to_be_linear_does_not_matter(monkeypatch):
