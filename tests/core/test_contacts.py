@@ -24,8 +24,6 @@ from jampetsc.core.state import (
     net_forces,
 )
 from jampetsc.errors import InputError
-from jampetsc.minimise.protocols import random_start
-from jampetsc.minimise.sizes import radii_of
 
 
 def test_split_loses_nothing():
@@ -129,17 +127,6 @@ def test_force_that_a_contact_needs_to_count():
     ):
         assert force_threshold(disks, pressure) == pytest.approx(force * d, rel=1e-12, abs=0.0)
         assert force_threshold(stiff, pressure) == pytest.approx(force_of_stiff * d, rel=1e-12, abs=0.0)
-
-
-@pytest.mark.parametrize("stiffness", STIFFNESSES)
-def test_the_same_contacts_bear_load_in_any_unit_of_length(stiffness):
-    usual = None
-    for unit in (1.0, 2.0**20, 2.0**-20):
-        disks = random_start(unit * radii_of("bidisperse", 64), 0.95, 1, Potential("harmonic", stiffness))
-        state = measure(disks)
-        usual = usual or state
-        assert len(state.contacts) == len(usual.contacts) > 64
-        np.testing.assert_array_equal(state.rattlers, usual.rattlers)
 
 
 def test_forces_that_do_not_balance_are_told_over_pressure_and_diameter():

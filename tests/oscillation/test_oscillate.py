@@ -225,6 +225,7 @@ def test_a_factor_that_fails_on_one_rank_fails_on_all(session, packed, diagonal)
     preconditioner.destroy()
 
 
+@pytest.mark.least_ranks(2)
 @pytest.mark.parametrize("imposed", [{"stress": STRESS}, {"strain": 1e-3}])
 def test_all_ranks_together_find_what_one_finds(session, monkeypatch, imposed):
     """Each number, also what a poor solver leaves and what a large softening changes; and with as little work."""

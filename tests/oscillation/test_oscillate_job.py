@@ -173,6 +173,7 @@ def test_a_packing_that_is_no_minimum_is_named(session, packing, alpha):
     assert left_behind(packing) == []
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize(("alpha", "contacts"), [(1.0, "fixed"), (0.4, "fixed"), (1.0, "moving")])
 def test_no_stress_is_imposed_on_what_shears_by_itself(session, packing, alpha, contacts):
     """K is positive and G₀ negative: held by a strain, such a packing answers, but no stress holds it."""
