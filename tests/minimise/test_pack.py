@@ -1,6 +1,5 @@
 """Packings as a user asks for them: in memory and in files, ensembles over ranks, continuation, and bad input."""
 
-import itertools
 import subprocess
 import sys
 import tempfile
@@ -176,21 +175,6 @@ def by_hand():
 
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(2)
-def test_each_pressure_of_a_ladder_starts_from_the_packing_before_it(session, empty, by_hand):
-    found = jampetsc.pack(**LADDER)
-    assert [one.fingerprint for one in found] == [one.fingerprint for one in by_hand.values()]
-    assert [one.record for one in found] == [one.record for one in by_hand.values()]
-    for above, below in itertools.pairwise(found[:3]):
-        assert below.record["source_sha256"] == above.fingerprint
-    (alone,) = jampetsc.pack(**LADDER | {"pressure": "1e-3", "seeds": "2"})  # the first one is like any other
-    assert alone.record["seed"] == 2 and alone.fingerprint != found[1].fingerprint
-    down = jampetsc.pack(from_=alone, pressure=[1e-3, 1e-4], tolerance=1e-6, ladder=True)
-    assert down[1].record["source_sha256"] == down[0].fingerprint
-    assert down[0].record["source_sha256"] == alone.fingerprint
-
-
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(2)
 def test_files_of_a_ladder_are_gone_on_with(session, shared_path, monkeypatch, by_hand):
     """Whatever is missing; and what another packing is like is not taken for one of them."""
     monkeypatch.chdir(shared_path)
@@ -225,6 +209,14 @@ def test_files_of_a_ladder_are_gone_on_with(session, shared_path, monkeypatch, b
     with pytest.raises(InputError, match=r"p1e-3-2\.h5: is there already with source = None"):
         found()
     assert found(overwrite=True) == whole
+    one = by_hand[2, "1e-2"]
+    down = jampetsc.pack(
+        from_=one, pressure="1e-3,1e-4", tolerance=1e-6, ladder=True
+    )  # in memory, and from one
+    assert [below.record for below in down] == [by_hand[2, pressure].record for pressure in ("1e-3", "1e-4")]
+    assert [above.fingerprint for above in (one, down[0])] == [
+        below.record["source_sha256"] for below in down
+    ]
 
 
 @pytest.mark.scalar("real")
