@@ -31,6 +31,26 @@ def crowd(potential=None, n=40, phi=1.0, seed=3):
     return Disks.from_positions(start.positions, start.radii, cell, potential)
 
 
+def moving_of(goal, free):
+    """Which rows of `hessian_of` belong to the free disks and the strains that move."""
+    return np.append(np.repeat(free, 2), [goal.pressure is not None, goal.shear])
+
+
+def hessian_of(descent, every=False):
+    """∂²H/∂(o, ε, g)², dense: of all disks and both strains or of the disks that are held and the strains that move.
+
+    Made of the parts that `test_hessian_and_border_are_derivatives_of_the_forces` has.
+    """
+    point, whole, goal = newton.Point.of(descent), NewtonSteps(), descent.goal
+    free = np.ones(descent.n, bool)
+    pattern = Pattern(point.bonds.pairs, descent.n)
+    whole.factorise(pattern.indptr, pattern.indices, pattern.fill(point.bonds, free))
+    rows, corner = border(point.bonds, descent.n, descent.area, goal.pressure or 0.0)
+    matrix = np.block([[whole.matrix, rows.reshape(-1, 2)], [rows.reshape(-1, 2).T, corner]])
+    kept = np.full(len(matrix), True) if every else moving_of(goal, ~measure(descent.disks).rattlers)
+    return matrix[np.ix_(kept, kept)]
+
+
 def evaluate(disks, offsets, strain=0.0, shear=0.0):
     """(U, forces, (Σ (f/r) r_x r_x, r_x r_y, r_y r_y)) from the compiled loop."""
     pairs = PairList.build(disks, 0.4)
@@ -80,16 +100,11 @@ def test_hessian_and_border_are_derivatives_of_the_forces(law):
 def test_disks_and_cell_are_solved_for_together(goal):
     """(H + μ) x = b, μ once for every disk in the corner of the cell; definite where all of H + μ is, never else."""
     disks, kinds = settle(crowd(n=16), 0.03), set()
-    n, pairs = disks.n, PairList.build(disks, 0.4)
-    point = newton.Point.of(Descent(disks, goal, Team()))
-    rows, corner = border(point.bonds, n, disks.area, goal.pressure or 0.0)
-    moving = [b for b, moves in enumerate((goal.pressure is not None, goal.shear)) if moves]
+    descent, n = Descent(disks, goal, Team()), disks.n
+    point, matrix = newton.Point.of(descent), hessian_of(descent, every=True)
     forces, drive = np.random.default_rng(1).normal(size=(n, 2)), np.array([1.3, -0.7])
     for free in (np.ones(n, bool), np.arange(n) % 4 > 0):
-        whole, pattern = NewtonSteps(), Pattern(pairs, n)
-        whole.factorise(pattern.indptr, pattern.indices, pattern.fill(Bonds.of(pairs, disks.potential), free))
-        kept = np.append(np.repeat(free, 2), [b in moving for b in range(2)])
-        matrix = np.block([[whole.matrix, rows.reshape(-1, 2)], [rows.reshape(-1, 2).T, corner]])
+        kept = moving_of(goal, free)
         for mu in np.geomspace(1e-3, 1.0, 12):
             damped = matrix + mu * np.diag(np.append(np.ones(2 * n), [n, n]))
             inner = damped[np.ix_(kept, kept)]
@@ -319,13 +334,8 @@ def test_a_negative_mode_is_nearly_the_most_negative(goal):
     walker = saddle(goal)
     point, held = newton.Point.of(walker.descent).held(walker.descent.disks)
     move, strain = walker._negative_mode(point, held)
-    n, whole = 16, NewtonSteps()
-    pattern = Pattern(point.bonds.pairs, n)
-    whole.factorise(pattern.indptr, pattern.indices, pattern.fill(point.bonds, np.ones(n, bool)))
-    rows, corner = border(point.bonds, n, walker.descent.area, goal.pressure or 0.0)
-    matrix = np.block([[whole.matrix, rows.reshape(-1, 2)], [rows.reshape(-1, 2).T, corner]])
-    scale = np.append(np.ones(2 * n), [n**-0.5] * 2)
-    kept = np.append(np.repeat(held, 2), [goal.pressure is not None, goal.shear])
+    matrix, kept = hessian_of(walker.descent, every=True), moving_of(goal, held)
+    scale = np.append(np.ones(32), [0.25] * 2)
     scaled = (matrix * np.outer(scale, scale))[np.ix_(kept, kept)]
     mode = (np.append(move.ravel(), strain) / scale)[kept]
     assert np.linalg.norm(mode) == pytest.approx(1.0)
