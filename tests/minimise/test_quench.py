@@ -372,25 +372,3 @@ def test_newton_reaches_rounding_where_plain_doubles_cannot():
     assert measure(far).max_force <= rounding
     rounded = Disks.from_positions(far.positions, far.radii, far.cell, far.potential)
     assert measure(rounded).max_force > 10 * rounding
-
-
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
-def test_cholesky_solves_and_refuses():
-    rng = np.random.default_rng(2)
-    root = rng.normal(size=(12, 12))
-    matrix = root @ root.T + np.eye(12)
-    solver, rows = NewtonSolver(), np.arange(13)
-    indptr = np.concatenate(([0], np.cumsum(12 - rows[:12]))).astype(np.int32)
-    indices = np.concatenate([np.arange(row, 12) for row in range(12)]).astype(np.int32)
-
-    def upper(a):
-        return np.concatenate([a[row, row:] for row in range(12)])
-
-    assert solver.factorise(indptr, indices, upper(matrix))
-    b = rng.normal(size=12)
-    assert np.allclose(solver.solve(b), np.linalg.solve(matrix, b), rtol=1e-10)
-    negative = matrix - (np.linalg.eigvalsh(matrix)[0] + 1e-3) * np.eye(12)
-    assert not solver.factorise(indptr, indices, upper(negative))
-    assert solver.factorise(indptr, indices, upper(2 * matrix))  # a failure does not stick
-    assert np.allclose(solver.solve(b), np.linalg.solve(2 * matrix, b), rtol=1e-10)

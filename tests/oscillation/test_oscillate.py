@@ -6,16 +6,14 @@ import launch
 import numpy as np
 import pytest
 from gathered import unknowns
+from oscillations import steady_oscillation
 from powerlaw import Motion, slow_moduli
-from samples import network_of, physics, published
+from samples import physics, published
 from sweeps import Sweep
 
-from jampetsc.core.laws import Physics
 from jampetsc.errors import ConvergenceError
 from jampetsc.io.packing_file import write_packing
 from jampetsc.io.reader import load
-from jampetsc.mechanics.assembly import assemble
-from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.oscillation import steady
 from jampetsc.oscillation.cycle import Cycle
 from jampetsc.oscillation.equations import Equations
@@ -23,7 +21,6 @@ from jampetsc.oscillation.newton import Newton
 from jampetsc.oscillation.powerlaw import STIFFEST
 from jampetsc.oscillation.preconditioner import HarmonicPreconditioner
 from jampetsc.oscillation.response import Drive
-from jampetsc.oscillation.steady import SteadyOscillation
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.petsc.session import current
 
@@ -31,51 +28,20 @@ pytestmark = pytest.mark.scalar("real")
 OMEGA, STRESS = 2e-6, 1e-4  # for α = ½, the middle of the crossover of the published packing
 
 
-@pytest.fixture
-def packed():
-    """Makes a Packing, which is freed in the end. Collective."""
-    made = []
-
-    def make(*given, **options):
-        made.append(Packing(*given, **options))
-        return made[-1]
-
-    yield make
-    for packing in made:
-        packing.destroy()
+def shaker(alpha, steps=64, stiffest=STIFFEST, **options):
+    """A SteadyOscillation of the published packing with power-law damping. Collective."""
+    return steady_oscillation(published(), physics(exponent=alpha, **options), steps, stiffest)
 
 
-class Packing:
-    """The published packing with power-law damping, ready to be shaken."""
-
-    def __init__(self, alpha, steps=64, stiffest=STIFFEST, **options):
-        linear = physics(**options)
-        law = linear.law.altered(exponent=alpha)
-        self.physics, self.disks = Physics(law, linear.prestress), published()
-        self.network = network_of(self.disks, self.physics, current().comm)
-        self.pencil = assemble(self.network, law)
-        self.compatibility = build_compatibility(self.pencil)
-        self.oscillation = SteadyOscillation(
-            self.compatibility, 2 * float(self.disks.radii.mean()), steps, stiffest
-        )
-
-    def shake(self, omega, stress=None, strain=None):
-        drive = Drive(omega, stress if strain is None else strain, strain is None)
-        return self.oscillation.solve(drive)
-
-    def destroy(self):
-        self.oscillation.destroy()
-        self.compatibility.destroy()
-        self.pencil.destroy()
+def drive_of(omega, stress=None, strain=None):
+    return Drive(omega, stress if strain is None else strain, strain is None)
 
 
 @cache
 def shaken(alpha, steps=64, omega=OMEGA, stress=STRESS, strain=None, stiffest=STIFFEST):
     """The Steady of the published packing, solved once. Collective."""
-    packing = Packing(alpha, steps, stiffest)
-    found = packing.shake(omega, stress, strain)
-    packing.destroy()
-    return found
+    with shaker(alpha, steps, stiffest) as oscillation:
+        return oscillation.solve(drive_of(omega, stress, strain))
 
 
 @pytest.mark.most_ranks(1)
@@ -90,16 +56,16 @@ def shaken(alpha, steps=64, omega=OMEGA, stress=STRESS, strain=None, stiffest=ST
         (0.5, OMEGA, {"strain": 1e-3}),
     ],
 )
-def test_against_integration_in_time(packed, alpha, omega, imposed):
+def test_against_integration_in_time(alpha, omega, imposed):
     """A cycle integrated from the steady state that was found comes back to it, with the same modulus."""
-    packing = packed(alpha)
-    found = packing.shake(omega, **imposed)
-    motion = Motion(packing.disks, packing.physics, omega, **imposed)
-    rows = unknowns(packing.network, motion.exact.dofs, motion.exact.disks)
+    with shaker(alpha) as oscillation:
+        found, network = oscillation.solve(drive_of(omega, **imposed)), oscillation.network
+    motion = Motion(published(), physics(exponent=alpha), omega, **imposed)
+    rows = unknowns(network, motion.exact.dofs, motion.exact.disks)
     orders = np.arange(1, 2 * len(found.velocity), 2)
     frequencies = omega * np.tan(orders * np.pi / 64) / np.tan(np.pi / 64)
     parts = current().comm.allgather(found.velocity)
-    rate = parts[0][:, -1] / np.sqrt(packing.network.area)
+    rate = parts[0][:, -1] / np.sqrt(network.area)
     field = np.column_stack((*(part[:, :-1] for part in parts), rate)) / (1j * frequencies[:, None])
     Q = np.zeros(len(motion.K))
     Q[[*rows, -1]] = field.sum(axis=0).real
@@ -118,12 +84,14 @@ def test_against_integration_in_time(packed, alpha, omega, imposed):
     "options",
     [{}, {"beta": 0.0, "prestress": False}, {"rotations": False, "tau1": 2.0, "normal": 0.25, "beta": 3.0}],
 )
-def test_linear_damping_is_the_sweep(packed, options, imposed):
-    packing = packed(1.0, steps=16, **options)
+def test_linear_damping_is_the_sweep(options, imposed):
     omega = np.array([1e-4, 3e-2, 5.0])
-    with Sweep(packing.disks, packing.physics, omega, 1e-8, current().comm) as sweep:
+    with (
+        Sweep(published(), physics(**options), omega, 1e-8, current().comm) as sweep,
+        shaker(1.0, 16, **options) as oscillation,
+    ):
         for at, bound, G in zip(omega, sweep.bounds[:, 0], sweep.G, strict=True):
-            found = packing.shake(at, **imposed)
+            found = oscillation.solve(drive_of(at, **imposed))
             assert abs(found.G - G) <= found.error + bound
             assert found.error < 1e-6 * abs(G)
             assert np.all(abs(found.harmonics) < 1e-6)
@@ -175,28 +143,28 @@ def test_regularisation_does_not_matter():
     assert ends[STIFFEST].regularisation_effect < 1e-7 * abs(exact)
 
 
-def test_only_what_is_left_of_the_equations_counts(packed):
+def test_only_what_is_left_of_the_equations_counts():
     """SNES may be told to call anything converged."""
-    packing = packed(0.5, 16)
-    contacts, law = packing.oscillation.contacts, packing.oscillation.power.softened(1e-8)
-    equations = Equations(contacts, Cycle(16, OMEGA), law, Drive(OMEGA, STRESS, True), STRESS, 1.0)
-    newton = Newton(equations)
-    newton.snes.setType("ksponly")
-    start = np.full(equations.size, 1e-9)
-    with pytest.raises(ConvergenceError, match="times what is allowed is left"):
-        newton.solve(start, 1e-9 * STRESS)
-    assert newton.snes.getConvergedReason() > 0
-    newton.destroy()
+    with shaker(0.5, 16) as oscillation:
+        contacts, law = oscillation.contacts, oscillation.power.softened(1e-8)
+        equations = Equations(contacts, Cycle(16, OMEGA), law, Drive(OMEGA, STRESS, True), STRESS, 1.0)
+        newton = Newton(equations)
+        newton.snes.setType("ksponly")
+        start = np.full(equations.size, 1e-9)
+        with pytest.raises(ConvergenceError, match="times what is allowed is left"):
+            newton.solve(start, 1e-9 * STRESS)
+        assert newton.snes.getConvergedReason() > 0
+        newton.destroy()
 
 
 @pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("alpha", [0.5, 2 / 3])
-def test_slow_limit(packed, alpha):
+def test_slow_limit(alpha):
     """At low frequency contacts move as in slow shear, and G'' is what that dissipates."""
-    packing = packed(alpha, 64, rotations=False)
     omega = 1e-12 if alpha == 0.5 else 1e-9
-    found = packing.shake(omega, strain=1e-4)
-    storage, loss = slow_moduli(packing.network, packing.disks, alpha, omega, 1e-4)
+    with shaker(alpha, rotations=False) as oscillation:
+        found = oscillation.solve(drive_of(omega, strain=1e-4))
+        storage, loss = slow_moduli(oscillation.network, published(), alpha, omega, 1e-4)
     assert found.G.imag == pytest.approx(loss, rel=1e-2)
     assert found.G.real == pytest.approx(storage, rel=1e-2)
     assert found.G.imag < 0.05 * found.G.real
@@ -212,17 +180,18 @@ def test_the_command_has_the_mean_diameter_for_its_length_and_leaves_no_checkpoi
 
 
 @pytest.mark.parametrize("diagonal", [0.2, -1.0, np.nan])
-def test_a_factor_that_fails_on_one_rank_fails_on_all(session, packed, diagonal):
+def test_a_factor_that_fails_on_one_rank_fails_on_all(session, diagonal):
     """Ranks share the harmonics, each with factors of its own; so much of its diagonal is not positive definite."""
-    contacts = packed(0.5, 16).oscillation.contacts
-    preconditioner = HarmonicPreconditioner(contacts, Cycle(16, OMEGA), True)
-    stiffness = np.ones((contacts.count, np.arange(contacts.forms)[contacts.damped].size))
-    preconditioner.update(stiffness)
-    if session.rank == session.size - 1:
-        preconditioner._K.setdiag(diagonal * preconditioner._K.diagonal())
-    with pytest.raises(NotPositiveDefinite, match=r"K/Ω \+ B at Ω = "):
-        preconditioner.update(1e-12 * stiffness)
-    preconditioner.destroy()
+    with shaker(0.5, 16) as oscillation:
+        contacts = oscillation.contacts
+        preconditioner = HarmonicPreconditioner(contacts, Cycle(16, OMEGA), True)
+        stiffness = np.ones((contacts.count, len(contacts.damped)))
+        preconditioner.update(stiffness)
+        if session.rank == session.size - 1:
+            preconditioner._K.setdiag(diagonal * preconditioner._K.diagonal())
+        with pytest.raises(NotPositiveDefinite, match=r"K/Ω \+ B at Ω = "):
+            preconditioner.update(1e-12 * stiffness)
+        preconditioner.destroy()
 
 
 @pytest.mark.least_ranks(2)
