@@ -1,16 +1,16 @@
 """The bond kernel against sums over pairs in plain numpy, for every weight of a damping law, with and without spins."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import sheared
 
-from jampetsc.core.disks import Disks
 from jampetsc.core.kernel import bond_forces
 from jampetsc.core.laws import Law
 from jampetsc.core.pairs import PairList, deformed
 from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.core.state import find_contacts
-from jampetsc.minimise.sizes import radii_of
 
 WEIGHTS = {
     "CD": (1, 1, 0),
@@ -21,21 +21,18 @@ WEIGHTS = {
 }
 
 
-def crowd(potential=None, n=700):
+@pytest.fixture(scope="module")
+def crowd():
     """Enough disks for more than one block of pairs, in a tilted cell."""
-    rng = np.random.default_rng(5)
-    radii = radii_of("bidisperse", n)
-    height = np.sqrt(np.pi * np.sum(radii**2) / 1.1)
-    cell = np.array([[height, 0.0], [0.37 * height, height]])
-    return Disks.from_positions(rng.random((n, 2)) @ cell, radii, cell, potential)
+    return sheared.crowd(700, phi=1.1)
 
 
 @pytest.mark.parametrize("name", WEIGHTS)
 @pytest.mark.parametrize("spinning", [False, True])
 @pytest.mark.parametrize("kind, stiffness", [(k, s) for k in EXPONENTS for s in STIFFNESSES])
-def test_against_sums_over_contacts(name, spinning, kind, stiffness):
+def test_against_sums_over_contacts(crowd, name, spinning, kind, stiffness):
     potential = Potential(kind, stiffness, 1.7)
-    disks, rng = crowd(potential), np.random.default_rng(2)
+    disks, rng = replace(crowd, potential=potential), np.random.default_rng(2)
     weights = tuple(float(w) for w in WEIGHTS[name])
     if not spinning:
         weights = (*weights[:2], 0.0)

@@ -8,13 +8,13 @@ import pytest
 from dense import Reference
 from numba import typeof
 from samples import lattice, physics
-from test_quench import hessian_of
+from test_quench import LAWS, hessian_of
 
 from jampetsc.core import domains, state
 from jampetsc.core.disks import Disks
 from jampetsc.core.minimum import proved_minimum
 from jampetsc.core.pairs import deformed, is_stale
-from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
+from jampetsc.core.potentials import Potential
 from jampetsc.core.state import find_contacts, measure
 from jampetsc.core.threads import Team
 from jampetsc.errors import ConvergenceError
@@ -27,8 +27,6 @@ from jampetsc.minimise.minimise import Effort, relax
 from jampetsc.minimise.newton import Limits, Newton, Point, Residual
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.petsc.local import NewtonSolver
-
-LAWS = [Potential(kind, stiffness, 1.7) for kind in EXPONENTS for stiffness in STIFFNESSES]
 
 
 def one_rank(test):

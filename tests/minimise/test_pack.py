@@ -25,7 +25,7 @@ from jampetsc.minimise.sizes import Radii
 def pack(folder, *words, ranks=0):
     """`jampetsc pack words…` in `folder`, on so many ranks (0: without mpirun)."""
     command = [*launch.mpirun(ranks), sys.executable, "-m", "jampetsc", "pack", *map(str, words)]
-    finished = {"capture_output": True, "text": True, "timeout": 100, "cwd": folder}
+    finished = {"capture_output": True, "text": True, "timeout": launch.MINUTES, "cwd": folder}
     return subprocess.run(command, env=launch.environment(), **finished)
 
 
