@@ -13,13 +13,12 @@ from jampetsc.core.compiled import compiled
 from jampetsc.core.disks import Disks
 from jampetsc.core.kernel import pair_energy
 from jampetsc.core.pairs import ListedDisks, PairList, is_stale
+from jampetsc.core.state import both_ends
 
 SKIN = 0.5  # of the pair list, in mean diameters
 LONGEST = 0.25  # reach, in skins: a move from a new list never makes it stale
 ACCEPTED = 0.4  # share of moves that is aimed at where `reach` is tuned
-COLD = (
-    1e-8  # temperature in units of k at which cooling ends: a tenth of a per mille of σ is then its overlap
-)
+COLD = 1e-8  # temperature in units of k at which cooling ends: overlaps are then a tenth of a per mille of σ
 
 
 class Around(NamedTuple):
@@ -33,13 +32,11 @@ class Around(NamedTuple):
     @classmethod
     def of(cls, pairs: PairList, n: int) -> "Around":
         """For a list of the pairs of n disks."""
-        near, other = np.concatenate((pairs.i, pairs.j)), np.concatenate((pairs.j, pairs.i))
+        near, other = both_ends(pairs.i, pairs.j)
         order = np.argsort(near, kind="stable")
         start = np.concatenate(([0], np.cumsum(np.bincount(near, minlength=n))))
         bond = np.concatenate((pairs.r0.T, -pairs.r0.T))[order]
-        return cls(
-            start, other[order].astype(np.int64), bond, np.concatenate((pairs.sigma, pairs.sigma))[order]
-        )
+        return cls(start, other[order].astype(np.int64), bond, np.tile(pairs.sigma, 2)[order])
 
 
 @compiled(False)
