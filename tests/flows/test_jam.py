@@ -161,19 +161,10 @@ def test_results_of_other_protocols(session):
 
 
 @pytest.mark.parametrize(
-    ("times", "rows"),
-    [((0.7, 0.1, 0.1), 6), ((0.5, 0.1, 0.04), 10), ((0.3, 0.1, 0.15), 1), ((0.3, 0.1, 0.2), 1)],
-)
-def test_samples_along_shear_are_as_many_as_fit(times, rows):
-    """(0.7 − 0.1)/0.1 is a little less than 6."""
-    strain, discard, every = times
-    assert jamming.Protocol("shear", step=0.01, strain=strain, discard=discard, every=every).rows == rows
-    assert jamming.Protocol("compress", strain=strain).rows == jamming.Protocol().rows == 1
-
-
-@pytest.mark.parametrize(
     ("every", "discard", "strain", "strains"),
     [
+        (0.1, 0.1, 0.7, [0.2, 0.3, 0.4, 0.5, 0.6, 0.7]),  # (0.7 − 0.1)/0.1 is a little less than 6
+        (0.2, 0.1, 0.3, [0.3]),
         (0.3, 0.3, 0.91, [0.6, 0.9]),  # the nearest number of steps: 0.3/0.1 is a little less than 3
         (0.26, 0.26, 0.79, [0.6, 0.9]),
         (0.24, 0.34, 0.83, [0.5, 0.7]),
