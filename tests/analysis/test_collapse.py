@@ -148,18 +148,6 @@ def test_a_search_with_corrections_begins_on_either_side_and_knows_its_slopes(sp
         np.testing.assert_allclose(found, slope, rtol=1e-4, atol=1e-5 * np.abs(slope).max())
 
 
-def test_a_spline_is_smooth_and_holds_every_cubic():
-    basis = fit_collapse(planted(6), Form({}, degree=4, spline=True)).basis
-    x = np.linspace(*basis.knots[[0, -1]], 200)
-    values, _ = basis(x)
-    assert values.shape == (200, 4 + 3)
-    cubic = 1 - x + 3 * x**3
-    assert np.allclose(values @ np.linalg.lstsq(values, cubic, rcond=None)[0], cubic)
-    knot = basis.knots[2]
-    (left, right), (before, after) = basis(knot + 1e-9 * np.array([-1, 1]))
-    assert np.allclose(left, right, atol=1e-6) and np.allclose(before, after, atol=1e-5)
-
-
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
@@ -508,8 +496,6 @@ def test_files_that_do_not_go_together(tmp_path, capsys):
     for more, message in [
         ({}, "seed 1 is in first.h5 too: each counts once"),
         ({"n": 64, "seed": 2}, "rates are scaled at one N"),
-        ({"model": "CD0"}, "model CD0, but first.h5 has RD0"),
-        ({"potential": "hertzian"}, "potential hertzian, but first.h5"),
     ]:
         other = write_flow(tmp_path / "other.h5", 0.84, 1e-3, **more)
         assert command(first, other, *words) == 2

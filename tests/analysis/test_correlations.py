@@ -58,7 +58,8 @@ def random_field(points, cell, seed):
 def test_sums_against_a_loop_over_pairs():
     n, width, cells = 120, 7.0, 64
     points, fields = scattered(n, TILTED), np.random.default_rng(1).normal(size=(2, n))
-    found = lane_sums(points, TILTED, fields, width, cells)
+    images = points + np.random.default_rng(2).integers(-3, 4, (n, 2)) @ TILTED  # which do not matter
+    found = lane_sums(images, TILTED, fields, width, cells)
     fields = fields / np.sqrt(np.mean(fields**2, axis=1))[:, None]
     lanes = round(SIDE / width)
     fractions = points @ np.linalg.inv(TILTED)
@@ -79,14 +80,6 @@ def test_sums_against_a_loop_over_pairs():
     np.testing.assert_allclose(found.separations.sum(axis=0), separations)
     assert found.disks.sum() == n and found.width == SIDE / lanes
     np.testing.assert_allclose(found.squares.sum(axis=0), n)
-
-
-def test_images_do_not_matter():
-    points, fields = scattered(500, TILTED), np.random.default_rng(1).normal(size=(1, 500))
-    moved = points + np.random.default_rng(2).integers(-3, 4, (500, 2)) @ TILTED
-    a, b = (lane_sums(p, TILTED, fields, 2.0, 256) for p in (points, moved))
-    np.testing.assert_array_equal(a.pairs, b.pairs)
-    np.testing.assert_allclose(a.products, b.products, atol=1e-10)
 
 
 @pytest.mark.parametrize("cell", [SQUARE, TILTED], ids=["square", "tilted"])
@@ -226,20 +219,6 @@ def run(*words):
     return cli.dispatch(["correlate", *map(str, words)])
 
 
-def test_lengths_in_a_file_of_correlations(tmp_path, capsys):
-    sweeps = [write_sweep(tmp_path, f"s{seed}", seed) for seed in range(6)]
-    assert run(*sweeps, "--lane", "1,0.5", "--out", tmp_path / "c.h5") == 0
-    found = load(tmp_path / "c.h5")
-    assert found.format == "jampetsc-correlation" and found.law["law"] == "stokes"
-    assert "packing" not in found.attributes  # what all have in common is kept
-    assert found.attributes["particle_count"] == 400
-    expected = np.array([[5.0, 2.5], [2.5, 1.25]])  # a quarter of the wave length; of Re and Im
-    np.testing.assert_allclose(found["length"][0], expected, rtol=0.1)
-    np.testing.assert_allclose(found["length"], np.stack([expected, expected]), rtol=0.2)
-    assert (found["length_error"] > 0).all() and (found["length_error"] < 1).all()
-    assert "lanes of 0.5 d: C differs by" in capsys.readouterr().out
-
-
 def test_chosen_frequencies_and_a_packing_elsewhere(tmp_path, capsys):
     sweep = write_sweep(tmp_path, "s")
     packing = (tmp_path / "packing-s.h5").rename(tmp_path / "elsewhere.h5")
@@ -295,24 +274,6 @@ def test_bad_input(folder, monkeypatch, line, message):
     with pytest.raises(InputError, match=message):
         run(*line.split(), "--out", "c.h5")
     assert not (folder / "c.h5").exists()
-
-
-def test_the_collapse_of_lengths_is_told_in_numbers(tmp_path, capsys):
-    for name, pressure in (("a", 1e-3), ("b", 1.2e-3)):
-        run(write_sweep(tmp_path, f"s{name}", pressure=pressure), "--out", tmp_path / f"{name}.h5")
-    run(write_sweep(tmp_path, "rootless", lengths=(0, 0)), "--out", tmp_path / "c.h5")
-    plot = ["plot", *(str(tmp_path / name) for name in ("a.h5", "b.h5")), "--out", str(tmp_path / "p.png")]
-    cli.dispatch([*plot, "--log-exponent", "-0.5"])
-    said = "correlation lengths of 2 files, in phase with the stress; l (-ln p)^-0.5 differs by"
-    assert said in capsys.readouterr().out
-    for words, message in (
-        ("--log-exponent 11", "--log-exponent 11: must lie in"),
-        ("--kind correlation --log-exponent 1", r"--log-exponent 1\.0: belongs to length pictures"),
-    ):
-        with pytest.raises(InputError, match=message):
-            cli.dispatch([*plot, *words.split()])
-    with pytest.raises(InputError, match="no correlation falls to zero"):
-        cli.dispatch(["plot", str(tmp_path / "c.h5"), "--kind", "length", "--out", str(tmp_path / "p.png")])
 
 
 def test_bins_and_grids():
@@ -413,7 +374,8 @@ def test_every_array_of_a_file_of_correlations(tmp_path, capsys, phase):
     length, order = 24 * 1.02, (1, 0, 2)
     np.testing.assert_array_equal(found["omega"], [1e-4, 1e-2, 1.0])
     np.testing.assert_allclose(found["G"], 1.5 * G[[1, 0, 2]])
-    assert found.attributes["phase"] == phase
+    assert found.attributes["phase"] == phase and found.law["law"] == "stokes"
+    assert "packing" not in found.attributes  # what all have in common is kept
     for lane, width in enumerate((2.0, 1.0)):
         sums = [sums_of(tmp_path, f"s{k}", cells, width, order, phase) for k in (0, 1)]
         exact = correlate(sums)
@@ -433,6 +395,7 @@ def test_every_array_of_a_file_of_correlations(tmp_path, capsys, phase):
     said = capsys.readouterr().out.splitlines()
     assert f"2 packings, L = {length / 2:.4g} d, lanes of 1 d, {a['pairs'][0]} pairs" in said[0]
     assert said[0].endswith(f"in phase with the {phase}")
+    assert any("lanes of 0.5 d: C differs by" in line for line in said)
     assert said[1].startswith(f"  omega 0.0001: l/d Re {found['length'][0, 0, 0] / 2:.3g} ± ")
 
 
@@ -637,3 +600,5 @@ def test_the_spread_of_lengths_is_told_of_those_within_the_cell(tmp_path):
         f"{100 * spread:.2g} % (rms) at equal omega/p^(1/2)"
     )
     assert plot_lengths.draw(files[:1]).text == "correlation lengths of 1 file, in phase with the strain"
+    with pytest.raises(InputError, match=r"0\.h5: no correlation falls to zero"):
+        plot_lengths([replace(curves[0], G=np.full(3, np.nan * (1 + 1j)))])

@@ -39,46 +39,8 @@ def test_sums_are_those_of_every_pair(tilt, lane):
         assert np.allclose(found, wanted, atol=1e-12)
 
 
-def test_the_command(tmp_path, capsys):
-    flows = [tmp_path / f"f{seed}.h5" for seed in (1, 2)]
-    common = [
-        "flow",
-        "--n",
-        "64",
-        "--model",
-        "CD0",
-        "--rate",
-        "1e-2",
-        "--strain",
-        "0.06",
-        "--discard",
-        "0.03",
-    ]
-    for seed, path in enumerate(flows, 1):
-        words = f"--phi 0.84 --seed {seed} --snapshots 3 --out {path}"
-        assert cli.main([*common, *words.split()]) == 0
-    out, plain = tmp_path / "g.h5", tmp_path / "plain.h5"
-    assert cli.main(["correlate", *map(str, flows), "--out", str(out), "--bin", "0.5"]) == 0
-    found = jampetsc.load(out)
-    facts = found.attributes
-    assert facts["snapshots"] == 6 and facts["lane_width"] == pytest.approx(1.2) and facts["model"] == "CD0"
-    assert found["x"][0] == pytest.approx(0.3) and len(found["x"]) == len(found["g_y"])
-    known = np.isfinite(found["g_y"])
-    # the mean velocity is zero, so that some disks move against each other
-    assert found["g_y"][known].max() > 0 > found["g_y"][known].min()
-    assert (found["g_y_error"][known] > 0).all()
-    assert facts["minimum"] == pytest.approx(found["g_y"][known].min())
-    velocities = jampetsc.load(flows[0])["snapshots/velocities"]
-    assert facts["mean_square"] == pytest.approx(np.mean(velocities[..., 1] ** 2) / 1e-4, rel=0.5)
-    assert cli.main([*common, "--phi", "0.84", "--out", str(plain)]) == 0
-    for more, message in (([plain], "holds no snapshots"), ([flows[0], "--out", flows[0]], "is the input")):
-        assert cli.main(["correlate", "--out", str(tmp_path / "bad.h5"), *map(str, more)]) == 2
-        assert message in capsys.readouterr().err
-    assert not (tmp_path / "bad.h5").exists()
-
-
 def test_every_number_of_the_file_is_of_the_words(tmp_path, capsys):
-    """A file of two snapshots, correlated as told: width, bin, means over the rate squared."""
+    """A file of three snapshots, correlated as told: width, bin, means over the rate squared."""
     rng = np.random.default_rng(4)
     cell = np.array([[12.0, 0.0], [1.0, 10.0]])
     snapshots = {"positions": rng.random((3, 60, 2)) @ cell, "velocities": rng.normal(size=(3, 60, 2))}
@@ -111,6 +73,11 @@ def test_every_number_of_the_file_is_of_the_words(tmp_path, capsys):
             f"{tmp_path}/g.h5: g_y of 3 snapshots, lanes of {lane:g} d: least {depth:.3g} at x = {place / 0.5:.3g} d, "
             f"<u_y^2>/rate^2 = {exact.mean_square:.3g}\n"
         )
+    bare = stored(tmp_path / "bare.h5", "flow", {}, **facts)
+    for words, message in (([bare], "holds no snapshots"), ([bare, "--out", bare], "is the input")):
+        assert cli.main(["correlate", "--out", str(tmp_path / "bad.h5"), *map(str, words)]) == 2
+        assert message in capsys.readouterr().err
+    assert not (tmp_path / "bad.h5").exists()
 
 
 def test_a_lane_ends_where_it_is_as_wide():
