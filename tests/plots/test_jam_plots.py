@@ -1,7 +1,5 @@
 """Pictures of which packings jam: shares with their errors, densities, and samples of one kind put together."""
 
-import re
-
 import numpy as np
 import pytest
 from densities import jamming_step
@@ -9,9 +7,7 @@ from drawn import Held, bars, figure_of, lines, told
 from pressures import CUTS, low_end
 from samples import isostatic
 
-from jampetsc.analysis.averages import mean_of_runs
 from jampetsc.analysis.jamming import correlated_share, density, independent_share, memory
-from jampetsc.analysis.statistics import half_width
 from jampetsc.errors import InputError
 from jampetsc.plots import jamming
 from jampetsc.plots.draw import draw
@@ -78,12 +74,6 @@ def test_states_of_a_run_remember():
     assert alone.value == 1 and alone.low < 0.6  # may be one long memory
 
 
-def test_runs_that_differ_by_more_than_they_say():
-    assert mean_of_runs([1.0, 3.0], [0.1, 0.1], [np.inf] * 2) == (2.0, half_width(1))
-    value, error = mean_of_runs([1.0, 1.0], [0.3, 0.3], [np.inf] * 2)
-    assert value == 1.0 and error == pytest.approx(0.3 / np.sqrt(2))
-
-
 def test_densities():
     values = np.random.default_rng(2).exponential(1.0, 4000)
     edges, height, error = density(values, 0.0)
@@ -91,7 +81,8 @@ def test_densities():
     middle = 0.5 * (edges[1:] + edges[:-1])
     apart = (height - np.exp(-middle)) / error
     assert np.sqrt(np.mean(apart[:12] ** 2)) < 2
-    assert np.allclose(density(values, 0.0, 4.0)[2], 2 * error)
+    edges, height, error = density(np.full(12, 0.84))  # all alike
+    assert np.sum(height * np.diff(edges)) == pytest.approx(1) and np.isfinite(error).all()
 
 
 @pytest.mark.parametrize(("y", "alpha"), [(1.0, 2.0), (1.5, 2.5), (1.1, 2.0)])
@@ -215,27 +206,21 @@ def test_what_cannot_be_drawn(picture, files, says):
         picture(files)
 
 
-@pytest.mark.parametrize(
-    ("files", "kind", "says"),
-    [
-        (["shear"], None, "energy, stress, pressure and coordination of 1 run"),
-        (["jam"], None, "share of samples that jam, of 1 file"),
-        (["jam", "shear"], "pressures", r"P\(p\) of the jammed samples of 2 files"),
-        (["jam", "shear"], "fraction", "share of samples that jam, of 2 files"),
-        (
-            ["jam", "shear"],
-            "strain",
-            "a.h5 is a jam file, s.h5 a shear file: one picture shows one or the other",
-        ),
-    ],
-)
-def test_files_of_samples_and_of_shear_go_together_in_some_pictures(files, kind, says):
-    made = {"jam": jam_of(), "shear": shear_of(np.tile([1, 1, 1, 0], 20), **UNITS | {"k": 1.0})}
-    if kind == "strain":
-        with pytest.raises(InputError, match=says):
-            draw([made[one] for one in files], kind)
-    else:
-        assert re.search(says, draw([made[one] for one in files], kind)[1].text)
+def test_files_of_samples_and_of_shear_go_together_in_some_pictures():
+    shear = shear_of(np.tile([1, 1, 1, 0], 20), **UNITS | {"k": 1.0})
+    shear.last = isostatic()
+    both = [jam_of(), shear]
+    for files, kind, says in (
+        (both[1:], None, "energy, stress, pressure and coordination of 1 run over the strain"),
+        (both[1:], "minimum", "24 disks at strain 8"),
+        (both, "pressures", "P(p) of the jammed samples of 2 files"),
+        (both, None, "f(phi), the share of samples that jam, of 2 files"),
+    ):
+        assert draw(files, kind)[1].text == says
+    with pytest.raises(
+        InputError, match=r"a\.h5 is a jam file, s\.h5 a shear file: one picture shows one or"
+    ):
+        draw(both, "strain")
 
 
 def test_states_before_the_discarded_strain_do_not_count():
@@ -250,13 +235,6 @@ def test_states_before_the_discarded_strain_do_not_count():
     found = samples.density(0.9)
     assert memory([pressures]) > 1.5  # one run, whose states remember each other
     np.testing.assert_allclose(found[1:], (height, np.sqrt(memory([pressures])) * error))
-
-
-def test_the_last_minimum_is_drawn_as_a_packing():
-    one = shear_of([1.0, 1.0])
-    one.last = isostatic()
-    text = draw([one], "minimum")[1].text
-    assert text == "24 disks at strain 0.2"
 
 
 def test_runs_are_remembered_by_their_length():
@@ -274,11 +252,6 @@ def test_an_empty_bin_has_the_error_of_one_sample():
     assert (counts == 0).any() and len(counts) == 5
     np.testing.assert_allclose(error * 25 * np.diff(edges), np.sqrt(3 * np.maximum(counts, 1)))
     np.testing.assert_allclose(height * 25 * np.diff(edges), counts)
-
-
-def test_samples_that_are_all_alike_have_a_density():
-    edges, height, error = density(np.full(12, 0.84))
-    assert np.sum(height * np.diff(edges)) == pytest.approx(1) and np.isfinite(error).all()
 
 
 @pytest.mark.parametrize(("count", "bins"), [(16, 5), (36, 6), (35, 5), (899, 29), (1000, 30)])

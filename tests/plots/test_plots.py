@@ -17,11 +17,11 @@ from jampetsc.core.potentials import Potential
 from jampetsc.core.state import measure
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_identified, write_packing
-from jampetsc.io.reader import collected, load
+from jampetsc.io.reader import collected
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.plots import periodic
 from jampetsc.plots.curves import Curve, group_curves
-from jampetsc.plots.draw import choose, draw
+from jampetsc.plots.draw import draw
 from jampetsc.plots.fields import ARROWS, _colours, _spread, plot_fields
 from jampetsc.plots.moduli import plot_collapse, plot_moduli
 from jampetsc.plots.numbers import table
@@ -86,11 +86,6 @@ def folder(tmp_path_factory):
         fields = (omega, ones[: len(omega)], None, particles)
         write_sweep(folder / f"{name}.h5", packing=folder / "packing.h5", fields=fields)
     return folder
-
-
-@pytest.fixture
-def sweeps(folder):
-    return [str(folder / f"p{n}.h5") for n in (2, 3, 4)]
 
 
 @pytest.fixture
@@ -356,7 +351,11 @@ def test_the_packing_of_a_sweep(with_fields, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("p2.h5 packing.h5", r"p2\.h5 is a sweep, packing\.h5 a packing: one picture shows"),
+        (
+            "p2.h5 p3.h5 packing.h5 p4.h5",
+            r"^p2\.h5 is a sweep, .*packing\.h5 a packing: one picture shows one or",
+        ),
+        ("packing.h5 p2.h5 p3.h5", r"^packing\.h5 is a packing, .*p2\.h5 a sweep: one picture shows one or"),
         (
             "packing.h5 packing.h5",
             r"packing\.h5: is given already|2 packing files: packing pictures show one",
@@ -365,10 +364,6 @@ def test_the_packing_of_a_sweep(with_fields, tmp_path):
         ("fields.h5 fields.h5 --kind fields", "2 sweep files: fields pictures show one"),
         ("p2.h5 --kind packing", "is a sweep file: packing pictures need a packing"),
         ("packing.h5 --kind moduli", "is a packing file: moduli pictures need sweeps"),
-        (
-            "p2.h5 --kind moduli --omega 1",
-            r"omega \[1\.\]: belongs to correlation or fields pictures, not to moduli",
-        ),
         (
             "p2.h5 --mu 0.5 --omega 1",
             r"omega \[1\.\]: belongs to correlation or fields pictures, not to collapse",
@@ -379,18 +374,14 @@ def test_the_packing_of_a_sweep(with_fields, tmp_path):
         ("many.h5 --omega 1e-3:1:6 --phase strain", "6 frequencies: one picture holds 5"),
         ("fields.h5 --omega 0.001", r"no fields at omega = 0\.001: nearest are 1e-06, 0\.0001, 0\.0316228"),
         ("none.h5", "none.h5: holds no modulus at any frequency"),
-        ("p2.h5 --mode x", "--mode x: write numbers"),
         ("p2.h5 --out x.jpg", r"out x\.jpg: give it the ending \.png or \.pdf or \.svg"),
-        ("p2.h5 --out x", "out x: give it the ending"),
         ("p2.h5 --out nowhere/x.png", "folder nowhere does not exist"),
         ("p2.h5 --out taken.png", r"taken\.png: is a folder"),
         ("p2.h5 --mu nan", r"--mu nan: must lie in \[0, 10\]"),
-        ("p2.h5 --lambda -1", r"--lambda -1: must lie in \[0, 10\]"),
         ("bare.h5 --kind collapse", r"bare\.h5: attribute pressure is missing"),
         ("negative.h5 --kind collapse", r"negative\.h5: pressure -0\.1: must be positive"),
         ("fast.h5 --kind collapse", r"fast\.h5: lowest frequency 10: critical scaling needs"),
         ("modes.h5 --kind moduli", r"modes\.h5: is a modes file: moduli pictures need sweeps"),
-        ("missing.h5", r"missing\.h5: no such file"),
     ],
 )
 def test_what_cannot_be_drawn(words, message, folder, monkeypatch):
@@ -414,15 +405,3 @@ def test_plotting_loads_no_mpi_no_petsc_and_needs_no_display(with_fields, tmp_pa
     words = ["plot", with_fields, "--kind", "fields", "--out", str(tmp_path / "b.png")]
     done = subprocess.run([sys.executable, "-c", script, *words], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-
-
-def test_the_one_file_of_another_kind_is_named_wherever_it_stands(sweeps, folder):
-    packing = str(folder / "packing.h5")
-    for place in range(4):
-        files = [*sweeps[:place], packing, *sweeps[place:]]
-        odd = packing if place else sweeps[0]
-        first, noun = ("sweep", "packing") if place else ("packing", "sweep")
-        with pytest.raises(
-            InputError, match=f"^{files[0]} is a {first}, {odd} a {noun}: one picture shows one or"
-        ):
-            choose(["moduli"], [load(file) for file in files], files)
