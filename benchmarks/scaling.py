@@ -124,7 +124,7 @@ def draw(rows, path) -> None:
             ("processor time [s]", "memory of the largest process [GB]"),
             strict=True,
         ):
-            for command, look in zip(NAMES, looks(len(NAMES)), strict=True):
+            for command, look in looks(NAMES):
                 mine = sorted((row["n"], row[quantity]) for row in rows if row["command"] == command)
                 if mine:
                     n, values = np.array(mine).T

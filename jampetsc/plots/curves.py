@@ -109,7 +109,7 @@ def group_curves(curves) -> tuple[str, list]:
         pressures = [found[0][0].pressure for found in members.values()]
         shades = map(tuple, sequential()(LogNorm(min(pressures), max(pressures))(pressures)))
     groups = []
-    for (parts, found), look, shade in zip(members.items(), looks(len(members)), shades, strict=True):
+    for ((parts, found), look), shade in zip(looks(members.items()), shades, strict=True):
         label = ", ".join(filter(None, parts)) or "other"  # what only some files record
         groups.append(Group(label, [curve for curve, _ in found], shade, look["marker"]))
     return ("$p/k$" if only_pressure else ""), groups

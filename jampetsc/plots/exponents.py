@@ -61,7 +61,8 @@ def draw_exponents(curves, page) -> str:
     title, groups = group_curves(curves)
     names = [label for label, *_ in _PANELS]
     axes = page.panels(2, 2, PAGE, 2 * HEIGHT, x=r"$\omega\tau_1$", y=names, log="x", sharex=True)
-    for ax, (_, levels, *_) in zip(axes, _PANELS, strict=True):
+    for ax, (_, levels, limits, _) in zip(axes, _PANELS, strict=True):
+        ax.set_ylim(limits)
         for level in levels:
             ax.axhline(level, color=GREY, linewidth=0.8, linestyle=":", zorder=1)
     for group in groups:
@@ -71,8 +72,6 @@ def draw_exponents(curves, page) -> str:
             mean, error = mean_with_error(values[:, shown])
             ax.plot(omega[shown], mean, color=group.colour, label=hidden(group.label))
             band(ax, omega[shown], mean - error, mean + error, group.label, color=group.colour)
-    for ax, (_, _, limits, _) in zip(axes, _PANELS, strict=True):
-        ax.set_ylim(limits)
     page.legend(axes[0], [entry(group.label, group.colour) for group in groups], title)
     return f"local exponents of G* against omega of {count(curves)}"
 
@@ -104,7 +103,7 @@ def draw_pressure_exponents(results, page) -> str:
     groups = {size: levels for size, levels in groups_of(results).items() if len(levels) >= _FEWEST}
     if not groups:
         raise InputError(f"{results[0].path}: one pressure: local exponents need files at several")
-    styles = dict(zip(groups, looks(len(groups)), strict=True))
+    styles = dict(looks(groups))
     names = [rf"$d\,\ln {symbol}\,/\,d\,\ln p$" for symbol, _ in _LIMITS.values()]
     axes = page.panels(2, 3, PAGE, 2 * HEIGHT, x="$p/k$", y=names, log="x")
     for ax, (name, (_, limit)) in zip(axes, _LIMITS.items(), strict=True):

@@ -49,7 +49,7 @@ def plot_finite_size(results, page, size_power=1.0):
     groups = groups_of(results)
     fluid = any(fluid_of(result) > 0 for result in results)
     symbols = [r"\eta_0"] + [r"(\eta_0-\eta_F)"] * fluid
-    styles = dict(zip(groups, looks(len(groups)), strict=True))
+    styles = dict(looks(groups))
     y = [rf"${symbol}\,/\,{power_text('N', size_power)}$ $[k\tau_1]$" for symbol in symbols]
     axes = {
         "x": ["$N^2p/k$"] * len(symbols) + ["$N$"],
@@ -107,7 +107,7 @@ def _draw_sizes(page, ax, groups):
         for level, files in levels.items():
             if level * size**2 > LARGE and level < CRITICAL:
                 large.setdefault(level, {})[size] = files
-    for (level, sizes), look in zip(sorted(large.items()), looks(len(large)), strict=True):
+    for (level, sizes), look in looks(sorted(large.items())):
         n = np.array(list(sizes))
         y, error = np.transpose([scaled_by_pressure(files) for files in sizes.values()])
         points(ax, n, y, error, linestyle="none", label=f"${power_or_number(level)}$", **look)

@@ -69,9 +69,9 @@ def plot_medians(results, page):
     """
     groups = groups_of(results)
     ax = page.panels(x="$p/k$", y="median per unit strain", log="xy")
-    styles = {size: {"marker": look["marker"]} for size, look in zip(groups, looks(len(groups)), strict=True)}
+    styles = {size: {"marker": look["marker"]} for size, look in looks(groups)}
     several, handles, bands, single = len(groups) > 1, [], [], False
-    for (name, (symbol, slope)), own in zip(QUANTITIES.items(), looks(len(QUANTITIES)), strict=True):
+    for (name, (symbol, slope)), own in looks(QUANTITIES.items()):
         handles.append(entry(f"${symbol}$", **({"color": own["color"]} if several else own)))
         for size, levels in groups.items():
             p, look, found = np.array(list(levels)), own | (styles[size] if several else {}), []
@@ -140,11 +140,11 @@ def plot_viscosities(results, page):
                 f"{result.path}: law {result.attributes.get('law')}: has no beta; give contact damping"
             )
     sizes = groups_of(results)
-    groups = [(size, level, files) for size, levels in sizes.items() for level, files in levels.items()]
+    groups = looks((size, level, files) for size, levels in sizes.items() for level, files in levels.items())
     ax = page.panels(x=r"$\beta$", y=r"$\eta_0,\ \eta_\infty\ [k\tau_1]$", log="xy")
     handles, bands = [], []
     columns = ((r"$\eta_0$", {}), (r"$\eta_\infty$", OPEN))
-    for (size, level, files), look in zip(groups, looks(len(groups)), strict=True):
+    for (size, level, files), look in groups:
         points = np.array([row for result in files for row in _rows(result)])
         betas = np.unique(points[:, 0])
         label = f"${power_or_number(level)}$" + (f", $N={size}$" if len(sizes) > 1 else "")

@@ -81,7 +81,7 @@ def draw_flow_curves(results, page) -> str:
     for ax in axes:
         ax.set_xlim(every.min() / 1.3, 1.3 * every.max())
     exponents = []
-    for name, look, curve in zip(labels_of(list(curves)), looks(len(curves)), curves.values(), strict=True):
+    for (name, curve), look in looks(zip(labels_of(list(curves)), curves.values(), strict=True)):
         points(axes[5], *curve["coordination"], label=hidden(name), **look)
         rates = curve["pressure"][0]
         shown = (curve["shear_stress"][1] > 0) & (curve["pressure"][1] > 0)
@@ -127,7 +127,7 @@ def plot_against_phi(results, page):
     names = [units.label(r"\sigma", "stress"), units.label("p", "stress"), "$Z$"]
     axes = page.panels(1, 3, PAGE, HEIGHT * 1.2, x=r"$\phi$", y=names, log=["y", "y", ""])
     for ax, name in zip(axes, QUANTITIES, strict=True):
-        for ((_, rate), curve), word, look in zip(curves.items(), words, looks(len(curves)), strict=True):
+        for (((_, rate), curve), word), look in looks(zip(curves.items(), words, strict=True)):
             label = (f"{word}, " if word else "") + f"${number(rate * units.tau1)}$"
             points(ax, *curve[name], label=label, **look)
     page.legend(axes[2], title=units.label(r"\dot\gamma", "rate"))
@@ -174,7 +174,7 @@ def plot_regimes(results, page):
     """
     maps = regimes(results)
     phis = sorted({phi for some in maps.values() for phi in some})
-    styles = dict(zip(phis, looks(len(phis)), strict=True))
+    styles = dict(looks(phis))
     axes = page.panels(2, len(maps), PAGE, 4.2, x="$Q$", log="x", sharex=True, sharey="row").reshape(2, -1)
     axes[0, 0].set_ylabel(r"$d\ln\sigma/d\ln\dot\gamma$")
     axes[1, 0].set_ylabel("largest cluster$/N$")
@@ -183,7 +183,7 @@ def plot_regimes(results, page):
             slope.axhline(value, color=GREY, lw=0.6, ls=":")
         for phi, (quality, exponent, error, cluster, *_) in some.items():
             look = styles[phi] | {"label": hidden(rf"${phi:g}$")}
-            slope.errorbar(quality, exponent, error, elinewidth=0.6, **look)
+            points(slope, quality, exponent, error, **look)
             share.plot(quality, cluster, **look)
         slope.set_title(model, loc="right", pad=3)
         share.set_ylim(0, 1.05)

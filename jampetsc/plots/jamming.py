@@ -122,7 +122,7 @@ def plot_fraction(results, page):
     ax.set_ylim(-0.04, 1.04)
     ax.axhline(0.5, color=GREY, lw=0.5, ls=":")
     labels = _labels([one.kind for one in samples])
-    for one, label, look in zip(samples, labels, looks(len(samples)), strict=True):
+    for (one, label), look in looks(zip(samples, labels, strict=True)):
         phis = sorted(one.runs)
         value, low, high = np.transpose([(s.value, s.low, s.high) for s in map(one.share, phis)])
         points(ax, phis, value, [value - low, high - value], label=label, **look)
@@ -161,7 +161,7 @@ def plot_pressures(results, page):
 
 
 def _density(ax, edges, height, error, **look):
-    ax.errorbar(0.5 * (edges[1:] + edges[:-1]), height, error, elinewidth=0.6, **look)
+    points(ax, 0.5 * (edges[1:] + edges[:-1]), height, error, **look)
 
 
 @picture("phi_J", "jam")
@@ -183,7 +183,7 @@ def plot_jamming_densities(results, page):
     labels = _labels([kind for kind, _, _ in curves])
     several = len({phi for _, phi, _ in curves}) > 1
     ax = page.panels(1, 1, COLUMN, HEIGHT, x=r"$\phi_J$", y=r"$P(\phi_J)$")
-    for (_, phi, values), label, look in zip(curves, labels, looks(len(curves)), strict=True):
+    for ((_, phi, values), label), look in looks(zip(curves, labels, strict=True)):
         text = label + (rf", cooled at $\phi={phi:.6g}$" if several else "")
         _density(ax, *density(values), label=text, **look)
         ax.axvline(values.mean(), color=look["color"], lw=0.6, ls=":")

@@ -45,7 +45,7 @@ def _collapse(page, top, middle, result):
         top.set_yscale("log")
     middle.axhline(0, color=GREY, lw=0.6)
     scales = np.unique(b)
-    for scale, look in zip(scales, looks(len(scales)), strict=True):
+    for scale, look in looks(scales):
         here, label = b == scale, f"${1 / scale**2:.0f}$" if sized else f"${number(scale)}$"
         points(top, x[here], left[here], bars[here], ls="none", ms=3, label=label, **look)
         middle.plot(x[here], residuals[here], ls="none", ms=3, label=hidden(label), **look)
@@ -94,8 +94,7 @@ def plot_branches(results, page):
     rate, y, error = scaled(result)
     scaled_y = rf"${SYMBOLS[str(a['observable'])]}\,\dot\gamma^{{-y/z\nu}}$"
     ax = page.panels(1, 1, PAGE, 4.0, x=r"$|\phi-\phi_J|\,\dot\gamma^{-1/z\nu}$", y=scaled_y, log="xy")
-    scales = np.unique(rate)
-    for one, look in zip(scales, looks(len(scales)), strict=True):
+    for one, look in looks(np.unique(rate)):
         label = rf"${number(one)}$"
         above = {"label": label, "markerfacecolor": look["color"]}
         below = {"label": hidden(f"{label}, below phi_J"), "markerfacecolor": "white"}

@@ -79,7 +79,7 @@ def plot_order(results, page):
                 )
     axes = page.panels(1, 2, PAGE, HEIGHT, x=r"$\gamma$", y=ORDERS)
     for part, ax in enumerate(axes):
-        for runs, label, look in zip(kinds.values(), labels_of(list(kinds)), looks(len(kinds)), strict=True):
+        for (runs, label), look in looks(zip(kinds.values(), labels_of(list(kinds)), strict=True)):
             strain, thin = runs[0][0]["snapshots/strain"], {"color": look["color"], "lw": 0.3, "alpha": 0.6}
             for run, order in runs if len(runs) > 1 else ():
                 ax.plot(strain, order[part], label=hidden(run.path.name), **thin)
@@ -109,7 +109,7 @@ def plot_profiles(results, page):
         end = min(float(run["strain"][-1]) for run in runs)
         windows = [*pairwise([edge for edge in WINDOWS if edge < steady]), (steady, end)]
         ax.plot([-0.5, 0.5], [-0.5, 0.5], color=GREY, lw=0.8, ls=":", zorder=1)
-        for (low, high), look in zip(windows, looks(len(windows)), strict=True):
+        for (low, high), look in looks(windows):
             v, error = mean_profile(runs, low, high)
             bars = {"xerr": np.nan_to_num(error), "elinewidth": 0.6, "label": f"${low:g}$ to ${high:.3g}$"}
             ax.errorbar(v, heights(len(v)), ms=3, lw=0.8, **bars, **look)
@@ -145,7 +145,7 @@ def plot_lanes(results, page):
     curves = lanes_of(results)
     ax = page.panels(1, 1, PAGE, HEIGHT, x=flow_units(results).label("x", "length"), y="$g_y(x)$")
     ax.axhline(0.0, color=GREY, lw=0.6)
-    for (label, x, g, error), look in zip(curves, looks(len(curves)), strict=True):
+    for (label, x, g, error), look in looks(curves):
         band(ax, x, g - error, g + error, label, color=look["color"])
         ax.plot(x, g, label=label, **look)
     ax.set_xmargin(0.02)

@@ -4,6 +4,7 @@ Figures are made without pyplot: no display, no global state, and the same bytes
 """
 
 import io
+import itertools
 import os
 import re
 from contextlib import contextmanager
@@ -107,9 +108,11 @@ def power_text(base, exponent) -> str:
     return base if exponent == 1 else f"{base}^{{{exponent_text(exponent)}}}"
 
 
-def looks(count) -> list[dict]:
-    """A colour and a marker for each of `count` kinds of points, as keywords of matplotlib."""
-    return [{"color": shade, "marker": MARKERS[n % len(MARKERS)]} for n, shade in enumerate(colours(count))]
+def looks(kinds) -> list[tuple]:
+    """[(kind, its colour and marker as keywords of matplotlib), …] of kinds of points."""
+    kinds = list(kinds)
+    shades = zip(kinds, colours(len(kinds)), itertools.cycle(MARKERS), strict=False)
+    return [(kind, {"color": shade, "marker": marker}) for kind, shade, marker in shades]
 
 
 def entry(label, color="0.2", **look) -> Line2D:

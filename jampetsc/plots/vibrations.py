@@ -56,7 +56,8 @@ def plot_modes(results, page):
     norm = LogNorm(min(f.min() for f in finite), max(f.max() for f in finite))
     axes = {"x": "mode number", "y": [FREQUENCY, "cumulative share"], "log": ["xy", "x"]}
     above, below = page.panels(2, 1, COLUMN, 4.4, **axes, sharex=True, height_ratios=(1.4, 1))
-    for result, look, name in zip(results, looks(len(results)), labels, strict=True):
+    files = looks(zip(results, labels, strict=True))
+    for (result, name), look in files:
         values, marker = eigenvalues(result), look["marker"]
         shown = values > 0
         floppiness = np.minimum(result["floppiness"][shown], norm.vmax)
@@ -75,8 +76,7 @@ def plot_modes(results, page):
     bar = page.figure.colorbar(ScalarMappable(norm, sequential()), ax=above, pad=0.02, aspect=25)
     bar.set_label(r"$\langle\Delta u_\perp^2\rangle^{1/2}/\,\langle\Delta u_\parallel^2\rangle^{1/2}$")
     bar.ax.tick_params(which="both", length=2)
-    files = zip(looks(len(results)), labels, strict=True)
-    handles = [entry(label, "0.3", ls="none", marker=look["marker"]) for look, label in files]
+    handles = [entry(label, "0.3", ls="none", marker=look["marker"]) for (_, label), look in files]
     page.legend(above, handles, "$p/k$")
     nonaffine = entry(r"$\Sigma|u_{\rm na}|^2$", "k", lw=0.8)
     modulus = entry(r"$G_{\rm aff}-G_0$", "k", lw=0.8, ls=DASHED)
@@ -121,7 +121,7 @@ def plot_states(results, page):
             )
     levels = grouped(zip(pressures_of(results), results, strict=True), lambda pair: pair[0])
     ax = page.panels(x=FREQUENCY, y=r"$D(\omega_m)$", log="xy")
-    for (level, files), look in zip(sorted(levels.items()), looks(len(levels)), strict=True):
+    for (level, files), look in looks(sorted(levels.items())):
         pooled = [result for _, result in files]
         ax.plot(*density_of_states(pooled), markersize=2.8, label=_pressure(level), **look)
     page.legend(ax, title="$p/k$")
