@@ -25,7 +25,6 @@ class LaneSums:
     separations: np.ndarray  # (P, D) Σ δ/L
     disks: np.ndarray  # (P,)
     width: float  # of a lane, such that lanes fill the cell
-    length: float  # L
 
 
 def grid_cells(length: float, diameter: float) -> int:
@@ -84,5 +83,4 @@ def lane_sums(positions, cell, fields, width: float, cells: int) -> LaneSums:
         separations=binned(number * lags / cells),
         disks=np.bincount(block, minlength=blocks).astype(float),
         width=height / lanes,
-        length=float(length),
     )

@@ -126,7 +126,7 @@ def test_errors_are_those_of_the_mean_of_packings():
     rng = np.random.default_rng(4)
     ones = np.ones((1, 1))
     packings = [
-        LaneSums(np.full((1, 1, 1), c), ones, ones, 0.25 * ones, np.ones(1), 1.0, 10.0)
+        LaneSums(np.full((1, 1, 1), c), ones, ones, 0.25 * ones, np.ones(1), 1.0)
         for c in rng.normal(0.3, 0.1, 200)
     ]
     scatter = np.std([sums.products[0, 0, 0] for sums in packings], ddof=1)
@@ -334,7 +334,7 @@ def test_units_count_as_often_as_they_are_drawn():
     strips = [
         LaneSums(
             products=np.array([[[p, 3.0]]]), squares=np.array([[s]]), pairs=np.array([[n, 1.0]]),
-            separations=np.array([[0.1, 0.2]]), disks=np.array([d]), width=0.5, length=10.0,
+            separations=np.array([[0.1, 0.2]]), disks=np.array([d]), width=0.5,
         )
         for p, s, n, d in ((1.0, 2.0, 4.0, 2.0), (6.0, 9.0, 3.0, 6.0))
     ]  # fmt: skip
