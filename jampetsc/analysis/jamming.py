@@ -14,6 +14,7 @@ from jampetsc.analysis.averages import Average, mean_of_averages
 from jampetsc.analysis.statistics import mean_with_error
 
 FEWEST = 10  # samples that make a density
+OTHERS = ("phi_J", "segregation")  # what samples may have beside
 BINS = (5, 30)  # of a density, at least and at most: √samples between them
 
 
@@ -74,8 +75,8 @@ class AtDensity:
     means: dict  # name -> (mean, its error) of what else samples have
 
 
-def at_densities(columns: dict, others=("phi_J", "segregation")) -> list[AtDensity]:
-    """What samples (S,) say at every φ: columns phi, seed, jammed and pressure, nan without a minimum, and `others`."""
+def at_densities(columns: dict) -> list[AtDensity]:
+    """What samples (S,) say at every φ: columns phi, seed, jammed and pressure, nan without a minimum, and OTHERS."""
     phi, seed, jammed, pressure = (columns[name] for name in ("phi", "seed", "jammed", "pressure"))
     found = []
     for value in np.unique(phi):
@@ -83,7 +84,7 @@ def at_densities(columns: dict, others=("phi_J", "segregation")) -> list[AtDensi
         runs = [jammed[here & (seed == one)] for one in np.unique(seed[here])]
         hard = pressure[here & (jammed == 1)]
         means = {}
-        for name in others:
+        for name in OTHERS:
             values = columns.get(name, np.zeros(len(phi)) * np.nan)[phi == value]
             values = values[np.isfinite(values)]
             if len(values) > 1:

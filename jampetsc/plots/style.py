@@ -78,14 +78,14 @@ def sequential():
     return LinearSegmentedColormap.from_list("plasma-dark", plasma(np.linspace(0.0, 0.64, 256)))
 
 
-def number(value, digits=2) -> str:
-    """A number in TeX without dollars, such as 10^{-3}, 1.2\\times10^{-3} or 0.84."""
+def number(value) -> str:
+    """A number of two digits in TeX without dollars, such as 10^{-3}, 1.2\\times10^{-3} or 0.84."""
     if value == 0:
         return "0"
-    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    mantissa, exponent = f"{value:.1e}".split("e")
     if -2 < int(exponent) < 4:
-        return f"{value:.{digits}g}" if abs(value) < 10**digits else f"{value:.0f}"
-    mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
+        return f"{value:.2g}" if abs(value) < 100 else f"{value:.0f}"
+    mantissa = mantissa.removesuffix(".0")
     power = f"10^{{{int(exponent)}}}"
     return {"1": power, "-1": f"-{power}"}.get(mantissa, rf"{mantissa}\times{power}")
 
