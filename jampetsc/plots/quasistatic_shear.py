@@ -3,6 +3,7 @@
 import numpy as np
 
 from jampetsc.plots.picture import count, picture
+from jampetsc.plots.shearing import draw_mean
 from jampetsc.plots.style import DASHED, GREY, PAGE, colours, entry, hidden
 from jampetsc.plots.units import flow_units
 
@@ -21,13 +22,11 @@ def plot_quasistatic_shear(results, page):
     plastic = [result["strain"][result["plastic"] == 1] if "plastic" in result else [] for result in results]
     for ax, name in zip(axes, panels, strict=True):
         for result, colour in zip(results, colours(len(results)), strict=True):
-            a, strain = result.attributes, result["strain"]
-            unit = {"energy": units.k * float(a["particle_count"]), "coordination": 1.0}.get(name, units.k)
-            _draw(ax, strain, result[name] / unit, result["jammed"] == 1, colour, result.path.stem)
+            disks = float(result.attributes["particle_count"])
+            unit = {"energy": units.k * disks, "coordination": 1.0}.get(name, units.k)
+            _draw(ax, result["strain"], result[name] / unit, result["jammed"] == 1, colour, result.path.stem)
             if name != "energy":
-                mean, span = float(a[f"{name}_mean"]) / unit, [float(a["discard"]), strain[-1]]
-                label = hidden(f"{result.path.stem}, mean")
-                ax.plot(span, [mean, mean], color=colour, lw=1.3, ls=DASHED, label=label)
+                draw_mean(ax, result, name, unit, colour, 1.3)
         ax.set_xmargin(0)
     for events, colour in zip(plastic, colours(len(results)), strict=True):
         below = {"transform": axes[1].get_xaxis_transform(), "ms": 4}

@@ -43,6 +43,13 @@ def labels_of(kinds) -> list[str]:
     return [words or one[0] for words, one in zip(differing(parts, varied), parts, strict=True)]
 
 
+def draw_mean(ax, result, name, unit, colour, width) -> None:
+    """The mean of NAME over the steady part of a run, dashed along its strain."""
+    a = result.attributes
+    mean, span = float(a[f"{name}_mean"]) / unit, [float(a["discard"]), result["strain"][-1]]
+    ax.plot(span, [mean, mean], color=colour, lw=width, ls=DASHED, label=hidden(f"{result.path.stem}, mean"))
+
+
 def draw_series(results, page) -> str:
     """σ and p over the strain, of one file or several, with the means of the steady part."""
     units = flow_units(results)
@@ -50,11 +57,9 @@ def draw_series(results, page) -> str:
     axes = page.panels(1, 2, PAGE, HEIGHT, x=r"$\gamma$", y=names)
     for ax, (name, _) in zip(axes, _QUANTITIES, strict=True):
         for result, colour in zip(results, colours(len(results)), strict=True):
-            strain, discard = result["strain"], float(result.attributes["discard"])
-            ax.plot(strain, result[name].sum(1) / units.k, color=colour, lw=0.6, label=result.path.stem)
-            mean = result.attributes[f"{name}_mean"] / units.k
-            label = hidden(f"{result.path.stem}, mean")
-            ax.plot([discard, strain[-1]], [mean, mean], color=colour, lw=1.6, ls=DASHED, label=label)
+            values = result[name].sum(1) / units.k
+            ax.plot(result["strain"], values, color=colour, lw=0.6, label=result.path.stem)
+            draw_mean(ax, result, name, units.k, colour, 1.6)
         ax.set(ylim=(0, None), xmargin=0)
     handles = [entry("means", GREY, lw=1.6, ls=DASHED)]
     if 1 < len(results) <= NAMED:

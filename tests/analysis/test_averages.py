@@ -17,10 +17,10 @@ def autoregressive(memory, count, runs, seed=1):
     return x
 
 
-def covered(series, mean=0.0):
-    """(share of means within one error, within two, share that is said to be long enough, those within one of them)."""
+def covered(series):
+    """Of series of mean 0: shares of means within one error and two, share that is long enough, of these within one."""
     averages = [Average.of(x) for x in series]
-    off = np.array([abs(a.mean - mean) / a.error for a in averages])
+    off = np.array([abs(a.mean) / a.error for a in averages])
     enough = np.array([a.enough for a in averages])
     of_these = np.mean(off[enough] < 1) if enough.any() else np.nan
     return np.mean(off < 1), np.mean(off < 2), np.mean(enough), of_these

@@ -81,6 +81,8 @@ def test_densities():
     middle = 0.5 * (edges[1:] + edges[:-1])
     apart = (height - np.exp(-middle)) / error
     assert np.sqrt(np.mean(apart[:12] ** 2)) < 2
+    for count, bins in ((16, 5), (36, 6), (35, 5), (899, 29), (1000, 30)):  # the root of samples
+        assert len(density(np.linspace(0.0, 1.0, count))[1]) == bins
     edges, height, error = density(np.full(12, 0.84))  # all alike
     assert np.sum(height * np.diff(edges)) == pytest.approx(1) and np.isfinite(error).all()
 
@@ -252,11 +254,6 @@ def test_an_empty_bin_has_the_error_of_one_sample():
     assert (counts == 0).any() and len(counts) == 5
     np.testing.assert_allclose(error * 25 * np.diff(edges), np.sqrt(3 * np.maximum(counts, 1)))
     np.testing.assert_allclose(height * 25 * np.diff(edges), counts)
-
-
-@pytest.mark.parametrize(("count", "bins"), [(16, 5), (36, 6), (35, 5), (899, 29), (1000, 30)])
-def test_as_many_bins_as_the_root_of_samples(count, bins):
-    assert len(density(np.linspace(0.0, 1.0, count))[1]) == bins
 
 
 def test_states_that_jam_are_lines_others_dots_and_single_ones_dashes():

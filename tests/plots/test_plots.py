@@ -353,7 +353,7 @@ def test_the_packing_of_a_sweep(with_fields, tmp_path):
     [
         (
             "p2.h5 p3.h5 packing.h5 p4.h5",
-            r"^p2\.h5 is a sweep, .*packing\.h5 a packing: one picture shows one or",
+            r"p2\.h5 is a sweep, packing\.h5 a packing: one picture shows one or",
         ),
         ("packing.h5 p2.h5 p3.h5", r"^packing\.h5 is a packing, .*p2\.h5 a sweep: one picture shows one or"),
         (
