@@ -69,6 +69,13 @@ def test_spread_leaves_out_high_frequencies_and_needs_overlap():
     bent = critical(omega, 1e-2) + np.where(omega > 0.1, 5.0, 0.0)
     sweeps = [(omega, bent, 1e-2), (omega, critical(omega, 1e-3), 1e-3)]
     assert collapse_spread(sweeps) < 1e-3 < 0.1 < collapse_spread(sweeps, lam=0.9)
+    short, ones = np.array([1e-3, 1e-2, 0.1, 0.11]), (1 + 1j) * np.ones(4)
+    for last, least, most in (
+        (1.0, 0.0, 1e-12),
+        (2.0, 0.01, 1.0),
+    ):  # 0.1 belongs to what is compared, 0.11 does not
+        other = ones * [1, 1, last, 9]
+        assert least <= collapse_spread([(short, ones, 1.0), (short, other, 1.0)]) < most
     with pytest.raises(InputError, match="no two sweeps overlap"):
         collapse_spread([(omega[:20], bent[:20], 1.0), (omega[:20], bent[:20], 1e-8)])
     with pytest.raises(InputError, match="no two sweeps overlap"):

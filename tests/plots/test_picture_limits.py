@@ -9,7 +9,6 @@ import pytest
 from drawn import drawn_by, figure_of, lines, told
 from test_flow_plots import facts
 
-from jampetsc.analysis.scaling import collapse_spread
 from jampetsc.errors import InputError
 from jampetsc.plots import logaxes, trade
 from jampetsc.plots.correlation import CorrelationCurve, plot_lengths
@@ -100,14 +99,6 @@ def test_scaling_ends_where_criticality_does():
     ):
         with pytest.raises(InputError, match=f"a.h5: {message}"):
             plot_collapse([refused])
-
-
-def test_the_last_frequency_that_is_compared():
-    """ωτ₁ = 0.1 belongs to the spread, 0.11 does not."""
-    omega = np.array([1e-3, 1e-2, 0.1, 0.11])
-    one, other = (1 + 1j) * np.ones(4), np.array([1, 1, 2, 9]) * (1 + 1j)
-    assert collapse_spread([(omega, one, 1.0), (omega, other, 1.0)]) > 0.01
-    assert collapse_spread([(omega, one, 1.0), (omega, np.array([1, 1, 1, 9]) * (1 + 1j), 1.0)]) < 1e-12
 
 
 def test_a_length_is_scaled_with_its_pressure():
