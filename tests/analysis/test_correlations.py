@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from claims.motion import stokes
-from drawn import bands, bars, figure_of, lines
+from drawn import bands, bars, figure_of, lines, told
 from samples import stored
 
 from jampetsc.analysis import correlations
@@ -449,6 +449,9 @@ def test_a_correlation_is_drawn_in_diameters_and_in_units_of_k_and_tau1(tmp_path
     assert plain.lanes.tolist() == [0.5, 1.0] and plain.size == 8.0
     assert plain.delta[0].tolist() == [0, 1, 2, 3]
     over, collapsed = figure_of(plot_lengths, [plain], log_exponent=0.65).axes[:2]
+    assert told(over)[-4:] == [r"Re $u_y/\gamma$", r"Im $u_y/\gamma$", "$L/4$", "medium"]
+    levels = [y[0] for x, y, *_ in lines(over, 2) if x.tolist() == [0, 1]]
+    assert levels == pytest.approx([0.25, 0.169, 0.246], abs=5e-4)
     for part in (0, 1):
         y, error, unit = (plain.G.real, plain.G.imag)[part], plain.bounds[part], np.log(1000) ** 0.65
         np.testing.assert_allclose(bars(over)[part], [plain.omega, y / 8, error / 8, error / 8])
@@ -472,9 +475,8 @@ def test_files_are_compared_at_their_own_row_of_a_frequency(tmp_path):
         assert ax.get_xlabel() == (r"$\delta/d$" if number < 2 else r"$\delta/L$")
         assert ax.get_ylabel() == rf"$C(\delta)$ of {('Re', 'Im')[part]} $u_y/\gamma$"
         assert ax.get_ylim() == pytest.approx((-0.75, 1.05)) and ax.get_xlim()[0] == 0.0
-    legend = fig.axes[1].get_legend()
-    assert [text.get_text() for text in legend.get_texts()] == ["$N=64$", "$N=256$", "standard error"]
-    assert legend.get_title().get_text() == r"$\omega\tau_1=10^{-2}$"
+    assert told(fig.axes[1]) == ["$N=64$", "$N=256$", "standard error"]
+    assert fig.axes[1].get_legend().get_title().get_text() == r"$\omega\tau_1=10^{-2}$"
 
 
 def test_of_several_files_at_several_frequencies_colours_tell_these_and_dashes_the_files(tmp_path):
@@ -485,8 +487,7 @@ def test_of_several_files_at_several_frequencies_colours_tell_these_and_dashes_t
         np.testing.assert_allclose(line.get_ydata(), curve.C[0, row, 1])
     assert len({line.get_color() for line in drawn}) == len({line.get_linestyle() for line in drawn}) == 2
     assert drawn[0].get_color() == drawn[2].get_color() != drawn[1].get_color()
-    told = [text.get_text() for text in fig.axes[1].get_legend().get_texts()]
-    assert told == [r"$\omega\tau_1=10^{-3}$", r"$\omega\tau_1=10^{-2}$", "$N=64$", "$N=256$"]
+    assert told(fig.axes[1]) == [r"$\omega\tau_1=10^{-3}$", r"$\omega\tau_1=10^{-2}$", "$N=64$", "$N=256$"]
 
 
 def test_lengths_against_that_of_a_medium(tmp_path):
@@ -522,7 +523,7 @@ def test_errors_that_nobody_knows_have_no_entry(tmp_path):
     curve = correlation_curve(correlation_file(tmp_path / "a.h5", low=-0.1))
     bare = replace(curve, errors=np.full_like(curve.errors, np.nan))
     fig = figure_of(plot_correlation, [bare], omega=[1e-2])
-    assert "standard error" not in [text.get_text() for text in fig.axes[1].get_legend().get_texts()]
+    assert "standard error" not in told(fig.axes[1])
     assert all(np.allclose(low, high) for ax in fig.axes for _, low, high in bands(ax))
     assert fig.axes[0].get_ylim() == pytest.approx((-0.5, 1.05))
 
@@ -538,9 +539,9 @@ def test_of_few_frequencies_other_lanes_are_shown_of_many_a_bar(tmp_path, count,
     legend = fig.axes[1].get_legend()
     assert (legend is None) == bar and any("tau" in ax.get_ylabel() for ax in fig.axes) == bar
     if not bar:
-        told = [text.get_text() for text in legend.get_texts()]
-        assert told[:count] == [f"$10^{{{n - 5}}}$" if n < 5 else "$1$" for n in range(count)]
-        assert told[count:] == ["standard error", r"lanes of $1\,d$"] * few
+        words = told(fig.axes[1])
+        assert words[:count] == [f"$10^{{{n - 5}}}$" if n < 5 else "$1$" for n in range(count)]
+        assert words[count:] == ["standard error", r"lanes of $1\,d$"] * few
     assert fig.axes[0].get_xlabel() == r"$\delta/L$"
 
 

@@ -101,19 +101,15 @@ def test_the_lower_end_of_a_density_has_a_known_exponent(y, alpha):
     one = found[0]
     assert one.power == (pytest.approx(1 / one.limit - 1), pytest.approx(one.limit_error / one.limit**2))
     assert np.allclose(one.error, one.y / np.sqrt(one.counts))
+    pure = low_end((np.arange(1, 200001) / 200000) ** y, 1 + y)  # P ~ p^(1/y − 1), without any noise
+    assert np.allclose(pure.y, y, rtol=1e-3) and pure.limit == pytest.approx(y, rel=2e-3)
+    assert np.isnan(low_end(np.ones(3)).limit) and np.isnan(low_end(np.zeros(0)).limit)
     p = rng.exponential(1.0, 4000)
+    assert np.allclose(low_end(p, alpha).cuts, np.mean(p) * np.array(CUTS))
     again, once = low_end(p, alpha, memory=4.0), low_end(p, alpha)  # four that count as one
     assert again.limit == pytest.approx(once.limit) and again.limit_error == pytest.approx(
         2 * once.limit_error
     )
-
-
-def test_a_pure_power_is_found_below_every_cut():
-    p = (np.arange(1, 200001) / 200000) ** 1.3  # P ~ p^(1/1.3 − 1), without any noise
-    found = low_end(p, 2.3)
-    assert np.allclose(found.y, 1.3, rtol=1e-3) and found.limit == pytest.approx(1.3, rel=2e-3)
-    assert np.allclose(found.cuts, np.mean(p) * np.array(CUTS))
-    assert np.isnan(low_end(p[:3]).limit) and np.isnan(low_end(np.zeros(0)).limit)
 
 
 def test_where_disks_begin_to_jam_and_how_steeply():

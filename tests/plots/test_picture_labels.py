@@ -100,6 +100,7 @@ def test_axes_are_named_and_numbers_told(tmp_path, picture, made, panels):
     assert found == panels and fig.get_figwidth() in (COLUMN, PAGE) == (3.4, 7.0)
     letters = [ax.get_title(loc="left") for ax in axes]
     assert letters == ([f"({letter})" for letter in "abcdef"[: len(axes)]] if len(axes) > 1 else [""])
+    assert any(ax.get_legend() is not None for ax in axes)
     for ax in axes:
         if ax.get_legend() is not None and picture is not vibrations.plot_modes:
             box = ax.get_legend().get_window_extent()
