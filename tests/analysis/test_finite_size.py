@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from claims.moduli import size_scaling
-from drawn import bars, figure_of, lines, require_inside
+from drawn import bars, figure_of, lines, require_inside, told
 
 from jampetsc.analysis.finite_size import logarithm_of_size
 from jampetsc.analysis.statistics import half_width, log_median, median_interval
@@ -103,7 +103,7 @@ def test_viscosities_of_all_sizes_are_one_curve_of_the_pressure_times_n_squared(
         np.testing.assert_allclose(y, 1.0, rtol=0.02)
         error = half_width(2) * 0.1 / np.sqrt(3.0)
         np.testing.assert_allclose([low, high], np.full((2, len(x)), error), rtol=0.1)
-    assert [text.get_text() for text in collapsed.get_legend().get_texts()][-1] == "slope $-1/2$"
+    assert told(collapsed)[-1] == "slope $-1/2$"
 
 
 def test_the_fluid_is_in_one_panel_and_out_of_the_next():

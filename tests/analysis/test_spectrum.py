@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from drawn import figure_of, lines
+from drawn import figure_of, lines, told
 from samples import stored
 
 from jampetsc.analysis.creep import retardation
@@ -154,10 +154,8 @@ def test_few_spectra_show_their_modes_many_do_not(tmp_path):
         axes = figure_of(plot_relaxation, some[:count]).axes
         assert len(axes[0].patches) == count * single  # steps between nodes
         assert [line.get_marker() for line in axes[1].get_lines()] == ["." if single else "None"] * count
-        told = [text.get_text() for text in axes[0].get_legend().get_texts()]
-        assert told == ["averaged over 0.53 decades", *["mean between nodes"] * single]
-        labels = [text.get_text() for text in axes[1].get_legend().get_texts()]
-        assert labels == [rf"$\beta={0.1 * (n + 1):.1f}$" for n in range(count)]
+        assert told(axes[0]) == ["averaged over 0.53 decades", *["mean between nodes"] * single]
+        assert told(axes[1]) == [rf"$\beta={0.1 * (n + 1):.1f}$" for n in range(count)]
 
 
 def test_notes_tell_what_is_not_drawn(tmp_path):
