@@ -164,7 +164,8 @@ def test_responses_and_modes_are_arrows_on_their_packing():
 
 
 RESPONSE = Held({"nonaffine": 0, "particles": 0}, {"prestress": False}, "q.h5", "jampetsc-quasistatic")
-MODES = modes_of([1.0, 2.0], complete=False)
+MODES, UNTOLD = modes_of([1.0, 2.0], complete=False), modes_of([1.0, 2.0])
+del UNTOLD.attributes["complete"]
 MODES.stored = lambda name: np.zeros((2, 4, 2))
 
 
@@ -173,6 +174,7 @@ MODES.stored = lambda name: np.zeros((2, 4, 2))
     [
         ([MODES], {"mode": [3]}, "mode 3: m.h5 holds modes 1 to 2"),
         ([MODES], {"kind": "states"}, "m.h5: holds 2 modes only: run modes with --all"),
+        ([UNTOLD], {"kind": "states"}, "m.h5: holds 2 modes only: run modes with --all"),
         ([MODES] * 2, {"mode": [1]}, "2 modes files: mode pictures show one"),
         ([quasistatic_of([1, 1, 1])], {"mode": [1]}, "is a quasistatic file: mode pictures need modes"),
         ([RESPONSE], {"kind": "response"}, "its packing was in memory"),
