@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from claims.moduli import upper_border
 
+from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.analysis.scaling import (
     collapse,
     collapse_spread,
@@ -172,3 +173,16 @@ def test_spread_is_over_all_that_two_of_the_sweeps_share():
     ]
     assert collapse_spread(sweeps[:2]) == pytest.approx(np.log(1.2) / np.sqrt(2), rel=1e-9)
     assert collapse_spread(sweeps) == pytest.approx(np.log(1.2) / np.sqrt(2) / np.sqrt(2), rel=0.02)
+
+
+@pytest.mark.parametrize("alpha", [0.05, 0.5, 2.0, 5.0])
+def test_an_equivalent_frequency_solves_its_equation(alpha):
+    """y (1 + y²)^((α−1)/2) = C ω^α, for one frequency alone, from the least exponent that is known to the largest."""
+    damping = EquivalentDamping(alpha, 1e-3)
+    for omega in (1e-3, 1.0, 1e3):
+        y = damping.frequency(omega)
+        found = np.log(y) + 0.5 * (alpha - 1) * np.log1p(y**2)
+        assert found == pytest.approx(np.log(damping.coefficient) + alpha * np.log(omega), abs=1e-9)
+    for beyond in (0.0499, 5.01):
+        with pytest.raises(InputError, match=r"must lie between 0\.05 and 5"):
+            EquivalentDamping(beyond, 1e-3)
