@@ -303,6 +303,9 @@ def test_rattlers_are_hollow_walls_dark_and_both_are_told():
         told = ax.get_xlabel()
         assert ("dark: walls" in told) == bool(walls) and f"$N={disks.n - walls}$" in told
         assert ("hollow: " in told) == hollow.any()
+        assert not any(
+            spine.get_visible() for spine in ax.spines.values()
+        )  # the cell has an outline of its own
 
 
 def test_arrows_spread_evenly_when_there_are_too_many_disks():
