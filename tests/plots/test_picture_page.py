@@ -191,7 +191,9 @@ def test_bars_and_bands_do_not_stretch_log_axes():
     bars = points(ax, [1.0, 2.0, 3.0, 4.0], [1.0, np.nan, -1.0, 2.0], [0.999999, 0.1, 0.1, np.nan], label="x")
     band(ax, [1.0, 4.0], [1e-12, 1.0], [2.0, 2.0], "x")
     page.finish()
-    assert bars.lines[0].get_xdata().tolist() == [1.0, 4.0] and 0.2 < ax.get_ylim()[0] < 1 / 3
+    assert (
+        bars.has_yerr and bars.lines[0].get_xdata().tolist() == [1.0, 4.0] and 0.2 < ax.get_ylim()[0] < 1 / 3
+    )
     flat = Page()
     ax = flat.panels(subplot_kw={"xscale": "log", "yscale": "log"})
     points(ax, [1.0, 2.0], [1.0, 1.0001])
