@@ -195,7 +195,7 @@ def tried(copy: Copy, reach: Reach, module, fault):
     """(verdict, test or reason) of one fault."""
     path = copy.root / module
     before, content = path.stat(), path.read_bytes()
-    left, compiled = BUDGET, b"numba" in content or b"core.compiled" in content
+    left, out, compiled = BUDGET, 0, b"numba" in content or b"core.compiled" in content
     least = START + COMPILING * compiled
     path.write_text(fault.applied(content.decode()))
     try:
@@ -208,7 +208,7 @@ def tried(copy: Copy, reach: Reach, module, fault):
                 if cost + reach.seconds[test] * ranks <= left or not chosen:
                     cost += reach.seconds[test] * ranks
                     chosen.append(test.split(" ", 1)[1])
-            left -= cost
+            left, out = left - cost, out + len(some) - len(chosen)
             status, said = copy.pytest(stage, ranks, chosen, least + SLOWER * cost, ["-x"])
             if status is None:
                 return "noticed", f"{stage} {ranks}: hangs"
@@ -219,7 +219,7 @@ def tried(copy: Copy, reach: Reach, module, fault):
                 return "noticed", f"{stage} {ranks}: {(failed or [said.strip()[-200:]])[0][:160]}"
             if left <= 0:
                 break
-        return "not noticed", f"{len(tests)} tests reach it" + (", some left out" if left <= 0 else "")
+        return "not noticed", f"{len(tests)} tests reach it" + (", some left out" if out or left <= 0 else "")
     finally:
         shutil.rmtree(copy.temporary, ignore_errors=True)
         path.write_bytes(content)
