@@ -4,10 +4,13 @@ import re
 from pathlib import Path
 
 import numpy as np
+from matplotlib.colors import to_rgb
+from matplotlib.lines import Line2D
+from matplotlib.text import Text
 
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.plots.page import Page
-from jampetsc.plots.style import drawn_in
+from jampetsc.plots.style import MARKERS, drawn_in
 
 
 class Held(dict):
@@ -36,9 +39,31 @@ def written(path, held) -> str:
 
 
 def figure_of(plot, results, **settings):
-    """The figure that a picture of `jampetsc.plots` draws of these results, or of one."""
-    axes = plot(results if isinstance(results, list | tuple) else [results], **settings)
-    return np.ravel(axes)[0].figure
+    """The figure that a picture of `jampetsc.plots` draws of these results, or of one, with `require_told`."""
+    page = plot.draw(results if isinstance(results, list | tuple) else [results], **settings)
+    assert page.text  # what a command says
+    require_told(page.figure)
+    for line in (line for ax in page.figure.axes for line in ax.get_lines()):
+        data = line.get_zorder() >= 2 and line.get_marker() not in "_|" and line.get_linestyle() != ":"
+        named = not line.get_label().startswith("_child")  # else it is in no table of numbers
+        assert named or not data or _is_grey(line)
+    return page.figure
+
+
+def _is_grey(line):
+    """As what shows no data, and what legends name without a colour."""
+    return len(set(to_rgb(line.get_color()))) == 1
+
+
+def require_told(fig):
+    """That legends have the colours and markers which tell data apart, words 7 to 10 points, lines a chosen colour."""
+    shown = [line for ax in fig.axes for line in ax.get_lines()]
+    named = [line for ax in fig.axes if ax.get_legend() for line in ax.get_legend().findobj(Line2D)]
+    hues, told_hues = ({to_rgb(o.get_color()) for o in some if not _is_grey(o)} for some in (shown, named))
+    assert (hues == told_hues or not told_hues) and not hues & {to_rgb(f"C{n}") for n in range(10)}
+    markers, told_markers = ({one.get_marker() for one in some} & set(MARKERS) for some in (shown, named))
+    assert markers <= told_markers or not named
+    assert all(7 <= text.get_fontsize() <= 10 for text in fig.findobj(Text) if text.get_text())
 
 
 def told(ax):
@@ -62,6 +87,7 @@ def drawn_by(draw, *what, **settings):
         page = Page()
         draw(*what, page=page, **settings)
         page.finish()
+    require_told(page.figure)
     return page.figure
 
 

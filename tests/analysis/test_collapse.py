@@ -598,6 +598,8 @@ def test_a_picture_of_a_collapse(scale, kappa, observable, symbol, off, inside):
     facts = {"scaling": scale, "observable": observable, "corrections": sized, "fitted": "phi_J", "y": 1.2}
     facts |= {kappa: 3.0, "phi_J": best, "phi_J_error": own, "chi2": 3.0, "dof": 4}
     top, middle, drifted = figure_of(plot_scaling, Held(result, facts)).axes
+    for label in (top.get_ylabel(), middle.get_xlabel(), drifted.get_xlabel()):
+        assert (r"\dot\gamma" in label) != sized
     unit = b ** (1.2 / 3.0)
     for number, (x, y, down, up) in enumerate(bars(top)):
         here = slice(3 * number, 3 * number + 3)

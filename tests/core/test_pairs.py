@@ -1,5 +1,6 @@
 """The pair list: complete until its rule calls it stale, whatever disks and cell do; the cell put upright again."""
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -223,7 +224,9 @@ def test_skin_follows_how_long_lists_serve():
 def test_folding_leaves_every_bond(tilt):
     disks = crowd(3, n=200, tilt=tilt)
     far = Disks.from_positions(disks.positions + np.array([3, -2]) @ disks.cell, disks.radii, disks.cell)
+    far = replace(far, images=np.random.default_rng(3).integers(-3, 4, (200, 2)))
     folded = far.folded()
+    assert np.abs(folded.unwrapped - far.unwrapped).max() < 1e-12
     width, height = folded.cell[0, 0], folded.cell[1, 1]
     assert abs(folded.cell[1, 0]) <= width / 2
     inside = folded.positions @ np.linalg.inv(folded.cell)

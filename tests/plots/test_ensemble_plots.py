@@ -31,14 +31,15 @@ def sweeps_of(values, pressure=1e-2, n=64):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Sweeps of five packings at two pressures each, one of them unstable to shear, a packing, and samples."""
+    """Sweeps of five packings at two pressures each, one unstable to shear, one about to be; a packing, and samples."""
     folder = tmp_path_factory.mktemp("study")
     commands = {"packing.h5": "pack", "jam.h5": "jam", "shear.h5": "shear"}
     written(folder / "jam.h5", jam_of(path="jam.h5"))
     written(
         folder / "shear.h5", shear_of(np.tile([1, 1, 1, 0], 20), phi=0.9, **jam_of().attributes | {"k": 1.0})
     )
-    for one in sweeps_of(np.arange(5) - 0.5) + sweeps_of(np.arange(5) - 0.5, 1e-3):
+    values = np.array([-0.5, 0.0, 1.5, 2.5, 3.5])
+    for one in sweeps_of(values) + sweeps_of(values, 1e-3):
         write_sweep(folder / one.name, one.pressure, OMEGA, one.G, **one.attributes)
         commands[one.name] = "sweep"
     rows = [

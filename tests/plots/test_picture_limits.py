@@ -161,7 +161,7 @@ def test_negative_moduli_are_counted_where_they_would_be_drawn():
         (plot_loss, "no modulus is positive"),
     ):
         with pytest.raises(InputError, match=f"a.h5: {words} anywhere"):
-            picture([curve(G=-OMEGA - 1j * OMEGA)])
+            picture([curve(G=np.array([-1.0, 0.0, -1.0]) * (1 + 1j))])
 
 
 def test_a_collapse_is_guided_by_the_ratio_of_its_exponents():

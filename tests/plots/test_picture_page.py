@@ -1,6 +1,7 @@
 """What every picture has: panels of its own or given ones, limits, words, style, ticks, legends, and its numbers."""
 
 import csv
+import inspect
 import itertools
 
 import numpy as np
@@ -27,6 +28,9 @@ def test_every_module_with_pictures_is_listed():
     files = style.Path(style.__file__).parent.glob("*.py")
     found = {path.stem for path in files if "@picture(" in path.read_text()}
     assert found - {"picture"} == set(MODULES) and next(iter(pictures())) == "moduli"
+    for picture in pictures().values():  # which takes what it declares; python keeps `lambda` for itself
+        _, _, *taken = inspect.signature(picture.function).parameters
+        assert {{"more": "lambda"}.get(name, name) for name in taken} == set(picture.keywords)
 
 
 def test_a_picture_is_drawn_on_the_axes_of_its_user():
@@ -178,7 +182,7 @@ def test_the_legend_covers_no_data(shape, entries):
     page.figure.draw_without_rendering()
     box, whole = ax.get_legend().get_window_extent(), page.figure.bbox
     assert whole.x0 <= box.x0 and box.x1 <= whole.x1 and box.y1 <= whole.y1 + 1
-    assert (page.figure.get_figheight() > 3.0) == (box.y0 >= ax.bbox.y1)
+    assert (page.figure.get_figheight() > 3.0) == (box.y0 >= ax.bbox.y1) == (entries == 7)
     fine = np.linspace(0, 99, 5000)
     for line in drawn:
         line = np.column_stack([np.exp(np.interp(fine, np.arange(100), np.log(v))) for v in line])

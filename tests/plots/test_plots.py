@@ -258,7 +258,9 @@ def test_lines_are_as_wide_as_forces_are_strong_and_the_caption_is_in_units_of_k
     figures = [figure_of(plot_packing, one) for one in (disks, stiff)]
     captions = [one.axes[0].get_xlabel() for one in figures]
     assert captions[0] == captions[1] and "p/k=" in captions[0]
-    contacts = measure(disks).contacts
+    contacts, frame = measure(disks).contacts, figures[0].axes[0].patches[0].get_xy()
+    room = np.ptp(figures[0].axes[0].get_xlim()) / np.ptp(frame[:, 0])
+    assert room == pytest.approx(1.02)  # for the line of the frame
     drawn = figures[0].axes[0].collections[1]
     vectors = np.array([end - begin for begin, end in drawn.get_segments()])
     which = [int(np.linalg.norm(contacts.r - one, axis=1).argmin()) for one in vectors]
