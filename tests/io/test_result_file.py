@@ -27,7 +27,7 @@ from jampetsc.io.merge import merge
 from jampetsc.io.parts import part_name, parts_of
 from jampetsc.io.provenance import git_commit, law_of, provenance
 from jampetsc.io.reader import load
-from jampetsc.io.result_file import ResultArray, ResultWriter
+from jampetsc.io.result_file import ArrayInMemory, ResultWriter
 from jampetsc.version import VERSION
 
 
@@ -471,4 +471,4 @@ def test_what_is_raised_between_or_refused_on_rank_0_leaves_what_was_there(sessi
 
 
 def test_one_process_holds_all_rows():
-    assert ResultArray(np.zeros((2, 3)), axis=1).rows == slice(0, 3)
+    assert ArrayInMemory(np.zeros((2, 3)), axis=1).rows == slice(0, 3)
