@@ -251,12 +251,15 @@ def test_one_of_two_ranks_takes_the_other_along(tmp_path):
     words = ("probe", tmp_path / "pid", "--do", "be_deaf", "--scalar", "real")
     with launch.start(2, "probe.py", *words) as process:
         heard = ""
-        while heard.count("waiting") < 2:  # mpirun may run the lines of two ranks together
-            line = process.stdout.readline()
-            assert line, heard
-            heard += line
-        os.kill(int((tmp_path / "pid1").read_text()), signal.SIGTERM)
-        errors = process.communicate(timeout=60)[1]
+        try:
+            while heard.count("waiting") < 2:  # mpirun may run the lines of two ranks together
+                line = process.stdout.readline()
+                assert line, heard
+                heard += line
+            os.kill(int((tmp_path / "pid1").read_text()), signal.SIGTERM)
+            errors = process.communicate(timeout=60)[1]
+        finally:
+            process.kill()  # mpirun, if it is still there, which would be waited for
     assert process.returncode == 128 + signal.SIGTERM and "Traceback" not in errors
 
 
