@@ -13,7 +13,7 @@ from jampetsc.core.disks import Disks
 from jampetsc.errors import ConvergenceError
 from jampetsc.linear import factors
 from jampetsc.linear.basis import RationalBasis, field_at
-from jampetsc.linear.certificate import field_bound
+from jampetsc.linear.certificate import EPSILON, field_bound
 from jampetsc.linear.direct import FrequencySolver
 from jampetsc.linear.factors import SideBySide, closest
 from jampetsc.linear.galerkin import Galerkin, _graded_eigen
@@ -413,12 +413,22 @@ def test_a_projected_pencil_that_is_none_is_told(session, monkeypatch):
 
 
 @pytest.mark.most_ranks(1)
-def test_a_field_of_nothing_has_no_relative_error(session):
+def test_a_field_has_the_rounding_of_its_terms_and_one_of_nothing_no_relative_error(session):
     """In a crystal nothing moves against the strain: then exactly, or nothing is known."""
     with Sweep(SAMPLES["published"](), physics(), [0.1], 1e-3, session.comm) as found:
         c, still = found.compatibility, np.zeros(found.pencil.K.getLocalSize()[0], complex)
         assert field_bound(c, 0.1, still, 0.0) == 0.0
         assert field_bound(c, 0.1, still, 1e-30) == np.inf
+        # rounding comes on top of what the residual leaves, that of larger fields if x was summed from such
+        x = np.random.default_rng(1).normal(size=(2, len(still))).T @ [1.0, 1j]
+        motions = dense(c.C) @ x
+        energy = (c.w_K + 0.1 * c.w_B) @ np.abs(motions) ** 2
+        own = np.sqrt(c.reach(0.1) @ np.abs(x) ** 2)
+        for squared, size in ((0.0, 0.0), (1e-28, 0.0), (1e-28, 3.0 * own)):
+            wanted = np.sqrt(squared) + 4.0 * EPSILON * np.sqrt(ROW) * max(own, size)
+            assert field_bound(c, 0.1, x, squared, size) == pytest.approx(
+                wanted / np.sqrt(energy), rel=1e-9, abs=0
+            )
 
 
 @pytest.mark.parametrize("energy", [-1e-20, np.nan, np.inf])
