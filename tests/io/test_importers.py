@@ -158,7 +158,12 @@ def test_which_packing_of_many(tmp_path):
         assert np.array_equal(
             import_packing(two, index).positions, import_packing(JAMBASHBULK).positions[:: 1 - 2 * index]
         )
-    for path, index, count in ((two, 2, 2), (JAXMD, 10, 10), (JAXMD, -1, 10), (JAMBASHBULK, 1, 1)):
+    lines, arrays = tmp_path / "one.xyr", tmp_path / "one.npz"
+    lines.write_text("box 4\n0 0 0.5\n2 2 0.5\n")
+    np.savez(arrays, positions=[[0, 0], [2, 2]], radii=[0.5, 0.5], box=[4.0])
+    assert all(import_packing(path).n == 2 for path in (lines, arrays))
+    beyond = (two, 2, 2), (JAXMD, 10, 10), (JAXMD, -1, 10), (JAMBASHBULK, 1, 1), (lines, 1, 1), (arrays, 1, 1)
+    for path, index, count in beyond:
         with pytest.raises(InputError, match=f"index {index}: it holds {count} packings"):
             import_packing(path, index)
 

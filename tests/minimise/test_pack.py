@@ -118,7 +118,8 @@ def test_radii_are_those_that_one_rank_has_read(session, shared_path, tmp_path):
     np.savetxt(tmp_path / "r.txt", np.linspace(0.5, 0.6 + 0.1 * session.rank, 16))
     how = {"phi": 0.95, "seeds": "1:2", "tolerance": 1e-6}
     found = jampetsc.pack(radii=tmp_path / "r.txt", **how, out=shared_path / "p{seed}.h5")
-    for disks in (*found, *jampetsc.pack(radii=np.linspace(0.5, 0.6, 16), **how)):
+    given = np.linspace(0.5, 0.6, 16), Radii(np.linspace(0.5, 0.6, 16))
+    for disks in (*found, *(disks for radii in given for disks in jampetsc.pack(radii=radii, **how))):
         np.testing.assert_allclose(np.sort(disks.radii), np.linspace(0.5, 0.6, 16))
     assert found[0].record["sizes"] == "radii of r.txt"
 
