@@ -14,6 +14,7 @@ from jampetsc.core.compiled import FAST, compiled
 from jampetsc.core.disks import Disks
 from jampetsc.core.kernel import add_forces
 from jampetsc.core.pair_search import listed
+from jampetsc.core.pairs import PairList
 from jampetsc.core.threads import Team
 
 GRAIN = 256  # disks: domains begin at multiples of it, and arrays are padded to one
@@ -39,6 +40,11 @@ class Domains(NamedTuple):
         counts, *pairs = listed(disks, skin, borders, team or Team())
         ends = counts.ravel().cumsum().reshape(-1, 2)
         return cls(borders, ends[:, 0] - counts[:, 0], ends[:, 0].copy(), ends[:, 1].copy(), *pairs)
+
+    @property
+    def pairs(self) -> PairList:
+        """All that is listed, a pair across a border from both its sides."""
+        return PairList(*(one[..., : self.end[-1]] for one in (self.i, self.j, self.r0, self.sigma)))
 
     def room(self) -> "Domains":
         """Where `choose_near` puts some of the pairs."""

@@ -102,11 +102,11 @@ class Descent(ListedDisks):
 
     def stiffest(self):
         """Stiffness of the stiffest contact there is, or that the target pressure makes."""
-        sigma = self.domains.sigma[: self.domains.end[-1]]
-        depth = np.full_like(sigma, self.usual_overlap())
+        pairs = self.domains.pairs
+        depth = np.full_like(pairs.sigma, self.usual_overlap())
         if self.potential.alpha > 2.0:
-            depth = np.maximum(depth, self.bonds().overlap)
-        return np.max(self.potential.contact_stiffness(depth, sigma), initial=1e-300)
+            depth = np.maximum(depth, Bonds.of(pairs, self.potential, self.offsets, *self.box).overlap)
+        return np.max(self.potential.contact_stiffness(depth, pairs.sigma), initial=1e-300)
 
     def descend(self, force: float, box_force: float, evaluations: int) -> bool:
         """L-BFGS until max |F| ≤ force and |∂H/∂ε|, |∂H/∂g| ≤ box_force; whether `evaluations` sufficed."""
