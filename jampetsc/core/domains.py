@@ -13,6 +13,7 @@ import numpy as np
 from jampetsc.core.compiled import FAST, compiled
 from jampetsc.core.disks import Disks
 from jampetsc.core.kernel import add_forces
+from jampetsc.core.neighbours import spatial_order
 from jampetsc.core.pair_search import listed
 from jampetsc.core.pairs import PairList
 from jampetsc.core.threads import Team
@@ -20,6 +21,7 @@ from jampetsc.core.threads import Team
 GRAIN = 256  # disks: domains begin at multiples of it, and arrays are padded to one
 SIZE = 2048  # disks per domain: two to four of a hundred pairs then cross a border
 MOST = 64  # domains
+EDGE = 0.6  # of a mean radius: disks so close to one of another domain are at its border
 
 
 class Domains(NamedTuple):
@@ -67,16 +69,36 @@ def borders(n: int):
     return GRAIN * (padded(n) // GRAIN * np.arange(number + 1) // number)
 
 
+def domain_order(disks: Disks, held: int = 0):
+    """Order (N,) in which domains are compact patches, and in front of each are the disks at its border.
+
+    Another core wrote what a thread reads of the disks across, and each line of the cache takes 50 to 250 ns to come
+    from there: of disks that lie together it takes a quarter as many lines. The first `held` disks stay where they are.
+    """
+    places = disks.positions[held:]
+    order = np.append(np.arange(held), held + spatial_order(places, disks.cell))
+    ends = np.minimum(borders(disks.n), disks.n)
+    domains = Domains.build(disks.reordered(order), EDGE * float(np.mean(disks.radii)), ends)
+    inside = np.ones(disks.n, bool)
+    for across, end in zip(domains.across, domains.end, strict=True):
+        inside[domains.i[across:end]] = False
+    inside[:held] = False
+    return order[np.lexsort((inside, np.searchsorted(ends, np.arange(disks.n), "right")))]
+
+
 @compiled(FAST, forceinline=True)
-def domain_forces(domains, d, o, strain, shear, law, forces, motion, rolling):
-    """Net forces on the disks of domain d into their rows of `forces`; its share of the Sums, see `bond_forces`."""
+def domain_forces(domains, d, o, strain, shear, law, forces, motion, rolling, room):
+    """Net forces on the disks of domain d into their rows of `forces`; its share of the Sums, see `bond_forces`.
+
+    room: see `block_room`.
+    """
     own = slice(domains.disks[d], domains.disks[d + 1])
     forces[own] = 0.0
     if rolling is not None:
         rolling[2][own] = 0.0
     pairs = domains.i, domains.j, domains.r0, domains.sigma
     ends = domains.begin[d], domains.across[d], domains.end[d]
-    return add_forces(pairs, *ends, o, strain, shear, law, forces, motion, rolling)
+    return add_forces(pairs, *ends, o, strain, shear, law, forces, motion, rolling, room)
 
 
 @compiled(False)

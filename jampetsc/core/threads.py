@@ -117,7 +117,7 @@ class Team:
         most = min(self.size, shares)
         threads = self._fastest(function, most)
         counter, self._counter = self._counter, np.zeros(1, np.int64)
-        compiled = bool(function.signatures)
+        compiled = bool(function.overloads)
         began = time.perf_counter()
         self._at[0] = _core()
         others = [

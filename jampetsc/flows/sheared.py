@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jampetsc.core.disks import PLACES, Disks
-from jampetsc.core.domains import Domains, borders
-from jampetsc.core.neighbours import spatial_order
+from jampetsc.core.domains import Domains, borders, domain_order
+from jampetsc.core.kernel import block_room
 from jampetsc.core.pairs import ListedDisks
 from jampetsc.core.threads import Team
 from jampetsc.flows import moves
@@ -86,10 +86,10 @@ class ShearedDisks(ListedDisks):
         """The disks, from time to time folded, and they and all they have in an order in which domains are compact."""
         if abs(self.strain - self._sorted_at) < SORTED:
             return disks
-        self._sorted_at, disks, held = self.strain, disks.folded(), self.held
+        self._sorted_at, disks = self.strain, disks.folded()
         if len(self._borders) == 2:
             return disks
-        order = np.append(np.arange(held), held + spatial_order(disks.positions[held:], disks.cell))
+        order = domain_order(disks, self.held)
         for name in (*self.ARRAYS[1:], "inertia", "order"):
             setattr(self, name, getattr(self, name)[order])
         return disks.reordered(order)
@@ -131,9 +131,9 @@ class ShearedDisks(ListedDisks):
 
     def residual(self, u, rolling=None):
         """m u̇ (N, 2) at velocities u (N, 2); see `steps.residual_at`."""
-        forces, listed = np.empty_like(u), self.lists[0]
+        forces, listed, room = np.empty_like(u), self.lists[0], block_room()
         for d in range(listed.number):
-            compiled.residual_at(listed, d, self.offsets, self.shear, self.task(), u, forces, rolling)
+            compiled.residual_at(listed, d, self.offsets, self.shear, self.task(), u, forces, rolling, room)
         return forces
 
     def task(self, part: float = 1.0) -> moves.Task:
@@ -180,7 +180,7 @@ class ShearedDisks(ListedDisks):
             return self.residual(np.zeros_like(self.velocities)) / (self.unit * self.model.drag)
         u = self.velocities.copy()
         place = self._space(u), self.task(), self._contacts, self.lists[0], self.offsets, self.shear, u
-        compiled.balance(0, 1, np.zeros(1, np.int64), *place)
+        compiled.balance(0, 1, np.zeros(1, np.int64), *place, block_room())
         return u
 
     def spins_now(self) -> np.ndarray | None:

@@ -20,6 +20,7 @@ import numpy as np
 
 from jampetsc.core.compiled import FAST, compiled
 from jampetsc.core.domains import domain_forces
+from jampetsc.core.kernel import block_room
 from jampetsc.core.threads import meet
 from jampetsc.flows.clusters import centre_clusters_of, find_clusters_of, unite_clusters
 from jampetsc.flows.moves import (
@@ -54,7 +55,7 @@ def drag_steps(me, threads, counter, space, task, steps):
     first, last, begin, stop = own_domains(me, threads, space)
     mine = range(first, last)
     disks, forces, u, o, ahead = space.listed.disks, space.forces, space.u, space.o, space.ahead
-    mobility, turn, done, status = 1.0 / task.drag, 0, 0, DONE
+    mobility, room, turn, done, status = 1.0 / task.drag, block_room(), 0, 0, DONE
     moved, then = FAR, 0.0
     while done < steps and status == DONE:
         g = (task.since + done) * task.rate * task.step
@@ -66,7 +67,7 @@ def drag_steps(me, threads, counter, space, task, steps):
             sums = space.sums[turn]
             for d in mine:
                 own = slice(disks[d], disks[d + 1])
-                bonds = domain_forces(pairs, d, place, 0.0, shear, task.law, forces, None, None)
+                bonds = domain_forces(pairs, d, place, 0.0, shear, task.law, forces, None, None, room)
                 forces[disks[d] : task.held] = 0.0
                 if part == 0:
                     far, longest, xy, squares = drift(
@@ -97,12 +98,12 @@ def drag_steps(me, threads, counter, space, task, steps):
 
 
 @compiled(FAST, forceinline=True)
-def residual_at(pairs, d, o, g, task, u, forces, rolling):
+def residual_at(pairs, d, o, g, task, u, forces, rolling, room):
     """m u̇ at velocities u into `forces`, what is not balanced in domain d: bonds, drag and SLLOD's shift of momentum.
 
     Held disks have u̇ = 0. rolling: None, or (Ω, ρ, torques), each (N,); see `bond_forces`, whose Sums it returns.
     """
-    sums = domain_forces(pairs, d, o, 0.0, g, task.law, forces, (u, task.rate, task.weights), rolling)
+    sums = domain_forces(pairs, d, o, 0.0, g, task.law, forces, (u, task.rate, task.weights), rolling, room)
     begin = pairs.disks[d]
     for a in range(begin, pairs.disks[d + 1]):
         forces[a, 0] -= task.drag * u[a, 0] + task.mass * task.rate * u[a, 1]
@@ -114,7 +115,7 @@ def residual_at(pairs, d, o, g, task, u, forces, rolling):
 
 
 @compiled(FAST, nogil=True, forceinline=True)
-def balance(me, threads, counter, space, task, contacts, pairs, o, g, u):
+def balance(me, threads, counter, space, task, contacts, pairs, o, g, u, room):
     """Velocities at which forces balance, or that backward Euler gives a mass, into u.
 
     Returns (UNSOLVED or DONE, iterations), all threads having met.
@@ -122,7 +123,7 @@ def balance(me, threads, counter, space, task, contacts, pairs, o, g, u):
     first, last, _, _ = own_domains(me, threads, space)
     graph = contacts.graph
     for d in range(first, last):
-        residual_at(pairs, d, o, g, task, u, space.forces, None)
+        residual_at(pairs, d, o, g, task, u, space.forces, None, room)
         find_contacts_of(pairs, d, o, g, graph)
     hold = task.drag + task.mass / task.step
     iterations = solve(
@@ -156,6 +157,7 @@ def contact_steps(me, threads, counter, space, task, contacts, steps):
     first, last, begin, stop = own_domains(me, threads, space)
     mine = range(first, last)
     disks, o, ahead, u, after = space.listed.disks, space.o, space.ahead, space.u, space.after[0]
+    room = block_room()
     done, status = 0, DONE
     moved, then = FAR, 0.0
     while done < steps and status == DONE:
@@ -166,7 +168,9 @@ def contact_steps(me, threads, counter, space, task, contacts, steps):
             pairs, place, shear, v = (
                 (space.near, o, g, u) if part == 0 else (space.listed, ahead, later, after)
             )
-            solved, iterations = balance(me, threads, counter, space, task, contacts, pairs, place, shear, v)
+            solved, iterations = balance(
+                me, threads, counter, space, task, contacts, pairs, place, shear, v, room
+            )
             status = solved
             if status != DONE:
                 break
@@ -192,7 +196,7 @@ def contact_steps(me, threads, counter, space, task, contacts, steps):
         for d in mine:
             own = slice(disks[d], disks[d + 1])
             bonds = domain_forces(
-                space.near, d, o, 0.0, g, task.law, space.forces, (u, task.rate, task.weights), None
+                space.near, d, o, 0.0, g, task.law, space.forces, (u, task.rate, task.weights), None, room
             )
             note(task, bonds, *squares_of(u[own]), sums[d])
             velocity = after[own] if task.heun else u[own]
@@ -232,7 +236,7 @@ def massive_steps(me, threads, counter, space, task, a_last, turning, steps):
     mine = range(first, last)
     dt, forces, u, o, ahead = task.step, space.forces, space.u, space.o, space.ahead
     disks, held, turn, done, status = space.listed.disks, task.held, 0, 0, DONE
-    predicted, after = space.after[0], space.after[1]
+    predicted, after, room = space.after[0], space.after[1], block_room()
     for a in range(begin, stop):
         for axis in range(2):
             predicted[a, axis] = u[a, axis] + 0.5 * dt * a_last[a, axis]
@@ -252,10 +256,10 @@ def massive_steps(me, threads, counter, space, task, a_last, turning, steps):
             own = slice(disks[d], disks[d + 1])
             motion = predicted, task.rate, task.weights
             if turning is None:
-                bonds = domain_forces(space.near, d, o, 0.0, g, task.law, forces, motion, None)
+                bonds = domain_forces(space.near, d, o, 0.0, g, task.law, forces, motion, None, room)
             else:
                 rolling = now, turning.radii, torques
-                bonds = domain_forces(space.near, d, o, 0.0, g, task.law, forces, motion, rolling)
+                bonds = domain_forces(space.near, d, o, 0.0, g, task.law, forces, motion, rolling, room)
             forces[disks[d] : held] = 0.0
             far, longest, xy, squares = kick(
                 o[own], forces[own], predicted[own], task, g + 0.5 * task.rate * dt,

@@ -12,6 +12,7 @@ import numpy as np
 
 from jampetsc.core.compiled import FAST, compiled
 from jampetsc.core.domains import domain_forces
+from jampetsc.core.kernel import block_room
 from jampetsc.core.pairs import is_stale
 from jampetsc.core.threads import meet
 from jampetsc.minimise.descent import Descent
@@ -78,10 +79,10 @@ def _fall(me, threads, counter, domains, motion, law, skin, force, steps, clock,
     first, last = me * number // threads, (me + 1) * number // threads
     o, v, f = motion.offsets.reshape(-1), motion.velocities.reshape(-1), motion.forces.reshape(-1)
     step, mixing, downhill = clock
-    status, done = MORE, 0
+    status, done, room = MORE, 0, block_room()
     while done < steps:
         for d in range(first, last):
-            domain_forces(domains, d, motion.offsets, 0.0, 0.0, law, motion.forces, None, None)
+            domain_forces(domains, d, motion.offsets, 0.0, 0.0, law, motion.forces, None, None, room)
             here = slice(2 * domains.disks[d], 2 * domains.disks[d + 1])
             _sums(f[here], v[here], motion.sums[d])
         meet(counter, threads)

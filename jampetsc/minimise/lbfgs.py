@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jampetsc.core.compiled import compiled
+from jampetsc.core.kernel import block_room
 from jampetsc.core.pairs import is_stale
 from jampetsc.core.threads import meet
 from jampetsc.minimise.lbfgs_kernels import Space, adjust, measure, step
@@ -136,7 +137,7 @@ def descend(me, threads, counter, domains, space, task, count, head):
     total, before = np.zeros(rows + 6), np.zeros(rows + 6)
     pull, pull_before = np.zeros(2), np.zeros(2)  # gradient of the cell
     coefficients, move = np.zeros(rows + 1), np.zeros(2)
-    factors = np.zeros(2)
+    factors, room = np.zeros(2), block_room()
     status, evaluations = MORE, 0
     # which forces, and which pair they complete; plain numbers would have types of their own
     now, slot = np.int64(0), np.int64(-1)
@@ -145,7 +146,7 @@ def descend(me, threads, counter, domains, space, task, count, head):
     while True:
         factors[now] = np.exp(box[0]) if box[1] == 0.0 else 1.0
         for d in range(first, last):
-            measure(domains, d, own, task, factors, now, slot)
+            measure(domains, d, own, task, factors, now, slot, room)
         meet(counter, threads)
         if slot >= 0:
             box_pairs[2 * head + 1] = 0.0  # of the cell y is known with all sums only
@@ -196,7 +197,7 @@ def descend(me, threads, counter, domains, space, task, count, head):
                 move[b] += coefficients[row] * box_pairs[row, b]
             box[b] += move[b] / task.scale
         for d in range(first, last):
-            step(domains, d, own, now, factors[now], coefficients, head)
+            step(domains, d, own, now, factors[now], coefficients, head, room)
         meet(counter, threads)
         longest = far = 0.0
         for d in range(number):

@@ -112,11 +112,14 @@ def _shear(f, growth, shear):
 
 
 @compiled(FAST, forceinline=True)
-def measure(domains, d, space, task, factors, now, slot):
-    """Forces of domain d, the change of its gradient into pair `slot` (unless −1), and its share of all sums."""
+def measure(domains, d, space, task, factors, now, slot, room):
+    """Forces of domain d, the change of its gradient into pair `slot` (unless −1), and its share of all sums.
+
+    room: see `block_room`.
+    """
     strain, shear = space.box[0], space.box[1]
     fresh = space.forces[now]
-    bonds = domain_forces(domains, d, space.offsets, strain, shear, task.law, fresh, None, None)
+    bonds = domain_forces(domains, d, space.offsets, strain, shear, task.law, fresh, None, None, room)
     first, last = domains.disks[d], domains.disks[d + 1]
     if shear != 0.0:
         _shear(fresh[first:last], np.exp(strain), shear)
@@ -125,7 +128,8 @@ def measure(domains, d, space, task, factors, now, slot):
     old = space.forces[1 - now].reshape(-1)
     sums = space.sums[d]
     sums[:] = 0.0
-    peaks = np.zeros(CHUNK)
+    peaks = room[0][:CHUNK]
+    peaks[:] = 0.0
     for chunk in range(first // GRAIN, last // GRAIN):
         here = slice(chunk * CHUNK, (chunk + 1) * CHUNK)
         base = chunk * rows * CHUNK
@@ -148,13 +152,13 @@ def measure(domains, d, space, task, factors, now, slot):
 
 
 @compiled(FAST, forceinline=True)
-def step(domains, d, space, now, factor, coefficients, head):
+def step(domains, d, space, now, factor, coefficients, head, room):
     """Move the disks of domain d along the direction, which becomes the s of pair `head`."""
     rows = len(space.box_pairs)
     f = space.forces[now].reshape(-1)
     o = space.offsets.reshape(-1)
-    direction = np.empty(CHUNK)
-    longest, far = np.zeros(CHUNK, np.float32), np.zeros(CHUNK)
+    direction, longest, far = room[0][:CHUNK], room[1][:CHUNK], room[2][:CHUNK]
+    longest[:], far[:] = 0.0, 0.0
     for chunk in range(domains.disks[d] // GRAIN, domains.disks[d + 1] // GRAIN):
         here = slice(chunk * CHUNK, (chunk + 1) * CHUNK)
         base = chunk * rows * CHUNK

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jampetsc.core.disks import GRID, Disks
-from jampetsc.core.domains import Domains, choose_near
+from jampetsc.core.domains import EDGE, Domains, borders, choose_near, domain_order
 from jampetsc.core.neighbours import neighbour_pairs
 from jampetsc.core.pairs import REBUILD, SKIN_RANGE, WIDTH, PairList, are_worn, deformed, is_stale, tuned_skin
 from jampetsc.core.state import bond_vectors, find_contacts, measure
@@ -132,6 +132,21 @@ def test_domains_list_each_pair_where_its_disks_are(skin):
                 zip(*(a[some].tolist() for a in (one.i, one.j, *one.r0)), strict=True), inside
             )
     assert told == wanted and len(told) == one.end[-1]
+
+
+@pytest.mark.parametrize("held", [0, 30, 2100])
+def test_the_disks_at_the_border_of_a_domain_are_its_first(held):
+    """Of those that are not held, which stay where they are."""
+    disks, ends = crowd(4, n=6200, phi=0.8), borders(6200)
+    order = domain_order(disks, held)
+    assert np.array_equal(np.sort(order), np.arange(6200)) and np.array_equal(order[:held], np.arange(held))
+    domains = Domains.build(disks.reordered(order), EDGE * disks.radii.mean(), ends)
+    assert domains.number == 3
+    for first, last, *part in zip(ends, ends[1:], domains.across, domains.end, strict=False):
+        across = np.unique(domains.i[slice(*part)])
+        free = across[across >= held]
+        assert len(free) or last <= held
+        assert np.array_equal(free, np.arange(max(first, held), max(first, held) + len(free)))
 
 
 @pytest.mark.parametrize("borders", [(0, 60), (0, 23, 60)], ids=["one domain", "two domains"])
