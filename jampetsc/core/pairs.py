@@ -31,7 +31,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.core.compiled import compiled
-from jampetsc.core.disks import GRID, Disks, split
+from jampetsc.core.disks import GRID, Disks
 from jampetsc.core.pair_search import listed
 from jampetsc.core.threads import Team
 
@@ -94,14 +94,9 @@ def deformed(disks: Disks, offsets, strain, shear) -> Disks:
     Only the change is rounded, never the coordinates: base + (offset + o) + (F − 1)(x + o).
     """
     growth, mixing = np.expm1(strain), np.exp(strain) * shear
-    base, offset = _deformed(disks.base, disks.offset, offsets, growth, mixing, GRID)
-    cell = disks.cell
-    change = growth * cell
-    change[:, 0] += mixing * cell[:, 1]
-    cell_base, cell_offset = split(disks.cell_base, disks.cell_offset + change)
-    return Disks(
-        base, offset, disks.radii, cell_base, cell_offset, disks.potential, disks.record, disks.images
-    )
+    places = _deformed(disks.base, disks.offset, offsets, growth, mixing, GRID)
+    cell = _deformed(disks.cell_base, disks.cell_offset, np.zeros((2, 2)), growth, mixing, GRID)
+    return Disks(*places, disks.radii, *cell, disks.potential, disks.record, disks.images)
 
 
 class ListedDisks:

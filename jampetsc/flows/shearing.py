@@ -35,7 +35,8 @@ class Shear(ShearedDisks):
         if not self.started:
             self._start()
         while steps > 0:
-            before = self.offsets.copy(), self.velocities.copy(), self.seen.copy()
+            if self.divides:
+                before = self.offsets.copy(), self.velocities.copy(), self.seen.copy()
             done, status = self._run(steps)
             # a list that is stale before its first step is too narrow for what its predictor moves
             jumps = status == moves.BLOWN_UP or (status == moves.STALE and not done + self.since)
