@@ -1,6 +1,8 @@
 """Threads that step together: on cores of their own, as many as get on faster."""
 
 import os
+import threading
+import time
 
 import numpy as np
 import pytest
@@ -37,11 +39,42 @@ def test_threads_run_on_cores_of_their_own():
 
 
 def test_a_thread_may_go_where_it_might_before():
-    allowed = os.sched_getaffinity(0)
-    team = Team(2)
+    allowed, before = os.sched_getaffinity(0), os.listdir("/proc/self/task")
+    team, others = Team(2), set(os.listdir("/proc/self/task")) - set(before)
     for _ in range(3):
         team.run(note_cores, 2, np.zeros(2, int), 10)
-    assert team._others.submit(os.sched_getaffinity, 0).result() == allowed
+    assert len(others) == 1 and os.sched_getaffinity(int(others.pop())) == allowed
+
+
+def fails_elsewhere(me, size, counter, errors):
+    """Not compiled: only the thread that asked does not fail."""
+    if me:
+        raise errors[me]
+    return size, 1
+
+
+fails_elsewhere.overloads = ()
+
+
+def test_an_error_of_any_thread_is_raised_and_the_team_goes_on():
+    team, error = Team(3), OSError("this one")
+    team._fastest = lambda function, most: most
+    for _ in range(2):
+        with pytest.raises(OSError, match="this one"):
+            team.run(fails_elsewhere, 3, [None, error, error])
+    del team._fastest
+    assert team.run(note_cores, 3, np.zeros(3, int), 5) == (1, 5)
+
+
+def test_the_threads_of_a_team_end_with_it():
+    before = threading.active_count()
+    team = Team(4)
+    assert threading.active_count() == before + 3
+    del team
+    deadline = time.monotonic() + 10.0
+    while threading.active_count() > before and time.monotonic() < deadline:
+        time.sleep(1e-3)
+    assert threading.active_count() == before
 
 
 def chosen(team, runs, pace):
