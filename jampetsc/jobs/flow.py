@@ -98,6 +98,11 @@ to the last bit; independent runs are faster side by side."""
             if self.model is None:
                 known = f"{', '.join(MODELS)}, or {named('law')} with its options"
                 raise InputError(f"{named('model')}: must be given: {known}{self._on}")
+            if self.step is not None and not self.rate * self.step <= self.strain * (1.0 + 1e-9):
+                raise InputError(
+                    f"{named('step')} {self.step:g}: is longer than the whole run, {self.strain / self.rate:g} for "
+                    f"{named('strain')} {self.strain:g}: give a shorter one"
+                )
 
     @property
     def _in_memory(self):
