@@ -151,7 +151,7 @@ def _read_as(names, what):
         else:
             place = getattr(given, "path", given)  # of a study's table
         try:
-            return os.fspath(place)
+            return os.fsdecode(place)
         except TypeError:
             raise ValueError(f"must be {what} or the name of its file") from None
 

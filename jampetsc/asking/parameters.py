@@ -14,7 +14,6 @@ a command line, TOML.
 import dataclasses
 import difflib
 import functools
-import math
 import operator
 import types
 import typing
@@ -25,6 +24,7 @@ from pathlib import Path
 
 from jampetsc.errors import InputError, as_float, named
 
+MOST_SHOWN = 200  # characters of a value in a message
 NEAR = 0.75  # likeness of a name to what may have been meant
 # where a command line has it: --name, its place, all its places
 OPTION, FILE, FILES = ("option", "file", "files")
@@ -149,7 +149,7 @@ class Parameter:
     def _check_range(self, value):
         low, high, above = self.low, self.high, self.above
         inside = (low is None or value >= low) and (high is None or value <= high)
-        if inside and (above is None or value > above) and not math.isnan(value):
+        if inside and (above is None or value > above) and value == value:  # nan is not
             return
         if low is not None and high is not None:
             raise ValueError(f"must lie in [{low:g}, {high:g}]")
@@ -254,11 +254,12 @@ def did_you_mean(name, known) -> str:
 
 
 def shown(value) -> str:
-    """A value as messages show it, in one line."""
+    """A value as messages show it, in one line, the middle of a long one left out."""
     if isinstance(value, int) and value.bit_length() > 64:
         return f"{Decimal(value):.6g}"
     text = f"{value:g}" if isinstance(value, float) else str(value)
-    return text if text.isprintable() else ascii(text)
+    text = text if text.isprintable() else ascii(text)
+    return text if len(text) <= MOST_SHOWN else f"{text[: MOST_SHOWN // 2]} … {text[-MOST_SHOWN // 4 :]}"
 
 
 def _plain(annotation):

@@ -34,6 +34,8 @@ def _pressures(given):
         found.append(one if written else repr(value))
         if not PRESSURES[0] <= value <= PRESSURES[1]:
             raise ValueError(f"{found[-1]} must lie in [{PRESSURES[0]:g}, {PRESSURES[1]:g}]")
+    if not found:
+        raise ValueError("must be at least one number")
     several = len(found) > 1 or isinstance(given, list | tuple) or getattr(given, "ndim", 0)
     return tuple(found) if several else found[0]
 

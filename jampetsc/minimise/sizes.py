@@ -45,7 +45,7 @@ class Radii:
     def __post_init__(self):
         try:
             values = np.array(self.values, float)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise InputError(f"{self}: must be numbers") from None
         object.__setattr__(self, "values", values)
         if values.ndim != 1 or not (np.isfinite(values).all() and (values > 0).all()):

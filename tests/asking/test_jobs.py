@@ -150,6 +150,8 @@ P, OSC = ("p.h5",), {"omega": 0.1, "strain": 1e-6}
         (Correlate, P, {"phase": "time"}, ["phase"]),
         (Flow, P, {"strain": 1.0, "rate": 0.1, "model": "RD0", "law": "stokes"}, ["model", "law"]),
         (Flow, P, {"strain": 1.0, "rate": 0.1, "mass": 1.0}, ["model", "law"]),
+        (Flow, P, {"strain": 1.0, "rate": 0.1, "model": "RD0", "step": float("inf")}, ["step", "strain"]),
+        (Flow, P, {"strain": 1.0, "rate": 0.1, "model": "RD0", "step": 10.1}, ["step", "strain"]),
     ],
 )
 def test_what_is_refused_by_name(job, files, given, named):
@@ -175,6 +177,19 @@ def test_numbers_of_laws_and_models_that_are_refused(number):
     ):
         with pytest.raises(InputError, match=f"{name} .*must"):
             make(**{name: number})
+
+
+def test_what_no_parameter_can_be_is_refused_in_one_line():
+    for make, given in (
+        (jampetsc.sweep, {"packing": np.zeros((200, 2))}),
+        (jampetsc.pack, {"pressure": []}),
+        (jampetsc.pack, {"pressure": 1e-2, "radii": 10**400}),
+        (jampetsc.flow, {"start": b"none.h5", "model": jampetsc.models.RD0(), "rate": 0.1, "strain": 1.0}),
+    ):
+        with pytest.raises(InputError) as refused:
+            make(**given)
+        assert len(str(refused.value)) < 300 and "\n" not in str(refused.value)
+    assert made(Modes, {"packing": "p.h5", "count": 10**400}).count == 10**400  # of which there may be fewer
 
 
 def test_files_there_must_be():
