@@ -122,7 +122,7 @@ class FrequencySolver:
     def _find_hold(self, omega) -> Hold:
         """A `Hold` at ω, from solves with random right-hand sides."""
         projects = self.pencil.law.holds_translations
-        diagonal = self.pencil.diagonal(omega)
+        diagonal = self.form.magnitude  # that of K + iωB: without a minimum that of K may be negative
         if projects:
             diagonal = np.ones_like(diagonal)
         root, first = np.sqrt(diagonal), self.pencil.K.getOwnershipRange()[0]

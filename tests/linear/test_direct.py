@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dense import without
+from dense import Reference, without
 from gathered import dense, unknowns
 from samples import (
     LAWS,
@@ -21,6 +21,7 @@ from samples import (
 )
 from sweeps import Sweep, errors
 
+from jampetsc.core.disks import Disks
 from jampetsc.errors import ConvergenceError
 from jampetsc.io.reader import load
 from jampetsc.linear import sweep
@@ -95,6 +96,17 @@ def test_field(session, name):
     wanted = exact.solution(0.1)[0][rows]
     difference = x - wanted if law.law.drag else without(exact.free_moves()[rows], x - wanted)
     np.testing.assert_allclose(difference.astype(complex), 0, atol=1e-10 * float(np.abs(wanted).max()))
+
+
+@pytest.mark.most_ranks(2)
+def test_disks_far_from_a_minimum(session):
+    """Where they overlap by much pre-stress outweighs stiffness, even on the diagonal of K."""
+    places = np.random.default_rng(3).uniform(0.0, 3.0, (16, 2))
+    disks = Disks.from_positions(places, np.full(16, 0.5), 3.0 * np.eye(2))
+    exact = Reference(disks, physics())
+    assert np.diag(exact.K).min() < -1.0
+    with Solver(disks, physics(), session.comm) as solver:
+        compare(solver.solve(1e-3, 1e-6), exact.modulus(1e-3), 1e-10, "far from a minimum")
 
 
 # type of KSP, type of PC, tolerance, iterations; a second solver of each kind keeps its factor
