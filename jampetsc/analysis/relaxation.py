@@ -48,10 +48,9 @@ class RelaxationSpectrum:
     def modulus(self, omega):
         """G*(ω), complex, in the shape of omega."""
         omega = np.asarray(omega, float)
-        x = omega[..., None] / self.rates
-        storage = self.G0 + np.sum(self.weights * (x * x / (1.0 + x * x)), axis=-1)
-        loss = omega * self.eta_inf + np.sum(self.weights * (x / (1.0 + x * x)), axis=-1)
-        return storage + 1j * loss
+        s = 1j * omega
+        elements = s[..., None] / (self.rates + s[..., None])  # whose squares no double may hold
+        return self.G0 + s * self.eta_inf + np.sum(self.weights * elements, axis=-1)
 
     def stress_relaxation(self, time):
         """G(t) for t > 0 in the shape of time; the Dirac part η_∞ δ(t) is not in it."""

@@ -64,6 +64,13 @@ def gauss(true, count):
     return RelaxationSpectrum(true.G0, true.eta_inf, rates, total * vectors[0] ** 2)
 
 
+def test_the_modulus_at_any_frequency_that_a_double_holds():
+    true = spectrum()
+    np.testing.assert_allclose(true.modulus([1e-300, 1e300, -1e300]).real, [true.G0, true.G_inf, true.G_inf])
+    loss = np.array([true.eta0 * 1e-300, true.eta_inf * 1e300, -true.eta_inf * 1e300])
+    np.testing.assert_allclose(true.modulus([1e-300, 1e300, -1e300]).imag, loss)
+
+
 def test_stress_relaxation_is_the_transform_of_the_modulus():
     """G* = G₀ + iω [η_∞ + ∫ (G(t) − G₀) exp(−iωt) dt], η_∞ from the Dirac part."""
     s = RelaxationSpectrum(0.1, 0.3, np.array([0.2, 1.5]), np.array([0.4, 0.6]))
