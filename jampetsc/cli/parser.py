@@ -90,7 +90,8 @@ def run(job, args, petsc_argv=()) -> int:
 
     needs_petsc = job.scalar is not None
     try:
-        out = getattr(args, "out", None) or job.place
+        out = getattr(args, "out", None)
+        out = job.place if out is None else out
         to = Outlet(out, out)
         overwrite = getattr(args, "overwrite", False)
         told = job.perform(to, petsc_argv=petsc_argv, overwrite=overwrite, alone=not needs_petsc)

@@ -12,17 +12,27 @@ class Outlet:
     checkpoint  where a long run keeps what it has finished, so that the same job goes on there; None: nowhere
     request     what was asked for, a `request.Request`, which files record; None: nothing
     status      exit status of a command that has written what it could
+
+    Raises InputError for a name without a character.
     """
 
     request, status = None, 0
 
     def __init__(self, path=None, checkpoint=None):
+        for name, given in (("out", path), ("checkpoint", checkpoint)):
+            if isinstance(given, str) and not given:
+                raise InputError(f"{named(name)}: is empty: give the name of a file")
         self.path = None if path is None else Path(path)
         self.kept = checkpoint
         self._found = self._packing = None
 
     def __str__(self):
         return "in memory" if self.path is None else str(self.path)
+
+    @property
+    def others(self) -> str:
+        """Where a run of which something failed has put the rest, in words."""
+        return f"give {named('out')} to keep the others" if self.path is None else f"the others are in {self}"
 
     def must_be_file(self) -> None:
         """Raise InputError where a result that is for other programs has no file to go to."""

@@ -124,7 +124,7 @@ def _directly(run, pencil, checkpoint):
     if failures:
         first = failures[min(failures)]
         raise ConvergenceError(
-            f"{len(failures)} of {len(run.omega)} frequencies failed, the others are in {run.to}; the first: "
+            f"{len(failures)} of {len(run.omega)} frequencies failed, {run.to.others}; the first: "
             f"{first.told(named)}"
         )
     return omega, G, bounds

@@ -100,8 +100,8 @@ def solve(job, to: Outlet) -> dict:
     if failures:
         first = failures[min(failures)]
         raise ConvergenceError(
-            f"{len(failures)} of {len(job.amplitude) * len(job.omega)} points failed, the others are in {to}; "
-            f"the first: {first.told(named)}"
+            f"{len(failures)} of {len(job.amplitude) * len(job.omega)} points failed, {to.others}; the first: "
+            f"{first.told(named)}"
         )
     checkpoint.remove()
     return arrays

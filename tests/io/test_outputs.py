@@ -15,6 +15,7 @@ import jampetsc
 from jampetsc.cli import main as cli
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.io.merge import merge
+from jampetsc.io.outlet import Outlet
 from jampetsc.io.outputs import PICTURE, TABLE, check_output
 from jampetsc.io.packing_file import write_packing
 
@@ -230,6 +231,16 @@ def test_what_writes_asks_again(inputs):
         with pytest.raises(InputError, match=message):
             merge("s.h5", path)
     assert stat.S_ISFIFO(Path("pipe").stat().st_mode)
+
+
+def test_a_name_without_a_character_is_none(inputs, capsys):
+    """As of a variable of the shell that is not set: the answer would stay in memory, and go."""
+    assert cli.main(["quasistatic", "p.h5", "--out", ""]) == 2
+    assert capsys.readouterr().err.endswith("--out: is empty: give the name of a file\n")
+    for name in ("out", "checkpoint"):
+        with pytest.raises(InputError, match=f"^{name}: is empty: give the name of a file$"):
+            jampetsc.shear("p.h5", step=1e-3, strain=0.01, **{name: ""})
+    assert str(InputError(Outlet().others)) == "give out to keep the others"
 
 
 def test_what_is_no_regular_file_is_not_read(inputs, capsys):
