@@ -67,10 +67,16 @@ class EquivalentDamping:
         return 2.0 / math.sqrt(math.pi) * ratio * self.stress ** (self.alpha - 1.0)
 
     def frequency(self, omega):
-        """Equivalent frequency Ω in the shape of omega, both in 1/τ₁; increasing in omega."""
+        """Equivalent frequency Ω in the shape of omega, both in 1/τ₁; increasing, and odd as ω is."""
         omega = np.asarray(omega, float)
         if self.alpha == 1.0:
             return omega.copy()
+        found, moving = np.zeros_like(omega), omega != 0.0
+        found[moving] = np.copysign(self._frequency(np.abs(omega[moving])), omega[moving])
+        return found[()]
+
+    def _frequency(self, omega):
+        """That of ω > 0; infinite where no double holds it."""
         bend = 0.5 * (1.0 - self.alpha)
         target = math.log(self.coefficient) + self.alpha * np.log(omega)
         # In x = ln y the equation is  x − bend ln(1 + e^2x) = target : concave for α < 1, convex for α > 1,
@@ -84,7 +90,8 @@ class EquivalentDamping:
             x = x - step
             if np.all(np.abs(step) <= 4.0 * np.finfo(float).eps * np.maximum(np.abs(x), 1.0)):
                 break
-        return np.exp(x)
+        with np.errstate(over="ignore"):
+            return np.exp(x)
 
     def amplitude(self, omega):
         """Relative motion u₀/ρ₀ of a contact, in the shape of omega."""

@@ -74,7 +74,11 @@ class SweepResult(Result):
                     f"{self.path}: omega = {wanted[elsewhere][0]:g} is not one of its {len(self.omega)} "
                     f"frequencies, {self.omega.min():g} to {self.omega.max():g}: {named('method')} rational gives any"
                 )
-            values[elsewhere] = self.spectrum.modulus(self._linear(wanted[elsewhere]))
+            linear = self._linear(wanted[elsewhere])
+            if not np.isfinite(linear).all():
+                far = wanted[elsewhere][~np.isfinite(linear)][0]
+                raise InputError(f"omega = {far:g}: its equivalent frequency is more than a double holds")
+            values[elsewhere] = self.spectrum.modulus(linear)
         return values.reshape(np.shape(omega))[()]
 
     @property

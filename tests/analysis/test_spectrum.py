@@ -42,6 +42,13 @@ def test_moduli_beside_a_stored_frequency_are_those_of_the_spectrum(tmp_path):
     assert sweep.modulus(OMEGA[9]) == sweep.G[9]
 
 
+def test_moduli_of_power_law_damping_at_no_frequency_and_at_those_beyond_a_double(tmp_path):
+    held, sweep = spectrum(), load(write_sweep(tmp_path / "alpha.h5", alpha=0.5, stress=1e-5))
+    assert sweep.modulus(0.0) == held.modulus(0.0) and sweep.modulus(-0.07) == np.conj(sweep.modulus(0.07))
+    with pytest.raises(InputError, match=r"^omega = 1e\+308: its equivalent frequency is more than a double"):
+        sweep.modulus(1e308)
+
+
 def test_instability_and_power_law_damping_are_said(tmp_path, capsys):
     sweep = write_sweep(tmp_path / "unstable.h5", spectrum(-0.01))
     run(sweep, "--out", tmp_path / "s.h5")

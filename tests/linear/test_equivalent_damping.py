@@ -33,6 +33,7 @@ def test_the_root_is_the_only_one_and_grows_with_frequency(alpha, stress):
         assert np.all(side * (left_side(y * factor, alpha) - wanted) > 0)
     if alpha == 1.0:
         np.testing.assert_array_equal(y, OMEGA)
+    np.testing.assert_allclose(damping.frequency([-OMEGA[0], 0.0, OMEGA[0]]), [-y[0], 0.0, y[0]], rtol=1e-12)
 
 
 @pytest.mark.parametrize("alpha", [0.5, 2 / 3, 1.0, 1.7])
