@@ -130,6 +130,13 @@ class Result(Named):
         found.packing = self.packing
         return found
 
+    def __getstate__(self):
+        """What copies have, in other processes too: without ranks, so that of several all rows must be gathered."""
+        if self._comm is not None and self._comm.size > 1:
+            if any(array.axis is not None for array in self._arrays.values()):
+                raise InputError(f"{self.path}: lies on {self._comm.size} ranks: copy what gathered() gives")
+        return vars(self) | {"_comm": None}
+
     def save(self, path) -> None:
         """Write it to a file, which `path` is from then on; an earlier result of its kind there is replaced.
 

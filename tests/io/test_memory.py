@@ -1,8 +1,11 @@
 """Results in memory: what `load` gives for the file of the same result, and the same file when they are saved."""
 
+import pickle
+
 import numpy as np
 import pytest
 
+from jampetsc.errors import InputError
 from jampetsc.io.reader import collected, load
 from jampetsc.io.result_file import ResultWriter
 
@@ -50,6 +53,13 @@ def test_any_rows_and_attributes(session, shared_path):
     )
     assert found.file is None and expected.file == shared_path / "a.h5"
     assert found._repr_html_().count("<tr>") == len(found) + len(found.attributes)
+    if session.size > 1:
+        with pytest.raises(InputError, match=rf"lies on {session.size} ranks: copy what gathered\(\) gives"):
+            pickle.dumps(found)
+    copied = pickle.loads(pickle.dumps(found.gathered()))
+    assert_same(copied, expected)
+    copied.save(shared_path / f"copy-{session.rank}.h5")
+    assert_same(load(shared_path / f"copy-{session.rank}.h5"), expected)
     for path in ("b.h5", "b.h5"):  # onto itself, too
         found.save(shared_path / path)
         session.comm.Barrier()
