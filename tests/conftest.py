@@ -45,23 +45,25 @@ def pytest_configure(config):
 
 
 def pytest_ignore_collect(collection_path):
-    """Ranks, each of which reads the tests, leave out files of plain ones alone, with all that those import."""
-    if SCALAR is not None and collection_path.match("test_*.py") and not is_for_ranks(collection_path):
+    """Ranks, each of which reads the tests, leave out files without any for them, with all that those import."""
+    if SCALAR is not None and collection_path.match("test_*.py") and not is_for_ranks(collection_path, SCALAR):
         return True
     return None
 
 
 @cache
-def is_for_ranks(path):
-    return "mark.scalar" in path.read_text()
+def is_for_ranks(path, *scalars):
+    """Whether the text of a file has the mark, and these types of scalars."""
+    text = path.read_text()
+    return "mark.scalar" in text and all(f'"{scalar}"' in text for scalar in scalars)
 
 
 def pytest_collection_modifyitems(config, items):
     def wanted(item):
         scalar = item.get_closest_marker("scalar")
         if scalar is None or SCALAR is None:
-            if scalar is not None and not is_for_ranks(item.path):
-                raise pytest.UsageError(f"{item.nodeid}: ranks look for mark.scalar in the text of a file")
+            if scalar is not None and not is_for_ranks(item.path, *scalar.args):
+                raise pytest.UsageError(f"{item.nodeid}: ranks look for mark.scalar and types in the text of a file")
             return scalar is None and SCALAR is None
         least, most = (item.get_closest_marker(f"{name}_ranks") for name in ("least", "most"))
         enough = least is None or running.size >= least.args[0]
@@ -75,7 +77,7 @@ def pytest_collection_modifyitems(config, items):
 
 
 def pytest_collection_finish(session):
-    gc.freeze()  # what is imported by now stays: the collection after every test then takes no time
+    gc.freeze()  # what is imported by now stays
 
 
 @pytest.fixture
@@ -122,6 +124,7 @@ def pytest_runtest_makereport(item, call):
         report.longrepr = "\n".join(text for text in running.comm.allgather(mine) if text)
     elif report.when == "teardown":
         running.collect()
+        gc.freeze()  # what is left stays: the next collection looks at what its test has made
 
 
 def some_failed(item, report):

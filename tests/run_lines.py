@@ -3,14 +3,18 @@
 A list is the words of a command after `jampetsc`, a string is python. Ends at the first that fails, which it names.
 """
 
+import gc
 import json
 import sys
 
 from jampetsc.cli import main as cli
 
-names = {}
+names, commands = {}, set()
 for item in json.load(sys.stdin):
     if isinstance(item, str):
         exec(item, names)
     elif cli.main(item):
         sys.exit(f"failed: jampetsc {' '.join(item)}")
+    elif item[0] not in commands:
+        commands.add(item[0])
+        gc.freeze()  # what it has imported, through which every study would go to find garbage
