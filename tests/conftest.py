@@ -78,6 +78,7 @@ def pytest_collection_modifyitems(config, items):
 
 def pytest_collection_finish(session):
     gc.freeze()  # what is imported by now stays
+    gc.set_threshold(10_000)  # objects until garbage is looked for: pictures are made of so many that 700 take a tenth longer
 
 
 @pytest.fixture
