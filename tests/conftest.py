@@ -46,9 +46,9 @@ def pytest_configure(config):
 
 def pytest_ignore_collect(collection_path):
     """Ranks, each of which reads the tests, leave out files without any for them, with all that those import."""
-    if SCALAR is not None and collection_path.match("test_*.py") and not is_for_ranks(collection_path, SCALAR):
-        return True
-    return None
+    if SCALAR is None or not collection_path.match("test_*.py") or is_for_ranks(collection_path, SCALAR):
+        return None
+    return True
 
 
 @cache
@@ -63,7 +63,7 @@ def pytest_collection_modifyitems(config, items):
         scalar = item.get_closest_marker("scalar")
         if scalar is None or SCALAR is None:
             if scalar is not None and not is_for_ranks(item.path, *scalar.args):
-                raise pytest.UsageError(f"{item.nodeid}: ranks look for mark.scalar and types in the text of a file")
+                raise pytest.UsageError(f"{item.nodeid}: ranks look for mark and types in its text")
             return scalar is None and SCALAR is None
         least, most = (item.get_closest_marker(f"{name}_ranks") for name in ("least", "most"))
         enough = least is None or running.size >= least.args[0]
@@ -78,7 +78,7 @@ def pytest_collection_modifyitems(config, items):
 
 def pytest_collection_finish(session):
     gc.freeze()  # what is imported by now stays
-    gc.set_threshold(10_000)  # objects until garbage is looked for: pictures are made of so many that 700 take a tenth longer
+    gc.set_threshold(10_000)  # objects until garbage is looked for: at 700 pictures take a tenth longer
 
 
 @pytest.fixture

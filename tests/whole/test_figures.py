@@ -118,7 +118,7 @@ TINY = sizes(
     "COOLED=1:2 COOLING=0.1"
 )
 WHOLE = "bt-fig5"  # is run by its script
-ALIKE = ("bt-fig6", "paper5", "vagberg-flow-curves")  # studies and pictures as others have, of other laws and models
+ALIKE = ("bt-fig6", "paper5", "vagberg-flow-curves")  # as others are, but for laws, models and rates
 LESS = {  # a figure of which something has to be smaller, or must not be
     "bt-fig7": sizes("N=36 OMEGA=1e-7:10:3"),  # two disks in a lane
     "bt-fig8": sizes("SMALL,MIDDLE,LARGE=16 MANY,SOME,FEW=1:1"),
