@@ -4,7 +4,6 @@ import os
 import shlex
 import subprocess
 import sys
-import tarfile
 
 import launch
 import numpy as np
@@ -198,22 +197,17 @@ def test_a_figure_does_without_a_task_that_fails(tmp_path):
 
 
 def test_a_figure_is_made_and_its_claims_are_looked_at(tmp_path):
-    folder = tmp_path / f"{WHOLE}-quick"
+    folder, kept, archive = (tmp_path / f"{WHOLE}{ending}" for ending in ("-quick", "-kept", ".tar.xz"))
     environment = launch.environment() | {"N": "16", "SEEDS": "1:2", "FOLDER": str(folder)}
-    settings = {"env": environment, "capture_output": True, "text": True, "timeout": launch.MINUTES}
-    done = subprocess.run([FIGURES / WHOLE], **settings)
+    done = subprocess.run([FIGURES / WHOLE], env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert (folder / "5.png").stat().st_size > 5000 and (folder / "table.csv").exists()
-    program = launch.ROOT / "benchmarks" / "reproduction.py"
-    done = subprocess.run([sys.executable, program, tmp_path], **settings)
-    assert done.returncode == 0, done.stderr
-    rows = [line for line in done.stdout.splitlines()[2:]]
-    assert len(rows) == 15 and all(row.count(" | ") == 6 and "`bt-fig5`" in row for row in rows)
+    table = ["benchmarks/reproduction.py", str(tmp_path)]
     keeping = f"import keep, pathlib as p; keep.keep(p.Path({str(folder)!r}), p.Path({str(tmp_path)!r}))"
-    subprocess.run([sys.executable, "-c", keeping], cwd=program.parent, check=True)
-    with tarfile.open(tmp_path / f"{WHOLE}.tar.xz") as archive:
-        archive.extractall(tmp_path / f"{WHOLE}-kept")
-    kept = subprocess.run([sys.executable, program, tmp_path, "kept"], **settings)
-    assert kept.stdout == done.stdout
-    assert not list(tmp_path.glob(f"{WHOLE}-kept/pack-*"))
-    assert os.path.getsize(tmp_path / f"{WHOLE}.tar.xz") < 1e5
+    unpacking = f"import tarfile; tarfile.open({str(archive)!r}).extractall({str(kept)!r}); print('unpacked')"
+    said = launch.run_lines(tmp_path, [as_python(table), keeping, unpacking, as_python([*table, "kept"])])
+    made, again = said.split("unpacked\n")
+    rows = made.splitlines()[2:]
+    assert len(rows) == 15 and all(row.count(" | ") == 6 and "`bt-fig5`" in row for row in rows)
+    assert again == made
+    assert not list(kept.glob("pack-*")) and archive.stat().st_size < 1e5
