@@ -131,7 +131,7 @@ def references(disks, network, physics, omega):
     found = [solver.solve(w, np.inf) for w in omega]  # to what it can say, which counts as its own error
     solver.destroy()
     pencil.destroy()
-    return np.array([f.G for f in found]), np.array([[f.error_bound, *f.parts] for f in found]), None
+    return np.array([f.G for f in found]), np.array([f.bounds for f in found]), None
 
 
 def sweep(network, physics, omega, accuracy):

@@ -25,7 +25,7 @@ class Sweep:
             while shifts := self.sweep.next_shifts():
                 self.sweep.add_shifts(shifts)
             found = self.sweep.certificate
-            self.galerkin, self.G, self.bounds = found.galerkin, found.G, found.bounds
+            self.galerkin, self.G, self.bounds = self.sweep.galerkin, found.G, found.bounds
         except BaseException:
             self.__exit__()
             raise

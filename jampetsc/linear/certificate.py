@@ -30,24 +30,35 @@ EPSILON = float(np.finfo(float).eps)
 ROUNDING = 6.0 * EPSILON
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Certified:
-    """G* at one frequency with bounds: what is left of the equations may change in |G*|, and rounding in each part."""
+    """G* at a frequency, or at (M,) of them, with bounds on what the equations left and rounding may change in it."""
 
-    omega: float
-    G: complex
-    error: float  # bound on |rᵀA⁻¹r| / V
-    rounding: tuple[float, float]  # of G' and of G'', from the sums over contacts
-
-    @property
-    def error_bound(self) -> float:
-        """Bound on |ΔG*|."""
-        return self.error + float(np.hypot(*self.rounding))
+    omega: object
+    G: object  # complex
+    error: object  # bound on |ΔG*| = |rᵀA⁻¹r| / V, rounding left out
+    rounding: np.ndarray  # (…, 2) of G' and of G'', from the sums over contacts
 
     @property
-    def parts(self) -> tuple[float, float]:
-        """Bounds on |ΔG'| and |ΔG''|, each with its own rounding: G'' may be far smaller than |G*|."""
-        return self.error + self.rounding[0], self.error + self.rounding[1]
+    def bounds(self):
+        """Bounds on |ΔG*|, |ΔG'| and |ΔG''|, each with its own rounding as G'' may be far smaller than |G*|, (…, 3)."""
+        both = np.hypot(self.rounding[..., :1], self.rounding[..., 1:])
+        return np.expand_dims(self.error, -1) + np.concatenate((both, self.rounding), axis=-1)
+
+    @property
+    def parts(self):
+        """|G'| and |G''|, (…, 2)."""
+        return np.abs(np.stack((self.G.real, self.G.imag), axis=-1))
+
+    @property
+    def relative(self):
+        """Bounds on |ΔG'| and |ΔG''| relative to them, (…, 2)."""
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            return np.nan_to_num(self.bounds[..., 1:] / self.parts, nan=np.inf)
+
+    def within(self, accuracy: float):
+        """Whether G' and G'' are each known to this, relative to them, (…, 2); not where there is a nan."""
+        return self.bounds[..., 1:] <= accuracy * self.parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +159,7 @@ class Functional:
             omega=float(omega),
             G=(elastic + 1j * omega * viscous) / volume,
             error=float(hold.reach(omega) * left**2 / volume),
-            rounding=(float(2.0 * EPSILON * storage / volume), float(2.0 * EPSILON * loss / volume)),
+            rounding=2.0 * EPSILON * np.array((storage, loss)) / volume,
         )
 
     def field_bound(self, found: Certified, x) -> float:

@@ -107,10 +107,8 @@ class FrequencySolver:
             self.hold = self._find_hold(omega)
             result = functional.certify(trial, self.hold)
         self.x = x
-        storage, loss = result.parts
-        if not (
-            storage <= accuracy * abs(result.G.real) and loss <= accuracy * abs(result.G.imag)
-        ):  # also for nan
+        if not result.within(accuracy).all():
+            _, storage, loss = result.bounds
             raise ConvergenceError(
                 f"ω = {omega:g}: G' = {result.G.real:.3e} only known to {storage:.1e}, G'' = {result.G.imag:.3e} to "
                 f"{loss:.1e} after refinement: the matrix is too ill-conditioned for this solver, or "
@@ -159,4 +157,4 @@ class FrequencySolver:
 
 def _enough(result: Certified) -> float:
     """An error so small that there is nothing to gain from a smaller one."""
-    return max(DIGITS * min(abs(result.G.real), abs(result.G.imag)), min(result.rounding))
+    return max(DIGITS * result.parts.min(), result.rounding.min())

@@ -9,13 +9,14 @@ and qᵀ(K + sB)⁻¹q costs one solve with a factor at hand. This steers: the n
 from what was asked for. What is certified in the end is the residual as it is (see `residual`).
 """
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
 from jampetsc.collective import on_root
 from jampetsc.errors import ConvergenceError, named
 from jampetsc.linear.basis import RationalBasis
+from jampetsc.linear.certificate import Certified
 from jampetsc.linear.factors import closest, make_factors
 from jampetsc.linear.galerkin import Galerkin
 from jampetsc.linear.residual import ResidualBound, energy_between, positive
@@ -31,32 +32,6 @@ SMALLEST_SHIFT = 1e-14  # relative to the largest rate: below it K + sB is K but
 LARGEST_SHIFT = 1e6  # relative to the same: where B is singular, K would be rounding beside sB
 NOTHING = 1e-13  # a modulus this small, relative to the affine one, is rounding
 ROOM = 0.5  # of what is allowed that steering may take up, once the certificate has shown that there is more to it
-
-
-@dataclass(frozen=True, eq=False)
-class Certificate:
-    """G* (M,) of a Galerkin solution with bounds on its errors: by what is missing in the space, and by rounding."""
-
-    galerkin: Galerkin
-    G: np.ndarray  # (M,) complex
-    error: np.ndarray  # (M,) bound on |ΔG*|, rounding left out
-    rounding: np.ndarray  # (M, 2) of G' and of G''
-
-    @property
-    def bounds(self):
-        """Bounds on |ΔG*|, |ΔG'| and |ΔG''|, (M, 3)."""
-        return self.error[:, None] + np.column_stack((np.hypot(*self.rounding.T), self.rounding))
-
-    @property
-    def parts(self):
-        """|G'| and |G''|, (M, 2)."""
-        return np.abs(np.column_stack((self.G.real, self.G.imag)))
-
-    @property
-    def relative(self):
-        """Bounds on |ΔG'| and |ΔG''| relative to them, (M, 2)."""
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            return np.nan_to_num(self.bounds[:, 1:] / self.parts, nan=np.inf)
 
 
 class RationalSweep:
@@ -80,8 +55,8 @@ class RationalSweep:
         self.factors = make_factors(pencil, parallel)
         self.basis: RationalBasis | None = None
         self.missing = None  # (q, its energies at the shifts at hand), of the basis as it is
-        self.certificate: Certificate | None = None  # the last of so many:
-        self._certified = 0
+        self.certificate: Certified | None = None  # the last of so many, of the solution `galerkin`:
+        self._certified, self.galerkin = 0, None
 
     @property
     def factorisations(self) -> int:
@@ -106,7 +81,8 @@ class RationalSweep:
         while not (shifts := on_root(self.comm, self._choose)):
             self._certified += 1
             with current().stage("projection"):
-                self.certificate = self._certify()
+                self.galerkin = Galerkin(self.basis, self.compatibility)
+                self.certificate = self._certify(self.galerkin)
             if on_root(self.comm, self._is_met):
                 break
         return shifts
@@ -227,9 +203,8 @@ class RationalSweep:
         best = energy_between(self.largest_rate, energies, self.omega)
         return np.sqrt(2.0) * size * best / self.pencil.network.area
 
-    def _certify(self) -> Certificate:
-        """Galerkin's solution in the space as it is, with its bounds."""
-        galerkin = Galerkin(self.basis, self.compatibility)
+    def _certify(self, galerkin) -> Certified:
+        """G* of Galerkin's solution in the space as it is, with its bounds."""
         G, rounding = on_root(
             self.comm,
             lambda: (
@@ -239,9 +214,9 @@ class RationalSweep:
         )
         bound = ResidualBound(galerkin.residual(), self.factors, *self.missing, self.largest_rate, self.omega)
         area = self.pencil.network.area
-        bare = Certificate(galerkin, G, np.zeros(len(G)), rounding)
+        bare = Certified(self.omega, G, np.zeros(len(G)), rounding)
         error = bound.within(area * on_root(self.comm, lambda: self._allowed(bare))) / area
-        return Certificate(galerkin, G, error, rounding)
+        return replace(bare, error=error)
 
     def _allowed(self, certificate):
         """What rounding leaves of the error allowed in |G*|, (M,); zero where it leaves nothing."""
@@ -249,13 +224,13 @@ class RationalSweep:
 
     def _is_met(self):
         """Whether the certificate is good enough. Raises ConvergenceError where it will never be."""
-        found, parts = self.certificate, self.certificate.parts
-        if np.all(found.bounds[:, 1:] <= self.accuracy * parts):
+        found = self.certificate
+        if found.within(self.accuracy).all():
             return True
         relative = found.relative
         worst = np.unravel_index(np.argmax(relative), relative.shape)
         where = f"{('G′', 'G″')[worst[1]]} at ω = {self.omega[worst[0]]:g} is only certain to {relative[worst]:.1e}"
-        if not np.all(found.rounding <= self.accuracy * parts):
+        if not np.all(found.rounding <= self.accuracy * found.parts):
             raise ConvergenceError(
                 f"{where}, by rounding; {named('accuracy')} {self.accuracy:g} cannot be met here"
             )

@@ -60,7 +60,7 @@ def _rationally(run, pencil, checkpoint):
                 )
         except NotPositiveDefinite as error:
             raise InputError(f"{run.packing}: {error.told(named)}; use {named('method')} direct") from None
-    galerkin, G, bounds = sweep.certificate.galerkin, sweep.certificate.G, sweep.certificate.bounds
+    galerkin, G, bounds = sweep.galerkin, sweep.certificate.G, sweep.certificate.bounds
     fields = (
         (*pencil.split(galerkin.field(omega)), galerkin.field_bound(omega, sweep.error_at(omega)))
         for omega in run.field_omega
@@ -98,14 +98,14 @@ def _directly(run, pencil, checkpoint):
                 failures[index] = error
                 progress.step(f"failed: {error}")
                 continue
-            record, fields = {"G": result.G, "bounds": [result.error_bound, *result.parts]}, None
+            record, fields = {"G": result.G, "bounds": result.bounds}, None
             if omega in run.field_omega:
                 displacement, rotation = pencil.split(solver.x)
                 fields = {"displacement": displacement} | ({} if rotation is None else {"rotation": rotation})
                 record["field_bound"] = solver.functional.field_bound(result, solver.x)
             checkpoint.save(index, record, fields)
             progress.step(
-                f"omega {omega:.3e}  G' {result.G.real:.6e}  G'' {result.G.imag:.6e}  bound {result.error_bound:.1e}  "
+                f"omega {omega:.3e}  G' {result.G.real:.6e}  G'' {result.G.imag:.6e}  bound {result.bounds[0]:.1e}  "
                 f"iterations {solver.iterations}"
             )
     finished = sorted(checkpoint.done)
