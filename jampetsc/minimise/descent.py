@@ -26,6 +26,11 @@ class Goal:
     pressure: float | None = None  # target p; None keeps the cell as it is
     shear: bool = False  # also relax the shear of the cell to σ_xy = 0
 
+    @property
+    def moving(self) -> tuple[bool, bool]:
+        """Which of the strains ε and g of the cell move."""
+        return self.pressure is not None, self.shear
+
 
 class Descent(ListedDisks):
     """Disks as they were when their pairs were listed, and their moves since; `evaluations` counts those of forces."""
@@ -138,7 +143,7 @@ class Descent(ListedDisks):
         """What compiled steps from here are to do."""
         return Task(
             law=self.potential.constants,
-            moving=(self.goal.pressure is not None, self.goal.shear),
+            moving=self.goal.moving,
             push=(self.goal.pressure or 0.0) * self.reference.area,
             scale=float(np.sqrt(self.n)) * self.diameter,
             reach=REACH * self.diameter,

@@ -95,11 +95,8 @@ class Point:
         bonds = descent.bonds()
         pressure = virial_pressure(bonds.force, bonds.distance, area)
         push = bonds.force * bonds.normal
-        drive = np.zeros(2)
-        if goal.pressure is not None:
-            drive[0] = 2.0 * area * (pressure - goal.pressure)
-        if goal.shear:
-            drive[1] = float(np.sum(push[0] * bonds.r[1]))
+        pulls = 2.0 * area * (pressure - (goal.pressure or 0.0)), np.sum(push[0] * bonds.r[1])
+        drive = np.where(goal.moving, pulls, 0.0)
         return cls(goal, bonds, n, area, pressure, bonds.on_disks(push, n), drive)
 
     @property
@@ -110,11 +107,6 @@ class Point:
             pressure=abs(self.drive[0]) / (2.0 * self.area),
             shear_stress=abs(self.drive[1]) / self.area,
         )
-
-    @property
-    def moving(self):
-        """Which of ε and g move."""
-        return [b for b, moves in enumerate((self.goal.pressure is not None, self.goal.shear)) if moves]
 
     def along(self, step) -> float:
         """−∂H along a step (u, strain)."""
@@ -139,7 +131,7 @@ class Linear:
     """(H + μ) of a point, factorised: disks by `solver`, the cell by its Schur complement."""
 
     def __init__(self, point: Point, pattern: Pattern, solver, free, mu: float):
-        self._solver, self._free, self._moving = solver, free, point.moving
+        self._solver, self._free, self._moving = solver, free, np.flatnonzero(point.goal.moving)
         values = pattern.fill(point.bonds, free, mu)
         self.definite = bool(free.any()) and solver.factorise(pattern.indptr, pattern.indices, values)
         if not self.definite:
@@ -151,7 +143,7 @@ class Linear:
         schur = corner - np.einsum("nab,nac->bc", self._rows, self._response)
         self.modulus = float(schur[1, 1]) / point.area
         self._schur = schur[np.ix_(self._moving, self._moving)]
-        self.definite = not self._moving or float(np.linalg.eigvalsh(self._schur)[0]) > 0.0
+        self.definite = not len(self._moving) or float(np.linalg.eigvalsh(self._schur)[0]) > 0.0
 
     def _disks(self, right):
         return self._solver.solve(np.ascontiguousarray(right).ravel()).reshape(-1, 2)
@@ -160,7 +152,7 @@ class Linear:
         """(u (N, 2), strain (2,)) with (H + μ)(u, strain) = (forces, drive)."""
         move = self._disks(np.where(self._free[:, None], forces, 0.0))
         strain = np.zeros(2)
-        if self._moving:
+        if len(self._moving):
             left = (drive - np.einsum("nab,na->b", self._rows, move))[self._moving]
             strain[self._moving] = np.linalg.solve(self._schur, left)
             move -= self._response @ strain
