@@ -55,11 +55,17 @@ class Bonds:
 
     def on_disks(self, bond_forces, n):
         """Sum over pairs of the forces (2, M) on j, and of their opposites on i, (N, 2)."""
-        total = np.empty((n, 2))
-        for axis in range(2):
-            total[:, axis] = np.bincount(self.pairs.j, bond_forces[axis], minlength=n)
-            total[:, axis] -= np.bincount(self.pairs.i, bond_forces[axis], minlength=n)
-        return total
+        return gathered(np.concatenate((-bond_forces, bond_forces)).T, self.pairs.i, self.pairs.j, n)
+
+
+def gathered(ends, i, j, n: int):
+    """Sums (N, dofs) of what bonds (M, 2 dofs) do to both of their disks."""
+    dofs = ends.shape[1] // 2
+    total = np.empty((n, dofs))
+    for axis in range(dofs):
+        total[:, axis] = np.bincount(i, ends[:, axis], minlength=n)
+        total[:, axis] += np.bincount(j, ends[:, dofs + axis], minlength=n)
+    return total
 
 
 class Pattern:

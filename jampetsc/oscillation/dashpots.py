@@ -15,7 +15,7 @@ import numpy as np
 from jampetsc.core.forms import linear_forms
 from jampetsc.core.laws import Law
 from jampetsc.mechanics.compatibility import stacked
-from jampetsc.minimise.hessian import Bonds
+from jampetsc.minimise.hessian import Bonds, gathered
 from jampetsc.oscillation.powerlaw import PowerLaw
 
 LINEAR_BELOW = 1e-5  # of the typical speed: there the force of a contact is linear in its velocity
@@ -92,13 +92,3 @@ def motion_rows(bonds: Bonds, rims, dofs: int, chosen=slice(None)):
     i, j = bonds.pairs.i[chosen], bonds.pairs.j[chosen]
     ends = (rims[i], rims[j]) if dofs == 3 else None
     return stacked(linear_forms(bonds.normal[:, chosen].T, bonds.r[1, chosen], ends))
-
-
-def gathered(ends, i, j, n: int):
-    """Sums (N, dofs) of what bonds (M, 2 dofs) do to both of their disks."""
-    dofs = ends.shape[1] // 2
-    total = np.empty((n, dofs))
-    for axis in range(dofs):
-        total[:, axis] = np.bincount(i, ends[:, axis], minlength=n)
-        total[:, axis] += np.bincount(j, ends[:, dofs + axis], minlength=n)
-    return total

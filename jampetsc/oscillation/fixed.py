@@ -11,8 +11,8 @@ import numpy as np
 
 from jampetsc.core.laws import Law
 from jampetsc.mechanics.network import Network
-from jampetsc.minimise.hessian import Bonds
-from jampetsc.oscillation.dashpots import Damping, Dashpots, gathered, motion_rows
+from jampetsc.minimise.hessian import Bonds, gathered
+from jampetsc.oscillation.dashpots import Damping, Dashpots, motion_rows
 from jampetsc.oscillation.stage import State
 
 

@@ -7,8 +7,8 @@ if and only if the whole is positive definite, as A is. μ is no larger than it 
 import numpy as np
 
 from jampetsc.core.state import both_ends, find_rattlers
-from jampetsc.minimise.hessian import Bonds, Pattern
-from jampetsc.oscillation.dashpots import Dashpots, gathered, motion_rows
+from jampetsc.minimise.hessian import Bonds, Pattern, gathered
+from jampetsc.oscillation.dashpots import Dashpots, motion_rows
 from jampetsc.oscillation.preconditioner import PREFIX
 from jampetsc.petsc.local import NewtonSolver
 
@@ -77,9 +77,9 @@ class StepMatrix:
         """Stiffness for disks that contacts do not hold, (N, 1): more than the −f/r that pushes them aside."""
         n, (i, j), touching = self._springs.n, (bonds.pairs.i, bonds.pairs.j), bonds.overlap > 0.0
         push = bonds.force / bonds.distance
-        aside = np.bincount(i, push, minlength=n) + np.bincount(j, push, minlength=n)
+        aside = gathered(np.column_stack((push, push)), i, j, n)
         rattlers = find_rattlers(n, *both_ends(i[touching], j[touching]))
-        return np.where(rattlers, 2.0 * aside, 0.0)[:, None]
+        return np.where(rattlers[:, None], 2.0 * aside, 0.0)
 
     def destroy(self):
         """Free the factor."""
