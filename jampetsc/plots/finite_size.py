@@ -70,7 +70,7 @@ def fluid_of(result) -> float:
     return float(result.attributes.get("eta0_fluid", 0.0))
 
 
-def viscosity_of(result, subtracted=False, prefix=f"{BARE}_") -> float:
+def viscosity_of(result, subtracted, prefix=f"{BARE}_") -> float:
     """η₀ in kτ₁, less η_F if subtracted, without pre-stress (this prefix) or with it ("")."""
     units = units_of(result)
     eta0 = value_of(result, "eta0", prefix) - (fluid_of(result) if subtracted else 0.0)
