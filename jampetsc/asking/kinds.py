@@ -59,6 +59,13 @@ def _numbers(given, least, most, unit):
     return values
 
 
+def _integers(given):
+    try:
+        return [int(word) for word in words(given)]
+    except (TypeError, ValueError):
+        raise ValueError("write numbers with commas, such as 1,2,5") from None
+
+
 def _written(text):
     """Numbers of the grammar above."""
     import numpy as np
@@ -173,6 +180,7 @@ def input_told(source) -> str:
 PACKING = Kind(_read_as(["Disks"], "a packing"), input_told, metavar="PACKING")  # Disks, or a path
 RESULT = Kind(_read_as(["Result"], "a result"), input_told, metavar="FILE")  # Result in memory, or a path
 HELD = Kind(_read_as(["Disks", "Result"], "a packing, a result"), input_told, metavar="FILE")  # either
+INTEGERS = Kind(_integers, lambda numbers: ",".join(map(str, numbers)))
 SEEDS = Kind(seeds_of, _seeds_told, metavar="FIRST:LAST|LIST")
 RADII = Kind(_radii, lambda radii: radii.path or radii.told, metavar="FILE")  # a `minimise.sizes.Radii`
 FREQUENCIES = numbers(SMALLEST, LARGEST, "LOW:HIGH:COUNT|LIST", " (for the limits ω → 0 and ∞: quasistatic)")

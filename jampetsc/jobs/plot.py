@@ -1,13 +1,12 @@
 """Pictures of what files hold."""
 
 import functools
-import math
 from dataclasses import dataclass
 from typing import ClassVar
 
 from jampetsc.asking.job import Job
-from jampetsc.asking.kinds import FREQUENCIES, HELD, words
-from jampetsc.asking.parameters import FILES, NUMBER, SWITCH, WORD, Kind, Parameter, Part, asked, part
+from jampetsc.asking.kinds import HELD, words
+from jampetsc.asking.parameters import FILES, Kind, Parameter, Part, asked, part
 from jampetsc.errors import as_float
 from jampetsc.jobs.sources import WHERE, rows_named
 
@@ -19,32 +18,10 @@ def _given(options) -> dict:
 
 @functools.cache
 def _options() -> tuple[Parameter, ...]:
-    """What the kinds of pictures may be asked for, one Parameter for every option of a picture."""
+    """What the kinds of pictures may be asked for."""
     from jampetsc.plots.draw import pictures
 
-    options = dict.fromkeys(option for one in pictures().values() for option in one.options)
-    kinds = {"switch": SWITCH, "number": NUMBER, "frequencies": FREQUENCIES, "integers": INTEGERS}
-    return tuple(
-        Parameter(
-            option.name,
-            option.help,
-            kinds.get(option.type, WORD),
-            False if option.type == "switch" else None,
-            low=option.low if option.low > -math.inf else None,
-            high=option.high if option.high < math.inf else None,
-            choices=tuple(option.choices or ()),
-            metavar=option.metavar or "",
-            group="of some kinds",
-        )
-        for option in options
-    )
-
-
-def _integers(given):
-    try:
-        return [int(word) for word in words(given)]
-    except (TypeError, ValueError):
-        raise ValueError("write numbers with commas, such as 1,2,5") from None
+    return tuple(dict.fromkeys(option for one in pictures().values() for option in one.options))
 
 
 def _size(given):
@@ -67,7 +44,6 @@ def _limits(text):
     return pairs[0] if len(pairs) == 1 else pairs
 
 
-INTEGERS = Kind(_integers, lambda numbers: ",".join(map(str, numbers)))
 LIMITS = Kind(_limits, str, metavar="LOW:HIGH")
 PANELS = "of all panels, or of each, with commas; an empty one stays as it is"
 

@@ -14,10 +14,12 @@ from jampetsc.analysis.correlation_lengths import (
     stokes_collapse,
 )
 from jampetsc.analysis.medium import dragged, first_root, solid
+from jampetsc.asking.kinds import FREQUENCIES
+from jampetsc.asking.parameters import NUMBER
 from jampetsc.errors import InputError, named
 from jampetsc.plots.curves import Curve, group_curves
 from jampetsc.plots.page import HEIGHT, band, points
-from jampetsc.plots.picture import Option, count, picture
+from jampetsc.plots.picture import count, option, picture
 from jampetsc.plots.style import (
     DASHED,
     DOTTED,
@@ -38,12 +40,12 @@ SYMBOLS = {"stress": r"$u_y/\sigma$", "strain": r"$u_y/\gamma$"}
 _LEGEND_ROWS = 5  # more frequencies than this get a colour bar instead
 _FEW = 3  # so many or fewer: bands and the other lane widths are drawn too
 _SAME = 0.01  # frequencies closer than this, relatively, are one
-OMEGA = Option(
-    "omega", "frequencies", "fields: at these frequencies (default: up to four); correlation: one at which to compare "
+OMEGA = option(
+    "omega", FREQUENCIES, "fields: at these frequencies (default: up to four); correlation: one at which to compare "
     "files, or several of one file", "w1,w2,…",
 )  # fmt: skip
-LOG = Option(
-    "log_exponent", "number", "length: collapse of l (-ln p)^B against omega/p^(1/2) (default 0.65, as BT have it)",
+LOG = option(
+    "log_exponent", NUMBER, "length: collapse of l (-ln p)^B against omega/p^(1/2) (default 0.65, as BT have it)",
     "B", low=-10, high=10,
 )  # fmt: skip
 

@@ -5,6 +5,8 @@ import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 
+from jampetsc.asking.kinds import INTEGERS
+from jampetsc.asking.parameters import SWITCH, WORD
 from jampetsc.errors import InputError
 from jampetsc.io.fields import PHASES, chosen_frequencies, field_at, packing_of, particle_rows, phase_factor
 from jampetsc.io.snapshots import snapshot
@@ -19,7 +21,7 @@ from jampetsc.plots.periodic import (
     within,
     wrap,
 )
-from jampetsc.plots.picture import PACKING, Option, picture
+from jampetsc.plots.picture import PACKING, option, picture
 from jampetsc.plots.style import COLUMN, PAGE, hidden, number, power_or_number
 from jampetsc.plots.vibrations import chosen_modes
 
@@ -36,11 +38,11 @@ _SMALL = 7.5  # points
 FIELDS = (
     OMEGA,
     PACKING,
-    Option(
-        "phase", "word", "fields: when the stress is at its peak and when it is zero (default, as BT Fig. 1), or in "
+    option(
+        "phase", WORD, "fields: when the stress is at its peak and when it is zero (default, as BT Fig. 1), or in "
         "phase with the strain and with its rate", choices=PHASES,
     ),
-    Option("total", "switch", "fields: with the affine part, about the middle of the cell"),
+    option("total", SWITCH, "fields: with the affine part, about the middle of the cell"),
 )  # fmt: skip
 
 
@@ -109,7 +111,7 @@ def plot_response(results, page, packing=None):
     return f"quasistatic response, {' and '.join(fields)}"
 
 
-MODE = Option("mode", "integers", "draw these modes, counted from 1, on the packing", "i,j,…")
+MODE = option("mode", INTEGERS, "draw these modes, counted from 1, on the packing", "i,j,…")
 
 
 @picture("mode", "modes", options=(PACKING, MODE), single=True)

@@ -5,6 +5,7 @@ from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 
 from jampetsc.analysis.finite_size import FEWEST, logarithm_of_size
 from jampetsc.analysis.statistics import mean_with_error
+from jampetsc.asking.parameters import NUMBER
 from jampetsc.errors import InputError, named
 from jampetsc.plots.floppy import (
     BARE,
@@ -17,15 +18,15 @@ from jampetsc.plots.floppy import (
 )
 from jampetsc.plots.logaxes import limits_kept
 from jampetsc.plots.page import points
-from jampetsc.plots.picture import Option, count, picture
+from jampetsc.plots.picture import count, option, picture
 from jampetsc.plots.style import GREY, PAGE, entry, exponent_text, looks, power_or_number, power_text
 from jampetsc.plots.units import units_of
 
 HEIGHT = 3.0  # inches
 LARGE = 30.0  # pN² from which on a packing counts as large
 CRITICAL = 2e-3  # p/k up to which √p η₀ does
-SIZE_POWER = Option(
-    "size_power", "number", "finite-size: eta0 over N^A against pN^2 (default 1)", "A", low=0, high=10
+SIZE_POWER = option(
+    "size_power", NUMBER, "finite-size: eta0 over N^A against pN^2 (default 1)", "A", low=0, high=10
 )
 
 

@@ -10,25 +10,26 @@ from matplotlib.patches import Patch
 
 from jampetsc.analysis.scaling import LAMBDA, MU, collapse, collapse_spread
 from jampetsc.analysis.statistics import few_words
+from jampetsc.asking.parameters import NUMBER, WORD
 from jampetsc.errors import InputError
 from jampetsc.io.averages import STATISTICS
 from jampetsc.plots.curves import average_curves, curve_of, group_curves
 from jampetsc.plots.logaxes import draw_guide
 from jampetsc.plots.page import band
-from jampetsc.plots.picture import Option, count, picture
+from jampetsc.plots.picture import count, option, picture
 from jampetsc.plots.style import DASHED, LOSS, OPEN, STORAGE, entry, hidden, power_text, sequential
 
 _FEW = 16  # so many frequencies or fewer: a marker on each
 _SPACED = 8  # markers along a longer curve
 _LEGEND_ROWS = 7  # more pressures than this get a colour bar instead
 _BOTH = (STORAGE, LOSS)
-STATISTIC = Option(
-    "statistic", "word", "moduli, storage, loss, collapse: mean or median of packings of one kind (of a study: mean)",
+STATISTIC = option(
+    "statistic", WORD, "moduli, storage, loss, collapse: mean or median of packings of one kind (of a study: mean)",
     choices=tuple(STATISTICS),
 )  # fmt: skip
 EXPONENTS = (
-    Option("mu", "number", "collapse: moduli over p^MU (default 0.5)", "MU", low=0, high=10),
-    Option("lambda", "number", "collapse: frequency over p^LAMBDA (default 1; 0 leaves it)", "LAMBDA", low=0, high=10),
+    option("mu", NUMBER, "collapse: moduli over p^MU (default 0.5)", "MU", low=0, high=10),
+    option("lambda", NUMBER, "collapse: frequency over p^LAMBDA (default 1; 0 leaves it)", "LAMBDA", low=0, high=10),
 )  # fmt: skip
 
 

@@ -10,10 +10,10 @@ The function draws on the axes that `page` gives. What the decorator makes of it
 without, and gives them back: plot_lanes(results, ax=None, …).
 """
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from jampetsc.asking.parameters import SWITCH, WORD, Parameter
 from jampetsc.errors import InputError
 from jampetsc.plots.page import Page
 from jampetsc.plots.style import drawn_in
@@ -21,27 +21,13 @@ from jampetsc.plots.style import drawn_in
 PICTURES = {}  # kind -> Picture; `plots.draw` loads all of them
 
 
-@dataclass(frozen=True)
-class Option:
+def option(name, kind, help, metavar="", **told) -> Parameter:
     """What a picture may be asked for: a keyword of its function, a long option of the command."""
-
-    name: str
-    type: str  # "number", "word", "switch", "frequencies", "integers" or "file"
-    help: str
-    metavar: str | None = None
-    choices: tuple[str, ...] | None = None
-    low: float = -math.inf
-    high: float = math.inf
-
-    def check(self, value) -> None:
-        """Raise InputError for a value that the option cannot have."""
-        if self.choices and value not in self.choices:
-            raise InputError(f"{self.name} {value}: choose {' or '.join(self.choices)}")
-        if self.type == "number" and not self.low <= value <= self.high:
-            raise InputError(f"{self.name} {value:g}: must lie between {self.low:g} and {self.high:g}")
+    default = False if kind is SWITCH else None
+    return Parameter(name, help, kind, default, metavar=metavar, group="of some kinds", **told)
 
 
-PACKING = Option("packing", "file", "the packing, if it is not beside the file", "FILE")
+PACKING = option("packing", WORD, "the packing, if it is not beside the file", "FILE")
 
 
 @dataclass(frozen=True)
@@ -51,13 +37,13 @@ class Picture:
     kind: str
     function: Callable  # (results, page, **options) -> what it shows
     of: tuple[str, ...]  # what files it needs: packing, sweep, …
-    options: tuple[Option, ...]
+    options: tuple[Parameter, ...]
     single: bool  # one file at a time
     mixed: bool  # files of several of these formats at once
 
     @property
     def keywords(self) -> dict:
-        """{name: Option}."""
+        """{name: Parameter}."""
         return {option.name: option for option in self.options}
 
     def __call__(self, results, ax=None, **settings):
@@ -79,7 +65,7 @@ class Picture:
                 raise InputError(
                     f"{name}: is no option of {self.kind} pictures: {', '.join(known) or 'they have none'}"
                 )
-            known[name].check(value)
+            known[name].read(value)  # which refuses what it cannot be
         page = Page(ax, size, [label] if isinstance(label, str) else label)
         if ax is not None and size is not None:
             raise InputError("size: is of a new figure: leave it out where ax is given")

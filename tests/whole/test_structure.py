@@ -15,7 +15,7 @@ from jampetsc.jobs import JOBS
 
 PACKAGE = Path(jampetsc.__file__).parent
 # rooms from the ground up; a module may import its own room and those before it
-ROOMS = "ground core analysis io minimise petsc mechanics linear flows oscillation plots asking jobs".split()
+ROOMS = "ground core analysis io minimise petsc mechanics linear flows oscillation asking plots jobs".split()
 ROOMS += ["speed_accuracy", "studies", "cli"]
 TOP = {"__main__": "cli"}  # other modules: ground
 WITHOUT_PETSC = ("ground", "core", "analysis", "io", "minimise", "plots")
