@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 from functools import partial
 
 from jampetsc.asking.parameters import Kind, shown
+from jampetsc.errors import InputError
 from jampetsc.linear.limits import LARGEST, SMALLEST
 
 Numbers = str | Sequence[float]
@@ -175,6 +176,18 @@ def opened(source):
 def input_told(source) -> str:
     """A packing or a result in words: its file, or that it lies in memory."""
     return f"<{source.n} disks>" if hasattr(source, "potential") else str(getattr(source, "path", source))
+
+
+def refuse_repeated(sources) -> None:
+    """Raise InputError where two sources are one file, also through links, or one object: it would count twice."""
+    seen = {}
+    for source in sources:
+        file = source if isinstance(source, str | os.PathLike) else getattr(source, "file", None)
+        one, told = id(source) if file is None else os.path.realpath(file), input_told(source)
+        if one in seen:
+            again = f"is {seen[one]}, which" if told != seen[one] else "this file"
+            raise InputError(f"{told}: {again} is given already: name each file once")
+        seen[one] = told
 
 
 PACKING = Kind(_read_as(["Disks"], "a packing"), input_told, metavar="PACKING")  # Disks, or a path

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from jampetsc.asking.job import Job
-from jampetsc.asking.kinds import RESULT, opened, words
+from jampetsc.asking.kinds import RESULT, opened, refuse_repeated, words
 from jampetsc.asking.parameters import FILES, Kind, asked
 from jampetsc.errors import InputError, as_float, named
-from jampetsc.jobs.sources import WHERE, refuse_repeated, rows_named, write_derived
+from jampetsc.jobs.sources import WHERE, rows_named, write_derived
 
 OBSERVABLES = ("pressure", "shear_stress", "jammed")
 SHARED = ("model", "mass", "sizes", "potential", "stiffness", "protocol", "units", "tau1")

@@ -5,12 +5,11 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from jampetsc.asking.job import Job
-from jampetsc.asking.kinds import FREQUENCIES, PACKING, RESULT, Numbers, opened, words
+from jampetsc.asking.kinds import FREQUENCIES, PACKING, RESULT, Numbers, opened, refuse_repeated, words
 from jampetsc.asking.parameters import FILES, Kind, asked, shown
 from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError, as_float
 from jampetsc.io.fields import PHASES
-from jampetsc.jobs.sources import refuse_repeated
 
 LANES = (0.5, 0.25, 1.0)  # default of sweeps
 NARROWEST, WIDEST = 0.01, 1e6  # lanes

@@ -1,6 +1,5 @@
-"""Several results as one: which files are named, none of them twice, and what is made of them."""
+"""Several results as one: which files are named, and what is made of them."""
 
-import os
 import time
 from pathlib import Path
 
@@ -42,18 +41,6 @@ def _wanted(where) -> dict:
             f"{named('where')} {where}: write column=value, several with commas, such as law=stokes,beta=1"
         )
     return {name.strip().replace("-", "_"): value.strip() for name, _, value in pairs}
-
-
-def refuse_repeated(sources) -> None:
-    """Raise InputError where two sources are one file, also through links, or one object: it would count twice."""
-    seen = {}
-    for source in sources:
-        one = os.path.realpath(source) if isinstance(source, str | Path) else id(source)
-        told = getattr(source, "path", source)
-        if one in seen:
-            again = f"is {seen[one]}, which" if str(told) != str(seen[one]) else "this file"
-            raise InputError(f"{told}: {again} is given already: name each file once")
-        seen[one] = told
 
 
 def write_derived(to, format, results, began, arrays: dict, **attributes) -> None:

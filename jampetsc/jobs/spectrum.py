@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from jampetsc.asking.job import Job
-from jampetsc.asking.kinds import RESULT, opened
+from jampetsc.asking.kinds import RESULT, opened, refuse_repeated
 from jampetsc.asking.parameters import FILES, asked
 from jampetsc.errors import InputError, named
-from jampetsc.jobs.sources import refuse_repeated, write_derived
+from jampetsc.jobs.sources import write_derived
 
 HDF5 = (".h5", ".hdf5")  # endings of a file; those of a picture are `plots.style.FORMATS`
 

@@ -4,6 +4,7 @@ import difflib
 import importlib
 import os
 
+from jampetsc.asking.kinds import refuse_repeated
 from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError, named
 from jampetsc.io.atomic import write_whole
@@ -82,11 +83,8 @@ def draw(items, kind=None, ax=None, *, out=None, csv=None, chosen=None, **option
     picture = PICTURES[kind]
     if studies and "statistic" in picture.keywords:
         options.setdefault("statistic", "mean")
-    inputs, real = [name for name in names if name], set()
-    for path in inputs:
-        if os.path.realpath(path) in real:
-            raise InputError(f"{path}: is given already: name each file once")
-        real.add(os.path.realpath(path))
+    refuse_repeated(found)
+    inputs = [name for name in names if name]
     for place, what in ((out, PICTURE), (csv, TABLE)):
         if place is not None:
             style.check(place, what, [*inputs, *filter(None, [options.get("packing")])])

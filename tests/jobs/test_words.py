@@ -5,12 +5,13 @@ from types import SimpleNamespace
 
 import pytest
 
+from jampetsc.asking.kinds import refuse_repeated
 from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load
 from jampetsc.jobs.correlate_sweeps import refuse_mixture
 from jampetsc.jobs.scaling import files_of
-from jampetsc.jobs.sources import refuse_repeated, rows_named
+from jampetsc.jobs.sources import rows_named
 from jampetsc.studies.table import table_text
 
 

@@ -195,6 +195,13 @@ def test_labels_tell_what_differs(differing, labels):
     assert title == "" and [group.label for group in groups] == labels
 
 
+def test_two_sweeps_in_memory_are_two():
+    one = sweep_of()
+    assert jampetsc.plot([one, sweep_of(1e-2)]).get_lines()
+    with pytest.raises(InputError, match="sweep in memory: this file is given already"):
+        jampetsc.plot([one, one])
+
+
 def test_sweeps_of_one_pressure_share_a_label():
     title, groups = group_curves([curve(1e-2), curve(1e-4), curve(1.0000001e-4), curve(1e-3)])
     assert title == "$p/k$" and [len(group.curves) for group in groups] == [2, 1, 1]
