@@ -50,12 +50,6 @@ class RetardationSpectrum:
             relaxed = np.expm1(-time[..., None] * self.rates)
             return self.J_inf + self.fluidity * time - np.sum(self.compliances * relaxed, axis=-1)
 
-    def compliance(self, omega):
-        """J*(ω) = 1/G*(ω), complex, in the shape of omega (ω > 0)."""
-        s = 1j * np.asarray(omega, float)
-        terms = self.compliances * self.rates / (self.rates + s[..., None])
-        return self.J_inf + self.fluidity / s + np.sum(terms, axis=-1)
-
 
 def retardation(spectrum: RelaxationSpectrum) -> RetardationSpectrum:
     """The retardation spectrum of 1/G*.

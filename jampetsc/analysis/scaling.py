@@ -20,12 +20,10 @@ _ENOUGH = 3  # points of a fit that leave something to estimate its error from
 
 @dataclass(frozen=True)
 class Limit:
-    """Spring and dashpot, G* ≈ G₀ + iωη₀, at ω → 0; the errors are what extrapolation changed."""
+    """Spring and dashpot, G* ≈ G₀ + iωη₀, at ω → 0."""
 
     modulus: float  # G₀
-    modulus_error: float
     viscosity: float  # η₀
-    viscosity_error: float
 
     @property
     def crossover(self) -> float:
@@ -59,7 +57,7 @@ def low_frequency_limit(omega, G) -> Limit:
         raise InputError(
             f"G' and G''/omega still change at the lowest frequency, {omega[0]:g}: begin the sweep lower"
         )
-    return Limit(*map(float, np.column_stack((first - change, np.abs(change))).ravel()))
+    return Limit(*map(float, (first - change).ravel()))
 
 
 def collapse(omega, G, pressure, mu=MU, lam=LAMBDA):

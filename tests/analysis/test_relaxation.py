@@ -85,13 +85,19 @@ def test_stress_relaxation_is_the_transform_of_the_modulus():
     assert s.stress_relaxation(1e3) == pytest.approx(s.G0)
 
 
+def compliance(late):
+    """J*(ω) of a retardation spectrum."""
+    terms = late.compliances * late.rates / (late.rates + 1j * OMEGA[:, None])
+    return late.J_inf + late.fluidity / (1j * OMEGA) + np.sum(terms, axis=1)
+
+
 @pytest.mark.parametrize("G0", [0.02, 0.0, -0.02])
 @pytest.mark.parametrize("eta_inf", [0.4, 1e-9, 0.0])
 @pytest.mark.parametrize("seed", range(4))
 def test_compliance_is_the_inverse_modulus(G0, eta_inf, seed):
     s = spectrum(G0, eta_inf, seed=seed)
     late = retardation(s)
-    J, exact = late.compliance(OMEGA), 1.0 / s.modulus(OMEGA)
+    J, exact = compliance(late), 1.0 / s.modulus(OMEGA)
     np.testing.assert_allclose(J, exact, rtol=1e-12)
     if G0 >= 0:
         np.testing.assert_allclose(J.real, exact.real, rtol=1e-12)
@@ -121,7 +127,7 @@ def test_modes_without_weight_and_equal_rates():
     ordered = s.sorted()
     np.testing.assert_array_equal(ordered.rates, [5.0, 1.0])
     np.testing.assert_array_equal(ordered.weights, [0.4, 0.5])
-    np.testing.assert_allclose(retardation(s).compliance(OMEGA), 1 / s.modulus(OMEGA), rtol=1e-12)
+    np.testing.assert_allclose(compliance(retardation(s)), 1 / s.modulus(OMEGA), rtol=1e-12)
 
 
 @pytest.mark.parametrize("width", [0.02, 0.3, 1.0, 1.5])
