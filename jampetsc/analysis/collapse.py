@@ -97,9 +97,9 @@ class Form:
         return Form(held, False, self.degree, self.spline)
 
 
-def names_of(finite_size: bool) -> dict:
-    """{what users call it: the parameter}."""
-    return {"phi_J": "phi_J", "y": "y", "nu" if finite_size else "znu": "kappa", "omega": "omega"}
+def words_of(finite_size: bool) -> dict:
+    """{parameter: what users call it}."""
+    return {"phi_J": "phi_J", "y": "y", "kappa": "nu" if finite_size else "znu", "omega": "omega"}
 
 
 def form_named(fit, finite_size=False, corrections=False, degree=5, spline=False) -> Form:
@@ -107,7 +107,7 @@ def form_named(fit, finite_size=False, corrections=False, degree=5, spline=False
 
     Raises InputError for a name that is none, is missing or there twice, and where nothing is free.
     """
-    names, held, seen = names_of(finite_size), {}, set()
+    names, held, seen = {word: name for name, word in words_of(finite_size).items()}, {}, set()
     here = f"{named('fit')} {fit}"
     for word in fit.split(","):
         name, equals, value = word.strip().partition("=")

@@ -196,9 +196,8 @@ def part(part: Part, default=MISSING):
 
     Of options `make` gets those that are not at their defaults.
     """
-    factory = MISSING if default is not MISSING else lambda: part.make({})
-    default = {"default": default} if factory is MISSING else {"default_factory": factory}
-    said = dataclasses.replace(part, optional=default.get("default", part) is None)
+    said = dataclasses.replace(part, optional=default is None)
+    default = {"default_factory": lambda: part.make({})} if default is MISSING else {"default": default}
     return dataclasses.field(**default, metadata={"asked": said})
 
 

@@ -138,7 +138,7 @@ examples:
         return {"N": data.size[used], "runs": data.runs[used]} | size | found
 
     def _attributes(self, first, fit, found, notes):
-        from jampetsc.jobs.scaling import words_of
+        from jampetsc.analysis.collapse import words_of
 
         words = words_of(self.finite_size)
         return {

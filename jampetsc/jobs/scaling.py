@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.analysis.averages import Average, mean_of_averages, mean_of_runs
-from jampetsc.analysis.collapse import PARAMETERS, Points, names_of
+from jampetsc.analysis.collapse import PARAMETERS, Points, words_of
 from jampetsc.analysis.collapse_errors import degrees_above
 from jampetsc.analysis.collapse_fit import ranges
 from jampetsc.analysis.jamming import share_of
@@ -136,11 +136,6 @@ def files_of(rows, finite_size, where) -> list[str]:
             f"{rows.path}: a study without {' or '.join(commands)} that is done{here}: nothing to scale"
         )
     return [str(rows.path / name) for name in done["file"].tolist()]
-
-
-def words_of(finite_size) -> dict:
-    """{parameter: what users call it}."""
-    return {name: word for word, name in names_of(finite_size).items()}
 
 
 def text_of(parameters, found, finite_size) -> str:
