@@ -63,8 +63,8 @@ def carried_by(compatibility: Compatibility, values, vectors, force) -> Carried 
         alone += motion
         moved += weight * vector
         for place in np.flatnonzero(count == row + 1):
-            for name, found in _medians(comm, alone, moved).items():
-                median[name][place] = found
+            for name, found in distributions(comm, *alone.T, moved).items():
+                median[name][place] = found.median
     squares = network.sum(np.array([*np.sum(motions**2, axis=0), np.sum(field**2)]))
     normal, transverse = (network.sum(products) / squares[:2]).T
     share = {
@@ -73,10 +73,11 @@ def carried_by(compatibility: Compatibility, values, vectors, force) -> Carried 
         "transverse": transverse,
         "modulus": force**2 / values / (affine - shear.value),
     }
-    return Carried(share, count, median, _medians(comm, shear.motions, field))
+    whole = distributions(comm, *shear.motions.T, field)
+    return Carried(share, count, median, {name: found.median for name, found in whole.items()})
 
 
-def _medians(comm, motions, field):
-    """Medians over all ranks' contacts (…, 2) and disks (…, 2)."""
-    parts = zip(QUANTITIES, (*motions.T, field), strict=True)
-    return {name: Distribution.of(np.concatenate(comm.allgather(part))).median for name, part in parts}
+def distributions(comm, *parts) -> dict:
+    """QUANTITIES -> Distribution over all ranks' contacts, (…,) and (…,), and disks, (…, 2). Collective."""
+    named = zip(QUANTITIES, parts, strict=True)
+    return {name: Distribution.of(np.concatenate(comm.allgather(part))) for name, part in named}

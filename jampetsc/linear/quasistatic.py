@@ -18,12 +18,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.analysis.distribution import Distribution
 from jampetsc.core.laws import Law, Physics
 from jampetsc.errors import about
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_identified, source_told
-from jampetsc.linear.carried import QUANTITIES
+from jampetsc.linear.carried import distributions
 from jampetsc.linear.elastic import ElasticResponse
 from jampetsc.linear.record import run_record
 from jampetsc.linear.refined_solve import Relaxed
@@ -62,13 +61,6 @@ class Quasistatic:
     def omega_star(self) -> float:
         """ω* = G₀/η₀."""
         return self.G0 / self.eta0
-
-    def distributions(self) -> dict:
-        """Distributions over the whole network of |Δu∥|, |Δu⊥| and |u_na|. Collective."""
-        comm = self.network.comm
-        return {
-            name: Distribution.of(np.concatenate(comm.allgather(getattr(self, name)))) for name in QUANTITIES
-        }
 
 
 def solve(network: Network, law: Law, viscosity: Viscosity) -> Quasistatic:
@@ -146,7 +138,10 @@ def _solve_all(network, law, betas):
     return Outcome(
         network,
         responses,
-        {name: response.distributions() for name, response in responses.items()},
+        {
+            name: distributions(network.comm, one.normal, one.transverse, one.nonaffine)
+            for name, one in responses.items()
+        },
         eta_inf,
         np.array(scan).reshape(-1, 4),
     )
