@@ -1,4 +1,7 @@
-"""Rows of words as columns, for every text that is a table."""
+"""Rows as columns, for every text that is a table: words that stand below each other, or commas between them."""
+
+import csv
+import io
 
 
 def aligned(rows, last: bool = True) -> list[list[str]]:
@@ -15,3 +18,12 @@ def aligned(rows, last: bool = True) -> list[list[str]]:
         [word.ljust(width) for word, width in zip(some, widths, strict=False)] + list(row[len(some) :])
         for row, some in zip(rows, padded, strict=True)
     ]
+
+
+def comma_separated(names, rows) -> str:
+    """Rows {name: cell} below a line of names; a row leaves out what it has not."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, names, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()

@@ -1,13 +1,13 @@
 """The numbers that a picture shows, as a table with named columns: what lines, points, bars and bands are drawn at."""
 
-import csv
-import io
 import re
 import string
 
 import numpy as np
 from matplotlib.collections import EllipseCollection, LineCollection, PathCollection, PolyCollection
 from matplotlib.quiver import Quiver
+
+from jampetsc.columns import comma_separated
 
 # panel, names of its axes, of what is drawn there, and as what
 COLUMNS = ("panel", "x", "y", "series", "what")
@@ -35,14 +35,11 @@ def written(axes) -> bytes:
     """`table` as comma-separated values, every number with all its digits."""
     rows = table(axes)
     names = list(dict.fromkeys([*COLUMNS, *(name for row in rows for name in row)]))
-    text = io.StringIO()
-    writer = csv.DictWriter(text, names, restval="", lineterminator="\n")
-    writer.writeheader()
-    for row in rows:
-        writer.writerow(
-            {name: value if name in COLUMNS else repr(float(value)) for name, value in row.items()}
-        )
-    return text.getvalue().encode()
+    digits = (
+        {name: value if name in COLUMNS else repr(float(value)) for name, value in row.items()}
+        for row in rows
+    )
+    return comma_separated(names, digits).encode()
 
 
 def _is_named(artist):

@@ -1,11 +1,9 @@
 """The measured rows: as CSV with their provenance, and as text that is also Markdown."""
 
-import csv
-import io
 import math
 from dataclasses import dataclass, field, fields
 
-from jampetsc.columns import aligned
+from jampetsc.columns import aligned, comma_separated
 from jampetsc.io.atomic import write_whole
 
 
@@ -61,15 +59,10 @@ class Table:
 
     def write(self, path) -> None:
         """Write the CSV, complete or not at all: comment lines with #, a header, a line per row."""
-        text = io.StringIO()
         told = [f"{one.name}: {one.metadata['meaning']}" for one in fields(Row) if one.metadata]
-        text.writelines(f"# {line}\n" for line in [*self.facts, *told])
-        names = [one.name for one in fields(Row)]
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(names)
-        for row in self.rows:
-            writer.writerow([_cell(getattr(row, name)) for name in names])
-        write_whole(path, text.getvalue().encode())
+        above = "".join(f"# {line}\n" for line in [*self.facts, *told])
+        rows = ({name: _cell(value) for name, value in vars(row).items()} for row in self.rows)
+        write_whole(path, (above + comma_separated([one.name for one in fields(Row)], rows)).encode())
 
     @property
     def resolved(self) -> float:

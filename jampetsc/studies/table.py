@@ -1,7 +1,6 @@
 """table.csv: one row per task, what it was asked for, its state and its numbers."""
 
-import csv
-import io
+from jampetsc.columns import comma_separated
 
 # columns, where there are any
 FIRST = ("command", "state", "file", "packing", "n", "pressure", "phi", "seed", "law")
@@ -28,11 +27,7 @@ def table_text(rows) -> str:
     names = {name: None for row in rows for name in row}
     columns = [name for name in FIRST if name in names]
     columns += [name for name in names if name not in (*FIRST, *LAST)] + list(LAST)
-    text = io.StringIO()
-    writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows({name: _cell(value) for name, value in row.items()} for row in rows)
-    return text.getvalue()
+    return comma_separated(columns, ({name: _cell(value) for name, value in row.items()} for row in rows))
 
 
 def _cell(value):
