@@ -60,7 +60,7 @@ def names_given(petsc_argv) -> list[str]:
         if OPTION.match(word):
             names.append(word[1:])
         if word == "-options_file":
-            names += _names_in(located(value))
+            names += _names_in(value)
     return names
 
 
