@@ -65,6 +65,18 @@ def share_of(runs) -> Share:
     return correlated_share(runs)
 
 
+def runs_of(result) -> list:
+    """[(φ, seed, rows)] of the runs of samples in a jam or shear file; shear is one, after what is discarded."""
+    if "seed" not in result:
+        a = result.attributes
+        rows = np.flatnonzero(result["strain"] > float(a["discard"]) * (1 + 1e-12))
+        return [(float(a["phi"]), a.get("seed", a.get("packing_sha256")), rows)]
+    found = {}
+    for row, run in enumerate(zip(result["phi"].tolist(), result["seed"].tolist(), strict=True)):
+        found.setdefault(run, []).append(row)
+    return [(*run, np.array(rows)) for run, rows in found.items()]
+
+
 @dataclass(frozen=True)
 class AtDensity:
     """What samples at one φ say."""

@@ -9,7 +9,7 @@ from jampetsc.analysis.averages import Average, mean_of_averages, mean_of_runs
 from jampetsc.analysis.collapse import PARAMETERS, Points, words_of
 from jampetsc.analysis.collapse_errors import degrees_above
 from jampetsc.analysis.collapse_fit import ranges
-from jampetsc.analysis.jamming import share_of
+from jampetsc.analysis.jamming import runs_of, share_of
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError, named
 
@@ -85,20 +85,17 @@ def _rows(result, observable, finite_size):
     a = result.attributes
     n = int(a["particle_count"])
     scale = 1.0 / math.sqrt(n) if finite_size else float(a["rate"])
-    if result.format == "jampetsc-jam":
-        if observable not in result:
-            raise InputError(f"{result.path}: holds no {observable}: choose pressure or jammed")
-        phi, seed, values = result["phi"], result["seed"], _of_jammed(result, observable)
-        known = np.isfinite(values)
-        keys = list(zip(phi[known].tolist(), seed[known].tolist(), strict=True))
-        series = {}
-        for key, value in zip(keys, values[known].tolist(), strict=True):
-            series.setdefault(key, []).append(value)
-        return [(one, scale, f"seed {number:g}", np.array(run)) for (one, number), run in series.items()]
     origin = f"seed {a['seed']}" if "seed" in a else str(a.get("packing", "a packing"))
     if finite_size:
-        after = result["strain"] > float(a["discard"]) * (1 + 1e-12)
-        return [(float(a["phi"]), scale, origin, _of_jammed(result, observable)[after])]
+        if observable not in result:
+            raise InputError(f"{result.path}: holds no {observable}: choose pressure or jammed")
+        values, many = _of_jammed(result, observable).astype(float), "seed" in result
+        known = ((*run, rows[np.isfinite(values[rows])]) for *run, rows in runs_of(result))
+        return [
+            (phi, scale, f"seed {seed:g}" if many else origin, values[rows])
+            for phi, seed, rows in known
+            if len(rows)
+        ]
     if observable == "jammed":
         raise InputError(f"{result.path}: {named('observable')} jammed goes with {named('finite_size')}")
     samples = a.get(f"{observable}_samples", math.inf)  # files of before do not tell

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from jampetsc.analysis.jamming import FEWEST, Share, density, memory, share_of
+from jampetsc.analysis.jamming import FEWEST, Share, density, memory, runs_of, share_of
 from jampetsc.errors import InputError, named
 from jampetsc.plots.page import points
-from jampetsc.plots.picture import count, differing, grouped, picture
+from jampetsc.plots.picture import count, differing, picture
 from jampetsc.plots.style import COLUMN, GREY, PAGE, colours, looks, number
 from jampetsc.plots.units import flow_units
 
@@ -53,7 +53,9 @@ def samples_of(results) -> list[Samples]:
         words = (str(a.get(name, "")) for name in ("sizes", "potential"))
         kind = _protocol(result), int(a["particle_count"]), *words, _step(result)
         here = found.setdefault(kind, Samples(kind))
-        for phi, seed, jammed, pressure in _runs(result):
+        every = result["jammed"], result["pressure"]
+        for phi, seed, rows in runs_of(result):
+            phi, (jammed, pressure) = round(phi, 9), (values[rows] for values in every)
             known = np.isfinite(jammed)
             if (kind, phi, seed) in seen:
                 raise InputError(
@@ -90,20 +92,6 @@ def _step(result):
     """Δγ where every sample is a step of shear, or so many."""
     sheared = str(result.attributes.get("protocol", RUN)) == RUN and "step" in result.attributes
     return rf"$\Delta\gamma={number(float(result.attributes['step']))}$" if sheared else ""
-
-
-def _runs(result):
-    """(φ, seed, jammed (T,), pressure (T,)) of the runs of a file."""
-    jammed, pressure = result["jammed"], result["pressure"]
-    if "seed" not in result:
-        a = result.attributes
-        after = result["strain"] > float(a["discard"]) * (1 + 1e-12)
-        seed = a.get("seed", a.get("packing_sha256"))
-        return [(round(float(a["phi"]), 9), seed, jammed[after], pressure[after])]
-    phi, seed = np.round(result["phi"], 9), result["seed"]
-    keys = list(zip(phi.tolist(), seed.tolist(), strict=True))
-    groups = grouped(range(len(keys)), keys.__getitem__)
-    return [(*key, jammed[rows], pressure[rows]) for key, rows in groups.items()]
 
 
 def _labels(kinds):
