@@ -101,19 +101,17 @@ class Galerkin:
             1.0, reach_B[1:]
         )
         of_loads = ROUNDING * (np.sqrt(viscous[1]) * (1.0 + reach_B[1:]) + reach_B[0])
-        self._noise_G0 = (_rounding(elastic[1], reach_K[0]) + EPSILON * elastic[3]) / volume
+        of_G0 = (_rounding(elastic[1], reach_K[0]) + EPSILON * elastic[3]) / volume
         # The flow minimises dissipation: rounding of its coefficients is of second order, that of its terms
         # is not.
-        self._noise_eta = (_rounding(viscous[0], 2.0 * reach_B[0]) + ROUNDING * c.drag_gg) / volume
-        self._noise_weights = 2.0 * weights * of_rates + 2.0 * rates * np.abs(loads) * of_loads / volume
+        of_eta = (_rounding(viscous[0], 2.0 * reach_B[0]) + ROUNDING * c.drag_gg) / volume
+        of_modes = 2.0 * weights * of_rates + 2.0 * rates * np.abs(loads) * of_loads / volume
+        self._noise = RelaxationSpectrum(of_G0, of_eta, rates, of_modes)
 
     def rounding(self, omega):
-        """What rounding can have changed in G' and in G'', (M,) each."""
-        omega = np.asarray(omega, float)
-        x = omega[:, None] / self.spectrum.rates
-        storage = self._noise_G0 + np.sum(self._noise_weights * (x * x / (1.0 + x * x)), axis=1)
-        loss = self._noise_eta * omega + np.sum(self._noise_weights * (x / (1.0 + x * x)), axis=1)
-        return storage, loss
+        """What rounding can have changed in G' and in G'', (M, 2)."""
+        noise = self._noise.modulus(omega)
+        return np.column_stack((noise.real, noise.imag))
 
     def field(self, omega: float):
         """The non-affine field x(iω), complex (n_local,): x_qs − iω Σ_m h_m φ_m / (λ_m + iω)."""

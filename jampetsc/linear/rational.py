@@ -206,11 +206,7 @@ class RationalSweep:
     def _certify(self, galerkin) -> Certified:
         """G* of Galerkin's solution in the space as it is, with its bounds."""
         G, rounding = on_root(
-            self.comm,
-            lambda: (
-                galerkin.spectrum.modulus(self.omega),
-                np.column_stack(galerkin.rounding(self.omega)),
-            ),
+            self.comm, lambda: (galerkin.spectrum.modulus(self.omega), galerkin.rounding(self.omega))
         )
         bound = ResidualBound(galerkin.residual(), self.factors, *self.missing, self.largest_rate, self.omega)
         area = self.pencil.network.area
