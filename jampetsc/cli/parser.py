@@ -22,10 +22,9 @@ def add_job(job, subparsers, whole=True) -> None:
         return
     groups = {}
     for name, one in parameters(job).items():
-        heading = one.group or ("" if one.place != OPTION else "options")
-        if heading and heading != "options" and heading not in groups:
-            groups[heading] = parser.add_argument_group(heading)
-        _add(groups.get(heading, parser), name, one)
+        if one.group and one.group not in groups:
+            groups[one.group] = parser.add_argument_group(one.group)
+        _add(groups.get(one.group, parser), name, one)
     if job.OUT:
         parser.add_argument("--out", metavar="FILE", required=job.OUT == "required", help=job.OUT_HELP)
     told = parser.add_mutually_exclusive_group()

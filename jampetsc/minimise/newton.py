@@ -14,6 +14,7 @@ The factorisation is passed in (`solver`), so that this package needs no PETSc:
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,8 +37,7 @@ FORCE_FLOOR = 3e-15  # in units of k d
 STRESS_FLOOR = 4e-16  # in units of k/√N
 
 
-@dataclass(frozen=True)
-class Residual:
+class Residual(NamedTuple):
     """How far a packing is from equilibrium."""
 
     force: float  # max |F| over all disks
@@ -46,11 +46,7 @@ class Residual:
 
     def within(self, limits: "Residual") -> bool:
         """Whether every part is at most that of `limits`."""
-        return (
-            self.force <= limits.force
-            and self.pressure <= limits.pressure
-            and self.shear_stress <= limits.shear_stress
-        )
+        return all(part <= limit for part, limit in zip(self, limits, strict=True))
 
 
 class Limits:

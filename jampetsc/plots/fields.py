@@ -91,11 +91,11 @@ def draw_fields(page, disks, omega, displacement, rotation, particles, phase, sy
             title = f"{instant},  {frequency}" if single else "" if part else frequency
             spin = None if rotation is None else take(rotation[f])
             panels.append((title, take(displacement[f]), spin, "" if single or f else instant))
-    axes = _draw(page, disks, panels, particles, rf"{symbol}/\gamma", 1 if single else 2)
+    _draw(page, disks, panels, particles, rf"{symbol}/\gamma", 1 if single else 2)
     if rotation is not None:
         shown = ScalarMappable(Normalize(-_RANGE, _RANGE), _colours())
         settings = {"shrink": 0.5, "aspect": 18, "pad": 0.01, "ticks": (-_RANGE, 0, _RANGE)}
-        bar = page.figure.colorbar(shown, ax=axes, label=r"$\theta/\theta_{\rm rms}$", **settings)
+        bar = page.figure.colorbar(shown, ax=page.axes, label=r"$\theta/\theta_{\rm rms}$", **settings)
         bar.ax.tick_params(length=2, labelsize=_SMALL)
 
 
@@ -147,7 +147,7 @@ def draw_panels(page, disks, panels, particles, symbol) -> None:
 
 
 def _draw(page, disks, panels, particles, symbol, rows):
-    """Panels [(title, field, rotations or None, name of the row), …] on cells of one size; gives the axes."""
+    """Panels [(title, field, rotations or None, name of the row), …] on cells of one size."""
     width = COLUMN if len(panels) // rows <= 2 else PAGE
     axes = framed(page, [disks.cell] * len(panels), rows, width, linewidth=0.4)
     centres = wrap(disks.positions, disks.cell)
@@ -176,7 +176,6 @@ def _draw(page, disks, panels, particles, symbol, rows):
         if factor := _factor(u, spacing):
             vectors = factor * u[chosen]
             within(outline, [_arrows(ax, centres[particles][chosen], vectors, disks.cell, scale * spacing)])
-    return [ax for ax, _ in axes]
 
 
 def _arrows(ax, starts, vectors, cell, spacing):

@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 from jampetsc.analysis.scaling import LAMBDA, MU, collapse, collapse_spread
 from jampetsc.analysis.statistics import few_words
 from jampetsc.asking.parameters import NUMBER, WORD
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, about
 from jampetsc.io.averages import STATISTICS
 from jampetsc.plots.curves import average_curves, curve_of, group_curves
 from jampetsc.plots.logaxes import draw_guide
@@ -101,13 +101,12 @@ def _scaled(curve, mu, lam):
         raise InputError(
             f"{curve.name}: attribute pressure is missing: a collapse needs it; run the sweep again"
         )
-    if not curve.pressure > 0:
-        raise InputError(f"{curve.name}: pressure {curve.pressure:g}: must be positive to scale with it")
     low = curve.omega <= (1.0 if lam else np.inf)
     if not low.any():
         lowest = f"lowest frequency {curve.omega[0]:g}"
         raise InputError(f"{curve.name}: {lowest}: critical scaling needs some up to 1/τ₁")
-    x, g = collapse(curve.omega[low], curve.G[low], curve.pressure, mu, lam)
+    with about(curve.name):
+        x, g = collapse(curve.omega[low], curve.G[low], curve.pressure, mu, lam)
     return replace(curve, omega=x, G=g, bounds=curve.bounds[..., low] / curve.pressure**mu)
 
 
