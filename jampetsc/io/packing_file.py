@@ -9,7 +9,6 @@ import hashlib
 from pathlib import Path
 
 import h5py
-import numpy as np
 
 from jampetsc.collective import on_root
 from jampetsc.core.disks import Disks, join
@@ -106,8 +105,6 @@ def packing_from(h5, path) -> Disks:
     check_format(path, attrs, FORMAT)
     arrays = {name: _array(h5, path, name) for name in ("positions", "radii", "cell")}
     arrays |= {name: _array(h5, path, name) for name in ("positions_low", "cell_low") if name in h5}
-    if not np.isfinite(arrays.get("cell_low", 0.0)).all():
-        raise InputError(f"{path}: cell_low {arrays['cell_low'].tolist()}: must be finite")
     for name, choices in (("potential", EXPONENTS), ("stiffness", STIFFNESSES)):
         if attrs.get(name) not in choices:
             found = f"attribute {name} = {attrs[name]!r}" if name in attrs else f"attribute {name} is missing"
